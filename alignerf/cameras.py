@@ -1,0 +1,177 @@
+"""Pinhole cameras and the rays that leave them.
+
+Notation: `pixtocams` [n, 3, 3] inverse intrinsics, `camtoworlds` [n, 3, 4] poses
+with OpenGL axes (x right, y up, z backwards); pixel (x, y) has its centre at
+(x + 0.5, y + 0.5). Lengths are in units of the scene's frame, angles in radians,
+`_px` in pixels. Functions work on NumPy and on JAX arrays alike.
+"""
+
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+Array = np.ndarray | jax.Array
+
+# OpenCV axes (x right, y down, z forwards) from OpenGL axes, and back.
+OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
+
+
+class Rays(NamedTuple):
+    """Rays of any batch shape; what a cone needs to be cast.
+
+    origins [..., 3]; directions [..., 3] unnormalised, of length 1 along the
+    optical axis; viewdirs [..., 3] of unit length; radii [..., 1] of the pixel's
+    cone where the direction ends.
+    """
+
+    origins: Array
+    directions: Array
+    viewdirs: Array
+    radii: Array
+
+
+def intrinsics(focal_px, width, height):
+    """Inverse intrinsics [3, 3] of a centred pinhole of square pixels."""
+    camtopix = [[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]]
+    return np.linalg.inv(np.array(camtopix, dtype=np.float64))
+
+
+def rescale_intrinsics(pixtocams, width_ratio, height_ratio):
+    """Inverse intrinsics after resizing images by new / old width and height.
+
+    The ratios are those of the true sizes, which rounding makes differ from the
+    nominal factor (half a pixel at the far edge).
+    """
+    return np.asarray(pixtocams) @ np.diag([1 / width_ratio, 1 / height_ratio, 1.0])
+
+
+def pixels_to_rays(x_px, y_px, pixtocams, camtoworlds) -> Rays:
+    """Rays through the centres of integer pixels (x_px, y_px) [...].
+
+    pixtocams [..., 3, 3] and camtoworlds [..., 3, 4] broadcast against the pixels.
+    radii: half the sum of the distances to the x and the y neighbour's direction,
+    times 2 / sqrt(12), which matches the variance of a square pixel to the cone's
+    (mip-NeRF, arXiv 2103.13415, section 3.1).
+    """
+    xp = camtoworlds.__array_namespace__()
+    rotation = camtoworlds[..., :3, :3]
+    camera_from_pixel = rotation @ (
+        pixtocams * xp.asarray([1.0, -1.0, -1.0], dtype=pixtocams.dtype)[:, None]
+    )
+    centre = xp.stack([x_px + 0.5, y_px + 0.5, xp.ones_like(x_px + 0.5)], axis=-1)
+    centre = centre.astype(camera_from_pixel.dtype)
+    directions = xp.einsum("...ij,...j->...i", camera_from_pixel, centre)
+    # One pixel to the right or below adds one column of the matrix to a direction.
+    step = xp.linalg.vector_norm(camera_from_pixel[..., :2], axis=-2)
+    radii = 0.5 * (step[..., 0] + step[..., 1]) * (2 / np.sqrt(12))
+    batch = directions.shape[:-1]
+    return Rays(
+        origins=xp.broadcast_to(camtoworlds[..., :3, 3], directions.shape),
+        directions=directions,
+        viewdirs=directions / xp.linalg.vector_norm(directions, axis=-1, keepdims=True),
+        radii=xp.broadcast_to(radii[..., None], (*batch, 1)),
+    )
+
+
+def project(points, pixtocam, camtoworld):
+    """Image position [..., 2] (pixel centres at +0.5) and depth [...] of points.
+
+    Depth is along the optical axis and is negative behind the camera.
+    """
+    camera = (np.asarray(points) - camtoworld[:3, 3]) @ camtoworld[:3, :3]
+    opencv = camera @ OPENGL_FROM_OPENCV
+    pixel = opencv @ np.linalg.inv(pixtocam).T
+    depth = opencv[..., 2]
+    # A point in the camera's plane has no image: let it fall far outside instead.
+    safe = np.where(np.abs(depth) < 1e-12, 1e-12, depth)
+    return pixel[..., :2] / safe[..., None], depth
+
+
+def as_4x4(camtoworlds):
+    """Poses [..., 3, 4] with the row (0, 0, 0, 1) added."""
+    camtoworlds = np.asarray(camtoworlds)
+    last = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*camtoworlds.shape[:-2], 1, 4))
+    return np.concatenate([camtoworlds[..., :3, :4], last], axis=-2)
+
+
+def normalize_poses(camtoworlds):
+    """Centre, PCA-rotate and scale all poses so that max |t| = 1.
+
+    Returns poses [n, 3, 4] and the similarity [4, 4] that takes points of the
+    given frame to the normalised one (mip-NeRF 360, arXiv 2111.12077; the z axis
+    is the direction of least spread, "up"). One pose, or several at one place,
+    have no scale: it stays 1.
+    """
+    centres = camtoworlds[:, :3, 3]
+    mean = centres.mean(axis=0)
+    values, vectors = np.linalg.eigh((centres - mean).T @ (centres - mean))
+    rotation = vectors[:, np.argsort(values)[::-1]].T
+    if np.linalg.det(rotation) < 0:
+        rotation = np.diag([1.0, 1.0, -1.0]) @ rotation
+    # The cameras' mean "up" must point up, else the world stands on its head.
+    if (rotation @ camtoworlds[:, :3, 1].mean(axis=0))[2] < 0:
+        rotation = np.diag([1.0, -1.0, -1.0]) @ rotation
+    rotated = np.einsum("ij,njk->nik", rotation, camtoworlds[:, :3, :3])
+    moved = (centres - mean) @ rotation.T
+    extent = np.abs(moved).max()
+    scale = 1.0 / extent if extent > 1e-9 else 1.0
+    transform = np.eye(4)
+    transform[:3, :3] = scale * rotation
+    transform[:3, 3] = -scale * (rotation @ mean)
+    return np.concatenate([rotated, scale * moved[..., None]], axis=-1), transform
+
+
+def align_similarity(source, target):
+    """Similarity (scale, rotation [3, 3], translation [3]) taking source to target.
+
+    Least squares over camera centres *and* axes of poses [n, 3, 4]: each camera
+    contributes its centre and, so that cameras on a line still fix the rotation,
+    its orientation. Rotation from the orientations' chordal mean (Umeyama 1991
+    for scale and translation). Raises ValueError where the source's centres
+    coincide, since then no scale exists.
+    """
+    relative = np.einsum("nij,nkj->ik", target[:, :3, :3], source[:, :3, :3])
+    source_mean = source[:, :3, 3].mean(axis=0)
+    target_mean = target[:, :3, 3].mean(axis=0)
+    source_spread = source[:, :3, 3] - source_mean
+    target_spread = target[:, :3, 3] - target_mean
+    extent = np.sqrt((source_spread**2).sum() * (target_spread**2).sum())
+    if extent < 1e-18:
+        raise ValueError("cameras at one place: no similarity aligns them")
+    relative = relative / len(source) + target_spread.T @ source_spread / extent
+    u, _, vt = np.linalg.svd(relative)
+    rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    rotated = source_spread @ rotation.T
+    scale = (rotated * target_spread).sum() / (source_spread**2).sum()
+    return scale, rotation, target_mean - scale * rotation @ source_mean
+
+
+def apply_similarity(camtoworlds, scale, rotation, translation):
+    """Poses [n, 3, 4] moved by a similarity of the world."""
+    rotated = np.einsum("ij,njk->nik", rotation, camtoworlds[:, :3, :3])
+    centres = scale * camtoworlds[:, :3, 3] @ rotation.T + translation
+    return np.concatenate([rotated, centres[..., None]], axis=-1)
+
+
+def perturb_poses(camtoworlds, pixtocams, perturb_px, rng):
+    """Poses [n, 3, 4] turned so that the image centre moves by perturb_px (rms).
+
+    Each camera turns about its own x and y axes by independent normal angles: a
+    pose error with the same length in pixels at every depth.
+    """
+    pixel_angle = pixtocams[:, [1, 0], [1, 0]]
+    angles = rng.normal(size=(len(camtoworlds), 2)) * perturb_px / np.sqrt(2)
+    angles = np.arctan(angles * pixel_angle)
+    turned = camtoworlds.copy()
+    for i, (about_x, about_y) in enumerate(angles):
+        cx, sx, cy, sy = (
+            np.cos(about_x),
+            np.sin(about_x),
+            np.cos(about_y),
+            np.sin(about_y),
+        )
+        turn_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+        turn_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+        turned[i, :, :3] = camtoworlds[i, :, :3] @ turn_x @ turn_y
+    return turned

@@ -1,0 +1,193 @@
+"""A training job's slice of the config as dataclasses, and the method it names.
+
+`workflow/schemas/config.schema.yaml` gives every key's unit, range and meaning; a
+test keeps both equal. Values arrive as JSON, already validated.
+"""
+
+import dataclasses
+import types
+import typing
+
+from alignerf import fields, frequency_loss, methods
+from alignerf.mipnerf360 import model as mipnerf360
+
+STAGES = ("full", "pretrain", "finetune")
+
+
+@dataclasses.dataclass(frozen=True)
+class Model:
+    """A model: how rays are sampled, and the two fields."""
+
+    near: float
+    far: float
+    samples: list
+    proposal: dict
+    field: dict
+
+
+@dataclasses.dataclass(frozen=True)
+class Training:
+    """How the baseline is trained; the other stages start from it."""
+
+    steps: int
+    batch_rays: int
+    learning_rates: list
+    warmup_steps: int
+    adam_eps: float
+    gradient_norm: float | None
+    interlevel_weight: float
+    distortion_weight: float
+
+
+@dataclasses.dataclass(frozen=True)
+class AligNeRF:
+    """The three contributions and the two stages' shares of the steps."""
+
+    pretrain_share: float
+    finetune_share: float
+    learning_rates: list
+    patches: int
+    patch_px: int
+    radius_px: int
+    align_penalty: float
+    features: int
+    frequency_weight: float
+    frequency_weights: str | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Job:
+    """All that decides what a training computes, besides scene and threads."""
+
+    seed: int
+    stage: str
+    model: Model
+    training: Training
+    alignerf: AligNeRF | None
+
+    @property
+    def steps(self):
+        """Steps of this stage."""
+        share = {
+            "full": 1.0,
+            "pretrain": self.alignerf and self.alignerf.pretrain_share,
+            "finetune": self.alignerf and self.alignerf.finetune_share,
+        }[self.stage]
+        return max(1, round(share * self.training.steps))
+
+    @property
+    def schedule_steps(self):
+        """Steps that the learning rate falls over: pre-training is a beginning."""
+        return self.steps if self.stage == "finetune" else self.training.steps
+
+    @property
+    def rays_per_step(self):
+        if self.stage == "finetune":
+            return self.alignerf.patches * self.alignerf.patch_px**2
+        return self.training.batch_rays
+
+
+def parse(kind, values, *, where="config"):
+    """A dataclass from a mapping: every key known, every value of its type."""
+    hints = typing.get_type_hints(kind)
+    if not isinstance(values, dict):
+        raise ValueError(f"{where}: must be a mapping, not {values!r}")
+    if unknown := values.keys() - hints.keys():
+        raise ValueError(f"{where}: unknown key {sorted(unknown)[0]!r}")
+    if missing := hints.keys() - values.keys():
+        raise ValueError(f"{where}: key {sorted(missing)[0]!r} is missing")
+    return kind(
+        **{
+            key: _typed(hint, values[key], f"{where}.{key}")
+            for key, hint in hints.items()
+        }
+    )
+
+
+def _typed(hint, value, where):
+    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    if value is None and type(None) in options:
+        return None
+    (kind,) = (option for option in options if option is not type(None))
+    if dataclasses.is_dataclass(kind):
+        return parse(kind, value, where=where)
+    accepted = (int, float) if kind is float else kind
+    if isinstance(value, bool) or not isinstance(value, accepted):
+        raise ValueError(f"{where}: must be {kind.__name__}, not {value!r}")
+    return float(value) if kind is float else value
+
+
+def parse_job(values) -> Job:
+    """The job of a training or rendering, checked as a whole."""
+    job = parse(Job, values)
+    if job.stage not in STAGES:
+        raise ValueError(f"config.stage: {job.stage!r} is not one of {STAGES}")
+    if job.stage != "full" and job.alignerf is None:
+        raise ValueError("config.alignerf: a staged training needs it")
+    if not 0 < job.model.near < job.model.far < float("inf"):
+        raise ValueError(
+            f"config.model: near {job.model.near} and far {job.model.far} must be "
+            "finite and 0 < near < far"
+        )
+    return job
+
+
+def make_method(job: Job) -> methods.Method:
+    """The method of a job: baseline, or AligNeRF in its fine-tuning stage."""
+    fine = job.stage == "finetune"
+    outputs = {"outputs": job.alignerf.features} if fine else {}
+    model = mipnerf360.Model(
+        proposal=make_field(job.model.proposal, "proposal"),
+        field=make_field({**job.model.field, **outputs}, "field"),
+        samples=tuple(job.model.samples),
+        near=job.model.near,
+        far=job.model.far,
+    )
+    loss_weights = {
+        "interlevel": job.training.interlevel_weight,
+        "distortion": job.training.distortion_weight,
+    }
+    if not fine:
+        return methods.mipnerf360(
+            model, batch_rays=job.training.batch_rays, loss_weights=loss_weights
+        )
+    settings = job.alignerf
+    return methods.alignerf(
+        model,
+        patches=settings.patches,
+        patch_px=settings.patch_px,
+        radius_px=settings.radius_px,
+        align_penalty=settings.align_penalty,
+        frequency_weight=settings.frequency_weight,
+        frequency_features=frequency_features(settings.frequency_weights),
+        loss_weights=loss_weights,
+    )
+
+
+def frequency_features(path):
+    """VGG-19's first block from `path`, or the derivative bank for None."""
+    if path is None:
+        return frequency_loss.bank_features
+    return frequency_loss.vgg_features(path)
+
+
+def make_field(options, where):
+    """A field from its mapping: `kind` and the keywords of that kind."""
+    options = {
+        key: tuple(value) if isinstance(value, list) else value
+        for key, value in options.items()
+    }
+    try:
+        return fields.make(**options)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"config.model.{where}: {error}") from None
+
+
+def replace_stage(job: Job, stage) -> Job:
+    """The same job in another stage."""
+    return dataclasses.replace(job, stage=stage)
+
+
+def as_dict(job: Job) -> dict:
+    """JSON-able content of a job."""
+    return dataclasses.asdict(job)

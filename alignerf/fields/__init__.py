@@ -1,0 +1,21 @@
+"""Fields map a Gaussian to density and, where asked, to values (colour, features).
+
+Every field is a flax module with `__call__(gaussians, viewdirs) -> (density,
+values)`; `viewdirs` None asks for density alone and gives values None.
+"""
+
+from alignerf.fields import grid, mlp
+
+KINDS = {"grid": grid.Grid, "mlp": mlp.Mlp}
+
+
+def make(kind, **options):
+    """The field of that kind; an unknown kind or option is a ValueError."""
+    try:
+        return KINDS[kind](**options)
+    except KeyError:
+        raise ValueError(
+            f"field kind {kind!r}: not one of {', '.join(KINDS)}"
+        ) from None
+    except TypeError as error:
+        raise ValueError(f"field {kind!r}: {error}") from None

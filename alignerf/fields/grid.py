@@ -1,0 +1,150 @@
+"""The fast field: a multi-resolution hash grid with anti-aliasing.
+
+Notation: n points, levels l of resolution N_l (geometric from coarsest to
+finest), a table of `entries` feature vectors each; x in [0, 1]^3 the contracted
+position, sigma the Gaussian's radius in the same units. instant-ngp (arXiv
+2201.05989), anti-aliased as zip-NeRF (arXiv 2304.06706, Eq. 5).
+"""
+
+import functools
+import itertools
+from typing import NamedTuple
+
+import flax.linen as nn
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from alignerf.fields import shading
+from alignerf.mipnerf360 import coord
+
+PRIMES = (1, 2654435761, 805459861)
+# The contraction's ball of radius 2, with room for rounding at its rim.
+EXTENT = 2.001
+
+
+class Levels(NamedTuple):
+    """The layout of all levels in one table; hashable, known at compile time."""
+
+    resolutions: tuple[int, ...]
+    entries: tuple[int, ...]
+
+    @classmethod
+    def geometric(cls, levels, coarsest, finest, max_entries):
+        """Levels of geometric resolution, dense where their corners fit."""
+        sides = np.round(np.geomspace(coarsest, finest, levels)).astype(int)
+        entries = [min(max_entries, (int(side) + 1) ** 3) for side in sides]
+        return cls(tuple(map(int, sides)), tuple(entries))
+
+    @property
+    def offsets(self):
+        return np.concatenate([[0], np.cumsum(self.entries)])[:-1]
+
+
+def corners_of(points, levels: Levels):
+    """For each of 8 corners: (rows [levels, n] of the table, weights [levels, n]).
+
+    points [3, n] in [0, 1]. One pair of arrays a corner, in 32-bit signed
+    integers: with an [n, 8] index array, or unsigned ones, XLA's CPU code does
+    not vectorise and takes ten times as long.
+    """
+    resolution = np.array(levels.resolutions, np.float32)[:, None]
+    entries = np.array(levels.entries, np.int32)[:, None]
+    side = np.array(levels.resolutions, np.int64)[:, None] + 1
+    dense = side**3 <= entries
+    offsets = levels.offsets.astype(np.int32)[:, None]
+    shares, ends = [], []
+    for axis, value in enumerate(points):
+        stride = np.where(dense, side**axis, PRIMES[axis])
+        stride = stride.astype(np.uint32).view(np.int32)
+        scaled = value[None] * resolution
+        cell = jnp.clip(scaled.astype(jnp.int32), 0, resolution.astype(np.int32) - 1)
+        share = scaled - cell.astype(jnp.float32)
+        shares.append((1.0 - share, share))
+        ends.append((cell * stride, cell * stride + stride))
+    for i, j, k in itertools.product((0, 1), repeat=3):
+        x, y, z = ends[0][i], ends[1][j], ends[2][k]
+        row = jnp.where(dense, x + y + z, (x ^ y ^ z) & (entries - 1)) + offsets
+        yield row, shares[0][i] * shares[1][j] * shares[2][k]
+
+
+@functools.partial(jax.custom_vjp, nondiff_argnums=(2,))
+def look_up(table, points, levels: Levels):
+    """Trilinear interpolation [levels, n, features] of table [rows, features].
+
+    Differentiable in the table alone: positions along a ray carry no gradient
+    (the sampling is not differentiated).
+    """
+    found = 0.0
+    for row, weight in corners_of(points, levels):
+        found = found + weight[..., None] * table.at[row].get(mode="promise_in_bounds")
+    return found
+
+
+def _look_up_forward(table, points, levels):
+    return look_up(table, points, levels), (points, table.shape)
+
+
+def _look_up_backward(levels, residuals, found_grad):
+    # One buffer takes every corner's updates in place. Autodiff would write a zero
+    # table for each corner and their sum; an unrolled loop would compute the rows
+    # inside the scatter, one by one: both are four times slower on a CPU.
+    points, shape = residuals
+    rows, weights = map(jnp.stack, zip(*corners_of(points, levels), strict=True))
+
+    def add(grad, corner):
+        row, weight = corner
+        update = (weight[..., None] * found_grad).reshape(-1, shape[1])
+        return grad.at[row.reshape(-1)].add(update, mode="promise_in_bounds"), None
+
+    grad, _ = jax.lax.scan(add, jnp.zeros(shape, found_grad.dtype), (rows, weights))
+    return grad, None
+
+
+look_up.defvjp(_look_up_forward, _look_up_backward)
+
+
+def table_init(key, shape):
+    """Uniform +-1e-4: close to nothing, so that the first colours are grey."""
+    return jax.random.uniform(key, shape, minval=-1e-4, maxval=1e-4)
+
+
+class Grid(nn.Module):
+    """Hash-grid features into small MLPs for density and values.
+
+    `entries` per level is a power of two given by its logarithm.
+    """
+
+    levels: int = 8
+    log2_entries: int = 17
+    features: int = 2
+    coarsest: int = 16
+    finest: int = 1024
+    width: int = 64
+    bottleneck: int = 15
+    view_widths: tuple[int, ...] = (64,)
+    outputs: int = 3
+
+    @nn.compact
+    def __call__(self, gaussians, viewdirs=None):
+        mean, radius = coord.contract_spheres(gaussians)
+        batch = mean.shape[:-1]
+        levels = Levels.geometric(
+            self.levels, self.coarsest, self.finest, 2**self.log2_entries
+        )
+        points = mean.reshape(-1, 3).T / (2 * EXTENT) + 0.5
+        sigma = radius.reshape(-1) / (2 * EXTENT)
+        table = self.param("table", table_init, (sum(levels.entries), self.features))
+        found = look_up(table, points, levels)
+        # A cell much smaller than the Gaussian tells it nothing.
+        cells = sigma * np.array(levels.resolutions, np.float32)[:, None]
+        share = jax.scipy.special.erf(1 / (np.float32(np.sqrt(8)) * cells))
+        found = found * share[..., None]
+        encoded = jnp.moveaxis(found, 0, 1).reshape(-1, self.levels * self.features)
+        h = nn.relu(shading.dense(self.width)(encoded))
+        h = shading.dense(1 + (0 if viewdirs is None else self.bottleneck))(h)
+        density = shading.density_of(h[:, 0]).reshape(batch)
+        if viewdirs is None:
+            return density, None
+        head = shading.Shading(self.view_widths, self.outputs, name="head")
+        return density, head(h[:, 1:].reshape(*batch, -1), viewdirs)

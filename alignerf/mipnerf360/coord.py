@@ -1,0 +1,115 @@
+"""Coordinates: Gaussians along a ray, the contraction, normalised distance.
+
+Notation: x a point [..., 3]; t metric distance along a ray and s in [0, 1] its
+normalised form; d a ray's unnormalised direction. A Gaussian of a ray has mean x
+and covariance t_std^2 d d^T + r_std^2 (I - d d^T / |d|^2): kept in this form, so
+that no 3 x 3 matrix is ever built.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+class Gaussians(NamedTuple):
+    """Gaussians that stand for the frustums of a ray (mip-NeRF, section 3.1)."""
+
+    mean: Float[Array, "*batch 3"]
+    direction: Float[Array, "*batch 3"]
+    t_std: Float[Array, "*batch"]
+    r_std: Float[Array, "*batch"]
+
+
+def contract(x: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+    """Map space into the ball of radius 2: x, or (2 - 1/|x|) x/|x| (Eq. 10)."""
+    unit, inverse_radius, outside = _polar(x)
+    return jnp.where(outside, (2.0 - inverse_radius) * unit, x)
+
+
+def contract_gaussians(
+    gaussians: Gaussians,
+) -> tuple[Float[Array, "*batch 3"], Float[Array, "*batch 3 3"]]:
+    """Contracted mean, and a square root of the covariance pushed through J.
+
+    The root's rows are the images, under the contraction's Jacobian J, of one
+    standard deviation along the ray and two across it; with row r_k, the
+    variance along a unit vector p is sum_k (r_k . p)^2 (Eq. 9 without forming
+    J Sigma J^T). J stretches by 1/|x|^2 along x and by (2|x| - 1)/|x|^2 across.
+    """
+    unit, inverse_radius, outside = _polar(gaussians.mean)
+    mean = jnp.where(outside, (2.0 - inverse_radius) * unit, gaussians.mean)
+    along = inverse_radius**2
+    across = (2.0 - inverse_radius) * inverse_radius
+    root = _covariance_root(gaussians)
+    radial = jnp.einsum("...ki,...i->...k", root, unit)[..., None] * unit[..., None, :]
+    # One stretch at a time: their product with a large deviation stays in range.
+    pushed = across[..., None] * (root - radial) + along[..., None] * radial
+    return mean, jnp.where(outside[..., None], pushed, root)
+
+
+def contract_spheres(
+    gaussians: Gaussians,
+) -> tuple[Float[Array, "*batch 3"], Float[Array, "*batch"]]:
+    """Contracted mean, and the radius of the sphere with the Gaussian's volume.
+
+    The radius is the geometric mean of the three standard deviations after the
+    contraction, det(J Sigma J^T)^(1/6) (zip-NeRF, arXiv 2304.06706, section 2).
+    """
+    unit, inverse_radius, outside = _polar(gaussians.mean)
+    mean = jnp.where(outside, (2.0 - inverse_radius) * unit, gaussians.mean)
+    inverse_radius = inverse_radius[..., 0]
+    along, across = inverse_radius**2, (2.0 - inverse_radius) * inverse_radius
+    # Stretched first, multiplied then: the product of raw deviations overflows.
+    across_std = across * gaussians.r_std
+    along_std = along * gaussians.t_std * jnp.linalg.norm(gaussians.direction, axis=-1)
+    return mean, jnp.cbrt(along_std * across_std**2)
+
+
+def _polar(x):
+    """Unit vector, 1/|x| and whether |x| > 1; (0, 1) stand in inside the ball.
+
+    The stand-ins keep the gradient finite at 0, the scale keeps |x|^2 in range.
+    """
+    scale = jnp.maximum(jnp.max(jnp.abs(x), axis=-1, keepdims=True), 1.0)
+    scaled = x / scale
+    outside = jnp.sum(scaled**2, axis=-1, keepdims=True) * scale > 1.0 / scale
+    safe = jnp.where(outside, scaled, jnp.array([1.0, 0.0, 0.0], x.dtype))
+    length = jnp.sqrt(jnp.sum(safe**2, axis=-1, keepdims=True))
+    unit = jnp.where(outside, safe / length, 0.0)
+    return unit, jnp.where(outside, 1.0 / (length * scale), 1.0), outside
+
+
+def _covariance_root(gaussians):
+    """Rows [..., 3, 3]: t_std d, and r_std times two unit vectors across d."""
+    d = gaussians.direction
+    unit = d / jnp.linalg.norm(d, axis=-1, keepdims=True)
+    # Branch-free orthonormal basis (Duff et al. 2017): no cross product vanishes.
+    x, y, z = unit[..., 0], unit[..., 1], unit[..., 2]
+    sign = jnp.where(z >= 0, 1.0, -1.0)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    first = jnp.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=-1)
+    second = jnp.stack([b, sign + y * y * a, -y], axis=-1)
+    across = gaussians.r_std[..., None]
+    return jnp.stack(
+        [gaussians.t_std[..., None] * d, across * first, across * second], axis=-2
+    )
+
+
+def s_to_t(
+    s: Float[Array, "*batch"],
+    near: float | Float[Array, "*#batch"],
+    far: float | Float[Array, "*#batch"],
+) -> Float[Array, "*batch"]:
+    """Metric distance of normalised distance s, uniform in 1/t (Eq. 11)."""
+    return near / (1.0 - s * (1.0 - near / far))
+
+
+def t_to_s(
+    t: Float[Array, "*batch"],
+    near: float | Float[Array, "*#batch"],
+    far: float | Float[Array, "*#batch"],
+) -> Float[Array, "*batch"]:
+    """Inverse of `s_to_t`."""
+    return (1.0 - near / t) / (1.0 - near / far)

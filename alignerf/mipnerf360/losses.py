@@ -1,0 +1,41 @@
+"""The baseline's losses (arXiv 2111.12077, Eqs. 13-16)."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from alignerf.mipnerf360 import stepfun
+
+CHARBONNIER_EPS = 0.001
+
+
+def charbonnier(
+    colour: Float[Array, "rays c"],
+    photo: Float[Array, "rays c"],
+    weight: Float[Array, "rays"],
+) -> Float[Array, ""]:
+    """Mean of sqrt((colour - photo)^2 + eps^2) over rays of weight one.
+
+    Rays of weight zero do not count; a batch in which none counts gives 0.
+    """
+    residual = jnp.sqrt((colour - photo) ** 2 + CHARBONNIER_EPS**2)
+    return weighted_mean(jnp.mean(residual, axis=-1), weight)
+
+
+def weighted_mean(x, weight):
+    """Mean of x under weights >= 0; 0 where all weights are 0."""
+    return jnp.sum(x * weight) / jnp.maximum(jnp.sum(weight), 1e-6)
+
+
+def interlevel(histograms) -> Float[Array, ""]:
+    """Sum over proposals of the mean interlevel loss."""
+    *proposals, (t, w) = histograms
+    return sum(
+        jnp.mean(stepfun.interlevel_loss(t, w, t_other, w_other))
+        for t_other, w_other in proposals
+    )
+
+
+def distortion(histograms) -> Float[Array, ""]:
+    """Mean distortion loss of the final histogram."""
+    t, w = histograms[-1]
+    return jnp.mean(stepfun.distortion_loss(t, w))

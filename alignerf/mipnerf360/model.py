@@ -1,0 +1,79 @@
+"""The baseline: proposal fields narrow down where a ray's samples go.
+
+Notation: sdist / tdist normalised / metric interval edges [rays, edges]; weights
+[rays, edges - 1]; values [rays, c] what the last field says, integrated.
+arXiv 2111.12077, section 3 (coarse-to-fine online distillation).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import flax.linen as nn
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from alignerf.mipnerf360 import coord, render, stepfun
+
+DILATION_MULTIPLIER = 0.5
+DILATION_BIAS = 0.0025
+ANNEAL_SLOPE = 10.0
+
+
+class Rendering(NamedTuple):
+    """What a batch of rays gives: one (sdist, weights) per sampling round."""
+
+    values: Float[Array, "rays c"]
+    depth: Float[Array, "rays"]
+    histograms: list[tuple[Array, Array]]
+
+
+class Model(nn.Module):
+    """A proposal field used once per early round of `samples`, then the field."""
+
+    proposal: nn.Module
+    field: nn.Module
+    samples: Sequence[int]
+    near: float
+    far: float
+
+    def __call__(self, rays, *, key=None, train_share=1.0) -> Rendering:
+        """Render rays [n]; `key` None samples without jitter.
+
+        `train_share` in [0, 1] anneals the resampling weights early in training.
+        """
+        sdist = jnp.broadcast_to(jnp.array([0.0, 1.0]), (len(rays.origins), 2))
+        weights = jnp.ones((len(rays.origins), 1))
+        histograms, drawn = [], 1
+        for number, count in enumerate(self.samples):
+            last = number == len(self.samples) - 1
+            if number > 0:
+                dilation = DILATION_BIAS + DILATION_MULTIPLIER / drawn
+                sdist, weights = stepfun.max_dilate(sdist, weights, dilation=dilation)
+            drawn *= count
+            anneal = stepfun.anneal_exponent(train_share, slope=ANNEAL_SLOPE)
+            logits = stepfun.annealed_logits(sdist, weights, anneal)
+            if key is not None:
+                key, now = jax.random.split(key)
+            sdist = stepfun.sample_intervals(
+                None if key is None else now, sdist, logits, count
+            )
+            # Where to look is learnt by the proposal's own loss alone; a gradient
+            # through the positions is noisy and costs a third of the step.
+            sdist = jax.lax.stop_gradient(sdist)
+            tdist = coord.s_to_t(sdist, self.near, self.far)
+            gaussians = render.cast_cones(
+                tdist, rays.origins, rays.directions, rays.radii
+            )
+            density, values = (
+                self.field(gaussians, rays.viewdirs)
+                if last
+                else self.proposal(gaussians, None)
+            )
+            weights = render.alpha_weights(density, tdist, rays.directions)
+            histograms.append((sdist, weights))
+        return Rendering(
+            values=render.integrate(weights, values),
+            depth=render.median_distance(weights, tdist),
+            histograms=histograms,
+        )

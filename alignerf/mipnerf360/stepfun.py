@@ -1,0 +1,166 @@
+"""Step functions: histograms along a ray, their resampling and their losses.
+
+Notation: t [..., edges] non-decreasing interval edges, w [..., edges - 1] the mass
+of each interval, p = w / width its density, cdf [..., edges] from 0 to 1.
+arXiv 2111.12077, section 3 and appendix.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+EPS = jnp.finfo(jnp.float32).eps
+
+
+def interval_of(t: Float[Array, "*batch edges"], x: Float[Array, "*batch n"]):
+    """Index of the interval that holds each x: t[i] <= x < t[i + 1], clamped.
+
+    A comparison of all pairs: rays have tens of edges, where it beats a search.
+    """
+    below = jnp.sum(x[..., :, None] >= t[..., None, :], axis=-1)
+    return jnp.clip(below - 1, 0, t.shape[-1] - 2)
+
+
+def max_dilate(
+    t: Float[Array, "*batch edges"],
+    w: Float[Array, "*batch edges-1"],
+    *,
+    dilation: float,
+) -> tuple[Float[Array, "*batch wide"], Float[Array, "*batch wide-1"]]:
+    """Dilate the density of w by +-dilation in [0, 1], mass renormalised to 1.
+
+    The maximum over a neighbourhood keeps resampling from missing what a
+    neighbouring ray's histogram would have put beside an edge (appendix A).
+    All-zero weights become uniform in t.
+    """
+    width = t[..., 1:] - t[..., :-1]
+    p = jnp.where(width > EPS**2, w / jnp.maximum(width, EPS**2), 0.0)
+    low, high = t[..., :-1] - dilation, t[..., 1:] + dilation
+    t_wide = jnp.clip(jnp.sort(jnp.concatenate([t, low, high], axis=-1)), 0.0, 1.0)
+    covers = (low[..., None, :] <= t_wide[..., :-1, None]) & (
+        high[..., None, :] > t_wide[..., :-1, None]
+    )
+    p_wide = jnp.max(jnp.where(covers, p[..., None, :], 0.0), axis=-1)
+    width = t_wide[..., 1:] - t_wide[..., :-1]
+    mass = p_wide * width
+    total = jnp.sum(mass, axis=-1, keepdims=True)
+    empty = total <= 0.0
+    uniform = width / jnp.sum(width, axis=-1, keepdims=True)
+    return t_wide, jnp.where(empty, uniform, mass / jnp.where(empty, 1.0, total))
+
+
+def annealed_logits(
+    t: Float[Array, "*batch edges"], w: Float[Array, "*batch edges-1"], anneal: float
+) -> Float[Array, "*batch edges-1"]:
+    """Logits of w^anneal; intervals of no width or no mass get -inf.
+
+    At anneal = 0 every interval that has width gets the same logit (0 log 0 = 0).
+    Where no interval has mass, all that have width are equal: never one point.
+    """
+    wide = t[..., 1:] > t[..., :-1]
+    massive = (w > 0.0) & wide
+    massive = massive | (wide & ~jnp.any(massive, axis=-1, keepdims=True))
+    logits = anneal * jnp.log(jnp.where(w > 0.0, w, 1.0))
+    # A zero mass stays zero for any positive exponent, and counts as one at zero.
+    return jnp.where(massive | (wide & (anneal == 0.0)), logits, -jnp.inf)
+
+
+def anneal_exponent(train_share, *, slope: float):
+    """Schlick's bias (slope x) / ((slope - 1) x + 1) of the training share."""
+    return slope * train_share / ((slope - 1.0) * train_share + 1.0)
+
+
+def cdf_from_logits(
+    logits: Float[Array, "*batch bins"],
+) -> Float[Array, "*batch bins+1"]:
+    """CDF of softmax(logits), exactly 0 at the start and 1 at the end."""
+    w = jax.nn.softmax(logits, axis=-1)
+    inner = jnp.minimum(jnp.cumsum(w[..., :-1], axis=-1), 1.0)
+    ends = (*w.shape[:-1], 1)
+    return jnp.concatenate([jnp.zeros(ends), inner, jnp.ones(ends)], axis=-1)
+
+
+def invert_cdf(
+    u: Float[Array, "*batch n"],
+    t: Float[Array, "*batch edges"],
+    cdf: Float[Array, "*batch edges"],
+) -> Float[Array, "*batch n"]:
+    """The t at which the piecewise linear cdf reaches u in [0, 1)."""
+    index = interval_of(cdf, u)
+    take = lambda a, i: jnp.take_along_axis(a, i, axis=-1)  # noqa: E731
+    low, high = take(cdf, index), take(cdf, index + 1)
+    t_low, t_high = take(t, index), take(t, index + 1)
+    share = jnp.where(high > low, (u - low) / jnp.where(high > low, high - low, 1), 0.5)
+    return t_low + jnp.clip(share, 0.0, 1.0) * (t_high - t_low)
+
+
+def sample_intervals(
+    key: PRNGKeyArray | None,
+    t: Float[Array, "*batch edges"],
+    logits: Float[Array, "*batch edges-1"],
+    count: int,
+) -> Float[Array, "*batch count+1"]:
+    """Edges in [0, 1] of `count` intervals drawn from the histogram.
+
+    With a key, stratified with one jitter per ray; without, at the centres of
+    equal shares. Edges are the midpoints between neighbouring samples, the outer
+    ones mirrored (section 3, "sampling").
+    """
+    if key is None:
+        u = jnp.linspace(0.5 / count, 1.0 - 0.5 / count - EPS, count)
+        u = jnp.broadcast_to(u, (*t.shape[:-1], count))
+    else:
+        u_max = EPS + (1.0 - EPS) / count
+        jitter = jax.random.uniform(key, (*t.shape[:-1], 1)) * (u_max - EPS)
+        u = jnp.linspace(0.0, 1.0 - u_max, count) + jitter
+    centres = invert_cdf(u, t, cdf_from_logits(logits))
+    if count == 1:
+        zero = jnp.zeros_like(centres)
+        return jnp.concatenate([zero, zero + 1.0], axis=-1)
+    middle = (centres[..., 1:] + centres[..., :-1]) / 2
+    first = jnp.maximum(2 * centres[..., :1] - middle[..., :1], 0.0)
+    last = jnp.minimum(2 * centres[..., -1:] - middle[..., -1:], 1.0)
+    return jnp.concatenate([first, middle, last], axis=-1)
+
+
+def outer_measure(
+    t: Float[Array, "*batch edges"],
+    t_other: Float[Array, "*batch others"],
+    w_other: Float[Array, "*batch others-1"],
+) -> Float[Array, "*batch edges-1"]:
+    """Mass of all intervals of the other histogram that touch each of ours."""
+    total = jnp.concatenate(
+        [jnp.zeros((*w_other.shape[:-1], 1)), jnp.cumsum(w_other, axis=-1)], axis=-1
+    )
+    start = interval_of(t_other, t[..., :-1])
+    # First edge of the other histogram that is not below our interval's end.
+    end = jnp.sum(t[..., 1:, None] > t_other[..., None, :], axis=-1)
+    end = jnp.clip(end, 0, t_other.shape[-1] - 1)
+    take = lambda i: jnp.take_along_axis(total, i, axis=-1)  # noqa: E731
+    return jnp.maximum(take(end) - take(start), 0.0)
+
+
+def interlevel_loss(
+    t: Float[Array, "*batch edges"],
+    w: Float[Array, "*batch edges-1"],
+    t_proposal: Float[Array, "*batch proposals"],
+    w_proposal: Float[Array, "*batch proposals-1"],
+) -> Float[Array, "*batch"]:
+    """Sum of max(0, w - bound)^2 / w, bound the proposal's outer measure (Eq. 13).
+
+    The final histogram (t, w) teaches the proposal and learns nothing from it.
+    """
+    t, w = jax.lax.stop_gradient((t, w))
+    bound = outer_measure(t, t_proposal, w_proposal)
+    return jnp.sum(jnp.maximum(w - bound, 0.0) ** 2 / (w + EPS), axis=-1)
+
+
+def distortion_loss(
+    t: Float[Array, "*batch edges"], w: Float[Array, "*batch edges-1"]
+) -> Float[Array, "*batch"]:
+    """Sum_ij w_i w_j |m_i - m_j| + sum_i w_i^2 width_i / 3 (Eq. 15)."""
+    middle = (t[..., 1:] + t[..., :-1]) / 2
+    apart = jnp.abs(middle[..., :, None] - middle[..., None, :])
+    between = jnp.einsum("...i,...j,...ij->...", w, w, apart)
+    within = jnp.sum(w**2 * (t[..., 1:] - t[..., :-1]), axis=-1) / 3
+    return between + within

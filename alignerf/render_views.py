@@ -1,0 +1,83 @@
+"""Render the views of a split: `python -m alignerf.render_views`.
+
+One process for all views, so that code is compiled once. Writes <view>.png and
+a timing file.
+"""
+
+import argparse
+import json
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from PIL import Image
+
+from alignerf import cameras, checkpoint, cli, config, progress, scene
+
+# Rays at once: large enough to fill the machine, small enough for its memory.
+CHUNK_RAYS = 4096
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--config", required=True, help="job as JSON, or its file")
+    parser.add_argument("--scene", required=True, help="prepared scene folder")
+    parser.add_argument("--model", required=True, help="trained parameters")
+    parser.add_argument("--split", required=True, choices=scene.SPLITS)
+    parser.add_argument("--renders", required=True, help="folder, written")
+    parser.add_argument("--timing", required=True, help="timing file, written")
+    args = parser.parse_args(argv)
+    start = time.perf_counter()
+    loaded = scene.load(args.scene)
+    views = loaded.views(args.split)
+    method = config.make_method(config.parse_job(cli.read_config(args.config)))
+    template = jax.eval_shape(method.init, jax.random.key(0))
+    params = jax.tree.map(jnp.asarray, checkpoint.read_params(args.model, template))
+    render = make_renderer(method, params, loaded.width, loaded.height)
+    bar = progress.Progress(f"render {args.split}", len(views), unit="view")
+    with cli.replace_folder(args.renders) as folder:
+        for view in views:
+            image = render(loaded.pixtocams[view], loaded.camtoworlds[view])
+            Image.fromarray(image).save(folder / f"{loaded.names[view]}.png")
+            bar.advance()
+    bar.close()
+    with cli.replace_file(args.timing) as path:
+        seconds = round(time.perf_counter() - start, 3)
+        path.write_text(json.dumps({"render_time_s": seconds, "views": len(views)}))
+
+
+def make_renderer(method, params, width, height):
+    """A function from (pixtocam, camtoworld) to an image [h, w, 3] uint8."""
+    count = width * height
+    chunk = min(CHUNK_RAYS, count)
+    pixels = np.arange(-(-count // chunk) * chunk).clip(max=count - 1)
+
+    @jax.jit
+    def values_of(params, pixel, pixtocam, camtoworld):
+        rays = cameras.pixels_to_rays(
+            pixel % width, pixel // width, pixtocam, camtoworld
+        )
+        return method.render(params, rays).values
+
+    @jax.jit
+    def colours_of(params, values):
+        return jnp.clip(method.colours(params, values), 0.0, 1.0)
+
+    def render(pixtocam, camtoworld):
+        camera = [jnp.asarray(m, jnp.float32) for m in (pixtocam, camtoworld)]
+        values = [
+            values_of(params, jnp.asarray(part), *camera)
+            for part in pixels.reshape(-1, chunk)
+        ]
+        image = jnp.concatenate(values)[:count].reshape(height, width, -1)
+        rgb = np.asarray(colours_of(params, image))
+        if not np.isfinite(rgb).all():
+            raise ValueError("the model renders colours that are not finite")
+        return np.round(rgb * 255.0).astype(np.uint8)
+
+    return render
+
+
+if __name__ == "__main__":
+    cli.run(main)

@@ -1,0 +1,191 @@
+"""Poses from photos by structure from motion (pycolmap), the same on every run.
+
+Notation: n registered views, sorted by name; `camtopix` [3, 3] with pixel centres at
++0.5, as COLMAP has them too; `distortion` [5] as in `distortion`; `camtoworlds`
+[n, 3, 4] with OpenGL axes, in COLMAP's frame, whose scale is arbitrary.
+"""
+
+import logging
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pycolmap
+from jaxtyping import Float
+
+from alignerf import cameras
+
+log = logging.getLogger(__name__)
+
+# Camera model -> places of fx, fy, cx, cy and of k1, k2, p1, p2 among its parameters.
+CAMERA_MODELS = {
+    "SIMPLE_PINHOLE": ((0, 0, 1, 2), ()),
+    "PINHOLE": ((0, 1, 2, 3), ()),
+    "SIMPLE_RADIAL": ((0, 0, 1, 2), (3,)),
+    "RADIAL": ((0, 0, 1, 2), (3, 4)),
+    "OPENCV": ((0, 1, 2, 3), (4, 5, 6, 7)),
+}
+# Two views fix no scale and three are the least that anything can be trained on.
+MIN_REGISTERED = 3
+
+
+class Reconstruction(NamedTuple):
+    """The largest model COLMAP found, and what it left out."""
+
+    names: list[str]
+    left_out: list[str]
+    camtopix: Float[np.ndarray, "n 3 3"]
+    distortion: Float[np.ndarray, "n 5"]
+    camtoworlds: Float[np.ndarray, "n 3 4"]
+    mean_reprojection_error_px: float
+    points: int
+    points_in_3_views: float
+    """Share of the points that three views or more see."""
+    models: list[int]
+    """Views in each model found, largest first."""
+
+
+def estimate_poses(
+    image_folder,
+    work_folder,
+    names,
+    *,
+    camera_model="OPENCV",
+    max_size_px=1600,
+    focal_px=None,
+    width=None,
+    height=None,
+    one_camera=True,
+    seed=0,
+    where="photos",
+) -> Reconstruction:
+    """Poses and intrinsics of <image_folder>/<name>.png, bit-reproducibly.
+
+    SIFT on images of at most max_size_px, exhaustive matching, incremental mapping;
+    the largest model is kept. focal_px (with width and height) is where the focal
+    length starts, if EXIF gives it. Writes into work_folder. Raises ValueError naming `where` when too few views register.
+    """
+    if camera_model not in CAMERA_MODELS:
+        raise ValueError(f"colmap.camera_model: unknown model {camera_model!r}")
+    files = [f"{name}.png" for name in names]
+    if len(files) < MIN_REGISTERED:
+        raise ValueError(f"{where}: {len(files)} images; COLMAP needs more to overlap")
+    reader = pycolmap.ImageReaderOptions()
+    reader.camera_model = camera_model
+    if focal_px is not None:
+        reader.camera_params = _start_params(camera_model, focal_px, width, height)
+    mode = pycolmap.CameraMode.SINGLE if one_camera else pycolmap.CameraMode.PER_IMAGE
+    database = Path(work_folder) / "database.db"
+    pycolmap.Database.open(database).close()
+    _quiet(seed)
+    _match(database, image_folder, files, mode, reader, max_size_px, seed)
+    models = _map(database, image_folder, work_folder, seed)
+    models = sorted(models, key=lambda model: -model.num_reg_images())
+    registered = models[0].num_reg_images() if models else 0
+    if registered < MIN_REGISTERED:
+        raise ValueError(
+            f"{where}: the photos do not overlap enough: COLMAP registered "
+            f"{registered} of {len(files)} images"
+        )
+    if len(models) > 1:
+        log.warning(
+            "%s: COLMAP found %d separate models, of %s views: keeping the largest",
+            where,
+            len(models),
+            ", ".join(str(model.num_reg_images()) for model in models),
+        )
+    return convert(models[0], names, models=[m.num_reg_images() for m in models])
+
+
+def convert(model, names, *, models=()) -> Reconstruction:
+    """A pycolmap reconstruction in our conventions, sorted by view name."""
+    images = {
+        image.name.removesuffix(".png"): image
+        for image in model.images.values()
+        if image.has_pose
+    }
+    kept = sorted(images)
+    lenses = [_lens(model.cameras[images[name].camera_id]) for name in kept]
+    tracks = np.array([point.track.length() for point in model.points3D.values()])
+    return Reconstruction(
+        names=kept,
+        left_out=sorted(set(names) - set(kept)),
+        camtopix=np.stack([camtopix for camtopix, _ in lenses]),
+        distortion=np.stack([distortion for _, distortion in lenses]),
+        camtoworlds=np.stack([_pose(images[name]) for name in kept]),
+        mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
+        points=len(tracks),
+        points_in_3_views=float((tracks >= 3).mean()) if len(tracks) else 0.0,
+        models=list(models) or [len(kept)],
+    )
+
+
+def _quiet(seed):
+    """Only COLMAP's errors reach stderr; its random numbers start from the seed."""
+    pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
+    pycolmap.set_random_seed(seed)
+
+
+def _match(database, image_folder, files, mode, reader, max_size_px, seed):
+    # Imported first, so that image ids follow the names: parallel extraction hands
+    # them out in any order, and the result depends on them.
+    pycolmap.import_images(
+        database, image_folder, camera_mode=mode, image_names=files, options=reader
+    )
+    extraction = pycolmap.FeatureExtractionOptions()
+    extraction.use_gpu = False
+    extraction.max_image_size = max_size_px
+    pycolmap.extract_features(
+        database,
+        image_folder,
+        image_names=files,
+        camera_mode=mode,
+        reader_options=reader,
+        extraction_options=extraction,
+        device=pycolmap.Device.cpu,
+    )
+    matching = pycolmap.FeatureMatchingOptions()
+    matching.use_gpu = False
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.ransac.random_seed = seed
+    pycolmap.match_exhaustive(
+        database,
+        matching_options=matching,
+        verification_options=verification,
+        device=pycolmap.Device.cpu,
+    )
+
+
+def _map(database, image_folder, work_folder, seed):
+    sparse = Path(work_folder) / "sparse"
+    sparse.mkdir()
+    options = pycolmap.IncrementalPipelineOptions()
+    options.random_seed = seed
+    # Sums over threads come in any order, and poses would differ by 0.1 px.
+    options.num_threads = 1
+    models = pycolmap.incremental_mapping(database, image_folder, sparse, options)
+    return list(models.values())
+
+
+def _start_params(camera_model, focal_px, width, height):
+    """COLMAP's parameter text: focal length, centre, no distortion."""
+    places, rest = CAMERA_MODELS[camera_model]
+    params = np.zeros(max((*places, *rest)) + 1)
+    params[list(places)] = [focal_px, focal_px, width / 2, height / 2]
+    return ", ".join(repr(float(value)) for value in params)
+
+
+def _lens(camera):
+    """(camtopix [3, 3], distortion [5]) of a pycolmap camera."""
+    places, rest = CAMERA_MODELS[camera.model.name]
+    fx, fy, cx, cy = camera.params[list(places)]
+    distortion = np.zeros(5)
+    distortion[: len(rest)] = camera.params[list(rest)]
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), distortion
+
+
+def _pose(image):
+    """Camera-to-world [3, 4], OpenGL axes, of a registered pycolmap image."""
+    world_from_camera = image.cam_from_world().inverse().matrix()
+    rotation = world_from_camera[:, :3] @ cameras.OPENGL_FROM_OPENCV
+    return np.concatenate([rotation, world_from_camera[:, 3:]], axis=-1)

@@ -1,0 +1,120 @@
+"""Lens distortion undone: from a photo as taken to a pinhole image.
+
+Notation: `camtopix` [3, 3] intrinsics with pixel centres at +0.5; `distortion` [5]
+k1, k2, p1, p2, k3 of OpenCV's polynomial model (COLMAP's SIMPLE_RADIAL, RADIAL and
+OPENCV are cases of it). OpenCV itself puts pixel centres at integers: every call
+into it shifts the principal point by half a pixel.
+"""
+
+import cv2
+import numpy as np
+
+# How far, in pixels, a point may be from itself after undistorting and distorting.
+ROUND_TRIP_PX = 0.05
+
+
+def pinhole_camera(camtopix, distortion, width, height):
+    """Intrinsics [3, 3] of the largest pinhole view that needs no pixel outside.
+
+    The view keeps width, height and the pixels' shape. Its outermost pixel centres
+    lie within those of the photo, so that no border is invented. Raises ValueError
+    for a distortion that folds the image over, which no pinhole view undoes.
+    """
+    if not np.any(distortion):
+        return np.array(camtopix, dtype=np.float64)
+    left, top, right, bottom = _inner_rectangle(camtopix, distortion, width, height)
+    if not (right > left and bottom > top):
+        raise ValueError(f"a distortion of {_text(distortion)} leaves no image")
+    focal = np.array([camtopix[0, 0], camtopix[1, 1]])
+    tightest = np.array([width - 1, height - 1]) / [right - left, bottom - top]
+    focal = focal * (tightest / focal).max()
+    centre = np.array([width, height]) / 2 - focal * (
+        np.array([left + right, top + bottom]) / 2
+    )
+    pinhole = np.array([[focal[0], 0, centre[0]], [0, focal[1], centre[1]], [0, 0, 1]])
+    _check_inside(pinhole, camtopix, distortion, width, height)
+    return pinhole
+
+
+def undistort(image, camtopix, distortion, pinhole):
+    """The image [h, w, 3] uint8 seen through `pinhole` [3, 3], of the same size."""
+    if not np.any(distortion):
+        return image
+    height, width = image.shape[:2]
+    map_x, map_y = cv2.initUndistortRectifyMap(
+        _opencv(camtopix),
+        np.asarray(distortion, dtype=np.float64),
+        None,
+        _opencv(pinhole),
+        (width, height),
+        cv2.CV_32FC1,
+    )
+    # Lanczos, since resampling blur counts as misalignment blur does; the map stays
+    # inside the image, where reflection only feeds the kernel's outer taps.
+    return cv2.remap(
+        image, map_x, map_y, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REFLECT_101
+    )
+
+
+def distort_points(points, camtopix, distortion):
+    """Pixels [n, 2] at +0.5 in the photo of normalised pinhole points [n, 2]."""
+    k1, k2, p1, p2, k3 = distortion
+    x, y = np.asarray(points, dtype=np.float64).T
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    return np.stack([u, v], axis=-1) @ camtopix[:2, :2].T + camtopix[:2, 2]
+
+
+def _border(width, height):
+    """Centres [n, 2] of the outermost pixels, side by side: left, top, right, bottom"""
+    x = np.arange(width) + 0.5
+    y = np.arange(height) + 0.5
+    return (
+        np.stack([np.full(height, 0.5), y], axis=-1),
+        np.stack([x, np.full(width, 0.5)], axis=-1),
+        np.stack([np.full(height, width - 0.5), y], axis=-1),
+        np.stack([x, np.full(width, height - 0.5)], axis=-1),
+    )
+
+
+def _inner_rectangle(camtopix, distortion, width, height):
+    """Normalised left, top, right, bottom of what every row and column contains."""
+    sides = []
+    for side in _border(width, height):
+        criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 200, 1e-12)
+        points = cv2.undistortPoints(
+            side[:, None] - 0.5,
+            _opencv(camtopix),
+            np.asarray(distortion, dtype=np.float64),
+            criteria=criteria,
+        )[:, 0]
+        back = distort_points(points, camtopix, distortion)
+        if not np.abs(back - side).max() < ROUND_TRIP_PX:
+            raise ValueError(f"a distortion of {_text(distortion)} cannot be undone")
+        sides.append(points)
+    left, top, right, bottom = sides
+    return left[:, 0].max(), top[:, 1].max(), right[:, 0].min(), bottom[:, 1].min()
+
+
+def _check_inside(pinhole, camtopix, distortion, width, height):
+    """Raise ValueError unless the pinhole view's border falls inside the photo."""
+    inverse = np.linalg.inv(pinhole)
+    for side in _border(width, height):
+        points = side @ inverse[:2, :2].T + inverse[:2, 2]
+        pixels = distort_points(points, camtopix, distortion)
+        # The rectangle was measured at whole pixels: a curve may bulge in between.
+        low, high = pixels.min(axis=0), pixels.max(axis=0)
+        if (low < 0).any() or (high > [width, height]).any():
+            raise ValueError(f"a distortion of {_text(distortion)} folds the image")
+
+
+def _opencv(camtopix):
+    shifted = np.array(camtopix, dtype=np.float64)
+    shifted[:2, 2] -= 0.5
+    return shifted
+
+
+def _text(distortion):
+    return ", ".join(f"{value:g}" for value in distortion)

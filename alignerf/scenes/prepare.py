@@ -1,0 +1,109 @@
+"""From a source's posed views to the folder that training reads.
+
+Notation: n views of one size; `pixtocams` [n, 3, 3], `camtoworlds` [n, 3, 4] as in
+`cameras`; images [h, w, 3] uint8 RGB, undistorted.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+from PIL import Image
+
+from alignerf import cameras
+
+# Under this no method of the analysis works: SSIM needs 11 pixels, flow more.
+MIN_SIZE_PX = 16
+
+
+class PosedViews(NamedTuple):
+    """What every source hands over; images are loaded one by one, as they are large."""
+
+    names: list[str]
+    pixtocams: Float[np.ndarray, "n 3 3"]
+    camtoworlds: Float[np.ndarray, "n 3 4"]
+    width: int
+    height: int
+    load: Callable[[int], np.ndarray]
+    """Index of a view -> its undistorted image [h, w, 3] uint8."""
+
+
+def sort_by_name(views: PosedViews) -> PosedViews:
+    """The views in the order of their names, on which the split depends."""
+    order = np.argsort(views.names, kind="stable")
+    return views._replace(
+        names=[views.names[i] for i in order],
+        pixtocams=np.asarray(views.pixtocams)[order],
+        camtoworlds=np.asarray(views.camtoworlds)[order],
+        load=lambda i: views.load(order[i]),
+    )
+
+
+def downscale(views: PosedViews, factor: int) -> PosedViews:
+    """Images made smaller by area averaging; intrinsics follow the true size ratio.
+
+    Raises ValueError where the result would be too small to analyse.
+    """
+    width = round(views.width / factor)
+    height = round(views.height / factor)
+    if min(width, height) < MIN_SIZE_PX:
+        raise ValueError(
+            f"downscale: {factor} makes images of {views.width}x{views.height} "
+            f"smaller than {MIN_SIZE_PX} px"
+        )
+    if factor == 1:
+        return views
+
+    def load(i):
+        return cv2.resize(views.load(i), (width, height), interpolation=cv2.INTER_AREA)
+
+    return views._replace(
+        pixtocams=cameras.rescale_intrinsics(
+            views.pixtocams, width / views.width, height / views.height
+        ),
+        width=width,
+        height=height,
+        load=load,
+    )
+
+
+def split_views(n, *, test_every):
+    """Split [n] of names-sorted views: every test_every-th, from the first, is test."""
+    is_test = np.arange(n) % test_every == 0
+    if is_test.all():
+        raise ValueError(f"test_every: {test_every} leaves none of {n} views to train")
+    return np.where(is_test, "test", "train")
+
+
+def write_views(folder, views: PosedViews, *, split):
+    """Write images/<name>.png and cameras.npz into a folder of the caller's."""
+    (folder / "images").mkdir(parents=True)
+    for i, name in enumerate(views.names):
+        save_image(folder / "images" / f"{name}.png", views.load(i))
+    write_cameras(folder / "cameras.npz", views, split=split)
+
+
+def write_cameras(path, views: PosedViews, *, split):
+    """Write cameras.npz as every later stage reads it."""
+    np.savez(
+        path,
+        pixtocams=np.asarray(views.pixtocams, dtype=np.float64),
+        camtoworlds=np.asarray(views.camtoworlds, dtype=np.float64),
+        names=np.array(views.names),
+        width=views.width,
+        height=views.height,
+        split=split,
+    )
+
+
+def save_image(path, image):
+    """Write [h, w, 3] uint8 as PNG, fast rather than small."""
+    Image.fromarray(image).save(path, compress_level=2)
+
+
+def load_image(path):
+    """Read an 8-bit RGB PNG of our own writing as [h, w, 3] uint8."""
+    with Image.open(path) as image:
+        return np.asarray(image.convert("RGB"))

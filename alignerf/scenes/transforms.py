@@ -1,0 +1,202 @@
+"""Scenes with known cameras: the json of instant-ngp and nerfstudio.
+
+Handled: intrinsics for all frames or frame by frame, `camera_angle_x` where no focal
+length is given, OpenCV's distortion (k1, k2, k3, p1, p2; undone), file paths without
+a suffix, frames without an image (dropped with a warning). Refused by name: fisheye
+and other camera models, paths outside the scene's folder, images of different sizes.
+Poses are camera-to-world with OpenGL axes already. EXIF's orientation is not applied:
+neither of the programs that write these files does.
+"""
+
+import collections
+import json
+import logging
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+
+from alignerf.scenes import distortion, photos, prepare
+
+log = logging.getLogger(__name__)
+
+CAMERA_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
+DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
+UNKNOWN_DISTORTION_KEYS = ("k4", "k5", "k6")
+# Rounding a photo's size at a smaller scale changes its shape by less than this.
+SAME_SHAPE = 1.02
+
+
+def read(path):
+    """Posed, undistorted views of a json file, or of a folder's transforms.json.
+
+    Returns prepare.PosedViews and the names of the frames without an image. Raises
+    ValueError with one line that names the file and the key or frame.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / "transforms.json"
+    scene = _read_json(path)
+    frames = scene.get("frames")
+    if not isinstance(frames, list) or not frames:
+        raise ValueError(f"{path}: 'frames' must be a list that is not empty")
+    kept, left_out = _frames_with_image(path, frames)
+    names = [image.stem for _, image in kept]
+    (name, count), *_ = collections.Counter(names).most_common(1)
+    if count > 1:
+        raise ValueError(f"{path}: {count} frames have the view name {name!r}")
+    sizes = [_size(image) for _, image in kept]
+    width, height = photos.one_size(names, sizes, path)
+    lenses = [
+        _lens(path, {**scene, **frame}, width, height, where=str(frame["file_path"]))
+        for frame, _ in kept
+    ]
+    try:
+        pinholes = [distortion.pinhole_camera(*lens, width, height) for lens in lenses]
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+    def load(i):
+        image, _ = photos.decode(kept[i][1], upright=False)
+        return distortion.undistort(image, *lenses[i], pinholes[i])
+
+    views = prepare.PosedViews(
+        names=names,
+        pixtocams=np.linalg.inv(np.stack(pinholes)),
+        camtoworlds=np.stack([_pose(path, frame) for frame, _ in kept]),
+        width=width,
+        height=height,
+        load=load,
+    )
+    return views, left_out
+
+
+def _read_json(path):
+    if not path.is_file():
+        raise ValueError(f"no file {path}")
+    try:
+        scene = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path} is not JSON: {error}") from None
+    if not isinstance(scene, dict):
+        raise ValueError(f"{path}: not a JSON object")
+    return scene
+
+
+def _frames_with_image(path, frames):
+    """[(frame, image path)] and the names of frames without one, with a warning."""
+    kept, missing = [], []
+    for i, frame in enumerate(frames):
+        if not isinstance(frame, dict) or not isinstance(frame.get("file_path"), str):
+            raise ValueError(f"{path}: frame {i} has no text under 'file_path'")
+        image = _find_image(path, frame["file_path"])
+        if image is None:
+            missing.append(frame["file_path"])
+        else:
+            kept.append((frame, image))
+    if not kept:
+        raise ValueError(f"{path}: none of its {len(frames)} frames has an image")
+    if missing:
+        log.warning(
+            "%s: dropped %d of %d frames, which have no image: %s",
+            path,
+            len(missing),
+            len(frames),
+            photos.some_names(missing),
+        )
+    return kept, sorted(Path(name).stem for name in missing)
+
+
+def _find_image(path, file_path):
+    """The image a frame names, or None; ValueError where it lies outside the scene."""
+    folder = Path(os.path.abspath(path.parent))
+    # By name, not resolved: a link inside the folder is the user's own decision.
+    candidate = Path(os.path.normpath(folder / file_path))
+    if folder not in candidate.parents:
+        raise ValueError(f"{path}: file_path {file_path!r} leads out of its folder")
+    # instant-ngp's synthetic scenes leave the suffix away.
+    for suffix in ("", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"):
+        image = candidate.with_name(candidate.name + suffix)
+        if image.is_file():
+            return image
+    return None
+
+
+def _size(image_path):
+    image, _ = photos.decode(image_path, upright=False)
+    return image.shape[1], image.shape[0]
+
+
+def _lens(path, values, width, height, *, where):
+    """(camtopix [3, 3], distortion [5]) at the image's true size."""
+    model = values.get("camera_model", "OPENCV")
+    if model not in CAMERA_MODELS or values.get("is_fisheye"):
+        raise ValueError(f"{path}: camera model {model!r} of {where} is not supported")
+
+    def number(key, default=None):
+        return _number(path, values, key, default, where=where)
+
+    for key in UNKNOWN_DISTORTION_KEYS:
+        if number(key, 0.0):
+            raise ValueError(f"{path}: distortion {key!r} of {where} is not supported")
+    # The json may describe the photos at another size than they are stored in.
+    given_width, given_height = number("w", width), number("h", height)
+    if min(given_width, given_height) <= 0:
+        raise ValueError(f"{path}: 'w' and 'h' of {where} must be positive")
+    stretch = (width / given_width) / (height / given_height)
+    if not 1 / SAME_SHAPE < stretch < SAME_SHAPE:
+        raise ValueError(
+            f"{path}: {where} is {width}x{height}, which is another shape than its "
+            f"camera's {given_width:g}x{given_height:g}"
+        )
+    fl_x = _focal(number, "fl_x", "camera_angle_x", given_width)
+    fl_y = _focal(number, "fl_y", "camera_angle_y", given_height) or fl_x
+    if not (fl_x and fl_x > 0 and fl_y > 0):
+        raise ValueError(f"{path}: {where} has no positive 'fl_x' or 'camera_angle_x'")
+    camtopix = np.array(
+        [
+            [fl_x, 0, number("cx", given_width / 2)],
+            [0, fl_y, number("cy", given_height / 2)],
+            [0, 0, 1],
+        ]
+    )
+    camtopix = np.diag([width / given_width, height / given_height, 1.0]) @ camtopix
+    return camtopix, np.array([number(key, 0.0) for key in DISTORTION_KEYS])
+
+
+def _focal(number, focal_key, angle_key, size):
+    """Focal length in px, from itself or from the field of view; None for neither."""
+    focal, angle = number(focal_key), number(angle_key)
+    if focal is None and angle is not None and 0 < angle < math.pi:
+        return 0.5 * size / math.tan(0.5 * angle)
+    return focal
+
+
+def _number(path, values, key, default, *, where):
+    value = values.get(key, default)
+    if value is None and key not in values:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{path}: {key!r} of {where} must be a number, not {value!r}")
+    if not math.isfinite(value):
+        raise ValueError(f"{path}: {key!r} of {where} is not finite")
+    return float(value)
+
+
+def _pose(path, frame):
+    """The frame's camera-to-world [3, 4], checked to be a pose."""
+    where = frame["file_path"]
+    try:
+        pose = np.array(frame["transform_matrix"], dtype=np.float64)
+    except (KeyError, TypeError, ValueError):
+        pose = np.zeros(())
+    if pose.shape not in ((3, 4), (4, 4)) or not np.isfinite(pose).all():
+        raise ValueError(f"{path}: 'transform_matrix' of {where} is not 4x4 numbers")
+    rotation = pose[:3, :3]
+    # Files print six digits; what is further from a rotation is scaled or mirrored.
+    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    if off > 1e-2 or np.linalg.det(rotation) < 0:
+        raise ValueError(f"{path}: 'transform_matrix' of {where} is not a rotation")
+    u, _, vt = np.linalg.svd(rotation)
+    return np.concatenate([u @ vt, pose[:3, 3:]], axis=-1)

@@ -1,0 +1,201 @@
+"""Train a method on a scene: `python -m alignerf.train`.
+
+One product: the parameters, beside a `timing.json`. Resumes from its checkpoint
+folder bit for bit (with the same number of threads).
+"""
+
+import argparse
+import hashlib
+import json
+import logging
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from alignerf import (
+    checkpoint,
+    cli,
+    config,
+    methods,
+    patch_conv,
+    progress,
+    scene,
+    train_step,
+)
+
+log = logging.getLogger("alignerf")
+
+CHECKPOINT_EVERY_S = 60.0
+# Numbers are fetched from the device for this many steps at once.
+FETCH_EVERY = 10
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--config", required=True, help="job as JSON, or its file")
+    parser.add_argument("--scene", required=True, help="prepared scene folder")
+    parser.add_argument("--photos", help="folder of photos (default: the scene's)")
+    parser.add_argument("--valid", help="folder of <view>.npz with valid pixels")
+    parser.add_argument("--initial", help="parameters to fine-tune from")
+    parser.add_argument("--checkpoints", required=True, help="folder to resume from")
+    parser.add_argument("--model", required=True, help="parameters, written")
+    parser.add_argument("--timing", required=True, help="timing.json, written")
+    args = parser.parse_args(argv)
+    job = config.parse_job(cli.read_config(args.config))
+    views = load_views(scene.load(args.scene), args.photos, args.valid)
+    method = config.make_method(job)
+    params = initial_params(job, method, args.initial)
+    with checkpoint.lock(args.checkpoints):
+        params, timing = fit(job, method, params, views, args.checkpoints)
+    checkpoint.write_params(args.model, params)
+    with cli.replace_file(args.timing) as path:
+        path.write_text(json.dumps(timing, indent=1))
+
+
+def load_views(loaded: scene.Scene, photos, valid) -> methods.Views:
+    """The training views on the device, with what says which pixels count."""
+    chosen = loaded.views("train")
+    images = scene.read_images(loaded, chosen, photos or loaded.folder / "images")
+    if valid is None:
+        masks = np.ones(images.shape[:3], bool)
+    else:
+        masks = scene.read_validity(loaded, chosen, valid)
+    return methods.Views(
+        photos=jnp.asarray(images),
+        valid=jnp.asarray(masks),
+        pixtocams=jnp.asarray(loaded.pixtocams[chosen], jnp.float32),
+        camtoworlds=jnp.asarray(loaded.camtoworlds[chosen], jnp.float32),
+    )
+
+
+def initial_params(job, method, initial):
+    """Fresh parameters, or the pre-trained ones widened to features."""
+    key = jax.random.key(job.seed)
+    fresh = jax.jit(method.init)(key)
+    if job.stage != "finetune":
+        return fresh
+    if initial is None:
+        raise ValueError("--initial: fine-tuning needs pre-trained parameters")
+    pretrain = config.make_method(config.replace_stage(job, "pretrain"))
+    template = jax.eval_shape(pretrain.init, key)
+    trained = checkpoint.read_params(initial, template)
+    model = patch_conv.widen_values(trained["model"], job.alignerf.features, key)
+    return {**fresh, "model": model}
+
+
+def fit(job, method, params, views, checkpoints):
+    """Train to the last step; returns (parameters, timing)."""
+    optimizer = train_step.make_optimizer(
+        learning_rates=(
+            job.alignerf if job.stage == "finetune" else job.training
+        ).learning_rates,
+        steps=job.schedule_steps,
+        warmup_steps=min(job.training.warmup_steps, job.steps),
+        eps=job.training.adam_eps,
+    )
+    state = train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))
+    identity = checkpoint.fingerprint(config.as_dict(job), digest((params, views)))
+    spent_s, found = 0.0, checkpoint.restore(checkpoints, state, identity=identity)
+    if found is not None:
+        state, spent_s = found
+        state = jax.tree.map(jnp.asarray, state)
+        log.info("resuming at step %d of %d", int(state.step), job.steps)
+    step = train_step.make_step(
+        method,
+        optimizer,
+        steps=job.schedule_steps,
+        gradient_norm=job.training.gradient_norm,
+        seed=job.seed,
+    )
+    count = sum(leaf.size for leaf in jax.tree.leaves(params))
+    log.info(
+        "%s: %s parameters, %d steps of %d rays, on %s",
+        job.stage,
+        f"{count:,}",
+        job.steps,
+        job.rays_per_step,
+        jax.devices()[0].device_kind,
+    )
+    start = time.perf_counter()
+    state, history, first_step_s = run_steps(
+        job,
+        step,
+        state,
+        views,
+        lambda state: checkpoint.save(
+            checkpoints,
+            state,
+            identity=identity,
+            time_s=spent_s + time.perf_counter() - start,
+        ),
+    )
+    timing = {
+        "train_time_s": round(spent_s + time.perf_counter() - start, 3),
+        "first_step_s": round(first_step_s, 3),
+        "steps": job.steps,
+        "rays_seen": job.steps * job.rays_per_step,
+        "params": count,
+        "device": jax.devices()[0].device_kind,
+        "final": history,
+    }
+    return state.params, timing
+
+
+def run_steps(job, step, state, views, save):
+    """The loop: step, look at the numbers, save now and then."""
+    done = int(state.step)
+    bar = progress.Progress(job.stage, job.steps, done=done)
+    pending, history, first_step_s = [], {}, 0.0
+    saved = fetched = time.perf_counter()
+    while done < job.steps:
+        state, stats = step(state, views)
+        if not first_step_s:
+            jax.block_until_ready(stats)
+            first_step_s = time.perf_counter() - fetched
+        pending.append(stats)
+        done += 1
+        if len(pending) < FETCH_EVERY and done < job.steps:
+            continue
+        history = look_at(jax.device_get(pending), done - len(pending))
+        now = time.perf_counter()
+        rays_per_s = len(pending) * job.rays_per_step / (now - fetched)
+        bar.advance(
+            len(pending),
+            loss=history["loss"],
+            psnr=history["psnr_db"],
+            **{"rays/s": rays_per_s},
+        )
+        fetched, pending = now, []
+        if now - saved > CHECKPOINT_EVERY_S or done == job.steps:
+            save(state)
+            saved = time.perf_counter()
+    bar.close()
+    return state, history, first_step_s
+
+
+def look_at(batch, first_step):
+    """Means of the steps' numbers; the first that is not finite stops the job."""
+    for number, stats in enumerate(batch):
+        bad = [name for name, value in stats.items() if not np.isfinite(value)]
+        if stats["nonfinite_gradients"]:
+            bad.append(f"{int(stats['nonfinite_gradients'])} gradient entries")
+        if bad:
+            raise ValueError(
+                f"training diverged at step {first_step + number}: not finite: "
+                + ", ".join(bad)
+            )
+    return {key: float(np.mean([s[key] for s in batch])) for key in batch[0]}
+
+
+def digest(tree):
+    """SHA-256 of the arrays of a tree: the data that a training starts from."""
+    found = hashlib.sha256()
+    for leaf in jax.tree.leaves(jax.device_get(tree)):
+        found.update(np.ascontiguousarray(leaf))
+    return found.hexdigest()
+
+
+if __name__ == "__main__":
+    cli.run(main)

@@ -1,0 +1,1 @@
+"""The misalignment analysis in images only: flow from render to photo, and warps."""

@@ -1,0 +1,61 @@
+"""Middlebury's colour code of a flow: hue is the direction, saturation the length.
+
+Notation: `flow_px` [h, w, 2] x then y in pixels; `scale_px` the length that is
+fully saturated; images [h, w, 3] uint8 RGB. Code: Baker et al. 2011, "A Database
+and Evaluation Methodology for Optical Flow" (vision.middlebury.edu/flow).
+"""
+
+import numpy as np
+
+# Steps from one corner of the RGB cube to the next, more where the eye sees more:
+# red - yellow - green - cyan - blue - magenta - red.
+_STEPS = (15, 6, 4, 11, 13, 6)
+_CORNERS = np.array(
+    [[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1], [1, 0, 1], [1, 0, 0]],
+    dtype=np.float64,
+)
+
+
+def _wheel():
+    parts = [
+        start + np.arange(steps)[:, None] / steps * (end - start)
+        for steps, start, end in zip(_STEPS, _CORNERS, _CORNERS[1:], strict=False)
+    ]
+    return np.concatenate(parts)
+
+
+WHEEL = _wheel()
+
+
+def encode(flow_px, *, scale_px, valid=None):
+    """Colours [h, w, 3] uint8: white is no flow, longer than scale_px is darkened.
+
+    Pixels that are not valid, or not finite, are black.
+    """
+    if not (np.isfinite(scale_px) and scale_px > 0):
+        raise ValueError(f"scale_px must be positive, is {scale_px}")
+    flow_px = np.asarray(flow_px, dtype=np.float64)
+    known = np.isfinite(flow_px).all(axis=-1)
+    if valid is not None:
+        known &= valid
+    u, v = np.where(known[..., None], flow_px / scale_px, 0.0).transpose(2, 0, 1)
+    radius = np.hypot(u, v)[..., None]
+    at = (np.arctan2(-v, -u) / np.pi + 1) / 2 * (len(WHEEL) - 1)
+    low = np.floor(at).astype(int)
+    fraction = (at - low)[..., None]
+    high = (low + 1) % len(WHEEL)
+    hue = (1 - fraction) * WHEEL[low] + fraction * WHEEL[high]
+    colour = np.where(radius <= 1, 1 - radius * (1 - hue), 0.75 * hue)
+    return np.floor(255 * colour * known[..., None]).astype(np.uint8)
+
+
+def legend(side_px):
+    """The wheel [side_px, side_px, 3]: colour of the flow from the centre to here.
+
+    The rim stands for the scale; outside of it the image is white.
+    """
+    offset = np.arange(side_px) - (side_px - 1) / 2
+    flow = np.stack(np.meshgrid(offset, offset), axis=-1)
+    inside = np.hypot(flow[..., 0], flow[..., 1]) <= side_px / 2
+    colours = encode(flow, scale_px=side_px / 2)
+    return np.where(inside[..., None], colours, np.uint8(255))

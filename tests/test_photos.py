@@ -1,0 +1,176 @@
+"""Every kind of image file that real folders hold: handled, or refused by name."""
+
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from alignerf.scenes import photos, prepare
+
+
+@pytest.fixture
+def pixels():
+    """An image without symmetry [12, 20, 3]."""
+    return np.random.default_rng(0).integers(0, 256, (12, 20, 3), dtype=np.uint8)
+
+
+def save(path, pixels, **options):
+    Image.fromarray(pixels).save(path, **options)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_orientation_is_applied_once(tmp_path, pixels, orientation):
+    def stored(image):
+        """The rows that a camera would store for a scene that looks like `image`."""
+        undo = {
+            1: lambda a: a,
+            2: np.fliplr,
+            3: lambda a: np.rot90(a, 2),
+            4: np.flipud,
+            5: lambda a: a.swapaxes(0, 1),
+            6: np.rot90,
+            7: lambda a: np.rot90(a, 2).swapaxes(0, 1),
+            8: lambda a: np.rot90(a, -1),
+        }
+        return np.ascontiguousarray(undo[orientation](image))
+
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    save(tmp_path / "a.png", stored(pixels), exif=exif)
+    upright, _ = photos.decode(tmp_path / "a.png")
+    as_stored, _ = photos.decode(tmp_path / "a.png", upright=False)
+    np.testing.assert_array_equal(upright, pixels)
+    np.testing.assert_array_equal(as_stored, stored(pixels))
+
+
+def test_depths_and_colour_modes(tmp_path, pixels):
+    grey = pixels[..., 0]
+    deep = grey.astype(np.uint16) * 257
+    cases = {
+        "grey.png": (grey, grey[..., None]),
+        "deep.png": (deep, grey[..., None]),
+        "deep.tif": (deep, grey[..., None]),
+        "opaque.png": (np.dstack([pixels, np.full_like(grey, 255)]), pixels),
+        "grey alpha.png": (np.dstack([grey, np.full_like(grey, 255)]), grey[..., None]),
+        "rgb.webp": (pixels, None),
+    }
+    for name, (stored, expected) in cases.items():
+        save(
+            tmp_path / name, stored, **({} if expected is not None else {"quality": 9})
+        )
+        image, focal_px = photos.decode(tmp_path / name)
+        assert image.dtype == np.uint8
+        assert image.shape == pixels.shape
+        assert np.isnan(focal_px)
+        if expected is not None:
+            np.testing.assert_array_equal(image, np.broadcast_to(expected, image.shape))
+    Image.fromarray(pixels).convert("CMYK").save(tmp_path / "c.tif")
+    np.testing.assert_array_equal(photos.decode(tmp_path / "c.tif")[0], pixels)
+    Image.fromarray(pixels).quantize(8).save(tmp_path / "p.png")
+    assert photos.decode(tmp_path / "p.png")[0].shape == pixels.shape
+
+
+def png_claiming(width, height):
+    """A PNG whose header promises a size that its data do not hold."""
+
+    def chunk(kind, body):
+        return (
+            struct.pack(">I", len(body))
+            + kind
+            + body
+            + struct.pack(">I", zlib.crc32(kind + body))
+        )
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    data = chunk(b"IDAT", zlib.compress(b"\0" * 100))
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + data + chunk(b"IEND", b"")
+
+
+def broken_files(folder, pixels):
+    save(folder / "whole.jpg", pixels.repeat(8, 0).repeat(8, 1))
+    save(folder / "whole.png", pixels)
+    whole_jpg = (folder / "whole.jpg").read_bytes()
+    whole_png = (folder / "whole.png").read_bytes()
+    flipped = bytearray(whole_png)
+    flipped[len(flipped) // 2] ^= 0xFF
+    return {
+        "truncated.jpg": whole_jpg[: len(whole_jpg) * 2 // 3],
+        "truncated.png": whole_png[: len(whole_png) // 2],
+        "flipped.png": bytes(flipped),
+        "text.jpg": b"not an image",
+        "empty.jpg": b"",
+        "bomb.png": png_claiming(60000, 60000),
+    }
+
+
+def test_broken_files_are_refused_by_name(tmp_path, pixels):
+    for name, data in broken_files(tmp_path, pixels).items():
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(ValueError, match=name):
+            photos.decode(tmp_path / name)
+    with pytest.raises(FileNotFoundError):
+        photos.decode(tmp_path / "none.png")
+
+
+def test_what_cannot_be_a_photo_is_refused_by_name(tmp_path, pixels):
+    alpha = np.full(pixels.shape[:2], 255, np.uint8)
+    alpha[3, 4] = 254
+    save(tmp_path / "holes.png", np.dstack([pixels, alpha]))
+    save(tmp_path / "real.tif", pixels[..., 0].astype(np.float32))
+    save(tmp_path / "long.tif", np.full((4, 4), 70000, np.int32))
+    for name in ("holes.png", "real.tif", "long.tif"):
+        with pytest.raises(ValueError, match=name):
+            photos.decode(tmp_path / name)
+
+
+def test_ingest_sorts_by_view_name_and_ignores_the_rest(tmp_path, pixels, caplog):
+    source, target = tmp_path / "in", tmp_path / "out"
+    source.mkdir(), target.mkdir()
+    for name in ("b 2.JPG", "a.b.png", "ä.tiff", "a.bmp"):
+        save(source / name, pixels)
+    (source / ".hidden.jpg").write_bytes(b"")
+    (source / "notes.txt").write_text("x")
+    (source / "folder.jpg").mkdir()
+    taken = photos.ingest(source, target)
+    assert taken.names == ["a", "a.b", "b 2", "ä"]
+    assert (taken.width, taken.height) == (20, 12)
+    assert "notes.txt" in caplog.text
+    assert "hidden" not in caplog.text
+    for name in taken.names:
+        assert prepare.load_image(target / f"{name}.png").shape == pixels.shape
+    np.testing.assert_array_equal(prepare.load_image(target / "a.b.png"), pixels)
+
+
+def test_folders_that_cannot_be_used(tmp_path, pixels):
+    with pytest.raises(ValueError, match="nowhere"):
+        photos.find_images(tmp_path / "nowhere")
+    with pytest.raises(ValueError, match=str(tmp_path)):
+        photos.find_images(tmp_path)
+    save(tmp_path / "a.png", pixels)
+    save(tmp_path / "a.jpg", pixels)
+    with pytest.raises(ValueError, match=r"a\.jpg and a\.png|a\.png and a\.jpg"):
+        photos.find_images(tmp_path)
+
+
+def test_odd_sizes_are_named(tmp_path, pixels):
+    target = tmp_path / "out"
+    target.mkdir()
+    for name in ("a", "b", "c"):
+        save(tmp_path / f"{name}.png", pixels)
+    save(tmp_path / "odd one.png", pixels.swapaxes(0, 1))
+    with pytest.raises(ValueError, match=r"3 are 20x12, but not odd one.png \(12x20\)"):
+        photos.ingest(tmp_path, target)
+
+
+def test_focal_length_from_exif(tmp_path):
+    """A lens of 43.27 mm equivalent sees its image's diagonal at its own length."""
+    exif = Image.Exif()
+    exif.get_ifd(photos.EXIF_IFD)[photos.FOCAL_35MM_TAG] = 26
+    save(tmp_path / "a.jpg", np.zeros((3000, 4000, 3), np.uint8), exif=exif)
+    _, focal_px = photos.decode(tmp_path / "a.jpg")
+    assert focal_px == pytest.approx(26 / 43.2666 * 5000)
+    assert photos.shared_focal_px(np.array([focal_px, np.nan, focal_px])) == focal_px
+    assert photos.shared_focal_px(np.array([np.nan, np.nan])) is None
+    assert photos.shared_focal_px(np.array([1000.0, 2000.0])) is None

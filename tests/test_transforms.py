@@ -1,0 +1,216 @@
+"""Scenes with known cameras, and the lens distortion that they name."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from alignerf.scenes import distortion, prepare, transforms
+
+LENSES = [
+    np.array([0.0, 0.0, 0.0, 0.0, 0.0]),
+    np.array([0.06, -0.08, -1e-3, 1.6e-4, 0.0]),
+    np.array([-0.2, 0.05, 0.0, 0.0, 0.0]),
+    np.array([-0.1, 0.02, 2e-3, -3e-3, 1e-3]),
+]
+CAMTOPIX = np.array([[70.0, 0, 47.3], [0, 72.0, 33.9], [0, 0, 1]])
+WIDTH, HEIGHT = 96, 64
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_distortion_agrees_with_opencv(lens):
+    """OpenCV's own projection, whose pixel centres lie half a pixel elsewhere."""
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (200, 2))
+    space = np.concatenate([points, np.ones((200, 1))], axis=-1)
+    opencv_camera = CAMTOPIX - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
+    expected, _ = cv2.projectPoints(
+        space, np.zeros(3), np.zeros(3), opencv_camera, lens
+    )
+    pixels = distortion.distort_points(points, CAMTOPIX, lens)
+    np.testing.assert_allclose(pixels, expected[:, 0] + 0.5, atol=1e-9)
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_undistorted_image_is_what_the_pinhole_sees(lens):
+    """A smooth pattern on a far wall, photographed through the lens and without."""
+
+    def wall(points):
+        x, y = points[..., 0], points[..., 1]
+        waves = np.sin(9 * x + 2), np.sin(8 * y + x), np.cos(7 * (x - y))
+        return np.stack(waves, axis=-1) * 100 + 128
+
+    def pixel_centres():
+        x, y = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
+        return np.stack([x, y], axis=-1)
+
+    # The photo: invert the distortion by fixed-point iteration, the slow twin.
+    target = pixel_centres().reshape(-1, 2)
+    inverse = np.linalg.inv(CAMTOPIX)
+    points = target @ inverse[:2, :2].T + inverse[:2, 2]
+    for _ in range(100):
+        error = distortion.distort_points(points, CAMTOPIX, lens) - target
+        points = points - error @ inverse[:2, :2].T
+    photo = np.rint(wall(points)).astype(np.uint8).reshape(HEIGHT, WIDTH, 3)
+
+    pinhole = distortion.pinhole_camera(CAMTOPIX, lens, WIDTH, HEIGHT)
+    seen = distortion.undistort(photo, CAMTOPIX, lens, pinhole)
+    inverse = np.linalg.inv(pinhole)
+    expected = wall(pixel_centres() @ inverse[:2, :2].T + inverse[:2, 2])
+    # Half a pixel of error would be 6 grey levels on average.
+    assert np.abs(seen[2:-2, 2:-2] - expected[2:-2, 2:-2]).mean() < 0.6
+    assert np.abs(seen - expected).max() < 8
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_pinhole_view_fits_tightly_inside_the_photo(lens):
+    pinhole = distortion.pinhole_camera(CAMTOPIX, lens, WIDTH, HEIGHT)
+    inverse = np.linalg.inv(pinhole)
+    # Pixel shape is kept.
+    assert pinhole[0, 0] / pinhole[1, 1] == pytest.approx(70 / 72)
+    slack = []
+    for side in distortion._border(WIDTH, HEIGHT):
+        points = side @ inverse[:2, :2].T + inverse[:2, 2]
+        pixels = distortion.distort_points(points, CAMTOPIX, lens)
+        room = np.concatenate([pixels, [WIDTH, HEIGHT] - pixels], axis=-1)
+        assert room.min() > 0.45
+        slack.append(room.min() - 0.5)
+    assert min(slack) < 0.2
+
+
+@pytest.mark.parametrize("lens", [[-3.0, 0, 0, 0, 0], [0, 0, 5.0, 0, 0]])
+def test_absurd_distortion_is_refused(lens):
+    with pytest.raises(ValueError, match="distortion of"):
+        distortion.pinhole_camera(CAMTOPIX, np.array(lens), WIDTH, HEIGHT)
+
+
+def pose(rng):
+    rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    rotation *= np.sign(np.linalg.det(rotation))
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, rng.normal(size=3)
+    return matrix
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A folder with three images of 96x64 and the json that describes four."""
+    rng = np.random.default_rng(1)
+    (tmp_path / "images").mkdir()
+    content = {"fl_x": 70.0, "fl_y": 72.0, "cx": 47.3, "cy": 33.9, "frames": []}
+    for name in ("c.png", "a.png", "b.png", "gone.png"):
+        if name != "gone.png":
+            image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+            Image.fromarray(image).save(tmp_path / "images" / name)
+        frame = {"file_path": f"images/{name}", "transform_matrix": pose(rng).tolist()}
+        content["frames"].append(frame)
+    return tmp_path, content
+
+
+def read(scene):
+    folder, content = scene
+    (folder / "transforms.json").write_text(json.dumps(content))
+    return transforms.read(folder)
+
+
+def test_cameras_are_read_as_written(scene, caplog):
+    views, left_out = read(scene)
+    views = prepare.sort_by_name(views)
+    assert views.names == ["a", "b", "c"]
+    assert left_out == ["gone"]
+    assert "1 of 4 frames" in caplog.text
+    assert "gone.png" in caplog.text
+    np.testing.assert_allclose(np.linalg.inv(views.pixtocams[0]), CAMTOPIX)
+    for i, frame in enumerate([1, 2, 0]):
+        matrix = np.array(scene[1]["frames"][frame]["transform_matrix"])
+        np.testing.assert_allclose(views.camtoworlds[i], matrix[:3], atol=1e-9)
+        stored = prepare.load_image(scene[0] / scene[1]["frames"][frame]["file_path"])
+        np.testing.assert_array_equal(views.load(i), stored)
+
+
+def test_field_of_view_and_paths_without_suffix(scene):
+    _, content = scene
+    for key in ("fl_x", "fl_y", "cx", "cy"):
+        del content[key]
+    content["camera_angle_x"] = 2 * np.arctan(0.5)
+    for frame in content["frames"]:
+        frame["file_path"] = "./" + frame["file_path"].removesuffix(".png")
+    views, _ = read(scene)
+    expected = [[WIDTH, 0, WIDTH / 2], [0, WIDTH, HEIGHT / 2], [0, 0, 1]]
+    np.testing.assert_allclose(np.linalg.inv(views.pixtocams[2]), expected)
+
+
+def test_frames_have_their_own_lenses_and_size(scene):
+    _, content = scene
+    content["frames"][1] |= {"fl_x": 140.0, "fl_y": 144.0, "cx": 94.6, "cy": 67.8}
+    content["frames"][1] |= {"w": 2 * WIDTH, "h": 2 * HEIGHT}
+    content["frames"][2] |= {"k1": -0.2}
+    views, _ = read(scene)
+    np.testing.assert_allclose(views.pixtocams[1], views.pixtocams[0])
+    assert np.abs(views.pixtocams[2] - views.pixtocams[0]).max() > 1e-4
+
+
+def change(content, path, value):
+    *parents, key = path
+    for parent in parents:
+        content = content[parent]
+    if value is None:
+        del content[key]
+    else:
+        content[key] = value
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "named"),
+    [
+        (["frames"], None, "frames"),
+        (["frames"], [], "frames"),
+        (["frames", 0], "text", "frame 0"),
+        (["frames", 0, "file_path"], None, "file_path"),
+        (["frames", 0, "file_path"], "../other/a.png", "leads out"),
+        (["frames", 0, "file_path"], "/etc/hostname", "leads out"),
+        (["frames", 0, "file_path"], "images/a.png", "2 frames"),
+        (["frames", 0, "transform_matrix"], None, "transform_matrix"),
+        (["frames", 0, "transform_matrix"], [[1, 2], [3]], "transform_matrix"),
+        (["frames", 0, "transform_matrix"], np.zeros((4, 4)).tolist(), "rotation"),
+        (["frames", 0, "transform_matrix", 0, 3], float("nan"), "transform_matrix"),
+        (["frames", 0, "w"], 64, "shape"),
+        (["frames", 0, "h"], -64, "positive"),
+        (["fl_x"], None, "fl_x"),
+        (["fl_x"], "70", "fl_x"),
+        (["fl_x"], -70.0, "fl_x"),
+        (["k1"], float("inf"), "k1"),
+        (["k1"], -3.0, "distortion"),
+        (["k4"], 0.1, "k4"),
+        (["camera_model"], "OPENCV_FISHEYE", "OPENCV_FISHEYE"),
+    ],
+)
+def test_faults_are_named(scene, path, value, named):
+    change(scene[1], path, value)
+    with pytest.raises(ValueError, match=named) as caught:
+        read(scene)
+    assert "transforms.json" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_files_that_are_no_scene(tmp_path, scene):
+    with pytest.raises(ValueError, match=r"transforms\.json"):
+        transforms.read(tmp_path)
+    for text in ("", "[1]", '{"frames"', "\xff"):
+        (tmp_path / "t.json").write_text(text)
+        with pytest.raises(ValueError, match=r"t\.json"):
+            transforms.read(tmp_path / "t.json")
+    for name in ("a.png", "b.png", "c.png"):
+        (tmp_path / "images" / name).unlink()
+    with pytest.raises(ValueError, match="none of its 4 frames"):
+        read(scene)
+
+
+def test_fox(shared_data):
+    views, left_out = transforms.read(shared_data / "scenes" / "fox")
+    assert len(views.names) == 50
+    assert len(left_out) == 17
+    assert (views.width, views.height) == (1080, 1920)
+    small = prepare.downscale(views, 4)
+    assert small.load(0).shape == (480, 270, 3)
