@@ -19,7 +19,8 @@ def run(main):
     OSError; both become `error: ...` on stderr with exit status 1. The traceback
     is for developers: set ALIGNERF_DEBUG=1.
     """
-    logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
+    logging.basicConfig(format="%(message)s", stream=sys.stderr)
+    log.setLevel(logging.INFO)
     try:
         main()
     except (ValueError, OSError) as error:
@@ -62,6 +63,15 @@ def fill_defaults(config, defaults, *, name="config"):
             raise ValueError(f"{name}: {key} must be of type {expected}, not {value!r}")
         filled[key] = value
     return filled
+
+
+def check_least(config, least, *, name=""):
+    """ValueError for a value of `config` below what `least` {key: number} asks."""
+    for key, bound in least.items():
+        if not config[key] >= bound:
+            raise ValueError(
+                f"{name}{key}: must be at least {bound}, not {config[key]}"
+            )
 
 
 def _same_type(value, default):

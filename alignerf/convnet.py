@@ -3,6 +3,8 @@
 Notation: images [n, h, w, c], kernels [kh, kw, c, out] (HWIO).
 """
 
+import zipfile
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -32,16 +34,12 @@ def read_weights(path, names):
     Raises ValueError naming the file where it is no .npz, lacks an array, or
     holds a number that is not finite.
     """
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            missing = [name for name in names if name not in stored]
-            if missing:
-                raise ValueError(f"{path}: no array {', '.join(missing)} in it")
-            found = {name: np.asarray(stored[name], np.float32) for name in names}
-    except FileNotFoundError:
-        raise ValueError(f"{path}: weights file not found") from None
-    except (OSError, EOFError, AttributeError) as error:
-        raise ValueError(f"{path}: not a readable .npz ({error})") from None
+    if not zipfile.is_zipfile(path):
+        raise ValueError(f"{path}: weights file not found, or not an .npz")
+    with np.load(path, allow_pickle=False) as stored:
+        if missing := [name for name in names if name not in stored]:
+            raise ValueError(f"{path}: no array {', '.join(missing)} in it")
+        found = {name: np.asarray(stored[name], np.float32) for name in names}
     for name, array in found.items():
         if not np.isfinite(array).all():
             raise ValueError(f"{path}: array {name} is not finite")

@@ -15,7 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from alignerf import cameras, cli
-from alignerf.scenes import colmap, distortion, photos, prepare, transforms, truth
+from alignerf.scenes import (
+    colmap,
+    courtyard,
+    prepare,
+    transforms,
+    truth,
+)
 
 log = logging.getLogger("alignerf.poses")
 
@@ -34,6 +40,7 @@ DEFAULTS = {
         "height": 300,
         "motion": "uniform",
         "motion_m": 0.02,
+        "moving": list(courtyard.MOVING),
         "supersample": 2,
     },
 }
@@ -89,11 +96,17 @@ def check_config(config):
             f"poses: {config['poses']!r} is not possible for source {source!r}, "
             f"only {' or '.join(POSES[source])}"
         )
+    model = config["colmap"]["camera_model"]
+    if source == "courtyard" and model not in (None, "PINHOLE", "SIMPLE_PINHOLE"):
+        # Undoing a distortion that is not there would move photos off their true flow.
+        raise ValueError(f"colmap.camera_model: courtyard is a PINHOLE, not {model}")
     if source != "courtyard" and not config["path"]:
         raise ValueError(f"path: source {source!r} needs one")
-    for key, least in (("downscale", 1), ("test_every", 2), ("perturb_px", 0)):
-        if config[key] < least:
-            raise ValueError(f"{key}: must be at least {least}, not {config[key]}")
+    least = {"downscale": 1, "test_every": 2, "perturb_px": 0, "seed": 0}
+    cli.check_least(config, least)
+    cli.check_least(config["colmap"], {"max_size_px": 1}, name="colmap.")
+    least = dict.fromkeys(("views", "width", "height", "supersample"), 1)
+    cli.check_least(config["courtyard"], least, name="courtyard.")
     return config
 
 
@@ -103,7 +116,9 @@ def load_source(config, scratch):
         views, left_out = transforms.read(config["path"])
         return views, registration(views.names, left_out), None
     if config["source"] == "photos":
-        views, report = pose_photos(config["path"], scratch, config)
+        views, report = pose_photos(
+            config["path"], scratch, config, camera_model="OPENCV"
+        )
         return views, report, None
     scene = truth.build_courtyard(**config["courtyard"], seed=config["seed"])
     folder = scratch / "photos"
@@ -123,42 +138,15 @@ def load_source(config, scratch):
     return views, registration(scene.names, []), scene
 
 
-def pose_photos(folder, scratch, config, *, where=None, camera_model="OPENCV"):
+def pose_photos(folder, scratch, config, *, camera_model, where=None):
     """Views of a folder of photos by COLMAP, undistorted, and the poses report."""
-    (scratch / "ingested").mkdir()
-    taken = photos.ingest(folder, scratch / "ingested")
-    focal_px = photos.shared_focal_px(taken.focals_px)
-    log.info("COLMAP on %d photos of %dx%d", len(taken.names), *taken[2:4])
-    model = colmap.estimate_poses(
-        taken.folder,
+    views, model, focal_px = colmap.pose_folder(
+        folder,
         scratch,
-        taken.names,
         camera_model=config["colmap"]["camera_model"] or camera_model,
         max_size_px=config["colmap"]["max_size_px"],
-        focal_px=focal_px,
-        width=taken.width,
-        height=taken.height,
         seed=config["seed"],
         where=where or str(folder),
-    )
-    if model.left_out:
-        log.warning("COLMAP left out %s", photos.some_names(model.left_out))
-    lenses = list(zip(model.camtopix, model.distortion, strict=True))
-    pinholes = [
-        distortion.pinhole_camera(*lens, taken.width, taken.height) for lens in lenses
-    ]
-
-    def load(i):
-        image = prepare.load_image(taken.folder / f"{model.names[i]}.png")
-        return distortion.undistort(image, *lenses[i], pinholes[i])
-
-    views = prepare.PosedViews(
-        names=model.names,
-        pixtocams=np.linalg.inv(np.stack(pinholes)),
-        camtoworlds=model.camtoworlds,
-        width=taken.width,
-        height=taken.height,
-        load=load,
     )
     report = registration(model.names, model.left_out) | {
         "mean_reprojection_error_px": model.mean_reprojection_error_px,
@@ -171,13 +159,14 @@ def pose_photos(folder, scratch, config, *, where=None, camera_model="OPENCV"):
 
 
 def pose_courtyard(folder, scratch, scene, config):
-    """The courtyard's photos through COLMAP, the frame aligned to the true one."""
-    model = config["colmap"]["camera_model"]
-    if model not in (None, "PINHOLE", "SIMPLE_PINHOLE"):
-        raise ValueError(
-            f"colmap.camera_model: the courtyard's camera is a pinhole, not {model}: "
-            "undoing a distortion would move its photos away from their true flow"
-        )
+    """The courtyard's photos through COLMAP, the frame aligned to the true one.
+
+    The focal length is COLMAP's own, as for photos without EXIF: it comes within
+    0.2 % of the true one, and holding that one changed little. What is left is the
+    work of the moving objects: with 48 views of 400x300, the estimated cameras see
+    the still scene 0.77 px of a 200x150 image from where it is on average, and
+    0.07 px when nothing moves.
+    """
     views, report = pose_photos(
         folder, scratch, config, where="courtyard", camera_model="SIMPLE_PINHOLE"
     )

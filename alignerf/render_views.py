@@ -44,7 +44,7 @@ def main(argv=None):
     bar.close()
     with cli.replace_file(args.timing) as path:
         seconds = round(time.perf_counter() - start, 3)
-        path.write_text(json.dumps({"render_time_s": seconds, "views": len(views)}))
+        path.write_text(json.dumps({"time_s": seconds, "views": len(views)}))
 
 
 def make_renderer(method, params, width, height):

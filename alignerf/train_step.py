@@ -56,7 +56,7 @@ def clip_per_network(grads, max_norm):
             jnp.stack([jnp.max(jnp.abs(g)) for g in jax.tree.leaves(tree)])
         )
         unit = jnp.maximum(largest, 1e-30)
-        norm = unit * optax.global_norm(jax.tree.map(lambda g: g / unit, tree))
+        norm = unit * optax.tree.norm(jax.tree.map(lambda g: g / unit, tree))
         share = jnp.minimum(1.0, max_norm / jnp.maximum(norm, 1e-30))
         return jax.tree.map(lambda g: g * share, tree)
 

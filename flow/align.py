@@ -25,7 +25,7 @@ COLUMNS = (
     "p95_px",
     "valid_share",
     "blur_sigma_px",
-    "seconds",
+    "time_s",
 )
 
 
@@ -47,10 +47,10 @@ def main(renders, photos, targets, stats_out, *, views=None, **options):
             folders[kind] = stack.enter_context(files.replacing(target))
             folders[kind].mkdir()
         for view, render_path, photo_path in tqdm(pairs, desc="flow", unit="view"):
-            start_s = time.perf_counter()
+            started = time.perf_counter()
             render, photo = files.read_image(render_path), files.read_image(photo_path)
             row = align_view(view, render, photo, folders, **options)
-            rows.append(row | {"seconds": round(time.perf_counter() - start_s, 4)})
+            rows.append(row | {"time_s": round(time.perf_counter() - started, 4)})
         write_rows(stats_path, rows)
     return rows
 

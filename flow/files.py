@@ -92,7 +92,8 @@ def read_flow(path):
 def read_arrays(path, *keys):
     """The named arrays of an .npz, in the order of keys; ValueError names the file."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # Opened here, since np.load leaves its own handle open on broken archives.
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
             return [archive[key] for key in keys]
     except _BROKEN_ARCHIVE as error:
         raise ValueError(

@@ -3,6 +3,7 @@
 import numpy as np
 import pycolmap
 import pytest
+from PIL import Image
 
 from alignerf import cameras
 from alignerf.scenes import colmap, courtyard, distortion, prepare
@@ -81,6 +82,25 @@ def test_poses_are_near_the_truth_and_the_same_twice(photos, tmp_path):
     again = estimate(photos, tmp_path / "b")
     np.testing.assert_array_equal(again.camtoworlds, found.camtoworlds)
     np.testing.assert_array_equal(again.camtopix, found.camtopix)
+
+
+def test_a_folder_zoomed_differently_has_one_camera_a_photo(photos, tmp_path, caplog):
+    """EXIF tells of two focal lengths; what they are is left to COLMAP."""
+    (tmp_path / "taken").mkdir()
+    for i, name in enumerate(photos[1]):
+        exif = Image.Exif()
+        exif.get_ifd(0x8769)[0xA405] = 26 if i % 2 else 52
+        with Image.open(photos[0] / f"{name}.png") as image:
+            image.save(tmp_path / "taken" / f"{name}.jpg", quality=98, exif=exif)
+    options = {"max_size_px": 1600, "seed": 0, "where": "HERE"}
+    views, model, focal_px = colmap.pose_folder(
+        tmp_path / "taken", tmp_path, camera_model="SIMPLE_RADIAL", **options
+    )
+    assert focal_px is None
+    assert "several focal lengths" in caplog.text
+    assert len(np.unique(model.camtopix[:, 0, 0])) == len(model.names)
+    assert views.load(0).shape == (180, 240, 3)
+    np.testing.assert_array_equal(views.camtoworlds, model.camtoworlds)
 
 
 def test_photos_that_do_not_overlap(tmp_path):

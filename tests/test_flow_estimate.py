@@ -52,7 +52,7 @@ def test_direction_by_plain_indexing(method, dx, dy):
     assert flow_px.shape == (120, 160, 2)
     assert flow_px.dtype == np.float32
     inner = flow_px[16:-16, 16:-16]
-    assert np.abs(np.median(inner, axis=(0, 1)) - (dx, dy)).max() < 0.1
+    assert np.abs(np.median(inner, axis=(0, 1)) - (dx, dy)).max() < 0.25
     warped = warp.warp(photo, flow_px).astype(float)
     missed = np.abs(warped - render)[16:-16, 16:-16].mean()
     unwarped = np.abs(photo.astype(float) - render)[16:-16, 16:-16].mean()

@@ -101,6 +101,19 @@ def test_in_frame_is_a_matter_of_positions():
     assert not warp.in_frame(np.full((20, 30, 2), 1e30, np.float32)).any()
 
 
+@pytest.mark.parametrize("kernel", warp.KERNELS)
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (3, 3), (20, 30)])
+def test_far_flows_end_and_take_the_border(kernel, size):
+    image = noise(*size)
+    for far in (1e3, 1e5, 1e30):
+        warped = warp.warp(image, constant(*size, far, 0), kernel=kernel)
+        assert warped.shape == image.shape
+        if far < 1e5:
+            np.testing.assert_array_equal(
+                warped, np.broadcast_to(image[:, -1:], image.shape)
+            )
+
+
 def test_forward_and_backward_agree_on_a_shift():
     forward_px, backward_px = constant(40, 50, 3, -2), constant(40, 50, -3, 2)
     agrees = warp.consistent(forward_px, backward_px, tolerance_px=0.01)

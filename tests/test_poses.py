@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf import cameras, poses
+from alignerf import cameras, cli, poses
 from alignerf.scenes import prepare
 
 COURTYARD = {
@@ -138,8 +139,6 @@ def test_courtyard_through_colmap(tmp_path):
     assert abs(compared["focal_error_relative"]) < 0.05
     assert report["true_misalignment_px"] < 2
     assert len(list((tmp_path / "images").iterdir())) == report["registered"]
-    # Another source under the same name takes its truth away.
-    (tmp_path / "own").mkdir()
 
 
 def test_downscaling_follows_the_true_ratio():
@@ -194,6 +193,11 @@ def faults(tmp_path):
         ({"source": "courtyard", "seed": "1"}, "seed"),
         ({"source": "courtyard", "courtyard": {"views": 4.5}}, "views"),
         ({"source": "courtyard", "downscale": 0}, "downscale"),
+        ({"source": "courtyard", "perturb_px": float("nan")}, "perturb_px"),
+        ({"poses": "truth", "courtyard": {"views": 0}}, "courtyard.views"),
+        ({"poses": "truth", "courtyard": {"motion": "fast"}}, "motion"),
+        ({"poses": "truth", "courtyard": {"moving": ["cat"]}}, "cat"),
+        ({"colmap": {"camera_model": "OPENCV"}, "courtyard": small}, "camera_model"),
         ({"poses": "truth", "downscale": 8, "courtyard": small}, "downscale"),
         ("{", "JSON"),
         (str(tmp_path / "no such file"), "no such file"),
@@ -202,8 +206,6 @@ def faults(tmp_path):
 
 def test_every_fault_is_one_line_and_leaves_nothing(tmp_path, capsys):
     """In one process, as the command's start costs more than all of them."""
-    from alignerf import cli
-
     for config, named in faults(tmp_path):
         text = config if isinstance(config, str) else json.dumps(config)
         out = tmp_path / "results" / "scene"
@@ -237,3 +239,21 @@ def test_a_failure_keeps_what_an_earlier_run_made(courtyard, tmp_path):
     with pytest.raises(ValueError, match="no folder"):
         poses.main({"source": "photos", "path": str(tmp_path / "none")}, courtyard)
     assert before == {p: p.stat().st_mtime_ns for p in courtyard.rglob("*")}
+
+
+def test_another_source_takes_the_truth_away(courtyard, tmp_path):
+    shutil.copytree(courtyard, tmp_path / "scene")
+    matrix = np.eye(4).tolist()
+    (tmp_path / "images").mkdir()
+    frames = []
+    for name in ("a", "b"):
+        pixels = np.zeros((20, 30, 3), np.uint8)
+        prepare.save_image(tmp_path / "images" / f"{name}.png", pixels)
+        frames.append({"file_path": f"images/{name}", "transform_matrix": matrix})
+    scene = {"camera_angle_x": 1.0, "frames": frames}
+    (tmp_path / "transforms.json").write_text(json.dumps(scene))
+    config = {"source": "transforms", "path": str(tmp_path)}
+    poses.main(config, tmp_path / "scene")
+    found = sorted(p.name for p in (tmp_path / "scene").iterdir())
+    assert found == ["cameras.npz", "images", "poses.json"]
+    assert list(load(tmp_path / "scene" / "cameras.npz")["names"]) == ["a", "b"]

@@ -69,7 +69,8 @@ def contract_spheres(
 def _polar(x):
     """Unit vector, 1/|x| and whether |x| > 1; (0, 1) stand in inside the ball.
 
-    The stand-ins keep the gradient finite at 0, the scale keeps |x|^2 in range.
+    The stand-ins keep the gradient finite at 0, the scale keeps |x|^2 in range (up
+    to 1e37, beyond which float32 has no reciprocal).
     """
     scale = jnp.maximum(jnp.max(jnp.abs(x), axis=-1, keepdims=True), 1.0)
     scaled = x / scale

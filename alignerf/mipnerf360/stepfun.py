@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
+Scalar = float | Float[Array, ""]
 EPS = jnp.finfo(jnp.float32).eps
 
 
@@ -50,7 +51,7 @@ def max_dilate(
 
 
 def annealed_logits(
-    t: Float[Array, "*batch edges"], w: Float[Array, "*batch edges-1"], anneal: float
+    t: Float[Array, "*batch edges"], w: Float[Array, "*batch edges-1"], anneal: Scalar
 ) -> Float[Array, "*batch edges-1"]:
     """Logits of w^anneal; intervals of no width or no mass get -inf.
 
@@ -99,7 +100,7 @@ def sample_intervals(
     t: Float[Array, "*batch edges"],
     logits: Float[Array, "*batch edges-1"],
     count: int,
-) -> Float[Array, "*batch count+1"]:
+) -> Float[Array, "*batch {count}+1"]:
     """Edges in [0, 1] of `count` intervals drawn from the histogram.
 
     With a key, stratified with one jitter per ray; without, at the centres of

@@ -14,6 +14,7 @@ import pycolmap
 from jaxtyping import Float
 
 from alignerf import cameras
+from alignerf.scenes import distortion, photos, prepare
 
 log = logging.getLogger(__name__)
 
@@ -63,7 +64,8 @@ def estimate_poses(
 
     SIFT on images of at most max_size_px, exhaustive matching, incremental mapping;
     the largest model is kept. focal_px (with width and height) is where the focal
-    length starts, if EXIF gives it. Writes into work_folder. Raises ValueError naming `where` when too few views register.
+    length starts, if EXIF gives it. Writes into work_folder. Raises ValueError naming
+    `where` when too few views register.
     """
     if camera_model not in CAMERA_MODELS:
         raise ValueError(f"colmap.camera_model: unknown model {camera_model!r}")
@@ -97,6 +99,54 @@ def estimate_poses(
     return convert(models[0], names, models=[m.num_reg_images() for m in models])
 
 
+def pose_folder(folder, work_folder, *, camera_model, max_size_px, seed, where):
+    """Posed, undistorted views of a folder of photos as they were taken.
+
+    Returns prepare.PosedViews, the Reconstruction and the focal length in px that
+    EXIF gives, None for none. The images live in work_folder.
+    """
+    ingested = Path(work_folder) / "ingested"
+    ingested.mkdir()
+    taken = photos.ingest(folder, ingested)
+    focal_px = photos.shared_focal_px(taken.focals_px)
+    zoomed = focal_px is None and bool(np.isfinite(taken.focals_px).any())
+    if zoomed:
+        log.warning("%s: EXIF shows several focal lengths: one camera a photo", where)
+    log.info("COLMAP on %d photos of %dx%d", len(taken.names), *taken[2:4])
+    model = estimate_poses(
+        ingested,
+        work_folder,
+        taken.names,
+        camera_model=camera_model,
+        max_size_px=max_size_px,
+        focal_px=focal_px,
+        width=taken.width,
+        height=taken.height,
+        one_camera=not zoomed,
+        seed=seed,
+        where=where,
+    )
+    if model.left_out:
+        log.warning("COLMAP left out %s", photos.some_names(model.left_out))
+    lenses = list(zip(model.camtopix, model.distortion, strict=True))
+    size = taken.width, taken.height
+    pinholes = [distortion.pinhole_camera(*lens, *size) for lens in lenses]
+
+    def load(i):
+        image = prepare.load_image(ingested / f"{model.names[i]}.png")
+        return distortion.undistort(image, *lenses[i], pinholes[i])
+
+    views = prepare.PosedViews(
+        names=model.names,
+        pixtocams=np.linalg.inv(np.stack(pinholes)),
+        camtoworlds=model.camtoworlds,
+        width=taken.width,
+        height=taken.height,
+        load=load,
+    )
+    return views, model, focal_px
+
+
 def convert(model, names, *, models=()) -> Reconstruction:
     """A pycolmap reconstruction in our conventions, sorted by view name."""
     images = {
@@ -110,8 +160,8 @@ def convert(model, names, *, models=()) -> Reconstruction:
     return Reconstruction(
         names=kept,
         left_out=sorted(set(names) - set(kept)),
-        camtopix=np.stack([camtopix for camtopix, _ in lenses]),
-        distortion=np.stack([distortion for _, distortion in lenses]),
+        camtopix=np.stack([lens[0] for lens in lenses]),
+        distortion=np.stack([lens[1] for lens in lenses]),
         camtoworlds=np.stack([_pose(images[name]) for name in kept]),
         mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
         points=len(tracks),
@@ -179,9 +229,9 @@ def _lens(camera):
     """(camtopix [3, 3], distortion [5]) of a pycolmap camera."""
     places, rest = CAMERA_MODELS[camera.model.name]
     fx, fy, cx, cy = camera.params[list(places)]
-    distortion = np.zeros(5)
-    distortion[: len(rest)] = camera.params[list(rest)]
-    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), distortion
+    coefficients = np.zeros(5)
+    coefficients[: len(rest)] = camera.params[list(rest)]
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), coefficients
 
 
 def _pose(image):

@@ -30,20 +30,22 @@ class Courtyard(NamedTuple):
 
 
 def build_courtyard(
-    *, views, width, height, motion, motion_m, supersample, seed
+    *, views, width, height, motion, motion_m, moving, supersample, seed
 ) -> Courtyard:
     """The courtyard of a seed; see `courtyard` for motion and its unit, metres."""
+    # The world comes last: it takes seconds, and the rest refuses faults at once.
     pixtocams, camtoworlds = courtyard.make_cameras(
         views=views, width=width, height=height, seed=seed
+    )
+    displacements = courtyard.draw_displacements(
+        views=views, motion=motion, motion_m=motion_m, moving=moving, seed=seed
     )
     return Courtyard(
         world=courtyard.build_world(seed=seed),
         names=courtyard.view_names(views),
         pixtocams=pixtocams,
         camtoworlds=camtoworlds,
-        displacements=courtyard.draw_displacements(
-            views=views, motion=motion, motion_m=motion_m, seed=seed
-        ),
+        displacements=displacements,
         width=width,
         height=height,
         supersample=supersample,

@@ -1,0 +1,44 @@
+# make run    the default experiment, from nothing to the misalignment table
+# make test   the whole test suite
+# make lint   formatters, linters, workflow checks
+# make lock   pin all versions anew (needs uv)
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
+export PATH := $(abspath $(BIN)):$(PATH)
+
+.PHONY: run test slow lint lock clean
+
+run: $(VENV)/.installed
+	@snakemake --cores $(CORES)
+	@python workflow/show_tables.py
+
+test: $(VENV)/.installed
+	@pytest -n 2 --dist worksteal
+
+slow: $(VENV)/.installed
+	@pytest -m slow
+
+lint: $(VENV)/.installed
+	ruff format --check .
+	ruff check .
+	snakefmt --check Snakefile workflow
+	snakemake --lint
+
+# Made anew when the pins change; marked whole only once all is installed.
+$(VENV)/.installed: requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "error: CPython 3.11 or newer is needed: make PYTHON=python3.x"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+		--require-hashes -r requirements.lock
+	@touch $@
+
+lock:
+	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 \
+		--fork-strategy fewest --no-annotate --no-header --generate-hashes \
+		--output-file requirements.lock
+
+clean:
+	rm -rf results/*/ .snakemake

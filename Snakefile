@@ -1,0 +1,43 @@
+# The misalignment analysis of AligNeRF (CVPR 2023), from photos to tables.
+#
+#   snakemake --cores N                    everything of the default config
+#   snakemake --cores N courtyard          one scene of the config
+#   snakemake --cores N --configfile workflow/config/own_photos.yaml
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+
+# Not merged with a config of the user's: that one must be complete, or stop.
+if "scenes" not in config:
+
+    configfile: workflow.source_path("workflow/config/demo.yaml")
+
+
+include: "workflow/rules/common.smk"
+
+
+check_config(config)
+
+
+include: "workflow/rules/poses.smk"
+include: "workflow/rules/train.smk"
+include: "workflow/rules/alignment.smk"
+include: "workflow/rules/evaluate.smk"
+include: "workflow/rules/tables.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        [scene_targets(name) for name in config["scenes"]],
+
+
+# One target for each scene, named like it.
+for scene_name in config["scenes"]:
+
+    rule:
+        name:
+            scene_name
+        input:
+            scene_targets(scene_name),

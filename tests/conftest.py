@@ -1,0 +1,42 @@
+"""Shape checks on every typed function, and what the tests share."""
+
+import os
+import pathlib
+
+# Before JAX is imported: tests run on the CPU, and compiled programs are not kept.
+os.environ["JAX_PLATFORMS"] = "cpu"
+
+import jaxtyping
+
+jaxtyping.install_import_hook(
+    ["alignerf.mipnerf360", "alignerf.align_loss", "alignerf.fields.mlp"],
+    "beartype.beartype",
+)
+
+import jax
+import numpy as np
+import pytest
+
+jax.config.update("jax_numpy_rank_promotion", "allow")
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def root():
+    """The project's top folder."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def shared_data():
+    """Real scenes, flow ground truth and weights; ALIGNERF_DATA says where."""
+    folder = pathlib.Path(os.environ.get("ALIGNERF_DATA", ROOT / "../shared/data"))
+    if not folder.is_dir():
+        pytest.skip(f"real data not found at {folder} (set ALIGNERF_DATA)")
+    return folder.resolve()
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)

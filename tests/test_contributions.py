@@ -1,0 +1,213 @@
+"""AligNeRF's three contributions, each against a slow twin and at the extremes."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from alignerf import align_loss, frequency_loss, patch_conv
+from alignerf.fields import shading
+
+# Patch convolution
+
+
+def feature_image(rng, features=6, size=(20, 17)):
+    low, high = -shading.PADDING, 1 + shading.PADDING
+    return jnp.asarray(rng.uniform(low, high, (*size, features)), jnp.float32)
+
+
+def test_patch_convolution_starts_as_the_identity_on_colour(rng):
+    f = feature_image(rng)
+    f = f.at[0, 0].set(-shading.PADDING).at[5, 5].set(1 + shading.PADDING)
+    head = patch_conv.PatchConv()
+    rgb = head.apply(head.init(jax.random.key(0), f), f)
+    np.testing.assert_allclose(rgb, f[..., :3], atol=1e-5)
+
+
+def test_patch_convolution_learns_from_all_features(rng):
+    f = feature_image(rng)
+    head = patch_conv.PatchConv()
+    params = head.init(jax.random.key(0), f)
+
+    def first_step(params):
+        return jnp.sum(head.apply(params, f) ** 2)
+
+    grads = jax.grad(first_step)(params)
+    params = jax.tree.map(lambda p, g: p - 1e-3 * g, params, grads)
+    to_features = jax.grad(lambda f: jnp.sum(head.apply(params, f)))(f)
+    assert jnp.all(jnp.abs(to_features).max(axis=(0, 1)) > 0)
+
+
+def test_patch_convolution_equals_scipy_with_mirrored_borders(rng):
+    f = feature_image(rng, features=4, size=(9, 11))
+    head = patch_conv.PatchConv()
+    params = head.init(jax.random.key(3), f)
+    params = jax.tree.map(
+        lambda p: p + 0.1 * jnp.asarray(rng.normal(size=p.shape)), params
+    )
+    x = np.pad(np.asarray(f, np.float64), ((3, 3), (3, 3), (0, 0)), mode="reflect")
+    for layer in range(3):
+        kernel = np.asarray(params["params"][f"Conv_{layer}"]["kernel"], np.float64)
+        bias = np.asarray(params["params"][f"Conv_{layer}"]["bias"], np.float64)
+        x = np.stack(
+            [
+                sum(
+                    ndimage.correlate(x[..., i], kernel[..., i, o], mode="constant")
+                    for i in range(4)
+                )[1:-1, 1:-1]
+                for o in range(4)
+            ],
+            axis=-1,
+        )
+        x = np.maximum(x + bias, 0)
+    dense = params["params"]["Dense_0"]
+    wanted = x @ np.asarray(dense["kernel"]) + np.asarray(dense["bias"])
+    np.testing.assert_allclose(head.apply(params, f), wanted, atol=1e-4)
+
+
+def test_patch_convolution_refuses_what_cannot_be_reflected(rng):
+    with pytest.raises(ValueError, match="too small"):
+        patch_conv.PatchConv().init(jax.random.key(0), feature_image(rng, size=(3, 9)))
+
+
+def test_published_size_of_the_contribution():
+    """+0.5M at N = 128: three convolutions, the linear layer, a wider last layer."""
+    head = jax.eval_shape(
+        patch_conv.PatchConv().init, jax.random.key(0), jnp.zeros((8, 8, 128))
+    )
+    size = sum(np.prod(leaf.shape) for leaf in jax.tree.leaves(head))
+    assert size + (128 + 1) * (128 - 3) == 459_264
+
+
+# Alignment-aware loss
+
+
+def brute_force(render, photo, exists, penalty):
+    """Eq. 4 by a double loop in float64; ties to the smallest offset."""
+    size, radius = len(render), (len(photo) - len(render)) // 2
+    best = (np.inf, np.inf, None)
+    for dy in range(-radius, radius + 1):
+        for dx in range(-radius, radius + 1):
+            rows = slice(radius + dy, radius + dy + size)
+            columns = slice(radius + dx, radius + dx + size)
+            if not exists[rows, columns].all():
+                continue
+            error = ((photo[rows, columns] - render) ** 2).sum()
+            cost = error + penalty * np.hypot(dx, dy)
+            if (cost, np.hypot(dx, dy)) < best[:2]:
+                best = (cost, np.hypot(dx, dy), (dx, dy))
+    return best[0], best[2]
+
+
+def align(render, photo, exists, penalty=0.01):
+    args = [jnp.asarray(a, jnp.float32) for a in (render, photo, exists)]
+    return align_loss.align(*args, penalty=penalty)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.5, 100.0])
+@pytest.mark.parametrize("contrast", [1e-4, 1e-2, 1.0, 1e4])
+def test_alignment_equals_brute_force(rng, offset, contrast):
+    if offset > 1e6 * contrast:
+        pytest.skip("the contrast is below the offset's float32 resolution")
+    for _ in range(5):
+        photo = (offset + contrast * rng.uniform(size=(20, 20, 3))).astype(np.float32)
+        render = (offset + contrast * rng.uniform(size=(12, 12, 3))).astype(np.float32)
+        exists = np.ones((20, 20))
+        exists[:, : rng.integers(0, 4)] = 0
+        penalty = 0.01 * contrast**2
+        cost, best = brute_force(
+            render.astype(np.float64), photo.astype(np.float64), exists, penalty
+        )
+        found = align(render, photo, exists, penalty)
+        assert float(found.cost) == pytest.approx(cost, rel=1e-5)
+        assert tuple(found.offset_px.tolist()) == best
+
+
+@pytest.mark.parametrize(("dx", "dy"), [(3, -2), (-4, 0), (0, 4), (1, 1), (0, 0)])
+def test_a_known_shift_is_found(rng, dx, dy):
+    big = ndimage.gaussian_filter(rng.uniform(size=(60, 60, 3)), (1, 1, 0))
+    photo = big[10:42, 10:42]
+    render = big[10 + 4 + dy : 10 + 4 + dy + 24, 10 + 4 + dx : 10 + 4 + dx + 24]
+    found = align(render, photo, np.ones((32, 32)))
+    assert found.offset_px.tolist() == [dx, dy]
+    np.testing.assert_allclose(found.patch, render, atol=1e-6)
+
+
+def test_flat_patches_and_ties_go_to_offset_zero():
+    found = align(np.full((8, 8, 3), 0.3), np.full((12, 12, 3), 0.9), np.ones((12, 12)))
+    assert found.offset_px.tolist() == [0, 0]
+
+
+def test_what_does_not_exist_is_never_chosen(rng):
+    photo = rng.uniform(size=(12, 12, 3))
+    exists = np.ones((12, 12))
+    exists[:, :2] = 0
+    render = photo[2:10, 0:8]
+    assert align(render, photo, exists).offset_px[0] >= 0
+    assert align(render, photo, np.ones((12, 12))).offset_px.tolist() == [-2, 0]
+
+
+def test_no_gradient_flows_through_the_search(rng):
+    photo = jnp.asarray(rng.uniform(size=(12, 12, 3)), jnp.float32)
+    render = jnp.asarray(rng.uniform(size=(8, 8, 3)), jnp.float32)
+
+    def patch_sum(render):
+        return jnp.sum(align_loss.align(render, photo, jnp.ones((12, 12))).patch)
+
+    assert not jnp.any(jax.grad(patch_sum)(render))
+
+
+# High-frequency loss
+
+
+def test_bank_is_blind_to_brightness_and_sees_edges(rng):
+    flat = jnp.full((1, 16, 16, 3), 0.7)
+    inner = frequency_loss.bank_features(flat)[:, 5:-5, 5:-5]
+    np.testing.assert_allclose(inner, 0.0, atol=1e-6)
+    edge = flat.at[:, :, 8:].set(0.2)
+    assert jnp.abs(frequency_loss.bank_features(edge)[:, 5:-5]).max() > 0.1
+
+
+def test_frequency_loss_prefers_the_sharper_render(rng):
+    photo = rng.uniform(size=(1, 24, 24, 3))
+    renders = [
+        ndimage.gaussian_filter(photo, (0, s, s, 0)) for s in (0.0, 0.5, 1.0, 2.0)
+    ]
+    found = [
+        float(
+            frequency_loss.frequency_loss(
+                frequency_loss.bank_features,
+                *(jnp.asarray(x, jnp.float32) for x in (photo, r)),
+            )
+        )
+        for r in renders
+    ]
+    assert found[0] == 0
+    assert found == sorted(found)
+
+
+def test_vgg_features_equal_a_float64_twin(shared_data, rng):
+    path = shared_data / "weights" / "vgg19_block1.npz"
+    rgb = rng.uniform(size=(1, 10, 12, 3))
+    with np.load(path) as stored:
+        w = {key: stored[key].astype(np.float64) for key in stored}
+    x = (rgb[0] - w["mean"]) / w["std"]
+    for layer in ("conv1_1", "conv1_2"):
+        padded = np.pad(x, ((1, 1), (1, 1), (0, 0)))
+        windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), axis=(0, 1))
+        x = np.einsum("hwcij,ijco->hwo", windows, w[f"{layer}_w"]) + w[f"{layer}_b"]
+        x = np.maximum(x, 0)
+    found = frequency_loss.vgg_features(path)(jnp.asarray(rgb, jnp.float32))
+    np.testing.assert_allclose(found[0], x, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no archive", "other"])
+def test_bad_weights_are_named(tmp_path, content):
+    path = tmp_path / "vgg.npz"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    elif content:
+        np.savez(path, something=np.zeros(3))
+    with pytest.raises(ValueError, match=r"vgg\.npz"):
+        frequency_loss.vgg_features(path)

@@ -1,0 +1,244 @@
+# Functions only: the config's check, each job's slice of it, and paths.
+import ast
+import copy
+import functools
+import hashlib
+import json
+import os
+import re
+import sys
+from pathlib import Path
+
+import jsonschema
+import yaml
+
+ROOT = Path(workflow.basedir)
+ENVIRONMENT = str(ROOT / "environment.yml")
+
+# Compiled JAX programs are kept between jobs and runs.
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path("results/.jax_cache")))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")
+os.environ.setdefault("JAX_PLATFORMS", "")
+# The program runs from its own folder, wherever the results go.
+os.environ["PYTHONPATH"] = os.pathsep.join(
+    [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+)
+
+
+def stop(message):
+    """End before planning, with one line and no traceback."""
+    raise WorkflowError(f"error: {message}")
+
+
+def check_config(config):
+    """Check against the schema, then what a schema cannot say."""
+    schema = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
+    validator = jsonschema.Draft202012Validator(schema)
+    errors = sorted(validator.iter_errors(config), key=lambda e: list(map(str, e.path)))
+    if errors:
+        error = jsonschema.exceptions.best_match(errors)
+        where = ".".join(map(str, error.absolute_path)) or "top level"
+        stop(f"config: {where}: {error.message}")
+    for name, method in config["methods"].items():
+        if method["model"] not in config["models"]:
+            stop(f"config: methods.{name}.model: no model {method['model']!r}")
+    reference = config["reference"]
+    if reference["method"] not in config["methods"]:
+        stop(f"config: reference.method: no method {reference['method']!r}")
+    if reference["round"] > config["methods"][reference["method"]]["rounds"]:
+        stop(f"config: reference.round: {reference['method']} has fewer rounds")
+    for name, scene in config["scenes"].items():
+        if name in RESERVED:
+            stop(f"config: scenes.{name}: a rule has this name, choose another")
+        path = scene.get("path")
+        if scene["source"] != "courtyard" and not path:
+            stop(f"config: scenes.{name}.path: source {scene['source']!r} needs one")
+        if path and not Path(path).exists():
+            stop(f"config: scenes.{name}.path: {path} does not exist")
+    for key in ("frequency_weights", "lpips_alex"):
+        if config[key] and not Path(config[key]).is_file():
+            stop(f"config: {key}: {config[key]} does not exist")
+
+
+RESERVED = {
+    *("all", "poses", "poses_courtyard", "facts", "train", "pretrain", "finetune"),
+    *("render_views", "align", "testset", "evaluate", "misalignment_table", "figures"),
+}
+
+
+def staged():
+    """Methods that pre-train and fine-tune."""
+    return [name for name, m in config["methods"].items() if "alignerf" in m]
+
+
+def plain():
+    """Methods trained in one go, on photos or warped photos."""
+    return [name for name in config["methods"] if name not in staged()]
+
+
+def one_of(names):
+    """Regular expression of these names; of none, it matches nothing."""
+    return "|".join(map(re.escape, sorted(names))) or r"(?!)"
+
+
+def with_truth(known=True):
+    """Scenes whose truth is known (or not)."""
+    return [
+        name
+        for name, scene in config["scenes"].items()
+        if (scene["source"] == "courtyard") == known
+    ]
+
+
+def as_json(value):
+    """Canonical JSON: a job reruns when, and only when, its slice changes."""
+    return json.dumps(value, sort_keys=True)
+
+
+def scene_slice(name):
+    """What the poses of a scene depend on."""
+    return as_json({"seed": config["seed"]} | config["scenes"][name])
+
+
+def train_slice(*, stage, model, method=None):
+    """What a training, and a rendering of its result, depend on."""
+    settings = None
+    if stage != "full":
+        settings = copy.deepcopy(config["methods"][method]["alignerf"])
+        settings["frequency_weights"] = config["frequency_weights"]
+    if stage == "pretrain":
+        # Ablations share the pre-training: only its length is part of the job.
+        settings |= {key: PRETRAIN_IGNORES[key] for key in PRETRAIN_IGNORES}
+    return as_json(
+        {
+            "seed": config["seed"],
+            "stage": stage,
+            "model": config["models"][model],
+            "training": config["training"],
+            "alignerf": settings,
+        }
+    )
+
+
+PRETRAIN_IGNORES = {
+    "learning_rates": [0.0, 0.0],
+    "patches": 0,
+    "patch_px": 0,
+    "radius_px": 0,
+    "align_penalty": 0.0,
+    "features": 3,
+    "frequency_weight": 0.0,
+    "frequency_weights": None,
+}
+
+
+def method_slice(method):
+    """The slice of a method's last stage."""
+    stage = "finetune" if method in staged() else "full"
+    model = config["methods"][method]["model"]
+    return train_slice(stage=stage, model=model, method=method)
+
+
+def pretrain_slice(model):
+    """The slice of a model's pre-training, from any method that starts with it."""
+    users = [m for m in staged() if config["methods"][m]["model"] == model]
+    slices = {train_slice(stage="pretrain", model=model, method=m) for m in users}
+    if len(slices) != 1:
+        stop(f"config: methods {', '.join(users)} disagree about {model}'s pretraining")
+    return slices.pop()
+
+
+@functools.cache
+def sources_of(module):
+    """SHA-256 of the sources that `python -m module` runs: a change reruns its jobs."""
+    todo, seen = [module], set()
+    while todo:
+        name = todo.pop()
+        path = ROOT / Path(*name.split("."))
+        path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+        if path in seen or not path.is_file():
+            continue
+        seen.add(path)
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                todo += [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                todo.append(node.module)
+                todo += [f"{node.module}.{alias.name}" for alias in node.names]
+    digest = hashlib.sha256()
+    for path in sorted(seen):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def flow_options():
+    """Command line of the flow's settings."""
+    flow = config["flow"]
+    blur = "--match-blur" if flow["match_blur"] else "--no-match-blur"
+    pairs = {
+        "--method": flow["method"],
+        "--kernel": flow["kernel"],
+        "--tolerance-px": flow["tolerance_px"],
+    }
+    return [blur, *(str(part) for pair in pairs.items() for part in pair)]
+
+
+def field_name(method):
+    """How a table calls a method's field, and what its frequency loss looks at."""
+    field = config["models"][config["methods"][method]["model"]]["field"]
+    size = field["width"] if field["kind"] == "mlp" else f"2^{field['log2_entries']}"
+    name = f"{field['kind']} {size}"
+    if method not in staged():
+        return name
+    return f"{name}, {'VGG-19' if config['frequency_weights'] else 'derivative bank'}"
+
+
+def option(name, value):
+    """`--name value` for a shell line, nothing where there is no value."""
+    return ["--" + name, str(value)] if value else []
+
+
+def trained(scene, method, round):
+    """Folder of a method's round."""
+    return f"results/{scene}/{method}/round{round}"
+
+
+def all_rounds():
+    """(method, round) of every row of the tables, in the config's order."""
+    return [
+        (name, k)
+        for name, method in config["methods"].items()
+        for k in range(method["rounds"] + 1)
+    ]
+
+
+def trainings_of(scene, method, round):
+    """timing.json of every training that a round needed."""
+    if method in staged():
+        model = config["methods"][method]["model"]
+        first = f"results/{scene}/pretrain/{model}/timing.json"
+        return [first, f"{trained(scene, method, round)}/timing.json"]
+    return [
+        f"{trained(scene, method, k)}/timing.json" for k in range(int(round) + 1)
+    ]
+
+
+def data_of(scene, method, round):
+    """Timing files of the rendering and warping between the rounds."""
+    return [
+        f"{trained(scene, method, k)}/{name}"
+        for k in range(int(round))
+        for name in ("render_train.json", "displacement_train.csv")
+    ]
+
+
+def scene_targets(scene):
+    """What `snakemake SCENE` makes."""
+    folder = f"results/{scene}"
+    return [
+        f"{folder}/facts.json",
+        f"{folder}/tables/misalignment.csv",
+        f"{folder}/tables/misalignment.tex",
+        f"{folder}/figures/flow.png",
+        f"{folder}/figures/rounds.png",
+    ]

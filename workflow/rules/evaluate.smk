@@ -1,0 +1,31 @@
+# Metrics per test view and test set.
+def truth_of(w):
+    """The oracle's folder, where the scene's truth is known."""
+    return {"truth": f"results/{w.scene}/truth"} if w.scene in with_truth() else {}
+
+
+rule evaluate:
+    input:
+        unpack(truth_of),
+        renders="results/{scene}/{method}/round{round}/renders/test",
+        images="results/{scene}/images",
+        cameras="results/{scene}/cameras.npz",
+        flow="results/{scene}/testset/flow",
+        warped="results/{scene}/testset/warped",
+        control="results/{scene}/testset/control",
+    output:
+        "results/{scene}/{method}/round{round}/metrics.csv",
+    log:
+        "results/{scene}/{method}/round{round}/logs/evaluate.log",
+    benchmark:
+        "results/{scene}/{method}/round{round}/logs/evaluate.tsv"
+    conda:
+        "../../environment.yml"
+    params:
+        truth=lambda w, input: option("truth", input.get("truth")),
+        lpips=option("lpips-alex", config["lpips_alex"]),
+        sources=sources_of("alignerf.evaluate"),
+    shell:
+        "python -m alignerf.evaluate --scene results/{wildcards.scene:q}"
+        " --renders {input.renders:q} --testset results/{wildcards.scene:q}/testset"
+        " {params.truth:q} {params.lpips:q} --metrics {output:q} 2>&1 | tee {log:q}"

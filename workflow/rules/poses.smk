@@ -1,0 +1,53 @@
+# Photos in, undistorted images and cameras out; the truth where it is known.
+# Poses are computed once and kept: no later rule changes them.
+rule poses:
+    input:
+        lambda w: config["scenes"][w.scene].get("path") or [],
+    output:
+        images=directory("results/{scene}/images"),
+        cameras="results/{scene}/cameras.npz",
+        report="results/{scene}/poses.json",
+    log:
+        "results/{scene}/logs/poses.log",
+    benchmark:
+        "results/{scene}/logs/poses.tsv"
+    wildcard_constraints:
+        scene=one_of(with_truth(False)),
+    threads: 64
+    conda:
+        "../../environment.yml"
+    params:
+        config=lambda w: scene_slice(w.scene),
+        sources=sources_of("alignerf.poses"),
+    shell:
+        "python -m alignerf.poses --config {params.config:q}"
+        " --out results/{wildcards.scene:q} 2>&1 | tee {log:q}"
+
+
+use rule poses as poses_courtyard with:
+    output:
+        images=directory("results/{scene}/images"),
+        truth=directory("results/{scene}/truth"),
+        cameras="results/{scene}/cameras.npz",
+        report="results/{scene}/poses.json",
+    wildcard_constraints:
+        scene=one_of(with_truth(True)),
+
+
+rule facts:
+    input:
+        images="results/{scene}/images",
+        cameras="results/{scene}/cameras.npz",
+    output:
+        "results/{scene}/facts.json",
+    log:
+        "results/{scene}/logs/facts.log",
+    benchmark:
+        "results/{scene}/logs/facts.tsv"
+    conda:
+        "../../environment.yml"
+    params:
+        sources=sources_of("alignerf.facts"),
+    shell:
+        "python -m alignerf.facts --scene results/{wildcards.scene:q}"
+        " --facts {output:q} 2>&1 | tee {log:q}"

@@ -1,0 +1,119 @@
+# Trainings. Round 0 trains on the photos, round k on those that round k - 1 warped;
+# staged methods pre-train once a model, then fine-tune. Checkpoints lie outside of
+# `output:`, which Snakemake deletes when a job is killed: a training resumes.
+def photos_of_round(w):
+    """What round k learns from: the photos, or those warped onto round k - 1."""
+    if w.round == "0":
+        return {"photos": f"results/{w.scene}/images"}
+    before = trained(w.scene, w.method, int(w.round) - 1)
+    return {"photos": f"{before}/warped/train", "valid": f"{before}/flow/train"}
+
+
+rule train:
+    input:
+        unpack(photos_of_round),
+        images="results/{scene}/images",
+        cameras="results/{scene}/cameras.npz",
+    output:
+        model="results/{scene}/{method}/round{round}/model.msgpack",
+        timing="results/{scene}/{method}/round{round}/timing.json",
+    log:
+        "results/{scene}/{method}/round{round}/logs/train.log",
+    benchmark:
+        "results/{scene}/{method}/round{round}/logs/train.tsv"
+    wildcard_constraints:
+        method=one_of(plain()),
+    threads: 64
+    conda:
+        "../../environment.yml"
+    params:
+        config=lambda w: method_slice(w.method),
+        valid=lambda w, input: option("valid", input.get("valid")),
+        checkpoints=subpath(output.model, parent=True),
+        sources=sources_of("alignerf.train"),
+    shell:
+        "python -m alignerf.train --config {params.config:q}"
+        " --scene results/{wildcards.scene:q} --photos {input.photos:q}"
+        " {params.valid:q} --checkpoints {params.checkpoints:q}/checkpoints"
+        " --model {output.model:q} --timing {output.timing:q} 2>&1 | tee {log:q}"
+
+
+rule pretrain:
+    input:
+        images="results/{scene}/images",
+        cameras="results/{scene}/cameras.npz",
+    output:
+        model="results/{scene}/pretrain/{model}/model.msgpack",
+        timing="results/{scene}/pretrain/{model}/timing.json",
+    log:
+        "results/{scene}/pretrain/{model}/logs/train.log",
+    benchmark:
+        "results/{scene}/pretrain/{model}/logs/train.tsv"
+    wildcard_constraints:
+        model=one_of(config["models"]),
+    threads: 64
+    conda:
+        "../../environment.yml"
+    params:
+        config=lambda w: pretrain_slice(w.model),
+        checkpoints=subpath(output.model, parent=True),
+        sources=sources_of("alignerf.train"),
+    shell:
+        "python -m alignerf.train --config {params.config:q}"
+        " --scene results/{wildcards.scene:q} --photos {input.images:q}"
+        " --checkpoints {params.checkpoints:q}/checkpoints"
+        " --model {output.model:q} --timing {output.timing:q} 2>&1 | tee {log:q}"
+
+
+rule finetune:
+    input:
+        initial=lambda w: "results/{}/pretrain/{}/model.msgpack".format(
+            w.scene, config["methods"][w.method]["model"]
+        ),
+        images="results/{scene}/images",
+        cameras="results/{scene}/cameras.npz",
+    output:
+        model="results/{scene}/{method}/round0/model.msgpack",
+        timing="results/{scene}/{method}/round0/timing.json",
+    log:
+        "results/{scene}/{method}/round0/logs/train.log",
+    benchmark:
+        "results/{scene}/{method}/round0/logs/train.tsv"
+    wildcard_constraints:
+        method=one_of(staged()),
+    threads: 64
+    conda:
+        "../../environment.yml"
+    params:
+        config=lambda w: method_slice(w.method),
+        checkpoints=subpath(output.model, parent=True),
+        sources=sources_of("alignerf.train"),
+    shell:
+        "python -m alignerf.train --config {params.config:q}"
+        " --scene results/{wildcards.scene:q} --photos {input.images:q}"
+        " --initial {input.initial:q} --checkpoints {params.checkpoints:q}/checkpoints"
+        " --model {output.model:q} --timing {output.timing:q} 2>&1 | tee {log:q}"
+
+
+rule render_views:
+    input:
+        model="results/{scene}/{method}/round{round}/model.msgpack",
+        cameras="results/{scene}/cameras.npz",
+    output:
+        renders=directory("results/{scene}/{method}/round{round}/renders/{split}"),
+        timing="results/{scene}/{method}/round{round}/render_{split}.json",
+    log:
+        "results/{scene}/{method}/round{round}/logs/render_{split}.log",
+    benchmark:
+        "results/{scene}/{method}/round{round}/logs/render_{split}.tsv"
+    threads: 64
+    conda:
+        "../../environment.yml"
+    params:
+        config=lambda w: method_slice(w.method),
+        sources=sources_of("alignerf.render_views"),
+    shell:
+        "python -m alignerf.render_views --config {params.config:q}"
+        " --scene results/{wildcards.scene:q} --model {input.model:q}"
+        " --split {wildcards.split:q} --renders {output.renders:q}"
+        " --timing {output.timing:q} 2>&1 | tee {log:q}"
