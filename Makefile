@@ -12,7 +12,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 
 run: $(VENV)/.installed
 	@snakemake --cores $(CORES)
-	@python workflow/show_tables.py
+	@python -m alignerf.show
 
 test: $(VENV)/.installed
 	@pytest -n 2 --dist worksteal

@@ -9,15 +9,25 @@ min_version("9.0")
 
 
 # Not merged with a config of the user's: that one must be complete, or stop.
-if "scenes" not in config:
+if not workflow.overwrite_configfiles:
 
     configfile: workflow.source_path("workflow/config/demo.yaml")
+
+
+include: "workflow/rules/config.smk"
+
+
+check_config(config)
 
 
 include: "workflow/rules/common.smk"
 
 
-check_config(config)
+wildcard_constraints:
+    scene=one_of(config["scenes"]),
+    method=one_of(config["methods"]),
+    round=r"0|[1-9]\d*",
+    split="train|test",
 
 
 include: "workflow/rules/poses.smk"

@@ -2,6 +2,8 @@
 
 import os
 import pathlib
+import subprocess
+import sys
 
 # Before JAX is imported: tests run on the CPU, and compiled programs are not kept.
 os.environ["JAX_PLATFORMS"] = "cpu"
@@ -40,3 +42,25 @@ def shared_data():
 @pytest.fixture
 def rng():
     return np.random.default_rng(0)
+
+
+@pytest.fixture(scope="session")
+def snakemake():
+    """Run Snakemake: (folder, *arguments) -> (exit code, all that it printed)."""
+    here = str(pathlib.Path(sys.executable).parent)
+    environment = os.environ | {"PATH": os.pathsep.join([here, os.environ["PATH"]])}
+    # Each run compiles into its own folder, as on a fresh machine.
+    environment.pop("JAX_COMPILATION_CACHE_DIR", None)
+
+    def run(folder, *arguments, root=ROOT):
+        command = [sys.executable, "-m", "snakemake", "--directory", folder]
+        done = subprocess.run(
+            [*command, "--snakefile", root / "Snakefile", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=environment,
+        )
+        return done.returncode, done.stdout
+
+    return run

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
+from scipy import ndimage
 
 from alignerf import cameras
 from alignerf.scenes import courtyard_colours, courtyard_rays, courtyard_world
@@ -132,15 +133,17 @@ def render(
     displacements: Float[np.ndarray, "objects 3"],
     *,
     supersample: int = 2,
+    lens_sigma_px: float = 0.0,
 ) -> Rendered:
     """Photo of the displaced scene; supersample x supersample rays a pixel.
 
-    A pixel's colour is the mean of its rays (box filter), rounded to 8 bits.
+    A pixel's colour is the mean of its rays (box filter), blurred by the lens (a
+    Gaussian) and rounded to 8 bits.
     """
     scene = (world, pixtocam, camtoworld, displacements)
     x, y = pixel_centres(width, height)
     chunk = max(1, CHUNK_RAYS // supersample**2)
-    image = np.zeros((len(x), 3), np.uint8)
+    image = np.zeros((len(x), 3), np.float32)
     depth_m, object_id = np.zeros(len(x)), np.zeros(len(x), np.int64)
     for start in range(0, len(x), chunk):
         part = slice(start, start + chunk)
@@ -151,13 +154,17 @@ def render(
         depth_m[part] = hits.t
         object_id[part] = courtyard_rays.part_objects(world)[hits.part]
     shape = (height, width)
+    sigma = (lens_sigma_px, lens_sigma_px, 0)
+    image = ndimage.gaussian_filter(image.reshape(*shape, 3), sigma, mode="nearest")
     return Rendered(
-        image.reshape(*shape, 3), depth_m.reshape(shape), object_id.reshape(shape)
+        np.rint(image).astype(np.uint8),
+        depth_m.reshape(shape),
+        object_id.reshape(shape),
     )
 
 
 def pixel_colours(scene, x_px, y_px, supersample):
-    """Colours [N, 3] uint8 of the pixels whose centres are x_px, y_px."""
+    """Colours [N, 3] in [0, 255] of the pixels whose centres are x_px, y_px."""
     world, pixtocam, camtoworld, displacements = scene
     steps = (np.arange(supersample) + 0.5) / supersample - 0.5
     # Sub-samples come first, so that the box filter adds whole images.
@@ -166,8 +173,7 @@ def pixel_colours(scene, x_px, y_px, supersample):
     hits = courtyard_rays.cast(world, pixtocam, camtoworld, xs, ys, displacements)
     spacing = pixtocam[0, 0] / supersample
     colours = courtyard_colours.colours(world, hits, displacements, spacing)
-    mean = colours.reshape(supersample**2, len(x_px), 3).mean(axis=0)
-    return np.rint(mean).astype(np.uint8)
+    return colours.reshape(supersample**2, len(x_px), 3).mean(axis=0)
 
 
 def true_flow(

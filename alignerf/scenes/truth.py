@@ -27,10 +27,11 @@ class Courtyard(NamedTuple):
     width: int
     height: int
     supersample: int
+    lens_sigma_px: float
 
 
 def build_courtyard(
-    *, views, width, height, motion, motion_m, moving, supersample, seed
+    *, views, width, height, motion, motion_m, moving, supersample, lens_sigma_px, seed
 ) -> Courtyard:
     """The courtyard of a seed; see `courtyard` for motion and its unit, metres."""
     # The world comes last: it takes seconds, and the rest refuses faults at once.
@@ -49,6 +50,7 @@ def build_courtyard(
         width=width,
         height=height,
         supersample=supersample,
+        lens_sigma_px=lens_sigma_px,
     )
 
 
@@ -63,6 +65,7 @@ def write_photos(folder, scene: Courtyard):
             scene.height,
             scene.displacements[i],
             supersample=scene.supersample,
+            lens_sigma_px=scene.lens_sigma_px,
         )
         prepare.save_image(folder / f"{name}.png", rendered.image)
 
@@ -104,6 +107,7 @@ def write_truth(folder, scene: Courtyard, given: prepare.PosedViews, *, split):
             given.height,
             np.zeros_like(scene.displacements[i]),
             supersample=supersample,
+            lens_sigma_px=scene.lens_sigma_px * min(ratios),
         )
         prepare.save_image(folder / "oracle" / f"{name}.png", rendered.image)
         flow_px, valid = courtyard.true_flow(

@@ -28,7 +28,9 @@ rule align:
 rule testset:
     input:
         renders=lambda w: "{}/renders/test".format(
-            trained(w.scene, config["reference"]["method"], config["reference"]["round"])
+            trained(
+                w.scene, config["reference"]["method"], config["reference"]["round"]
+            )
         ),
         photos="results/{scene}/images",
     output:

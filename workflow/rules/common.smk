@@ -1,4 +1,4 @@
-# Functions only: the config's check, each job's slice of it, and paths.
+# Functions only: each job's slice of the config, and paths.
 import ast
 import copy
 import functools
@@ -6,64 +6,18 @@ import hashlib
 import json
 import os
 import re
-import sys
 from pathlib import Path
-
-import jsonschema
-import yaml
-
-ROOT = Path(workflow.basedir)
-ENVIRONMENT = str(ROOT / "environment.yml")
 
 # Compiled JAX programs are kept between jobs and runs.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path("results/.jax_cache")))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")
 os.environ.setdefault("JAX_PLATFORMS", "")
 # The program runs from its own folder, wherever the results go.
-os.environ["PYTHONPATH"] = os.pathsep.join(
-    [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+os.environ.update(
+    PYTHONPATH=os.pathsep.join(
+        [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    )
 )
-
-
-def stop(message):
-    """End before planning, with one line and no traceback."""
-    raise WorkflowError(f"error: {message}")
-
-
-def check_config(config):
-    """Check against the schema, then what a schema cannot say."""
-    schema = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
-    validator = jsonschema.Draft202012Validator(schema)
-    errors = sorted(validator.iter_errors(config), key=lambda e: list(map(str, e.path)))
-    if errors:
-        error = jsonschema.exceptions.best_match(errors)
-        where = ".".join(map(str, error.absolute_path)) or "top level"
-        stop(f"config: {where}: {error.message}")
-    for name, method in config["methods"].items():
-        if method["model"] not in config["models"]:
-            stop(f"config: methods.{name}.model: no model {method['model']!r}")
-    reference = config["reference"]
-    if reference["method"] not in config["methods"]:
-        stop(f"config: reference.method: no method {reference['method']!r}")
-    if reference["round"] > config["methods"][reference["method"]]["rounds"]:
-        stop(f"config: reference.round: {reference['method']} has fewer rounds")
-    for name, scene in config["scenes"].items():
-        if name in RESERVED:
-            stop(f"config: scenes.{name}: a rule has this name, choose another")
-        path = scene.get("path")
-        if scene["source"] != "courtyard" and not path:
-            stop(f"config: scenes.{name}.path: source {scene['source']!r} needs one")
-        if path and not Path(path).exists():
-            stop(f"config: scenes.{name}.path: {path} does not exist")
-    for key in ("frequency_weights", "lpips_alex"):
-        if config[key] and not Path(config[key]).is_file():
-            stop(f"config: {key}: {config[key]} does not exist")
-
-
-RESERVED = {
-    *("all", "poses", "poses_courtyard", "facts", "train", "pretrain", "finetune"),
-    *("render_views", "align", "testset", "evaluate", "misalignment_table", "figures"),
-}
 
 
 def staged():
@@ -195,7 +149,7 @@ def field_name(method):
 
 def option(name, value):
     """`--name value` for a shell line, nothing where there is no value."""
-    return ["--" + name, str(value)] if value else []
+    return [f"--{name}", str(value)] if value else []
 
 
 def trained(scene, method, round):
@@ -218,9 +172,7 @@ def trainings_of(scene, method, round):
         model = config["methods"][method]["model"]
         first = f"results/{scene}/pretrain/{model}/timing.json"
         return [first, f"{trained(scene, method, round)}/timing.json"]
-    return [
-        f"{trained(scene, method, k)}/timing.json" for k in range(int(round) + 1)
-    ]
+    return [f"{trained(scene, method, k)}/timing.json" for k in range(int(round) + 1)]
 
 
 def data_of(scene, method, round):
@@ -229,6 +181,52 @@ def data_of(scene, method, round):
         f"{trained(scene, method, k)}/{name}"
         for k in range(int(round))
         for name in ("render_train.json", "displacement_train.csv")
+    ]
+
+
+def photos_of_round(w):
+    """What round k learns from: the photos, or those warped onto round k - 1."""
+    if w.round == "0":
+        return {"photos": f"results/{w.scene}/images"}
+    before = trained(w.scene, w.method, int(w.round) - 1)
+    return {"photos": f"{before}/warped/train", "valid": f"{before}/flow/train"}
+
+
+def truth_of(w):
+    """The oracle's folder, where the scene's truth is known."""
+    return {"truth": f"results/{w.scene}/truth"} if w.scene in with_truth() else {}
+
+
+def table_rows(scene):
+    """One entry per method and round, with the files that its row comes from."""
+    return [
+        {
+            "method": method,
+            "field": field_name(method),
+            "round": round,
+            "metrics": f"{trained(scene, method, round)}/metrics.csv",
+            "trainings": trainings_of(scene, method, round),
+            "data": data_of(scene, method, round),
+        }
+        for method, round in all_rounds()
+    ]
+
+
+def table_inputs(w):
+    rows = table_rows(w.scene)
+    files = [[r["metrics"], *r["trainings"], *r["data"]] for r in rows]
+    return sorted({path for row in files for path in row})
+
+
+def figure_rounds(scene):
+    """Renders and flow of the test views, round by round, of the reference method."""
+    method = config["reference"]["method"]
+    return [
+        {
+            "renders": f"{trained(scene, method, k)}/renders/test",
+            "flow": f"{trained(scene, method, k)}/flow/test",
+        }
+        for k in range(config["methods"][method]["rounds"] + 1)
     ]
 
 

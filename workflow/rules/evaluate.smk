@@ -1,9 +1,4 @@
 # Metrics per test view and test set.
-def truth_of(w):
-    """The oracle's folder, where the scene's truth is known."""
-    return {"truth": f"results/{w.scene}/truth"} if w.scene in with_truth() else {}
-
-
 rule evaluate:
     input:
         unpack(truth_of),

@@ -13,9 +13,9 @@ rule poses:
         "results/{scene}/logs/poses.tsv"
     wildcard_constraints:
         scene=one_of(with_truth(False)),
-    threads: 64
     conda:
         "../../environment.yml"
+    threads: 64
     params:
         config=lambda w: scene_slice(w.scene),
         sources=sources_of("alignerf.poses"),

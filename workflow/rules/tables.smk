@@ -1,25 +1,4 @@
 # What a reader looks at: the misalignment table and the figures of a scene.
-def table_rows(scene):
-    """One entry per method and round, with the files that its row comes from."""
-    return [
-        {
-            "method": method,
-            "field": field_name(method),
-            "round": round,
-            "metrics": f"{trained(scene, method, round)}/metrics.csv",
-            "trainings": trainings_of(scene, method, round),
-            "data": data_of(scene, method, round),
-        }
-        for method, round in all_rounds()
-    ]
-
-
-def table_inputs(w):
-    rows = table_rows(w.scene)
-    files = [[r["metrics"], *r["trainings"], *r["data"]] for r in rows]
-    return sorted({path for row in files for path in row})
-
-
 rule misalignment_table:
     input:
         table_inputs,
@@ -42,18 +21,6 @@ rule misalignment_table:
     shell:
         "python -m alignerf.tables --rows {params.rows:q} --csv {output.csv:q}"
         " --tex {output.tex:q} 2>&1 | tee {log:q}"
-
-
-def figure_rounds(scene):
-    """Renders and flow of the test views, round by round, of the reference method."""
-    method = config["reference"]["method"]
-    return [
-        {
-            "renders": f"{trained(scene, method, k)}/renders/test",
-            "flow": f"{trained(scene, method, k)}/flow/test",
-        }
-        for k in range(config["methods"][method]["rounds"] + 1)
-    ]
 
 
 rule figures:

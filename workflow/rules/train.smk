@@ -1,14 +1,6 @@
 # Trainings. Round 0 trains on the photos, round k on those that round k - 1 warped;
 # staged methods pre-train once a model, then fine-tune. Checkpoints lie outside of
 # `output:`, which Snakemake deletes when a job is killed: a training resumes.
-def photos_of_round(w):
-    """What round k learns from: the photos, or those warped onto round k - 1."""
-    if w.round == "0":
-        return {"photos": f"results/{w.scene}/images"}
-    before = trained(w.scene, w.method, int(w.round) - 1)
-    return {"photos": f"{before}/warped/train", "valid": f"{before}/flow/train"}
-
-
 rule train:
     input:
         unpack(photos_of_round),
@@ -23,9 +15,9 @@ rule train:
         "results/{scene}/{method}/round{round}/logs/train.tsv"
     wildcard_constraints:
         method=one_of(plain()),
-    threads: 64
     conda:
         "../../environment.yml"
+    threads: 64
     params:
         config=lambda w: method_slice(w.method),
         valid=lambda w, input: option("valid", input.get("valid")),
@@ -51,9 +43,9 @@ rule pretrain:
         "results/{scene}/pretrain/{model}/logs/train.tsv"
     wildcard_constraints:
         model=one_of(config["models"]),
-    threads: 64
     conda:
         "../../environment.yml"
+    threads: 64
     params:
         config=lambda w: pretrain_slice(w.model),
         checkpoints=subpath(output.model, parent=True),
@@ -81,9 +73,9 @@ rule finetune:
         "results/{scene}/{method}/round0/logs/train.tsv"
     wildcard_constraints:
         method=one_of(staged()),
-    threads: 64
     conda:
         "../../environment.yml"
+    threads: 64
     params:
         config=lambda w: method_slice(w.method),
         checkpoints=subpath(output.model, parent=True),
@@ -106,9 +98,9 @@ rule render_views:
         "results/{scene}/{method}/round{round}/logs/render_{split}.log",
     benchmark:
         "results/{scene}/{method}/round{round}/logs/render_{split}.tsv"
-    threads: 64
     conda:
         "../../environment.yml"
+    threads: 64
     params:
         config=lambda w: method_slice(w.method),
         sources=sources_of("alignerf.render_views"),

@@ -1,0 +1,242 @@
+"""The whole chain on a tiny courtyard: photos to tables, then what reruns when."""
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+
+from flow import files, warp
+
+WIDTH, HEIGHT, VIEWS, EVERY = 48, 36, 10, 4
+TEST_VIEWS = [f"view_{i:03d}" for i in range(0, VIEWS, EVERY)]
+HEADER = (
+    "method,field,warping,test_set,psnr_db,ssim,lpips_alex,"
+    "train_time_s,data_time_s,params,steps,rays_seen"
+)
+# Share of patches x patch_px^2 = 2 x batch_rays: the shares .6 and .2 of the steps
+# then see as many rays as the baseline.
+CONFIG = f"""
+seed: 0
+scenes:
+  tiny:
+    source: courtyard
+    poses: truth
+    test_every: {EVERY}
+    perturb_px: 0.5
+    courtyard: {{ views: {VIEWS}, width: {WIDTH}, height: {HEIGHT}, supersample: 1 }}
+models:
+  base: &base
+    near: 0.2
+    far: 1.0e+6
+    samples: [16, 8]
+    proposal: &field {{ kind: grid, levels: 4, log2_entries: 10, finest: 64, width: 8 }}
+    field: {{ <<: *field, view_widths: [8] }}
+  large:
+    <<: *base
+    field: {{ <<: *field, view_widths: [8], log2_entries: 12 }}
+methods:
+  mipnerf360_large: {{ model: large, rounds: 1 }}
+  mipnerf360: {{ model: base, rounds: 1 }}
+  alignerf:
+    model: base
+    rounds: 0
+    alignerf:
+      pretrain_share: 0.6
+      finetune_share: 0.2
+      learning_rates: [0.003, 0.0003]
+      patches: 2
+      patch_px: 16
+      radius_px: 2
+      align_penalty: 0.01
+      features: 4
+      frequency_weight: 0.05
+training:
+  steps: 200
+  batch_rays: 256
+  learning_rates: [0.03, 0.003]
+  warmup_steps: 10
+  adam_eps: 1.0e-15
+  gradient_norm: null
+  interlevel_weight: 1.0
+  distortion_weight: 0.01
+flow: {{ method: dis_fine, match_blur: true, kernel: lanczos, tolerance_px: 4.0 }}
+reference: {{ method: mipnerf360_large, round: 1 }}
+"""
+
+
+def read_csv(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def check_scene(scene):
+    report = json.loads((scene / "poses.json").read_text())
+    assert (report["registered"], report["total"]) == (VIEWS, VIEWS)
+    assert report["test_views"] == len(TEST_VIEWS)
+    facts = json.loads((scene / "facts.json").read_text())
+    assert (facts["width_px"], facts["height_px"]) == (WIDTH, HEIGHT)
+    assert facts["train_views"] + facts["test_views"] == facts["views"] == VIEWS
+    assert facts["photo_bytes"] == 3 * WIDTH * HEIGHT * VIEWS
+
+
+def check_table(scene):
+    path = scene / "tables" / "misalignment.csv"
+    assert path.read_text().splitlines()[0] == HEADER
+    table = read_csv(path)
+    sets = ["standard", "warped", "control", "oracle"]
+    lines = [("mipnerf360_large", "none"), ("mipnerf360_large", "once")]
+    lines += [("mipnerf360", "none"), ("mipnerf360", "once"), ("alignerf", "none")]
+    found = [(row["method"], row["warping"], row["test_set"]) for row in table]
+    assert found == [(*line, test_set) for line in lines for test_set in sets]
+    for row in table:
+        assert 10 < float(row["psnr_db"]) < 40
+        assert 0 < float(row["ssim"]) < 1
+        assert row["lpips_alex"] == ""
+        assert float(row["train_time_s"]) > 0
+        assert (float(row["data_time_s"]) > 0) == (row["warping"] == "once")
+    by_line = {(row["method"], row["warping"]): row for row in table}
+    plain, warped = by_line["mipnerf360", "none"], by_line["mipnerf360", "once"]
+    staged, large = by_line["alignerf", "none"], by_line["mipnerf360_large", "none"]
+    assert (int(plain["steps"]), int(staged["steps"])) == (200, 160)
+    assert int(plain["rays_seen"]) == int(staged["rays_seen"]) == 200 * 256
+    assert int(warped["rays_seen"]) == 2 * int(plain["rays_seen"])
+    assert int(plain["params"]) < int(staged["params"]) < int(large["params"])
+    assert staged["field"] == plain["field"] + ", derivative bank"
+
+
+def check_metrics(scene):
+    for path in scene.glob("*/round*/metrics.csv"):
+        rows = read_csv(path)
+        sets = ["standard", "standard_valid", "warped", "control", "oracle"]
+        wanted = [(view, test_set) for view in TEST_VIEWS for test_set in sets]
+        assert [(row["view"], row["test_set"]) for row in rows] == wanted
+        for row in rows:
+            assert row["lpips_alex"] == ""
+            assert "lpips_alex: no weights given" in row["note"]
+            masked = row["test_set"] in ("standard_valid", "warped")
+            assert masked == (float(row["valid_share"]) < 1)
+
+
+def check_latex(scene, folder):
+    tex = (scene / "tables" / "misalignment.tex").read_text()
+    for mark in (r"\toprule", r"\midrule", r"\bottomrule", r"\cellcolor[HTML]{FF9999}"):
+        assert mark in tex
+    assert tex.count(r"\begin{") == tex.count(r"\end{") == 1
+    body = tex.split(r"\midrule")[1].split(r"\bottomrule")[0].strip().splitlines()
+    assert len(body) == 5
+    columns = len(re.search(r"\\begin\{tabular\}\{(\w+)\}", tex)[1])
+    assert {line.count("&") for line in body} == {columns - 1}
+    if shutil.which("pdflatex") is None:
+        pytest.skip("pdflatex is not installed: table only checked by its structure")
+    (folder / "table.tex").write_text(
+        "\\documentclass{article}\\usepackage{booktabs,multirow}"
+        "\\usepackage[table]{xcolor}\\begin{document}" + tex + "\\end{document}"
+    )
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "table.tex"]
+    subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
+
+
+def check_figures(scene):
+    for name in ("flow", "rounds"):
+        with Image.open(scene / "figures" / f"{name}.png") as figure:
+            figure.load()
+            assert min(figure.size) > 300
+            assert np.asarray(figure.convert("L")).std() > 10
+
+
+def check_warped_photos(scene):
+    """Always the original photo, warped by the flow of this very round."""
+    folders = [scene / "mipnerf360/round0/{}/train", scene / "testset/{}"]
+    for folder in map(str, folders):
+        paths = sorted((scene / folder.format("flow")).glob("*.npz"))
+        assert paths
+        for path in paths:
+            flow_px, valid = files.read_flow(path)
+            assert valid.any()
+            photo = files.read_image(scene / "images" / f"{path.stem}.png")
+            warped = scene / folder.format("warped") / f"{path.stem}.png"
+            np.testing.assert_array_equal(
+                files.read_image(warped), warp.warp(photo, flow_px)
+            )
+    controls = {path.name for path in (scene / "testset/control").glob("*.png")}
+    assert controls == {f"{view}.png" for view in TEST_VIEWS}
+
+
+def check_logs(scene):
+    for path in scene.rglob("*.log"):
+        assert "Traceback" not in path.read_text()
+        assert "arning" not in path.read_text()
+    marks = {path.name for path in scene.rglob(".*")}
+    assert marks <= {".snakemake_timestamp"}, "a temporary file was left behind"
+
+
+def check_reruns(plan, root, config):
+    """What a change of a source or of a setting makes again, and nothing else."""
+    assert "Nothing to be done" in plan()
+    trainings = {"train", "pretrain"}
+    for path, old, new, rules in (
+        (root / "flow/colour_wheel.py", "\n", "\n\n", {"figures"}),
+        (root / "alignerf/tables.py", "\n", "\n\n", {"misalignment_table"}),
+        (root / "alignerf/lpips.py", "\n", "\n\n", {"evaluate"}),
+        (root / "alignerf/frequency_loss.py", "\n", "\n\n", trainings),
+        (root / "flow/__init__.py", "\n", "\n\n", {"align"}),
+        (config, "features: 4", "features: 5", {"finetune"}),
+        (config, "tolerance_px: 4.0", "tolerance_px: 2.0", {"align"}),
+        (config, "base, rounds: 1", "base, rounds: 0", {"misalignment_table"}),
+    ):
+        before = path.read_text()
+        assert old in before
+        path.write_text(before.replace(old, new, 1))
+        assert changed(plan()) == rules, (path.name, new)
+        path.write_text(before)
+    assert "Nothing to be done" in plan()
+
+
+def changed(output):
+    """Rules that would run for their parameters: their sources or their settings.
+
+    Those that run anyway, since an input is made again, are not among them.
+    """
+    found = re.search(r"params have changed since last execution:\n +(.+)", output)
+    return set(found[1].split(", ")) if found else set()
+
+
+def test_the_whole_chain(tmp_path, root, snakemake, subtests):
+    project = tmp_path / "a project"
+    for name in ("alignerf", "flow", "workflow"):
+        skipped = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(root / name, project / name, ignore=skipped)
+    for name in ("Snakefile", "environment.yml"):
+        shutil.copy(root / name, project / name)
+    config = tmp_path / "tiny.yaml"
+    config.write_text(CONFIG)
+    assert yaml.safe_load(CONFIG)["scenes"].keys() == {"tiny"}
+    options = (tmp_path, "--configfile", config)
+    code, output = snakemake(*options, "--cores", "2", "tiny", root=project)
+    assert code == 0, output
+    assert re.search(r"^train +4$", output, re.MULTILINE)
+    scene = tmp_path / "results" / "tiny"
+    with subtests.test("scene"):
+        check_scene(scene)
+    with subtests.test("table"):
+        check_table(scene)
+    with subtests.test("metrics"):
+        check_metrics(scene)
+    with subtests.test("figures"):
+        check_figures(scene)
+    with subtests.test("warped photos"):
+        check_warped_photos(scene)
+    with subtests.test("logs"):
+        check_logs(scene)
+    with subtests.test("reruns"):
+        check_reruns(
+            lambda: snakemake(*options, "-n", root=project)[1], project, config
+        )
+    with subtests.test("latex"):
+        check_latex(scene, tmp_path)

@@ -1,0 +1,253 @@
+"""Training as a job: resumes bit for bit, and refuses what it should."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import filelock
+import jax
+import numpy as np
+import pytest
+from jax.experimental.compilation_cache import compilation_cache
+from PIL import Image
+
+from alignerf import cameras, checkpoint, cli, train
+
+WIDTH, HEIGHT, STEPS = 32, 24, 14
+GRID = {"kind": "grid", "levels": 2, "log2_entries": 8, "finest": 32, "width": 8}
+ALIGNERF = {
+    "pretrain_share": 0.6,
+    "finetune_share": 0.5,
+    "learning_rates": [0.01, 0.001],
+    "patches": 1,
+    "patch_px": 12,
+    "radius_px": 2,
+    "align_penalty": 0.01,
+    "features": 4,
+    "frequency_weight": 0.05,
+    "frequency_weights": None,
+}
+TRAINING = {
+    "steps": STEPS,
+    "batch_rays": 64,
+    "learning_rates": [0.01, 0.001],
+    "warmup_steps": 3,
+    "adam_eps": 1e-15,
+    "gradient_norm": None,
+    "interlevel_weight": 1.0,
+    "distortion_weight": 0.01,
+}
+JOB = {
+    "seed": 3,
+    "stage": "full",
+    "model": {
+        "near": 0.2,
+        "far": 1e3,
+        "samples": [4, 4],
+        "proposal": GRID,
+        "field": GRID | {"view_widths": [8]},
+    },
+    "training": TRAINING,
+    "alignerf": ALIGNERF,
+}
+
+
+class Killed(BaseException):
+    """A process that ends in the middle, as far as files can tell."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_once(tmp_path_factory):
+    """Programs compiled for one training serve its repetitions."""
+    settings = {
+        "jax_compilation_cache_dir": str(tmp_path_factory.mktemp("compiled")),
+        "jax_persistent_cache_min_compile_time_secs": 0.1,
+    }
+    before = {name: getattr(jax.config, name) for name in settings}
+    for name, value in settings.items():
+        jax.config.update(name, value)
+    compilation_cache.reset_cache()
+    yield
+    for name, value in before.items():
+        jax.config.update(name, value)
+    compilation_cache.reset_cache()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A prepared scene: random photos seen by cameras that differ a little."""
+    folder = tmp_path_factory.mktemp("scene")
+    (folder / "images").mkdir()
+    rng = np.random.default_rng(0)
+    names = [f"v{i}" for i in range(4)]
+    for name in names:
+        image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+        Image.fromarray(image).save(folder / "images" / f"{name}.png")
+    poses = np.repeat(np.eye(4)[None, :3], 4, axis=0)
+    poses[:, :, 3] = rng.normal(size=(4, 3))
+    np.savez(
+        folder / "cameras.npz",
+        pixtocams=np.stack([cameras.intrinsics(30.0, WIDTH, HEIGHT)] * 4),
+        camtoworlds=poses,
+        names=names,
+        width=WIDTH,
+        height=HEIGHT,
+        split=["test", "train", "train", "train"],
+    )
+    return folder
+
+
+def run(folder, out, job=JOB, *more):
+    """Train into `out`; returns the parameters' bytes."""
+    train.main(
+        [
+            *("--config", json.dumps(job), "--scene", str(folder)),
+            *("--checkpoints", str(out / "checkpoints")),
+            *("--model", str(out / "model.msgpack")),
+            *("--timing", str(out / "timing.json"), *more),
+        ]
+    )
+    return (out / "model.msgpack").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("uninterrupted")
+    run(folder, out)
+    return out
+
+
+def kill_after_save(monkeypatch, at_step):
+    """Let training stop for good once it has saved the step `at_step`."""
+    save = checkpoint.save
+
+    def save_and_die(folder, state, **options):
+        save(folder, state, **options)
+        if int(state.step) == at_step:
+            raise Killed
+
+    monkeypatch.setattr(checkpoint, "save", save_and_die)
+    monkeypatch.setattr(train, "CHECKPOINT_EVERY_S", 0.0)
+    monkeypatch.setattr(train, "FETCH_EVERY", 4)
+
+
+@pytest.mark.parametrize("at_step", [4, 12])
+def test_resumes_bit_for_bit(
+    folder, uninterrupted, tmp_path, monkeypatch, caplog, at_step
+):
+    with monkeypatch.context() as patched:
+        kill_after_save(patched, at_step)
+        with pytest.raises(Killed):
+            run(folder, tmp_path)
+    assert not (tmp_path / "model.msgpack").exists()
+    caplog.set_level("INFO", "alignerf")
+    resumed = run(folder, tmp_path)
+    assert f"resuming at step {at_step} of {STEPS}" in caplog.text
+    assert resumed == (uninterrupted / "model.msgpack").read_bytes()
+    timing = json.loads((tmp_path / "timing.json").read_text())
+    assert timing["steps"] == STEPS
+    assert timing["rays_seen"] == STEPS * TRAINING["batch_rays"]
+
+
+def test_fine_tuning_resumes_bit_for_bit(folder, tmp_path, monkeypatch):
+    initial = tmp_path / "pretrain"
+    run(folder, initial, JOB | {"stage": "pretrain"})
+    tuned = JOB | {"stage": "finetune"}
+    more = ("--initial", str(initial / "model.msgpack"))
+    whole = run(folder, tmp_path / "whole", tuned, *more)
+    with monkeypatch.context() as patched:
+        kill_after_save(patched, 4)
+        with pytest.raises(Killed):
+            run(folder, tmp_path / "parts", tuned, *more)
+    assert run(folder, tmp_path / "parts", tuned, *more) == whole
+
+
+@pytest.mark.parametrize("change", ["seed", "config", "photos"])
+def test_another_job_does_not_resume(
+    folder, uninterrupted, tmp_path, monkeypatch, caplog, change
+):
+    shutil.copytree(uninterrupted / "checkpoints", tmp_path / "checkpoints")
+    job, more = JOB, ()
+    if change == "seed":
+        job = JOB | {"seed": 4}
+    elif change == "config":
+        job = JOB | {"training": TRAINING | {"interlevel_weight": 0.5}}
+    else:
+        shutil.copytree(folder / "images", tmp_path / "photos")
+        Image.new("RGB", (WIDTH, HEIGHT)).save(tmp_path / "photos" / "v1.png")
+        more = ("--photos", str(tmp_path / "photos"))
+    started = []
+
+    def first_state(job, step, state, views, save):
+        started.append(int(state.step))
+        raise Killed
+
+    monkeypatch.setattr(train, "run_steps", first_state)
+    caplog.set_level("INFO", "alignerf")
+    with pytest.raises(Killed):
+        run(folder, tmp_path, job, *more)
+    assert started == [0]
+    assert "checkpoint of another configuration, starting anew" in caplog.text
+
+
+def stops(capsys, call):
+    """The one line that an entry point ends with."""
+    with pytest.raises(SystemExit) as stopped:
+        cli.run(call)
+    assert stopped.value.code == 1
+    line = capsys.readouterr().err.strip().splitlines()[-1]
+    assert line.startswith("error: ")
+    return line
+
+
+def test_a_training_that_diverges_stops_with_the_step(folder, tmp_path, capsys):
+    wild = TRAINING | {"learning_rates": [1e38, 1e38], "warmup_steps": 0}
+    job = JOB | {"training": wild}
+    line = stops(capsys, lambda: run(folder, tmp_path, job))
+    assert "training diverged at step" in line
+    assert "not finite: " in line
+    left = {path.name for path in tmp_path.rglob("*")}
+    assert left <= {"checkpoints", "lock"}
+
+
+def test_fine_tuning_needs_pretrained_parameters(
+    folder, uninterrupted, tmp_path, capsys
+):
+    job = JOB | {"stage": "finetune"}
+    assert "--initial" in stops(capsys, lambda: run(folder, tmp_path, job))
+    missing = ("--initial", str(tmp_path / "no.msgpack"))
+    line = stops(capsys, lambda: run(folder, tmp_path, job, *missing))
+    assert "no.msgpack: model file not found" in line
+    wider = JOB["model"] | {"field": GRID | {"view_widths": [9]}}
+    other = ("--initial", str(uninterrupted / "model.msgpack"))
+    line = stops(capsys, lambda: run(folder, tmp_path, job | {"model": wider}, *other))
+    assert "model.msgpack: " in line
+    assert not list(tmp_path.rglob("*.json"))
+
+
+def test_a_second_trainer_is_refused(folder, tmp_path, capsys):
+    (tmp_path / "checkpoints").mkdir()
+    with filelock.FileLock(tmp_path / "checkpoints" / "lock"):
+        line = stops(capsys, lambda: run(folder, tmp_path))
+    assert "checkpoints: another process is training here" in line
+    assert not (tmp_path / "model.msgpack").exists()
+
+
+def test_bad_input_as_a_process_is_one_line(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "scene")
+    path = tmp_path / "scene" / "images" / "v2.png"
+    path.write_bytes(path.read_bytes()[:-40])
+    options = ["--config", json.dumps(JOB), "--scene", tmp_path / "scene"]
+    for name in ("checkpoints", "model", "timing"):
+        options += [f"--{name}", tmp_path / "out" / name]
+    done = subprocess.run(
+        [sys.executable, "-m", "alignerf.train", *options],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stderr.startswith("error: ")
+    assert "v2.png" in done.stderr
+    assert not (tmp_path / "out").exists()

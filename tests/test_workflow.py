@@ -1,0 +1,231 @@
+"""Plans of every config, and bad input: one line that names it, nothing half-made."""
+
+import copy
+import re
+import runpy
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+import skimage.data
+import yaml
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parent.parent
+CONFIGS = sorted((ROOT / "workflow" / "config").glob("*.yaml"))
+
+
+@pytest.fixture
+def demo():
+    return yaml.safe_load((ROOT / "workflow/config/demo.yaml").read_text())
+
+
+def write(folder, config):
+    path = folder / "config.yaml"
+    path.write_text(yaml.safe_dump(config, sort_keys=False))
+    return path
+
+
+def jobs_of(output):
+    """{rule: number of jobs} of a dry run."""
+    table = output.split("Job stats:")[1].split("\n\n")[0]
+    jobs = dict(re.findall(r"^([\w.-]+) +(\d+)$", table, re.MULTILINE))
+    return {rule: int(count) for rule, count in jobs.items() if rule != "total"}
+
+
+def expected_jobs(config):
+    """The trainings of a config by the paper's scheme, and what each one entails."""
+    scenes, methods = len(config["scenes"]), config["methods"].values()
+    plain = [m["rounds"] for m in methods if "alignerf" not in m]
+    staged = [m["model"] for m in methods if "alignerf" in m]
+    return {
+        "train": scenes * sum(rounds + 1 for rounds in plain),
+        "pretrain": scenes * len(set(staged)),
+        "finetune": scenes * len(staged),
+        "evaluate": scenes * (sum(rounds + 1 for rounds in plain) + len(staged)),
+        "testset": scenes,
+        "facts": scenes,
+        "misalignment_table": scenes,
+        "figures": scenes,
+    }
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_every_config_can_be_planned(path, tmp_path, snakemake):
+    config = yaml.safe_load(path.read_text())
+    # Stand-ins for what lies on the user's disk.
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "weights.npz").touch()
+    for scene in config["scenes"].values():
+        if scene.get("path"):
+            scene["path"] = "photos"
+    for key in ("frequency_weights", "lpips_alex"):
+        if config.get(key):
+            config[key] = "weights.npz"
+    written = write(tmp_path, config)
+    code, output = snakemake(tmp_path, "--configfile", written, "-n")
+    assert code == 0, output
+    jobs = jobs_of(output)
+    wanted = {rule: count for rule, count in expected_jobs(config).items() if count}
+    assert {rule: jobs.get(rule) for rule in wanted} == wanted
+
+
+def test_without_arguments_the_demo_is_planned(tmp_path, demo, snakemake):
+    code, output = snakemake(tmp_path, "-n")
+    assert code == 0
+    assert {"train", "align", "evaluate", "render_views"} <= jobs_of(output).keys()
+    assert jobs_of(output).items() >= expected_jobs(demo).items()
+    assert not (tmp_path / "results").exists()
+
+
+def test_a_scene_or_a_file_by_name(tmp_path, demo, snakemake):
+    demo["scenes"]["my-yard.1"] = demo["scenes"]["courtyard"]
+    options = (tmp_path, "--configfile", write(tmp_path, demo), "-n")
+    both, one = (jobs_of(snakemake(*options, *t)[1]) for t in ([], ["my-yard.1"]))
+    assert one.pop("my-yard.1") == both.pop("all") == 1
+    assert both == {rule: 2 * count for rule, count in one.items()}
+    file = "results/my-yard.1/mipnerf360/round1/timing.json"
+    jobs = {"poses_courtyard": 1, "train": 2, "render_views": 1, "align": 1}
+    assert jobs_of(snakemake(*options, file)[1]) == jobs
+    code, output = snakemake(
+        *options, "results/courtyard/mipnerf360/round01/timing.json"
+    )
+    assert code == 1
+    assert "Traceback" not in output
+
+
+def edit(config, where, value):
+    """Set, or for value None delete, the key at the dotted path."""
+    *parents, last = where.split(".")
+    for key in parents:
+        config = config[int(key)] if isinstance(config, list) else config[key]
+    if value is None:
+        del config[last]
+    else:
+        config[int(last) if isinstance(config, list) else last] = value
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "reason"),
+    [
+        ("training.stpes", 5, "training: .*'stpes' was unexpected"),
+        ("models.base.field.levles", 5, r"models.base.field: .*'levles' was unexp"),
+        ("models.base.field.kind", "gird", r"field.kind: 'gird' is not one of"),
+        ("models.base.field.levels", "8", r"field.levels: '8' is not of type"),
+        ("models.base.field.kind", None, "models.base.field: 'kind' is a required"),
+        ("seed", None, "'seed' is a required"),
+        ("seed", True, "seed: True is not of type 'integer'"),
+        ("training.learning_rates.0", "1e-3", r"learning_rates.0: '1e-3' is not of"),
+        ("training.batch_rays", 0, "training.batch_rays: 0 is less than"),
+        ("flow.kernel", "sinc", "flow.kernel: 'sinc' is not one of"),
+        ("methods.mipnerf360.model", "huge", r"methods.mipnerf360.model: no model 'hu"),
+        ("methods.alignerf.rounds", 1, "methods.alignerf.rounds: 0 was expected"),
+        ("methods.pretrain", {"model": "base", "rounds": 0}, "methods: 'pretrain'"),
+        ("reference.method", "nerf", "reference.method: no method 'nerf'"),
+        ("reference.round", 3, "reference.round: mipnerf360_large has fewer"),
+        ("scenes.a/b", {"source": "courtyard"}, "scenes: 'a/b' does not match"),
+        ("scenes.a\n", {"source": "courtyard"}, r"scenes: 'a\\n' does not match"),
+        ("scenes.train", {"source": "courtyard"}, "scenes.train: a rule has this"),
+        ("scenes.mine", {"source": "photos"}, "scenes.mine.path: source 'photos'"),
+        ("frequency_weights", "no.npz", "frequency_weights: no.npz does not exist"),
+        ("lpips_alex", "no.npz", "lpips_alex: no.npz does not exist"),
+    ],
+)
+def test_a_bad_config_is_named(demo, capsys, where, value, reason):
+    edit(demo, where, value)
+    check_config = load_rules()["check_config"]
+    with pytest.raises(SystemExit) as stopped:
+        check_config(demo)
+    assert stopped.value.code == 1
+    error = capsys.readouterr().err
+    assert re.match("error: config: .*" + reason, error)
+    assert error.count("\n") == 1
+
+
+def load_rules():
+    """What the file of functions that check a config defines."""
+    workflow = types.SimpleNamespace(basedir=ROOT)
+    path = ROOT / "workflow" / "rules" / "config.smk"
+    return runpy.run_path(path, init_globals={"workflow": workflow})
+
+
+def test_keys_with_a_default_may_be_left_out(demo):
+    wanted = copy.deepcopy(demo)
+    del demo["frequency_weights"], demo["lpips_alex"]
+    load_rules()["check_config"](demo)
+    assert demo == wanted
+
+
+def test_no_scene_can_have_the_name_of_a_rule():
+    text = "".join(path.read_text() for path in ROOT.glob("workflow/rules/*.smk"))
+    rules = set(re.findall(r"^(?:use rule \w+ as|rule) (\w+)", text, re.MULTILINE))
+    assert load_rules()["RESERVED"] == rules | {"all"}
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "reason"),
+    [
+        ("training.stpes", 5, "'stpes'"),
+        ("frequency_weights", "no.npz", "no.npz does not exist"),
+        ("scenes.mine", {"source": "photos", "path": "no where"}, "no where does not"),
+        ("scenes", None, "'scenes' is a required property"),
+    ],
+)
+def test_planning_stops_with_one_line(tmp_path, demo, snakemake, where, value, reason):
+    edit(demo, where, value)
+    code, output = snakemake(tmp_path, "--configfile", write(tmp_path, demo), "-n")
+    assert code == 1
+    assert output.startswith("error: config: ")
+    assert reason in output
+    assert len(output.splitlines()) == 1
+    assert not (tmp_path / "results").exists()
+
+
+def no_photos(folder):
+    """An empty folder of photos."""
+
+
+def broken_photo(folder):
+    three_apart(folder)
+    (folder / "b.jpg").write_bytes((folder / "b.jpg").read_bytes()[:2000])
+
+
+def three_apart(folder):
+    """Three photos of different things."""
+    for name, image in {
+        "a": skimage.data.astronaut(),
+        "b": skimage.data.coffee(),
+        "c": skimage.data.chelsea(),
+    }.items():
+        Image.fromarray(image[:240, :320]).save(folder / f"{name}.jpg", quality=90)
+
+
+def two_sizes(folder):
+    for name, size in {"a": 40, "b": 40, "odd one": 50}.items():
+        Image.fromarray(np.zeros((size, 64, 3), np.uint8)).save(folder / f"{name}.png")
+
+
+@pytest.mark.parametrize(
+    ("fill", "reason"),
+    [
+        (no_photos, "no images in my photos"),
+        (broken_photo, "cannot decode my photos/b.jpg"),
+        (three_apart, "my photos"),
+        (two_sizes, "my photos: .*odd one.png"),
+    ],
+)
+def test_bad_photos_end_in_one_line(tmp_path, demo, snakemake, fill, reason):
+    (tmp_path / "my photos").mkdir()
+    fill(tmp_path / "my photos")
+    demo["scenes"] = {"mine": {"source": "photos", "path": "my photos"}}
+    options = ("--configfile", write(tmp_path, demo), "--cores", "2")
+    code, output = snakemake(tmp_path, *options)
+    assert code == 1
+    assert "Traceback" not in output
+    (line,) = [line for line in output.splitlines() if line.startswith("error: ")]
+    assert re.search(reason, line)
+    made = [path for path in (tmp_path / "results").rglob("*") if path.is_file()]
+    assert [path.relative_to(tmp_path / "results") for path in made] == [
+        Path("mine/logs/poses.log")
+    ]
