@@ -11,7 +11,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 .PHONY: run test slow lint lock clean
 
 run: $(VENV)/.installed
-	@snakemake --cores $(CORES)
+	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
 	@python -m alignerf.show
 
 test: $(VENV)/.installed

@@ -104,11 +104,15 @@ def read_params(path, template):
 
 
 def _from_bytes(template, data, where):
-    """`flax.serialization.from_bytes` accepts other shapes and NaN: checked here."""
+    """flax accepts surplus entries, other shapes and NaN: all are checked here."""
     try:
-        found = flax.serialization.from_bytes(template, data)
+        stored = flax.serialization.msgpack_restore(data)
     except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{where}: not parameters of this model ({error})") from None
+        raise ValueError(f"{where}: not a file of parameters ({error})") from None
+    wanted = flax.serialization.to_state_dict(template)
+    if jax.tree.structure(stored) != jax.tree.structure(wanted):
+        raise ValueError(f"{where}: not parameters of this model")
+    found = flax.serialization.from_state_dict(template, stored)
     for (path, wanted), leaf in zip(
         jax.tree_util.tree_leaves_with_path(template),
         jax.tree.leaves(found),

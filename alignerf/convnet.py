@@ -3,11 +3,11 @@
 Notation: images [n, h, w, c], kernels [kh, kw, c, out] (HWIO).
 """
 
-import zipfile
-
 import jax
 import jax.numpy as jnp
 import numpy as np
+
+from alignerf import archives
 
 
 def convolve(x, kernel, *, stride=1, padding=0):
@@ -34,12 +34,8 @@ def read_weights(path, names):
     Raises ValueError naming the file where it is no .npz, lacks an array, or
     holds a number that is not finite.
     """
-    if not zipfile.is_zipfile(path):
-        raise ValueError(f"{path}: weights file not found, or not an .npz")
-    with np.load(path, allow_pickle=False) as stored:
-        if missing := [name for name in names if name not in stored]:
-            raise ValueError(f"{path}: no array {', '.join(missing)} in it")
-        found = {name: np.asarray(stored[name], np.float32) for name in names}
+    found = archives.read(path, names)
+    found = {name: np.asarray(array, np.float32) for name, array in found.items()}
     for name, array in found.items():
         if not np.isfinite(array).all():
             raise ValueError(f"{path}: array {name} is not finite")

@@ -10,7 +10,7 @@ import pathlib
 import numpy as np
 from PIL import Image
 
-from alignerf import cameras
+from alignerf import archives, cameras
 
 SPLITS = ("train", "test")
 
@@ -38,14 +38,9 @@ class Scene:
 def load(folder) -> Scene:
     """Read and check a scene's cameras; poses come out normalised."""
     path = pathlib.Path(folder) / "cameras.npz"
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            data = {key: stored[key] for key in stored}
-    except (OSError, EOFError) as error:
-        raise ValueError(f"{path}: not readable ({error})") from None
-    wanted = {"pixtocams", "camtoworlds", "names", "width", "height", "split"}
-    if missing := wanted - data.keys():
-        raise ValueError(f"{path}: no array {', '.join(sorted(missing))}")
+    data = archives.read(
+        path, ("pixtocams", "camtoworlds", "names", "width", "height", "split")
+    )
     count = len(data["names"])
     shapes = {"pixtocams": (count, 3, 3), "camtoworlds": (count, 3, 4)}
     for key, shape in shapes.items():
@@ -97,8 +92,7 @@ def read_validity(scene: Scene, views, folder) -> np.ndarray:
     masks = np.empty((len(views), scene.height, scene.width), bool)
     for slot, view in enumerate(views):
         path = pathlib.Path(folder) / f"{scene.names[view]}.npz"
-        with np.load(path, allow_pickle=False) as stored:
-            mask = stored["valid"]
+        mask = archives.read(path, ["valid"])["valid"]
         if mask.shape != masks.shape[1:]:
             raise ValueError(f"{path}: valid is {mask.shape}, not {masks.shape[1:]}")
         if not mask.any():

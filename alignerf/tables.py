@@ -111,9 +111,8 @@ def to_latex(table):
         names=("Method", "Warping"),
     )
     style = wide.style.format(precision=3, na_rep="--")
-    style = style.format(
-        "{:.2f}", subset=[c for c in wide if c[0] in (HEADINGS["psnr_db"], "Cost")]
-    )
+    short = [c for c in wide if c[0] in (HEADINGS["psnr_db"], "Cost")]
+    style = style.format("{:.2f}", na_rep="--", subset=short)
     for key in shown:
         chosen = [column for column in wide if column[0] == HEADINGS[key]]
         style = style.apply(colour_best, subset=chosen, higher=METRICS[key])

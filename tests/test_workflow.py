@@ -95,6 +95,23 @@ def test_a_scene_or_a_file_by_name(tmp_path, demo, snakemake):
     assert "Traceback" not in output
 
 
+def test_ablations_share_the_pretraining(tmp_path, demo, snakemake):
+    ablation = copy.deepcopy(demo["methods"]["alignerf"])
+    ablation["alignerf"] |= {"finetune_share": 0.1, "patches": 1, "features": 3}
+    ablation["alignerf"]["align_penalty"] = 0
+    demo["methods"]["ablation"] = ablation
+    options = ("--configfile", write(tmp_path, demo), "-n")
+    jobs = jobs_of(snakemake(tmp_path, *options)[1])
+    assert (jobs["pretrain"], jobs["finetune"]) == (1, 2)
+    ablation["alignerf"]["pretrain_share"] = 0.5
+    write(tmp_path, demo)
+    code, output = snakemake(tmp_path, *options)
+    assert code == 1
+    assert "Traceback" not in output
+    reason = "error: config: methods alignerf, ablation disagree about base's pretrain"
+    assert output.splitlines()[-1].startswith(reason)
+
+
 def edit(config, where, value):
     """Set, or for value None delete, the key at the dotted path."""
     *parents, last = where.split(".")

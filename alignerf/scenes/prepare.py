@@ -15,7 +15,7 @@ from PIL import Image
 from alignerf import cameras
 
 # Under this no method of the analysis works: SSIM needs 11 pixels, flow more.
-MIN_SIZE_PX = 16
+MIN_SIZE_PX = 32
 
 
 class PosedViews(NamedTuple):

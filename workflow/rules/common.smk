@@ -6,18 +6,24 @@ import hashlib
 import json
 import os
 import re
+import sys
 from pathlib import Path
+
+
+
+def prepend_to(variable, folder):
+    """Put a folder first in a search path that the jobs inherit."""
+    rest = os.environ.get(variable)
+    os.environ[variable] = os.pathsep.join([str(folder), *filter(None, [rest])])
+
 
 # Compiled JAX programs are kept between jobs and runs.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path("results/.jax_cache")))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")
-os.environ.setdefault("JAX_PLATFORMS", "")
-# The program runs from its own folder, wherever the results go.
-os.environ.update(
-    PYTHONPATH=os.pathsep.join(
-        [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-    )
-)
+# Jobs run the sources beside the Snakefile, wherever the results go, with the Python
+# that runs Snakemake, also where its environment is not activated.
+prepend_to("PYTHONPATH", ROOT)
+prepend_to("PATH", Path(sys.executable).parent)
 
 
 def staged():
@@ -75,6 +81,7 @@ def train_slice(*, stage, model, method=None):
 
 
 PRETRAIN_IGNORES = {
+    "finetune_share": 0.0,
     "learning_rates": [0.0, 0.0],
     "patches": 0,
     "patch_px": 0,

@@ -1,0 +1,78 @@
+"""One set of versions: pip's lock, conda's environment and what the project asks."""
+
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+import yaml
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def locked():
+    """{package: version} of the lock."""
+    text = (ROOT / "requirements.lock").read_text()
+    pins = re.findall(r"^([A-Za-z0-9_.-]+)==([^\s;\\]+)", text, re.MULTILINE)
+    return {canonical(name): version for name, version in pins}
+
+
+def conda():
+    """({package: version} that pip installs, the other packages)."""
+    found = yaml.safe_load((ROOT / "environment.yml").read_text())["dependencies"]
+    (pip,) = (entry["pip"] for entry in found if isinstance(entry, dict))
+    pins = dict(requirement.split("==") for requirement in pip)
+    return pins, [entry for entry in found if isinstance(entry, str)]
+
+
+def asked():
+    """Names that pyproject.toml lists, for users and for developers."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    return [*project["dependencies"], *project["optional-dependencies"]["dev"]]
+
+
+def canonical(name):
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def test_conda_gives_the_versions_of_the_lock():
+    pins, lock = conda()[0], locked()
+    assert pins == {name: lock.get(canonical(name)) for name in pins}
+
+
+def test_both_hold_exactly_what_the_project_asks():
+    assert sorted(conda()[0]) == sorted(asked())
+    assert {canonical(name) for name in asked()} <= locked().keys()
+
+
+def test_every_pin_has_a_hash():
+    text = (ROOT / "requirements.lock").read_text()
+    entries = re.split(r"\n(?=\S)", text.strip())
+    pins = [entry for entry in entries if not entry.startswith("#")]
+    assert len(pins) >= len(locked())
+    assert all("--hash=sha256:" in entry for entry in pins)
+
+
+def test_python_is_one_that_the_project_supports():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    least = project["requires-python"].removeprefix(">=")
+    (python,) = (e for e in conda()[1] if e.startswith("python"))
+    assert python == f"python={least}"
+
+
+def test_all_imports_are_asked_for():
+    """What the code imports is a dependency of ours, not of a dependency."""
+    modules = {"cv2": "opencv-contrib-python-headless", "PIL": "pillow"}
+    modules |= {"skimage": "scikit-image", "yaml": "pyyaml"}
+    text = "\n".join(
+        path.read_text()
+        for pattern in ("alignerf/**/*.py", "flow/**/*.py", "workflow/**/*.*")
+        for path in ROOT.glob(pattern)
+        if path.suffix in (".py", ".smk")
+    )
+    pattern = r"^(?:import|from) (\w+)[\w.]*(?: import .*| as \w+)?$"
+    found = set(re.findall(pattern, text, re.MULTILINE))
+    names = {canonical(modules.get(name, name)) for name in found}
+    standard = {canonical(name) for name in sys.stdlib_module_names}
+    ours = {"alignerf", "flow"}
+    assert names - standard - ours <= {canonical(name) for name in asked()}

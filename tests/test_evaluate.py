@@ -1,0 +1,173 @@
+"""Scores of views: what is measured, and what is left empty and why."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from alignerf import cameras, evaluate, metrics
+from flow import files
+
+SIZE = (40, 48)
+
+
+@pytest.fixture
+def pair(rng):
+    target = rng.integers(0, 256, (*SIZE, 3), dtype=np.uint8)
+    noise = rng.integers(-20, 21, target.shape)
+    return target, np.clip(target + noise, 0, 255).astype(np.uint8)
+
+
+EVERYWHERE = np.ones(SIZE, bool)
+
+
+def test_scores_are_the_metrics(pair):
+    row = evaluate.score(*pair, EVERYWHERE, None)
+    assert row["psnr_db"] == metrics.psnr_db(*pair, EVERYWHERE)
+    assert row["ssim"] == metrics.ssim(*pair, EVERYWHERE)
+    assert np.isnan(row["lpips_alex"])
+    assert (row["valid_share"], row["note"]) == (1.0, "")
+
+
+def test_identical_images_are_flagged_and_not_averaged(pair):
+    target, _ = pair
+    row = evaluate.score(target, target, EVERYWHERE, None)
+    assert np.isnan(row["psnr_db"])
+    assert row["ssim"] == pytest.approx(1.0)
+    assert row["note"] == "psnr_db: identical images"
+
+
+def test_pixels_that_are_not_valid_change_nothing(pair):
+    target, render = pair
+    valid = EVERYWHERE.copy()
+    valid[5:30, 7:20] = False
+    spoilt = np.where(valid[..., None], target, 255 - target)
+    calls = []
+
+    def distance(first, second):
+        calls.append((first, second))
+        return 0.25
+
+    rows = [evaluate.score(t, render, valid, distance) for t in (target, spoilt)]
+    assert rows[0] == rows[1]
+    assert rows[0]["lpips_alex"] == 0.25
+    assert rows[0]["valid_share"] == valid.mean() < 1
+    np.testing.assert_array_equal(calls[0][0], calls[1][0])
+    assert rows[0]["psnr_db"] != evaluate.score(*pair, EVERYWHERE, None)["psnr_db"]
+
+
+def test_images_too_small_for_a_metric_say_so(pair):
+    target, render = (image[:30, :30] for image in pair)
+    valid = np.ones((30, 30), bool)
+    row = evaluate.score(target, render, valid, lambda *_: pytest.fail("too small"))
+    assert np.isnan(row["lpips_alex"])
+    assert row["note"] == "lpips_alex: under 35 pixels"
+    row = evaluate.score(target[:10], render[:10], valid[:10], None)
+    assert np.isnan(row["ssim"])
+    assert np.isfinite(row["psnr_db"])
+    assert "under 11" in row["note"]
+
+
+def test_a_view_without_valid_pixels_is_an_error(pair):
+    with pytest.raises(ValueError, match="no valid pixel"):
+        evaluate.score(*pair, np.zeros(SIZE, bool), None)
+
+
+def test_valid_at_the_border_only_leaves_ssim_empty(pair):
+    valid = np.zeros(SIZE, bool)
+    valid[0] = True
+    row = evaluate.score(*pair, valid, None)
+    assert np.isfinite(row["psnr_db"])
+    assert np.isnan(row["ssim"])
+    assert "ssim: no valid pixel away from the border" in row["note"]
+
+
+@pytest.fixture
+def folder(tmp_path, rng):
+    """A scene of four views with a warped test set; two are test views."""
+    names = ["a", "b", "c", "d"]
+    poses = np.repeat(np.eye(4)[None, :3], 4, axis=0)
+    poses[:, :, 3] = rng.normal(size=(4, 3))
+    np.savez(
+        tmp_path / "cameras.npz",
+        pixtocams=np.stack([cameras.intrinsics(30.0, SIZE[1], SIZE[0])] * 4),
+        camtoworlds=poses,
+        names=names,
+        width=SIZE[1],
+        height=SIZE[0],
+        split=["test", "train", "test", "train"],
+    )
+    for view in ("a", "c"):
+        for kind in ("images", "renders", "testset/warped", "testset/control"):
+            image = rng.integers(0, 256, (*SIZE, 3), dtype=np.uint8)
+            files.write_image(tmp_path / kind / f"{view}.png", image)
+        valid = rng.uniform(size=SIZE) < 0.7
+        flow_px = np.zeros((*SIZE, 2), np.float32)
+        files.write_flow(tmp_path / "testset/flow" / f"{view}.npz", flow_px, valid)
+    return tmp_path
+
+
+def run(folder, *more):
+    options = {"scene": "", "renders": "renders", "testset": "testset"}
+    arguments = [f"--{key}={folder / value}" for key, value in options.items()]
+    evaluate.main([*arguments, f"--metrics={folder / 'metrics.csv'}", *more])
+    return pd.read_csv(folder / "metrics.csv").set_index(["view", "test_set"])
+
+
+def test_each_test_set_is_scored_against_its_own_images(folder):
+    found = run(folder)
+    assert list(found.index.unique("view")) == ["a", "c"]
+    for view in ("a", "c"):
+        render = files.read_image(folder / "renders" / f"{view}.png")
+        _, valid = files.read_flow(folder / "testset" / "flow" / f"{view}.npz")
+        for test_set, (kind, mask) in {
+            "standard": ("images", EVERYWHERE),
+            "standard_valid": ("images", valid),
+            "warped": ("testset/warped", valid),
+            "control": ("testset/control", EVERYWHERE),
+        }.items():
+            target = files.read_image(folder / kind / f"{view}.png")
+            row = found.loc[view, test_set]
+            assert row["psnr_db"] == pytest.approx(
+                metrics.psnr_db(target, render, mask)
+            )
+            assert row["valid_share"] == pytest.approx(mask.mean())
+            assert row["note"] == "lpips_alex: no weights given"
+    assert "oracle" not in found.index.unique("test_set")
+
+
+def test_the_oracle_where_the_truth_is_known(folder):
+    (folder / "truth").mkdir()
+    (folder / "renders").rename(folder / "truth" / "oracle")
+    for view in ("a", "c"):
+        image = np.zeros((*SIZE, 3), np.uint8)
+        files.write_image(folder / "renders" / f"{view}.png", image)
+    found = run(folder, f"--truth={folder / 'truth'}")
+    oracle = files.read_image(folder / "truth" / "oracle" / "a.png")
+    wanted = metrics.psnr_db(oracle, np.zeros_like(oracle), EVERYWHERE)
+    assert found.loc["a", "oracle"]["psnr_db"] == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(
+    ("path", "reason"),
+    [
+        ("renders/c.png", "renders/c.png"),
+        ("testset/flow/a.npz", "flow/a.npz"),
+        ("testset/control/a.png", "control/a.png"),
+    ],
+)
+def test_what_is_missing_is_named_and_nothing_written(folder, path, reason):
+    (folder / path).unlink()
+    with pytest.raises(ValueError, match=reason):
+        run(folder)
+    assert not (folder / "metrics.csv").exists()
+
+
+def test_weights_that_are_none_are_named(folder):
+    weights = folder / "weights.npz"
+    np.savez(weights, conv1_w=np.zeros(3))
+    with pytest.raises(ValueError, match=r"weights\.npz: .*conv1_b"):
+        run(folder, f"--lpips-alex={weights}")
+    Image.new("RGB", (9, 9)).save(folder / "renders" / "a.png")
+    with pytest.raises(ValueError, match=r"a\.png: 9x9 pixels"):
+        run(folder)

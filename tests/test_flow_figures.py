@@ -1,0 +1,114 @@
+"""flow.figures: what they show of a scene, and what they need."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from flow import figures, files
+
+
+@pytest.fixture
+def scene(tmp_path, rng):
+    """Two views as the chain leaves them, of 40x30 pixels."""
+    for view in ("a", "b c"):
+        for folder in ("photos", "renders"):
+            image = rng.integers(0, 256, (30, 40, 3), dtype=np.uint8)
+            files.write_image(tmp_path / folder / f"{view}.png", image)
+        flow_px = rng.normal(size=(30, 40, 2)).astype(np.float32)
+        valid = rng.uniform(size=(30, 40)) < 0.9
+        files.write_flow(tmp_path / "testset" / "flow" / f"{view}.npz", flow_px, valid)
+    statistics = "view,median_px\na,1.5\nb c,0.5\n"
+    (tmp_path / "testset" / "displacement.csv").write_text(statistics)
+    return tmp_path
+
+
+def draw(scene, *, rounds=2):
+    """The figures of the scene, as if each round had rendered the same."""
+    again = {"renders": str(scene / "renders"), "flow": str(scene / "testset" / "flow")}
+    return figures.run(
+        [
+            *("--photos", str(scene / "photos"), "--testset", str(scene / "testset")),
+            *("--reference", str(scene / "renders")),
+            *("--rounds", json.dumps([again] * rounds)),
+            *("--flow-figure", str(scene / "figures" / "flow.png")),
+            *("--rounds-figure", str(scene / "figures" / "rounds.png")),
+        ]
+    )
+
+
+def size(path):
+    height, width = cv2.imread(str(path)).shape[:2]
+    return width, height
+
+
+def test_figures_of_a_scene(scene):
+    assert draw(scene) == 0
+    assert {p.name for p in (scene / "figures").iterdir()} == {"flow.png", "rounds.png"}
+    width, height = size(scene / "figures" / "flow.png")
+    assert width > 3 * height > 900
+    first = size(scene / "figures" / "rounds.png")
+    assert draw(scene, rounds=3) == 0
+    more = size(scene / "figures" / "rounds.png")
+    assert more[1] == first[1] > 600
+    assert more[0] == pytest.approx(4 / 3 * first[0], rel=0.01)
+
+
+def test_the_view_of_middle_misalignment_is_shown(tmp_path):
+    path = tmp_path / "displacement.csv"
+    for lengths, wanted in (([3, 1, 2], "c"), ([10, 9, 0, 0.5], "b"), ([1], "a")):
+        lines = [f"{view},{px}" for view, px in zip("abcd", lengths, strict=False)]
+        path.write_text("\n".join(["view,median_px", *lines]))
+        assert figures.middle_view(path) == wanted
+
+
+def test_the_scale_leaves_out_what_is_not_valid():
+    flow_px = np.zeros((10, 10, 2), np.float32)
+    flow_px[:, :5] = [3.0, 4.0]
+    flow_px[0, 0] = [1000.0, 0.0]
+    valid = np.ones((10, 10), bool)
+    valid[0, 0] = False
+    assert figures.flow_scale([(flow_px, valid)]) == 5.0
+    assert figures.median_px((flow_px[:, :5], valid[:, :5])) == 5.0
+    assert figures.flow_scale([(0 * flow_px, valid)]) == 0.1
+    colours = figures.coloured((flow_px, valid), 5.0)
+    assert colours.shape == (10, 10, 3)
+    assert not colours[0, 0].any()
+    assert len(np.unique(colours[1:, :5].reshape(-1, 3), axis=0)) == 1
+
+
+def lose_renders(scene):
+    for path in (scene / "renders").iterdir():
+        path.unlink()
+
+
+def lose_statistics(scene):
+    (scene / "testset" / "displacement.csv").unlink()
+
+
+def empty_statistics(scene):
+    (scene / "testset" / "displacement.csv").write_text("view,median_px\n")
+
+
+def cut_flow(scene):
+    for path in (scene / "testset" / "flow").iterdir():
+        path.write_bytes(path.read_bytes()[:300])
+
+
+@pytest.mark.parametrize(
+    ("damage", "reason"),
+    [
+        (lose_statistics, "displacement.csv"),
+        (empty_statistics, "displacement.csv: no view"),
+        (cut_flow, "not an .npz archive"),
+        (lose_renders, "renders/"),
+    ],
+)
+def test_no_figure_without_its_input(scene, capsys, damage, reason):
+    damage(scene)
+    assert draw(scene) == 1
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert error.startswith("error: ")
+    assert reason in error
+    assert not list(scene.glob("figures/*"))
