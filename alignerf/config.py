@@ -81,6 +81,18 @@ class Job:
         return self.steps if self.stage == "finetune" else self.training.steps
 
     @property
+    def warmup_steps(self):
+        """Steps of warm-up: the same share of every stage's schedule."""
+        share = self.schedule_steps / self.training.steps
+        return round(share * self.training.warmup_steps)
+
+    @property
+    def learning_rates(self):
+        """First and last of this stage."""
+        stage = self.alignerf if self.stage == "finetune" else self.training
+        return stage.learning_rates
+
+    @property
     def rays_per_step(self):
         if self.stage == "finetune":
             return self.alignerf.patches * self.alignerf.patch_px**2

@@ -114,6 +114,24 @@ def mipnerf360(model, *, batch_rays, loss_weights) -> Method:
     )
 
 
+def aligned_loss(rgb, photo, exists, penalty):
+    """(best photo patches, their mean loss, numbers to show) of renders [n, p, p, 3].
+
+    The squared error is summed over the patch where the offset is chosen (Eq. 4)
+    and divided by the number of its elements in the loss, so that the regularisers
+    keep the weight that they had in pre-training.
+    """
+    aligned = jax.vmap(lambda r, g, e: align_loss.align(r, g, e, penalty=penalty))(
+        rgb, photo, exists
+    )
+    length = jnp.sqrt(jnp.sum(aligned.offset_px.astype(jnp.float32) ** 2, axis=-1))
+    squared = jnp.sum((aligned.patch - rgb) ** 2, axis=(1, 2, 3))
+    elements = rgb[0].size
+    loss = jnp.mean(squared + penalty * length) / elements
+    psnr = _mse_to_psnr(jnp.mean(squared) / elements)
+    return aligned.patch, loss, {"psnr_db": psnr, "offset_px": jnp.mean(length)}
+
+
 def alignerf(
     model,
     *,
@@ -127,10 +145,7 @@ def alignerf(
 ) -> Method:
     """AligNeRF: patches of rays, patch convolution, aligned and frequency losses.
 
-    The aligned squared error is summed over the patch where the offset is chosen
-    (Eq. 4) and divided by the number of its elements in the total, so that the
-    regularisers keep the weight that they had in pre-training. Resampling is not
-    annealed: the proposals are trained when fine-tuning starts.
+    Resampling is not annealed: the proposals are trained when fine-tuning starts.
     """
     head = patch_conv.PatchConv()
 
@@ -142,22 +157,13 @@ def alignerf(
         rendering = model.apply({"params": params["model"]}, rays, key=key_samples)
         shape = (patches, patch_px, patch_px, -1)
         rgb = head.apply({"params": params["head"]}, rendering.values.reshape(shape))
-        aligned = jax.vmap(
-            lambda r, g, e: align_loss.align(r, g, e, penalty=align_penalty)
-        )(rgb, photo, exists)
-        length = jnp.sqrt(jnp.sum(aligned.offset_px.astype(jnp.float32) ** 2, -1))
-        squared = jnp.sum((aligned.patch - rgb) ** 2, axis=(1, 2, 3))
-        elements = 3 * patch_px**2
-        frequency = frequency_loss.frequency_loss(
-            frequency_features, aligned.patch, rgb
-        )
+        patch, data, stats = aligned_loss(rgb, photo, exists, align_penalty)
         terms = {
-            "data": jnp.mean(squared + align_penalty * length) / elements,
-            "frequency": frequency_weight * frequency,
+            "data": data,
+            "frequency": frequency_weight
+            * frequency_loss.frequency_loss(frequency_features, patch, rgb),
             **_regularisers(rendering.histograms, loss_weights),
         }
-        psnr = _mse_to_psnr(jnp.mean(squared) / elements)
-        stats = {"psnr_db": psnr, "offset_px": jnp.mean(length)}
         return sum(terms.values()), {**terms, **stats}
 
     def init(key):

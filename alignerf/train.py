@@ -100,20 +100,11 @@ def initial_params(job, method, initial):
 def fit(job, method, params, views, checkpoints):
     """Train to the last step; returns (parameters, timing)."""
     optimizer = train_step.make_optimizer(
-        learning_rates=(
-            job.alignerf if job.stage == "finetune" else job.training
-        ).learning_rates,
+        learning_rates=job.learning_rates,
         steps=job.schedule_steps,
-        warmup_steps=min(job.training.warmup_steps, job.steps),
+        warmup_steps=job.warmup_steps,
         eps=job.training.adam_eps,
     )
-    state = train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))
-    identity = checkpoint.fingerprint(config.as_dict(job), digest((params, views)))
-    spent_s, found = 0.0, checkpoint.restore(checkpoints, state, identity=identity)
-    if found is not None:
-        state, spent_s = found
-        state = jax.tree.map(jnp.asarray, state)
-        log.info("resuming at step %d of %d", int(state.step), job.steps)
     step = train_step.make_step(
         method,
         optimizer,
@@ -121,42 +112,51 @@ def fit(job, method, params, views, checkpoints):
         gradient_norm=job.training.gradient_norm,
         seed=job.seed,
     )
-    count = sum(leaf.size for leaf in jax.tree.leaves(params))
+    state = train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))
+    identity = checkpoint.fingerprint(config.as_dict(job), digest((params, views)))
+    state, spent_s = resume(checkpoints, state, identity, job.steps)
+    facts = describe(job, params)
     log.info(
-        "%s: %s parameters, %d steps of %d rays, on %s",
-        job.stage,
-        f"{count:,}",
-        job.steps,
-        job.rays_per_step,
-        jax.devices()[0].device_kind,
+        "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)
     )
     start = time.perf_counter()
-    state, history, first_step_s = run_steps(
-        job,
-        step,
-        state,
-        views,
-        lambda state: checkpoint.save(
-            checkpoints,
-            state,
-            identity=identity,
-            time_s=spent_s + time.perf_counter() - start,
-        ),
-    )
-    timing = {
-        "train_time_s": round(spent_s + time.perf_counter() - start, 3),
-        "first_step_s": round(first_step_s, 3),
+
+    def time_s():
+        return round(spent_s + time.perf_counter() - start, 3)
+
+    def save(state):
+        checkpoint.save(checkpoints, state, identity=identity, time_s=time_s())
+
+    state, numbers = run_steps(job, step, state, views, save)
+    return state.params, facts | {"train_time_s": time_s()} | numbers
+
+
+def resume(checkpoints, state, identity, steps):
+    """The state to go on from, and the seconds that it took so far."""
+    found = checkpoint.restore(checkpoints, state, identity=identity)
+    if found is None:
+        return state, 0.0
+    state, spent_s = found
+    log.info("resuming at step %d of %d", int(state.step), steps)
+    return jax.tree.map(jnp.asarray, state), spent_s
+
+
+def describe(job, params):
+    """What a table says of a training, besides its time."""
+    return {
+        "stage": job.stage,
         "steps": job.steps,
         "rays_seen": job.steps * job.rays_per_step,
-        "params": count,
+        "params": sum(leaf.size for leaf in jax.tree.leaves(params)),
         "device": jax.devices()[0].device_kind,
-        "final": history,
     }
-    return state.params, timing
 
 
 def run_steps(job, step, state, views, save):
-    """The loop: step, look at the numbers, save now and then."""
+    """The loop: step, look at the numbers, save now and then.
+
+    Returns the last state and the numbers of the last steps.
+    """
     done = int(state.step)
     bar = progress.Progress(job.stage, job.steps, done=done)
     pending, history, first_step_s = [], {}, 0.0
@@ -184,7 +184,7 @@ def run_steps(job, step, state, views, save):
             save(state)
             saved = time.perf_counter()
     bar.close()
-    return state, history, first_step_s
+    return state, {"first_step_s": round(first_step_s, 3), "final": history}
 
 
 def look_at(batch, first_step):

@@ -61,7 +61,7 @@ def median_px(flow):
 
 def draw_wheel(axes, scale_px):
     axes.imshow(colour_wheel.legend(WHEEL_PX))
-    axes.set_title(f"direction of flow, rim = {scale_px:.1f} px", fontsize=8)
+    axes.set_title(f"flow, rim = {scale_px:.1f} px", fontsize=8)
 
 
 def coloured(flow, scale_px):

@@ -10,7 +10,6 @@ import sys
 from pathlib import Path
 
 
-
 def prepend_to(variable, folder):
     """Put a folder first in a search path that the jobs inherit."""
     rest = os.environ.get(variable)
