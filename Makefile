@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
 
-.PHONY: run test slow lint lock clean
+.PHONY: run test lint lock clean
 
 run: $(VENV)/.installed
 	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
@@ -16,9 +16,6 @@ run: $(VENV)/.installed
 
 test: $(VENV)/.installed
 	@pytest -n 2 --dist worksteal
-
-slow: $(VENV)/.installed
-	@pytest -m slow
 
 lint: $(VENV)/.installed
 	ruff format --check .

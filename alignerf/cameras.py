@@ -88,13 +88,6 @@ def project(points, pixtocam, camtoworld):
     return pixel[..., :2] / safe[..., None], depth
 
 
-def as_4x4(camtoworlds):
-    """Poses [..., 3, 4] with the row (0, 0, 0, 1) added."""
-    camtoworlds = np.asarray(camtoworlds)
-    last = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*camtoworlds.shape[:-2], 1, 4))
-    return np.concatenate([camtoworlds[..., :3, :4], last], axis=-2)
-
-
 def normalize_poses(camtoworlds):
     """Centre, PCA-rotate and scale all poses so that max |t| = 1.
 

@@ -115,20 +115,18 @@ def mipnerf360(model, *, batch_rays, loss_weights) -> Method:
 
 
 def aligned_loss(rgb, photo, exists, penalty):
-    """(best photo patches, their mean loss, numbers to show) of renders [n, p, p, 3].
+    """(best photo patches, L_PM of Eq. 4, numbers to show) of renders [n, p, p, 3].
 
-    The squared error is summed over the patch where the offset is chosen (Eq. 4)
-    and divided by the number of its elements in the loss, so that the regularisers
-    keep the weight that they had in pre-training.
+    L_PM is the mean over the n patches of the squared error summed over a patch,
+    plus the penalty of its offset.
     """
     aligned = jax.vmap(lambda r, g, e: align_loss.align(r, g, e, penalty=penalty))(
         rgb, photo, exists
     )
     length = jnp.sqrt(jnp.sum(aligned.offset_px.astype(jnp.float32) ** 2, axis=-1))
     squared = jnp.sum((aligned.patch - rgb) ** 2, axis=(1, 2, 3))
-    elements = rgb[0].size
-    loss = jnp.mean(squared + penalty * length) / elements
-    psnr = _mse_to_psnr(jnp.mean(squared) / elements)
+    loss = jnp.mean(squared + penalty * length)
+    psnr = _mse_to_psnr(jnp.mean(squared) / rgb[0].size)
     return aligned.patch, loss, {"psnr_db": psnr, "offset_px": jnp.mean(length)}
 
 
@@ -158,10 +156,12 @@ def alignerf(
         shape = (patches, patch_px, patch_px, -1)
         rgb = head.apply({"params": params["head"]}, rendering.values.reshape(shape))
         patch, data, stats = aligned_loss(rgb, photo, exists, align_penalty)
+        frequency = frequency_loss.frequency_loss(frequency_features, patch, rgb)
+        # Both as printed (a sum over the patch, a mean over the features), and both
+        # in units of one colour value, so that the regularisers weigh what they did.
         terms = {
-            "data": data,
-            "frequency": frequency_weight
-            * frequency_loss.frequency_loss(frequency_features, patch, rgb),
+            "data": data / rgb[0].size,
+            "frequency": frequency_weight * frequency / rgb[0].size,
             **_regularisers(rendering.histograms, loss_weights),
         }
         return sum(terms.values()), {**terms, **stats}

@@ -116,10 +116,16 @@ def to_latex(table):
     for key in shown:
         chosen = [column for column in wide if column[0] == HEADINGS[key]]
         style = style.apply(colour_best, subset=chosen, higher=METRICS[key])
+    left_out = "".join(
+        f"% No {key} column: some view or all lack it, see `note` in metrics.csv.\n"
+        for key in METRICS
+        if key not in shown
+    )
     tex = style.to_latex(hrules=True, convert_css=True, multicol_align="c")
     return (
         "% \\usepackage{booktabs,multirow} \\usepackage[table]{xcolor}\n"
-        "% Costs are of all rounds and stages that lead to a row.\n" + tex
+        "% Costs are of all rounds and stages that lead to a row.\n"
+        f"{left_out}{tex}"
     )
 
 

@@ -39,6 +39,7 @@ def main(argv=None):
     parser.add_argument("--photos", help="folder of photos (default: the scene's)")
     parser.add_argument("--valid", help="folder of <view>.npz with valid pixels")
     parser.add_argument("--initial", help="parameters to fine-tune from")
+    parser.add_argument("--sources", default="", help="hash: other code starts anew")
     parser.add_argument("--checkpoints", required=True, help="folder to resume from")
     parser.add_argument("--model", required=True, help="parameters, written")
     parser.add_argument("--timing", required=True, help="timing.json, written")
@@ -50,7 +51,9 @@ def main(argv=None):
     method = config.make_method(job)
     params = initial_params(job, method, args.initial)
     with checkpoint.lock(args.checkpoints):
-        params, timing = fit(job, method, params, views, args.checkpoints)
+        params, timing = fit(
+            job, method, params, views, args.checkpoints, sources=args.sources
+        )
     checkpoint.write_params(args.model, params)
     with cli.replace_file(args.timing) as path:
         path.write_text(json.dumps(timing, indent=1))
@@ -97,8 +100,12 @@ def initial_params(job, method, initial):
     return {**fresh, "model": model}
 
 
-def fit(job, method, params, views, checkpoints):
-    """Train to the last step; returns (parameters, timing)."""
+def fit(job, method, params, views, checkpoints, *, sources=""):
+    """Train to the last step; returns (parameters, timing).
+
+    `sources` identifies the code: a checkpoint of other code, config or data is not
+    resumed. Compilation is timed apart: a cache often saves it.
+    """
     optimizer = train_step.make_optimizer(
         learning_rates=job.learning_rates,
         steps=job.schedule_steps,
@@ -113,12 +120,17 @@ def fit(job, method, params, views, checkpoints):
         seed=job.seed,
     )
     state = train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))
-    identity = checkpoint.fingerprint(config.as_dict(job), digest((params, views)))
+    identity = checkpoint.fingerprint(
+        config.as_dict(job), digest((params, views)), sources
+    )
     state, spent_s = resume(checkpoints, state, identity, job.steps)
     facts = describe(job, params)
     log.info(
         "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)
     )
+    start = time.perf_counter()
+    step = step.lower(state, views).compile()
+    compile_time_s = round(time.perf_counter() - start, 3)
     start = time.perf_counter()
 
     def time_s():
@@ -128,7 +140,8 @@ def fit(job, method, params, views, checkpoints):
         checkpoint.save(checkpoints, state, identity=identity, time_s=time_s())
 
     state, numbers = run_steps(job, step, state, views, save)
-    return state.params, facts | {"train_time_s": time_s()} | numbers
+    times = {"train_time_s": time_s(), "compile_time_s": compile_time_s}
+    return state.params, facts | times | {"final": numbers}
 
 
 def resume(checkpoints, state, identity, steps):
@@ -155,17 +168,15 @@ def describe(job, params):
 def run_steps(job, step, state, views, save):
     """The loop: step, look at the numbers, save now and then.
 
-    Returns the last state and the numbers of the last steps.
+    Returns the last state and the numbers of the last steps (none where a finished
+    training was resumed).
     """
     done = int(state.step)
     bar = progress.Progress(job.stage, job.steps, done=done)
-    pending, history, first_step_s = [], {}, 0.0
+    pending, history = [], {}
     saved = fetched = time.perf_counter()
     while done < job.steps:
         state, stats = step(state, views)
-        if not first_step_s:
-            jax.block_until_ready(stats)
-            first_step_s = time.perf_counter() - fetched
         pending.append(stats)
         done += 1
         if len(pending) < FETCH_EVERY and done < job.steps:
@@ -184,7 +195,7 @@ def run_steps(job, step, state, views, save):
             save(state)
             saved = time.perf_counter()
     bar.close()
-    return state, {"first_step_s": round(first_step_s, 3), "final": history}
+    return state, history
 
 
 def look_at(batch, first_step):

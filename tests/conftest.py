@@ -15,11 +15,8 @@ jaxtyping.install_import_hook(
     "beartype.beartype",
 )
 
-import jax
 import numpy as np
 import pytest
-
-jax.config.update("jax_numpy_rank_promotion", "allow")
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 

@@ -89,10 +89,15 @@ def test_gaussians_far_out_stay_finite():
         assert jnp.all(jnp.isfinite(value))
 
 
-@pytest.mark.parametrize(("near", "far"), [(0.2, 1e6), (0.01, 2.0), (1.0, 1e10)])
+@pytest.mark.parametrize(
+    ("near", "far"), [(0.2, 1e6), (0.01, 2.0), (0.2, 1e8), (1.0, 1e10)]
+)
 def test_ray_distance_round_trip(near, far):
     s = jnp.array([0.0, 1e-7, 0.1, 0.5, 0.9, 1 - 6e-8, 1.0], jnp.float32)
     t = coord.s_to_t(s, near, far)
     assert jnp.all(jnp.diff(t) > 0)
     assert t[0] == pytest.approx(near, rel=1e-6)
+    assert t[-1] == pytest.approx(far, rel=1e-6)
+    exact = near / (1 - np.float64(s) * (1 - near / far))
+    np.testing.assert_allclose(t, exact, rtol=1e-6)
     np.testing.assert_allclose(coord.t_to_s(t, near, far), s, atol=2e-7)

@@ -136,6 +136,29 @@ def test_alignerf_takes_a_step_on_every_network(views):
         assert max(jax.tree.leaves(changed)) > 0
 
 
+def test_aligned_and_frequency_loss_keep_the_printed_ratio(views):
+    """Eq. 4 sums over the patch, Eq. 5 averages; one divisor for both."""
+    method = alignerf_method(radius_px=0, align_penalty=0.0)
+    params = method.init(jax.random.key(0))
+    key = jax.random.key(5)
+    _, terms = method.loss(params, views, key, 1.0)
+    _, photo, _ = methods.draw_patches(jax.random.split(key)[0], views, 2, 12, 0)
+    rays = methods.draw_patches(jax.random.split(key)[0], views, 2, 12, 0)[0]
+    values = (
+        tiny_model(outputs=6)
+        .apply({"params": params["model"]}, rays, key=jax.random.split(key)[1])
+        .values
+    )
+    rgb = method.colours(params, values.reshape(2, 12, 12, 6))
+    squared = np.sum(np.asarray(photo - rgb, np.float64) ** 2, axis=(1, 2, 3)).mean()
+    bank = frequency_loss.bank_features
+    features = np.asarray(bank(photo) - bank(rgb), np.float64)
+    elements = 12 * 12 * 3
+    assert float(terms["data"]) == pytest.approx(squared / elements, rel=1e-4)
+    wanted = 0.05 * np.mean(features**2) / elements
+    assert float(terms["frequency"]) == pytest.approx(wanted, rel=1e-4)
+
+
 @pytest.mark.parametrize("level", [0, 255])
 def test_black_and_white_photos_train_finitely(views, level):
     flat = views._replace(photos=jnp.full_like(views.photos, level))

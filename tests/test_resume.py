@@ -163,7 +163,7 @@ def test_fine_tuning_resumes_bit_for_bit(folder, tmp_path, monkeypatch):
     assert run(folder, tmp_path / "parts", tuned, *more) == whole
 
 
-@pytest.mark.parametrize("change", ["seed", "config", "photos"])
+@pytest.mark.parametrize("change", ["seed", "config", "photos", "sources"])
 def test_another_job_does_not_resume(
     folder, uninterrupted, tmp_path, monkeypatch, caplog, change
 ):
@@ -173,6 +173,8 @@ def test_another_job_does_not_resume(
         job = JOB | {"seed": 4}
     elif change == "config":
         job = JOB | {"training": TRAINING | {"interlevel_weight": 0.5}}
+    elif change == "sources":
+        more = ("--sources", "of another version")
     else:
         shutil.copytree(folder / "images", tmp_path / "photos")
         Image.new("RGB", (WIDTH, HEIGHT)).save(tmp_path / "photos" / "v1.png")

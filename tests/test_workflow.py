@@ -138,12 +138,16 @@ def edit(config, where, value):
         ("flow.kernel", "sinc", "flow.kernel: 'sinc' is not one of"),
         ("methods.mipnerf360.model", "huge", r"methods.mipnerf360.model: no model 'hu"),
         ("methods.alignerf.rounds", 1, "methods.alignerf.rounds: 0 was expected"),
-        ("methods.pretrain", {"model": "base", "rounds": 0}, "methods: 'pretrain'"),
+        ("methods.pretrain", {"model": "base", "rounds": 0}, "methods.pretrain: a fo"),
+        ("methods.images", {"model": "base", "rounds": 0}, "methods.images: a folder"),
+        ("models.base.near", 1e6, "models.base: near must be smaller than far"),
+        ("scenes.published", {"source": "courtyard"}, "scenes.published: a rule or"),
+        ("scenes.mine", {"source": "photos", "path": "a{b}"}, "scenes.mine.path: a{b}"),
         ("reference.method", "nerf", "reference.method: no method 'nerf'"),
         ("reference.round", 3, "reference.round: mipnerf360_large has fewer"),
         ("scenes.a/b", {"source": "courtyard"}, "scenes: 'a/b' does not match"),
         ("scenes.a\n", {"source": "courtyard"}, r"scenes: 'a\\n' does not match"),
-        ("scenes.train", {"source": "courtyard"}, "scenes.train: a rule has this"),
+        ("scenes.train", {"source": "courtyard"}, "scenes.train: a rule or file"),
         ("scenes.mine", {"source": "photos"}, "scenes.mine.path: source 'photos'"),
         ("frequency_weights", "no.npz", "frequency_weights: no.npz does not exist"),
         ("lpips_alex", "no.npz", "lpips_alex: no.npz does not exist"),
@@ -162,9 +166,27 @@ def test_a_bad_config_is_named(demo, capsys, where, value, reason):
 
 def load_rules():
     """What the file of functions that check a config defines."""
-    workflow = types.SimpleNamespace(basedir=ROOT)
+    workflow = types.SimpleNamespace(basedir=ROOT, configfiles=[])
     path = ROOT / "workflow" / "rules" / "config.smk"
     return runpy.run_path(path, init_globals={"workflow": workflow})
+
+
+def test_a_name_that_yaml_reads_as_a_number_is_named(demo, capsys):
+    demo["scenes"][7] = {"source": "courtyard"}
+    with pytest.raises(SystemExit):
+        load_rules()["check_config"](demo)
+    error = capsys.readouterr().err
+    assert error == "error: config: scenes.7: a name must be text, quote it\n"
+
+
+def test_a_key_that_stands_twice_is_named(tmp_path, demo, snakemake):
+    path = write(tmp_path, demo)
+    with open(path, "a") as file:
+        file.write("seed: 3\n")
+    code, output = snakemake(tmp_path, "--configfile", path, "-n")
+    assert code == 1
+    assert "key 'seed' stands twice" in output
+    assert len(output.splitlines()) == 1
 
 
 def test_keys_with_a_default_may_be_left_out(demo):
@@ -177,7 +199,7 @@ def test_keys_with_a_default_may_be_left_out(demo):
 def test_no_scene_can_have_the_name_of_a_rule():
     text = "".join(path.read_text() for path in ROOT.glob("workflow/rules/*.smk"))
     rules = set(re.findall(r"^(?:use rule \w+ as|rule) (\w+)", text, re.MULTILINE))
-    assert load_rules()["RESERVED"] == rules | {"all"}
+    assert load_rules()["RULES"] == rules | {"all"}
 
 
 @pytest.mark.parametrize(

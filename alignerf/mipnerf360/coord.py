@@ -38,14 +38,13 @@ def contract_gaussians(
     J Sigma J^T). J stretches by 1/|x|^2 along x and by (2|x| - 1)/|x|^2 across.
     """
     unit, inverse_radius, outside = _polar(gaussians.mean)
-    mean = jnp.where(outside, (2.0 - inverse_radius) * unit, gaussians.mean)
     along = inverse_radius**2
     across = (2.0 - inverse_radius) * inverse_radius
     root = _covariance_root(gaussians)
     radial = jnp.einsum("...ki,...i->...k", root, unit)[..., None] * unit[..., None, :]
     # One stretch at a time: their product with a large deviation stays in range.
     pushed = across[..., None] * (root - radial) + along[..., None] * radial
-    return mean, jnp.where(outside[..., None], pushed, root)
+    return contract(gaussians.mean), jnp.where(outside[..., None], pushed, root)
 
 
 def contract_spheres(
@@ -56,14 +55,12 @@ def contract_spheres(
     The radius is the geometric mean of the three standard deviations after the
     contraction, det(J Sigma J^T)^(1/6) (zip-NeRF, arXiv 2304.06706, section 2).
     """
-    unit, inverse_radius, outside = _polar(gaussians.mean)
-    mean = jnp.where(outside, (2.0 - inverse_radius) * unit, gaussians.mean)
-    inverse_radius = inverse_radius[..., 0]
+    inverse_radius = _polar(gaussians.mean)[1][..., 0]
     along, across = inverse_radius**2, (2.0 - inverse_radius) * inverse_radius
     # Stretched first, multiplied then: the product of raw deviations overflows.
     across_std = across * gaussians.r_std
     along_std = along * gaussians.t_std * jnp.linalg.norm(gaussians.direction, axis=-1)
-    return mean, jnp.cbrt(along_std * across_std**2)
+    return contract(gaussians.mean), jnp.cbrt(along_std * across_std**2)
 
 
 def _polar(x):
@@ -103,8 +100,12 @@ def s_to_t(
     near: float | Float[Array, "*#batch"],
     far: float | Float[Array, "*#batch"],
 ) -> Float[Array, "*batch"]:
-    """Metric distance of normalised distance s, uniform in 1/t (Eq. 11)."""
-    return near / (1.0 - s * (1.0 - near / far))
+    """Metric distance of normalised distance s, uniform in 1/t (Eq. 11).
+
+    The shares of 1/near and 1/far are added, not subtracted from one another: at
+    s = 1 the difference of 1 and 1 - near/far has no digits left in float32.
+    """
+    return near / ((1.0 - s) + s * (near / far))
 
 
 def t_to_s(

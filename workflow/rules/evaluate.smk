@@ -8,6 +8,7 @@ rule evaluate:
         flow="results/{scene}/testset/flow",
         warped="results/{scene}/testset/warped",
         control="results/{scene}/testset/control",
+        weights=config["lpips_alex"] or [],
     output:
         "results/{scene}/{method}/round{round}/metrics.csv",
     log:
@@ -18,7 +19,7 @@ rule evaluate:
         "../../environment.yml"
     params:
         truth=lambda w, input: option("truth", input.get("truth")),
-        lpips=option("lpips-alex", config["lpips_alex"]),
+        lpips=lambda w, input: option("lpips-alex", input.weights),
         sources=sources_of("alignerf.evaluate"),
     shell:
         "python -m alignerf.evaluate --scene results/{wildcards.scene:q}"

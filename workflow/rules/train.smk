@@ -27,7 +27,8 @@ rule train:
         "python -m alignerf.train --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --photos {input.photos:q}"
         " {params.valid:q} --checkpoints {params.checkpoints:q}/checkpoints"
-        " --model {output.model:q} --timing {output.timing:q} 2>&1 | tee {log:q}"
+        " --sources {params.sources} --model {output.model:q}"
+        " --timing {output.timing:q} 2>&1 | tee {log:q}"
 
 
 rule pretrain:
@@ -54,7 +55,8 @@ rule pretrain:
         "python -m alignerf.train --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --photos {input.images:q}"
         " --checkpoints {params.checkpoints:q}/checkpoints"
-        " --model {output.model:q} --timing {output.timing:q} 2>&1 | tee {log:q}"
+        " --sources {params.sources} --model {output.model:q}"
+        " --timing {output.timing:q} 2>&1 | tee {log:q}"
 
 
 rule finetune:
@@ -62,6 +64,7 @@ rule finetune:
         initial=lambda w: "results/{}/pretrain/{}/model.msgpack".format(
             w.scene, config["methods"][w.method]["model"]
         ),
+        weights=config["frequency_weights"] or [],
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
     output:
@@ -84,7 +87,8 @@ rule finetune:
         "python -m alignerf.train --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --photos {input.images:q}"
         " --initial {input.initial:q} --checkpoints {params.checkpoints:q}/checkpoints"
-        " --model {output.model:q} --timing {output.timing:q} 2>&1 | tee {log:q}"
+        " --sources {params.sources} --model {output.model:q}"
+        " --timing {output.timing:q} 2>&1 | tee {log:q}"
 
 
 rule render_views:
