@@ -18,6 +18,9 @@ from tqdm import tqdm
 
 from flow import displacement, estimate, files, warp
 
+# Seconds between updates of the bar; a log needs few lines.
+PROGRESS_S = 0.1 if sys.stderr.isatty() else 10.0
+
 COLUMNS = (
     "view",
     "median_px",
@@ -46,7 +49,9 @@ def main(renders, photos, targets, stats_out, *, views=None, **options):
         for kind, target in targets.items():
             folders[kind] = stack.enter_context(files.replacing(target))
             folders[kind].mkdir()
-        for view, render_path, photo_path in tqdm(pairs, desc="flow", unit="view"):
+        for view, render_path, photo_path in tqdm(
+            pairs, desc="flow", unit="view", mininterval=PROGRESS_S
+        ):
             started = time.perf_counter()
             render, photo = files.read_image(render_path), files.read_image(photo_path)
             row = align_view(view, render, photo, folders, **options)
