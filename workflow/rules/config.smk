@@ -42,7 +42,9 @@ def check_config(config):
         if scene["source"] != "courtyard" and not path:
             stop(f"config: scenes.{name}.path: source {scene['source']!r} needs one")
         if path and set(path) & set("{}"):
-            stop(f"config: scenes.{name}.path: {path}: braces mean wildcards, rename it")
+            stop(
+                f"config: scenes.{name}.path: {path}: braces mean wildcards, rename it"
+            )
         if path and not Path(path).exists():
             stop(f"config: scenes.{name}.path: {path} does not exist")
     for key in ("frequency_weights", "lpips_alex"):
