@@ -71,6 +71,24 @@ def test_products_of_the_courtyard(courtyard):
     assert 0 < report["true_misalignment_px"] < 2
 
 
+def test_depth_explains_the_true_flow_of_a_still_scene(tmp_path):
+    still = COURTYARD["courtyard"] | {"motion": "none"}
+    poses.main(COURTYARD | {"courtyard": still, "perturb_px": 1.0}, tmp_path)
+    given, true = load(tmp_path / "cameras.npz"), load(tmp_path / "truth/cameras.npz")
+    x, y = np.meshgrid(np.arange(48.0), np.arange(36.0))
+    for i, name in enumerate(given["names"]):
+        depth_m = load(tmp_path / "truth" / "depth" / f"{name}.npz")["depth_m"]
+        flow = load(tmp_path / "truth" / "flow" / f"{name}.npz")
+        rays = cameras.pixels_to_rays(
+            x, y, given["pixtocams"][i], given["camtoworlds"][i]
+        )
+        points = rays.origins + depth_m[..., None] * rays.directions
+        pixel, _ = cameras.project(points, true["pixtocams"][i], true["camtoworlds"][i])
+        wanted = pixel - np.stack([x, y], axis=-1) - 0.5
+        error = np.abs(flow["flow_px"] - wanted)[flow["valid"]]
+        assert error.max() < 1e-2
+
+
 def test_oracle_without_error_is_the_photo(tmp_path):
     """Nothing moves, poses are true: oracle and photo differ by rounding only."""
     config = COURTYARD | {"courtyard": COURTYARD["courtyard"] | {"motion": "none"}}
@@ -125,7 +143,14 @@ def test_courtyard_through_colmap(tmp_path):
     """A small courtyard, photographed densely enough for COLMAP."""
     config = {
         "downscale": 2,
-        "courtyard": {"views": 24, "width": 240, "height": 180, "motion": "none"},
+        # A sharper lens than the default, whose blur is for photos of 400 px.
+        "courtyard": {
+            "views": 24,
+            "width": 240,
+            "height": 180,
+            "motion": "none",
+            "lens_sigma_px": 0.7,
+        },
     }
     poses.main(config, tmp_path)
     report = json.loads((tmp_path / "poses.json").read_text())
@@ -142,19 +167,19 @@ def test_courtyard_through_colmap(tmp_path):
 
 
 def test_downscaling_follows_the_true_ratio():
-    pixels = np.random.default_rng(0).integers(0, 256, (67, 101, 3), dtype=np.uint8)
+    pixels = np.random.default_rng(0).integers(0, 256, (135, 201, 3), dtype=np.uint8)
     views = prepare.PosedViews(
         names=["a"],
-        pixtocams=cameras.intrinsics(80.0, 101, 67)[None],
+        pixtocams=cameras.intrinsics(80.0, 201, 135)[None],
         camtoworlds=np.eye(4)[None, :3],
-        width=101,
-        height=67,
+        width=201,
+        height=135,
         load=lambda i: pixels,
     )
     small = prepare.downscale(views, 4)
-    assert (small.width, small.height) == (25, 17)
-    corner = small.pixtocams[0] @ [25, 17, 1]
-    np.testing.assert_allclose(corner, views.pixtocams[0] @ [101, 67, 1])
+    assert (small.width, small.height) == (50, 34)
+    corner = small.pixtocams[0] @ [50, 34, 1]
+    np.testing.assert_allclose(corner, views.pixtocams[0] @ [201, 135, 1])
     np.testing.assert_allclose(small.load(0).mean(), pixels.mean(), atol=0.5)
     with pytest.raises(ValueError, match="downscale: 5"):
         prepare.downscale(views, 5)
@@ -247,7 +272,7 @@ def test_another_source_takes_the_truth_away(courtyard, tmp_path):
     (tmp_path / "images").mkdir()
     frames = []
     for name in ("a", "b"):
-        pixels = np.zeros((20, 30, 3), np.uint8)
+        pixels = np.zeros((32, 40, 3), np.uint8)
         prepare.save_image(tmp_path / "images" / f"{name}.png", pixels)
         frames.append({"file_path": f"images/{name}", "transform_matrix": matrix})
     scene = {"camera_angle_x": 1.0, "frames": frames}

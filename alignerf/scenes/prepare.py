@@ -57,7 +57,7 @@ def downscale(views: PosedViews, factor: int) -> PosedViews:
         return views
 
     def load(i):
-        return cv2.resize(views.load(i), (width, height), interpolation=cv2.INTER_AREA)
+        return shrink(views.load(i), width, height)
 
     return views._replace(
         pixtocams=cameras.rescale_intrinsics(
@@ -67,6 +67,13 @@ def downscale(views: PosedViews, factor: int) -> PosedViews:
         height=height,
         load=load,
     )
+
+
+def shrink(image, width, height):
+    """An image [h, w, 3] made smaller by area averaging; of its own size, itself."""
+    if image.shape[:2] == (height, width):
+        return image
+    return cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
 
 
 def split_views(n, *, test_every):

@@ -82,34 +82,24 @@ def select(scene: Courtyard, names) -> Courtyard:
 
 
 def write_truth(folder, scene: Courtyard, given: prepare.PosedViews, *, split):
-    """Write oracle/<name>.png, flow/<name>.npz and cameras.npz (the true ones).
+    """Write oracle/<name>.png, depth/ and flow/<name>.npz, cameras.npz (the true ones).
 
-    `scene` must hold the photos of `given`, in its order. Returns the mean length in
-    px, over all views and valid pixels, of the true flow: the misalignment that the
-    photos really have.
+    depth_m [h, w] is the oracle's, along the optical axis. `scene` must hold the
+    photos of `given`, in its order. Returns the mean length in px, over all views and
+    valid pixels, of the true flow: the misalignment that the photos really have.
     """
     ratios = given.width / scene.width, given.height / scene.height
     true = given._replace(
         pixtocams=cameras.rescale_intrinsics(scene.pixtocams, *ratios),
         camtoworlds=scene.camtoworlds,
     )
-    (folder / "oracle").mkdir(parents=True)
-    (folder / "flow").mkdir()
-    # A photo made smaller has averaged over more samples: so must the oracle.
-    supersample = max(1, round(scene.supersample / min(ratios)))
+    for kind in ("oracle", "depth", "flow"):
+        (folder / kind).mkdir(parents=True)
     lengths_px = []
     for i, name in enumerate(given.names):
-        rendered = courtyard.render(
-            scene.world,
-            given.pixtocams[i],
-            given.camtoworlds[i],
-            given.width,
-            given.height,
-            np.zeros_like(scene.displacements[i]),
-            supersample=supersample,
-            lens_sigma_px=scene.lens_sigma_px * min(ratios),
-        )
-        prepare.save_image(folder / "oracle" / f"{name}.png", rendered.image)
+        image, depth_m = render_oracle(scene, given, i)
+        prepare.save_image(folder / "oracle" / f"{name}.png", image)
+        np.savez_compressed(folder / "depth" / f"{name}.npz", depth_m=depth_m)
         flow_px, valid = courtyard.true_flow(
             scene.world,
             (given.pixtocams[i], given.camtoworlds[i]),
@@ -126,6 +116,36 @@ def write_truth(folder, scene: Courtyard, given: prepare.PosedViews, *, split):
         lengths_px.append(np.linalg.norm(flow_px, axis=-1)[valid])
     prepare.write_cameras(folder / "cameras.npz", true, split=split)
     return float(np.concatenate(lengths_px).mean())
+
+
+def render_oracle(scene: Courtyard, given: prepare.PosedViews, i):
+    """Image [h, w, 3] and depth_m [h, w] of the undisplaced scene, seen as given.
+
+    The image is made as its photo is: taken at full size, blurred by the lens, then
+    made smaller.
+    """
+    ratios = scene.width / given.width, scene.height / given.height
+    photo = courtyard.render(
+        scene.world,
+        cameras.rescale_intrinsics(given.pixtocams[i], *ratios),
+        given.camtoworlds[i],
+        scene.width,
+        scene.height,
+        courtyard.at_rest(),
+        supersample=scene.supersample,
+        lens_sigma_px=scene.lens_sigma_px,
+    )
+    small = courtyard.render(
+        scene.world,
+        given.pixtocams[i],
+        given.camtoworlds[i],
+        given.width,
+        given.height,
+        courtyard.at_rest(),
+        supersample=1,
+    )
+    image = prepare.shrink(photo.image, given.width, given.height)
+    return image, small.depth_m.astype(np.float32)
 
 
 def compare_cameras(estimated, true):
