@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from alignerf import cameras
-from alignerf.scenes import courtyard, prepare
+from alignerf.scenes import courtyard, courtyard_rays, prepare
 
 
 class Courtyard(NamedTuple):
@@ -135,17 +135,18 @@ def render_oracle(scene: Courtyard, given: prepare.PosedViews, i):
         supersample=scene.supersample,
         lens_sigma_px=scene.lens_sigma_px,
     )
-    small = courtyard.render(
+    x, y = courtyard.pixel_centres(given.width, given.height)
+    hits = courtyard_rays.cast(
         scene.world,
         given.pixtocams[i],
         given.camtoworlds[i],
-        given.width,
-        given.height,
+        x,
+        y,
         courtyard.at_rest(),
-        supersample=1,
     )
+    depth_m = hits.t.reshape(given.height, given.width).astype(np.float32)
     image = prepare.shrink(photo.image, given.width, given.height)
-    return image, small.depth_m.astype(np.float32)
+    return image, depth_m
 
 
 def compare_cameras(estimated, true):
