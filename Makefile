@@ -1,5 +1,6 @@
 # make run    the default experiment, from nothing to the misalignment table
 # make test   the whole test suite
+# make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
 # make lint   formatters, linters, workflow checks
 # make lock   pin all versions anew (needs uv)
 PYTHON ?= python3
@@ -8,7 +9,7 @@ BIN := $(VENV)/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
 
-.PHONY: run test lint lock clean
+.PHONY: run test bench lint lock clean
 
 run: $(VENV)/.installed
 	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
@@ -16,6 +17,9 @@ run: $(VENV)/.installed
 
 test: $(VENV)/.installed
 	@pytest -n 2 --dist worksteal
+
+bench: $(VENV)/.installed
+	@python -m tests.bench $(if $(PEER),--peer $(PEER)) $(BENCH)
 
 lint: $(VENV)/.installed
 	ruff format --check .
@@ -38,4 +42,6 @@ lock:
 		--output-file requirements.lock
 
 clean:
-	rm -rf results/*/ .snakemake
+	find results -mindepth 1 -maxdepth 1 ! -name README.md ! -name published \
+		-exec rm -rf {} +
+	rm -rf .snakemake

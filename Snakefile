@@ -2,6 +2,7 @@
 #
 #   snakemake --cores N                    everything of the default config
 #   snakemake --cores N courtyard          one scene of the config
+#   snakemake --cores N tradeoff           what settings cost, and what they bring
 #   snakemake --cores N --configfile workflow/config/own_photos.yaml
 from snakemake.utils import min_version
 
@@ -26,6 +27,7 @@ include: "workflow/rules/common.smk"
 wildcard_constraints:
     scene=one_of(config["scenes"]),
     method=one_of(config["methods"]),
+    variant=one_of(["base", *config.get("tradeoff", {}).get("variants", [])]),
     round=r"0|[1-9]\d*",
     split="train|test",
 
@@ -35,6 +37,7 @@ include: "workflow/rules/train.smk"
 include: "workflow/rules/alignment.smk"
 include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/tables.smk"
+include: "workflow/rules/tradeoff.smk"
 
 
 rule all:

@@ -1,7 +1,8 @@
 """Parameters and training states on disk: whole, checked, never pickled.
 
 A folder of checkpoints holds `state-<step>.msgpack` and `manifest.json`, which
-names the newest one with its SHA-256, the job's fingerprint and the time spent.
+names the newest one with its SHA-256, the job's fingerprint, the time spent and the
+number of micro-batches.
 The manifest is replaced last, so a killed writer leaves the previous state.
 """
 
@@ -28,6 +29,14 @@ def fingerprint(*parts) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def digest(tree):
+    """SHA-256 of the arrays of a tree: the data that a training starts from."""
+    found = hashlib.sha256()
+    for leaf in jax.tree.leaves(jax.device_get(tree)):
+        found.update(np.ascontiguousarray(leaf))
+    return found.hexdigest()
+
+
 @contextlib.contextmanager
 def lock(folder):
     """Hold a checkpoint folder alone; a second trainer is refused, not queued.
@@ -46,8 +55,11 @@ def lock(folder):
         ) from None
 
 
-def save(folder, state, *, identity, time_s):
-    """Write a state as the folder's newest checkpoint."""
+def save(folder, state, *, identity, time_s, parts):
+    """Write a state as the folder's newest checkpoint.
+
+    `parts` is the number of micro-batches, on which the rounding of a step hangs.
+    """
     folder = pathlib.Path(folder)
     state = jax.device_get(state)
     data = flax.serialization.to_bytes(state)
@@ -58,6 +70,7 @@ def save(folder, state, *, identity, time_s):
         "sha256": hashlib.sha256(data).hexdigest(),
         "identity": identity,
         "time_s": time_s,
+        "parts": parts,
     }
     _write(folder / "manifest.json", json.dumps(manifest, indent=1).encode())
     for old in folder.glob("state-*.msgpack"):
@@ -66,7 +79,7 @@ def save(folder, state, *, identity, time_s):
 
 
 def restore(folder, template, *, identity):
-    """The newest state and the time spent until it, or None where none fits.
+    """The newest state and its manifest, or None where none fits.
 
     A checkpoint of another job (other config, photos or initial weights) or a
     damaged one is said so and left out; training then starts anew.
@@ -86,7 +99,7 @@ def restore(folder, template, *, identity):
     if hashlib.sha256(data).hexdigest() != manifest["sha256"]:
         log.warning("%s: checkpoint is damaged, starting anew", folder)
         return None
-    return _from_bytes(template, data, folder), manifest["time_s"]
+    return _from_bytes(template, data, folder), manifest
 
 
 def write_params(path, params):

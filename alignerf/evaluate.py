@@ -8,7 +8,8 @@ warped          the photo warped onto the reference model's render, valid pixels
 control         the photo warped there and back: only interpolation acts
 oracle          the undisplaced scene at the given pose, where the truth is known
 
-A metric that cannot be had is empty, and `note` says why.
+Those with warped photos are scored where a warped test set is given. A metric that
+cannot be had is empty, and `note` says why.
 """
 
 import argparse
@@ -29,27 +30,26 @@ def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scene", required=True, help="prepared scene folder")
     parser.add_argument("--renders", required=True, help="renders of the test views")
-    parser.add_argument(
-        "--testset", required=True, help="folder of the warped test set"
-    )
+    parser.add_argument("--testset", help="folder of the warped test set")
     parser.add_argument("--truth", help="folder of the oracle, where it is known")
     parser.add_argument("--lpips-alex", help="weights of LPIPS' AlexNet, .npz")
     parser.add_argument("--metrics", required=True, help="CSV, written")
     args = parser.parse_args(argv)
     loaded = scene.load(args.scene)
     views = loaded.views("test")
-    testset = pathlib.Path(args.testset)
     lpips_alex, lpips_note = load_lpips(args.lpips_alex)
     read = functools.partial(scene.read_images, loaded, views)
     renders, photos = read(args.renders), read(loaded.folder / "images")
-    valid = scene.read_validity(loaded, views, testset / "flow")
-    everywhere = np.ones_like(valid)
-    targets = {
-        "standard": (photos, everywhere),
-        "standard_valid": (photos, valid),
-        "warped": (read(testset / "warped"), valid),
-        "control": (read(testset / "control"), everywhere),
-    }
+    everywhere = np.ones(photos.shape[:3], bool)
+    targets = {"standard": (photos, everywhere)}
+    if args.testset:
+        testset = pathlib.Path(args.testset)
+        valid = scene.read_validity(loaded, views, testset / "flow")
+        targets |= {
+            "standard_valid": (photos, valid),
+            "warped": (read(testset / "warped"), valid),
+            "control": (read(testset / "control"), everywhere),
+        }
     if args.truth:
         oracle = read(pathlib.Path(args.truth) / "oracle")
         targets["oracle"] = (oracle, everywhere)

@@ -1,6 +1,6 @@
 """Methods as compositions of a model, a way to draw rays, a head and losses.
 
-A method is four functions; training and rendering know nothing else of it.
+A method is five functions; training and rendering know nothing else of it.
 Notation: params a tree of parameters, one subtree a network; views the training
 photos on the device; share in [0, 1] the part of the training that has passed.
 """
@@ -10,66 +10,113 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from alignerf import align_loss, cameras, frequency_loss, patch_conv
 from alignerf.mipnerf360 import losses
 
 
 class Views(NamedTuple):
-    """Training views on the device."""
+    """Training views in memory."""
 
     photos: Any  # [n, h, w, 3] uint8
-    valid: Any  # [n, h, w] bool
+    valid: Any  # [n, h, ceil(w / 8)] uint8, from pack_valid; None: every pixel counts
     pixtocams: Any  # [n, 3, 3]
     camtoworlds: Any  # [n, 3, 4]
 
 
 class Method(NamedTuple):
-    """What training and rendering need of a method."""
+    """What training and rendering need of a method.
 
+    A batch is drawn for one step: arrays that all begin with its units (rays or
+    patches), among them `view` [units]. All that is random is drawn with it, and
+    terms are means over units, so that parts of a batch average to the whole.
+    """
+
+    units: int
     init: Callable  # key -> params
-    loss: Callable  # (params, views, key, share) -> (loss, {term: value})
+    draw: Callable  # (key, views) -> batch
+    terms: Callable  # (params, batch, share) -> ({term: mean}, {number: mean})
     render: Callable  # (params, rays [n]) -> model.Rendering
     colours: Callable  # (params, values [h, w, c]) -> RGB [h, w, 3]
 
 
-def draw_rays(key, views: Views, count):
-    """Pixels drawn uniformly from all views: rays, colours [n, 3], weights [n]."""
-    n, h, w = views.valid.shape
-    key_view, key_y, key_x = jax.random.split(key, 3)
+class RayBatch(NamedTuple):
+    """Single rays; the weights are 1 on average, or all 0."""
+
+    view: Any  # [n]
+    rays: Any  # cameras.Rays [n]
+    jitter: Any  # [n, rounds] of the samples, in [0, 1)
+    photo: Any  # [n, 3]
+    weight: Any  # [n]
+
+
+class PatchBatch(NamedTuple):
+    """Square patches of p x p rays in the middle of q x q pixels of a photo."""
+
+    view: Any  # [n]
+    rays: Any  # cameras.Rays [n, p p]
+    jitter: Any  # [n, p p, rounds]
+    photo: Any  # [n, q, q, 3]
+    exists: Any  # [n, q, q], zero beyond the photo's border
+
+
+def pack_valid(mask):
+    """Bits [..., h, ceil(w / 8)] of a mask [..., h, w]: 1/24 of its photo's size."""
+    return np.packbits(mask, axis=-1)
+
+
+def is_valid(views: Views, view, y, x):
+    """One where a pixel counts, else zero, as float32."""
+    if views.valid is None:
+        return jnp.ones(view.shape)
+    bits = views.valid[view, y, x // 8] >> (7 - x % 8).astype(jnp.uint8)
+    return (bits & 1).astype(jnp.float32)
+
+
+def draw_rays(key, views: Views, count, rounds) -> RayBatch:
+    """Pixels drawn uniformly from all views."""
+    n, h, w, _ = views.photos.shape
+    key_view, key_y, key_x, key_jitter = jax.random.split(key, 4)
     view = jax.random.randint(key_view, (count,), 0, n)
     y = jax.random.randint(key_y, (count,), 0, h)
     x = jax.random.randint(key_x, (count,), 0, w)
-    rays = cameras.pixels_to_rays(x, y, views.pixtocams[view], views.camtoworlds[view])
-    colour = views.photos[view, y, x].astype(jnp.float32) / 255.0
-    return rays, colour, views.valid[view, y, x].astype(jnp.float32)
+    weight = is_valid(views, view, y, x)
+    return RayBatch(
+        view=view,
+        rays=cameras.pixels_to_rays(
+            x, y, views.pixtocams[view], views.camtoworlds[view]
+        ),
+        jitter=jax.random.uniform(key_jitter, (count, rounds)),
+        photo=views.photos[view, y, x].astype(jnp.float32) / 255.0,
+        weight=weight / jnp.maximum(jnp.mean(weight), 1e-6),
+    )
 
 
-def draw_patches(key, views: Views, count, size, radius):
-    """Square patches of rays, and the larger photo patches around them.
-
-    Returns rays [count size size], photo [count, q, q, 3] and exists [count, q, q]
-    with q = size + 2 radius; beyond the photo's border nothing exists.
-    """
-    n, h, w = views.valid.shape
-    key_view, key_y, key_x = jax.random.split(key, 3)
+def draw_patches(key, views: Views, count, size, radius, rounds) -> PatchBatch:
+    """Patches drawn uniformly from all views, size p, with q = p + 2 radius."""
+    n, h, w, _ = views.photos.shape
+    key_view, key_y, key_x, key_jitter = jax.random.split(key, 4)
     view = jax.random.randint(key_view, (count,), 0, n)
     top = jax.random.randint(key_y, (count,), 0, h - size + 1)
     left = jax.random.randint(key_x, (count,), 0, w - size + 1)
     inner, outer = jnp.arange(size), jnp.arange(-radius, size + radius)
     y = jnp.broadcast_to(top[:, None, None] + inner[:, None], (count, size, size))
     x = jnp.broadcast_to(left[:, None, None] + inner[None, :], (count, size, size))
-    each = jnp.repeat(view, size * size)
-    rays = cameras.pixels_to_rays(
-        x.reshape(-1), y.reshape(-1), views.pixtocams[each], views.camtoworlds[each]
-    )
+    camera = views.pixtocams[view][:, None], views.camtoworlds[view][:, None]
+    rays = cameras.pixels_to_rays(x.reshape(count, -1), y.reshape(count, -1), *camera)
     rows, columns = top[:, None] + outer, left[:, None] + outer
     exists = ((rows >= 0) & (rows < h))[:, :, None]
     exists = exists & ((columns >= 0) & (columns < w))[:, None, :]
     rows, columns = jnp.clip(rows, 0, h - 1), jnp.clip(columns, 0, w - 1)
     where = (view[:, None, None], rows[:, :, None], columns[:, None, :])
-    photo = views.photos[where].astype(jnp.float32) / 255.0
-    return rays, photo, exists.astype(jnp.float32)
+    return PatchBatch(
+        view=view,
+        rays=rays,
+        jitter=jax.random.uniform(key_jitter, (count, size**2, rounds)),
+        photo=views.photos[where].astype(jnp.float32) / 255.0,
+        exists=exists.astype(jnp.float32),
+    )
 
 
 def _some_rays():
@@ -85,30 +132,29 @@ def _regularisers(histograms, weights):
     }
 
 
-def _mse_to_psnr(mse):
-    return -10.0 / jnp.log(10.0) * jnp.log(jnp.maximum(mse, 1e-10))
-
-
 def mipnerf360(model, *, batch_rays, loss_weights) -> Method:
     """The baseline: single rays, Charbonnier loss (arXiv 2111.12077)."""
 
-    def loss(params, views, key, share):
-        key_rays, key_samples = jax.random.split(key)
-        rays, photo, weight = draw_rays(key_rays, views, batch_rays)
+    def terms(params, batch, share):
         rendering = model.apply(
-            {"params": params["model"]}, rays, key=key_samples, train_share=share
+            {"params": params["model"]},
+            batch.rays,
+            jitter=batch.jitter,
+            train_share=share,
         )
-        terms = {
-            "data": losses.charbonnier(rendering.values, photo, weight),
-            **_regularisers(rendering.histograms, loss_weights),
-        }
-        error = jnp.mean((rendering.values - photo) ** 2, axis=-1)
-        psnr = _mse_to_psnr(losses.weighted_mean(error, weight))
-        return sum(terms.values()), {**terms, "psnr_db": psnr}
+        error = jnp.mean((rendering.values - batch.photo) ** 2, axis=-1)
+        # A part of the batch counts by the weight that it holds of the whole.
+        held = jnp.mean(batch.weight)
+        data = losses.charbonnier(rendering.values, batch.photo, batch.weight)
+        regularisers = _regularisers(rendering.histograms, loss_weights)
+        mse = losses.weighted_mean(error, batch.weight)
+        return {"data": data * held, **regularisers}, {"mse": mse * held}
 
     return Method(
+        units=batch_rays,
         init=lambda key: {"model": model.init(key, _some_rays())["params"]},
-        loss=loss,
+        draw=lambda key, views: draw_rays(key, views, batch_rays, len(model.samples)),
+        terms=terms,
         render=lambda params, rays: model.apply({"params": params["model"]}, rays),
         colours=lambda params, values: values,
     )
@@ -126,8 +172,8 @@ def aligned_loss(rgb, photo, exists, penalty):
     length = jnp.sqrt(jnp.sum(aligned.offset_px.astype(jnp.float32) ** 2, axis=-1))
     squared = jnp.sum((aligned.patch - rgb) ** 2, axis=(1, 2, 3))
     loss = jnp.mean(squared + penalty * length)
-    psnr = _mse_to_psnr(jnp.mean(squared) / rgb[0].size)
-    return aligned.patch, loss, {"psnr_db": psnr, "offset_px": jnp.mean(length)}
+    mse = jnp.mean(squared) / rgb[0].size
+    return aligned.patch, loss, {"mse": mse, "offset_px": jnp.mean(length)}
 
 
 def alignerf(
@@ -147,24 +193,22 @@ def alignerf(
     """
     head = patch_conv.PatchConv()
 
-    def loss(params, views, key, share):
-        key_rays, key_samples = jax.random.split(key)
-        rays, photo, exists = draw_patches(
-            key_rays, views, patches, patch_px, radius_px
+    def terms(params, batch, share):
+        rays, jitter = jax.tree.map(
+            lambda x: x.reshape(-1, x.shape[-1]), (batch.rays, batch.jitter)
         )
-        rendering = model.apply({"params": params["model"]}, rays, key=key_samples)
-        shape = (patches, patch_px, patch_px, -1)
-        rgb = head.apply({"params": params["head"]}, rendering.values.reshape(shape))
-        patch, data, stats = aligned_loss(rgb, photo, exists, align_penalty)
+        rendering = model.apply({"params": params["model"]}, rays, jitter=jitter)
+        values = rendering.values.reshape(-1, patch_px, patch_px, model.field.outputs)
+        rgb = head.apply({"params": params["head"]}, values)
+        patch, data, shown = aligned_loss(rgb, batch.photo, batch.exists, align_penalty)
         frequency = frequency_loss.frequency_loss(frequency_features, patch, rgb)
         # Both as printed (a sum over the patch, a mean over the features), and both
         # in units of one colour value, so that the regularisers weigh what they did.
-        terms = {
+        return {
             "data": data / rgb[0].size,
             "frequency": frequency_weight * frequency / rgb[0].size,
             **_regularisers(rendering.histograms, loss_weights),
-        }
-        return sum(terms.values()), {**terms, **stats}
+        }, shown
 
     def init(key):
         key_model, key_head = jax.random.split(key)
@@ -175,8 +219,12 @@ def alignerf(
         }
 
     return Method(
+        units=patches,
         init=init,
-        loss=loss,
+        draw=lambda key, views: draw_patches(
+            key, views, patches, patch_px, radius_px, len(model.samples)
+        ),
+        terms=terms,
         render=lambda params, rays: model.apply({"params": params["model"]}, rays),
         colours=lambda params, values: head.apply({"params": params["head"]}, values),
     )

@@ -68,10 +68,10 @@ def widen_values(params, features, key):
     and returns the model's parameters (`params["field"]["head"]["values"]`).
     """
     values = params["field"]["head"]["values"]
-    width = values["kernel"].shape[0]
-    fresh = nn.initializers.he_uniform()(key, (width, features), jnp.float32)
+    width = values["kernel"].shape[1]
+    fresh = shading.KERNEL_INIT(key, (features, width), jnp.float32)
     widened = {
-        "kernel": fresh.at[:, :3].set(values["kernel"]),
+        "kernel": fresh.at[:3].set(values["kernel"]),
         "bias": jnp.zeros(features).at[:3].set(values["bias"]),
     }
     head = {**params["field"]["head"], "values": widened}

@@ -1,35 +1,28 @@
 """Train a method on a scene: `python -m alignerf.train`.
 
 One product: the parameters, beside a `timing.json`. Resumes from its checkpoint
-folder bit for bit (with the same number of threads).
+folder bit for bit, with the same number of threads, devices and micro-batches (those
+of the checkpoint are taken again, where they fit). The first loss or gradient that is
+not finite ends it; the last checkpoint is kept.
 """
 
 import argparse
-import hashlib
 import json
-import logging
-import time
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from alignerf import (
     checkpoint,
     cli,
     config,
+    loop,
+    memory,
     methods,
     patch_conv,
-    progress,
+    program,
     scene,
-    train_step,
 )
-
-log = logging.getLogger("alignerf")
-
-CHECKPOINT_EVERY_S = 60.0
-# Numbers are fetched from the device for this many steps at once.
-FETCH_EVERY = 10
 
 
 def main(argv=None):
@@ -47,12 +40,21 @@ def main(argv=None):
     job = config.parse_job(cli.read_config(args.config))
     loaded = scene.load(args.scene)
     check_patches(job, loaded)
-    views = load_views(loaded, args.photos, args.valid)
+    chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
+    scene.check_images(loaded, chosen, photos)
     method = config.make_method(job)
     params = initial_params(job, method, args.initial)
+    shapes = view_shapes(loaded, chosen, args.valid)
+    to_come = memory.tree_bytes(shapes)
+    for free in (memory.free_host_bytes(), memory.free_bytes(jax.local_devices()[0])):
+        memory.check(to_come, free, f"{photos}: training views")
+    built = program.build(job, method, params, shapes, to_come=to_come)
+    views = load_views(loaded, chosen, photos, args.valid)
     with checkpoint.lock(args.checkpoints):
-        params, timing = fit(
-            job, method, params, views, args.checkpoints, sources=args.sources
+        params, timing = loop.fit(
+            *(job, method, built, params, views, args.checkpoints),
+            names=[loaded.names[view] for view in chosen],
+            sources=args.sources,
         )
     checkpoint.write_params(args.model, params)
     with cli.replace_file(args.timing) as path:
@@ -69,19 +71,28 @@ def check_patches(job, loaded: scene.Scene):
         )
 
 
-def load_views(loaded: scene.Scene, photos, valid) -> methods.Views:
-    """The training views on the device, with what says which pixels count."""
-    chosen = loaded.views("train")
-    images = scene.read_images(loaded, chosen, photos or loaded.folder / "images")
-    if valid is None:
-        masks = np.ones(images.shape[:3], bool)
-    else:
-        masks = scene.read_validity(loaded, chosen, valid)
+def view_shapes(loaded: scene.Scene, chosen, valid) -> methods.Views:
+    """Shapes of the training views, before they are loaded."""
+    n, h, w = len(chosen), loaded.height, loaded.width
     return methods.Views(
-        photos=jnp.asarray(images),
-        valid=jnp.asarray(masks),
-        pixtocams=jnp.asarray(loaded.pixtocams[chosen], jnp.float32),
-        camtoworlds=jnp.asarray(loaded.camtoworlds[chosen], jnp.float32),
+        photos=jax.ShapeDtypeStruct((n, h, w, 3), np.uint8),
+        valid=valid and jax.ShapeDtypeStruct((n, h, -(-w // 8)), np.uint8),
+        pixtocams=jax.ShapeDtypeStruct((n, 3, 3), np.float32),
+        camtoworlds=jax.ShapeDtypeStruct((n, 3, 4), np.float32),
+    )
+
+
+def load_views(loaded: scene.Scene, chosen, photos, valid) -> methods.Views:
+    """The training views in the host's memory, with what says which pixels count."""
+    packed = valid and [
+        methods.pack_valid(scene.read_validity(loaded, [view], valid))
+        for view in chosen
+    ]
+    return methods.Views(
+        photos=scene.read_images(loaded, chosen, photos),
+        valid=packed and np.concatenate(packed),
+        pixtocams=loaded.pixtocams[chosen].astype(np.float32),
+        camtoworlds=loaded.camtoworlds[chosen].astype(np.float32),
     )
 
 
@@ -98,126 +109,6 @@ def initial_params(job, method, initial):
     trained = checkpoint.read_params(initial, template)
     model = patch_conv.widen_values(trained["model"], job.alignerf.features, key)
     return {**fresh, "model": model}
-
-
-def fit(job, method, params, views, checkpoints, *, sources=""):
-    """Train to the last step; returns (parameters, timing).
-
-    `sources` identifies the code: a checkpoint of other code, config or data is not
-    resumed. Compilation is timed apart: a cache often saves it.
-    """
-    optimizer = train_step.make_optimizer(
-        learning_rates=job.learning_rates,
-        steps=job.schedule_steps,
-        warmup_steps=job.warmup_steps,
-        eps=job.training.adam_eps,
-    )
-    step = train_step.make_step(
-        method,
-        optimizer,
-        steps=job.schedule_steps,
-        gradient_norm=job.training.gradient_norm,
-        seed=job.seed,
-    )
-    state = train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))
-    identity = checkpoint.fingerprint(
-        config.as_dict(job), digest((params, views)), sources
-    )
-    state, spent_s = resume(checkpoints, state, identity, job.steps)
-    facts = describe(job, params)
-    log.info(
-        "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)
-    )
-    start = time.perf_counter()
-    step = step.lower(state, views).compile()
-    compile_time_s = round(time.perf_counter() - start, 3)
-    start = time.perf_counter()
-
-    def time_s():
-        return round(spent_s + time.perf_counter() - start, 3)
-
-    def save(state):
-        checkpoint.save(checkpoints, state, identity=identity, time_s=time_s())
-
-    state, numbers = run_steps(job, step, state, views, save)
-    times = {"train_time_s": time_s(), "compile_time_s": compile_time_s}
-    return state.params, facts | times | {"final": numbers}
-
-
-def resume(checkpoints, state, identity, steps):
-    """The state to go on from, and the seconds that it took so far."""
-    found = checkpoint.restore(checkpoints, state, identity=identity)
-    if found is None:
-        return state, 0.0
-    state, spent_s = found
-    log.info("resuming at step %d of %d", int(state.step), steps)
-    return jax.tree.map(jnp.asarray, state), spent_s
-
-
-def describe(job, params):
-    """What a table says of a training, besides its time."""
-    return {
-        "stage": job.stage,
-        "steps": job.steps,
-        "rays_seen": job.steps * job.rays_per_step,
-        "params": sum(leaf.size for leaf in jax.tree.leaves(params)),
-        "device": jax.devices()[0].device_kind,
-    }
-
-
-def run_steps(job, step, state, views, save):
-    """The loop: step, look at the numbers, save now and then.
-
-    Returns the last state and the numbers of the last steps (none where a finished
-    training was resumed).
-    """
-    done = int(state.step)
-    bar = progress.Progress(job.stage, job.steps, done=done)
-    pending, history = [], {}
-    saved = fetched = time.perf_counter()
-    while done < job.steps:
-        state, stats = step(state, views)
-        pending.append(stats)
-        done += 1
-        if len(pending) < FETCH_EVERY and done < job.steps:
-            continue
-        history = look_at(jax.device_get(pending), done - len(pending))
-        now = time.perf_counter()
-        rays_per_s = len(pending) * job.rays_per_step / (now - fetched)
-        bar.advance(
-            len(pending),
-            loss=history["loss"],
-            psnr=history["psnr_db"],
-            **{"rays/s": rays_per_s},
-        )
-        fetched, pending = now, []
-        if now - saved > CHECKPOINT_EVERY_S or done == job.steps:
-            save(state)
-            saved = time.perf_counter()
-    bar.close()
-    return state, history
-
-
-def look_at(batch, first_step):
-    """Means of the steps' numbers; the first that is not finite stops the job."""
-    for number, stats in enumerate(batch):
-        bad = [name for name, value in stats.items() if not np.isfinite(value)]
-        if stats["nonfinite_gradients"]:
-            bad.append(f"{int(stats['nonfinite_gradients'])} gradient entries")
-        if bad:
-            raise ValueError(
-                f"training diverged at step {first_step + number}: not finite: "
-                + ", ".join(bad)
-            )
-    return {key: float(np.mean([s[key] for s in batch])) for key in batch[0]}
-
-
-def digest(tree):
-    """SHA-256 of the arrays of a tree: the data that a training starts from."""
-    found = hashlib.sha256()
-    for leaf in jax.tree.leaves(jax.device_get(tree)):
-        found.update(np.ascontiguousarray(leaf))
-    return found.hexdigest()
 
 
 if __name__ == "__main__":

@@ -9,6 +9,9 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import optax
+from jax.sharding import NamedSharding, PartitionSpec
+
+from alignerf import gradients
 
 
 class State(NamedTuple):
@@ -56,41 +59,76 @@ def clip_per_network(grads, max_norm):
             jnp.stack([jnp.max(jnp.abs(g)) for g in jax.tree.leaves(tree)])
         )
         unit = jnp.maximum(largest, 1e-30)
-        norm = unit * optax.tree.norm(jax.tree.map(lambda g: g / unit, tree))
-        share = jnp.minimum(1.0, max_norm / jnp.maximum(norm, 1e-30))
-        return jax.tree.map(lambda g: g * share, tree)
+        scaled = jax.tree.map(lambda g: g / unit, tree)
+        limit = max_norm / optax.tree.norm(scaled)
+        return jax.tree.map(
+            lambda g, s: jnp.where(unit <= limit, g, s * limit), tree, scaled
+        )
 
     model = {name: clip(tree) for name, tree in grads["model"].items()}
     others = {name: clip(tree) for name, tree in grads.items() if name != "model"}
     return {"model": model, **others}
 
 
-def make_step(method, optimizer, *, steps, gradient_norm, seed):
-    """The jitted step: (state, views) -> (state, stats).
+def networks(params):
+    """{name: tree} of the networks: the model's two fields, and the head if any."""
+    others = {name: tree for name, tree in params.items() if name != "model"}
+    return {**params["model"], **others}
 
-    The step's random key is folded from the seed and the step's number, so that
-    a resumed run draws what an uninterrupted one would have drawn.
+
+def draw(method, views, step, *, steps, seed):
+    """What a step learns from: (batch, share of the training that has passed).
+
+    All is folded from the seed and the step's number, so that a resumed run draws
+    what an uninterrupted one would have drawn.
+    """
+    key = jax.random.fold_in(jax.random.key(seed), step)
+    share = jnp.clip(step / max(steps - 1, 1), 0.0, 1.0)
+    return method.draw(key, views), share
+
+
+def make_step(method, optimizer, *, steps, gradient_norm, seed, parts=1, mesh=None):
+    """The jitted step: (state, views) -> (state, numbers to show).
+
+    Where the loss or the gradient is not finite, the state stays as it was, so that
+    whoever looks at the numbers later still holds what failed.
     """
 
     def step(state, views):
-        key = jax.random.fold_in(jax.random.key(seed), state.step)
-        share = jnp.clip(state.step / max(steps - 1, 1), 0.0, 1.0)
-        (loss, terms), grads = jax.value_and_grad(method.loss, has_aux=True)(
-            state.params, views, key, share
+        drawn = draw(method, views, state.step, steps=steps, seed=seed)
+        (loss, shown), grads = gradients.mean(
+            method.terms, state.params, *drawn, parts=parts, mesh=mesh
         )
-        stats = {
-            "loss": loss,
-            **terms,
-            "nonfinite_gradients": count_nonfinite(grads),
-        }
         grads = clip_per_network(grads, gradient_norm)
-        updates, adam = optimizer.update(grads, state.optimizer, state.params)
-        params = optax.apply_updates(state.params, updates)
-        return State(state.step + 1, params, adam), stats
+        nonfinite = count_nonfinite_squares(grads)
 
-    return jax.jit(step, donate_argnums=0)
+        def update(state):
+            updates, adam = optimizer.update(grads, state.optimizer, state.params)
+            params = optax.apply_updates(state.params, updates)
+            return State(state.step + 1, params, adam)
+
+        finite = jnp.isfinite(loss) & (nonfinite == 0)
+        state = jax.lax.cond(finite, update, lambda state: state, state)
+        psnr_db = mse_to_psnr(shown.pop("mse"))
+        return state, {
+            "loss": loss,
+            "psnr_db": psnr_db,
+            **shown,
+            "nonfinite_gradients": nonfinite,
+        }
+
+    everywhere = mesh and NamedSharding(mesh, PartitionSpec())
+    return jax.jit(step, donate_argnums=0, out_shardings=everywhere)
 
 
-def count_nonfinite(tree):
-    """Number of entries that are NaN or infinite."""
-    return sum(jnp.sum(~jnp.isfinite(leaf)) for leaf in jax.tree.leaves(tree))
+def mse_to_psnr(mse):
+    """Decibels for colours in [0, 1], at most 100."""
+    return -10.0 / jnp.log(10.0) * jnp.log(jnp.maximum(mse, 1e-10))
+
+
+def count_nonfinite_squares(tree):
+    """Number of entries that Adam cannot square: NaN, infinite or beyond 1.8e19.
+
+    An infinite second moment would hold its parameter still for ever.
+    """
+    return sum(jnp.sum(~jnp.isfinite(leaf**2)) for leaf in jax.tree.leaves(tree))

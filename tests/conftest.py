@@ -36,6 +36,16 @@ def shared_data():
     return folder.resolve()
 
 
+@pytest.fixture(scope="session")
+def peer():
+    """The modules of google-research/multinerf; ALIGNERF_MULTINERF says where."""
+    if not (path := os.environ.get("ALIGNERF_MULTINERF")):
+        pytest.skip("no checkout of multinerf (set ALIGNERF_MULTINERF)")
+    from tests.bench import multinerf
+
+    return multinerf.load(path)
+
+
 @pytest.fixture
 def rng():
     return np.random.default_rng(0)

@@ -72,7 +72,17 @@ training:
   distortion_weight: 0.01
 flow: {{ method: dis_fine, match_blur: true, kernel: lanczos, tolerance_px: 4.0 }}
 reference: {{ method: mipnerf360_large, round: 1 }}
+tradeoff:
+  scene: tiny
+  model: large
+  variants:
+    fast: {{ downscale: 1.125, steps: 100, field: {{ log2_entries: 8 }} }}
 """
+SWEEP_HEADER = (
+    "variant,changes,pareto,params,steps,rays_seen,train_time_s,compile_time_s,"
+    "rays_per_s,render_time_s,test_set,psnr_db,psnr_low_db,psnr_high_db,"
+    "difference_db,difference_low_db,difference_high_db,ssim,standard_psnr_db,device"
+)
 
 
 def read_csv(path):
@@ -173,6 +183,42 @@ def check_warped_photos(scene):
     assert controls == {f"{view}.png" for view in TEST_VIEWS}
 
 
+def shapes(folder):
+    """{view: shape} of the images in a folder."""
+    return {p.stem: files.read_image(p).shape for p in sorted(folder.glob("*.png"))}
+
+
+def check_tradeoff(results):
+    path = results / "tradeoff.csv"
+    assert path.read_text().splitlines()[0] == SWEEP_HEADER
+    base, fast = read_csv(path)
+    assert (base["variant"], fast["variant"]) == ("base", "fast")
+    changes = "downscale 1.125, field.log2_entries 8, steps 100"
+    assert (base["changes"], fast["changes"]) == ("", changes)
+    assert (base["rays_seen"], fast["rays_seen"]) == (f"{200 * 256}", f"{100 * 256}")
+    assert int(fast["params"]) < int(base["params"])
+    cheapest = min((base, fast), key=lambda row: float(row["train_time_s"]))
+    assert cheapest["pareto"] == "True"
+    for row in (base, fast):
+        keys = ("psnr_low_db", "psnr_db", "psnr_high_db", "standard_psnr_db")
+        low, mean, high, standard = (float(row[key]) for key in keys)
+        assert 10 < low < mean < high < 40
+        assert (row["test_set"], standard != mean) == ("oracle", True)
+        assert float(row["render_time_s"]) > 0
+        assert float(row["compile_time_s"]) > 0
+    difference = float(fast["psnr_db"]) - float(base["psnr_db"])
+    assert float(fast["difference_db"]) == pytest.approx(difference, abs=1e-3)
+    assert (base["difference_low_db"], base["difference_high_db"]) == ("0", "0")
+    photos = shapes(results / "tiny" / "tradeoff" / "downscale-1.125" / "images")
+    assert set(photos.values()) == {(32, 43, 3)}
+    renders = shapes(results / "tiny" / "tradeoff" / "fast" / "renders" / "test")
+    assert renders == dict.fromkeys(TEST_VIEWS, (HEIGHT, WIDTH, 3))
+    with Image.open(results / "tradeoff.png") as figure:
+        figure.load()
+        assert min(figure.size) > 500
+    check_logs(results / "logs")
+
+
 def check_logs(scene):
     for path in scene.rglob("*.log"):
         assert "Traceback" not in path.read_text()
@@ -223,7 +269,7 @@ def test_the_whole_chain(tmp_path, root, snakemake, subtests):
     config.write_text(CONFIG)
     assert yaml.safe_load(CONFIG)["scenes"].keys() == {"tiny"}
     options = (tmp_path, "--configfile", config)
-    code, output = snakemake(*options, "--cores", "2", "tiny", root=project)
+    code, output = snakemake(*options, "--cores", "2", "tiny", "tradeoff", root=project)
     assert code == 0, output
     assert re.search(r"^train +4$", output, re.MULTILINE)
     scene = tmp_path / "results" / "tiny"
@@ -237,6 +283,8 @@ def test_the_whole_chain(tmp_path, root, snakemake, subtests):
         check_figures(scene)
     with subtests.test("warped photos"):
         check_warped_photos(scene)
+    with subtests.test("tradeoff"):
+        check_tradeoff(tmp_path / "results")
     with subtests.test("logs"):
         check_logs(scene)
     with subtests.test("reruns"):

@@ -29,7 +29,7 @@ def state(rng):
 
 
 def save(folder, state, time_s=2.5):
-    checkpoint.save(folder, state, identity="job", time_s=time_s)
+    checkpoint.save(folder, state, identity="job", time_s=time_s, parts=4)
 
 
 def restore(folder, state, identity="job"):
@@ -47,18 +47,18 @@ def same(first, second):
 def test_comes_back_bit_for_bit(tmp_path, state):
     assert restore(tmp_path, state) is None
     save(tmp_path, state)
-    found, time_s = restore(tmp_path, state)
+    found, manifest = restore(tmp_path, state)
     same(found, state)
-    assert time_s == 2.5
+    assert (manifest["time_s"], manifest["parts"]) == (2.5, 4)
 
 
 def test_only_the_newest_is_kept(tmp_path, state):
     save(tmp_path, state)
     newer = state._replace(step=jnp.asarray(9, jnp.int32))
     save(tmp_path, newer, time_s=3.0)
-    found, time_s = restore(tmp_path, state)
+    found, manifest = restore(tmp_path, state)
     same(found, newer)
-    assert time_s == 3.0
+    assert manifest["time_s"] == 3.0
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"state-9.msgpack", "manifest.json"}
 

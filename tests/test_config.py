@@ -178,6 +178,15 @@ def test_schema_and_fields_have_the_same_keys(schema):
         assert keys(schema, kind) == wanted | {"kind"}
 
 
+def test_a_variant_changes_keys_of_models_and_trainings(schema):
+    known = set(config.Model.__dataclass_fields__)
+    known |= set(config.Training.__dataclass_fields__)
+    assert keys(schema, "variant") <= known | {"seed", "downscale"}
+    # What a user can turn of a model; near and far are the scene's.
+    model = set(config.Model.__dataclass_fields__) - {"near", "far"}
+    assert model <= keys(schema, "variant")
+
+
 def test_schema_and_poses_have_the_same_keys_and_defaults(schema):
     scene = schema["$defs"]["scene"]["properties"]
     # The seed is the whole config's.

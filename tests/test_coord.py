@@ -1,103 +1,88 @@
-"""Contraction and ray distance: limits, inverses and float64 twins."""
+"""Contraction, Gaussians and ray distance against the papers' formulas."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from alignerf.mipnerf360 import coord
+from tests import twins
+
+COUNT = 2000
 
 
-def contract_twin(x):
-    """Eq. 10 as printed, in float64."""
-    norm = np.linalg.norm(x, axis=-1, keepdims=True)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(norm <= 1, x, (2 - 1 / norm) * x / norm)
+def unit_vectors(rng, count=COUNT):
+    x = rng.normal(size=(count, 3))
+    return x / np.linalg.norm(x, axis=-1, keepdims=True)
 
 
-def jacobian_twin(x):
-    """Eq. 10's Jacobian by float64 central differences of the twin."""
-    step = 1e-6 * max(1.0, np.abs(x).max())
-    columns = [
-        (contract_twin(x + step * e) - contract_twin(x - step * e)) / (2 * step)
-        for e in np.eye(3)
-    ]
-    return np.stack(columns, axis=-1)
+def along_rays(rng):
+    """Points as far out as 1e6 on rays from near the middle, and Gaussians there."""
+    d = unit_vectors(rng) * rng.uniform(1, 1.6, (COUNT, 1))
+    origins = unit_vectors(rng) * 10 ** rng.uniform(-2, 0.3, (COUNT, 1))
+    t = 10 ** rng.uniform(-2, 6, (COUNT, 1))
+    x = origins + t * d
+    t_std, r_std = t[:, 0] * 10 ** rng.uniform([[-6], [-5]], [[-0.3], [-1]], (2, COUNT))
+    return coord.Gaussians(*twins.f32(x, d, t_std, r_std))
 
 
-def random_points(rng, count):
-    direction = rng.normal(size=(count, 3))
-    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
-    return direction * 10 ** rng.uniform(-3, 6, size=(count, 1))
-
-
-def test_contract_equals_the_formula(rng):
-    x = random_points(rng, 2000)
-    found = coord.contract(jnp.asarray(x, jnp.float32))
-    np.testing.assert_allclose(found, contract_twin(x), rtol=1e-5, atol=1e-6)
-
-
-@pytest.mark.parametrize("size", [0.0, 1e-38, 1e-10, 1 - 1e-7, 1.0, 2e19, 1e30, 1e37])
-def test_contract_is_finite_and_bounded_at_the_extremes(size):
-    x = jnp.array([size, 0.0, -size], jnp.float32)
-    value, gradient = jax.vjp(coord.contract, x)
-    assert jnp.linalg.norm(value) <= 2.0 + 1e-6
-    assert jnp.all(jnp.isfinite(gradient(jnp.ones(3))[0]))
-
-
-def test_gaussians_are_pushed_through_the_jacobian(rng):
-    for x in random_points(rng, 1000):
-        d = rng.normal(size=3)
-        t_std, r_std = 10 ** rng.uniform(-3, 0, 2) * max(1, np.linalg.norm(x))
-        g = coord.Gaussians(
-            *(jnp.asarray(v, jnp.float32) for v in (x, d, t_std, r_std))
-        )
-        if abs(np.linalg.norm(x) - 1) < 1e-3:
-            continue
-        across = np.eye(3) - np.outer(d, d) / (d @ d)
-        covariance = t_std**2 * np.outer(d, d) + r_std**2 * across
-        jacobian = jacobian_twin(x)
-        wanted = jacobian @ covariance @ jacobian.T
-        _, root = coord.contract_gaussians(g)
-        root = np.asarray(root, np.float64)
-        scale = np.abs(wanted).max()
-        np.testing.assert_allclose(root.T @ root / scale, wanted / scale, atol=2e-4)
-
-
-def test_spheres_have_the_gaussians_volume(rng):
-    # Nearer than 100: beyond, float32 leaves the root too few digits to compare.
-    x = random_points(rng, 2000)
-    x = x[np.linalg.norm(x, axis=-1) < 100]
+def anywhere(rng):
+    """Gaussians of any orientation: no ray that passes near the middle."""
+    x = unit_vectors(rng) * 10 ** rng.uniform(-3, 6, (COUNT, 1))
+    scale = np.linalg.norm(x, axis=-1)
+    t_std, r_std = scale * 10 ** rng.uniform(-6, 0, (2, COUNT))
     d = rng.normal(size=x.shape)
-    t_std, r_std = 10 ** rng.uniform(-4, 1, (2, len(x)))
-    g = coord.Gaussians(*(jnp.asarray(v, jnp.float32) for v in (x, d, t_std, r_std)))
-    mean, root = coord.contract_gaussians(g)
-    same_mean, radius = coord.contract_spheres(g)
-    volume = np.abs(np.linalg.det(np.asarray(root, np.float64)))
-    np.testing.assert_allclose(mean, same_mean)
-    np.testing.assert_allclose(radius, np.cbrt(volume), rtol=5e-3)
+    return coord.Gaussians(*twins.f32(x, d, t_std, r_std))
 
 
-def test_gaussians_far_out_stay_finite():
-    g = coord.Gaussians(
-        jnp.array([1e18, 0, 0]),
-        jnp.array([1.0, 0, 0]),
-        jnp.array(1e17),
-        jnp.array(1e15),
-    )
-    for value in (*coord.contract_gaussians(g), *coord.contract_spheres(g)):
-        assert jnp.all(jnp.isfinite(value))
+def test_contraction(rng):
+    size = 10 ** rng.uniform(-37, 37, (COUNT, 1))
+    near_the_rim = 1 + 10 ** rng.uniform(-7, -1, size.shape) * np.sign(size - 1)
+    for radius in (size, 10 ** rng.uniform(-3, 6, (COUNT, 1)), near_the_rim):
+        (x,) = twins.f32(radius * unit_vectors(rng))
+        found = jax.jit(coord.contract)(x)
+        twins.assert_close(found, twins.contract(*twins.f64(x)), rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("near", "far"), [(0.2, 1e6), (0.01, 2.0), (0.2, 1e8), (1.0, 1e10)]
-)
-def test_ray_distance_round_trip(near, far):
-    s = jnp.array([0.0, 1e-7, 0.1, 0.5, 0.9, 1 - 6e-8, 1.0], jnp.float32)
-    t = coord.s_to_t(s, near, far)
-    assert jnp.all(jnp.diff(t) > 0)
-    assert t[0] == pytest.approx(near, rel=1e-6)
-    assert t[-1] == pytest.approx(far, rel=1e-6)
-    exact = near / (1 - np.float64(s) * (1 - near / far))
-    np.testing.assert_allclose(t, exact, rtol=1e-6)
-    np.testing.assert_allclose(coord.t_to_s(t, near, far), s, atol=2e-7)
+@pytest.mark.parametrize("draw", [along_rays, anywhere])
+def test_gaussians_are_pushed_through_the_jacobian(rng, draw):
+    gaussians = draw(rng)
+    mean, root = jax.jit(coord.contract_gaussians)(gaussians)
+    root = np.asarray(root, np.float64)
+    x, d, t_std, r_std = twins.f64(*gaussians)
+    covariance = twins.ray_covariance(d, t_std, r_std)
+    wanted = twins.push_forward(x, covariance)
+    # A long Gaussian that points at the origin turns into a short one: as much as
+    # rounding x to float32 changes it, no float32 code can know it.
+    ulp = 2.0**-24 * np.linalg.norm(x, axis=-1, keepdims=True)
+    moved = [twins.push_forward(x + ulp * axis, covariance) for axis in np.eye(3)]
+    known = np.abs(np.array(moved) - wanted).max(axis=(0, -1, -2))
+    scale = np.abs(wanted).max(axis=(-1, -2))
+    error = np.abs(np.swapaxes(root, -1, -2) @ root - wanted).max(axis=(-1, -2))
+    assert np.all(error <= 1e-5 * scale + 2 * known)
+    if draw is anywhere:
+        assert np.all(error <= 1e-5 * scale)
+    twins.assert_close(mean, twins.contract(x), rtol=1e-6)
+
+
+@pytest.mark.parametrize("draw", [along_rays, anywhere])
+def test_spheres_have_the_volume_of_the_gaussian(rng, draw):
+    gaussians = draw(rng)
+    mean, radius = jax.jit(coord.contract_spheres)(gaussians)
+    x, d, t_std, r_std = twins.f64(*gaussians)
+    # det(J Sigma J^T), Sigma's eigenvalues being those of its definition.
+    root = np.linalg.det(twins.contraction_jacobian(x))
+    root = root * t_std * np.linalg.norm(d, axis=-1) * r_std**2
+    twins.assert_close(radius, np.cbrt(root), rtol=1e-5)
+    twins.assert_close(mean, twins.contract(x), rtol=1e-6)
+
+
+def test_ray_distance_both_ways(rng):
+    near = 10 ** rng.uniform(-3, 1, COUNT)
+    far = near * 10 ** rng.uniform(0.1, 9, COUNT)
+    s = rng.uniform(size=COUNT) ** rng.choice([0.1, 1, 10, 30], COUNT)
+    near, far, s = twins.f32(near, far, s)
+    wanted = twins.ray_distance(*twins.f64(s, near, far))
+    twins.assert_close(jax.jit(coord.s_to_t)(s, near, far), wanted, rtol=1e-6)
+    t = np.clip(wanted.astype(np.float32), near, far)
+    wanted = twins.normalised_distance(*twins.f64(t, near, far))
+    twins.assert_close(jax.jit(coord.t_to_s)(t, near, far), wanted, rtol=1e-6)

@@ -1,5 +1,7 @@
 """Scores of views: what is measured, and what is left empty and why."""
 
+import shutil
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -146,6 +148,15 @@ def test_the_oracle_where_the_truth_is_known(folder):
     oracle = files.read_image(folder / "truth" / "oracle" / "a.png")
     wanted = metrics.psnr_db(oracle, np.zeros_like(oracle), EVERYWHERE)
     assert found.loc["a", "oracle"]["psnr_db"] == pytest.approx(wanted)
+
+
+def test_without_a_warped_test_set_the_rest_is_scored(folder):
+    both = run(folder)
+    shutil.rmtree(folder / "testset")
+    options = [f"--scene={folder}", f"--renders={folder / 'renders'}"]
+    evaluate.main([*options, f"--metrics={folder / 'metrics.csv'}"])
+    found = pd.read_csv(folder / "metrics.csv").set_index(["view", "test_set"])
+    pd.testing.assert_frame_equal(found, both.loc[(slice(None), "standard"), :])
 
 
 @pytest.mark.parametrize(

@@ -17,10 +17,10 @@ SOURCES = {
 LAYERS = [
     r"alignerf\.mipnerf360\..*",
     r"alignerf\.fields\..*",
-    r"alignerf\.(archives|cameras)",
+    r"alignerf\.(archives|cameras|memory|intervals|tradeoff_figure)",
     r"alignerf\.(convnet|patch_conv|align_loss|frequency_loss|metrics|lpips)",
     r"alignerf\.(methods|scenes\..*)",
-    r"alignerf\.(config|scene|train_step|checkpoint|cli|progress)",
+    r"alignerf\.(config|scene|gradients|train_step|diagnose|checkpoint|cli|progress|program|loop)",
 ]
 STAGES = {"poses", "facts", "train", "render_views", "evaluate", "tables"}
 

@@ -8,12 +8,13 @@ import sys
 
 import filelock
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
 from PIL import Image
 
-from alignerf import cameras, checkpoint, cli, train
+from alignerf import cameras, checkpoint, cli, config, loop, memory, train
 
 WIDTH, HEIGHT, STEPS = 32, 24, 14
 GRID = {"kind": "grid", "levels": 2, "log2_entries": 8, "finest": 32, "width": 8}
@@ -129,8 +130,8 @@ def kill_after_save(monkeypatch, at_step):
             raise Killed
 
     monkeypatch.setattr(checkpoint, "save", save_and_die)
-    monkeypatch.setattr(train, "CHECKPOINT_EVERY_S", 0.0)
-    monkeypatch.setattr(train, "FETCH_EVERY", 4)
+    monkeypatch.setattr(loop, "CHECKPOINT_EVERY_S", 0.0)
+    monkeypatch.setattr(loop, "FETCH_EVERY", 4)
 
 
 @pytest.mark.parametrize("at_step", [4, 12])
@@ -181,16 +182,44 @@ def test_another_job_does_not_resume(
         more = ("--photos", str(tmp_path / "photos"))
     started = []
 
-    def first_state(job, step, state, views, save):
+    def first_state(job, step, state, *others):
         started.append(int(state.step))
         raise Killed
 
-    monkeypatch.setattr(train, "run_steps", first_state)
+    monkeypatch.setattr(loop, "run_steps", first_state)
     caplog.set_level("INFO", "alignerf")
     with pytest.raises(Killed):
         run(folder, tmp_path, job, *more)
     assert started == [0]
     assert "checkpoint of another configuration, starting anew" in caplog.text
+
+
+def test_micro_batches_where_memory_is_short(folder, tmp_path, monkeypatch, caplog):
+    """A resumed training keeps those that it began with, and so its every bit."""
+    caplog.set_level("INFO", "alignerf")
+    with monkeypatch.context() as patched:
+        # The whole batch takes 220 kB, a quarter of it 80 kB.
+        patched.setattr(memory, "free_bytes", lambda device: 120_000)
+        whole = run(folder, tmp_path / "whole")
+        kill_after_save(patched, 8)
+        with pytest.raises(Killed):
+            run(folder, tmp_path / "parts")
+    assert "more than 90% of 120.0 kB, in 1 micro-batches" in caplog.text
+    assert (
+        "; 4 micro-batches of 16 rays on 1 devices; 120.0 kB were free" in caplog.text
+    )
+    caplog.clear()
+    assert run(folder, tmp_path / "parts") == whole
+    assert "; 4 micro-batches of 16 rays on 1 devices; " in caplog.text
+    timing = json.loads((tmp_path / "parts" / "timing.json").read_text())
+    assert timing["micro_batches"] == 4
+
+
+def test_photos_that_do_not_fit_are_one_line(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(memory, "free_bytes", lambda device: 5_000)
+    line = stops(capsys, lambda: run(folder, tmp_path))
+    wanted = "training views of 6.9 kB do not fit into 5.0 kB of free memory"
+    assert line == f"error: {folder / 'images'}: {wanted}"
 
 
 def stops(capsys, call):
@@ -207,8 +236,38 @@ def test_a_training_that_diverges_stops_with_the_step(folder, tmp_path, capsys):
     wild = TRAINING | {"learning_rates": [1e38, 1e38], "warmup_steps": 0}
     job = JOB | {"training": wild}
     line = stops(capsys, lambda: run(folder, tmp_path, job))
-    assert re.search(r"training diverged at step \d+: not finite: \w", line)
+    assert re.search(r"training diverged at step \d+: not finite: \w+ loss, ", line)
+    assert re.search(r"; in rays of v1, v2, v3, all .* parameters reach \d", line)
     assert {path.name for path in tmp_path.rglob("*")} <= {"checkpoints", "lock"}
+
+
+def test_the_first_fault_stops_the_job_and_keeps_its_checkpoint(
+    folder, tmp_path, monkeypatch, capsys
+):
+    """At the very step, though numbers are fetched later, and again when resumed."""
+    make_method = config.make_method
+
+    def spoilt_method(job):
+        method = make_method(job)
+
+        def terms(params, batch, share):
+            values, shown = method.terms(params, batch, share)
+            bad = (share > 9.5 / (STEPS - 1)) & jnp.any(batch.view == 1)
+            spoilt = values["distortion"] * jnp.where(bad, jnp.nan, 1.0)
+            return values | {"distortion": spoilt}, shown
+
+        return method._replace(terms=terms)
+
+    monkeypatch.setattr(config, "make_method", spoilt_method)
+    monkeypatch.setattr(loop, "CHECKPOINT_EVERY_S", 0.0)
+    monkeypatch.setattr(loop, "FETCH_EVERY", 4)
+    for _ in range(2):
+        line = stops(capsys, lambda: run(folder, tmp_path))
+        wanted = "diverged at step 10: not finite: distortion loss; in rays of v2"
+        assert line == f"error: training {wanted}"
+        names = {path.name for path in (tmp_path / "checkpoints").iterdir()}
+        assert names - {"lock"} == {"manifest.json", "state-8.msgpack"}
+        assert not (tmp_path / "model.msgpack").exists()
 
 
 def test_fine_tuning_needs_pretrained_parameters(

@@ -2,6 +2,7 @@
 
 import shutil
 
+import jax
 import numpy as np
 import pytest
 from PIL import Image
@@ -76,13 +77,21 @@ def test_images_and_masks_come_in_the_order_of_the_views(folder):
             np.testing.assert_array_equal(mask, stored["valid"])
 
 
+def test_images_are_taken_by_jax_without_a_copy(folder):
+    loaded = scene.load(folder)
+    for views in ([0], [1, 3, 2], [0, 1, 2, 3]):
+        images = scene.read_images(loaded, views, folder / "images")
+        placed = jax.device_put(images)
+        assert placed.unsafe_buffer_pointer() == images.ctypes.data
+        assert jax.device_get(placed).ctypes.data == images.ctypes.data
+
+
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
         ({"names": None}, "no array names"),
         ({"width": None, "split": None}, "no array split, width"),
-        ({"pixtocams": np.zeros((3, 3, 3))}, "pixtocams is not a finite array"),
-        ({"camtoworlds": np.full((4, 3, 4), np.nan)}, "camtoworlds is not a finite"),
+        ({"pixtocams": np.zeros((3, 3, 3))}, "pixtocams is not an array of"),
         ({"split": np.array(["train", "test", "val", "test"])}, "split holds 'val'"),
         ({"names": np.array(NAMES, dtype=object)}, "not the .npz"),
     ],
@@ -93,6 +102,35 @@ def test_bad_cameras_are_named(folder, arrays, changes, reason):
     with pytest.raises(ValueError, match=reason) as error:
         scene.load(folder)
     assert str(folder / "cameras.npz") in str(error.value)
+
+
+@pytest.mark.parametrize("key", ["pixtocams", "camtoworlds"])
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        (lambda m: m * np.nan, "not finite"),
+        (lambda m: m - np.inf, "not finite"),
+        (lambda m: m * 1e30, "not finite"),
+        # All rays, all rays of one pixel, or rays of all rows have no direction.
+        (lambda m: m * 0, "singular"),
+        (lambda m: m * [[1], [0], [1]], "singular"),
+        (lambda m: m[:, [0, 0, *range(2, m.shape[1])]], "singular"),
+    ],
+)
+def test_a_camera_that_sees_nothing_is_named(folder, arrays, key, fault, reason):
+    arrays[key][1] = fault(arrays[key][1])
+    np.savez(folder / "cameras.npz", **arrays)
+    with pytest.raises(
+        ValueError, match=f"cameras.npz: {key} of view 'b c' is {reason}"
+    ):
+        scene.load(folder)
+
+
+@pytest.mark.parametrize("focal_px", [1e-3, 1.0, 1e5])
+def test_cameras_of_any_focal_length_are_taken(folder, arrays, focal_px):
+    arrays["pixtocams"][:] = cameras.intrinsics(focal_px, WIDTH, HEIGHT)
+    np.savez(folder / "cameras.npz", **arrays)
+    scene.load(folder)
 
 
 @pytest.mark.parametrize("damage", ["missing", "empty", "cut", "text", "flipped"])
@@ -116,16 +154,32 @@ def test_a_split_without_views_is_an_error(folder, arrays):
         scene.load(folder).views("test")
 
 
-@pytest.mark.parametrize("damage", ["missing", "empty", "cut", "text", "size"])
+def one_nan_pixel():
+    pixels = np.zeros((HEIGHT, WIDTH), np.float32)
+    pixels[3, 4] = np.nan
+    return Image.fromarray(pixels)
+
+
+OTHER_IMAGES = {
+    "size": (Image.new("RGB", (HEIGHT, WIDTH)), "12x20 pixels, the scene has 20x12"),
+    "grey": (Image.new("L", (WIDTH, HEIGHT)), "not 8-bit RGB but Pillow's L"),
+    "deep": (Image.new("I;16", (WIDTH, HEIGHT)), "not 8-bit RGB but Pillow's I"),
+    "NaN": (one_nan_pixel(), "not 8-bit RGB but Pillow's F"),
+}
+
+
+@pytest.mark.parametrize("damage", ["missing", "empty", "cut", "text", *OTHER_IMAGES])
 def test_bad_images_are_named(folder, damage):
     path = folder / "images" / "b c.png"
     data = path.read_bytes()
     path.unlink()
-    if damage == "size":
-        Image.new("RGB", (HEIGHT, WIDTH)).save(path)
+    reason = "not a read"
+    if damage in OTHER_IMAGES:
+        image, reason = OTHER_IMAGES[damage]
+        # Only TIFF stores floating-point numbers; the name is the view's all the same.
+        image.save(path, format="TIFF")
     elif damage != "missing":
         path.write_bytes({"empty": b"", "cut": data[:-40], "text": b"no"}[damage])
-    reason = "12x20 pixels, the scene has 20x12" if damage == "size" else "not a read"
     with pytest.raises(ValueError, match=reason) as error:
         scene.read_images(scene.load(folder), [0, 1], folder / "images")
     assert "images/b c.png" in str(error.value)

@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from alignerf.scenes import distortion, prepare, transforms
+from tests import camera_twins
 
 LENSES = [
     np.array([0.0, 0.0, 0.0, 0.0, 0.0]),
@@ -30,6 +31,16 @@ def test_distortion_agrees_with_opencv(lens):
     )
     pixels = distortion.distort_points(points, CAMTOPIX, lens)
     np.testing.assert_allclose(pixels, expected[:, 0] + 0.5, atol=1e-9)
+
+
+def test_distortion_of_a_thousand_lenses(rng):
+    """From the middle to far beyond the photo, each point through its own lens."""
+    lenses = rng.normal(size=(1000, 5)) * [0.2, 0.1, 0.01, 0.01, 0.05]
+    points = rng.normal(size=(1000, 2)) * 10 ** rng.uniform(-6, 0.5, (1000, 1))
+    for lens, (x, y) in zip(lenses, points, strict=True):
+        found = distortion.distort_points([[x, y]], CAMTOPIX, lens)[0]
+        wanted = camera_twins.distorted(x, y, *lens) * np.array([70, 72]) + [47.3, 33.9]
+        np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("lens", LENSES)

@@ -112,11 +112,85 @@ def test_ablations_share_the_pretraining(tmp_path, demo, snakemake):
     assert output.splitlines()[-1].startswith(reason)
 
 
+def test_a_sweep_trains_its_variants_and_nothing_else(tmp_path, demo, snakemake):
+    options = (tmp_path, "--configfile", write(tmp_path, demo), "-n", "tradeoff")
+    jobs = jobs_of(snakemake(*options)[1])
+    variants = demo["tradeoff"]["variants"]
+    scales = {v["downscale"] for v in variants.values() if "downscale" in v}
+    each = ("train_variant", "render_variant", "evaluate_variant")
+    assert jobs == {
+        "poses_courtyard": 1,
+        "shrink": len(scales),
+        **dict.fromkeys(each, 1 + len(variants)),
+        "tradeoff": 1,
+    }
+
+
+def test_a_sweep_takes_its_job_from_the_config(tmp_path, demo, snakemake):
+    demo["tradeoff"]["variants"] = {"small": {"downscale": 1.5, "steps": 70}}
+    options = (tmp_path, "--configfile", write(tmp_path, demo), "-np", "tradeoff")
+    output = snakemake(*options)[1]
+    (base, small) = re.findall(r"python -m alignerf\.train .*", output)
+    if "tradeoff/base" in small:
+        base, small = small, base
+    folder = "results/courtyard"
+    assert f"--scene {folder} --photos {folder}/images " in base
+    folder += "/tradeoff/downscale-1.5"
+    assert f"--scene {folder} --photos {folder}/images " in small
+    assert ('"steps": 1000' in base, '"steps": 70' in small) == (True, True)
+    renders = re.findall(r"python -m alignerf\.render_views .*", output)
+    assert all("--scene results/courtyard " in command for command in renders)
+    scores = re.findall(r"python -m alignerf\.evaluate .*", output)
+    assert all("--truth results/courtyard/truth" in command for command in scores)
+    assert not any("--testset" in command for command in scores)
+
+
+def test_without_a_sweep_in_the_config_it_says_so(tmp_path, demo, snakemake):
+    del demo["tradeoff"]
+    options = (tmp_path, "--configfile", write(tmp_path, demo), "-n")
+    assert snakemake(*options)[0] == 0
+    code, output = snakemake(*options, "tradeoff")
+    assert code == 1
+    assert output.splitlines()[-1].startswith("error: config: tradeoff: not there")
+
+
+def test_a_variant_is_the_base_with_its_keys(demo):
+    variant_of = load_rules()["variant_of"]
+    sweep = demo["tradeoff"] = {"scene": "courtyard", "model": "base"}
+    mlp = {"kind": "mlp", "width": 32}
+    sweep["variants"] = variants = {
+        "steps": {"steps": 50},
+        "warm": {"steps": 50, "warmup_steps": 7},
+        "small": {"downscale": 2, "seed": 5},
+        "table": {"field": {"log2_entries": 9}, "samples": [4, 2]},
+        "mlp": {"field": mlp, "learning_rates": [0.1, 0.01]},
+    }
+    before = copy.deepcopy(demo)
+    base = variant_of(demo, "base")
+    model, training = demo["models"]["base"], demo["training"]
+    wanted = {"seed": 0, "downscale": 1, "model": model, "training": training}
+    assert base == wanted
+    found = {name: variant_of(demo, name) for name in variants}
+    # The warm-up keeps its share of the steps: 100 of 1000.
+    shorter = {"training": training | {"steps": 50, "warmup_steps": 5}}
+    assert found["steps"] == base | shorter
+    assert found["warm"]["training"]["warmup_steps"] == 7
+    assert found["small"] == base | {"downscale": 2, "seed": 5}
+    field = model["field"] | {"log2_entries": 9}
+    changed = {"model": model | {"field": field, "samples": [4, 2]}}
+    assert found["table"] == base | changed
+    assert found["mlp"]["model"] == model | {"field": mlp}
+    assert found["mlp"]["training"] == training | {"learning_rates": [0.1, 0.01]}
+    assert demo == before
+
+
 def edit(config, where, value):
     """Set, or for value None delete, the key at the dotted path."""
     *parents, last = where.split(".")
     for key in parents:
         config = config[int(key)] if isinstance(config, list) else config[key]
+    # A dot of the key itself.
+    last = last.replace("@", ".")
     if value is None:
         del config[last]
     else:
@@ -151,6 +225,27 @@ def edit(config, where, value):
         ("scenes.mine", {"source": "photos"}, "scenes.mine.path: source 'photos'"),
         ("frequency_weights", "no.npz", "frequency_weights: no.npz does not exist"),
         ("lpips_alex", "no.npz", "lpips_alex: no.npz does not exist"),
+        ("scenes.tradeoff", {"source": "courtyard"}, "scenes.tradeoff: a rule or file"),
+        ("scenes.tradeoff@csv", {"source": "courtyard"}, "tradeoff.csv: a rule or fi"),
+        ("methods.tradeoff", {"model": "base", "rounds": 0}, "tradeoff: a folder"),
+        ("tradeoff.scene", "yard", "tradeoff.scene: no scene 'yard'"),
+        ("tradeoff.model", "huge", "tradeoff.model: no model 'huge'"),
+        ("tradeoff.model", None, "tradeoff: 'model' is a required"),
+        ("tradeoff.variants", {}, "tradeoff.variants: {} .*non-empty"),
+        ("tradeoff.variants.fast", {}, "tradeoff.variants.fast: {} .*non-empty"),
+        ("tradeoff.variants.base", {"steps": 5}, "variants.base: the model itself"),
+        ("tradeoff.variants.a/b", {"steps": 5}, "tradeoff.variants: 'a/b' does not"),
+        ("tradeoff.variants.a", {"stpes": 5}, "variants.a: .*'stpes' was unexpected"),
+        ("tradeoff.variants.a", {"steps": 0}, "variants.a.steps: 0 is less than"),
+        ("tradeoff.variants.a", {"downscale": 1}, "variants.a.downscale: 1 is less"),
+        ("tradeoff.variants.a", {"samples": [8]}, r"variants.a.samples: \[8\] is too"),
+        (
+            "tradeoff.variants.a",
+            {"field": {"levles": 2}},
+            "variants.a.field: .*'levles",
+        ),
+        ("tradeoff.variants.a", {"field": {"kind": "gird"}}, "a.field.kind: 'gird' is"),
+        ("tradeoff.variants.a", {"field": {"levels": 0}}, "a.field.levels: 0 is less"),
     ],
 )
 def test_a_bad_config_is_named(demo, capsys, where, value, reason):
@@ -258,6 +353,7 @@ def test_bad_photos_end_in_one_line(tmp_path, demo, snakemake, fill, reason):
     (tmp_path / "my photos").mkdir()
     fill(tmp_path / "my photos")
     demo["scenes"] = {"mine": {"source": "photos", "path": "my photos"}}
+    del demo["tradeoff"]
     options = ("--configfile", write(tmp_path, demo), "--cores", "2")
     code, output = snakemake(tmp_path, *options)
     assert code == 1

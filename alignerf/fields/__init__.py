@@ -1,7 +1,8 @@
 """Fields map a Gaussian to density and, where asked, to values (colour, features).
 
-Every field is a flax module with `__call__(gaussians, viewdirs) -> (density,
-values)`; `viewdirs` None asks for density alone and gives values None.
+Every field is a flax module with `__call__(gaussians, viewdirs) -> (density [rays,
+samples], values [c, rays, samples])`; `viewdirs` None asks for density alone and
+gives values None.
 """
 
 from alignerf.fields import grid, mlp

@@ -124,11 +124,11 @@ class Grid(nn.Module):
     bottleneck: int = 15
     view_widths: tuple[int, ...] = (64,)
     outputs: int = 3
+    precision: str = "float32"
 
     @nn.compact
     def __call__(self, gaussians, viewdirs=None):
         mean, radius = coord.contract_spheres(gaussians)
-        batch = mean.shape[:-1]
         levels = Levels.geometric(
             self.levels, self.coarsest, self.finest, 2**self.log2_entries
         )
@@ -139,12 +139,15 @@ class Grid(nn.Module):
         # A cell much smaller than the Gaussian tells it nothing.
         cells = sigma * np.array(levels.resolutions, np.float32)[:, None]
         share = jax.scipy.special.erf(1 / (np.float32(np.sqrt(8)) * cells))
-        found = found * share[..., None]
-        encoded = jnp.moveaxis(found, 0, 1).reshape(-1, self.levels * self.features)
-        h = nn.relu(shading.dense(self.width)(encoded))
-        h = shading.dense(1 + (0 if viewdirs is None else self.bottleneck))(h)
-        density = shading.density_of(h[:, 0]).reshape(batch)
+        found = jnp.moveaxis(found * share[..., None], -1, 1)
+        x = found.reshape(-1, sigma.size)
+        x = nn.relu(shading.Dense(self.width, self.precision)(x))
+        width = 1 + (0 if viewdirs is None else self.bottleneck)
+        x = shading.Dense(width, self.precision)(x)
+        density = shading.density_of(x[0]).reshape(radius.shape)
         if viewdirs is None:
             return density, None
-        head = shading.Shading(self.view_widths, self.outputs, name="head")
-        return density, head(h[:, 1:].reshape(*batch, -1), viewdirs)
+        head = shading.Shading(
+            self.view_widths, self.outputs, self.precision, name="head"
+        )
+        return density, head(x[1:], viewdirs).reshape(-1, *radius.shape)

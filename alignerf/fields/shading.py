@@ -1,6 +1,8 @@
-"""What every field does after its density: from bottleneck and view to values.
+"""Layers that all fields share, and what follows the density: values by view.
 
-Notation: b [..., samples, width] bottleneck, v [..., 3] unit view direction.
+Notation: channels first, x [channels, points], points = rays x samples, so that an
+elementwise loop runs over points and vectorises whatever the number of channels; v
+[rays, 3] unit view directions.
 """
 
 import flax.linen as nn
@@ -10,41 +12,66 @@ import jax.numpy as jnp
 # Keeps colours off the sigmoid's flat ends, where gradients vanish.
 PADDING = 0.001
 DENSITY_BIAS = -1.0
+# Kernels are stored [outputs, inputs]; He-uniform as in the published code.
+KERNEL_INIT = nn.initializers.he_uniform(in_axis=-1, out_axis=-2)
+
+
+class Dense(nn.Module):
+    """W x + b, with x the inputs' channels one after the other.
+
+    Inputs are [channels, points], or [channels, rays] where all samples of a ray
+    share them: each has its own product, so that nothing is concatenated and what
+    is shared is multiplied once a ray. `precision` is that of the products;
+    parameters stay float32, since Adam's steps are often below bfloat16's last
+    digit.
+    """
+
+    width: int
+    precision: str = "float32"
+
+    @nn.compact
+    def __call__(self, *inputs):
+        channels = [len(x) for x in inputs]
+        points = max(x.shape[1] for x in inputs)
+        kernel = self.param("kernel", KERNEL_INIT, (self.width, sum(channels)))
+        bias = self.param("bias", nn.initializers.zeros, (self.width,))
+        found, start = bias.astype(self.precision)[:, None], 0
+        for x, count in zip(inputs, channels, strict=True):
+            part = kernel[:, start : start + count].astype(self.precision)
+            product = part @ x.astype(self.precision)
+            found = found + jnp.repeat(product, points // x.shape[1], axis=1)
+            start += count
+        return found
 
 
 def density_of(raw):
-    """softplus(x - 1): starts thin, so that gradients reach all of the ray."""
-    return jax.nn.softplus(raw + DENSITY_BIAS)
+    """softplus(x - 1): starts thin, so that gradients reach all of the ray.
+
+    In float32 whatever the products' precision: weights are sums along the ray.
+    """
+    return jax.nn.softplus(raw.astype(jnp.float32) + DENSITY_BIAS)
 
 
 def encode_direction(v, degrees):
-    """[v, sin(2^k v), cos(2^k v)] for k < degrees: 3 + 6 degrees numbers."""
-    scaled = (v[..., None, :] * 2.0 ** jnp.arange(degrees)[:, None]).reshape(
-        *v.shape[:-1], -1
-    )
-    return jnp.concatenate([v, jnp.sin(scaled), jnp.cos(scaled)], axis=-1)
+    """[v, sin(2^k v), cos(2^k v)] for k < degrees: [3 + 6 degrees, rays]."""
+    v = v.T
+    scaled = (2.0 ** jnp.arange(degrees)[:, None, None] * v).reshape(-1, v.shape[-1])
+    return jnp.concatenate([v, jnp.sin(scaled), jnp.cos(scaled)])
 
 
 class Shading(nn.Module):
-    """Hidden layers on [b, encoded v], then `outputs` values in (0, 1), padded."""
+    """Hidden layers on bottleneck and encoded v, then values in (0, 1), padded."""
 
     widths: tuple[int, ...]
     outputs: int
+    precision: str = "float32"
     view_degrees: int = 4
 
     @nn.compact
     def __call__(self, bottleneck, viewdirs):
-        view = encode_direction(viewdirs, self.view_degrees)
-        view = jnp.broadcast_to(
-            view[..., None, :], (*bottleneck.shape[:-1], view.shape[-1])
-        )
-        x = jnp.concatenate([bottleneck, view], axis=-1)
+        x = (bottleneck, encode_direction(viewdirs, self.view_degrees))
         for width in self.widths:
-            x = nn.relu(dense(width)(x))
-        raw = dense(self.outputs, name="values")(x)
+            x = (nn.relu(Dense(width, self.precision)(*x)),)
+        raw = Dense(self.outputs, self.precision, name="values")(*x)
+        raw = raw.astype(jnp.float32)
         return jax.nn.sigmoid(raw) * (1 + 2 * PADDING) - PADDING
-
-
-def dense(width, name=None):
-    """Dense layer with the paper's He-uniform initialisation."""
-    return nn.Dense(width, kernel_init=nn.initializers.he_uniform(), name=name)

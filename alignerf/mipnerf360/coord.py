@@ -41,9 +41,13 @@ def contract_gaussians(
     along = inverse_radius**2
     across = (2.0 - inverse_radius) * inverse_radius
     root = _covariance_root(gaussians)
-    radial = jnp.einsum("...ki,...i->...k", root, unit)[..., None] * unit[..., None, :]
+    radial = _project(root, unit)
+    # Projected out twice: once leaves a residue along x of float32's rounding, which
+    # the stretch across would enlarge over the stretch along by up to 2|x|.
+    rest = root - radial
+    rest = rest - _project(rest, unit)
     # One stretch at a time: their product with a large deviation stays in range.
-    pushed = across[..., None] * (root - radial) + along[..., None] * radial
+    pushed = across[..., None] * rest + along[..., None] * radial
     return contract(gaussians.mean), jnp.where(outside[..., None], pushed, root)
 
 
@@ -56,11 +60,12 @@ def contract_spheres(
     contraction, det(J Sigma J^T)^(1/6) (zip-NeRF, arXiv 2304.06706, section 2).
     """
     inverse_radius = _polar(gaussians.mean)[1][..., 0]
-    along, across = inverse_radius**2, (2.0 - inverse_radius) * inverse_radius
-    # Stretched first, multiplied then: the product of raw deviations overflows.
-    across_std = across * gaussians.r_std
-    along_std = along * gaussians.t_std * jnp.linalg.norm(gaussians.direction, axis=-1)
-    return contract(gaussians.mean), jnp.cbrt(along_std * across_std**2)
+    # One factor at a time: neither the squared radius nor the product of the
+    # deviations is in float32's range far out.
+    length_std = gaussians.t_std * jnp.linalg.norm(gaussians.direction, axis=-1)
+    along_std = inverse_radius * (inverse_radius * length_std)
+    across_std = (2.0 - inverse_radius) * (inverse_radius * gaussians.r_std)
+    return contract(gaussians.mean), jnp.cbrt(along_std) * jnp.cbrt(across_std) ** 2
 
 
 def _polar(x):
@@ -76,6 +81,12 @@ def _polar(x):
     length = jnp.sqrt(jnp.sum(safe**2, axis=-1, keepdims=True))
     unit = jnp.where(outside, safe / length, 0.0)
     return unit, jnp.where(outside, 1.0 / (length * scale), 1.0), outside
+
+
+def _project(rows, unit):
+    """The part along `unit` [..., 3] of each of the rows [..., 3, 3]."""
+    along = jnp.sum(rows * unit[..., None, :], axis=-1, keepdims=True)
+    return along * unit[..., None, :]
 
 
 def _covariance_root(gaussians):
@@ -113,5 +124,5 @@ def t_to_s(
     near: float | Float[Array, "*#batch"],
     far: float | Float[Array, "*#batch"],
 ) -> Float[Array, "*batch"]:
-    """Inverse of `s_to_t`."""
-    return (1.0 - near / t) / (1.0 - near / far)
+    """Inverse of `s_to_t`, in differences that are exact close to near."""
+    return (t - near) / (far - near) * (far / t)

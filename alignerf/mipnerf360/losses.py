@@ -27,12 +27,17 @@ def weighted_mean(x, weight):
 
 
 def interlevel(histograms) -> Float[Array, ""]:
-    """Sum over proposals of the mean interlevel loss."""
+    """Sum over proposals of the mean interlevel loss of a final interval.
+
+    Eq. 13 sums over the intervals; the released code, and so the weight of 1 that
+    goes with it, takes their mean.
+    """
     *proposals, (t, w) = histograms
-    return sum(
+    of_rays = sum(
         jnp.mean(stepfun.interlevel_loss(t, w, t_other, w_other))
         for t_other, w_other in proposals
     )
+    return of_rays / w.shape[-1]
 
 
 def distortion(histograms) -> Float[Array, ""]:

@@ -37,8 +37,8 @@ class Model(nn.Module):
     near: float
     far: float
 
-    def __call__(self, rays, *, key=None, train_share=1.0) -> Rendering:
-        """Render rays [n]; `key` None samples without jitter.
+    def __call__(self, rays, *, jitter=None, train_share=1.0) -> Rendering:
+        """Render rays [n]; `jitter` [n, rounds] in [0, 1) moves their samples.
 
         `train_share` in [0, 1] anneals the resampling weights early in training.
         """
@@ -53,11 +53,8 @@ class Model(nn.Module):
             drawn *= count
             anneal = stepfun.anneal_exponent(train_share, slope=ANNEAL_SLOPE)
             logits = stepfun.annealed_logits(sdist, weights, anneal)
-            if key is not None:
-                key, now = jax.random.split(key)
-            sdist = stepfun.sample_intervals(
-                None if key is None else now, sdist, logits, count
-            )
+            moved = None if jitter is None else jitter[:, number]
+            sdist = stepfun.sample_intervals(moved, sdist, logits, count)
             # Where to look is learnt by the proposal's own loss alone; a gradient
             # through the positions is noisy and costs a third of the step.
             sdist = jax.lax.stop_gradient(sdist)

@@ -1,7 +1,7 @@
 """Volume rendering: from interval edges and densities to weights and values.
 
 Notation: tdist [..., edges] metric edges, density [..., edges - 1], weights
-likewise, values [..., edges - 1, c] what is integrated (colour or features).
+likewise, values [c, ..., edges - 1] what is integrated (colour or features).
 """
 
 import jax.numpy as jnp
@@ -25,7 +25,8 @@ def cast_cones(
     unit = jnp.maximum(t1, jnp.finfo(tdist.dtype).tiny)
     # Scaled midpoint and half-width; the far edge is 1, so both are below 1.
     mu = (t0 / unit + 1.0) / 2
-    hw = (1.0 - t0 / unit) / 2
+    # Of the edges as given, since t0 / unit has lost the digits of a thin interval.
+    hw = (t1 - t0) / unit / 2
     below = 3 * mu**2 + hw**2
     t_mean = mu + 2 * mu * hw**2 / below
     t_var = hw**2 / 3 - (4 / 15) * hw**4 * (12 * mu**2 - hw**2) / below**2
@@ -63,10 +64,10 @@ def alpha_weights(
 
 
 def integrate(
-    weights: Float[Array, "*batch bins"], values: Float[Array, "*batch bins c"]
-) -> Float[Array, "*batch c"]:
+    weights: Float[Array, "rays bins"], values: Float[Array, "c rays bins"]
+) -> Float[Array, "rays c"]:
     """Sum of weighted values along the ray; the weights add up to one."""
-    return jnp.einsum("...s,...sc->...c", weights, values)
+    return jnp.sum(weights * values, axis=-1).T
 
 
 def median_distance(

@@ -20,12 +20,7 @@ def check_config(config):
         check_keys_once(yaml.compose(Path(path).read_text()), path)
     check_names(config)
     schema = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
-    validator = jsonschema.Draft202012Validator(schema)
-    errors = sorted(validator.iter_errors(config), key=lambda e: list(map(str, e.path)))
-    if errors:
-        error = jsonschema.exceptions.best_match(errors)
-        where = ".".join(map(str, error.absolute_path)) or "top level"
-        stop(f"config: {where}: {error.message}")
+    check_against(schema, config)
     for name, model in config["models"].items():
         if model["near"] >= model["far"]:
             stop(f"config: models.{name}: near must be smaller than far")
@@ -51,12 +46,60 @@ def check_config(config):
         config.setdefault(key, None)
         if config[key] and not Path(config[key]).is_file():
             stop(f"config: {key}: {config[key]} does not exist")
+    if "tradeoff" in config:
+        check_tradeoff(schema, config)
+
+
+def check_against(schema, value, *place):
+    """Stop at the key that breaks the schema; `place` are the keys above `value`."""
+    validator = jsonschema.Draft202012Validator(schema)
+    errors = sorted(validator.iter_errors(value), key=lambda e: list(map(str, e.path)))
+    if errors:
+        error = jsonschema.exceptions.best_match(errors)
+        where = ".".join(map(str, (*place, *error.absolute_path))) or "top level"
+        stop(f"config: {where}: {error.message}")
+
+
+def check_tradeoff(schema, config):
+    """The names that a sweep refers to, and each variant's model and training."""
+    sweep = config["tradeoff"]
+    for key, section in (("scene", "scenes"), ("model", "models")):
+        if sweep[key] not in config[section]:
+            stop(f"config: tradeoff.{key}: no {key} {sweep[key]!r}")
+    if "base" in sweep["variants"]:
+        stop("config: tradeoff.variants.base: the model itself has this name")
+    for name in sweep["variants"]:
+        for part, values in variant_of(config, name).items():
+            if part in schema["$defs"]:
+                whole = {"$defs": schema["$defs"], "$ref": f"#/$defs/{part}"}
+                check_against(whole, values, "tradeoff", "variants", name)
+
+
+def variant_of(config, name):
+    """A point of the sweep: seed, downscale, model and training.
+
+    `base` or a variant. A field of a kind is whole, one without changes keys of the
+    base's field; the warm-up keeps its share of the steps where it is not given.
+    """
+    sweep = config["tradeoff"]
+    change = {} if name == "base" else dict(sweep["variants"][name])
+    model, training = config["models"][sweep["model"]], config["training"]
+    for key in ("proposal", "field"):
+        if key in change and "kind" not in change[key]:
+            change[key] = model[key] | change[key]
+    if "steps" in change:
+        share = training["warmup_steps"] / training["steps"]
+        change = {"warmup_steps": round(share * change["steps"])} | change
+    found = {"seed": config["seed"], "downscale": 1}
+    found = {key: change.pop(key, value) for key, value in found.items()}
+    of_training = {key: change.pop(key) for key in set(change) & set(training)}
+    return found | {"model": model | change, "training": training | of_training}
 
 
 def check_names(config):
     """Names become rules and folders: text, and none that is taken."""
     taken = {
-        "scenes": (RULES | {"published", "README.md"}, "a rule or file"),
+        "scenes": (RULES | FILES, "a rule or file"),
         "methods": (FOLDERS, "a folder of every scene"),
         "models": (set(), ""),
     }
@@ -86,8 +129,13 @@ def check_keys_once(node, path):
 RULES = {
     *("all", "poses", "poses_courtyard", "facts", "train", "pretrain", "finetune"),
     *("render_views", "align", "testset", "evaluate", "misalignment_table", "figures"),
+    *("tradeoff", "shrink", "train_variant", "render_variant", "evaluate_variant"),
+}
+FILES = {
+    *("published", "logs", "README.md"),
+    *("tradeoff.csv", "tradeoff.tex", "tradeoff.png"),
 }
 FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
-    *("facts", "poses", "cameras"),
+    *("facts", "poses", "cameras", "tradeoff"),
 }

@@ -18,10 +18,11 @@ rule evaluate:
     conda:
         "../../environment.yml"
     params:
+        testset=lambda w: option("testset", f"results/{w.scene}/testset"),
         truth=lambda w, input: option("truth", input.get("truth")),
         lpips=lambda w, input: option("lpips-alex", input.weights),
         sources=sources_of("alignerf.evaluate"),
     shell:
         "python -m alignerf.evaluate --scene results/{wildcards.scene:q}"
-        " --renders {input.renders:q} --testset results/{wildcards.scene:q}/testset"
-        " {params.truth:q} {params.lpips:q} --metrics {output:q} 2>&1 | tee {log:q}"
+        " --renders {input.renders:q} {params.testset:q} {params.truth:q}"
+        " {params.lpips:q} --metrics {output:q} 2>&1 | tee {log:q}"

@@ -20,12 +20,13 @@ rule train:
     threads: 64
     params:
         config=lambda w: method_slice(w.method),
+        scene=subpath(input.cameras, parent=True),
         valid=lambda w, input: option("valid", input.get("valid")),
         checkpoints=subpath(output.model, parent=True),
         sources=sources_of("alignerf.train"),
     shell:
         "python -m alignerf.train --config {params.config:q}"
-        " --scene results/{wildcards.scene:q} --photos {input.photos:q}"
+        " --scene {params.scene:q} --photos {input.photos:q}"
         " {params.valid:q} --checkpoints {params.checkpoints:q}/checkpoints"
         " --sources {params.sources} --model {output.model:q}"
         " --timing {output.timing:q} 2>&1 | tee {log:q}"

@@ -1,0 +1,32 @@
+"""How sure a mean over views is: bootstrap intervals.
+
+Notation: values [n], one number a view; a draw is n views with replacement.
+"""
+
+import numpy as np
+import scipy.special
+
+LEVEL = 0.95
+DRAWS = 10_000
+
+
+def mean_interval(values, *, draws=DRAWS, seed=0):
+    """95 % interval (low, high) of the mean of `values` [n] over views drawn anew.
+
+    For a comparison give the differences view by view: what makes a view hard for
+    both is then no part of the interval. The expanded percentile interval
+    (Hesterberg, arXiv 1411.5279): plain percentiles of 6 views hold the mean in 88 %
+    of cases; here the tails are those with which a normal sample's interval would be
+    Student's t. No bootstrap reaches beyond the values: under 5 views it stays too
+    narrow. Equal n and seed draw the same views. Under two values, or with one that
+    is not finite, there is no interval: (nan, nan).
+    """
+    values = np.asarray(values, np.float64)
+    n = len(values)
+    if n < 2 or not np.isfinite(values).all():
+        return np.nan, np.nan
+    student = scipy.special.stdtrit(n - 1, (1 - LEVEL) / 2)
+    tail = scipy.special.ndtr(np.sqrt(n / (n - 1)) * student)
+    chosen = np.random.default_rng(seed).integers(n, size=(draws, n))
+    low, high = np.quantile(values[chosen].mean(axis=1), [tail, 1 - tail])
+    return float(low), float(high)

@@ -1,0 +1,135 @@
+"""What a training takes of the memory, and what there is; all in bytes.
+
+The compiler says what a step needs besides its inputs. Where that does not fit, the
+batch is split into micro-batches, as few as will do.
+"""
+
+import contextlib
+import ctypes
+import logging
+import math
+import os
+import pathlib
+
+import jax
+
+log = logging.getLogger("alignerf")
+
+# Of the free memory: the rest is for fragments and for what others take meanwhile.
+USABLE = 0.9
+UNITS = ("B", "kB", "MB", "GB", "TB")
+# A container's limit, use, and name of its pages of files, which can be dropped.
+CONTAINERS = (
+    ("sys/fs/cgroup", "memory.max", "memory.current", "inactive_file"),
+    (
+        "sys/fs/cgroup/memory",
+        "memory.limit_in_bytes",
+        "memory.usage_in_bytes",
+        "total_inactive_file",
+    ),
+)
+
+
+def free_bytes(device) -> int:
+    """Free memory of a device; a CPU's is that of the host."""
+    stats = device.memory_stats()
+    if stats and "bytes_limit" in stats:
+        return stats["bytes_limit"] - stats["bytes_in_use"]
+    return free_host_bytes()
+
+
+def free_host_bytes(root="/") -> int:
+    """What this process can still take: of the machine, and of its containers."""
+    root = pathlib.Path(root)
+    return max(0, min([_free_of_machine(root), *_free_of_containers(root)]))
+
+
+def _free_of_machine(root):
+    try:
+        lines = (root / "proc/meminfo").read_text().splitlines()
+    except OSError:
+        # Not Linux: all memory that there is.
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    (found,) = (line for line in lines if line.startswith("MemAvailable:"))
+    return int(found.split()[1]) * 1024
+
+
+def _free_of_containers(root):
+    """What is left of every limit on a group that the process is in."""
+    try:
+        groups = (root / "proc/self/cgroup").read_text().splitlines()
+    except OSError:
+        return
+    names = {line.split(":", 2)[2].strip("/") for line in groups}
+    for mount, limit_file, used_file, cache_name in CONTAINERS:
+        # The groups themselves and those around them.
+        paths = {path for name in names for path in _and_parents(pathlib.Path(name))}
+        for folder in (root / mount / path for path in paths):
+            try:
+                limit = int((folder / limit_file).read_text())
+                used = int((folder / used_file).read_text())
+                pages = (folder / "memory.stat").read_text().splitlines()
+            except (OSError, ValueError):
+                # No such group, or its limit is "max".
+                continue
+            yield limit - used + int(dict(map(str.split, pages)).get(cache_name, 0))
+
+
+def _and_parents(path):
+    return [path, *path.parents]
+
+
+def step_bytes(compiled, devices) -> int:
+    """What running a compiled step takes of a device's memory, besides its inputs.
+
+    Devices that report no memory of their own, CPUs, share the host's.
+    """
+    found = compiled.memory_analysis()
+    fresh = found.output_size_in_bytes - found.alias_size_in_bytes
+    sharing = len(devices) if devices[0].memory_stats() is None else 1
+    return sharing * (found.temp_size_in_bytes + fresh)
+
+
+def tree_bytes(tree) -> int:
+    """Size of all arrays of a tree, or of their shapes."""
+    return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(tree))
+
+
+def give_back():
+    """Return freed memory to the system: compiling leaves half a gigabyte of it."""
+    # Only the GNU C library keeps it, and has the function.
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+def check(needed, free, what):
+    """ValueError where `what` does not fit."""
+    if needed > USABLE * free:
+        sizes = f"{text(needed)} do not fit into {text(free)} of free memory"
+        raise ValueError(f"{what} of {sizes}")
+
+
+def compile_to_fit(compile_parts, units, free, *, parts=1):
+    """(compiled step, micro-batches): the fewest, from `parts` on, that fit.
+
+    compile_parts(parts) -> (compiled, bytes that it takes); parts divide the units.
+    ValueError where not even single units fit.
+    """
+    while True:
+        compiled, needed = compile_parts(parts)
+        if needed <= USABLE * free:
+            return compiled, parts
+        sizes = f"{text(needed)}, more than {USABLE:.0%} of {text(free)}"
+        log.info("memory: a step takes %s, in %d micro-batches", sizes, parts)
+        # At least as many as would do if all of it were activations.
+        enough = max(2 * parts, parts * needed / max(USABLE * free, 1))
+        more = [n for n in range(parts + 1, units + 1) if units % n == 0]
+        if not more:
+            check(needed, free, "config.model: activations of a ray or patch,")
+        parts = next((n for n in more if n >= enough), more[-1])
+
+
+def text(size):
+    """Bytes as people say them."""
+    power = min(len(UNITS) - 1, int(math.log(max(size, 1), 1000)))
+    return f"{size / 1000**power:.1f} {UNITS[power]}"

@@ -1,0 +1,46 @@
+"""A prepared scene with smaller photos: `python -m alignerf.shrink`.
+
+For training on less: views, poses and split stay, so that what is learnt from the
+smaller photos can be rendered and scored at the scene's own size.
+"""
+
+import argparse
+import pathlib
+
+from alignerf import archives, cli, scene
+from alignerf.scenes import prepare
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scene", required=True, help="prepared scene folder")
+    parser.add_argument("--factor", required=True, type=float, help="1 or more")
+    parser.add_argument("--out", required=True, help="scene folder, written")
+    args = parser.parse_args(argv)
+    if not args.factor >= 1:
+        raise ValueError(f"--factor: {args.factor} makes no photo smaller")
+    loaded = scene.load(args.scene)
+    # As stored: normalising the normalised poses anew could turn the frame.
+    stored = archives.read(loaded.folder / "cameras.npz", ["camtoworlds"])
+    paths = [loaded.folder / "images" / f"{name}.png" for name in loaded.names]
+    views = prepare.PosedViews(
+        names=loaded.names,
+        pixtocams=loaded.pixtocams,
+        camtoworlds=stored["camtoworlds"],
+        width=loaded.width,
+        height=loaded.height,
+        load=lambda i: scene.read_image(
+            paths[i], width=loaded.width, height=loaded.height
+        ),
+    )
+    smaller = prepare.downscale(views, args.factor)
+    out = pathlib.Path(args.out)
+    with cli.scratch_folder(out) as scratch:
+        fresh = scratch / "new"
+        prepare.write_views(fresh, smaller, split=loaded.split)
+        for path in fresh.iterdir():
+            cli.move(path, out / path.name)
+
+
+if __name__ == "__main__":
+    cli.run(main)

@@ -1,0 +1,113 @@
+"""Peak resident memory of a training on 170 photos of 2560 x 1680.
+
+`python -m alignerf.train` with a few steps of the default model, in a process of its
+own; one of one tiny photo beside it shows what Python, JAX, the compiled step and its
+activations take without any photos. The photos are one file of noise under many
+names: each is decoded all the same.
+"""
+
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+
+from alignerf import train
+from alignerf.scenes import prepare
+from tests.bench import cases, measure
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+GOAL = 1.3
+STEPS = 5
+
+
+def run(options):
+    """Rows: the peaks over the photos' size as uint8."""
+    count, width, height = (6, 256, 168) if options.quick else (170, 2560, 1680)
+    job = cases.make_job(
+        cases.TINY if options.quick else cases.GRID,
+        batch_rays=16 if options.quick else 1024,
+        steps=STEPS,
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        sizes = {"all": (count, width, height), "none": (1, 8, 8)}
+        peaks = {}
+        for name, size in sizes.items():
+            write_scene(folder / name, *size)
+            peaks[name] = _peak_bytes(job, folder / name)
+    photos = count * width * height * 3
+    note = f"{count} photos of {width}x{height}: {photos / 1e9:.3g} GB"
+    goal = None if options.quick else measure.Goal("ours", "<=", GOAL)
+    return [
+        _row(
+            "peak of the whole process", "x photos", peaks["all"] / photos, goal, note
+        ),
+        _row("peak without photos", "GB", peaks["none"] / 1e9),
+        _row(
+            *("peak, net of that", "x photos"),
+            (peaks["all"] - peaks["none"]) / photos,
+        ),
+    ]
+
+
+def _row(what, unit, value, goal=None, note=""):
+    return measure.Row(what, unit, measure.one(value), goal=goal, note=note)
+
+
+def write_scene(folder, count, width, height):
+    """A prepared scene of `count` training views that share one file of noise."""
+    found = cases.orbit(count, 4, 4)
+    (folder / "images").mkdir(parents=True)
+    names = [f"view{number:04d}" for number in range(count)]
+    first = folder / "images" / f"{names[0]}.png"
+    prepare.save_image(first, cases.orbit(1, width, height).images[0])
+    for name in names[1:]:
+        os.link(first, folder / "images" / f"{name}.png")
+    np.savez(
+        folder / "cameras.npz",
+        pixtocams=np.tile(cases.orbit(1, width, height).pixtocams, (count, 1, 1)),
+        camtoworlds=found.camtoworlds,
+        names=names,
+        width=width,
+        height=height,
+        split=["train"] * count,
+    )
+
+
+def _peak_bytes(job, folder):
+    """Of a process that trains on the scene."""
+    request = json.dumps([cases.as_json(job), str(folder)])
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.bench.memory", request],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    if done.returncode:
+        raise RuntimeError(f"training failed:\n{done.stderr}")
+    return int(done.stdout.splitlines()[-1])
+
+
+def _train(job, folder):
+    """Train here, and print the most memory that was ever resident, in bytes."""
+    out = pathlib.Path(folder, "out")
+    options = {
+        "config": job,
+        "scene": folder,
+        "checkpoints": out / "checkpoints",
+        "model": out / "model.msgpack",
+        "timing": out / "timing.json",
+    }
+    train.main([str(part) for k, v in options.items() for part in (f"--{k}", v)])
+    # Not getrusage, which may report the peak of the process that started this one.
+    status = pathlib.Path("/proc/self/status").read_text().splitlines()
+    (line,) = (line for line in status if line.startswith("VmHWM:"))
+    print(1024 * int(line.split()[1]))
+
+
+if __name__ == "__main__":
+    _train(*json.loads(sys.argv[1]))

@@ -1,0 +1,47 @@
+"""Several steps on one device and on all: run by test_gradients with eight of them."""
+
+import json
+import re
+
+import jax
+import numpy as np
+
+from alignerf import gradients, program
+from tests import training_cases as cases
+
+METHODS = {"mipnerf360": cases.baseline(), "alignerf": cases.alignerf(patches=16)}
+STEPS = 4
+
+
+def losses(method, views, *, parts, devices):
+    """The losses of a few steps, and the collectives of the compiled step."""
+    mesh = gradients.make_mesh(method.units, devices)
+    state, step = cases.start(method, parts=parts, mesh=mesh)
+    state, views = program.place((state, views), mesh)
+    compiled = step.lower(state, views).compile()
+    collectives = re.findall(
+        r" (all-\w+|collective-\w+|reduce-scatter)\(", compiled.as_text()
+    )
+    found = []
+    for _ in range(STEPS):
+        state, stats = compiled(state, views)
+        found.append(float(stats["loss"]))
+    copies = [np.asarray(x.data) for x in jax.tree.leaves(state)[-1].addressable_shards]
+    assert all(np.array_equal(copies[0], copy) for copy in copies)
+    return found, sorted(set(collectives)), len(copies)
+
+
+def main():
+    views, devices = cases.make_views(), jax.local_devices()
+    found = {
+        name: {
+            "one": losses(method, views, parts=1, devices=devices[:1]),
+            "all": losses(method, views, parts=2, devices=devices),
+        }
+        for name, method in METHODS.items()
+    }
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()

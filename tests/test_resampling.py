@@ -1,0 +1,102 @@
+"""Dilated, annealed and stratified resampling against its formulas."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from alignerf.mipnerf360 import stepfun
+from tests import twins
+
+BINS, COUNT = 12, 16
+# The rounding of a sum of masses near one: what a quantile is known to.
+QUANTILE = 2e-6
+
+
+def histograms(rng, count, *, grid):
+    """Masses over 30 decades and a third of none, edges on a grid; no empty ray."""
+    cells = np.array(
+        [rng.choice(grid - 1, BINS - 1, replace=False) for _ in range(count)]
+    )
+    t = np.pad(np.sort(cells + 1), ((0, 0), (1, 1)), constant_values=(0, grid)) / grid
+    w = 10 ** rng.uniform(-30, 0, (count, BINS)) * (
+        rng.uniform(size=(count, BINS)) < 0.7
+    )
+    w[:, 5] += rng.uniform(size=count)
+    return t, w / w.sum(axis=-1, keepdims=True)
+
+
+@functools.partial(jax.jit, static_argnums=(3, 4))
+def resample(jitter, t, w, dilation, count, anneal):
+    if dilation > 0:
+        t, w = stepfun.max_dilate(t, w, dilation=dilation)
+    logits = stepfun.annealed_logits(t, w, anneal)
+    return stepfun.sample_intervals(jitter, t, logits, count)
+
+
+def assert_edges(found, u, t, w, anneal):
+    """Edges midway between samples whose quantiles are u [rays, count], all but."""
+    for edges, share, *ray in zip(found, u, t, w, strict=True):
+        low = twins.samples(*ray, anneal, share - QUANTILE)
+        high = twins.samples(*ray, anneal, share + QUANTILE)
+        lowest, highest = ((x[1:] + x[:-1]) / 2 for x in (low, high))
+        # The outer edges are the outer midpoints mirrored at the outer samples.
+        ends = [0, -1]
+        lowest, highest = (
+            np.concatenate([outer[:1], inner, outer[1:]])
+            for outer, inner in (
+                (2 * low[ends] - highest[ends], lowest),
+                (2 * high[ends] - lowest[ends], highest),
+            )
+        )
+        assert np.all(edges >= lowest.clip(0, 1) - 1e-6)
+        assert np.all(edges <= highest.clip(0, 1) + 1e-6)
+
+
+@pytest.mark.parametrize("anneal", [0.0, 0.1, 0.6, 1.0])
+@pytest.mark.parametrize("dilation", [0.0, 2.0**-9, 2.0**-5, 0.25])
+def test_resampling(rng, anneal, dilation):
+    """On a grid that float32 holds, so that edges which meet do so in both."""
+    t, w = histograms(rng, 250, grid=2**14)
+    t, w = twins.f32(t, w)
+    found = np.asarray(resample(None, t, w, dilation, COUNT, anneal), np.float64)
+    assert np.all(np.diff(found) >= 0)
+    rays = list(zip(*twins.f64(t, w), strict=True))
+    if dilation > 0:
+        rays = [twins.dilated_histogram(*ray, dilation) for ray in rays]
+    u = np.broadcast_to((np.arange(COUNT) + 0.5) / COUNT, (250, COUNT))
+    assert_edges(found, u, *zip(*rays, strict=True), anneal)
+
+
+def test_one_jitter_a_ray_in_every_stratum(rng):
+    t, w = twins.f32(*histograms(rng, 1000, grid=2**20))
+    jitter = rng.uniform(size=1000).astype(np.float32)
+    jitter[:2] = 0.0, 1 - 2.0**-24
+    found = np.asarray(resample(jitter, t, w, 0.0, COUNT, 1.0), np.float64)
+    u = (np.arange(COUNT) + np.float64(jitter)[:, None]) / COUNT
+    assert_edges(found, u, *twins.f64(t, w), 1.0)
+
+
+def test_annealed_weights(rng):
+    t, w = twins.f32(*histograms(rng, 1000, grid=2**20))
+    found = jax.nn.softmax(stepfun.annealed_logits(t, w, 0.25))
+    rays = zip(*twins.f64(t, w), strict=True)
+    wanted = np.array([np.diff(twins.annealed_cdf(*ray, 0.25)) for ray in rays])
+    twins.assert_close(found, wanted, atol=1e-12)
+
+
+def test_the_anneal_exponent(rng):
+    share = np.append(rng.uniform(size=1000), [0.0, 1.0]).astype(np.float32)
+    for slope in (1.0, 10.0, 1e3):
+        found = stepfun.anneal_exponent(share, slope=slope)
+        twins.assert_close(found, twins.anneal_exponent(np.float64(share), slope))
+
+
+def test_dilation_conserves_the_mass(rng):
+    t, w = twins.f32(*histograms(rng, 1000, grid=2**20))
+    dilate = jax.jit(functools.partial(stepfun.max_dilate, dilation=0.02))
+    t_wide, w_wide = dilate(t, w)
+    assert np.all(np.diff(t_wide) >= 0)
+    twins.assert_close(jnp.sum(w_wide, axis=-1), 1.0)

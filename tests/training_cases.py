@@ -1,0 +1,66 @@
+"""What the tests of training share: tiny methods, and views that need no files."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from alignerf import cameras, fields, frequency_loss, methods, train_step
+from alignerf.mipnerf360 import model as mipnerf360
+
+WEIGHTS = {"interlevel": 1.0, "distortion": 0.01}
+HEIGHT, WIDTH, FOCAL_PX = 36, 40, 30.0
+
+
+def tiny_model(outputs=3):
+    grid = {"levels": 2, "log2_entries": 8, "finest": 32, "width": 8}
+    return mipnerf360.Model(
+        proposal=fields.make("grid", **grid),
+        field=fields.make("grid", **grid, outputs=outputs),
+        samples=(8, 4),
+        near=0.2,
+        far=1e3,
+    )
+
+
+def baseline(batch_rays=96, loss_weights=WEIGHTS):
+    return methods.mipnerf360(
+        tiny_model(), batch_rays=batch_rays, loss_weights=loss_weights
+    )
+
+
+def alignerf(**options):
+    settings = {
+        "patches": 2,
+        "patch_px": 12,
+        "radius_px": 3,
+        "align_penalty": 0.01,
+        "frequency_weight": 0.05,
+        "frequency_features": frequency_loss.bank_features,
+        "loss_weights": WEIGHTS,
+    }
+    return methods.alignerf(tiny_model(outputs=6), **settings | options)
+
+
+def make_views(count=3, height=HEIGHT, width=WIDTH, valid_share=0.7):
+    """Random photos by cameras that look down -z, without turning, from one place."""
+    rng = np.random.default_rng(0)
+    pixtocam = cameras.intrinsics(FOCAL_PX, width, height)
+    camtoworld = np.concatenate([np.eye(3), [[0.0], [0.0], [1.0]]], axis=1)
+    mask = rng.uniform(size=(count, height, width)) < valid_share
+    return methods.Views(
+        photos=jnp.asarray(rng.integers(0, 256, (count, height, width, 3)), jnp.uint8),
+        valid=jnp.asarray(methods.pack_valid(mask)),
+        pixtocams=jnp.asarray(np.stack([pixtocam] * count), jnp.float32),
+        camtoworlds=jnp.asarray(np.stack([camtoworld] * count), jnp.float32),
+    )
+
+
+def start(method, steps=50, **options):
+    """(fresh state, step) of a method."""
+    optimizer = train_step.make_optimizer(
+        learning_rates=(1e-2, 1e-3), steps=steps, warmup_steps=5, eps=1e-15
+    )
+    params = jax.jit(method.init)(jax.random.key(0))
+    state = train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))
+    options = {"gradient_norm": None, "seed": 0} | options
+    return state, train_step.make_step(method, optimizer, steps=steps, **options)

@@ -1,0 +1,100 @@
+# What users can turn, what it costs and what it brings: a model and variants of it.
+# Each job takes the whole machine, so that its seconds are its own.
+rule shrink:
+    input:
+        images="results/{scene}/images",
+        cameras="results/{scene}/cameras.npz",
+    output:
+        images=directory("results/{scene}/tradeoff/downscale-{factor}/images"),
+        cameras="results/{scene}/tradeoff/downscale-{factor}/cameras.npz",
+    log:
+        "results/{scene}/tradeoff/logs/shrink-{factor}.log",
+    benchmark:
+        "results/{scene}/tradeoff/logs/shrink-{factor}.tsv"
+    wildcard_constraints:
+        factor=r"[\d.]+",
+    conda:
+        "../../environment.yml"
+    params:
+        out=subpath(output.cameras, parent=True),
+        sources=sources_of("alignerf.shrink"),
+    shell:
+        "python -m alignerf.shrink --scene results/{wildcards.scene:q}"
+        " --factor {wildcards.factor:q} --out {params.out:q} 2>&1 | tee {log:q}"
+
+
+use rule train as train_variant with:
+    input:
+        unpack(photos_of_variant),
+    output:
+        model="results/{scene}/tradeoff/{variant}/model.msgpack",
+        timing="results/{scene}/tradeoff/{variant}/timing.json",
+    log:
+        "results/{scene}/tradeoff/{variant}/logs/train.log",
+    benchmark:
+        "results/{scene}/tradeoff/{variant}/logs/train.tsv"
+    threads: workflow.cores or 1
+    params:
+        config=lambda w: variant_slice(w.variant),
+
+
+use rule render_views as render_variant with:
+    input:
+        model="results/{scene}/tradeoff/{variant}/model.msgpack",
+        cameras="results/{scene}/cameras.npz",
+    output:
+        renders=directory("results/{scene}/tradeoff/{variant}/renders/{split}"),
+        timing="results/{scene}/tradeoff/{variant}/render_{split}.json",
+    log:
+        "results/{scene}/tradeoff/{variant}/logs/render_{split}.log",
+    benchmark:
+        "results/{scene}/tradeoff/{variant}/logs/render_{split}.tsv"
+    threads: workflow.cores or 1
+    params:
+        config=lambda w: variant_slice(w.variant),
+
+
+use rule evaluate as evaluate_variant with:
+    input:
+        unpack(truth_of),
+        renders="results/{scene}/tradeoff/{variant}/renders/test",
+        images="results/{scene}/images",
+        cameras="results/{scene}/cameras.npz",
+        weights=config["lpips_alex"] or [],
+    output:
+        "results/{scene}/tradeoff/{variant}/metrics.csv",
+    log:
+        "results/{scene}/tradeoff/{variant}/logs/evaluate.log",
+    benchmark:
+        "results/{scene}/tradeoff/{variant}/logs/evaluate.tsv"
+    params:
+        testset=[],
+
+
+rule tradeoff:
+    input:
+        sweep_inputs,
+    output:
+        csv=report(
+            "results/tradeoff.csv",
+            caption="../report/tradeoff.rst",
+            category="tradeoff",
+        ),
+        tex="results/tradeoff.tex",
+        figure=report(
+            "results/tradeoff.png",
+            caption="../report/tradeoff.rst",
+            category="tradeoff",
+        ),
+    log:
+        "results/logs/tradeoff.log",
+    benchmark:
+        "results/logs/tradeoff.tsv"
+    conda:
+        "../../environment.yml"
+    params:
+        rows=lambda w: as_json(sweep_rows()),
+        sources=sources_of("alignerf.tradeoff"),
+    shell:
+        "python -m alignerf.tradeoff --rows {params.rows:q} --csv {output.csv:q}"
+        " --tex {output.tex:q} --figure {output.figure:q} 2>&1 | tee {log:q}"
