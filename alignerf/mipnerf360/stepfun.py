@@ -48,13 +48,12 @@ def max_dilate(
     # 0 w, not 0: a NaN must not vanish with the interval that it stands in.
     p = jnp.where(width > EPS**2, w / jnp.maximum(width, EPS**2), 0.0 * w)
     low, high = t[..., :-1] - dilation, t[..., 1:] + dilation
-    t_wide = merge(merge(low, high), t)
-    # Both ends of the intervals are sorted: those that cover a point are a range.
-    reached = count_below(low, t_wide, or_equal=True)[..., 1:-2]
-    passed = count_below(high, t_wide, or_equal=True)[..., 1:-2]
-    t_wide = jnp.clip(t_wide[..., 1:-1], 0.0, 1.0)
+    t_wide = jnp.clip(merge(merge(low, high), t)[..., 1:-1], 0.0, 1.0)
+    covers = (low[..., None, :] <= t_wide[..., :-1, None]) & (
+        high[..., None, :] > t_wide[..., :-1, None]
+    )
     width = t_wide[..., 1:] - t_wide[..., :-1]
-    mass = range_max(p, passed, reached) * width
+    mass = jnp.max(jnp.where(covers, p[..., None, :], 0.0), axis=-1) * width
     total = jnp.sum(mass, axis=-1, keepdims=True)
     empty = total <= 0.0
     uniform = width / jnp.sum(width, axis=-1, keepdims=True)
@@ -74,31 +73,6 @@ def merge(
     values = jnp.concatenate([a, b], axis=-1)
     place = lambda rank, x: jnp.zeros_like(x).at[rank].set(x, unique_indices=True)  # noqa: E731
     return jnp.vectorize(place, signature="(k),(k)->(k)")(ranks, values)
-
-
-def range_max(
-    x: Float[Array, "*batch bins"],
-    start: Int[Array, "*batch n"],
-    stop: Int[Array, "*batch n"],
-) -> Float[Array, "*batch n"]:
-    """Largest of x[start:stop], with x >= 0; 0 where the range is empty.
-
-    Of two overlapping powers of two: level k holds the maxima of 2^k neighbours.
-    """
-    bins, levels = x.shape[-1], [x]
-    while (width := 2 ** len(levels)) <= bins:
-        before = levels[-1]
-        beyond = jnp.zeros_like(before[..., : width // 2])
-        after = jnp.concatenate([before[..., width // 2 :], beyond], axis=-1)
-        levels.append(jnp.maximum(before, after))
-    size = stop - start
-    powers = 2 ** np.arange(1, len(levels))
-    level = jnp.sum(size[..., None] >= powers, axis=-1)
-    table = jnp.concatenate(levels, axis=-1)
-    at = lambda i: jnp.take_along_axis(table, level * bins + i, axis=-1)  # noqa: E731
-    first = jnp.clip(start, 0, bins - 1)
-    second = jnp.clip(stop - 2**level, 0, bins - 1)
-    return jnp.where(size > 0, jnp.maximum(at(first), at(second)), 0.0)
 
 
 def annealed_logits(

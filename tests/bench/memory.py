@@ -1,9 +1,9 @@
 """Peak resident memory of a training on 170 photos of 2560 x 1680.
 
 `python -m alignerf.train` with a few steps of the default model, in a process of its
-own; one of one tiny photo beside it shows what Python, JAX, the compiled step and its
-activations take without any photos. The photos are one file of noise under many
-names: each is decoded all the same.
+own; what another holds at its end, of one tiny photo, is what Python, JAX, the step
+and its activations take. The photos are one file of noise under many names: each is
+decoded all the same.
 """
 
 import json
@@ -35,22 +35,18 @@ def run(options):
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         sizes = {"all": (count, width, height), "none": (1, 8, 8)}
-        peaks = {}
+        found = {}
         for name, size in sizes.items():
             write_scene(folder / name, *size)
-            peaks[name] = _peak_bytes(job, folder / name)
-    photos = count * width * height * 3
+            found[name] = _measure(job, folder / name)
+    photos, held = count * width * height * 3, found["none"]["VmRSS"]
     note = f"{count} photos of {width}x{height}: {photos / 1e9:.3g} GB"
     goal = None if options.quick else measure.Goal("ours", "<=", GOAL)
+    peak = found["all"]["VmHWM"]
     return [
-        _row(
-            "peak of the whole process", "x photos", peaks["all"] / photos, goal, note
-        ),
-        _row("peak without photos", "GB", peaks["none"] / 1e9),
-        _row(
-            *("peak, net of that", "x photos"),
-            (peaks["all"] - peaks["none"]) / photos,
-        ),
+        _row("peak of the whole process", "x photos", peak / photos, goal, note),
+        _row("held without photos", "GB", held / 1e9),
+        _row("peak, net of that", "x photos", (peak - held) / photos),
     ]
 
 
@@ -78,8 +74,8 @@ def write_scene(folder, count, width, height):
     )
 
 
-def _peak_bytes(job, folder):
-    """Of a process that trains on the scene."""
+def _measure(job, folder):
+    """Bytes resident, {"VmHWM": at most, "VmRSS": at the end}, of a training."""
     request = json.dumps([cases.as_json(job), str(folder)])
     done = subprocess.run(
         [sys.executable, "-m", "tests.bench.memory", request],
@@ -89,11 +85,11 @@ def _peak_bytes(job, folder):
     )
     if done.returncode:
         raise RuntimeError(f"training failed:\n{done.stderr}")
-    return int(done.stdout.splitlines()[-1])
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 def _train(job, folder):
-    """Train here, and print the most memory that was ever resident, in bytes."""
+    """Train here, and print what is resident, and was at most."""
     out = pathlib.Path(folder, "out")
     options = {
         "config": job,
@@ -104,9 +100,10 @@ def _train(job, folder):
     }
     train.main([str(part) for k, v in options.items() for part in (f"--{k}", v)])
     # Not getrusage, which may report the peak of the process that started this one.
-    status = pathlib.Path("/proc/self/status").read_text().splitlines()
-    (line,) = (line for line in status if line.startswith("VmHWM:"))
-    print(1024 * int(line.split()[1]))
+    lines = pathlib.Path("/proc/self/status").read_text().splitlines()
+    status = dict(line.split(":", 1) for line in lines)
+    found = {key: 1024 * int(status[key].split()[0]) for key in ("VmHWM", "VmRSS")}
+    print(json.dumps(found))
 
 
 if __name__ == "__main__":
