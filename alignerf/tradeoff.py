@@ -198,7 +198,8 @@ def to_latex(table):
     style = style.format("{:.3f}", na_rep="--", subset=[r"SSIM $\uparrow$"])
     front = pd.IndexSlice[table.index[table["pareto"]], "Variant"]
     style = style.set_properties(subset=front, **{"font-weight": "bold"})
-    tex = style.to_latex(hrules=True, convert_css=True)
+    columns = "lp{45mm}rrrrllr"
+    tex = style.to_latex(hrules=True, convert_css=True, column_format=columns)
     return (
         "% \\usepackage{booktabs}\n"
         f"% PSNR and SSIM: {table['test_set'][0]} test set, mean over its views and\n"

@@ -129,14 +129,16 @@ def name_points(axes, table, renderer):
     axes.set_autoscale_on(False)
     pixel = axes.figure.dpi / 72
     points = axes.transData.transform(table[["train_time_s", "psnr_db"]].to_numpy())
-    radius = RADIUS_PT * pixel
-    taken = [np.concatenate([p - radius, p + radius]) for p in points]
-    taken.append(axes.get_legend().get_window_extent(renderer).extents)
+    # So near to another point a name would seem to be that one's.
+    radius = 2 * RADIUS_PT * pixel
+    marks = [np.concatenate([p - radius, p + radius]) for p in points]
+    taken = [axes.get_legend().get_window_extent(renderer).extents]
     taken += line_boxes(axes.transData.transform(front_of(table)), 2 * pixel)
     inside = axes.get_window_extent(renderer).extents
     back = axes.transData.inverted()
     order = np.argsort(~table["pareto"].to_numpy(), kind="stable")
-    for point, row in zip(points[order], table.iloc[order].itertuples(), strict=True):
+    for own, row in zip(order, table.iloc[order].itertuples(), strict=True):
+        point, others = points[own], marks[:own] + marks[own + 1 :]
         text = axes.annotate(
             row.variant.replace("_", " "),
             back.transform(point),
@@ -147,9 +149,10 @@ def name_points(axes, table, renderer):
             in_layout=False,
         )
         extent = text.get_window_extent(renderer)
-        far, best = place_name(point, extent.size, taken, inside, pixel)
+        size = extent.size + 2 * pixel
+        far, best = place_name(point, size, others + taken, inside, pixel)
         taken.append(best)
-        text.set_position(back.transform(best[:2]))
+        text.set_position(back.transform(best[:2] + pixel))
         if far:
             nearest = np.clip(point, best[:2], best[2:])
             ends = back.transform([point, nearest])
