@@ -27,7 +27,9 @@ include: "workflow/rules/common.smk"
 wildcard_constraints:
     scene=one_of(config["scenes"]),
     method=one_of(config["methods"]),
-    variant=one_of(["base", *config.get("tradeoff", {}).get("variants", [])]),
+    variant=one_of(
+        ["base", *config["tradeoff"]["variants"]] if "tradeoff" in config else []
+    ),
     round=r"0|[1-9]\d*",
     split="train|test",
 

@@ -10,8 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf import train_step
-from alignerf.scenes import photos
+from alignerf import train_step, wording
 
 # Parts that a batch is cut into, and views that are looked at one by one.
 PARTS = 32
@@ -20,16 +19,16 @@ VIEWS = 256
 draw = jax.jit(train_step.draw, static_argnames=("method", "steps", "seed"))
 
 
-def explain(method, state, views, names, *, steps, seed) -> str:
+def explain(method, state, views, names, *, steps, seed, parts=1) -> str:
     """One line: why the step that starts from `state` is not finite.
 
-    `names` [n] are those of the views.
+    `names` [n] are those of the views; the training itself ran in `parts`.
     """
     where = f"training diverged at step {int(state.step)}: not finite: "
     if spoilt := spoilt_parameters(state.params):
         return where + ", ".join(spoilt)
     batch, share = draw(method, views, state.step, steps=steps, seed=seed)
-    size = -(-method.units // PARTS)
+    size = -(-method.units // max(PARTS, parts))
 
     def look(units):
         """Faults of some units, padded by the last one to the size of a part."""
@@ -41,8 +40,8 @@ def explain(method, state, views, names, *, steps, seed) -> str:
     view = np.asarray(batch.view)
     what, guilty = search(look, view, size)
     if not what:
-        return where + "the square of a gradient, which Adam keeps (over 1.8e19)"
-    who = photos.some_names([names[number] for number in guilty]) or "no single view"
+        return where + "the sum over the batch, though no part of it alone"
+    who = wording.some_names([names[number] for number in guilty]) or "no single view"
     if len(guilty) == len(np.unique(view)):
         who += f", all that were drawn; the parameters reach {largest(state.params):g}"
     return f"{where}{', '.join(sorted(what))}; in rays of {who}"
@@ -77,8 +76,8 @@ def faults(terms, params, part, share):
         bad = ~jnp.isfinite(value)
         found[f"{name} loss"] = bad
         for network, tree in train_step.networks(grads).items():
-            finite = [jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(tree)]
-            spoilt = ~jnp.all(jnp.stack(finite))
+            # As in the step: Adam keeps squares.
+            spoilt = train_step.count_nonfinite_squares(tree) > 0
             found[f"gradient of the {name} loss in the {network}"] = spoilt & ~bad
     return found
 

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf import checkpoint, config, diagnose, program, progress
+from alignerf import checkpoint, config, diagnose, memory, program, progress
 
 log = logging.getLogger("alignerf")
 
@@ -36,7 +36,17 @@ def fit(job, method, built, params, views, checkpoints, *, names, sources=""):
     state = program.fresh_state(built.optimizer, params)
     state, spent_s, parts = resume(checkpoints, state, identity, job.steps)
     if parts not in (None, built.parts):
-        built = program.build(job, method, params, views, parts=parts)
+        # A CPU takes the photos as they lie in memory.
+        on_cpu = jax.local_devices()[0].platform == "cpu"
+        to_come = 0 if on_cpu else memory.tree_bytes(views)
+        before_s = built.compile_time_s
+        built = program.build(job, method, params, views, parts=parts, to_come=to_come)
+        built = built._replace(compile_time_s=before_s + built.compile_time_s)
+        if built.parts != parts:
+            log.warning(
+                "resuming in %d micro-batches instead of %d: other rounding",
+                *(built.parts, parts),
+            )
     program.log_memory(job, built, state, views)
     state, views = program.place((state, views), built.mesh)
     start = time.perf_counter()
@@ -45,11 +55,20 @@ def fit(job, method, built, params, views, checkpoints, *, names, sources=""):
         return round(spent_s + time.perf_counter() - start, 3)
 
     def save(state):
+        if spoilt := diagnose.spoilt_parameters(state.params):
+            raise ValueError(
+                f"training diverged before step {int(state.step)}: not finite: "
+                + ", ".join(spoilt)
+            )
         facts = {"identity": identity, "time_s": time_s(), "parts": built.parts}
         checkpoint.save(checkpoints, state, **facts)
 
     def explain(state):
-        options = {"steps": job.schedule_steps, "seed": job.seed}
+        options = {
+            "steps": job.schedule_steps,
+            "seed": job.seed,
+            "parts": built.parts,
+        }
         return diagnose.explain(method, state, views, names, **options)
 
     state, numbers = run_steps(job, built.step, state, views, save, explain)

@@ -7,7 +7,6 @@ batch is split into micro-batches, as few as will do.
 import contextlib
 import ctypes
 import logging
-import math
 import os
 import pathlib
 
@@ -131,5 +130,7 @@ def compile_to_fit(compile_parts, units, free, *, parts=1):
 
 def text(size):
     """Bytes as people say them."""
-    power = min(len(UNITS) - 1, int(math.log(max(size, 1), 1000)))
-    return f"{size / 1000**power:.1f} {UNITS[power]}"
+    power = 0
+    while size >= 1000 and power < len(UNITS) - 1:
+        size, power = size / 1000, power + 1
+    return f"{size:.1f} {UNITS[power]}"

@@ -39,8 +39,10 @@ def build(job, method, params, views, *, parts=None, to_come=0) -> Program:
         lambda leaf: jax.ShapeDtypeStruct(
             leaf.shape, leaf.dtype, sharding=everywhere(mesh)
         ),
-        (fresh_state(optimizer, params), views),
+        (jax.eval_shape(lambda p: fresh_state(optimizer, p), params), views),
     )
+    # Adam's two moments are only shapes yet.
+    to_come += memory.tree_bytes(shapes[0].optimizer)
     step, parts = compile_step(
         job, method, optimizer, *shapes, parts=parts, mesh=mesh, to_come=to_come
     )

@@ -91,20 +91,31 @@ def make_table(entries):
 
 def read_scores(path):
     """(test set, metric) columns, a row per test view."""
-    return pd.read_csv(path).pivot(index="view", columns="test_set").swaplevel(axis=1)
+    try:
+        scores = pd.read_csv(path).pivot(index="view", columns="test_set")
+    except (KeyError, ValueError) as error:
+        raise ValueError(f"{path}: not the scores of views: {error}") from None
+    return scores.swaplevel(axis=1)
 
 
 def costs_of(entry):
     """What a variant is and takes; rendering in seconds a view."""
-    training, rendering = (
-        json.loads(pathlib.Path(entry[key]).read_text())
-        for key in ("training", "rendering")
-    )
     keys = ("params", "steps", "rays_seen", "train_time_s", "compile_time_s", "device")
-    return {key: training[key] for key in keys} | {
+    training = read_timing(entry["training"], keys)
+    (render_time_s,) = read_timing(entry["rendering"], ["view_time_s"]).values()
+    return training | {
         "rays_per_s": training["rays_seen"] / training["train_time_s"],
-        "render_time_s": rendering["view_time_s"],
+        "render_time_s": render_time_s,
     }
+
+
+def read_timing(path, keys):
+    """These entries of a timing file; one that lacks any is named."""
+    try:
+        timing = json.loads(pathlib.Path(path).read_text())
+        return {key: timing[key] for key in keys}
+    except (KeyError, TypeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path}: not the timing that it should be: {error}") from None
 
 
 def scores_of(score, base, test_set):

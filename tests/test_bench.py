@@ -47,10 +47,10 @@ def quick(root, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def peer():
-    """The peer's modules; ALIGNERF_PEER names a checkout of it."""
-    path = os.environ.get("ALIGNERF_PEER")
+    """The peer's modules; ALIGNERF_MULTINERF names a checkout of it."""
+    path = os.environ.get("ALIGNERF_MULTINERF")
     if path is None:
-        pytest.skip("no checkout of google-research/multinerf (set ALIGNERF_PEER)")
+        pytest.skip("no checkout of multinerf (set ALIGNERF_MULTINERF)")
     return multinerf.load(path)
 
 
@@ -167,7 +167,7 @@ def test_flops_of_a_training_step_are_those_the_compiler_counts():
     batch = jax.eval_shape(method.draw, jax.random.key(0), views)
     counted = jax.jit(gradient).lower(params, batch).cost_analysis()["flops"]
     products = 32 * speed.training_flops(params, model["samples"])
-    assert 0.75 * counted < products < counted
+    assert 0.9 * counted < products < counted
 
 
 def test_jobs_compile_as_the_workflow_does_and_run_the_default_model(root):

@@ -13,7 +13,7 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float
 
-from alignerf import cameras
+from alignerf import cameras, wording
 from alignerf.scenes import distortion, photos, prepare
 
 log = logging.getLogger(__name__)
@@ -127,7 +127,7 @@ def pose_folder(folder, work_folder, *, camera_model, max_size_px, seed, where):
         where=where,
     )
     if model.left_out:
-        log.warning("COLMAP left out %s", photos.some_names(model.left_out))
+        log.warning("COLMAP left out %s", wording.some_names(model.left_out))
     lenses = list(zip(model.camtopix, model.distortion, strict=True))
     size = taken.width, taken.height
     pinholes = [distortion.pinhole_camera(*lens, *size) for lens in lenses]

@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image, ImageOps
 
+from alignerf import wording
 from alignerf.scenes import prepare
 
 log = logging.getLogger(__name__)
@@ -56,7 +57,7 @@ def find_images(folder):
     )
     others = sorted({p.name for p in files} - {p.name for p in paths})
     if others:
-        log.warning("%s: ignored %s: not images", folder, some_names(others))
+        log.warning("%s: ignored %s: not images", folder, wording.some_names(others))
     if not paths:
         raise ValueError(f"no images in {folder}")
     for first, second in itertools.pairwise(paths):
@@ -122,7 +123,7 @@ def one_size(names, sizes, where):
     if odd:
         raise ValueError(
             f"{where}: images must have one size; {len(sizes) - len(odd)} are "
-            f"{usual[0]}x{usual[1]}, but not {some_names(odd)}"
+            f"{usual[0]}x{usual[1]}, but not {wording.some_names(odd)}"
         )
     return usual
 
@@ -133,13 +134,6 @@ def shared_focal_px(focals_px):
     if not len(known) or known.max() > known.min() * (1 + SAME_ZOOM):
         return None
     return float(np.median(known))
-
-
-def some_names(names, *, at_most=3):
-    """'a, b, c and 4 more': names enough to look for, not a page of them."""
-    shown = ", ".join(names[:at_most])
-    rest = len(names) - at_most
-    return f"{shown} and {rest} more" if rest > 0 else shown
 
 
 def _to_rgb(image, path):

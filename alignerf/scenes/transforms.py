@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from alignerf import wording
 from alignerf.scenes import distortion, photos, prepare
 
 log = logging.getLogger(__name__)
@@ -103,7 +104,7 @@ def _frames_with_image(path, frames):
             path,
             len(missing),
             len(frames),
-            photos.some_names(missing),
+            wording.some_names(missing),
         )
     return kept, sorted(Path(name).stem for name in missing)
 

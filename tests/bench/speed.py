@@ -133,12 +133,12 @@ def training_flops(params, samples):
 
 
 def _network_flops(network):
-    encoded, width = network["Dense_0"]["kernel"].shape
+    width, encoded = network["Dense_0"]["kernel"].shape
     total = 0
     for path, kernel in jax.tree_util.tree_leaves_with_path(network):
         if path[-1].key != "kernel":
             continue
-        rows, columns = kernel.shape
+        columns, rows = kernel.shape
         first, after_skip = rows == encoded, rows == encoded + width
         constant = encoded if first or after_skip else 0
         total += columns * (6 * rows - 2 * constant)

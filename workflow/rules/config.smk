@@ -132,7 +132,7 @@ RULES = {
     *("tradeoff", "shrink", "train_variant", "render_variant", "evaluate_variant"),
 }
 FILES = {
-    *("published", "logs", "README.md"),
+    *("published", "logs", "bench", "README.md"),
     *("tradeoff.csv", "tradeoff.tex", "tradeoff.png"),
 }
 FOLDERS = {
