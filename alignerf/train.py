@@ -16,6 +16,7 @@ from alignerf import (
     checkpoint,
     cli,
     config,
+    cores,
     loop,
     memory,
     methods,
@@ -38,6 +39,9 @@ def main(argv=None):
     parser.add_argument("--timing", required=True, help="timing.json, written")
     args = parser.parse_args(argv)
     job = config.parse_job(cli.read_config(args.config))
+    if job.model.field["kind"] == "grid":
+        # An MLP gains little by it, and each device holds all its parameters.
+        cores.use_as_devices()
     loaded = scene.load(args.scene)
     check_patches(job, loaded)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"

@@ -15,8 +15,12 @@ jaxtyping.install_import_hook(
     "beartype.beartype",
 )
 
+import jax
 import numpy as np
 import pytest
+
+# One device in this process, whatever stage it calls first (see alignerf/cores.py).
+jax.devices()
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 

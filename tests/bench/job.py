@@ -14,7 +14,6 @@ import tempfile
 
 from tests.bench import cases, measure
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 # As workflow/rules/common.smk sets it; the folder is a fresh one here.
 CACHE = {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.5"}
 GOAL_S = 8.0
@@ -88,7 +87,7 @@ def _seconds(command, environment):
 
     def call():
         done = subprocess.run(
-            command, cwd=ROOT, env=environment, capture_output=True, text=True
+            command, cwd=measure.ROOT, env=environment, capture_output=True, text=True
         )
         if done.returncode:
             raise RuntimeError(f"{command[1:3]} failed:\n{done.stdout}{done.stderr}")

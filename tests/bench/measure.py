@@ -5,13 +5,19 @@ peer, one for each pair of neighbours in time: a slow minute of the machine hits
 """
 
 import dataclasses
+import json
 import operator
+import os
+import pathlib
 import statistics
+import subprocess
+import sys
 import time
 
 import jax
 import jax.numpy as jnp
 
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 RELATIONS = {">=": operator.ge, "<=": operator.le}
 
 
@@ -61,6 +67,20 @@ def spread(values) -> Spread:
 def one(value) -> Spread:
     """A number that is not repeated."""
     return spread([value])
+
+
+def elsewhere(module, request, **environment):
+    """The JSON that `python -m module request` prints last, in its own process."""
+    done = subprocess.run(
+        [sys.executable, "-m", module, json.dumps(request)],
+        cwd=ROOT,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+    )
+    if done.returncode:
+        raise RuntimeError(f"{module} failed:\n{done.stderr}")
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 def seconds(call):

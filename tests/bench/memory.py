@@ -9,7 +9,6 @@ decoded all the same.
 import json
 import os
 import pathlib
-import subprocess
 import sys
 import tempfile
 
@@ -19,7 +18,6 @@ from alignerf import train
 from alignerf.scenes import prepare
 from tests.bench import cases, measure
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 GOAL = 1.3
 STEPS = 5
 
@@ -76,16 +74,8 @@ def write_scene(folder, count, width, height):
 
 def _measure(job, folder):
     """Bytes resident, {"VmHWM": at most, "VmRSS": at the end}, of a training."""
-    request = json.dumps([cases.as_json(job), str(folder)])
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.bench.memory", request],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-    )
-    if done.returncode:
-        raise RuntimeError(f"training failed:\n{done.stderr}")
-    return json.loads(done.stdout.splitlines()[-1])
+    request = [cases.as_json(job), str(folder)]
+    return measure.elsewhere("tests.bench.memory", request)
 
 
 def _train(job, folder):

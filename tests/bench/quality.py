@@ -2,7 +2,7 @@
 
 The clock runs in training steps alone: it stands while test views are rendered, and
 while the peer's batches are drawn (it has a thread for that). PSNR is the mean over
-the test views, each on every fourth pixel of every fourth row, of 8-bit colours.
+the test views, each on every eighth pixel of every eighth row, of 8-bit colours.
 """
 
 import dataclasses

@@ -5,14 +5,10 @@ that the figures tell what dividing the work costs, not what more devices would 
 """
 
 import json
-import os
-import pathlib
-import subprocess
 import sys
 
 from tests.bench import cases, measure, ours
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 SAMPLES = ([16, 8], [32, 16], [64, 32], [64, 64, 32])
 
 
@@ -53,18 +49,9 @@ def time_steps(model, batch, repeats):
 def _elsewhere(count, model, batch, repeats):
     """The same in a process in which the CPU shows as `count` devices."""
     flags = f"--xla_force_host_platform_device_count={count}"
-    environment = os.environ | {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu"}
-    request = json.dumps({"model": model, "batch": batch, "repeats": repeats})
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.bench.scale", request],
-        cwd=ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-    )
-    if done.returncode:
-        raise RuntimeError(f"{count} devices failed:\n{done.stderr}")
-    return json.loads(done.stdout.splitlines()[-1])
+    environment = {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu"}
+    request = {"model": model, "batch": batch, "repeats": repeats}
+    return measure.elsewhere("tests.bench.scale", request, **environment)
 
 
 if __name__ == "__main__":
