@@ -11,7 +11,7 @@ import typing
 from alignerf import fields, frequency_loss, methods
 from alignerf.mipnerf360 import model as mipnerf360
 
-STAGES = ("full", "pretrain", "finetune")
+STAGES = ("full", "warm", "pretrain", "finetune")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,6 +70,7 @@ class Job:
         """Steps of this stage."""
         share = {
             "full": 1.0,
+            "warm": 1.0,
             "pretrain": self.alignerf and self.alignerf.pretrain_share,
             "finetune": self.alignerf and self.alignerf.finetune_share,
         }[self.stage]
@@ -134,7 +135,7 @@ def parse_job(values) -> Job:
     job = parse(Job, values)
     if job.stage not in STAGES:
         raise ValueError(f"config.stage: {job.stage!r} is not one of {STAGES}")
-    if job.stage != "full" and job.alignerf is None:
+    if job.stage in ("pretrain", "finetune") and job.alignerf is None:
         raise ValueError("config.alignerf: a staged training needs it")
     if not 0 < job.model.near < job.model.far < float("inf"):
         raise ValueError(

@@ -32,7 +32,7 @@ def main(argv=None):
     parser.add_argument("--scene", required=True, help="prepared scene folder")
     parser.add_argument("--photos", help="folder of photos (default: the scene's)")
     parser.add_argument("--valid", help="folder of <view>.npz with valid pixels")
-    parser.add_argument("--initial", help="parameters to fine-tune from")
+    parser.add_argument("--initial", help="parameters to fine-tune or go on from")
     parser.add_argument("--sources", default="", help="hash: other code starts anew")
     parser.add_argument("--checkpoints", required=True, help="folder to resume from")
     parser.add_argument("--model", required=True, help="parameters, written")
@@ -101,13 +101,15 @@ def load_views(loaded: scene.Scene, chosen, photos, valid) -> methods.Views:
 
 
 def initial_params(job, method, initial):
-    """Fresh parameters, or the pre-trained ones widened to features."""
+    """Fresh parameters, those of a round before, or pre-trained ones widened."""
     key = jax.random.key(job.seed)
+    if job.stage in ("warm", "finetune") and initial is None:
+        raise ValueError(f"--initial: stage {job.stage!r} needs trained parameters")
+    if job.stage == "warm":
+        return checkpoint.read_params(initial, jax.eval_shape(method.init, key))
     fresh = jax.jit(method.init)(key)
     if job.stage != "finetune":
         return fresh
-    if initial is None:
-        raise ValueError("--initial: fine-tuning needs pre-trained parameters")
     pretrain = config.make_method(config.replace_stage(job, "pretrain"))
     template = jax.eval_shape(pretrain.init, key)
     trained = checkpoint.read_params(initial, template)

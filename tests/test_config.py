@@ -69,11 +69,11 @@ def test_a_job_is_what_was_written(job):
 def test_stages_share_the_steps_and_the_schedule(job):
     found = {stage: config.parse_job(job | {"stage": stage}) for stage in config.STAGES}
     steps = {stage: job.steps for stage, job in found.items()}
-    assert steps == {"full": 100, "pretrain": 60, "finetune": 20}
+    assert steps == {"full": 100, "warm": 100, "pretrain": 60, "finetune": 20}
     schedule = {stage: job.schedule_steps for stage, job in found.items()}
-    assert schedule == {"full": 100, "pretrain": 100, "finetune": 20}
+    assert schedule == {"full": 100, "warm": 100, "pretrain": 100, "finetune": 20}
     rays = {stage: job.rays_per_step for stage, job in found.items()}
-    assert rays == {"full": 64, "pretrain": 64, "finetune": 2 * 16**2}
+    assert rays == {"full": 64, "warm": 64, "pretrain": 64, "finetune": 2 * 16**2}
     job["training"]["steps"] = 1
     assert config.parse_job(job).steps == 1
 

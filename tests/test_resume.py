@@ -164,6 +164,38 @@ def test_fine_tuning_resumes_bit_for_bit(folder, tmp_path, monkeypatch):
     assert run(folder, tmp_path / "parts", tuned, *more) == whole
 
 
+def test_a_warm_start_begins_with_the_parameters_given(
+    folder, uninterrupted, tmp_path, monkeypatch
+):
+    """Not with fresh ones; it resumes bit for bit, and wants them to fit."""
+    initial = str(uninterrupted / "model.msgpack")
+    warm = JOB | {"stage": "warm", "training": TRAINING | {"steps": 8}}
+    more = ("--initial", initial)
+    begun = []
+    with monkeypatch.context() as patched:
+        run_steps = loop.run_steps
+
+        def first_state(job, step, state, *others):
+            begun.append(jax.tree.map(np.asarray, state.params))
+            return run_steps(job, step, state, *others)
+
+        patched.setattr(loop, "run_steps", first_state)
+        whole = run(folder, tmp_path / "whole", warm, *more)
+        kill_after_save(patched, 4)
+        with pytest.raises(Killed):
+            run(folder, tmp_path / "parts", warm, *more)
+    given = checkpoint.read_params(initial, begun[0])
+    jax.tree.map(np.testing.assert_array_equal, begun[0], given)
+    assert run(folder, tmp_path / "parts", warm, *more) == whole
+    with pytest.raises(ValueError, match="--initial: stage 'warm' needs trained"):
+        run(folder, tmp_path / "none", warm)
+    field = GRID | {"view_widths": [16]}
+    other = warm | {"model": JOB["model"] | {"field": field}}
+    with pytest.raises(ValueError, match=r"model\.msgpack"):
+        run(folder, tmp_path / "other", other, *more)
+    assert not (tmp_path / "other" / "model.msgpack").exists()
+
+
 @pytest.mark.parametrize("change", ["seed", "config", "photos", "sources"])
 def test_another_job_does_not_resume(
     folder, uninterrupted, tmp_path, monkeypatch, caplog, change

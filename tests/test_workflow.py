@@ -1,6 +1,8 @@
 """Plans of every config, and bad input: one line that names it, nothing half-made."""
 
 import copy
+import json
+import os
 import re
 import runpy
 import types
@@ -112,6 +114,76 @@ def test_ablations_share_the_pretraining(tmp_path, demo, snakemake):
     assert output.splitlines()[-1].startswith(reason)
 
 
+WARM = {"from": "mipnerf360", "share": 0.3, "learning_rates": [0.005, 0.001]}
+
+
+def test_a_warm_start_goes_on_from_the_round_before(tmp_path, demo, snakemake):
+    demo["methods"] = {
+        "warm": {"model": "base", "rounds": 2, "warm_start": WARM},
+        "mipnerf360": {"model": "base", "rounds": 1},
+    }
+    demo["reference"] = {"method": "warm", "round": 2}
+    options = (tmp_path, "--configfile", write(tmp_path, demo), "-np")
+    output = snakemake(*options)[1]
+    jobs = jobs_of(output)
+    # Round 0 is the other method's: nothing is trained twice.
+    assert (jobs["train"], jobs["train_warm"], jobs["evaluate"]) == (2, 2, 4)
+    folder = "results/courtyard"
+    commands = re.findall(r"python -m alignerf\.train .*", output)
+    (first,) = (c for c in commands if f"--model {folder}/warm/round1/" in c)
+    (second,) = (c for c in commands if f"--model {folder}/warm/round2/" in c)
+    assert f"--initial {folder}/mipnerf360/round0/model.msgpack" in first
+    assert f"--photos {folder}/mipnerf360/round0/warped/train" in first
+    assert f"--initial {folder}/warm/round1/model.msgpack" in second
+    assert f"--photos {folder}/warm/round1/warped/train" in second
+    for part in (
+        '"stage": "warm"',
+        '"steps": 300',
+        '"warmup_steps": 30',
+        "[0.005, 0.001]",
+    ):
+        assert part in first
+        assert part in second
+    others = [c for c in commands if c not in (first, second)]
+    assert not any("--initial" in c or '"warm"' in c for c in others)
+
+
+def test_rounds_end_where_the_flow_does(tmp_path, demo, snakemake):
+    demo["methods"] = {"auto": {"model": "base", "rounds": "auto", "most_rounds": 3}}
+    demo["reference"] = {"method": "auto", "round": "last"}
+    options = (tmp_path, "--configfile", write(tmp_path, demo))
+    jobs = jobs_of(snakemake(*options, "-n")[1])
+    assert (jobs["train"], jobs["decide"]) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("goes_on", "last"),
+    [([False], 0), ([True, True, False, True], 2), ([True] * 9, 3)],
+)
+def test_the_last_round_is_what_was_decided(tmp_path, demo, monkeypatch, goes_on, last):
+    # The file sets search paths for the jobs.
+    monkeypatch.setenv("PATH", os.environ["PATH"])
+    monkeypatch.setenv("PYTHONPATH", "")
+    demo["methods"] = {"auto": {"model": "base", "rounds": "auto", "most_rounds": 3}}
+    for round, go_on in enumerate(goes_on):
+        (tmp_path / f"{round}.json").write_text(json.dumps({"go_on": go_on}))
+
+    def get(*, round, **place):
+        assert place == {"scene": "courtyard", "method": "auto"}
+        return types.SimpleNamespace(output=[tmp_path / f"{round}.json"])
+
+    decide = types.SimpleNamespace(get=get)
+    functions = load_rules(
+        "common.smk",
+        config=demo,
+        ROOT=ROOT,
+        checkpoints=types.SimpleNamespace(decide=decide),
+    )
+    assert functions["last_round"]("courtyard", "auto") == last
+    rows = functions["all_rounds"]("courtyard")
+    assert rows == [("auto", k) for k in range(last + 1)]
+
+
 def test_a_sweep_trains_its_variants_and_nothing_else(tmp_path, demo, snakemake):
     options = (tmp_path, "--configfile", write(tmp_path, demo), "-n", "tradeoff")
     jobs = jobs_of(snakemake(*options)[1])
@@ -219,6 +291,21 @@ def edit(config, where, value):
         ("scenes.mine", {"source": "photos", "path": "a{b}"}, "scenes.mine.path: a{b}"),
         ("reference.method", "nerf", "reference.method: no method 'nerf'"),
         ("reference.round", 3, "reference.round: mipnerf360_large has fewer"),
+        ("reference.round", "first", "reference.round: 'first' is not valid"),
+        ("methods.mipnerf360.rounds", "all", "mipnerf360.rounds: 'all' is not valid"),
+        ("methods.mipnerf360.warm_start", WARM, "warm_start.from: no method 'mipnerf3"),
+        ("methods.alignerf.warm_start", WARM, "alignerf.warm_start: not for a staged"),
+        (
+            "methods.warm",
+            {"model": "large", "rounds": 1, "warm_start": WARM},
+            "warm.warm_start.from: model 'base' instead of 'large'",
+        ),
+        (
+            "methods.warm",
+            {"model": "base", "rounds": 0, "warm_start": WARM},
+            "warm.rounds: a warm start needs a round",
+        ),
+        ("methods.mipnerf360_large.rounds", "auto", "reference.round: with rounds: au"),
         ("scenes.a/b", {"source": "courtyard"}, "scenes: 'a/b' does not match"),
         ("scenes.a\n", {"source": "courtyard"}, r"scenes: 'a\\n' does not match"),
         ("scenes.train", {"source": "courtyard"}, "scenes.train: a rule or file"),
@@ -259,11 +346,11 @@ def test_a_bad_config_is_named(demo, capsys, where, value, reason):
     assert error.count("\n") == 1
 
 
-def load_rules():
-    """What the file of functions that check a config defines."""
+def load_rules(name="config.smk", **known):
+    """What a file of functions defines; the first one checks a config."""
     workflow = types.SimpleNamespace(basedir=ROOT, configfiles=[])
-    path = ROOT / "workflow" / "rules" / "config.smk"
-    return runpy.run_path(path, init_globals={"workflow": workflow})
+    path = ROOT / "workflow" / "rules" / name
+    return runpy.run_path(path, init_globals={"workflow": workflow} | known)
 
 
 def test_a_name_that_yaml_reads_as_a_number_is_named(demo, capsys):
@@ -293,7 +380,9 @@ def test_keys_with_a_default_may_be_left_out(demo):
 
 def test_no_scene_can_have_the_name_of_a_rule():
     text = "".join(path.read_text() for path in ROOT.glob("workflow/rules/*.smk"))
-    rules = set(re.findall(r"^(?:use rule \w+ as|rule) (\w+)", text, re.MULTILINE))
+    rules = set(
+        re.findall(r"^(?:use rule \w+ as|rule|checkpoint) (\w+)", text, re.MULTILINE)
+    )
     assert load_rules()["RULES"] == rules | {"all"}
 
 

@@ -28,9 +28,7 @@ rule align:
 rule testset:
     input:
         renders=lambda w: "{}/renders/test".format(
-            trained(
-                w.scene, config["reference"]["method"], config["reference"]["round"]
-            )
+            trained(w.scene, config["reference"]["method"], reference_round(w.scene))
         ),
         photos="results/{scene}/images",
     output:
@@ -52,3 +50,23 @@ rule testset:
         " --photos {input.photos:q} --flow-out {output.flow:q}"
         " --warped-out {output.warped:q} --control-out {output.control:q}"
         " --stats-out {output.stats:q} 2>&1 | tee {log:q}"
+
+
+# With `rounds: auto`: whether another round follows, and why.
+checkpoint decide:
+    input:
+        unpack(medians_of_rounds),
+    output:
+        "results/{scene}/{method}/round{round}/decision.json",
+    log:
+        "results/{scene}/{method}/round{round}/logs/decide.log",
+    benchmark:
+        "results/{scene}/{method}/round{round}/logs/decide.tsv"
+    conda:
+        "../../environment.yml"
+    params:
+        before=lambda w, input: option("before", input.get("before")),
+        sources=sources_of("flow.rounds"),
+    shell:
+        "python -m flow.rounds --after {input.after:q} {params.before:q}"
+        " --out {output:q} 2>&1 | tee {log:q}"

@@ -16,6 +16,8 @@ def prepend_to(variable, folder):
     os.environ[variable] = os.pathsep.join([str(folder), *filter(None, [rest])])
 
 
+# As the schema says.
+MOST_ROUNDS = 4
 # Compiled JAX programs are kept between jobs and runs.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path("results/.jax_cache")))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")
@@ -33,6 +35,11 @@ def staged():
 def plain():
     """Methods trained in one go, on photos or warped photos."""
     return [name for name in config["methods"] if name not in staged()]
+
+
+def warm():
+    """Methods whose rounds go on from the weights of the round before."""
+    return [name for name, m in config["methods"].items() if "warm_start" in m]
 
 
 def one_of(names):
@@ -96,7 +103,23 @@ def method_slice(method):
     """The slice of a method's last stage."""
     stage = "finetune" if method in staged() else "full"
     model = config["methods"][method]["model"]
+    if method in warm():
+        return warm_slice(method)
     return train_slice(stage=stage, model=model, method=method)
+
+
+def warm_slice(method):
+    """The slice of a round that goes on from the round before."""
+    job = json.loads(
+        train_slice(stage="full", model=config["methods"][method]["model"])
+    )
+    start, training = config["methods"][method]["warm_start"], job["training"]
+    training |= {
+        "steps": max(1, round(start["share"] * training["steps"])),
+        "warmup_steps": round(start["share"] * training["warmup_steps"]),
+        "learning_rates": start["learning_rates"],
+    }
+    return as_json(job | {"stage": "warm", "training": training})
 
 
 def pretrain_slice(model):
@@ -159,16 +182,39 @@ def option(name, value):
 
 
 def trained(scene, method, round):
-    """Folder of a method's round."""
+    """Folder of a method's round; with a warm start, round 0 is another method's."""
+    if method in warm() and int(round) == 0:
+        method = config["methods"][method]["warm_start"]["from"]
     return f"results/{scene}/{method}/round{round}"
 
 
-def all_rounds():
+def last_round(scene, method):
+    """A method's last round. With `rounds: auto`, what the rounds so far have shown."""
+    found = config["methods"][method]
+    if found["rounds"] != "auto":
+        return found["rounds"]
+    for k in range(found.get("most_rounds", MOST_ROUNDS)):
+        place = {"scene": scene, "method": method, "round": k}
+        decision = Path(checkpoints.decide.get(**place).output[0])
+        if not json.loads(decision.read_text())["go_on"]:
+            return k
+    return k + 1
+
+
+def reference_round(scene):
+    """The round whose renders the warped test set is made from."""
+    reference = config["reference"]
+    if reference["round"] == "last":
+        return last_round(scene, reference["method"])
+    return reference["round"]
+
+
+def all_rounds(scene):
     """(method, round) of every row of the tables, in the config's order."""
     return [
         (name, k)
-        for name, method in config["methods"].items()
-        for k in range(method["rounds"] + 1)
+        for name in config["methods"]
+        for k in range(int(name in warm()), last_round(scene, name) + 1)
     ]
 
 
@@ -198,6 +244,15 @@ def photos_of_round(w):
     return {"photos": f"{before}/warped/train", "valid": f"{before}/flow/train"}
 
 
+def medians_of_rounds(w):
+    """The misalignment of the training views after a round, and after that before."""
+    path, k = "displacement_train.csv", int(w.round)
+    found = {"after": f"{trained(w.scene, w.method, k)}/{path}"}
+    if k > 0:
+        found["before"] = f"{trained(w.scene, w.method, k - 1)}/{path}"
+    return found
+
+
 def truth_of(w):
     """The oracle's folder, where the scene's truth is known."""
     return {"truth": f"results/{w.scene}/truth"} if w.scene in with_truth() else {}
@@ -214,7 +269,7 @@ def table_rows(scene):
             "trainings": trainings_of(scene, method, round),
             "data": data_of(scene, method, round),
         }
-        for method, round in all_rounds()
+        for method, round in all_rounds(scene)
     ]
 
 
@@ -222,6 +277,34 @@ def table_inputs(w):
     rows = table_rows(w.scene)
     files = [[r["metrics"], *r["trainings"], *r["data"]] for r in rows]
     return sorted({path for row in files for path in row})
+
+
+def time_rows(scene):
+    """One entry per method and round, with the files that tell its seconds."""
+    rows = []
+    for method, round in all_rounds(scene):
+        folder = trained(scene, method, round)
+        row = {
+            "method": method,
+            "round": round,
+            "training": f"{folder}/timing.json",
+            "walls": {"train": f"{folder}/logs/train.tsv"},
+        }
+        if round > 0:
+            before = trained(scene, method, round - 1)
+            row["rendering"] = f"{before}/render_train.json"
+            row["alignment"] = f"{before}/displacement_train.csv"
+            row["walls"]["render"] = f"{before}/logs/render_train.tsv"
+            row["walls"]["align"] = f"{before}/logs/align_train.tsv"
+        rows.append(row)
+    return rows
+
+
+def time_inputs(w):
+    rows = time_rows(w.scene)
+    keys = ("training", "rendering", "alignment")
+    files = [row[key] for row in rows for key in keys if key in row]
+    return sorted({*files, *(path for row in rows for path in row["walls"].values())})
 
 
 def figure_rounds(scene):
@@ -232,7 +315,7 @@ def figure_rounds(scene):
             "renders": f"{trained(scene, method, k)}/renders/test",
             "flow": f"{trained(scene, method, k)}/flow/test",
         }
-        for k in range(config["methods"][method]["rounds"] + 1)
+        for k in range(last_round(scene, method) + 1)
     ]
 
 
@@ -287,6 +370,7 @@ def scene_targets(scene):
         f"{folder}/facts.json",
         f"{folder}/tables/misalignment.csv",
         f"{folder}/tables/misalignment.tex",
+        f"{folder}/tables/round_times.csv",
         f"{folder}/figures/flow.png",
         f"{folder}/figures/rounds.png",
     ]

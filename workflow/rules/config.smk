@@ -27,11 +27,9 @@ def check_config(config):
     for name, method in config["methods"].items():
         if method["model"] not in config["models"]:
             stop(f"config: methods.{name}.model: no model {method['model']!r}")
-    reference = config["reference"]
-    if reference["method"] not in config["methods"]:
-        stop(f"config: reference.method: no method {reference['method']!r}")
-    if reference["round"] > config["methods"][reference["method"]]["rounds"]:
-        stop(f"config: reference.round: {reference['method']} has fewer rounds")
+        if "warm_start" in method:
+            check_warm_start(config, name)
+    check_reference(config)
     for name, scene in config["scenes"].items():
         path = scene.get("path")
         if scene["source"] != "courtyard" and not path:
@@ -58,6 +56,35 @@ def check_against(schema, value, *place):
         error = jsonschema.exceptions.best_match(errors)
         where = ".".join(map(str, (*place, *error.absolute_path))) or "top level"
         stop(f"config: {where}: {error.message}")
+
+
+def check_warm_start(config, name):
+    """It goes on from round 0 of a method that trains the same model from scratch."""
+    method = config["methods"][name]
+    source = config["methods"].get(method["warm_start"]["from"], {})
+    if "alignerf" in method:
+        stop(f"config: methods.{name}.warm_start: not for a staged training")
+    where = f"config: methods.{name}.warm_start.from: "
+    if not source or {"warm_start", "alignerf"} & set(source):
+        stop(f"{where}no method {method['warm_start']['from']!r} from scratch")
+    if source["model"] != method["model"]:
+        stop(f"{where}model {source['model']!r} instead of {method['model']!r}")
+    if method["rounds"] == 0:
+        stop(f"config: methods.{name}.rounds: a warm start needs a round to start")
+
+
+def check_reference(config):
+    """The reference's round is one that is trained, whatever the flow does."""
+    reference = config["reference"]
+    if reference["method"] not in config["methods"]:
+        stop(f"config: reference.method: no method {reference['method']!r}")
+    rounds = config["methods"][reference["method"]]["rounds"]
+    if reference["round"] == "last":
+        return
+    if rounds == "auto" and reference["round"] > 1:
+        stop("config: reference.round: with rounds: auto it must be 0, 1 or last")
+    if rounds != "auto" and reference["round"] > rounds:
+        stop(f"config: reference.round: {reference['method']} has fewer rounds")
 
 
 def check_tradeoff(schema, config):
@@ -129,6 +156,7 @@ def check_keys_once(node, path):
 RULES = {
     *("all", "poses", "poses_courtyard", "facts", "train", "pretrain", "finetune"),
     *("render_views", "align", "testset", "evaluate", "misalignment_table", "figures"),
+    *("train_warm", "decide", "round_times"),
     *("tradeoff", "shrink", "train_variant", "render_variant", "evaluate_variant"),
 }
 FILES = {

@@ -23,14 +23,32 @@ rule misalignment_table:
         " --tex {output.tex:q} 2>&1 | tee {log:q}"
 
 
+rule round_times:
+    input:
+        time_inputs,
+    output:
+        csv="results/{scene}/tables/round_times.csv",
+        tex="results/{scene}/tables/round_times.tex",
+    log:
+        "results/{scene}/logs/round_times.log",
+    benchmark:
+        "results/{scene}/logs/round_times.tsv"
+    conda:
+        "../../environment.yml"
+    params:
+        rows=lambda w: as_json(time_rows(w.scene)),
+        sources=sources_of("alignerf.round_times"),
+    shell:
+        "python -m alignerf.round_times --rows {params.rows:q} --csv {output.csv:q}"
+        " --tex {output.tex:q} 2>&1 | tee {log:q}"
+
+
 rule figures:
     input:
         lambda w: [path for entry in figure_rounds(w.scene) for path in entry.values()],
         images="results/{scene}/images",
         testset="results/{scene}/testset/displacement.csv",
-        reference=lambda w: figure_rounds(w.scene)[config["reference"]["round"]][
-            "renders"
-        ],
+        reference=lambda w: figure_rounds(w.scene)[reference_round(w.scene)]["renders"],
     output:
         flow=report(
             "results/{scene}/figures/flow.png",

@@ -1,4 +1,5 @@
-# Trainings. Round 0 trains on the photos, round k on those that round k - 1 warped;
+# Trainings. Round 0 trains on the photos, round k on those that round k - 1 warped,
+# from scratch, or from the weights of round k - 1;
 # staged methods pre-train once a model, then fine-tune. Checkpoints lie outside of
 # `output:`, which Snakemake deletes when a job is killed: a training resumes.
 rule train:
@@ -14,22 +15,39 @@ rule train:
     benchmark:
         "results/{scene}/{method}/round{round}/logs/train.tsv"
     wildcard_constraints:
-        method=one_of(plain()),
+        method=one_of(set(plain()) - set(warm())),
     conda:
         "../../environment.yml"
     threads: 64
     params:
         config=lambda w: method_slice(w.method),
         scene=subpath(input.cameras, parent=True),
+        initial=[],
         valid=lambda w, input: option("valid", input.get("valid")),
         checkpoints=subpath(output.model, parent=True),
         sources=sources_of("alignerf.train"),
     shell:
         "python -m alignerf.train --config {params.config:q}"
         " --scene {params.scene:q} --photos {input.photos:q}"
-        " {params.valid:q} --checkpoints {params.checkpoints:q}/checkpoints"
+        " {params.valid:q} {params.initial:q}"
+        " --checkpoints {params.checkpoints:q}/checkpoints"
         " --sources {params.sources} --model {output.model:q}"
         " --timing {output.timing:q} 2>&1 | tee {log:q}"
+
+
+use rule train as train_warm with:
+    input:
+        unpack(photos_of_round),
+        initial=lambda w: "{}/model.msgpack".format(
+            trained(w.scene, w.method, int(w.round) - 1)
+        ),
+        images="results/{scene}/images",
+        cameras="results/{scene}/cameras.npz",
+    wildcard_constraints:
+        method=one_of(warm()),
+        round=r"[1-9]\d*",
+    params:
+        initial=lambda w, input: ["--initial", input.initial],
 
 
 rule pretrain:
