@@ -162,7 +162,10 @@ def make_method(job: Job) -> methods.Method:
     }
     if not fine:
         return methods.mipnerf360(
-            model, batch_rays=job.training.batch_rays, loss_weights=loss_weights
+            model,
+            batch_rays=job.training.batch_rays,
+            loss_weights=loss_weights,
+            annealed=job.stage != "warm",
         )
     settings = job.alignerf
     return methods.alignerf(

@@ -132,15 +132,19 @@ def _regularisers(histograms, weights):
     }
 
 
-def mipnerf360(model, *, batch_rays, loss_weights) -> Method:
-    """The baseline: single rays, Charbonnier loss (arXiv 2111.12077)."""
+def mipnerf360(model, *, batch_rays, loss_weights, annealed=True) -> Method:
+    """The baseline: single rays, Charbonnier loss (arXiv 2111.12077).
+
+    annealed: early in training samples spread beyond where the proposals put them;
+    not so for a training that begins with trained proposals.
+    """
 
     def terms(params, batch, share):
         rendering = model.apply(
             {"params": params["model"]},
             batch.rays,
             jitter=batch.jitter,
-            train_share=share,
+            train_share=share if annealed else 1.0,
         )
         error = jnp.mean((rendering.values - batch.photo) ** 2, axis=-1)
         # A part of the batch counts by the weight that it holds of the whole.

@@ -113,6 +113,25 @@ def tuning():
     return cases.start(cases.alignerf())
 
 
+def test_annealing_is_for_a_start_from_scratch(views):
+    """Early on it changes the samples and so the loss; at the end it does nothing."""
+    losses = {}
+    for annealed in (True, False):
+        method = methods.mipnerf360(
+            cases.tiny_model(),
+            batch_rays=96,
+            loss_weights=cases.WEIGHTS,
+            annealed=annealed,
+        )
+        params = method.init(jax.random.key(1))
+        batch = method.draw(jax.random.key(2), views)
+        for share in (0.0, 1.0):
+            terms, _ = method.terms(params, batch, share)
+            losses[annealed, share] = float(sum(terms.values()))
+    assert losses[False, 0.0] == losses[False, 1.0] == losses[True, 1.0]
+    assert losses[True, 0.0] != losses[True, 1.0]
+
+
 def test_alignerf_takes_a_step_on_every_network(tuning, views):
     fresh, step = tuning
     state = jax.tree.map(jnp.copy, fresh)
