@@ -198,9 +198,34 @@ def photos_of_round(w):
     return {"photos": f"{before}/warped/train", "valid": f"{before}/flow/train"}
 
 
+def reference_renders(w):
+    """Renders of the test views by the model that makes the warped test set."""
+    reference = config["reference"]
+    return f"{trained(w.scene, reference['method'], reference['round'])}/renders/test"
+
+
+# Folders of flow.control_sets beside the warped test set.
+CONTROL_SETS = (
+    *("control", "placebo", "held_out"),
+    *("aligned", "leak", "leak_flow", "leak_held_out"),
+)
+
+
 def truth_of(w):
     """The oracle's folder, where the scene's truth is known."""
     return {"truth": f"results/{w.scene}/truth"} if w.scene in with_truth() else {}
+
+
+def base_of(method):
+    """Whose round 0 a method is set against: a staged one, the plain one's of its model.
+
+    Its own where no plain method has the model.
+    """
+    if method in plain():
+        return method
+    model = config["methods"][method]["model"]
+    same = [name for name in plain() if config["methods"][name]["model"] == model]
+    return same[0] if same else method
 
 
 def table_rows(scene):
@@ -211,6 +236,8 @@ def table_rows(scene):
             "field": field_name(method),
             "round": round,
             "metrics": f"{trained(scene, method, round)}/metrics.csv",
+            "base": base_of(method),
+            "base_metrics": f"{trained(scene, base_of(method), 0)}/metrics.csv",
             "trainings": trainings_of(scene, method, round),
             "data": data_of(scene, method, round),
         }
@@ -220,8 +247,20 @@ def table_rows(scene):
 
 def table_inputs(w):
     rows = table_rows(w.scene)
-    files = [[r["metrics"], *r["trainings"], *r["data"]] for r in rows]
+    files = [
+        [r["metrics"], r["base_metrics"], *r["trainings"], *r["data"]] for r in rows
+    ]
     return sorted({path for row in files for path in row})
+
+
+def score_rows(scene):
+    """Method, round and metrics of every row."""
+    keys = ("method", "round", "metrics")
+    return [{key: row[key] for key in keys} for row in table_rows(scene)]
+
+
+def score_inputs(w):
+    return [row["metrics"] for row in score_rows(w.scene)]
 
 
 def figure_rounds(scene):
@@ -280,6 +319,14 @@ def sweep_inputs(w):
     return [row[key] for row in sweep_rows() for key in keys]
 
 
+def ranking_tables(scene):
+    """Where the truth is known, whether other test sets rank as it does."""
+    known = scene in with_truth()
+    return [
+        f"results/{scene}/tables/ranking.{kind}" for kind in ("csv", "tex") if known
+    ]
+
+
 def scene_targets(scene):
     """What `snakemake SCENE` makes."""
     folder = f"results/{scene}"
@@ -287,6 +334,9 @@ def scene_targets(scene):
         f"{folder}/facts.json",
         f"{folder}/tables/misalignment.csv",
         f"{folder}/tables/misalignment.tex",
+        f"{folder}/tables/controls.csv",
+        f"{folder}/tables/controls.tex",
+        *ranking_tables(scene),
         f"{folder}/figures/flow.png",
         f"{folder}/figures/rounds.png",
     ]
