@@ -6,14 +6,20 @@ standard        the photo
 standard_valid  the photo, on the pixels where the warped photo is valid
 warped          the photo warped onto the reference model's render, valid pixels
 control         the photo warped there and back: only interpolation acts
+placebo         the photo warped by a random smooth flow of at most half a pixel
+held_out        the photo warped by a flow that has not seen the pixel, valid pixels
+aligned         an image that belongs where the reference model's render is
+leak            that one warped by the flow invented between the two, where valid
+leak_held_out   that one warped by a flow that has not seen the pixel, same pixels
 oracle          the undisplaced scene at the given pose, where the truth is known
 
-Those with warped photos are scored where a warped test set is given. A metric that
+Those between standard and oracle are scored where a warped test set is given. Only
+sets on the same pixels compare: standard, control, placebo and oracle on all;
+standard_valid, warped and held_out; aligned, leak and leak_held_out. A metric that
 cannot be had is empty, and `note` says why.
 """
 
 import argparse
-import functools
 import pathlib
 
 import jax.numpy as jnp
@@ -38,30 +44,47 @@ def main(argv=None):
     loaded = scene.load(args.scene)
     views = loaded.views("test")
     lpips_alex, lpips_note = load_lpips(args.lpips_alex)
-    read = functools.partial(scene.read_images, loaded, views)
-    renders, photos = read(args.renders), read(loaded.folder / "images")
-    everywhere = np.ones(photos.shape[:3], bool)
-    targets = {"standard": (photos, everywhere)}
-    if args.testset:
-        testset = pathlib.Path(args.testset)
-        valid = scene.read_validity(loaded, views, testset / "flow")
-        targets |= {
-            "standard_valid": (photos, valid),
-            "warped": (read(testset / "warped"), valid),
-            "control": (read(testset / "control"), everywhere),
-        }
-    if args.truth:
-        oracle = read(pathlib.Path(args.truth) / "oracle")
-        targets["oracle"] = (oracle, everywhere)
     rows = []
-    for number, view in enumerate(views):
-        for test_set, (images, masks) in targets.items():
-            row = score(images[number], renders[number], masks[number], lpips_alex)
+    # View by view: the test sets of all views together may not fit into memory.
+    for view in views:
+        (render,) = scene.read_images(loaded, [view], args.renders)
+        targets = targets_of(loaded, view, args.testset, args.truth)
+        for test_set, (image, mask) in targets.items():
+            row = score(image, render, mask, lpips_alex)
             note = "; ".join(n for n in (row.pop("note"), lpips_note) if n)
             name = {"view": loaded.names[view], "test_set": test_set}
             rows.append(name | row | {"note": note})
     with cli.replace_file(args.metrics) as path:
         pd.DataFrame(rows, columns=COLUMNS).to_csv(path, index=False)
+
+
+def targets_of(loaded, view, testset, truth):
+    """{test set: (image [h, w, 3], mask of its valid pixels [h, w])} of one view."""
+
+    def read(folder):
+        return scene.read_images(loaded, [view], folder)[0]
+
+    photo = read(loaded.folder / "images")
+    everywhere = np.ones(photo.shape[:2], bool)
+    targets = {"standard": (photo, everywhere)}
+    if testset:
+        folder = pathlib.Path(testset)
+        (valid,) = scene.read_validity(loaded, [view], folder / "flow")
+        (leak_valid,) = scene.read_validity(loaded, [view], folder / "leak_flow")
+        masks = {
+            "warped": valid,
+            "control": everywhere,
+            "placebo": everywhere,
+            "held_out": valid,
+            "aligned": leak_valid,
+            "leak": leak_valid,
+            "leak_held_out": leak_valid,
+        }
+        targets["standard_valid"] = (photo, valid)
+        targets |= {name: (read(folder / name), mask) for name, mask in masks.items()}
+    if truth:
+        targets["oracle"] = (read(pathlib.Path(truth) / "oracle"), everywhere)
+    return targets
 
 
 def load_lpips(path):

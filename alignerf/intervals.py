@@ -25,8 +25,17 @@ def mean_interval(values, *, draws=DRAWS, seed=0):
     n = len(values)
     if n < 2 or not np.isfinite(values).all():
         return np.nan, np.nan
+    return from_draws(values[resamples(n, draws=draws, seed=seed)].mean(axis=1), n)
+
+
+def resamples(n, *, draws=DRAWS, seed=0):
+    """Indices [draws, n] of views drawn with replacement."""
+    return np.random.default_rng(seed).integers(n, size=(draws, n))
+
+
+def from_draws(statistics, n):
+    """Expanded percentile interval (low, high) of a statistic [draws] of n views."""
     student = scipy.special.stdtrit(n - 1, (1 - LEVEL) / 2)
     tail = scipy.special.ndtr(np.sqrt(n / (n - 1)) * student)
-    chosen = np.random.default_rng(seed).integers(n, size=(draws, n))
-    low, high = np.quantile(values[chosen].mean(axis=1), [tail, 1 - tail])
+    low, high = np.quantile(statistics, [tail, 1 - tail])
     return float(low), float(high)

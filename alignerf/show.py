@@ -5,7 +5,13 @@ import pathlib
 
 import pandas as pd
 
-from alignerf import cli
+from alignerf import cli, scores
+
+# Columns of controls.csv that are shown.
+BREAKDOWN = (
+    *("gain", "choice", "resampling", "leak", "remains"),
+    *("held_out", "displaced", "oracle_gain"),
+)
 
 
 def main(argv=None):
@@ -18,19 +24,52 @@ def main(argv=None):
     for path in tables:
         print(f"\n{path.parent.parent.name}")
         print(pivot(pd.read_csv(path)).to_string(na_rep="--"))
+        print("difference to the same model without warping; *: beyond chance (95 %)")
+        controls = path.with_name("controls.csv")
+        if controls.is_file():
+            print("\nof the gain from standard to warped, in dB")
+            print(breakdown(pd.read_csv(controls)).to_string(na_rep="--"))
         print(f"tables   {path}, {path.with_suffix('.tex').name}")
         print(f"figures  {path.parent.parent / 'figures'}/")
 
 
 def pivot(table):
-    """PSNR in dB per method and warping, test sets side by side, and the cost."""
+    """PSNR in dB per method and warping, test sets side by side, and the cost.
+
+    Behind each score its difference to the same model without warping.
+    """
     keys = ["method", "warping"]
-    psnr = table.pivot(index=keys, columns="test_set", values="psnr_db").round(2)
+    texts = [score_text(row) for row in table.itertuples()]
+    shown = table.assign(text=texts)
+    psnr = shown.pivot(index=keys, columns="test_set", values="text")
     costs = table.drop_duplicates(keys).set_index(keys)
     psnr = psnr.reindex(costs.index)[list(dict.fromkeys(table["test_set"]))]
     psnr.columns = [f"{name} dB" for name in psnr.columns]
-    cost = costs[["train_time_s", "data_time_s", "params"]].round(0).astype(int)
+    cost = costs[["train_time_s", "total_time_s", "params"]].round(0).astype(int)
     return psnr.join(cost)
+
+
+def breakdown(controls):
+    """The controls per method and warping: what the gain is made of."""
+    wide = controls.pivot(index=["method", "warping"], columns="quantity", values="db")
+    order = controls.drop_duplicates(["method", "warping"])
+    quantities = [name for name in BREAKDOWN if name in wide]
+    wide = wide.reindex(pd.MultiIndex.from_frame(order[["method", "warping"]]))
+    return wide[quantities].round(2)
+
+
+def score_text(row):
+    """`22.52 +0.65*`: score and difference; a star where its interval holds no 0."""
+    if pd.isna(row.psnr_db):
+        return "--"
+    if pd.isna(row.difference_db) or is_base(row):
+        return f"{row.psnr_db:.2f}" + " " * len(" +0.00*")
+    sure = scores.significant(row.difference_low_db, row.difference_high_db)
+    return f"{row.psnr_db:.2f} {row.difference_db:+.2f}{'*' if sure else ' '}"
+
+
+def is_base(row):
+    return row.method == row.difference_to and row.warping == scores.warping(0)
 
 
 if __name__ == "__main__":

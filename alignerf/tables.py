@@ -2,7 +2,7 @@
 
 Reads one folder per method and round; writes CSV and LaTeX. Costs are those of the
 whole way to a model: all rounds up to its own, and, for staged training, both
-stages.
+stages. Differences are to round 0 of the row's base, paired by test view.
 """
 
 import argparse
@@ -11,10 +11,9 @@ import pathlib
 
 import pandas as pd
 
-from alignerf import cli
+from alignerf import cli, scores
 
 TEST_SETS = ("standard", "warped", "control", "oracle")
-WARPINGS = {0: "none", 1: "once", 2: "twice", 3: "three times"}
 METRICS = {"psnr_db": True, "ssim": True, "lpips_alex": False}  # higher is better
 COLUMNS = (
     "method",
@@ -22,8 +21,13 @@ COLUMNS = (
     "warping",
     "test_set",
     *METRICS,
+    "difference_to",
+    "difference_db",
+    "difference_low_db",
+    "difference_high_db",
     "train_time_s",
     "data_time_s",
+    "total_time_s",
     "params",
     "steps",
     "rays_seen",
@@ -51,26 +55,42 @@ def main(argv=None):
 def rows_of(entry):
     """Rows of one method and round, one per test set that was scored.
 
-    entry: method, field, round, metrics (CSV), trainings and data (lists of timing
-    files of all that it took).
+    entry: method, field, round, metrics (CSV), base and base_metrics (the method
+    whose round 0 it is set against, and that one's CSV), trainings and data (lists
+    of timing files of all that it took).
     """
-    scores = pd.read_csv(entry["metrics"])
+    views = scores.read(entry["metrics"])
+    base = scores.read(entry["base_metrics"])
+    if not views.index.equals(base.index):
+        raise ValueError(f"{entry['metrics']}: not the views of {entry['base']}")
+    costs = costs_of(entry)
+    labels = {"method": entry["method"], "field": entry["field"]}
+    labels["warping"] = scores.warping(entry["round"])
+    for test_set in TEST_SETS:
+        if test_set not in views:
+            continue
+        # A view without a metric leaves the mean empty rather than flatter it.
+        means = {key: views[test_set, key].mean(skipna=False) for key in METRICS}
+        differences_db = views[test_set, "psnr_db"] - base[test_set, "psnr_db"]
+        yield (
+            labels
+            | {"test_set": test_set, "difference_to": entry["base"]}
+            | means
+            | scores.mean_and_interval(differences_db, "difference_")
+            | costs
+        )
+
+
+def costs_of(entry):
+    """What a row took, from the photos on, and how large it is."""
     trainings = [read_json(path) for path in entry["trainings"]]
     costs = {
         key: sum(timing[key] for timing in trainings)
         for key in ("train_time_s", "steps", "rays_seen")
     }
     costs["data_time_s"] = sum(time_of(path) for path in entry["data"])
-    costs["params"] = trainings[-1]["params"]
-    warping = WARPINGS.get(entry["round"], f"{entry['round']} times")
-    for test_set in TEST_SETS:
-        views = scores[scores["test_set"] == test_set]
-        if len(views) == 0:
-            continue
-        # A view without a metric leaves the mean empty rather than flatter it.
-        means = {key: views[key].mean(skipna=False) for key in METRICS}
-        labels = {"method": entry["method"], "field": entry["field"]}
-        yield labels | {"warping": warping, "test_set": test_set} | means | costs
+    costs["total_time_s"] = costs["train_time_s"] + costs["data_time_s"]
+    return costs | {"params": trainings[-1]["params"]}
 
 
 def time_of(path):
@@ -94,20 +114,18 @@ def to_latex(table):
     shown = [key for key in METRICS if table[key].notna().any()]
     sets = [name for name in TEST_SETS if name in set(table["test_set"])]
     costs = table.drop_duplicates(keys).set_index(keys)
-    scores = table.set_index([*keys, "test_set"])[shown].unstack()
-    columns = {
-        (HEADINGS[key], name.replace("_", r"\_")): scores[key, name]
-        for key in shown
-        for name in sets
-    }
+    wide = table.set_index([*keys, "test_set"]).unstack()
+    columns = {(HEADINGS[key], name): wide[key, name] for key in shown for name in sets}
+    columns |= {(DIFFERENCE, name): differences(wide, name) for name in sets}
     columns |= {
         ("Cost", "train (min)"): costs["train_time_s"] / 60,
         ("Cost", "data (min)"): costs["data_time_s"] / 60,
+        ("Cost", "total (min)"): costs["total_time_s"] / 60,
         ("Cost", "params (M)"): costs["params"] / 1e6,
     }
     wide = pd.DataFrame(columns).reindex(costs.index)
     wide.index = pd.MultiIndex.from_tuples(
-        [(method.replace("_", r"\_"), warping) for method, warping in wide.index],
+        [(scores.latex_name(method), warping) for method, warping in wide.index],
         names=("Method", "Warping"),
     )
     style = wide.style.format(precision=3, na_rep="--")
@@ -124,11 +142,25 @@ def to_latex(table):
     tex = style.to_latex(hrules=True, convert_css=True, multicol_align="c")
     return (
         "% \\usepackage{booktabs,multirow} \\usepackage[table]{xcolor}\n"
-        "% Costs are of all rounds and stages that lead to a row.\n"
+        "% Costs are of all rounds and stages that lead to a row. Differences are to\n"
+        "% the same model without warping, paired by view, with 95 % bootstrap\n"
+        "% intervals; bold: the interval does not hold 0.\n"
         f"{left_out}{tex}"
     )
 
 
+def differences(wide, test_set):
+    """The differences on a test set as text, with their intervals; none to itself."""
+    keys = ("difference_db", "difference_low_db", "difference_high_db")
+    own = (wide.index.get_level_values("warping") == scores.warping(0)) & (
+        wide.index.get_level_values("method") == wide["difference_to", test_set]
+    )
+    parts = zip(own, *(wide[key, test_set] for key in keys), strict=True)
+    texts = ["" if base else scores.latex_difference(*part) for base, *part in parts]
+    return pd.Series(texts, index=wide.index)
+
+
+DIFFERENCE = r"PSNR gained (dB)"
 HEADINGS = {
     "psnr_db": r"PSNR (dB) $\uparrow$",
     "ssim": r"SSIM $\uparrow$",

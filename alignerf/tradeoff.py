@@ -13,7 +13,7 @@ import pathlib
 import numpy as np
 import pandas as pd
 
-from alignerf import cli, intervals, tradeoff_figure
+from alignerf import cli, intervals, scores, tradeoff_figure
 
 log = logging.getLogger("alignerf")
 
@@ -67,13 +67,13 @@ def make_table(entries):
     entry: variant, changes (keys and values that differ from the base), and the
     paths metrics (CSV), training and rendering (JSON).
     """
-    scores = {entry["variant"]: read_scores(entry["metrics"]) for entry in entries}
-    base = scores[BASE]
+    read = {entry["variant"]: scores.read(entry["metrics"]) for entry in entries}
+    base = read[BASE]
     # Where the truth is known, the photos are not what a model should show.
     test_set = "oracle" if "oracle" in base else "standard"
     rows = []
     for entry in entries:
-        score = scores[entry["variant"]]
+        score = read[entry["variant"]]
         if not score.index.equals(base.index):
             raise ValueError(f"{entry['metrics']}: not the views of the base")
         rows.append(
@@ -87,15 +87,6 @@ def make_table(entries):
     choices = table["train_time_s"].where(kinds_of(entries) != "seed")
     table["pareto"] = pareto_front(choices, table["psnr_db"])
     return table[list(COLUMNS)]
-
-
-def read_scores(path):
-    """(test set, metric) columns, a row per test view."""
-    try:
-        scores = pd.read_csv(path).pivot(index="view", columns="test_set")
-    except (KeyError, ValueError) as error:
-        raise ValueError(f"{path}: not the scores of views: {error}") from None
-    return scores.swaplevel(axis=1)
 
 
 def costs_of(entry):
@@ -189,11 +180,11 @@ def to_latex(table):
             "Rays (k/s)": table["rays_per_s"] / 1e3,
             "Render (s)": table["render_time_s"],
             r"PSNR (dB) $\uparrow$": [
-                with_interval(row.psnr_db, row.psnr_low_db, row.psnr_high_db)
+                scores.with_interval(row.psnr_db, row.psnr_low_db, row.psnr_high_db)
                 for row in table.itertuples()
             ],
             r"Difference (dB) $\uparrow$": [
-                with_interval(
+                scores.with_interval(
                     row.difference_db,
                     row.difference_low_db,
                     row.difference_high_db,
@@ -218,14 +209,6 @@ def to_latex(table):
         "% Bold: on the Pareto front of training seconds and PSNR. Render: a view.\n"
         f"{tex}"
     )
-
-
-def with_interval(mean, low, high, *, sign=""):
-    """`mean [low, high]` to hundredths; `--` for what is not there."""
-    if np.isnan(mean):
-        return "--"
-    text = f"{mean:{sign}.2f}"
-    return text if np.isnan(low) else f"{text} [{low:{sign}.2f}, {high:{sign}.2f}]"
 
 
 if __name__ == "__main__":

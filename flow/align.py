@@ -16,7 +16,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from flow import displacement, estimate, files, warp
+from flow import displacement, estimate, files, pairs, warp
 
 # Seconds between updates of the bar; a log needs few lines.
 PROGRESS_S = 0.1 if sys.stderr.isatty() else 10.0
@@ -36,11 +36,10 @@ def main(renders, photos, targets, stats_out, *, views=None, **options):
     """Align every view of a folder; returns the rows of the statistics.
 
     renders, photos: folders of <view>.png. targets: {"flow": folder, "warped":
-    folder} and, if asked for, "control". They and the CSV appear together or not at
-    all. views: names, else every render's. options: those of `align_view`. Raises
-    ValueError or OSError.
+    folder}. They and the CSV appear together or not at all. views: names, else every
+    render's. options: those of `align_view`. Raises ValueError or OSError.
     """
-    pairs = find_pairs(Path(renders), Path(photos), views)
+    found = pairs.find_pairs(Path(renders), Path(photos), views)
     rows = []
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
@@ -50,7 +49,7 @@ def main(renders, photos, targets, stats_out, *, views=None, **options):
             folders[kind] = stack.enter_context(files.replacing(target))
             folders[kind].mkdir()
         for view, render_path, photo_path in tqdm(
-            pairs, desc="flow", unit="view", mininterval=PROGRESS_S
+            found, desc="flow", unit="view", mininterval=PROGRESS_S
         ):
             started = time.perf_counter()
             render, photo = files.read_image(render_path), files.read_image(photo_path)
@@ -61,60 +60,19 @@ def main(renders, photos, targets, stats_out, *, views=None, **options):
 
 
 def align_view(view, render, photo, folders, *, kernel="lanczos", **options):
-    """Write one view's flow, warped photo and control; returns its statistics.
+    """Write one view's flow and warped photo; returns its statistics.
 
-    options: those of `flow_and_validity`.
+    options: those of `pairs.flow_and_validity`.
     """
     try:
-        flow_px, valid, sigma_px = flow_and_validity(render, photo, **options)
+        flow_px, valid, sigma_px = pairs.flow_and_validity(render, photo, **options)
     except ValueError as error:
         raise ValueError(f"view {view}: {error}") from error
     row = displacement.statistics(flow_px, valid, view=view)
     files.write_flow(folders["flow"] / f"{view}.npz", flow_px, valid)
     warped = warp.warp(photo, flow_px, kernel=kernel)
     files.write_image(folders["warped"] / f"{view}.png", warped)
-    if "control" in folders:
-        control = warp.round_trip(photo, flow_px, kernel=kernel)
-        files.write_image(folders["control"] / f"{view}.png", control)
     return {"view": view, **row, "blur_sigma_px": sigma_px}
-
-
-def flow_and_validity(
-    render, photo, *, method=estimate.DEFAULT, match_blur=True, tolerance_px=1.0
-):
-    """(flow_px [h, w, 2], valid [h, w], sigma_px of the photo's blur before the flow).
-
-    Valid: in frame, where the flow and that from photo to render agree to
-    tolerance_px.
-    """
-    sigma_px = 0.0
-    if match_blur:
-        photo, sigma_px = estimate.blur_match(photo, render, method=method)
-    forward_px = estimate.estimate(render, photo, method=method)
-    backward_px = estimate.estimate(photo, render, method=method)
-    valid = warp.consistent(forward_px, backward_px, tolerance_px=tolerance_px)
-    return forward_px, valid, sigma_px
-
-
-def find_pairs(renders, photos, views=None):
-    """[(view, render's path, photo's path)], in the order of names.
-
-    Raises ValueError naming the first file that is missing.
-    """
-    for folder in (renders, photos):
-        if not folder.is_dir():
-            raise ValueError(f"{folder}: no such folder")
-    if views is None:
-        views = sorted(path.stem for path in renders.glob("*.png"))
-    if not views:
-        raise ValueError(f"{renders}: no renders (*.png) to align")
-    pairs = [(v, renders / f"{v}.png", photos / f"{v}.png") for v in views]
-    for view, render_path, photo_path in pairs:
-        if not render_path.is_file():
-            raise ValueError(f"{render_path}: no render for view {view}")
-        if not photo_path.is_file():
-            raise ValueError(f"{photo_path}: no photo for render {render_path}")
-    return pairs
 
 
 def read_views(path, split):
@@ -141,7 +99,6 @@ def parse(arguments=None):
     parser = argparse.ArgumentParser(prog="flow.align", description=__doc__)
     for name in ("renders", "photos", "flow-out", "warped-out", "stats-out"):
         parser.add_argument(f"--{name}", type=Path, required=True)
-    parser.add_argument("--control-out", type=Path, help="resample-only controls")
     parser.add_argument("--method", choices=estimate.METHODS, default=estimate.DEFAULT)
     parser.add_argument(
         "--match-blur",
@@ -163,10 +120,7 @@ def run(arguments=None):
     """The command line; returns its exit code."""
     options = vars(parse(arguments))
     views_file, split = options.pop("views_file"), options.pop("split")
-    targets = {
-        kind: options.pop(f"{kind}_out") for kind in ("flow", "warped", "control")
-    }
-    targets = {kind: path for kind, path in targets.items() if path is not None}
+    targets = {kind: options.pop(f"{kind}_out") for kind in ("flow", "warped")}
     try:
         views = None if views_file is None else read_views(views_file, split)
         main(targets=targets, views=views, **options)

@@ -92,6 +92,19 @@ def consistent(forward_px, backward_px, *, tolerance_px):
     return (miss_px <= tolerance_px) & in_frame(forward_px)
 
 
+def compose(first_px, second_px):
+    """One flow [h, w, 2] for a warp by second_px whose result is warped by first_px.
+
+    first(x) + second(x + first(x)), bilinear between pixels.
+    """
+    check_flow(first_px, "first flow")
+    check_flow(second_px, "second flow")
+    if first_px.shape != second_px.shape:
+        raise ValueError("first and second flow differ in size")
+    second_px = np.asarray(second_px, dtype=np.float32)
+    return first_px + _sample(second_px, _positions(first_px), "bilinear")
+
+
 def invert(flow_px, *, kernel="lanczos", iterations=30, tolerance_px=ROUND_TRIP_PX):
     """Inverse [h, w, 2] of a flow, and the mask [h, w] where it is one.
 

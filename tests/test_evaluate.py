@@ -84,6 +84,12 @@ def test_valid_at_the_border_only_leaves_ssim_empty(pair):
     assert "ssim: no valid pixel away from the border" in row["note"]
 
 
+WARPED = (
+    *("warped", "control", "placebo", "held_out"),
+    *("aligned", "leak", "leak_held_out"),
+)
+
+
 @pytest.fixture
 def folder(tmp_path, rng):
     """A scene of four views with a warped test set; two are test views."""
@@ -100,12 +106,15 @@ def folder(tmp_path, rng):
         split=["test", "train", "test", "train"],
     )
     for view in ("a", "c"):
-        for kind in ("images", "renders", "testset/warped", "testset/control"):
+        for kind in ("images", "renders", *(f"testset/{name}" for name in WARPED)):
             image = rng.integers(0, 256, (*SIZE, 3), dtype=np.uint8)
             files.write_image(tmp_path / kind / f"{view}.png", image)
-        valid = rng.uniform(size=SIZE) < 0.7
-        flow_px = np.zeros((*SIZE, 2), np.float32)
-        files.write_flow(tmp_path / "testset/flow" / f"{view}.npz", flow_px, valid)
+        for name in ("flow", "leak_flow"):
+            valid = rng.uniform(size=SIZE) < 0.7
+            flow_px = np.zeros((*SIZE, 2), np.float32)
+            files.write_flow(
+                tmp_path / "testset" / name / f"{view}.npz", flow_px, valid
+            )
     return tmp_path
 
 
@@ -121,12 +130,21 @@ def test_each_test_set_is_scored_against_its_own_images(folder):
     assert list(found.index.unique("view")) == ["a", "c"]
     for view in ("a", "c"):
         render = files.read_image(folder / "renders" / f"{view}.png")
-        _, valid = files.read_flow(folder / "testset" / "flow" / f"{view}.npz")
+        valid, leak_valid = (
+            files.read_flow(folder / "testset" / name / f"{view}.npz")[1]
+            for name in ("flow", "leak_flow")
+        )
+        assert (valid != leak_valid).any()
         for test_set, (kind, mask) in {
             "standard": ("images", EVERYWHERE),
             "standard_valid": ("images", valid),
             "warped": ("testset/warped", valid),
             "control": ("testset/control", EVERYWHERE),
+            "placebo": ("testset/placebo", EVERYWHERE),
+            "held_out": ("testset/held_out", valid),
+            "aligned": ("testset/aligned", leak_valid),
+            "leak": ("testset/leak", leak_valid),
+            "leak_held_out": ("testset/leak_held_out", leak_valid),
         }.items():
             target = files.read_image(folder / kind / f"{view}.png")
             row = found.loc[view, test_set]
@@ -165,6 +183,8 @@ def test_without_a_warped_test_set_the_rest_is_scored(folder):
         ("renders/c.png", "renders/c.png"),
         ("testset/flow/a.npz", "flow/a.npz"),
         ("testset/control/a.png", "control/a.png"),
+        ("testset/held_out/c.png", "held_out/c.png"),
+        ("testset/leak_flow/c.npz", "leak_flow/c.npz"),
     ],
 )
 def test_what_is_missing_is_named_and_nothing_written(folder, path, reason):

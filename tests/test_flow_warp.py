@@ -44,6 +44,26 @@ def test_whole_pixels_are_plain_indexing(kernel):
         )
 
 
+def test_two_warps_in_one():
+    # The first warp reads 3 px to the right, where the second reads 2 px further down.
+    first, second = constant(40, 50, 3, 0), np.zeros((40, 50, 2), np.float32)
+    second[:, 20:] = [0, 2]
+    together = warp.compose(first, second)
+    np.testing.assert_array_equal(together[:, :17], constant(40, 17, 3, 0))
+    np.testing.assert_array_equal(together[:, 17:], constant(40, 33, 3, 2))
+    image = noise(40, 50)
+    np.testing.assert_array_equal(
+        warp.warp(image, together), warp.warp(warp.warp(image, second), first)
+    )
+    for longest_px in (0.5, 3.0):
+        flow_px = smooth_flow(60, 80, longest_px)
+        inverse_px, valid = warp.invert(flow_px)
+        left_px = np.linalg.norm(warp.compose(inverse_px, flow_px), axis=-1)
+        assert left_px[valid].max() < 0.1
+    with pytest.raises(ValueError, match="differ in size"):
+        warp.compose(first, first[:-1])
+
+
 def test_x_comes_first():
     # Brightness grows to the right only: taking it 5 px to the right is brighter.
     ramp = np.broadcast_to(

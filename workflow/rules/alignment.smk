@@ -27,14 +27,11 @@ rule align:
 # The warped test set: made once, by the reference model, for all methods.
 rule testset:
     input:
-        renders=lambda w: "{}/renders/test".format(
-            trained(w.scene, config["reference"]["method"], reference_round(w.scene))
-        ),
+        renders=reference_renders,
         photos="results/{scene}/images",
     output:
         flow=directory("results/{scene}/testset/flow"),
         warped=directory("results/{scene}/testset/warped"),
-        control=directory("results/{scene}/testset/control"),
         stats="results/{scene}/testset/displacement.csv",
     log:
         "results/{scene}/testset/logs/align.log",
@@ -48,8 +45,34 @@ rule testset:
     shell:
         "python -m flow.align {params.flow:q} --renders {input.renders:q}"
         " --photos {input.photos:q} --flow-out {output.flow:q}"
-        " --warped-out {output.warped:q} --control-out {output.control:q}"
-        " --stats-out {output.stats:q} 2>&1 | tee {log:q}"
+        " --warped-out {output.warped:q} --stats-out {output.stats:q}"
+        " 2>&1 | tee {log:q}"
+
+
+# Beside it, what of its gain is not alignment.
+rule control_sets:
+    input:
+        unpack(truth_of),
+        renders=reference_renders,
+        photos="results/{scene}/images",
+        flow="results/{scene}/testset/flow",
+    output:
+        [directory(f"results/{{scene}}/testset/{name}") for name in CONTROL_SETS],
+        lengths="results/{scene}/testset/leak.csv",
+    log:
+        "results/{scene}/testset/logs/control_sets.log",
+    benchmark:
+        "results/{scene}/testset/logs/control_sets.tsv"
+    conda:
+        "../../environment.yml"
+    params:
+        flow=flow_options(),
+        truth=lambda w, input: option("truth", input.get("truth")),
+        sources=sources_of("flow.control_sets"),
+    shell:
+        "python -m flow.control_sets {params.flow:q} --renders {input.renders:q}"
+        " --photos {input.photos:q} --flow {input.flow:q} {params.truth:q}"
+        " --out results/{wildcards.scene:q}/testset 2>&1 | tee {log:q}"
 
 
 # With `rounds: auto`: whether another round follows, and why.

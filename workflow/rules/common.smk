@@ -253,9 +253,38 @@ def medians_of_rounds(w):
     return found
 
 
+def reference_renders(w):
+    """Renders of the test views by the model that makes the warped test set."""
+    folder = trained(w.scene, config["reference"]["method"], reference_round(w.scene))
+    return f"{folder}/renders/test"
+
+
+# Folders of flow.control_sets beside the warped test set.
+CONTROL_SETS = (
+    *("control", "placebo", "held_out"),
+    *("aligned", "leak", "leak_flow", "leak_held_out"),
+)
+
+
 def truth_of(w):
     """The oracle's folder, where the scene's truth is known."""
     return {"truth": f"results/{w.scene}/truth"} if w.scene in with_truth() else {}
+
+
+def base_of(method):
+    """Whose round 0 a method is set against: its own, if it trains from scratch.
+
+    With a warm start, that of the method that it starts from; of a staged method, the
+    plain one's of its model, or its own where none has the model.
+    """
+    if method in warm():
+        return config["methods"][method]["warm_start"]["from"]
+    if method in plain():
+        return method
+    model = config["methods"][method]["model"]
+    scratch = [name for name in plain() if name not in warm()]
+    same = [name for name in scratch if config["methods"][name]["model"] == model]
+    return same[0] if same else method
 
 
 def table_rows(scene):
@@ -266,6 +295,8 @@ def table_rows(scene):
             "field": field_name(method),
             "round": round,
             "metrics": f"{trained(scene, method, round)}/metrics.csv",
+            "base": base_of(method),
+            "base_metrics": f"{trained(scene, base_of(method), 0)}/metrics.csv",
             "trainings": trainings_of(scene, method, round),
             "data": data_of(scene, method, round),
         }
@@ -275,7 +306,9 @@ def table_rows(scene):
 
 def table_inputs(w):
     rows = table_rows(w.scene)
-    files = [[r["metrics"], *r["trainings"], *r["data"]] for r in rows]
+    files = [
+        [r["metrics"], r["base_metrics"], *r["trainings"], *r["data"]] for r in rows
+    ]
     return sorted({path for row in files for path in row})
 
 
@@ -305,6 +338,16 @@ def time_inputs(w):
     keys = ("training", "rendering", "alignment")
     files = [row[key] for row in rows for key in keys if key in row]
     return sorted({*files, *(path for row in rows for path in row["walls"].values())})
+
+
+def score_rows(scene):
+    """Method, round and metrics of every row."""
+    keys = ("method", "round", "metrics")
+    return [{key: row[key] for key in keys} for row in table_rows(scene)]
+
+
+def score_inputs(w):
+    return [row["metrics"] for row in score_rows(w.scene)]
 
 
 def figure_rounds(scene):
@@ -363,6 +406,14 @@ def sweep_inputs(w):
     return [row[key] for row in sweep_rows() for key in keys]
 
 
+def ranking_tables(scene):
+    """Where the truth is known, whether other test sets rank as it does."""
+    known = scene in with_truth()
+    return [
+        f"results/{scene}/tables/ranking.{kind}" for kind in ("csv", "tex") if known
+    ]
+
+
 def scene_targets(scene):
     """What `snakemake SCENE` makes."""
     folder = f"results/{scene}"
@@ -371,6 +422,9 @@ def scene_targets(scene):
         f"{folder}/tables/misalignment.csv",
         f"{folder}/tables/misalignment.tex",
         f"{folder}/tables/round_times.csv",
+        f"{folder}/tables/controls.csv",
+        f"{folder}/tables/controls.tex",
+        *ranking_tables(scene),
         f"{folder}/figures/flow.png",
         f"{folder}/figures/rounds.png",
     ]

@@ -157,6 +157,7 @@ RULES = {
     *("all", "poses", "poses_courtyard", "facts", "train", "pretrain", "finetune"),
     *("render_views", "align", "testset", "evaluate", "misalignment_table", "figures"),
     *("train_warm", "decide", "round_times"),
+    *("control_sets", "controls_table", "ranking_table"),
     *("tradeoff", "shrink", "train_variant", "render_variant", "evaluate_variant"),
 }
 FILES = {

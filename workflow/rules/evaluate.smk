@@ -7,7 +7,7 @@ rule evaluate:
         cameras="results/{scene}/cameras.npz",
         flow="results/{scene}/testset/flow",
         warped="results/{scene}/testset/warped",
-        control="results/{scene}/testset/control",
+        controls=[f"results/{{scene}}/testset/{name}" for name in CONTROL_SETS],
         weights=config["lpips_alex"] or [],
     output:
         "results/{scene}/{method}/round{round}/metrics.csv",

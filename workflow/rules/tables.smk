@@ -40,6 +40,55 @@ rule round_times:
         sources=sources_of("alignerf.round_times"),
     shell:
         "python -m alignerf.round_times --rows {params.rows:q} --csv {output.csv:q}"
+
+
+# How much of the warped test set's gain is alignment.
+rule controls_table:
+    input:
+        score_inputs,
+    output:
+        csv=report(
+            "results/{scene}/tables/controls.csv",
+            caption="../report/controls.rst",
+            category="{scene}",
+        ),
+        tex="results/{scene}/tables/controls.tex",
+    log:
+        "results/{scene}/logs/controls_table.log",
+    benchmark:
+        "results/{scene}/logs/controls_table.tsv"
+    conda:
+        "../../environment.yml"
+    params:
+        rows=lambda w: as_json(score_rows(w.scene)),
+        sources=sources_of("alignerf.controls_table"),
+    shell:
+        "python -m alignerf.controls_table --rows {params.rows:q} --csv {output.csv:q}"
+        " --tex {output.tex:q} 2>&1 | tee {log:q}"
+
+
+# Whether the other test sets rank methods as the oracle does.
+rule ranking_table:
+    input:
+        score_inputs,
+    output:
+        csv=report(
+            "results/{scene}/tables/ranking.csv",
+            caption="../report/ranking.rst",
+            category="{scene}",
+        ),
+        tex="results/{scene}/tables/ranking.tex",
+    log:
+        "results/{scene}/logs/ranking_table.log",
+    benchmark:
+        "results/{scene}/logs/ranking_table.tsv"
+    conda:
+        "../../environment.yml"
+    params:
+        rows=lambda w: as_json(score_rows(w.scene)),
+        sources=sources_of("alignerf.ranking_table"),
+    shell:
+        "python -m alignerf.ranking_table --rows {params.rows:q} --csv {output.csv:q}"
         " --tex {output.tex:q} 2>&1 | tee {log:q}"
 
 

@@ -1,0 +1,156 @@
+"""Write the control sets of a warped test set: what of its gain is not alignment.
+
+Beside the warped photos, for each view:
+
+control        the photo warped by the flow and back: only interpolation acts
+placebo        the photo warped by a random smooth flow of at most half a pixel
+held_out       the photo warped by a flow that has not seen the pixel it warps
+aligned        an image that belongs where the render is: the oracle, or a copy of
+               the render made as sharp and as different as the photo
+leak           that image warped by the flow invented between it and the render
+leak_held_out  that image warped by a held-out flow: what is displaced in truth
+
+leak_flow holds the invented flow, and leak.csv its lengths.
+
+    python -m flow.control_sets --renders DIR --photos DIR --flow DIR --out DIR
+        [--truth DIR]
+"""
+
+import argparse
+import csv
+import functools
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from flow import controls, displacement, estimate, files, pairs, warp
+
+IMAGES = ("control", "placebo", "held_out", "aligned", "leak", "leak_held_out")
+COLUMNS = (
+    "view",
+    "aligned",
+    "median_px",
+    "mean_px",
+    "p95_px",
+    "valid_share",
+    "blur_sigma_px",
+    "time_s",
+)
+
+
+def main(renders, photos, flow, out, *, truth=None, **options):
+    """Write all control sets into the folder `out`; returns the rows of leak.csv.
+
+    renders, photos: folders of <view>.png; flow: of <view>.npz, as the warped set
+    has it; truth: a folder whose `oracle` holds an aligned image for each view.
+    options: those of `write_view`. Sets appear together or not at all. Raises
+    ValueError or OSError.
+    """
+    found = pairs.find_pairs(Path(renders), Path(photos))
+    rows = []
+    with ExitStack() as stack:
+        # Entered first, so in place last: the CSV says that the folders are whole.
+        table = stack.enter_context(files.replacing(Path(out) / "leak.csv"))
+        folders = {}
+        for kind in (*IMAGES, "leak_flow"):
+            folders[kind] = stack.enter_context(files.replacing(Path(out) / kind))
+            folders[kind].mkdir()
+        for view, *paths in found:
+            started = time.perf_counter()
+            render, photo = map(files.read_image, paths)
+            flow_px, _ = files.read_flow(Path(flow) / f"{view}.npz")
+            oracle = None
+            if truth is not None:
+                oracle = files.read_image(Path(truth) / "oracle" / f"{view}.png")
+            try:
+                row = write_view(
+                    view, render, photo, flow_px, folders, oracle=oracle, **options
+                )
+            except ValueError as error:
+                raise ValueError(f"view {view}: {error}") from error
+            rows.append(row | {"time_s": round(time.perf_counter() - started, 4)})
+        with open(table, "w", newline="") as file:
+            writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+    return rows
+
+
+def write_view(
+    view, render, photo, flow_px, folders, *, oracle=None, kernel="lanczos", **options
+):
+    """Write one view's control sets; returns the statistics of the invented flow.
+
+    options: method, match_blur and tolerance_px of `pairs.flow_and_validity`.
+    """
+    placebo_px = controls.placebo_flow(*render.shape[:2], view=view)
+    held_out_px = held_out_flow(render, photo, **options)
+    aligned = oracle
+    if aligned is None:
+        aligned = controls.resharpened(render, photo, held_out_px)
+    leak_px, valid, sigma_px = pairs.flow_and_validity(render, aligned, **options)
+    warped = functools.partial(warp.warp, kernel=kernel)
+    images = {
+        "control": warp.round_trip(photo, flow_px, kernel=kernel),
+        "placebo": warped(photo, placebo_px),
+        "held_out": warped(photo, held_out_px),
+        "aligned": aligned,
+        "leak": warped(aligned, leak_px),
+        "leak_held_out": warped(aligned, held_out_flow(render, aligned, **options)),
+    }
+    for kind, image in images.items():
+        files.write_image(folders[kind] / f"{view}.png", image)
+    files.write_flow(folders["leak_flow"] / f"{view}.npz", leak_px, valid)
+    return {
+        "view": view,
+        "aligned": "resharpened" if oracle is None else "oracle",
+        **displacement.statistics(leak_px, valid, view=view),
+        "blur_sigma_px": sigma_px,
+    }
+
+
+def held_out_flow(
+    render, photo, *, method=estimate.DEFAULT, match_blur=True, tolerance_px=None
+):
+    """`controls.held_out_flow` with the estimator and blur that the warped set has.
+
+    One blur for the whole image: it is a single number, and says nothing of a pixel.
+    """
+    if match_blur:
+        photo, _ = estimate.blur_match(photo, render, method=method)
+    flow_of = functools.partial(estimate.estimate, method=method)
+    return controls.held_out_flow(render, photo, flow_of=flow_of)
+
+
+def parse(arguments=None):
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(
+        prog="flow.control_sets",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    for name in ("renders", "photos", "flow", "out"):
+        parser.add_argument(f"--{name}", type=Path, required=True)
+    parser.add_argument("--truth", type=Path, help="folder with the oracle's images")
+    parser.add_argument("--method", choices=estimate.METHODS, default=estimate.DEFAULT)
+    parser.add_argument(
+        "--match-blur", action=argparse.BooleanOptionalAction, default=True
+    )
+    parser.add_argument("--kernel", choices=warp.KERNELS, default="lanczos")
+    parser.add_argument("--tolerance-px", type=float, default=1.0)
+    return parser.parse_args(arguments)
+
+
+def run(arguments=None):
+    """The command line; returns its exit code."""
+    try:
+        main(**vars(parse(arguments)))
+    except (ValueError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run())
