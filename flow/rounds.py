@@ -1,11 +1,13 @@
 """Whether another warping round is worth its training: `python -m flow.rounds`.
 
-A round brings the renders nearer to the photos: the median flow of the training views
-falls. Where it no longer does, there is nothing left that warping could align.
+What remains after a round is the flow from its renders to the photos that it learnt
+from: those were warped by the flow of the round before, so it is the difference of
+the two flows (of round 0, the flow itself). Where its median no longer falls, another
+round would repeat this one. The flow to the photos as taken cannot tell: sharper
+renders show more of a misalignment that stays, and that flow grows.
 """
 
 import argparse
-import csv
 import json
 import sys
 from pathlib import Path
@@ -14,60 +16,76 @@ import numpy as np
 
 from flow import files
 
-# Falls by less are within what a training's random numbers change.
-LEAST_FALL = 0.02
+# A smaller share is within what a training's random numbers change.
+LEAST_FALL = 0.1
 
 
-def decide(before_px, after_px, *, least_fall=LEAST_FALL):
-    """(whether to go on, why): by the views' median flows of two rounds.
+def remaining_px(flow, before=None):
+    """Mean over views of the median length of what remains, in pixels.
 
-    before_px, after_px: [n] of the same views, None for no round before. The mean
-    over the views must fall by a share of at least `least_fall`.
+    flow, before: folders of <view>.npz of one round and the one before. Pixels count
+    where both are valid. Raises ValueError naming a file.
     """
-    after = float(np.mean(after_px))
+    paths = sorted(Path(flow).glob("*.npz"))
+    if not paths:
+        raise ValueError(f"{flow}: no flow (*.npz)")
+    medians = []
+    for path in paths:
+        flow_px, valid = files.read_flow(path)
+        if before is not None:
+            other = Path(before) / path.name
+            before_px, before_valid = files.read_flow(other)
+            if before_px.shape != flow_px.shape:
+                raise ValueError(f"{other}: another size than {path}")
+            flow_px, valid = flow_px - before_px, valid & before_valid
+        if not valid.any():
+            raise ValueError(f"{path}: no valid pixel, so nothing is known to remain")
+        medians.append(np.median(np.linalg.norm(flow_px[valid], axis=-1)))
+    return float(np.mean(medians))
+
+
+def decide(now_px, before_px=None, *, least_fall=LEAST_FALL):
+    """(whether to go on, why) by what remains after this round and the one before."""
     if before_px is None:
-        return after > 0, f"median flow {after:.3f} px without warping"
-    before = float(np.mean(before_px))
-    fall = (before - after) / before if before > 0 else 0.0
-    change = f"median flow {before:.3f} -> {after:.3f} px ({-fall:+.1%})"
+        return now_px > 0, f"{now_px:.3f} px remain without warping"
+    fall = (before_px - now_px) / before_px if before_px > 0 else 0.0
     goes_on = fall >= least_fall
-    return (
-        goes_on,
-        f"{change}: a fall of {least_fall:.0%} is {'' if goes_on else 'not '}reached",
+    found = "" if goes_on else "not "
+    return goes_on, (
+        f"{now_px:.3f} px remain, {before_px:.3f} px before: "
+        f"the least fall of {least_fall:.0%} is {found}reached"
     )
 
 
-def read_medians(path):
-    """{view: median flow in px} of a CSV of `flow.align`."""
+def read_decision(path):
+    """remaining_px of an earlier decision."""
     try:
-        with open(path, newline="") as file:
-            found = {r["view"]: float(r["median_px"]) for r in csv.DictReader(file)}
+        return float(json.loads(Path(path).read_text())["remaining_px"])
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: no columns view and median_px ({error})") from None
-    if not found or not np.isfinite(list(found.values())).all():
-        raise ValueError(f"{path}: no finite median_px in every view")
-    return found
+        raise ValueError(f"{path}: not a decision of flow.rounds ({error})") from None
 
 
-def main(after, before, out):
-    """Write the decision as JSON: go_on, reason. Raises ValueError or OSError."""
-    now = read_medians(after)
-    then = before and read_medians(before)
-    if then and then.keys() != now.keys():
-        raise ValueError(f"{after}: its views are not those of {before}")
-    goes_on, reason = decide(then and [then[view] for view in now], list(now.values()))
+def main(flow, out, *, before_flow=None, before=None):
+    """Write {go_on, reason, remaining_px} as JSON. Raises ValueError or OSError."""
+    now_px = remaining_px(flow, before_flow)
+    goes_on, reason = decide(now_px, before and read_decision(before))
+    found = {"go_on": goes_on, "reason": reason, "remaining_px": now_px}
     with files.replacing(out) as path:
-        path.write_text(json.dumps({"go_on": goes_on, "reason": reason}) + "\n")
+        path.write_text(json.dumps(found) + "\n")
 
 
 def run(arguments=None):
     """The command line; returns its exit code."""
     parser = argparse.ArgumentParser(prog="flow.rounds", description=__doc__)
-    parser.add_argument("--after", type=Path, required=True, help="CSV of this round")
-    parser.add_argument("--before", type=Path, help="CSV of the round before")
+    parser.add_argument("--flow", type=Path, required=True, help="of this round")
+    parser.add_argument("--before-flow", type=Path, help="of the round before")
+    parser.add_argument("--before", type=Path, help="that one's decision")
     parser.add_argument("--out", type=Path, required=True, help="JSON, written")
+    options = parser.parse_args(arguments)
+    if (options.before is None) != (options.before_flow is None):
+        parser.error("--before and --before-flow go together")
     try:
-        main(**vars(parser.parse_args(arguments)))
+        main(**vars(options))
     except (ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

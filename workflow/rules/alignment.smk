@@ -78,7 +78,7 @@ rule control_sets:
 # With `rounds: auto`: whether another round follows, and why.
 checkpoint decide:
     input:
-        unpack(medians_of_rounds),
+        unpack(flows_of_rounds),
     output:
         "results/{scene}/{method}/round{round}/decision.json",
     log:
@@ -88,8 +88,9 @@ checkpoint decide:
     conda:
         "../../environment.yml"
     params:
+        before_flow=lambda w, input: option("before-flow", input.get("before_flow")),
         before=lambda w, input: option("before", input.get("before")),
         sources=sources_of("flow.rounds"),
     shell:
-        "python -m flow.rounds --after {input.after:q} {params.before:q}"
-        " --out {output:q} 2>&1 | tee {log:q}"
+        "python -m flow.rounds --flow {input.flow:q} {params.before_flow:q}"
+        " {params.before:q} --out {output:q} 2>&1 | tee {log:q}"

@@ -244,12 +244,14 @@ def photos_of_round(w):
     return {"photos": f"{before}/warped/train", "valid": f"{before}/flow/train"}
 
 
-def medians_of_rounds(w):
-    """The misalignment of the training views after a round, and after that before."""
-    path, k = "displacement_train.csv", int(w.round)
-    found = {"after": f"{trained(w.scene, w.method, k)}/{path}"}
+def flows_of_rounds(w):
+    """The training views' flow after a round, and that of the round before."""
+    k, flow = int(w.round), "flow/train"
+    found = {"flow": f"{trained(w.scene, w.method, k)}/{flow}"}
     if k > 0:
-        found["before"] = f"{trained(w.scene, w.method, k - 1)}/{path}"
+        found["before_flow"] = f"{trained(w.scene, w.method, k - 1)}/{flow}"
+        # The decision is the method's own, also where it starts from another's round.
+        found["before"] = f"results/{w.scene}/{w.method}/round{k - 1}/decision.json"
     return found
 
 
