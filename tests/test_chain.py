@@ -17,7 +17,12 @@ WIDTH, HEIGHT, VIEWS, EVERY = 48, 36, 10, 4
 TEST_VIEWS = [f"view_{i:03d}" for i in range(0, VIEWS, EVERY)]
 HEADER = (
     "method,field,warping,test_set,psnr_db,ssim,lpips_alex,"
-    "train_time_s,data_time_s,params,steps,rays_seen"
+    "difference_to,difference_db,difference_low_db,difference_high_db,"
+    "train_time_s,data_time_s,total_time_s,params,steps,rays_seen"
+)
+CONTROLS = (
+    *("control", "placebo", "held_out"),
+    *("aligned", "leak", "leak_held_out"),
 )
 # Share of patches x patch_px^2 = 2 x batch_rays: the shares .6 and .2 of the steps
 # then see as many rays as the baseline.
@@ -115,6 +120,14 @@ def check_table(scene):
         assert row["lpips_alex"] == ""
         assert float(row["train_time_s"]) > 0
         assert (float(row["data_time_s"]) > 0) == (row["warping"] == "once")
+        base = {"alignerf": "mipnerf360"}.get(row["method"], row["method"])
+        assert row["difference_to"] == base
+        keys = ("difference_low_db", "difference_db", "difference_high_db")
+        low, difference, high = (float(row[key]) for key in keys)
+        if (row["method"], row["warping"]) == (base, "none"):
+            assert low == difference == high == 0
+        else:
+            assert low < difference < high
     by_line = {(row["method"], row["warping"]): row for row in table}
     plain, warped = by_line["mipnerf360", "none"], by_line["mipnerf360", "once"]
     staged, large = by_line["alignerf", "none"], by_line["mipnerf360_large", "none"]
@@ -128,14 +141,15 @@ def check_table(scene):
 def check_metrics(scene):
     for path in scene.glob("*/round*/metrics.csv"):
         rows = read_csv(path)
-        sets = ["standard", "standard_valid", "warped", "control", "oracle"]
+        sets = ["standard", "standard_valid", "warped", *CONTROLS, "oracle"]
         wanted = [(view, test_set) for view in TEST_VIEWS for test_set in sets]
         assert [(row["view"], row["test_set"]) for row in rows] == wanted
         for row in rows:
             assert row["lpips_alex"] == ""
             assert "lpips_alex: no weights given" in row["note"]
-            masked = row["test_set"] in ("standard_valid", "warped")
-            assert masked == (float(row["valid_share"]) < 1)
+            whole = row["test_set"] in ("standard", "control", "placebo", "oracle")
+            assert float(row["valid_share"]) <= 1
+            assert not whole or float(row["valid_share"]) == 1
 
 
 def check_latex(scene, folder):
@@ -179,8 +193,34 @@ def check_warped_photos(scene):
             np.testing.assert_array_equal(
                 files.read_image(warped), warp.warp(photo, flow_px)
             )
-    controls = {path.name for path in (scene / "testset/control").glob("*.png")}
-    assert controls == {f"{view}.png" for view in TEST_VIEWS}
+    for name in CONTROLS:
+        images = {path.name for path in (scene / "testset" / name).glob("*.png")}
+        assert images == {f"{view}.png" for view in TEST_VIEWS}
+
+
+def check_controls(scene):
+    """The gain and its parts, row by row, and what the oracle says of the ranking."""
+    table = read_csv(scene / "tables" / "controls.csv")
+    lines = list(dict.fromkeys((row["method"], row["warping"]) for row in table))
+    assert len(lines) == 5
+    for line in lines:
+        rows = [row for row in table if (row["method"], row["warping"]) == line]
+        db = {row["quantity"]: float(row["db"]) for row in rows}
+        parts = sum(db[key] for key in ("choice", "resampling", "leak", "remains"))
+        assert db["gain"] == pytest.approx(parts, abs=1e-4)
+        assert db["oracle_gain"] == pytest.approx(
+            db["oracle"] - db["standard"], abs=1e-4
+        )
+    ranking = read_csv(scene / "tables" / "ranking.csv")
+    sets = ["standard", "warped", "held_out", "control"]
+    assert [row["test_set"] for row in ranking] == sets
+    for row in ranking:
+        low, tau, high = (float(row[key]) for key in ("tau_low", "tau", "tau_high"))
+        assert -1 <= low <= tau <= high <= 1
+        assert (row["rows"], row["views"]) == ("5", str(len(TEST_VIEWS)))
+    leak = read_csv(scene / "testset" / "leak.csv")
+    assert [row["view"] for row in leak] == TEST_VIEWS
+    assert {row["aligned"] for row in leak} == {"oracle"}
 
 
 def shapes(folder):
@@ -237,6 +277,8 @@ def check_reruns(plan, root, config):
         (root / "alignerf/lpips.py", "\n", "\n\n", {"evaluate"}),
         (root / "alignerf/frequency_loss.py", "\n", "\n\n", trainings),
         (root / "flow/__init__.py", "\n", "\n\n", {"align"}),
+        (root / "flow/controls.py", "\n", "\n\n", {"control_sets"}),
+        (root / "alignerf/ranking_table.py", "\n", "\n\n", {"ranking_table"}),
         (config, "features: 4", "features: 5", {"finetune"}),
         (config, "tolerance_px: 4.0", "tolerance_px: 2.0", {"align"}),
         (config, "base, rounds: 1", "base, rounds: 0", {"misalignment_table"}),
@@ -283,6 +325,8 @@ def test_the_whole_chain(tmp_path, root, snakemake, subtests):
         check_figures(scene)
     with subtests.test("warped photos"):
         check_warped_photos(scene)
+    with subtests.test("controls"):
+        check_controls(scene)
     with subtests.test("tradeoff"):
         check_tradeoff(tmp_path / "results")
     with subtests.test("logs"):

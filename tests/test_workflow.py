@@ -47,6 +47,11 @@ def expected_jobs(config):
         "finetune": scenes * len(staged),
         "evaluate": scenes * (sum(rounds + 1 for rounds in plain) + len(staged)),
         "testset": scenes,
+        "control_sets": scenes,
+        "controls_table": scenes,
+        "ranking_table": sum(
+            scene["source"] == "courtyard" for scene in config["scenes"].values()
+        ),
         "facts": scenes,
         "misalignment_table": scenes,
         "figures": scenes,
