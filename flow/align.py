@@ -16,7 +16,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from flow import displacement, estimate, files, warp
+from flow import displacement, estimate, files, given, warp
 
 # Seconds between updates of the bar; a log needs few lines.
 PROGRESS_S = 0.1 if sys.stderr.isatty() else 10.0
@@ -66,7 +66,7 @@ def align_view(view, render, photo, folders, *, kernel="lanczos", **options):
     options: those of `flow_and_validity`.
     """
     try:
-        flow_px, valid, sigma_px = flow_and_validity(render, photo, **options)
+        flow_px, valid, sigma_px = flow_and_validity(render, photo, view, **options)
     except ValueError as error:
         raise ValueError(f"view {view}: {error}") from error
     row = displacement.statistics(flow_px, valid, view=view)
@@ -80,14 +80,27 @@ def align_view(view, render, photo, folders, *, kernel="lanczos", **options):
 
 
 def flow_and_validity(
-    render, photo, *, method=estimate.DEFAULT, match_blur=True, tolerance_px=1.0
+    render,
+    photo,
+    view,
+    *,
+    method=estimate.DEFAULT,
+    flows=None,
+    match_blur=True,
+    tolerance_px=1.0,
 ):
     """(flow_px [h, w, 2], valid [h, w], sigma_px of the photo's blur before the flow).
 
     Valid: in frame, where the flow and that from photo to render agree to
-    tolerance_px.
+    tolerance_px. Method `files` takes the view's from the folder `flows` instead, see
+    `given`; it blurs nothing.
     """
     sigma_px = 0.0
+    if method == given.METHOD:
+        estimate.check_pair(render, photo)
+        size = render.shape[:2]
+        found = given.flow_and_validity(flows, view, size, tolerance_px=tolerance_px)
+        return *found, sigma_px
     if match_blur:
         photo, sigma_px = estimate.blur_match(photo, render, method=method)
     forward_px = estimate.estimate(render, photo, method=method)
@@ -142,7 +155,9 @@ def parse(arguments=None):
     for name in ("renders", "photos", "flow-out", "warped-out", "stats-out"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--control-out", type=Path, help="resample-only controls")
-    parser.add_argument("--method", choices=estimate.METHODS, default=estimate.DEFAULT)
+    methods = (*estimate.METHODS, given.METHOD)
+    parser.add_argument("--method", choices=methods, default=estimate.DEFAULT)
+    parser.add_argument("--flows", type=Path, help="folder of flows made elsewhere")
     parser.add_argument(
         "--match-blur",
         action=argparse.BooleanOptionalAction,
@@ -156,6 +171,8 @@ def parse(arguments=None):
     options = parser.parse_args(arguments)
     if (options.views_file is None) != (options.split is None):
         parser.error("--views-file and --split go together")
+    if (options.flows is None) == (options.method == given.METHOD):
+        parser.error(f"--flows goes with --method {given.METHOD}, and it with --flows")
     return options
 
 

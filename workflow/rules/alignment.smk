@@ -15,7 +15,7 @@ rule align:
     conda:
         "../../environment.yml"
     params:
-        flow=flow_options(),
+        flow=lambda w: flow_options(w.scene, w.method, w.round, w.split),
         sources=sources_of("flow.align"),
     shell:
         "python -m flow.align {params.flow:q} --renders {input.renders:q}"
@@ -45,7 +45,12 @@ rule testset:
     conda:
         "../../environment.yml"
     params:
-        flow=flow_options(),
+        flow=lambda w: flow_options(
+            w.scene,
+            config["reference"]["method"],
+            config["reference"]["round"],
+            "test",
+        ),
         sources=sources_of("flow.align"),
     shell:
         "python -m flow.align {params.flow:q} --renders {input.renders:q}"

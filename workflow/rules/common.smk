@@ -131,8 +131,8 @@ def sources_of(module):
     return digest.hexdigest()[:16]
 
 
-def flow_options():
-    """Command line of the flow's settings."""
+def flow_options(scene, method, round, split):
+    """Command line of the flow's settings, for the views that it is estimated of."""
     flow = config["flow"]
     blur = "--match-blur" if flow["match_blur"] else "--no-match-blur"
     pairs = {
@@ -140,6 +140,10 @@ def flow_options():
         "--kernel": flow["kernel"],
         "--tolerance-px": flow["tolerance_px"],
     }
+    if flow["method"] == "files":
+        pairs["--flows"] = flow["folder"].format(
+            scene=scene, method=method, round=round, split=split
+        )
     return [blur, *(str(part) for pair in pairs.items() for part in pair)]
 
 
@@ -233,6 +237,37 @@ def figure_rounds(scene):
             "flow": f"{trained(scene, method, k)}/flow/test",
         }
         for k in range(config["methods"][method]["rounds"] + 1)
+    ]
+
+
+def flow_benchmark_models():
+    """<method>/round<k> of the reference method, before and after all warping."""
+    method = config["reference"]["method"]
+    last = config["methods"][method]["rounds"]
+    return [f"{method}/round{k}" for k in sorted({0, last})]
+
+
+def flow_benchmark_scene():
+    """Command line of the scene with a truth, the config's first; or none."""
+    return [
+        part
+        for name in with_truth()[:1]
+        for part in (
+            *("--scene", f"results/{name}"),
+            *("--renders", *flow_benchmark_models()),
+        )
+    ]
+
+
+def flow_benchmark_inputs(w):
+    """Photos, truth and renders of that scene."""
+    return [
+        f"results/{name}/{path}"
+        for name in with_truth()[:1]
+        for path in (
+            *("images", "truth"),
+            *(f"{model}/renders/test" for model in flow_benchmark_models()),
+        )
     ]
 
 
