@@ -16,7 +16,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from flow import displacement, estimate, files, pairs, warp
+from flow import displacement, estimate, files, given, pairs, warp
 
 # Seconds between updates of the bar; a log needs few lines.
 PROGRESS_S = 0.1 if sys.stderr.isatty() else 10.0
@@ -62,10 +62,10 @@ def main(renders, photos, targets, stats_out, *, views=None, **options):
 def align_view(view, render, photo, folders, *, kernel="lanczos", **options):
     """Write one view's flow and warped photo; returns its statistics.
 
-    options: those of `pairs.flow_and_validity`.
+    options: those of `flow_of_view`.
     """
     try:
-        flow_px, valid, sigma_px = pairs.flow_and_validity(render, photo, **options)
+        flow_px, valid, sigma_px = flow_of_view(view, render, photo, **options)
     except ValueError as error:
         raise ValueError(f"view {view}: {error}") from error
     row = displacement.statistics(flow_px, valid, view=view)
@@ -73,6 +73,26 @@ def align_view(view, render, photo, folders, *, kernel="lanczos", **options):
     warped = warp.warp(photo, flow_px, kernel=kernel)
     files.write_image(folders["warped"] / f"{view}.png", warped)
     return {"view": view, **row, "blur_sigma_px": sigma_px}
+
+
+def flow_of_view(
+    view,
+    render,
+    photo,
+    *,
+    flows=None,
+    method=estimate.DEFAULT,
+    tolerance_px=1.0,
+    **options,
+):
+    """`pairs.flow_and_validity`, or what the folder `flows` has for method `files`."""
+    if method != given.METHOD:
+        options |= {"method": method, "tolerance_px": tolerance_px}
+        return pairs.flow_and_validity(render, photo, **options)
+    estimate.check_pair(render, photo)
+    size = render.shape[:2]
+    found = given.flow_and_validity(flows, view, size, tolerance_px=tolerance_px)
+    return *found, 0.0
 
 
 def read_views(path, split):
@@ -99,7 +119,9 @@ def parse(arguments=None):
     parser = argparse.ArgumentParser(prog="flow.align", description=__doc__)
     for name in ("renders", "photos", "flow-out", "warped-out", "stats-out"):
         parser.add_argument(f"--{name}", type=Path, required=True)
-    parser.add_argument("--method", choices=estimate.METHODS, default=estimate.DEFAULT)
+    methods = (*estimate.METHODS, given.METHOD)
+    parser.add_argument("--method", choices=methods, default=estimate.DEFAULT)
+    parser.add_argument("--flows", type=Path, help="folder of flows made elsewhere")
     parser.add_argument(
         "--match-blur",
         action=argparse.BooleanOptionalAction,
@@ -113,6 +135,8 @@ def parse(arguments=None):
     options = parser.parse_args(arguments)
     if (options.views_file is None) != (options.split is None):
         parser.error("--views-file and --split go together")
+    if (options.flows is None) == (options.method == given.METHOD):
+        parser.error(f"--flows goes with --method {given.METHOD}, and it with --flows")
     return options
 
 

@@ -10,7 +10,7 @@ import yaml
 
 from alignerf import config, fields, poses
 from alignerf.scenes import courtyard
-from flow import estimate, warp
+from flow import estimate, given, warp
 
 GRID = {"kind": "grid", "levels": 2, "log2_entries": 8}
 JOB = {
@@ -204,7 +204,7 @@ def test_schema_and_poses_have_the_same_keys_and_defaults(schema):
 
 def test_schema_and_flow_have_the_same_choices(schema):
     options = schema["$defs"]["flow"]["properties"]
-    assert options["method"]["enum"] == list(estimate.METHODS)
+    assert options["method"]["enum"] == [*estimate.METHODS, given.METHOD]
     assert options["kernel"]["enum"] == list(warp.KERNELS)
 
 

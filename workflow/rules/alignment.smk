@@ -15,7 +15,7 @@ rule align:
     conda:
         "../../environment.yml"
     params:
-        flow=flow_options(),
+        flow=lambda w: flow_options(w.scene, w.method, w.round, w.split),
         sources=sources_of("flow.align"),
     shell:
         "python -m flow.align {params.flow:q} --renders {input.renders:q}"
@@ -40,7 +40,7 @@ rule testset:
     conda:
         "../../environment.yml"
     params:
-        flow=flow_options(),
+        flow=lambda w: reference_flow_options(w.scene),
         sources=sources_of("flow.align"),
     shell:
         "python -m flow.align {params.flow:q} --renders {input.renders:q}"
@@ -66,7 +66,7 @@ rule control_sets:
     conda:
         "../../environment.yml"
     params:
-        flow=flow_options(),
+        flow=control_options(),
         truth=lambda w, input: option("truth", input.get("truth")),
         sources=sources_of("flow.control_sets"),
     shell:

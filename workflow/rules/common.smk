@@ -154,15 +154,32 @@ def sources_of(module):
     return digest.hexdigest()[:16]
 
 
-def flow_options():
-    """Command line of the flow's settings."""
+def flow_options(scene, method, round, split):
+    """Command line of the flow's settings, for the views that it is estimated of."""
+    flow = config["flow"]
+    if flow["method"] != "files":
+        return control_options()
+    names = {"scene": scene, "method": method, "round": round, "split": split}
+    folder = flow["folder"].format(**names)
+    return [*control_options(), "--method", "files", "--flows", folder]
+
+
+def reference_flow_options(scene):
+    """The same for the warped test set."""
+    method = config["reference"]["method"]
+    return flow_options(scene, method, reference_round(scene), "test")
+
+
+def control_options():
+    """Command line of the estimator's settings, also for images that we make.
+
+    For those no flows are made elsewhere: then it is the default estimator.
+    """
     flow = config["flow"]
     blur = "--match-blur" if flow["match_blur"] else "--no-match-blur"
-    pairs = {
-        "--method": flow["method"],
-        "--kernel": flow["kernel"],
-        "--tolerance-px": flow["tolerance_px"],
-    }
+    pairs = {"--kernel": flow["kernel"], "--tolerance-px": flow["tolerance_px"]}
+    if flow["method"] != "files":
+        pairs["--method"] = flow["method"]
     return [blur, *(str(part) for pair in pairs.items() for part in pair)]
 
 
@@ -361,6 +378,38 @@ def figure_rounds(scene):
             "flow": f"{trained(scene, method, k)}/flow/test",
         }
         for k in range(last_round(scene, method) + 1)
+    ]
+
+
+def flow_benchmark_models(scene):
+    """<method>/round<k> of the reference method, before and after all warping."""
+    method = config["reference"]["method"]
+    rounds = sorted({0, last_round(scene, method)})
+    found = [trained(scene, method, k) for k in rounds]
+    return [folder.removeprefix(f"results/{scene}/") for folder in found]
+
+
+def flow_benchmark_scene():
+    """Command line of the scene with a truth, the config's first; or none."""
+    return [
+        part
+        for name in with_truth()[:1]
+        for part in (
+            *("--scene", f"results/{name}"),
+            *("--renders", *flow_benchmark_models(name)),
+        )
+    ]
+
+
+def flow_benchmark_inputs(w):
+    """Photos, truth and renders of that scene."""
+    return [
+        f"results/{name}/{path}"
+        for name in with_truth()[:1]
+        for path in (
+            *("images", "truth"),
+            *(f"{model}/renders/test" for model in flow_benchmark_models(name)),
+        )
     ]
 
 

@@ -40,12 +40,29 @@ def check_config(config):
             )
         if path and not Path(path).exists():
             stop(f"config: scenes.{name}.path: {path} does not exist")
+    check_flow_folder(config["flow"])
     for key in ("frequency_weights", "lpips_alex"):
         config.setdefault(key, None)
         if config[key] and not Path(config[key]).is_file():
             stop(f"config: {key}: {config[key]} does not exist")
     if "tradeoff" in config:
         check_tradeoff(schema, config)
+
+
+def check_flow_folder(flow):
+    """The folder of flows made elsewhere, with the names that stand for renders."""
+    if "folder" not in flow:
+        return
+    if flow["method"] != "files":
+        stop(f"config: flow.folder: method {flow['method']!r} reads none")
+    template = flow["folder"]
+    try:
+        template.format(scene="", method="", round=0, split="")
+    except (KeyError, IndexError, ValueError, AttributeError):
+        stop(
+            f"config: flow.folder: {template}: in braces only scene, method, round "
+            "and split have a meaning"
+        )
 
 
 def check_against(schema, value, *place):
@@ -159,10 +176,12 @@ RULES = {
     *("train_warm", "decide", "round_times"),
     *("control_sets", "controls_table", "ranking_table"),
     *("tradeoff", "shrink", "train_variant", "render_variant", "evaluate_variant"),
+    "flow_benchmark",
 }
 FILES = {
     *("published", "logs", "bench", "README.md"),
     *("tradeoff.csv", "tradeoff.tex", "tradeoff.png"),
+    *("flow_benchmark.csv", "flow_benchmark.tex", "flow_benchmark.png"),
 }
 FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),

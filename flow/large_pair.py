@@ -1,0 +1,54 @@
+"""Time and memory of one large pair, in a process of its own.
+
+    python -m flow.large_pair --method NAME --width 2560 --height 1680
+
+Prints JSON: `time_s` of a blur-matched flow, `cpu_time_s`, the seconds of all cores for
+it, and `peak_mib`, the most memory that the process held, Python and OpenCV included.
+"""
+
+import argparse
+import json
+import resource
+import sys
+import time
+
+import cv2
+import numpy as np
+
+from flow import estimate
+
+
+def main(method, width, height):
+    """{"time_s", "cpu_time_s", "peak_mib"} of a texture against itself, moved."""
+    noise = np.random.default_rng(0).integers(0, 256, (height, width + 2, 3), np.uint8)
+    scene = cv2.GaussianBlur(noise, (0, 0), 2.0)
+    del noise
+    render = cv2.GaussianBlur(scene[:, 2:], (0, 0), 1.0)
+    started, started_cpu = time.perf_counter(), time.process_time()
+    estimate.estimate(render, scene[:, :-2], method=method, match_blur=True)
+    times = {
+        "time_s": round(time.perf_counter() - started, 2),
+        "cpu_time_s": round(time.process_time() - started_cpu, 2),
+    }
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # Kilobytes, on macOS bytes.
+    unit = 2**20 if sys.platform == "darwin" else 2**10
+    return times | {"peak_mib": round(peak / unit)}
+
+
+def run(arguments=None):
+    """The command line; returns its exit code."""
+    parser = argparse.ArgumentParser(prog="flow.large_pair", description=__doc__)
+    parser.add_argument("--method", default=estimate.DEFAULT, choices=estimate.METHODS)
+    parser.add_argument("--width", type=int, default=2560)
+    parser.add_argument("--height", type=int, default=1680)
+    try:
+        print(json.dumps(main(**vars(parser.parse_args(arguments)))))
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run())

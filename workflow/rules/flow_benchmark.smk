@@ -1,0 +1,32 @@
+# How right and how fast the flow estimators are, where the flow is known: on public
+# sequences, on warped photographs, and on the renders of the first scene of the
+# config whose truth is known. Takes the whole machine, so that its speeds are its own.
+rule flow_benchmark:
+    input:
+        flow_benchmark_inputs,
+    output:
+        csv=report(
+            "results/flow_benchmark.csv",
+            caption="../report/flow_benchmark.rst",
+            category="flow estimators",
+        ),
+        tex="results/flow_benchmark.tex",
+        figure=report(
+            "results/flow_benchmark.png",
+            caption="../report/flow_benchmark.rst",
+            category="flow estimators",
+        ),
+    log:
+        "results/logs/flow_benchmark.log",
+    benchmark:
+        "results/logs/flow_benchmark.tsv"
+    conda:
+        "../../environment.yml"
+    threads: workflow.cores or 1
+    params:
+        scene=lambda w: flow_benchmark_scene(),
+        sources=[sources_of("flow.benchmark"), sources_of("flow.large_pair")],
+    shell:
+        "python -m flow.benchmark {params.scene:q}"
+        " --csv {output.csv:q} --tex {output.tex:q} --figure {output.figure:q}"
+        " 2>&1 | tee {log:q}"
