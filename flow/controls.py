@@ -14,8 +14,10 @@ from flow import warp
 # Half a pixel displaces little, and asks for every fraction that resampling can.
 PLACEBO_PX = 0.5
 
-# Smaller blocks let errors of a render that are correlated over a few pixels through
-# (8 px: +0.02 dB on an aligned pair), larger ones lose true flow that varies (24 px).
+# A render's errors are correlated over a few pixels, and reach into small blocks. Six
+# renders of a scene without motion, poses exact, gained by a held-out warp onto the
+# truth, where nothing is to be gained: 0.26 dB at 4 px, 0.13 at 8, 0.01 at 12, -0.01
+# at 16, -0.09 at 24. Larger blocks also lose true flow that varies.
 BLOCK_PX = 12
 
 # One passage finds three quarters of a shift of 3 px: the blocks' edges, at one place

@@ -271,6 +271,7 @@ def check_reruns(plan, root, config):
     """What a change of a source or of a setting makes again, and nothing else."""
     assert "Nothing to be done" in plan()
     trainings = {"train", "pretrain"}
+    tables = {"misalignment_table", "controls_table", "ranking_table"}
     for path, old, new, rules in (
         (root / "flow/colour_wheel.py", "\n", "\n\n", {"figures"}),
         (root / "alignerf/tables.py", "\n", "\n\n", {"misalignment_table"}),
@@ -281,7 +282,7 @@ def check_reruns(plan, root, config):
         (root / "alignerf/ranking_table.py", "\n", "\n\n", {"ranking_table"}),
         (config, "features: 4", "features: 5", {"finetune"}),
         (config, "tolerance_px: 4.0", "tolerance_px: 2.0", {"align"}),
-        (config, "base, rounds: 1", "base, rounds: 0", {"misalignment_table"}),
+        (config, "base, rounds: 1", "base, rounds: 0", tables),
     ):
         before = path.read_text()
         assert old in before

@@ -226,6 +226,39 @@ def test_a_sweep_takes_its_job_from_the_config(tmp_path, demo, snakemake):
     assert not any("--testset" in command for command in scores)
 
 
+def test_controls_know_the_truth_and_rows_their_base(tmp_path, demo, snakemake):
+    (tmp_path / "photos").mkdir()
+    own = {"source": "photos", "path": "photos", "poses": "colmap"}
+    demo["scenes"]["own"] = own
+    # Staged methods of a model that a plain one has, and of one that none has.
+    demo["models"]["alone"] = demo["models"]["base"]
+    demo["methods"]["staged_alone"] = demo["methods"]["alignerf"] | {"model": "alone"}
+    options = (tmp_path, "--configfile", write(tmp_path, demo), "-np")
+    code, output = snakemake(*options)
+    assert code == 0, output
+    commands = re.findall(r"python -m flow\.control_sets .*", output)
+    assert len(commands) == 2
+    for command in commands:
+        truth = "--truth results/courtyard/truth" in command
+        assert truth == ("--out results/courtyard/testset" in command)
+        reference = demo["reference"]
+        folder = f"{reference['method']}/round{reference['round']}/renders/test"
+        assert re.search(rf"--renders results/\w+/{folder} ", command)
+    (rows,) = re.findall(r"alignerf\.tables --rows '(.*courtyard.*)' --csv", output)
+    bases = {row["method"]: row["base_metrics"] for row in json.loads(rows)}
+    assert bases == {
+        method: f"results/courtyard/{base}/round0/metrics.csv"
+        for method, base in {
+            "mipnerf360_large": "mipnerf360_large",
+            "mipnerf360": "mipnerf360",
+            "alignerf": "mipnerf360",
+            "staged_alone": "staged_alone",
+        }.items()
+    }
+    tables = re.findall(r"alignerf\.ranking_table .*--csv (\S+)", output)
+    assert tables == ["results/courtyard/tables/ranking.csv"]
+
+
 def test_without_a_sweep_in_the_config_it_says_so(tmp_path, demo, snakemake):
     del demo["tradeoff"]
     options = (tmp_path, "--configfile", write(tmp_path, demo), "-n")
