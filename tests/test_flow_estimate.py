@@ -162,7 +162,7 @@ def test_simpleflow_refuses_flat_images_by_name():
 @pytest.mark.parametrize("method", estimate.METHODS)
 def test_smallest_and_odd_sizes(method):
     least = SMALLEST[method]
-    sizes = [(0, 0), (1, 15), (0, 609), (1169, 0), (63, 31)]
+    sizes = [(0, 0), (1, 15), (0, 609), (368, 0), (63, 31)]
     for size in [(least + dy, least + dx) for dy, dx in sizes]:
         photo = texture(*size)
         flow_px = estimate.estimate(np.roll(photo, 1, axis=1), photo, method=method)
@@ -196,12 +196,10 @@ def test_a_shift_of_one_pixel_at_the_border(method):
         assert np.abs(np.median(edge.reshape(-1, 2), axis=0) - (1, 0)).max() < 0.25
 
 
-@pytest.mark.parametrize("method", FAST)
+@pytest.mark.parametrize("method", ["dis_fast", "dis_smooth"])
 def test_very_wide_images(method):
     photo = texture(40, 16384)
-    flow_px = estimate.estimate(
-        np.roll(photo, -2, axis=1), photo, method=method, match_blur=True
-    )
+    flow_px = estimate.estimate(np.roll(photo, -2, axis=1), photo, method=method)
     for part in np.split(flow_px[8:-8], 8, axis=1):
         assert np.abs(np.median(part, axis=(0, 1)) - (2, 0)).max() < 0.25
 

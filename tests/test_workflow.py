@@ -422,6 +422,32 @@ def test_keys_with_a_default_may_be_left_out(demo):
     assert demo == wanted
 
 
+@pytest.mark.parametrize("folder", ["flows/{view}", "flows/{}", "flows/{scene", "{0}"])
+def test_the_folder_of_flows_knows_four_names(demo, folder, capsys):
+    demo["flow"] |= {"method": "files", "folder": "{scene}/{method}/{round}/{split}"}
+    load_rules()["check_config"](demo)
+    demo["flow"]["folder"] = folder
+    with pytest.raises(SystemExit):
+        load_rules()["check_config"](demo)
+    assert f"config: flow.folder: {folder}: in braces only" in capsys.readouterr().err
+
+
+def test_flows_made_elsewhere_reach_the_commands(tmp_path, demo, snakemake):
+    template = "my flows/{scene}/{method}-{round}-{split}"
+    demo["flow"] |= {"method": "files", "folder": template}
+    path = tmp_path / "files.yaml"
+    path.write_text(yaml.safe_dump(demo))
+    targets = ["courtyard", "flow_benchmark", "--configfile", path]
+    code, said = snakemake(tmp_path, "-n", "-p", *targets)
+    assert code == 0
+    for end in ("mipnerf360-1-train", "mipnerf360_large-2-test"):
+        assert f"--method files --flows 'my flows/courtyard/{end}'" in " ".join(
+            said.split()
+        ).replace("--kernel lanczos --tolerance-px 1.0 ", "")
+    assert "python -m flow.benchmark --scene results/courtyard --renders" in said
+    assert "mipnerf360_large/round0 mipnerf360_large/round2" in said
+
+
 def test_no_scene_can_have_the_name_of_a_rule():
     text = "".join(path.read_text() for path in ROOT.glob("workflow/rules/*.smk"))
     rules = set(
