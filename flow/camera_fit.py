@@ -32,8 +32,8 @@ RIDGE = np.array([1e-6] * 3 + [1e-4] * 3 + [1e-4])
 # The loss starts convex and narrows by this factor, some steps at each width.
 NARROWING = 0.7
 STEPS_PER_WIDTH = 2
-LAST_STEPS = 20
-CONVERGED_PX = 1e-5
+MOST_STEPS = 100
+CONVERGED_PX = 1e-4
 # A turn by more radians at once is an artefact of linearity.
 LARGEST_TURN = 0.2
 
@@ -120,20 +120,20 @@ def fit(flow_px, points, weight):
     """The motion that most pixels agree on: flow_px [n, 2], weight [n], mean 1."""
     unit = _units(points, weight)
     motion = camera_motion.STILL
-    width_px = 2 * np.percentile(_misses(motion, flow_px, points), 95)
-    while True:
-        length_px = _misses(motion, flow_px, points)
-        noise_px = max(_noise_px(length_px, *QUARTER), LEAST_NOISE_PX)
-        narrower_px = max(OUTLIER_SIGMAS * noise_px, NARROWING * width_px)
-        # The noise falls with the fit: narrow until neither does.
-        last = narrower_px > 0.98 * width_px
-        width_px = max(narrower_px, OUTLIER_SIGMAS * LEAST_NOISE_PX)
-        for _ in range(LAST_STEPS if last else STEPS_PER_WIDTH):
-            motion, change_px = _step(motion, width_px, unit, flow_px, points, weight)
-            if change_px < CONVERGED_PX:
-                break
-        if last:
-            return motion
+    length_px = _misses(motion, flow_px, points)
+    width_px = max(2 * np.percentile(length_px, 95), OUTLIER_SIGMAS * LEAST_NOISE_PX)
+    for number in range(MOST_STEPS):
+        motion, change_px = _step(motion, width_px, unit, flow_px, points, weight)
+        if number % STEPS_PER_WIDTH:
+            continue
+        # The noise falls with the fit: narrow until both have come to rest.
+        noise_px = _noise_px(_misses(motion, flow_px, points), *QUARTER)
+        least_px = OUTLIER_SIGMAS * max(noise_px, LEAST_NOISE_PX)
+        narrower_px = max(least_px, NARROWING * width_px)
+        if narrower_px > 0.99 * width_px and change_px < CONVERGED_PX:
+            break
+        width_px = min(width_px, narrower_px)
+    return motion
 
 
 def _units(points, weight):

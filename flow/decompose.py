@@ -92,7 +92,7 @@ def read_cameras(path, split):
 
 
 def decompose(flow, model_flow=None, *, pixtocam, depth):
-    """(camera_fit.Fit of what the model did not do, the model's part [h, w, 2] or None).
+    """(camera_fit.Fit of the flow less the model's part, that part [h, w, 2] or None).
 
     flow, model_flow: (flow_px [h, w, 2], valid [h, w]) from the render, to the photo
     and to the oracle. With render(x) ~ oracle(x + m(x)), flow - m is the flow that

@@ -203,6 +203,25 @@ def truth_of(w):
     return {"truth": f"results/{w.scene}/truth"} if w.scene in with_truth() else {}
 
 
+def model_flow_of(w):
+    """The flow from render to oracle, where the scene's truth is known."""
+    if w.scene not in with_truth():
+        return {}
+    return {"model": f"{trained(w.scene, w.method, w.round)}/flow_oracle/test"}
+
+
+def displacement_rows(scene):
+    """One entry per method and round, with its test views' decomposition."""
+    return [
+        {
+            "method": method,
+            "round": round,
+            "stats": f"{trained(scene, method, round)}/decomposition_test.csv",
+        }
+        for method, round in all_rounds()
+    ]
+
+
 def table_rows(scene):
     """One entry per method and round, with the files that its row comes from."""
     return [
@@ -287,6 +306,8 @@ def scene_targets(scene):
         f"{folder}/facts.json",
         f"{folder}/tables/misalignment.csv",
         f"{folder}/tables/misalignment.tex",
+        f"{folder}/tables/displacement.csv",
+        f"{folder}/tables/displacement.tex",
         f"{folder}/figures/flow.png",
         f"{folder}/figures/rounds.png",
     ]

@@ -129,6 +129,7 @@ def check_keys_once(node, path):
 RULES = {
     *("all", "poses", "poses_courtyard", "facts", "train", "pretrain", "finetune"),
     *("render_views", "align", "testset", "evaluate", "misalignment_table", "figures"),
+    *("align_oracle", "decompose", "displacement_table"),
     *("tradeoff", "shrink", "train_variant", "render_variant", "evaluate_variant"),
 }
 FILES = {
