@@ -211,12 +211,13 @@ def model_flow_of(w):
 
 
 def displacement_rows(scene):
-    """One entry per method and round, with its test views' decomposition."""
+    """One entry per method and round, with its test views' parts and metrics."""
     return [
         {
             "method": method,
             "round": round,
             "stats": f"{trained(scene, method, round)}/decomposition_test.csv",
+            "metrics": f"{trained(scene, method, round)}/metrics.csv",
         }
         for method, round in all_rounds()
     ]
@@ -241,6 +242,11 @@ def table_inputs(w):
     rows = table_rows(w.scene)
     files = [[r["metrics"], *r["trainings"], *r["data"]] for r in rows]
     return sorted({path for row in files for path in row})
+
+
+def figure_folder(scene):
+    """The reference method's first round: what the photos as taken are."""
+    return trained(scene, config["reference"]["method"], 0)
 
 
 def figure_rounds(scene):
@@ -310,4 +316,7 @@ def scene_targets(scene):
         f"{folder}/tables/displacement.tex",
         f"{folder}/figures/flow.png",
         f"{folder}/figures/rounds.png",
+        f"{folder}/figures/views.png",
+        f"{folder}/figures/lengths.png",
+        f"{folder}/figures/curves.png",
     ]
