@@ -38,6 +38,7 @@ wildcard_constraints:
 include: "workflow/rules/poses.smk"
 include: "workflow/rules/train.smk"
 include: "workflow/rules/alignment.smk"
+include: "workflow/rules/decompose.smk"
 include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/tables.smk"
 include: "workflow/rules/tradeoff.smk"

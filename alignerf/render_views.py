@@ -1,10 +1,15 @@
 """Render the views of a split: `python -m alignerf.render_views`.
 
 One process for all views, so that code is compiled once; on a CPU each core renders
-a view. Writes <view>.png and a timing file.
+a view. Writes <view>.png, where asked <view>.npz with its depth, and a timing file.
+
+depth [h, w] float32: along the optical axis (z-depth, not along the ray), in units
+of the normalised scene (max |t| = 1), where half of a ray's weight is passed: the
+middle of that interval, so its error is that interval's length at best.
 """
 
 import argparse
+import contextlib
 import json
 import time
 
@@ -28,6 +33,7 @@ def main(argv=None):
     parser.add_argument("--model", required=True, help="trained parameters")
     parser.add_argument("--split", required=True, choices=scene.SPLITS)
     parser.add_argument("--renders", required=True, help="folder, written")
+    parser.add_argument("--depth", help="folder of the views' depth, written")
     parser.add_argument("--timing", required=True, help="timing file, written")
     args = parser.parse_args(argv)
     start = time.perf_counter()
@@ -38,11 +44,17 @@ def main(argv=None):
     params = jax.tree.map(jnp.asarray, checkpoint.read_params(args.model, template))
     render = make_renderer(method, params, loaded.width, loaded.height)
     bar = progress.Progress(f"render {args.split}", len(views), unit="view")
-    with cli.replace_folder(args.renders) as folder:
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(cli.replace_folder(args.renders))
+        depths = None
+        if args.depth:
+            depths = stack.enter_context(cli.replace_folder(args.depth))
 
         def render_view(view):
-            image = render(loaded.pixtocams[view], loaded.camtoworlds[view])
+            image, depth = render(loaded.pixtocams[view], loaded.camtoworlds[view])
             Image.fromarray(image).save(folder / f"{loaded.names[view]}.png")
+            if depths is not None:
+                np.savez(depths / f"{loaded.names[view]}.npz", depth=depth)
 
         begun = time.perf_counter()
         # The first one alone: it compiles, which counts only if there is no other.
@@ -64,7 +76,7 @@ def main(argv=None):
 
 
 def make_renderer(method, params, width, height):
-    """A function from (pixtocam, camtoworld) to an image [h, w, 3] uint8."""
+    """A function from a camera to (image [h, w, 3] uint8, depth [h, w] float32)."""
     count = width * height
     chunk = min(CHUNK_RAYS, -(-count // CACHED_RAYS) * CACHED_RAYS)
     on_cpu = jax.local_devices()[0].platform == "cpu"
@@ -76,10 +88,12 @@ def make_renderer(method, params, width, height):
             rays = cameras.pixels_to_rays(
                 pixel % width, pixel // width, pixtocam, camtoworld
             )
-            return method.render(params, rays).values
+            rendering = method.render(params, rays)
+            return rendering.values, rendering.depth
 
         parts = pixel.reshape(-1, CACHED_RAYS if on_cpu else chunk)
-        return jnp.concatenate(jax.lax.map(values_at, parts))
+        values, depth = jax.lax.map(values_at, parts)
+        return jnp.concatenate(values), depth.ravel()
 
     @jax.jit
     def colours_of(params, values):
@@ -87,15 +101,17 @@ def make_renderer(method, params, width, height):
 
     def render(pixtocam, camtoworld):
         camera = [jnp.asarray(m, jnp.float32) for m in (pixtocam, camtoworld)]
-        values = [
+        parts = [
             values_of(params, jnp.asarray(part), *camera)
             for part in pixels.reshape(-1, chunk)
         ]
+        values, depth = zip(*parts, strict=True)
         image = jnp.concatenate(values)[:count].reshape(height, width, -1)
         rgb = np.asarray(colours_of(params, image))
         if not np.isfinite(rgb).all():
             raise ValueError("the model renders colours that are not finite")
-        return np.round(rgb * 255.0).astype(np.uint8)
+        depth = np.concatenate(depth)[:count].reshape(height, width)
+        return np.round(rgb * 255.0).astype(np.uint8), depth
 
     return render
 

@@ -3,6 +3,9 @@
 flow.png: for one test view photo, the reference model's render, and the flow between
 them. rounds.png: photo, the renders of each round above the flow that each round's
 render still has to the photo. Both with the colour wheel and its scale in pixels.
+Where asked, of the parts that `flow.decompose` found: views.png, every test view with
+its flow and the parts; lengths.png, their histogram; curves.png, misalignment and PSNR
+over the rounds.
 """
 
 import argparse
@@ -12,13 +15,10 @@ import sys
 from pathlib import Path
 
 import matplotlib.figure
-import numpy as np
 
-from flow import colour_wheel, files
+from flow import drawing, files, part_figures
 
-# One scale for all flows of a figure, this percentile of their lengths.
-SCALE_PERCENTILE = 98
-WHEEL_PX = 201
+PART_FIGURES = ("views", "lengths", "curves")
 
 
 def main(photos, testset, reference, rounds, flow_figure, rounds_figure):
@@ -38,6 +38,21 @@ def main(photos, testset, reference, rounds, flow_figure, rounds_figure):
     draw_rounds(view, photo, steps, rounds_figure)
 
 
+def draw_parts(
+    photos, rounds, parts, curves, views_figure, lengths_figure, curves_figure
+):
+    """Figures of the parts, of the first round's renders. Raises ValueError or OSError.
+
+    curves: JSON list of {method, round, stats, metrics}.
+    """
+    found = part_figures.read_parts(parts)
+    renders = Path(json.loads(rounds)[0]["renders"])
+    part_figures.draw_views(found, photos, renders, views_figure)
+    part_figures.draw_lengths(found, lengths_figure)
+    table = part_figures.read_rounds(json.loads(curves))
+    part_figures.draw_rounds(table, curves_figure)
+
+
 def middle_view(path):
     """The view of middle misalignment: neither best nor worst case for the scene."""
     with open(path, newline="") as file:
@@ -47,49 +62,25 @@ def middle_view(path):
     return rows[len(rows) // 2]["view"]
 
 
-def flow_scale(flows):
-    """Length in pixels at the wheel's rim, at least a tenth."""
-    lengths = [np.linalg.norm(flow_px[valid], axis=-1) for flow_px, valid in flows]
-    longest = np.percentile(np.concatenate(lengths), SCALE_PERCENTILE)
-    return max(0.1, round(float(longest), 1))
-
-
-def median_px(flow):
-    flow_px, valid = flow
-    return np.median(np.linalg.norm(flow_px[valid], axis=-1))
-
-
-def draw_wheel(axes, scale_px):
-    axes.imshow(colour_wheel.legend(WHEEL_PX))
-    axes.set_title(f"flow, rim = {scale_px:.1f} px", fontsize=8)
-
-
-def coloured(flow, scale_px):
-    """Middlebury's code of a flow; black where it is not valid."""
-    flow_px, valid = flow
-    return colour_wheel.encode(flow_px, scale_px=scale_px, valid=valid)
-
-
 def draw_flow(view, photo, render, flow, path):
-    scale_px = flow_scale([flow])
+    scale_px = drawing.flow_scale([flow])
     figure = matplotlib.figure.Figure(figsize=(13, 2.9), layout="constrained")
     axes = figure.subplots(1, 4, width_ratios=[1, 1, 1, 0.4])
+    title = f"flow render to photo (median {drawing.median_px(flow):.2f} px)"
     panels = {
         f"photo {view}": photo,
         "render of the reference model": render,
-        f"flow render to photo (median {median_px(flow):.2f} px)": coloured(
-            flow, scale_px
-        ),
+        title: drawing.coloured(flow, scale_px),
     }
     for axis, (title, image) in zip(axes, panels.items(), strict=False):
         axis.imshow(image)
         axis.set_title(title, fontsize=8)
-    draw_wheel(axes[-1], scale_px)
-    save(figure, path)
+    drawing.draw_wheel(axes[-1], scale_px)
+    drawing.save_images(figure, path)
 
 
 def draw_rounds(view, photo, rounds, path):
-    scale_px = flow_scale([flow for _, flow in rounds])
+    scale_px = drawing.flow_scale([flow for _, flow in rounds])
     count = len(rounds)
     figure = matplotlib.figure.Figure(
         figsize=(3.4 * (count + 1), 5.4), layout="constrained"
@@ -97,22 +88,15 @@ def draw_rounds(view, photo, rounds, path):
     axes = figure.subplots(2, count + 1)
     axes[0, 0].imshow(photo)
     axes[0, 0].set_title(f"photo {view}", fontsize=8)
-    draw_wheel(axes[1, 0], scale_px)
+    drawing.draw_wheel(axes[1, 0], scale_px)
     for number, (render, flow) in enumerate(rounds):
         column = axes[:, number + 1]
         column[0].imshow(render)
         column[0].set_title(f"render, round {number}", fontsize=8)
-        column[1].imshow(coloured(flow, scale_px))
-        title = f"its flow to the photo (median {median_px(flow):.2f} px)"
+        column[1].imshow(drawing.coloured(flow, scale_px))
+        title = f"its flow to the photo (median {drawing.median_px(flow):.2f} px)"
         column[1].set_title(title, fontsize=8)
-    save(figure, path)
-
-
-def save(figure, path):
-    for axis in figure.axes:
-        axis.set_axis_off()
-    with files.replacing(path) as temporary:
-        figure.savefig(temporary, dpi=150)
+    drawing.save_images(figure, path)
 
 
 def run(arguments=None):
@@ -124,8 +108,21 @@ def run(arguments=None):
     parser.add_argument("--rounds", required=True, help="JSON: renders, flow folders")
     parser.add_argument("--flow-figure", type=Path, required=True, help="PNG")
     parser.add_argument("--rounds-figure", type=Path, required=True, help="PNG")
+    of_parts = parser.add_argument_group("parts", "all of these or none")
+    of_parts.add_argument("--parts", type=Path, help="of the first round")
+    of_parts.add_argument("--curves", help="JSON: method, round, stats, metrics")
+    for name in PART_FIGURES:
+        of_parts.add_argument(f"--{name}-figure", type=Path, help="PNG")
+    options = vars(parser.parse_args(arguments))
+    names = ("parts", "curves", *(f"{name}_figure" for name in PART_FIGURES))
+    chosen = {name: options.pop(name) for name in names}
+    asked = [value is not None for value in chosen.values()]
+    if any(asked) and not all(asked):
+        parser.error("all options of the parts go together")
     try:
-        main(**vars(parser.parse_args(arguments)))
+        main(**options)
+        if all(asked):
+            draw_parts(options["photos"], options["rounds"], **chosen)
     except (ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

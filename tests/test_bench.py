@@ -26,7 +26,7 @@ from tests.bench import (
     theirs,
 )
 
-BENCHMARKS = ["speed", "quality", "grid", "job", "memory", "scale"]
+BENCHMARKS = ["speed", "quality", "grid", "job", "memory", "scale", "split"]
 
 
 @pytest.fixture(scope="module")

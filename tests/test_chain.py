@@ -171,8 +171,34 @@ def check_latex(scene, folder):
     subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
 
 
+def check_parts(scene):
+    """Every method's and round's flow, and the parts that it is made of."""
+    table = read_csv(scene / "tables" / "displacement.csv")
+    found = [(row["method"], row["round"]) for row in table]
+    plain = [(name, k) for name in ("mipnerf360_large", "mipnerf360") for k in "01"]
+    assert found == [*plain, ("alignerf", "0")]
+    for row in table:
+        assert int(row["views"]) == len(TEST_VIEWS)
+        for part in ("flow", "model", "camera", "remainder"):
+            assert 0 < float(row[f"{part}_median_px"]) < float(row[f"{part}_p95_px"])
+    for method, k in found:
+        folder = scene / method / f"round{k}"
+        for view in TEST_VIEWS:
+            depth = np.load(folder / "depth" / "test" / f"{view}.npz")["depth"]
+            assert depth.shape == (HEIGHT, WIDTH)
+            assert depth.dtype == np.float32
+            assert (depth > 0).all()
+            flow_px, valid = files.read_flow(folder / "flow" / "test" / f"{view}.npz")
+            parts = np.load(folder / "parts" / "test" / f"{view}.npz")
+            whole = sum(
+                parts[f"{name}_px"] for name in ("model", "camera", "remainder")
+            )
+            np.testing.assert_allclose(whole, flow_px, atol=1e-4)
+            assert not (parts["valid"] & ~valid).any()
+
+
 def check_figures(scene):
-    for name in ("flow", "rounds"):
+    for name in ("flow", "rounds", "views", "lengths", "curves"):
         with Image.open(scene / "figures" / f"{name}.png") as figure:
             figure.load()
             assert min(figure.size) > 300
@@ -271,18 +297,21 @@ def check_reruns(plan, root, config):
     """What a change of a source or of a setting makes again, and nothing else."""
     assert "Nothing to be done" in plan()
     trainings = {"train", "pretrain"}
-    tables = {"misalignment_table", "controls_table", "ranking_table"}
+    tables = {"misalignment_table", "controls_table", "ranking_table", "round_times"}
+    of_all_rounds = tables | {"displacement_table", "figures"}
     for path, old, new, rules in (
         (root / "flow/colour_wheel.py", "\n", "\n\n", {"figures"}),
         (root / "alignerf/tables.py", "\n", "\n\n", {"misalignment_table"}),
         (root / "alignerf/lpips.py", "\n", "\n\n", {"evaluate"}),
         (root / "alignerf/frequency_loss.py", "\n", "\n\n", trainings),
-        (root / "flow/__init__.py", "\n", "\n\n", {"align"}),
+        (root / "flow/__init__.py", "\n", "\n\n", {"align", "align_oracle"}),
         (root / "flow/controls.py", "\n", "\n\n", {"control_sets"}),
+        (root / "flow/camera_fit.py", "\n", "\n\n", {"decompose"}),
+        (root / "flow/tables.py", "\n", "\n\n", {"displacement_table"}),
         (root / "alignerf/ranking_table.py", "\n", "\n\n", {"ranking_table"}),
         (config, "features: 4", "features: 5", {"finetune"}),
-        (config, "tolerance_px: 4.0", "tolerance_px: 2.0", {"align"}),
-        (config, "base, rounds: 1", "base, rounds: 0", tables),
+        (config, "tolerance_px: 4.0", "tolerance_px: 2.0", {"align", "align_oracle"}),
+        (config, "base, rounds: 1", "base, rounds: 0", of_all_rounds),
     ):
         before = path.read_text()
         assert old in before
@@ -322,6 +351,8 @@ def test_the_whole_chain(tmp_path, root, snakemake, subtests):
         check_table(scene)
     with subtests.test("metrics"):
         check_metrics(scene)
+    with subtests.test("parts"):
+        check_parts(scene)
     with subtests.test("figures"):
         check_figures(scene)
     with subtests.test("warped photos"):

@@ -100,15 +100,19 @@ def test_images_one_pixel_wide_are_rendered(width, height):
 
     def render(params, rays):
         values = (rays.viewdirs + 1) / 2
-        return mipnerf360.Rendering(values, values[:, 0], [])
+        return mipnerf360.Rendering(values, rays.radii[:, 0], [])
 
     unused = methods.Method(1, None, None, None, render, lambda params, values: values)
     pixtocam, pose = cameras.intrinsics(2.0, width, height), np.eye(4)[:3]
-    image = render_views.make_renderer(unused, {}, width, height)(pixtocam, pose)
+    render_view = render_views.make_renderer(unused, {}, width, height)
+    image, depth = render_view(pixtocam, pose)
     y, x = np.indices((height, width))
-    wanted = cameras.pixels_to_rays(x, y, pixtocam, pose).viewdirs
+    rays = cameras.pixels_to_rays(x, y, pixtocam, pose)
+    wanted = rays.viewdirs
     assert image.shape == (height, width, 3)
     np.testing.assert_allclose(image, (wanted + 1) / 2 * 255, atol=0.51)
+    assert depth.dtype == np.float32
+    np.testing.assert_allclose(depth, rays.radii[..., 0], rtol=1e-5)
 
 
 def equations(jaxpr):

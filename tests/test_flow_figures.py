@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from flow import figures, files
+from flow import drawing, figures, files, part_figures
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def scene(tmp_path, rng):
     return tmp_path
 
 
-def draw(scene, *, rounds=2):
+def draw(scene, *extra, rounds=2):
     """The figures of the scene, as if each round had rendered the same."""
     again = {"renders": str(scene / "renders"), "flow": str(scene / "testset" / "flow")}
     return figures.run(
@@ -34,6 +34,7 @@ def draw(scene, *, rounds=2):
             *("--rounds", json.dumps([again] * rounds)),
             *("--flow-figure", str(scene / "figures" / "flow.png")),
             *("--rounds-figure", str(scene / "figures" / "rounds.png")),
+            *extra,
         ]
     )
 
@@ -69,10 +70,10 @@ def test_the_scale_leaves_out_what_is_not_valid():
     flow_px[0, 0] = [1000.0, 0.0]
     valid = np.ones((10, 10), bool)
     valid[0, 0] = False
-    assert figures.flow_scale([(flow_px, valid)]) == 5.0
-    assert figures.median_px((flow_px[:, :5], valid[:, :5])) == 5.0
-    assert figures.flow_scale([(0 * flow_px, valid)]) == 0.1
-    colours = figures.coloured((flow_px, valid), 5.0)
+    assert drawing.flow_scale([(flow_px, valid)]) == 5.0
+    assert drawing.median_px((flow_px[:, :5], valid[:, :5])) == 5.0
+    assert drawing.flow_scale([(0 * flow_px, valid)]) == 0.1
+    colours = drawing.coloured((flow_px, valid), 5.0)
     assert colours.shape == (10, 10, 3)
     assert not colours[0, 0].any()
     assert len(np.unique(colours[1:, :5].reshape(-1, 3), axis=0)) == 1
@@ -112,3 +113,106 @@ def test_no_figure_without_its_input(scene, capsys, damage, reason):
     assert error.startswith("error: ")
     assert reason in error
     assert not list(scene.glob("figures/*"))
+
+
+PART_FIGURES = ("views", "lengths", "curves")
+
+
+def with_parts(scene, rng, *, model=True, rounds=3):
+    """The options of the figures of parts, and their files as the chain has them."""
+    (scene / "parts").mkdir(exist_ok=True)
+    names = ["camera_px", "remainder_px", *(["model_px"] if model else [])]
+    for view in ("a", "b c"):
+        parts = {
+            name: rng.normal(size=(30, 40, 2)).astype(np.float32) for name in names
+        }
+        valid = rng.uniform(size=(30, 40)) < 0.9
+        np.savez(scene / "parts" / f"{view}.npz", valid=valid, **parts)
+    rows = []
+    for k in range(rounds):
+        stats, metrics = scene / f"stats{k}.csv", scene / f"metrics{k}.csv"
+        stats.write_text(f"view,flow_median_px\na,{2 - k}\nb c,{4 - k}\n")
+        metrics.write_text(
+            f"view,test_set,psnr_db\na,standard,{20 + k}\nb c,standard,{22 + k}\n"
+        )
+        row = {"method": "m", "round": k, "stats": str(stats), "metrics": str(metrics)}
+        rows.append(row)
+    options = ["--parts", str(scene / "parts"), "--curves", json.dumps(rows)]
+    for name in PART_FIGURES:
+        options += [f"--{name}-figure", str(scene / "figures" / f"{name}.png")]
+    return options
+
+
+def test_figures_of_the_parts(scene, rng):
+    assert draw(scene, *with_parts(scene, rng)) == 0
+    found = {path.stem for path in (scene / "figures").iterdir()}
+    assert found == {"flow", "rounds", *PART_FIGURES}
+    # At the width of a page, whatever the number of columns.
+    for model in (True, False):
+        assert draw(scene, *with_parts(scene, rng, model=model)) == 0
+        assert size(scene / "figures" / "views.png")[0] == 1080
+    sizes = {name: size(scene / "figures" / f"{name}.png") for name in PART_FIGURES}
+    assert sizes["lengths"] == (750, 450)
+    assert sizes["curves"] == (1080, 420)
+
+
+def test_parts_add_up_to_the_flow(scene, rng):
+    with_parts(scene, rng, model=True)
+    parts = part_figures.read_parts(scene / "parts")
+    assert list(parts) == ["a", "b c"]
+    assert part_figures.present(parts) == list(part_figures.TITLES)
+    view = parts["b c"]
+    np.testing.assert_allclose(
+        view["flow_px"], view["camera_px"] + view["remainder_px"] + view["model_px"]
+    )
+    with_parts(scene, rng, model=False)
+    without = part_figures.read_parts(scene / "parts")
+    assert "model_px" not in part_figures.present(without)
+    # A part that some view lacks is not shown for the others.
+    mixed = {"a": parts["a"], "b c": without["b c"]}
+    assert part_figures.present(mixed) == ["flow_px", "camera_px", "remainder_px"]
+
+
+def test_curves_are_means_over_views(scene, rng):
+    options = with_parts(scene, rng)
+    rows = json.loads(options[options.index("--curves") + 1])
+    table = part_figures.read_rounds(rows)
+    assert table["median_px"].tolist() == [3, 2, 1]
+    assert table["standard"].tolist() == [21, 22, 23]
+    assert "oracle" not in table
+
+
+def lose_parts(scene):
+    for path in (scene / "parts").iterdir():
+        path.unlink()
+
+
+def cut_parts(scene):
+    path = scene / "parts" / "a.npz"
+    path.write_bytes(path.read_bytes()[:100])
+
+
+def empty_metrics(scene):
+    (scene / "metrics1.csv").write_text("view,test_set,psnr_db\n")
+
+
+@pytest.mark.parametrize(
+    ("damage", "reason"),
+    [
+        (lose_parts, "parts: no parts"),
+        (cut_parts, "parts/a.npz: not an .npz archive"),
+        (empty_metrics, "metrics1.csv: no psnr_db"),
+    ],
+)
+def test_no_figure_of_broken_parts(scene, rng, capsys, damage, reason):
+    options = with_parts(scene, rng)
+    damage(scene)
+    assert draw(scene, *options) == 1
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert error.startswith("error: ")
+    assert reason in error
+
+
+def test_options_of_the_parts_go_together(scene, rng):
+    with pytest.raises(SystemExit):
+        draw(scene, *with_parts(scene, rng)[:2])

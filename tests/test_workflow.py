@@ -54,6 +54,8 @@ def expected_jobs(config):
         ),
         "facts": scenes,
         "misalignment_table": scenes,
+        "displacement_table": scenes,
+        "decompose": scenes * (sum(rounds + 1 for rounds in plain) + len(staged)),
         "figures": scenes,
     }
 

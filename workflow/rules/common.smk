@@ -306,6 +306,26 @@ def base_of(method):
     return same[0] if same else method
 
 
+def model_flow_of(w):
+    """The flow from render to oracle, where the scene's truth is known."""
+    if w.scene not in with_truth():
+        return {}
+    return {"model": f"{trained(w.scene, w.method, w.round)}/flow_oracle/test"}
+
+
+def displacement_rows(scene):
+    """One entry per method and round, with its test views' parts and metrics."""
+    return [
+        {
+            "method": method,
+            "round": round,
+            "stats": f"{trained(scene, method, round)}/decomposition_test.csv",
+            "metrics": f"{trained(scene, method, round)}/metrics.csv",
+        }
+        for method, round in all_rounds(scene)
+    ]
+
+
 def table_rows(scene):
     """One entry per method and round, with the files that its row comes from."""
     return [
@@ -367,6 +387,11 @@ def score_rows(scene):
 
 def score_inputs(w):
     return [row["metrics"] for row in score_rows(w.scene)]
+
+
+def figure_folder(scene):
+    """The reference method's first round: what the photos as taken are."""
+    return trained(scene, config["reference"]["method"], 0)
 
 
 def figure_rounds(scene):
@@ -476,6 +501,11 @@ def scene_targets(scene):
         f"{folder}/tables/controls.csv",
         f"{folder}/tables/controls.tex",
         *ranking_tables(scene),
+        f"{folder}/tables/displacement.csv",
+        f"{folder}/tables/displacement.tex",
         f"{folder}/figures/flow.png",
         f"{folder}/figures/rounds.png",
+        f"{folder}/figures/views.png",
+        f"{folder}/figures/lengths.png",
+        f"{folder}/figures/curves.png",
     ]

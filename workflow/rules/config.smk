@@ -175,6 +175,7 @@ RULES = {
     *("render_views", "align", "testset", "evaluate", "misalignment_table", "figures"),
     *("train_warm", "decide", "round_times"),
     *("control_sets", "controls_table", "ranking_table"),
+    *("align_oracle", "decompose", "displacement_table"),
     *("tradeoff", "shrink", "train_variant", "render_variant", "evaluate_variant"),
     "flow_benchmark",
 }

@@ -98,6 +98,12 @@ rule figures:
         images="results/{scene}/images",
         testset="results/{scene}/testset/displacement.csv",
         reference=lambda w: figure_rounds(w.scene)[reference_round(w.scene)]["renders"],
+        parts=lambda w: f"{figure_folder(w.scene)}/parts/test",
+        curves=lambda w: [
+            row[key]
+            for row in displacement_rows(w.scene)
+            for key in ("stats", "metrics")
+        ],
     output:
         flow=report(
             "results/{scene}/figures/flow.png",
@@ -109,6 +115,21 @@ rule figures:
             caption="../report/rounds.rst",
             category="{scene}",
         ),
+        views=report(
+            "results/{scene}/figures/views.png",
+            caption="../report/views.rst",
+            category="{scene}",
+        ),
+        lengths=report(
+            "results/{scene}/figures/lengths.png",
+            caption="../report/lengths.rst",
+            category="{scene}",
+        ),
+        curves=report(
+            "results/{scene}/figures/curves.png",
+            caption="../report/curves.rst",
+            category="{scene}",
+        ),
     log:
         "results/{scene}/logs/figures.log",
     benchmark:
@@ -117,9 +138,13 @@ rule figures:
         "../../environment.yml"
     params:
         rounds=lambda w: as_json(figure_rounds(w.scene)),
+        curves=lambda w: as_json(displacement_rows(w.scene)),
         sources=sources_of("flow.figures"),
     shell:
         "python -m flow.figures --photos {input.images:q}"
         " --testset results/{wildcards.scene:q}/testset --reference {input.reference:q}"
         " --rounds {params.rounds:q} --flow-figure {output.flow:q}"
-        " --rounds-figure {output.rounds:q} 2>&1 | tee {log:q}"
+        " --rounds-figure {output.rounds:q} --parts {input.parts:q}"
+        " --curves {params.curves:q} --views-figure {output.views:q}"
+        " --lengths-figure {output.lengths:q} --curves-figure {output.curves:q}"
+        " 2>&1 | tee {log:q}"

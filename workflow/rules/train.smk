@@ -116,6 +116,7 @@ rule render_views:
         cameras="results/{scene}/cameras.npz",
     output:
         renders=directory("results/{scene}/{method}/round{round}/renders/{split}"),
+        depth=directory("results/{scene}/{method}/round{round}/depth/{split}"),
         timing="results/{scene}/{method}/round{round}/render_{split}.json",
     log:
         "results/{scene}/{method}/round{round}/logs/render_{split}.log",
@@ -126,9 +127,10 @@ rule render_views:
     threads: 64
     params:
         config=lambda w: method_slice(w.method),
+        depth=lambda w, output: option("depth", output.get("depth")),
         sources=sources_of("alignerf.render_views"),
     shell:
         "python -m alignerf.render_views --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --model {input.model:q}"
         " --split {wildcards.split:q} --renders {output.renders:q}"
-        " --timing {output.timing:q} 2>&1 | tee {log:q}"
+        " {params.depth:q} --timing {output.timing:q} 2>&1 | tee {log:q}"

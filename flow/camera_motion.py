@@ -1,0 +1,103 @@
+"""What a view shows when its camera is moved a little: exact, and its derivative.
+
+Notation: a pixel's ray d [..., 3] = pixtocam (x + .5, y + .5, 1), of depth 1; its
+point d / rho with `rho` = 1 / depth along the optical axis, so that infinitely far is
+rho = 0. The moved camera, in the frame of the first (x right, y down, z forwards), is
+turned by R, has its centre at c and a focal length e^s times as long. It sees the
+point along q = R^T (d - rho c), at the pixel K (e^s q_x / q_z, e^s q_y / q_z, 1) with
+K = pixtocam^-1. For small motions: Longuet-Higgins and Prazdny 1980.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+# Points nearer than this share of their depth to the moved camera's plane have left
+# its view; without a bound they would be anywhere.
+LEAST_Q_Z = 0.05
+LEAST_DEPTH = 1e-12
+
+
+class Motion(NamedTuple):
+    """A camera in the frame of another one; all zero: the same camera."""
+
+    rotation: np.ndarray  # [3] rotation vector in radians
+    centre: np.ndarray  # [3] in units of the depth
+    log_focal: float  # logarithm of its focal length over the other's
+
+
+STILL = Motion(np.zeros(3), np.zeros(3), 0.0)
+
+
+class Points(NamedTuple):
+    """Where pixels [...] look, and how far, by a camera with K = camtopix."""
+
+    rays: np.ndarray  # [..., 3]
+    rho: np.ndarray  # [...]
+    camtopix: np.ndarray  # [3, 3]
+
+
+def points_of(pixtocam, depth) -> Points:
+    """Points of all pixels of a depth map [h, w]; unknown depths count as far away."""
+    depth = np.asarray(depth, dtype=np.float64)
+    rho = 1 / np.where(depth > 0, np.maximum(depth, LEAST_DEPTH), np.inf)
+    y, x = np.indices(depth.shape) + 0.5
+    pixels = np.stack([x, y, np.ones(depth.shape)], axis=-1)
+    rays = pixels @ np.asarray(pixtocam, dtype=np.float64).T
+    return Points(rays / rays[..., 2:], rho, np.linalg.inv(pixtocam))
+
+
+def flow(motion: Motion, points: Points):
+    """By how many pixels [..., 2] the moved camera sees the points aside.
+
+    Against what the same formula gives for no motion: that is then exactly zero.
+    """
+    return _project(motion, points) - _project(STILL, points)
+
+
+def jacobian(motion: Motion, points: Points):
+    """Derivative [n, 2, 7] of `flow` by a further turn, step and zoom (see `moved`).
+
+    In the moved camera's axes: dq = q x turn - rho step.
+    """
+    q = _directions(motion, points)
+    x, y, z = q.T
+    none = np.zeros_like(x)
+    turn = np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1)
+    step = -points.rho[:, None, None] * np.eye(3)
+    dq = np.concatenate([turn.reshape(-1, 3, 3), step], axis=-1)
+    image = q[:, :2] / z[:, None]
+    by = (dq[:, :2] - image[..., None] * dq[:, 2:]) / z[:, None, None]
+    by = np.concatenate([by, image[..., None]], axis=-1)
+    return np.exp(motion.log_focal) * points.camtopix[:2, :2] @ by
+
+
+def parameters(motion: Motion):
+    """[7]: turn, centre along the turned axes, zoom, as `moved` counts from STILL."""
+    centre = Rotation.from_rotvec(motion.rotation).inv().apply(motion.centre)
+    return np.concatenate([motion.rotation, centre, [motion.log_focal]])
+
+
+def moved(motion: Motion, change) -> Motion:
+    """The motion after a further turn, a step along the turned axes, and a zoom [7]."""
+    turn = Rotation.from_rotvec(motion.rotation)
+    return Motion(
+        rotation=(turn * Rotation.from_rotvec(change[:3])).as_rotvec(),
+        centre=motion.centre + turn.apply(change[3:6]),
+        log_focal=float(motion.log_focal + change[6]),
+    )
+
+
+def _directions(motion, points):
+    """q [..., 3], kept in front of the moved camera."""
+    q = points.rays - points.rho[..., None] * motion.centre
+    q = q @ Rotation.from_rotvec(motion.rotation).as_matrix()
+    return np.concatenate([q[..., :2], np.maximum(q[..., 2:], LEAST_Q_Z)], axis=-1)
+
+
+def _project(motion, points):
+    """Pixel positions [..., 2] seen by the moved camera."""
+    q = _directions(motion, points)
+    image = np.exp(motion.log_focal) * q[..., :2] / q[..., 2:]
+    return image @ points.camtopix[:2, :2].T + points.camtopix[:2, 2]

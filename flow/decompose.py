@@ -1,0 +1,211 @@
+"""What the misalignment of each view is made of: `python -m flow.decompose`.
+
+The camera part of a flow is what a small motion and a zoom of the view's camera
+explain, given the rendered depth; the remainder is what moves in the scene, what the
+model bent to average misaligned photos, errors of the flow, and occlusion. Where the
+truth is known, the model's part, the flow from the render to the oracle of the same
+view, is taken off first. Writes <view>.npz with the parts, and statistics.
+
+    python -m flow.decompose --renders-depth DIR --flow DIR --cameras cameras.npz
+        --split test --out-flow DIR --stats-out CSV [--model-flow DIR]
+"""
+
+import argparse
+import csv
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from flow import camera_fit, files
+
+# Lengths beyond this percentile of the flow's count as that: a single wild vector
+# must not outweigh a view.
+CAP_PERCENTILE = 99
+PARTS = ("flow", "model", "camera", "remainder")
+LENGTHS = ("median_px", "mean_px", "p95_px")
+COLUMNS = (
+    "view",
+    "valid_share",
+    *(f"{part}_{length}" for part in PARTS for length in LENGTHS),
+    "camera_share",
+    "moved_share",
+    "moved_mean_px",
+    "noise_px",
+    *(f"rotation_{axis}_deg" for axis in "xyz"),
+    *(f"centre_{axis}" for axis in "xyz"),
+    "focal_ratio",
+    "fitted_pixels",
+    "time_s",
+)
+
+
+def main(renders_depth, flow, cameras, split, out_flow, stats_out, model_flow=None):
+    """Decompose the flow of every view of a split; returns the statistics' rows.
+
+    renders_depth: folder of <view>.npz {depth}; flow: of {flow_px, valid}, and so
+    model_flow; cameras: cameras.npz. The parts and the CSV appear together or not at
+    all. Raises ValueError or OSError.
+    """
+    rows = []
+    with ExitStack() as stack:
+        # Entered first, so in place last: the CSV says that the folder is whole.
+        stats_path = stack.enter_context(files.replacing(stats_out))
+        folder = stack.enter_context(files.replacing(out_flow))
+        folder.mkdir()
+        for view, pixtocam in read_cameras(cameras, split).items():
+            started = time.perf_counter()
+            depth_path = Path(renders_depth) / f"{view}.npz"
+            (depth,) = files.read_arrays(depth_path, "depth")
+            flows = [
+                files.read_flow(Path(part) / f"{view}.npz")
+                for part in (flow, model_flow)
+                if part is not None
+            ]
+            try:
+                found, model_px = decompose(*flows, pixtocam=pixtocam, depth=depth)
+                row = statistics(found, model_px)
+            except ValueError as error:
+                raise ValueError(f"view {view}: {error}") from error
+            write_parts(folder / f"{view}.npz", found, model_px)
+            time_s = round(time.perf_counter() - started, 4)
+            rows.append({"view": view, **row, "time_s": time_s})
+        write_rows(stats_path, rows)
+    return rows
+
+
+def read_cameras(path, split):
+    """{view: inverse intrinsics [3, 3]} of a split of a cameras.npz, by name."""
+    names, splits, pixtocams = files.read_arrays(path, "names", "split", "pixtocams")
+    if splits.shape != names.shape or pixtocams.shape != (len(names), 3, 3):
+        raise ValueError(f"{path}: names, split and pixtocams do not fit each other")
+    chosen = {
+        str(name): pixtocam
+        for name, of, pixtocam in zip(names, splits, pixtocams, strict=True)
+        if of == split
+    }
+    if not chosen:
+        raise ValueError(f"{path}: no view in split {split!r}")
+    return dict(sorted(chosen.items()))
+
+
+def decompose(flow, model_flow=None, *, pixtocam, depth):
+    """(camera_fit.Fit of the flow less the model's part, that part [h, w, 2] or None).
+
+    flow, model_flow: (flow_px [h, w, 2], valid [h, w]) from the render, to the photo
+    and to the oracle. With render(x) ~ oracle(x + m(x)), flow - m is the flow that
+    the oracle has to the photo at x + m(x).
+    """
+    flow_px, valid = flow
+    if model_flow is None:
+        return camera_fit.split(flow_px, valid, pixtocam, depth), None
+    model_px, model_valid = model_flow
+    if model_px.shape != flow_px.shape:
+        raise ValueError(f"model flow {model_px.shape} does not fit {flow_px.shape}")
+    both = valid & model_valid
+    return camera_fit.split(flow_px - model_px, both, pixtocam, depth), model_px
+
+
+def statistics(found: camera_fit.Fit, model_px=None):
+    """A view's row, over its valid pixels.
+
+    camera_share: how much of the squared length of the flow, less the model's part,
+    the camera explains, lengths being capped; negative where the fit serves most
+    pixels at the cost of that sum. moved_mean_px: what the pixels that do not move
+    with the camera contribute to the mean length of the remainder. Raises ValueError
+    where no pixel is valid.
+    """
+    if not found.valid.any():
+        raise ValueError("no pixel has both a valid flow and a depth")
+    net_px = found.camera_px + found.remainder_px
+    model = {} if model_px is None else {"model": model_px}
+    vectors_px = model | {
+        "flow": net_px + model.get("model", 0),
+        "camera": found.camera_px,
+        "remainder": found.remainder_px,
+    }
+    lengths_px = {
+        part: np.linalg.norm(vectors[found.valid].astype(np.float64), axis=-1)
+        for part, vectors in vectors_px.items()
+    }
+    moved = found.moved[found.valid]
+    net_length_px = np.linalg.norm(net_px[found.valid], axis=-1)
+    return {
+        "valid_share": float(found.valid.mean()),
+        **{
+            f"{part}_{name}": value
+            for part in PARTS
+            for name, value in _lengths(lengths_px.get(part)).items()
+        },
+        "camera_share": explained(net_length_px, lengths_px["remainder"]),
+        "moved_share": float(moved.mean()),
+        "moved_mean_px": float((lengths_px["remainder"] * moved).mean()),
+        "noise_px": found.noise_px,
+        **_named("rotation_{}_deg", np.degrees(found.motion.rotation)),
+        **_named("centre_{}", found.motion.centre),
+        "focal_ratio": float(np.exp(found.motion.log_focal)),
+        "fitted_pixels": found.pixels,
+    }
+
+
+def _lengths(length_px):
+    """Median, mean and 95th percentile of lengths [n]; empty where there are none."""
+    if length_px is None:
+        return dict.fromkeys(LENGTHS, "")
+    values = np.median(length_px), length_px.mean(), np.percentile(length_px, 95)
+    return dict(zip(LENGTHS, map(float, values), strict=True))
+
+
+def explained(flow_length_px, remainder_length_px):
+    """1 - sum |remainder|^2 / sum |flow|^2 of capped lengths [n]; of no flow, 0."""
+    cap_px = np.percentile(flow_length_px, CAP_PERCENTILE)
+    whole, rest = (
+        np.square(np.minimum(length_px, cap_px)).sum()
+        for length_px in (flow_length_px, remainder_length_px)
+    )
+    return float(1 - rest / whole) if whole > 0 else 0.0
+
+
+def _named(pattern, values):
+    return {
+        pattern.format(axis): float(value)
+        for axis, value in zip("xyz", values, strict=True)
+    }
+
+
+def write_parts(path, found: camera_fit.Fit, model_px):
+    """Write camera_px, remainder_px (and model_px) [h, w, 2], valid, moved [h, w]."""
+    parts = {} if model_px is None else {"model_px": model_px}
+    for name in ("camera_px", "remainder_px", "valid", "moved"):
+        parts[name] = getattr(found, name)
+    with files.replacing(path) as temporary, open(temporary, "wb") as file:
+        np.savez(file, **parts)
+
+
+def write_rows(path, rows):
+    """Write the statistics as CSV, one row per view."""
+    with open(path, "w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def run(arguments=None):
+    """The command line; returns its exit code."""
+    parser = argparse.ArgumentParser(prog="flow.decompose", description=__doc__)
+    for name in ("renders-depth", "flow", "cameras", "out-flow", "stats-out"):
+        parser.add_argument(f"--{name}", type=Path, required=True)
+    parser.add_argument("--model-flow", type=Path, help="render to oracle")
+    parser.add_argument("--split", choices=("train", "test"), required=True)
+    try:
+        main(**vars(parser.parse_args(arguments)))
+    except (ValueError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run())
