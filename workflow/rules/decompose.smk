@@ -17,7 +17,7 @@ rule align_oracle:
     conda:
         "../../environment.yml"
     params:
-        flow=flow_options(),
+        flow=control_options(),
         sources=sources_of("flow.align"),
     shell:
         "python -m flow.align {params.flow:q} --renders {input.renders:q}"
