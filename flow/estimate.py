@@ -11,7 +11,7 @@ import numpy as np
 from flow import blur, estimators, warp
 
 METHODS = estimators.METHODS
-DEFAULT = "dis_smooth"
+DEFAULT = "deepflow"
 
 
 def estimate(render, photo, *, method=DEFAULT, match_blur=False):

@@ -75,7 +75,7 @@ training:
   gradient_norm: null
   interlevel_weight: 1.0
   distortion_weight: 0.01
-flow: {{ method: dis_smooth, match_blur: true, kernel: lanczos, tolerance_px: 4.0 }}
+flow: {{ method: dis_fine, match_blur: true, kernel: lanczos, tolerance_px: 4.0 }}
 reference: {{ method: mipnerf360_large, round: 1 }}
 tradeoff:
   scene: tiny

@@ -327,7 +327,7 @@ def edit(config, where, value):
         ("training.batch_rays", 0, "training.batch_rays: 0 is less than"),
         ("flow.kernel", "sinc", "flow.kernel: 'sinc' is not one of"),
         ("flow.method", "files", "flow: 'folder' is a required"),
-        ("flow.folder", "flows", "flow.folder: method 'dis_smooth' reads none"),
+        ("flow.folder", "flows", "flow.folder: method 'deepflow' reads none"),
         ("methods.mipnerf360.model", "huge", r"methods.mipnerf360.model: no model 'hu"),
         ("methods.alignerf.rounds", 1, "methods.alignerf.rounds: 0 was expected"),
         ("methods.pretrain", {"model": "base", "rounds": 0}, "methods.pretrain: a fo"),
