@@ -16,7 +16,7 @@ from flow import camera_motion
 # Fewer pixels are no view: the camera is then left where it is.
 MIN_PIXELS = 64
 # A regular sample of larger images: neighbours of a flow say the same.
-MAX_PIXELS = 30_000
+MAX_PIXELS = 10_000
 # Beyond this many standard deviations a pixel does not move with the camera.
 OUTLIER_SIGMAS = 3.0
 # No flow is known better than this standard deviation of a component.

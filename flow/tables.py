@@ -72,7 +72,8 @@ def to_latex(table):
         [table["method"].str.replace("_", r"\_"), table["round"]],
         names=("Method", "Round"),
     )
-    tex = wide.style.to_latex(hrules=True, multicol_align="c")
+    layout = "ll" + "r" * len(columns)
+    tex = wide.style.to_latex(hrules=True, multicol_align="c", column_format=layout)
     return (
         "% \\usepackage{booktabs,multirow}\n"
         "% Length of the flow from render to photo, and of its parts: means over the\n"

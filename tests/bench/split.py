@@ -39,7 +39,7 @@ def run(options):
     demo = yaml.safe_load((ROOT / "workflow/config/demo.yaml").read_text())
     cases = {"both": CASES["both"]} if options.quick else CASES
     if options.quick:
-        demo["training"] |= {"steps": 4, "warmup_steps": 1, "batch_rays": 64}
+        demo["training"] |= {"steps": 40, "warmup_steps": 4, "batch_rays": 128}
     rows = []
     for name, case in cases.items():
         with tempfile.TemporaryDirectory() as folder:
@@ -95,6 +95,8 @@ def make(folder, demo, case, *, quick):
             flow_out=folder / name,
             warped_out=folder / f"warped_{name}",
             stats_out=folder / f"{name}.csv",
+            # Hardly trained, a render's flows do not agree to a pixel.
+            tolerance_px=16.0 if quick else demo["flow"]["tolerance_px"],
         )
 
 
@@ -134,7 +136,7 @@ def compare(folder, name, model_flow):
     for part, (found, true, note) in parts.items():
         scale = true if true > 0.01 * total else total
         yield measure.Row(
-            what=f"{name}: {part} off by",
+            what=f"{name}: {part}, off by",
             unit="%",
             ours=measure.one(100 * abs(found - true) / scale),
             goal=GOAL,
