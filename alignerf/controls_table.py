@@ -1,8 +1,10 @@
 """What a warped test set's gain is made of: `python -m alignerf.controls_table`.
 
 Reads the scores of every method and round; writes CSV and LaTeX. All are means over
-test views of differences in PSNR, paired by view, both sides on the same pixels;
-only the gain itself mixes pixels, and `choice` says how much that is.
+test views of differences in PSNR, paired by view, both sides on the same pixels but
+for the gain, of which `choice` says how much that is. What `remains` adds up terms on
+three sets of pixels (all, valid, and valid for the invented flow): `held_out`, on
+the valid ones alone, is the measure of alignment, and `remains` its check.
 """
 
 import argparse

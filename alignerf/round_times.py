@@ -61,7 +61,9 @@ def row_of(entry):
         row["align_time_s"] = float(pd.read_csv(entry["alignment"])["time_s"].sum())
         row["align_rest_time_s"] = walls["align"] - row["align_time_s"]
     labels = {key: entry[key] for key in ("method", "round")}
-    return labels | row | {"total_time_s": sum(walls.values())}
+    # A process that went on where another was stopped knows only its own seconds.
+    rests = {key: max(row[key], 0.0) for key in row if key.endswith("rest_time_s")}
+    return labels | row | rests | {"total_time_s": sum((row | rests).values())}
 
 
 def read_json(path):

@@ -12,7 +12,7 @@ from flow import files, rounds
     ("before_px", "now_px", "goes_on"),
     [
         (None, 1.0, True),
-        (None, 0.0, False),
+        (None, 0.0, True),
         (1.0, 0.5, True),
         (1.0, 1.0, False),
         (1.0, 0.95, False),

@@ -50,6 +50,13 @@ def test_parts_add_up_to_the_processes(tmp_path):
     assert r"a\_b & 0 & 20.0 & 5.0 & 3.0 & -- & -- & -- & -- & 28.0 \\" in tex
 
 
+def test_a_training_that_went_on_has_no_negative_rest(tmp_path):
+    """The process knows its own seconds, timing.json those of all before it too."""
+    row = round_times.row_of(write_round(tmp_path / "first", {"train": 12.0}))
+    assert row["train_rest_time_s"] == 0.0
+    assert row["total_time_s"] == 25.0
+
+
 def test_a_benchmark_that_is_none_is_named(tmp_path):
     path = tmp_path / "train.tsv"
     path.write_text("h:m:s\n0:00:01\n")

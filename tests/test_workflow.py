@@ -346,6 +346,7 @@ def edit(config, where, value):
             {"model": "large", "rounds": 1, "warm_start": WARM},
             "warm.warm_start.from: model 'base' instead of 'large'",
         ),
+        ("methods.mipnerf360.most_rounds", 2, "most_rounds: only with `rounds: auto`"),
         (
             "methods.warm",
             {"model": "base", "rounds": 0, "warm_start": WARM},

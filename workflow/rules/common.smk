@@ -498,6 +498,7 @@ def scene_targets(scene):
         f"{folder}/tables/misalignment.csv",
         f"{folder}/tables/misalignment.tex",
         f"{folder}/tables/round_times.csv",
+        f"{folder}/tables/round_times.tex",
         f"{folder}/tables/controls.csv",
         f"{folder}/tables/controls.tex",
         *ranking_tables(scene),

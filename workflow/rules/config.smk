@@ -29,6 +29,8 @@ def check_config(config):
             stop(f"config: methods.{name}.model: no model {method['model']!r}")
         if "warm_start" in method:
             check_warm_start(config, name)
+        if "most_rounds" in method and method["rounds"] != "auto":
+            stop(f"config: methods.{name}.most_rounds: only with `rounds: auto`")
     check_reference(config)
     for name, scene in config["scenes"].items():
         path = scene.get("path")
@@ -57,7 +59,7 @@ def check_flow_folder(flow):
         stop(f"config: flow.folder: method {flow['method']!r} reads none")
     template = flow["folder"]
     try:
-        template.format(scene="", method="", round=0, split="")
+        template.format(scene="", method="", round="0", split="")
     except (KeyError, IndexError, ValueError, AttributeError):
         stop(
             f"config: flow.folder: {template}: in braces only scene, method, round "

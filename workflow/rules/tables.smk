@@ -40,6 +40,7 @@ rule round_times:
         sources=sources_of("alignerf.round_times"),
     shell:
         "python -m alignerf.round_times --rows {params.rows:q} --csv {output.csv:q}"
+        " --tex {output.tex:q} 2>&1 | tee {log:q}"
 
 
 # How much of the warped test set's gain is alignment.
