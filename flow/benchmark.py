@@ -132,8 +132,19 @@ def large_pair(method):
     return json.loads(done.stdout)
 
 
-def run(arguments=None):
-    """The command line; returns its exit code."""
+def say_large_pair(method):
+    """Print what a pair of LARGE_PX costs."""
+    cost = large_pair(method)
+    size = "{}x{}".format(*LARGE_PX)
+    print(
+        f"one pair of {size} by {method}, blur matched: "
+        f"{cost['time_s']} s, {cost['cpu_time_s']} s of processor time, "
+        f"{cost['peak_mib']} MiB at the peak"
+    )
+
+
+def parse(arguments=None):
+    """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="flow.benchmark", description=__doc__)
     for name in ("csv", "tex", "figure"):
         parser.add_argument(f"--{name}", type=Path, required=True, help="written")
@@ -148,21 +159,21 @@ def run(arguments=None):
     parser.add_argument(
         "--large", action=argparse.BooleanOptionalAction, default=True, help="time one"
     )
-    options = vars(parser.parse_args(arguments))
-    if (options["scene"] is None) == bool(options["renders"]):
+    options = parser.parse_args(arguments)
+    if (options.scene is None) == bool(options.renders):
         parser.error("--scene and --renders go together")
+    return options
+
+
+def run(arguments=None):
+    """The command line; returns its exit code."""
+    options = vars(parse(arguments))
     outputs = {name: options.pop(name) for name in ("csv", "tex", "figure")}
     large = options.pop("large")
     try:
         main(outputs, **options)
         if large:
-            cost = large_pair(estimate.DEFAULT)
-            size = "{}x{}".format(*LARGE_PX)
-            print(
-                f"one pair of {size} by {estimate.DEFAULT}, blur matched: "
-                f"{cost['time_s']} s, {cost['cpu_time_s']} s of processor time, "
-                f"{cost['peak_mib']} MiB at the peak"
-            )
+            say_large_pair(estimate.DEFAULT)
     except (ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -8,6 +8,7 @@ import pandas as pd
 from flow import files
 
 SHARES = ["within_025", "within_050", "within_100"]
+BOLD = "font-weight: bold"
 # A marker for each method, filled where the blur was matched.
 MARKERS = "osD^v<>pP*Xh"
 
@@ -41,24 +42,28 @@ def to_latex(table):
         index=keys, columns="data", values=["epe_px", *SHARES], sort=False, dropna=False
     )
     errors = wide["epe_px"].reindex(columns=order)
-    speed = rows.groupby(keys, sort=False)["mpx_per_s"].median()
-    errors["Mpx/s"] = speed
+    errors["Mpx/s"] = rows.groupby(keys, sort=False)["mpx_per_s"].median()
     style = errors.style.format(precision=3, na_rep="--")
-    style = style.highlight_min(subset=order, props="font-weight: bold")
+    style = style.highlight_min(subset=order, props=BOLD)
     first = style.to_latex(hrules=True, convert_css=True)
-    shares = [(100 * wide[key]).round().reindex(columns=order) for key in SHARES]
+    second = share_style(wide.reindex(columns=order, level=1))
+    return (
+        "% \\usepackage{booktabs,multirow}\n"
+        "% Mean end-point error in pixels; megapixels per second, median over data.\n"
+        f"{first}\n% Pixels (%) within 0.25 / 0.5 / 1 px of the truth.\n"
+        f"{second.to_latex(hrules=True, convert_css=True)}"
+    )
+
+
+def share_style(wide):
+    """Cells "a / b / c", per cent within 0.25, 0.5 and 1 px, the best b bold."""
+    shares = [(100 * wide[key]).round() for key in SHARES]
     best = shares[1] == shares[1].max()
     joined = shares[0].map(show)
     for share in shares[1:]:
         joined += " / " + share.map(show)
-    style = joined.style.apply(
-        lambda column: best[column.name].map({True: "font-weight: bold", False: ""})
-    )
-    second = style.to_latex(hrules=True, convert_css=True)
-    return (
-        "% \\usepackage{booktabs,multirow}\n"
-        "% Mean end-point error in pixels; megapixels per second, median over data.\n"
-        f"{first}\n% Pixels (%) within 0.25 / 0.5 / 1 px of the truth.\n{second}"
+    return joined.style.apply(
+        lambda column: best[column.name].map({True: BOLD, False: ""})
     )
 
 
