@@ -59,13 +59,18 @@ def main(renders, photos, targets, stats_out, *, views=None, **options):
     return rows
 
 
-def align_view(view, render, photo, folders, *, kernel="lanczos", **options):
+def align_view(
+    view, render, photo, folders, *, kernel="lanczos", depth=None, **options
+):
     """Write one view's flow and warped photo; returns its statistics.
 
-    options: those of `flow_of_view`.
+    depth: folder of <view>.npz, of the render: what is hidden in the photo is not
+    valid. options: those of `flow_of_view`.
     """
     try:
         flow_px, valid, sigma_px = flow_of_view(view, render, photo, **options)
+        if (found := read_depth(depth, view)) is not None:
+            valid &= warp.unoccluded(flow_px, found)
     except ValueError as error:
         raise ValueError(f"view {view}: {error}") from error
     row = displacement.statistics(flow_px, valid, view=view)
@@ -73,6 +78,13 @@ def align_view(view, render, photo, folders, *, kernel="lanczos", **options):
     warped = warp.warp(photo, flow_px, kernel=kernel)
     files.write_image(folders["warped"] / f"{view}.png", warped)
     return {"view": view, **row, "blur_sigma_px": sigma_px}
+
+
+def read_depth(folder, view):
+    """Depth [h, w] of a render from <view>.npz of a folder; None without a folder."""
+    if folder is None:
+        return None
+    return files.read_arrays(Path(folder) / f"{view}.npz", "depth")[0]
 
 
 def flow_of_view(
@@ -128,6 +140,7 @@ def parse(arguments=None):
         default=True,
         help="blur the photo as the render is, for the flow only",
     )
+    parser.add_argument("--depth", type=Path, help="of the renders, for occlusions")
     parser.add_argument("--kernel", choices=warp.KERNELS, default="lanczos")
     parser.add_argument("--tolerance-px", type=float, default=1.0)
     parser.add_argument("--views-file", type=Path, help="cameras.npz")

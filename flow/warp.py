@@ -22,6 +22,9 @@ MAX_SIDE_PX = 32766
 # positions to 1/32 px.
 ROUND_TRIP_PX = 0.05
 
+# Neighbours of one surface that a flow brings together differ in depth by less.
+OCCLUSION_TOLERANCE = 0.1
+
 
 def check_image(image, name="image"):
     """Raise ValueError unless image is [h, w, 3] uint8 with sides that warps allow."""
@@ -103,6 +106,31 @@ def compose(first_px, second_px):
         raise ValueError("first and second flow differ in size")
     second_px = np.asarray(second_px, dtype=np.float32)
     return first_px + _sample(second_px, _positions(first_px), "bilinear")
+
+
+def unoccluded(flow_px, depth, *, tolerance=OCCLUSION_TOLERANCE):
+    """Mask [h, w]: nothing nearer goes to the same pixel of the photo.
+
+    depth [h, w] of the render, positive, in any unit: of the pixels that land on one,
+    those count that are at most a share `tolerance` farther than the nearest. Where
+    the flow leaves the image nothing hides. Raises ValueError.
+    """
+    check_flow(flow_px)
+    depth = np.asarray(depth, dtype=np.float32)
+    if depth.shape != flow_px.shape[:2]:
+        sizes = f"{list(depth.shape)} and flow {list(flow_px.shape[:2])}"
+        raise ValueError(f"depth {sizes} differ in size")
+    if not (np.isfinite(depth) & (depth > 0)).all():
+        raise ValueError("depth holds values that are not positive and finite")
+    inside = in_frame(flow_px)
+    at = np.rint(_positions(flow_px)[inside]).astype(int)
+    h, w = depth.shape
+    landed = at[:, 1].clip(0, h - 1), at[:, 0].clip(0, w - 1)
+    nearest = np.full((h, w), np.inf, np.float32)
+    np.minimum.at(nearest, landed, depth[inside])
+    visible = np.ones((h, w), bool)
+    visible[inside] = depth[inside] <= nearest[landed] * (1 + tolerance)
+    return visible
 
 
 def invert(flow_px, *, kernel="lanczos", iterations=30, tolerance_px=ROUND_TRIP_PX):

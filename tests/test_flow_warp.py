@@ -241,3 +241,45 @@ def test_bad_input_is_refused_with_the_reason():
     longest = noise(1, 32766)
     same = warp.warp(longest, constant(1, 32766, 0, 0))
     np.testing.assert_array_equal(same, longest)
+
+
+def test_what_something_nearer_hides_is_occluded():
+    """A near square moves by 5 px: it hides the strip that it moves over, no more."""
+    depth = np.full((40, 60), 10.0, np.float32)
+    depth[10:30, 20:40] = 2.0
+    flow_px = np.zeros((40, 60, 2), np.float32)
+    flow_px[10:30, 20:40, 0] = 5.0
+    visible = warp.unoccluded(flow_px, depth)
+    hidden = np.zeros((40, 60), bool)
+    hidden[10:30, 40:45] = True
+    np.testing.assert_array_equal(~visible, hidden)
+    # Something farther hides nothing: it is hidden itself where it moves to.
+    depth[10:30, 20:40] = 20.0
+    hidden = np.zeros((40, 60), bool)
+    hidden[10:30, 35:40] = True
+    np.testing.assert_array_equal(~warp.unoccluded(flow_px, depth), hidden)
+
+
+def test_a_surface_does_not_hide_itself():
+    """Nor does what leaves the image, however near."""
+    slope = np.linspace(1.0, 3.0, 64, dtype=np.float32)
+    depth = np.tile(slope, (48, 1))
+    shrink = np.zeros((48, 64, 2), np.float32)
+    shrink[..., 0] = -0.3 * np.arange(64)
+    assert warp.unoccluded(shrink, depth).all()
+    leaving = np.zeros((48, 64, 2), np.float32)
+    leaving[:, :32, 0] = -1000.0
+    assert warp.unoccluded(leaving, np.full((48, 64), 1.0)).all()
+
+
+@pytest.mark.parametrize(
+    ("depth", "reason"),
+    [
+        (np.ones((8, 9)), "differ in size"),
+        (np.zeros((8, 8)), "not positive and finite"),
+        (np.full((8, 8), np.nan), "not positive and finite"),
+    ],
+)
+def test_a_depth_that_is_none_is_refused(depth, reason):
+    with pytest.raises(ValueError, match=reason):
+        warp.unoccluded(np.zeros((8, 8, 2), np.float32), depth)

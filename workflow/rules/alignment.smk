@@ -3,6 +3,7 @@
 rule align:
     input:
         renders="results/{scene}/{method}/round{round}/renders/{split}",
+        depth="results/{scene}/{method}/round{round}/depth/{split}",
         photos="results/{scene}/images",
     output:
         flow=directory("results/{scene}/{method}/round{round}/flow/{split}"),
@@ -19,6 +20,7 @@ rule align:
         sources=sources_of("flow.align"),
     shell:
         "python -m flow.align {params.flow:q} --renders {input.renders:q}"
+        " --depth {input.depth:q}"
         " --photos {input.photos:q} --flow-out {output.flow:q}"
         " --warped-out {output.warped:q} --stats-out {output.stats:q}"
         " 2>&1 | tee {log:q}"
@@ -27,7 +29,8 @@ rule align:
 # The warped test set: made once, by the reference model, for all methods.
 rule testset:
     input:
-        renders=reference_renders,
+        renders=lambda w: reference_views(w.scene, "renders"),
+        depth=lambda w: reference_views(w.scene, "depth"),
         photos="results/{scene}/images",
     output:
         flow=directory("results/{scene}/testset/flow"),
@@ -44,6 +47,7 @@ rule testset:
         sources=sources_of("flow.align"),
     shell:
         "python -m flow.align {params.flow:q} --renders {input.renders:q}"
+        " --depth {input.depth:q}"
         " --photos {input.photos:q} --flow-out {output.flow:q}"
         " --warped-out {output.warped:q} --stats-out {output.stats:q}"
         " 2>&1 | tee {log:q}"
@@ -53,7 +57,7 @@ rule testset:
 rule control_sets:
     input:
         unpack(truth_of),
-        renders=reference_renders,
+        renders=lambda w: reference_views(w.scene, "renders"),
         photos="results/{scene}/images",
         flow="results/{scene}/testset/flow",
     output:

@@ -272,10 +272,10 @@ def flows_of_rounds(w):
     return found
 
 
-def reference_renders(w):
-    """Renders of the test views by the model that makes the warped test set."""
-    folder = trained(w.scene, config["reference"]["method"], reference_round(w.scene))
-    return f"{folder}/renders/test"
+def reference_views(scene, kind):
+    """Renders or depth of the test views by the model that makes the warped test set."""
+    folder = trained(scene, config["reference"]["method"], reference_round(scene))
+    return f"{folder}/{kind}/test"
 
 
 # Folders of flow.control_sets beside the warped test set.
