@@ -143,9 +143,7 @@ def statistics(found: camera_fit.Fit, model_px=None):
         "moved_share": float(moved.mean()),
         "moved_mean_px": float((lengths_px["remainder"] * moved).mean()),
         "noise_px": found.noise_px,
-        **_named("rotation_{}_deg", np.degrees(found.motion.rotation)),
-        **_named("centre_{}", found.motion.centre),
-        "focal_ratio": float(np.exp(found.motion.log_focal)),
+        **_camera(found.motion),
         "fitted_pixels": found.pixels,
     }
 
@@ -168,11 +166,12 @@ def explained(flow_length_px, remainder_length_px):
     return float(1 - rest / whole) if whole > 0 else 0.0
 
 
-def _named(pattern, values):
-    return {
-        pattern.format(axis): float(value)
-        for axis, value in zip("xyz", values, strict=True)
-    }
+def _camera(motion):
+    """The photo's camera in the frame of the render's, as columns."""
+    turn_deg = np.degrees(motion.rotation)
+    columns = {f"rotation_{x}_deg": float(turn_deg[i]) for i, x in enumerate("xyz")}
+    columns |= {f"centre_{x}": float(motion.centre[i]) for i, x in enumerate("xyz")}
+    return columns | {"focal_ratio": float(np.exp(motion.log_focal))}
 
 
 def write_parts(path, found: camera_fit.Fit, model_px):

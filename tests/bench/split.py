@@ -50,21 +50,23 @@ def run(options):
     return rows
 
 
+def scene_of(demo, case, *, quick):
+    """The demo's scene with the case's misalignment and otherwise true poses."""
+    scene = dict(demo["scenes"]["courtyard"], poses="truth", seed=demo["seed"])
+    scene["perturb_px"] = case["perturb_px"]
+    scene["courtyard"] = scene["courtyard"] | {"motion": case["motion"]}
+    if quick:
+        scene["downscale"] = 1
+        scene["courtyard"] |= {"views": 9, "width": 96, "height": 72}
+    return json.dumps(scene)
+
+
 def make(folder, demo, case, *, quick):
     """A scene, its trained model, the test views' renders with depth, their flows."""
-    size = {"views": 9, "width": 96, "height": 72} if quick else {}
-    scene = demo["scenes"]["courtyard"] | {
-        "poses": "truth",
-        "perturb_px": case["perturb_px"],
-        "downscale": 1 if quick else demo["scenes"]["courtyard"]["downscale"],
-        "courtyard": demo["scenes"]["courtyard"]["courtyard"]
-        | {"motion": case["motion"]}
-        | size,
-    }
-    seed = {"seed": demo["seed"]}
-    stage("alignerf.poses", config=json.dumps(seed | scene), out=folder)
-    job = {"stage": "full", "model": demo["models"]["base"], "alignerf": None}
-    job = json.dumps(seed | job | {"training": demo["training"]})
+    stage("alignerf.poses", config=scene_of(demo, case, quick=quick), out=folder)
+    job = {key: demo[key] for key in ("seed", "training")}
+    job |= {"stage": "full", "model": demo["models"]["base"], "alignerf": None}
+    job = json.dumps(job)
     model, timing = folder / "model.msgpack", folder / "timing.json"
     stage(
         "alignerf.train",
