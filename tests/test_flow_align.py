@@ -67,6 +67,49 @@ def test_aligns_a_folder(scene):
         assert missed < 0.2 * np.abs(photo - render)[valid].mean()
 
 
+def write_depth(scene, depth):
+    (scene / "depth").mkdir()
+    for view in ("a", "b c", "d"):
+        np.savez(scene / "depth" / f"{view}.npz", depth=np.float32(depth))
+
+
+def test_what_is_occluded_is_not_valid(scene, monkeypatch):
+    assert align.run(arguments(scene)) == 0
+    before = {v: files.read_flow(scene / "out/flow" / f"{v}.npz") for v in ("a", "d")}
+    write_depth(scene, np.ones((60, 80)))
+    # Whatever the flow: the half that the depth hides.
+    hidden = np.indices((60, 80))[1] < 40
+
+    def unoccluded(flow_px, depth):
+        assert depth.shape == flow_px.shape[:2]
+        return ~hidden
+
+    monkeypatch.setattr(warp, "unoccluded", unoccluded)
+    assert align.run(arguments(scene, "--depth", str(scene / "depth"))) == 0
+    for view, (flow_px, valid) in before.items():
+        again_px, again = files.read_flow(scene / "out/flow" / f"{view}.npz")
+        np.testing.assert_array_equal(again_px, flow_px)
+        np.testing.assert_array_equal(again, valid & ~hidden)
+
+
+@pytest.mark.parametrize(
+    ("depth", "reason"),
+    [
+        (None, "depth/a.npz"),
+        (np.ones((9, 9)), "view a: depth"),
+        (np.zeros((60, 80)), "view a: depth"),
+    ],
+)
+def test_a_bad_depth_is_named(scene, capsys, depth, reason):
+    if depth is not None:
+        write_depth(scene, depth)
+    assert align.run(arguments(scene, "--depth", str(scene / "depth"))) == 1
+    error = capsys.readouterr().err
+    assert reason in error
+    assert error.count("\n") == 1
+    assert not (scene / "out" / "stats.csv").exists()
+
+
 def test_runs_again_over_its_own_output_and_alike(scene):
     assert align.run(arguments(scene)) == 0
     first = (scene / "out" / "flow" / "a.npz").read_bytes()
