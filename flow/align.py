@@ -8,7 +8,6 @@ photo warped onto the render, and the misalignment in pixels.
 """
 
 import argparse
-import csv
 import sys
 import time
 from contextlib import ExitStack
@@ -16,7 +15,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from flow import displacement, estimate, files, given, pairs, warp
+from flow import cli, displacement, estimate, files, given, pairs, warp
 
 # Seconds between updates of the bar; a log needs few lines.
 PROGRESS_S = 0.1 if sys.stderr.isatty() else 10.0
@@ -55,7 +54,7 @@ def main(renders, photos, targets, stats_out, *, views=None, **options):
             render, photo = files.read_image(render_path), files.read_image(photo_path)
             row = align_view(view, render, photo, folders, **options)
             rows.append(row | {"time_s": round(time.perf_counter() - started, 4)})
-        write_rows(stats_path, rows)
+        files.write_rows(stats_path, COLUMNS, rows)
     return rows
 
 
@@ -118,14 +117,6 @@ def read_views(path, split):
     return views
 
 
-def write_rows(path, rows):
-    """Write the statistics as CSV, one row per view."""
-    with open(path, "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-
-
 def parse(arguments=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="flow.align", description=__doc__)
@@ -158,13 +149,12 @@ def run(arguments=None):
     options = vars(parse(arguments))
     views_file, split = options.pop("views_file"), options.pop("split")
     targets = {kind: options.pop(f"{kind}_out") for kind in ("flow", "warped")}
-    try:
+
+    def call():
         views = None if views_file is None else read_views(views_file, split)
         main(targets=targets, views=views, **options)
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0
+
+    return cli.exit_code(call)
 
 
 if __name__ == "__main__":

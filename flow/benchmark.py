@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from flow import benchmark_pairs, benchmark_tables, estimate
+from flow import benchmark_pairs, benchmark_tables, cli, estimate
 
 PROGRESS_S = 0.1 if sys.stderr.isatty() else 10.0
 MIDDLEBURY = Path("../shared/data/flow")
@@ -170,14 +170,13 @@ def run(arguments=None):
     options = vars(parse(arguments))
     outputs = {name: options.pop(name) for name in ("csv", "tex", "figure")}
     large = options.pop("large")
-    try:
+
+    def call():
         main(outputs, **options)
         if large:
             say_large_pair(estimate.DEFAULT)
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0
+
+    return cli.exit_code(call)
 
 
 if __name__ == "__main__":

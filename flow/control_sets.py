@@ -17,14 +17,13 @@ leak_flow holds the invented flow, and leak.csv its lengths.
 """
 
 import argparse
-import csv
 import functools
 import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from flow import controls, displacement, estimate, files, pairs, warp
+from flow import cli, controls, displacement, estimate, files, pairs, warp
 
 IMAGES = ("control", "placebo", "held_out", "aligned", "leak", "leak_held_out")
 COLUMNS = (
@@ -70,10 +69,7 @@ def main(renders, photos, flow, out, *, truth=None, **options):
             except ValueError as error:
                 raise ValueError(f"view {view}: {error}") from error
             rows.append(row | {"time_s": round(time.perf_counter() - started, 4)})
-        with open(table, "w", newline="") as file:
-            writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+        files.write_rows(table, COLUMNS, rows)
     return rows
 
 
@@ -144,12 +140,7 @@ def parse(arguments=None):
 
 def run(arguments=None):
     """The command line; returns its exit code."""
-    try:
-        main(**vars(parse(arguments)))
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0
+    return cli.exit_code(main, **vars(parse(arguments)))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ view, is taken off first. Writes <view>.npz with the parts, and statistics.
 """
 
 import argparse
-import csv
 import sys
 import time
 from contextlib import ExitStack
@@ -19,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flow import camera_fit, files
+from flow import camera_fit, cli, files
 
 # Lengths beyond this percentile of the flow's count as that: a single wild vector
 # must not outweigh a view.
@@ -72,7 +71,7 @@ def main(renders_depth, flow, cameras, split, out_flow, stats_out, model_flow=No
             write_parts(folder / f"{view}.npz", found, model_px)
             time_s = round(time.perf_counter() - started, 4)
             rows.append({"view": view, **row, "time_s": time_s})
-        write_rows(stats_path, rows)
+        files.write_rows(stats_path, COLUMNS, rows)
     return rows
 
 
@@ -183,14 +182,6 @@ def write_parts(path, found: camera_fit.Fit, model_px):
         np.savez(file, **parts)
 
 
-def write_rows(path, rows):
-    """Write the statistics as CSV, one row per view."""
-    with open(path, "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-
-
 def run(arguments=None):
     """The command line; returns its exit code."""
     parser = argparse.ArgumentParser(prog="flow.decompose", description=__doc__)
@@ -198,12 +189,7 @@ def run(arguments=None):
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--model-flow", type=Path, help="render to oracle")
     parser.add_argument("--split", choices=("train", "test"), required=True)
-    try:
-        main(**vars(parser.parse_args(arguments)))
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0
+    return cli.exit_code(main, **vars(parser.parse_args(arguments)))
 
 
 if __name__ == "__main__":

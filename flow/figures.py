@@ -16,7 +16,7 @@ from pathlib import Path
 
 import matplotlib.figure
 
-from flow import drawing, files, part_figures
+from flow import cli, drawing, files, part_figures
 
 PART_FIGURES = ("views", "lengths", "curves")
 
@@ -119,14 +119,13 @@ def run(arguments=None):
     asked = [value is not None for value in chosen.values()]
     if any(asked) and not all(asked):
         parser.error("all options of the parts go together")
-    try:
+
+    def call():
         main(**options)
         if all(asked):
             draw_parts(options["photos"], options["rounds"], **chosen)
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0
+
+    return cli.exit_code(call)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 Notation: `flow_px` [h, w, 2] float32, x then y in pixels; `valid` [h, w] bool.
 """
 
+import csv
 import os
 import shutil
 import tempfile
@@ -69,6 +70,14 @@ def read_image(path):
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
         raise ValueError(f"{path}: not an 8-bit RGB image")
     return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+
+
+def write_rows(path, columns, rows):
+    """Write dicts as CSV, where the caller has made room for it (see `replacing`)."""
+    with open(path, "w", newline="") as file:
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def write_flow(path, flow_px, valid):

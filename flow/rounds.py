@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flow import files
+from flow import cli, files
 
 # A smaller share is within what a training's random numbers change.
 LEAST_FALL = 0.1
@@ -84,12 +84,7 @@ def run(arguments=None):
     options = parser.parse_args(arguments)
     if (options.before is None) != (options.before_flow is None):
         parser.error("--before and --before-flow go together")
-    try:
-        main(**vars(options))
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0
+    return cli.exit_code(main, **vars(options))
 
 
 if __name__ == "__main__":

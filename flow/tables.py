@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from flow import files
+from flow import cli, files
 
 PARTS = {"flow": "Flow", "model": "Model", "camera": "Camera", "remainder": "Remainder"}
 LENGTHS = {"median_px": "median", "mean_px": "mean", "p95_px": "95 \\%"}
@@ -87,12 +87,7 @@ def run(arguments=None):
     parser.add_argument("--rows", required=True, help="JSON: method, round, stats")
     for name in ("csv", "tex"):
         parser.add_argument(f"--{name}", type=Path, required=True)
-    try:
-        main(**vars(parser.parse_args(arguments)))
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0
+    return cli.exit_code(main, **vars(parser.parse_args(arguments)))
 
 
 if __name__ == "__main__":
