@@ -12,6 +12,8 @@ from alignerf import fields, frequency_loss, methods
 from alignerf.mipnerf360 import model as mipnerf360
 
 STAGES = ("full", "warm", "pretrain", "finetune")
+MATCHINGS = ("patch", "pixel")
+ERRORS = ("squared", "charbonnier")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,11 +50,19 @@ class AligNeRF:
     learning_rates: list
     patches: int
     patch_px: int
-    radius_px: int
-    align_penalty: float
+    convolution: bool
     features: int
+    matching: str
+    error: str
+    radius_px: int | None  # None: from the measured misalignment
+    align_penalty: float
     frequency_weight: float
     frequency_weights: str | None
+
+    @property
+    def outputs(self):
+        """Values that the field gives: without a convolution they are colours."""
+        return self.features if self.convolution else 3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,7 +135,7 @@ def _typed(hint, value, where):
     if dataclasses.is_dataclass(kind):
         return parse(kind, value, where=where)
     accepted = (int, float) if kind is float else kind
-    if isinstance(value, bool) or not isinstance(value, accepted):
+    if isinstance(value, bool) != (kind is bool) or not isinstance(value, accepted):
         raise ValueError(f"{where}: must be {kind.__name__}, not {value!r}")
     return float(value) if kind is float else value
 
@@ -137,6 +147,13 @@ def parse_job(values) -> Job:
         raise ValueError(f"config.stage: {job.stage!r} is not one of {STAGES}")
     if job.stage in ("pretrain", "finetune") and job.alignerf is None:
         raise ValueError("config.alignerf: a staged training needs it")
+    if job.alignerf:
+        for key, known in (("matching", MATCHINGS), ("error", ERRORS)):
+            value = getattr(job.alignerf, key)
+            if value not in known:
+                raise ValueError(
+                    f"config.alignerf.{key}: {value!r} is not one of {known}"
+                )
     if not 0 < job.model.near < job.model.far < float("inf"):
         raise ValueError(
             f"config.model: near {job.model.near} and far {job.model.far} must be "
@@ -148,7 +165,7 @@ def parse_job(values) -> Job:
 def make_method(job: Job) -> methods.Method:
     """The method of a job: baseline, or AligNeRF in its fine-tuning stage."""
     fine = job.stage == "finetune"
-    outputs = {"outputs": job.alignerf.features} if fine else {}
+    outputs = {"outputs": job.alignerf.outputs} if fine else {}
     model = mipnerf360.Model(
         proposal=make_field(job.model.proposal, "proposal"),
         field=make_field({**job.model.field, **outputs}, "field"),
@@ -172,19 +189,31 @@ def make_method(job: Job) -> methods.Method:
         model,
         patches=settings.patches,
         patch_px=settings.patch_px,
-        radius_px=settings.radius_px,
-        align_penalty=settings.align_penalty,
-        frequency_weight=settings.frequency_weight,
-        frequency_features=frequency_features(settings.frequency_weights),
+        convolution=settings.convolution,
+        loss=make_loss(settings),
         loss_weights=loss_weights,
     )
 
 
-def frequency_features(path):
-    """VGG-19's first block from `path`, or the derivative bank for None."""
-    if path is None:
+def make_loss(settings: AligNeRF) -> methods.Loss:
+    """The loss of fine-tuning; without a radius yet (see `train`), one of 0."""
+    return methods.Loss(
+        matching=settings.matching,
+        error=settings.error,
+        radius_px=settings.radius_px or 0,
+        align_penalty=settings.align_penalty,
+        frequency_weight=settings.frequency_weight,
+        frequency_features=frequency_features(settings),
+    )
+
+
+def frequency_features(settings: AligNeRF):
+    """VGG-19's first block, or the derivative bank; None where it weighs nothing."""
+    if settings.frequency_weight == 0:
+        return None
+    if settings.frequency_weights is None:
         return frequency_loss.bank_features
-    return frequency_loss.vgg_features(path)
+    return frequency_loss.vgg_features(settings.frequency_weights)
 
 
 def make_field(options, where):

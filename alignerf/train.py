@@ -7,23 +7,28 @@ not finite ends it; the last checkpoint is kept.
 """
 
 import argparse
+import dataclasses
 import json
+import logging
 
 import jax
 import numpy as np
 
 from alignerf import (
+    align_loss,
+    batches,
     checkpoint,
     cli,
     config,
     cores,
     loop,
     memory,
-    methods,
     patch_conv,
     program,
     scene,
 )
+
+log = logging.getLogger("alignerf")
 
 
 def main(argv=None):
@@ -33,12 +38,13 @@ def main(argv=None):
     parser.add_argument("--photos", help="folder of photos (default: the scene's)")
     parser.add_argument("--valid", help="folder of <view>.npz with valid pixels")
     parser.add_argument("--initial", help="parameters to fine-tune or go on from")
+    parser.add_argument("--displacement", help="CSV to take the search radius from")
     parser.add_argument("--sources", default="", help="hash: other code starts anew")
     parser.add_argument("--checkpoints", required=True, help="folder to resume from")
     parser.add_argument("--model", required=True, help="parameters, written")
     parser.add_argument("--timing", required=True, help="timing.json, written")
     args = parser.parse_args(argv)
-    job = config.parse_job(cli.read_config(args.config))
+    job = with_radius(config.parse_job(cli.read_config(args.config)), args.displacement)
     if job.model.field["kind"] == "grid":
         # An MLP gains little by it, and each device holds all its parameters.
         cores.use_as_devices()
@@ -65,6 +71,18 @@ def main(argv=None):
         path.write_text(json.dumps(timing, indent=1))
 
 
+def with_radius(job, displacement) -> config.Job:
+    """The job with a search radius: its own, or from the measured misalignment."""
+    if job.stage != "finetune" or job.alignerf.radius_px is not None:
+        return job
+    if displacement is None:
+        raise ValueError("--displacement: radius_px auto needs the measured one")
+    radius_px = align_loss.read_radius(displacement)
+    log.info("search radius: %d px", radius_px)
+    settings = dataclasses.replace(job.alignerf, radius_px=radius_px)
+    return dataclasses.replace(job, alignerf=settings)
+
+
 def check_patches(job, loaded: scene.Scene):
     """A patch must lie inside the photos."""
     smallest = min(loaded.width, loaded.height)
@@ -75,10 +93,10 @@ def check_patches(job, loaded: scene.Scene):
         )
 
 
-def view_shapes(loaded: scene.Scene, chosen, valid) -> methods.Views:
+def view_shapes(loaded: scene.Scene, chosen, valid) -> batches.Views:
     """Shapes of the training views, before they are loaded."""
     n, h, w = len(chosen), loaded.height, loaded.width
-    return methods.Views(
+    return batches.Views(
         photos=jax.ShapeDtypeStruct((n, h, w, 3), np.uint8),
         valid=valid and jax.ShapeDtypeStruct((n, h, -(-w // 8)), np.uint8),
         pixtocams=jax.ShapeDtypeStruct((n, 3, 3), np.float32),
@@ -86,13 +104,13 @@ def view_shapes(loaded: scene.Scene, chosen, valid) -> methods.Views:
     )
 
 
-def load_views(loaded: scene.Scene, chosen, photos, valid) -> methods.Views:
+def load_views(loaded: scene.Scene, chosen, photos, valid) -> batches.Views:
     """The training views in the host's memory, with what says which pixels count."""
     packed = valid and [
-        methods.pack_valid(scene.read_validity(loaded, [view], valid))
+        batches.pack_valid(scene.read_validity(loaded, [view], valid))
         for view in chosen
     ]
-    return methods.Views(
+    return batches.Views(
         photos=scene.read_images(loaded, chosen, photos),
         valid=packed and np.concatenate(packed),
         pixtocams=loaded.pixtocams[chosen].astype(np.float32),
@@ -113,7 +131,7 @@ def initial_params(job, method, initial):
     pretrain = config.make_method(config.replace_stage(job, "pretrain"))
     template = jax.eval_shape(pretrain.init, key)
     trained = checkpoint.read_params(initial, template)
-    model = patch_conv.widen_values(trained["model"], job.alignerf.features, key)
+    model = patch_conv.widen_values(trained["model"], job.alignerf.outputs, key)
     return {**fresh, "model": model}
 
 

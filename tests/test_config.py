@@ -39,9 +39,12 @@ JOB = {
         "learning_rates": [0.003, 0.0003],
         "patches": 2,
         "patch_px": 16,
+        "convolution": True,
+        "features": 5,
+        "matching": "patch",
+        "error": "squared",
         "radius_px": 2,
         "align_penalty": 0.01,
-        "features": 5,
         "frequency_weight": 0.05,
         "frequency_weights": None,
     },
@@ -103,6 +106,9 @@ def change(job, where, value=None):
         ("alignerf.frequency_weights", 3, "frequency_weights: must be str"),
         ("stage", "half", "config.stage: 'half'"),
         ("alignerf", {}, "config.alignerf: key"),
+        ("alignerf.convolution", 1, "config.alignerf.convolution: must be bool"),
+        ("alignerf.matching", "ray", "config.alignerf.matching: 'ray' is not one of"),
+        ("alignerf.error", "L1", "config.alignerf.error: 'L1' is not one of"),
         ("model.far", 0.1, "near 0.2 and far 0.1"),
         ("model.near", -1.0, "near -1.0"),
         ("model.far", float("inf"), "far inf"),
@@ -189,8 +195,8 @@ def test_a_variant_changes_keys_of_models_and_trainings(schema):
 
 def test_schema_and_poses_have_the_same_keys_and_defaults(schema):
     scene = schema["$defs"]["scene"]["properties"]
-    # The seed is the whole config's.
-    assert keys(schema, "scene") == set(poses.DEFAULTS) - {"seed"}
+    # How long a scene is trained is nothing to its poses.
+    assert keys(schema, "scene") == set(poses.DEFAULTS) | {"steps"}
     assert set(scene["source"]["enum"]) == set(poses.POSES)
     ways = {way for ways in poses.POSES.values() for way in ways}
     assert set(scene["poses"]["enum"]) == ways | {None}

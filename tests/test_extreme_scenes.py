@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from alignerf import cameras, fields, methods, render_views
+from alignerf import batches, cameras, fields, methods, render_views
 from alignerf.mipnerf360 import coord
 from alignerf.mipnerf360 import model as mipnerf360
 
@@ -40,7 +40,7 @@ def scene(photos):
     poses[:, 0, 2], poses[:, 2, 0] = np.sin(angle), -np.sin(angle)
     poses[:, :, 3] = poses[:, :, 2]
     pixtocams = np.repeat(cameras.intrinsics(30.0, width, height)[None], n, axis=0)
-    return methods.Views(
+    return batches.Views(
         photos=jnp.asarray(photos, jnp.uint8),
         valid=None,
         pixtocams=jnp.asarray(pixtocams, jnp.float32),

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf import cameras, fields, frequency_loss, methods, train_step
+from alignerf import batches, cameras, fields, frequency_loss, methods, train_step
 from alignerf.mipnerf360 import model as mipnerf360
 
 WEIGHTS = {"interlevel": 1.0, "distortion": 0.01}
@@ -32,13 +32,23 @@ def alignerf(**options):
     settings = {
         "patches": 2,
         "patch_px": 12,
+        "convolution": True,
+        "loss": make_loss(),
+        "loss_weights": WEIGHTS,
+    }
+    return methods.alignerf(tiny_model(outputs=6), **settings | options)
+
+
+def make_loss(**options):
+    settings = {
+        "matching": "patch",
+        "error": "squared",
         "radius_px": 3,
         "align_penalty": 0.01,
         "frequency_weight": 0.05,
         "frequency_features": frequency_loss.bank_features,
-        "loss_weights": WEIGHTS,
     }
-    return methods.alignerf(tiny_model(outputs=6), **settings | options)
+    return methods.Loss(**settings | options)
 
 
 def make_views(count=3, height=HEIGHT, width=WIDTH, valid_share=0.7):
@@ -47,9 +57,9 @@ def make_views(count=3, height=HEIGHT, width=WIDTH, valid_share=0.7):
     pixtocam = cameras.intrinsics(FOCAL_PX, width, height)
     camtoworld = np.concatenate([np.eye(3), [[0.0], [0.0], [1.0]]], axis=1)
     mask = rng.uniform(size=(count, height, width)) < valid_share
-    return methods.Views(
+    return batches.Views(
         photos=jnp.asarray(rng.integers(0, 256, (count, height, width, 3)), jnp.uint8),
-        valid=jnp.asarray(methods.pack_valid(mask)),
+        valid=jnp.asarray(batches.pack_valid(mask)),
         pixtocams=jnp.asarray(np.stack([pixtocam] * count), jnp.float32),
         camtoworlds=jnp.asarray(np.stack([camtoworld] * count), jnp.float32),
     )

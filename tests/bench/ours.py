@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf import config, methods, program, render_views
+from alignerf import batches, config, program, render_views
 
 
 class Training:
@@ -47,7 +47,7 @@ class Training:
 
 def as_views(photos):
     """The training views as `train` loads them."""
-    return methods.Views(
+    return batches.Views(
         photos=photos.images,
         valid=None,
         pixtocams=photos.pixtocams.astype(np.float32),

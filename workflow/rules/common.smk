@@ -63,24 +63,27 @@ def as_json(value):
 
 def scene_slice(name):
     """What the poses of a scene depend on."""
-    return as_json({"seed": config["seed"]} | config["scenes"][name])
+    scene = {"seed": config["seed"]} | config["scenes"][name]
+    return as_json({key: scene[key] for key in scene if key != "steps"})
 
 
-def train_slice(*, stage, model, method=None):
+def train_slice(*, scene, stage, model, method=None):
     """What a training, and a rendering of its result, depend on."""
     settings = None
     if stage != "full":
         settings = copy.deepcopy(config["methods"][method]["alignerf"])
         settings["frequency_weights"] = config["frequency_weights"]
+        if settings["radius_px"] == "auto":
+            settings["radius_px"] = None
     if stage == "pretrain":
         # Ablations share the pre-training: only its length is part of the job.
         settings |= {key: PRETRAIN_IGNORES[key] for key in PRETRAIN_IGNORES}
     return as_json(
         {
-            "seed": config["seed"],
+            "seed": config["scenes"][scene].get("seed", config["seed"]),
             "stage": stage,
             "model": config["models"][model],
-            "training": config["training"],
+            "training": training_of(scene),
             "alignerf": settings,
         }
     )
@@ -91,41 +94,42 @@ PRETRAIN_IGNORES = {
     "learning_rates": [0.0, 0.0],
     "patches": 0,
     "patch_px": 0,
+    "convolution": False,
+    "features": 3,
+    "matching": "patch",
+    "error": "squared",
     "radius_px": 0,
     "align_penalty": 0.0,
-    "features": 3,
     "frequency_weight": 0.0,
     "frequency_weights": None,
 }
 
 
-def method_slice(method):
+def method_slice(scene, method):
     """The slice of a method's last stage."""
     stage = "finetune" if method in staged() else "full"
     model = config["methods"][method]["model"]
     if method in warm():
-        return warm_slice(method)
-    return train_slice(stage=stage, model=model, method=method)
+        return warm_slice(scene, method)
+    return train_slice(scene=scene, stage=stage, model=model, method=method)
 
 
-def warm_slice(method):
+def warm_slice(scene, method):
     """The slice of a round that goes on from the round before."""
-    job = json.loads(
-        train_slice(stage="full", model=config["methods"][method]["model"])
-    )
+    model = config["methods"][method]["model"]
+    job = json.loads(train_slice(scene=scene, stage="full", model=model))
     start, training = config["methods"][method]["warm_start"], job["training"]
-    training |= {
-        "steps": max(1, round(start["share"] * training["steps"])),
-        "warmup_steps": round(start["share"] * training["warmup_steps"]),
-        "learning_rates": start["learning_rates"],
-    }
+    steps = max(1, round(start["share"] * training["steps"]))
+    training |= rescaled(training, steps)
+    training["learning_rates"] = start["learning_rates"]
     return as_json(job | {"stage": "warm", "training": training})
 
 
-def pretrain_slice(model):
+def pretrain_slice(scene, model):
     """The slice of a model's pre-training, from any method that starts with it."""
     users = [m for m in staged() if config["methods"][m]["model"] == model]
-    slices = {train_slice(stage="pretrain", model=model, method=m) for m in users}
+    job = {"scene": scene, "stage": "pretrain", "model": model}
+    slices = {train_slice(**job, method=m) for m in users}
     if len(slices) != 1:
         stop(f"config: methods {', '.join(users)} disagree about {model}'s pretraining")
     return slices.pop()
@@ -190,7 +194,18 @@ def field_name(method):
     name = f"{field['kind']} {size}"
     if method not in staged():
         return name
-    return f"{name}, {'VGG-19' if config['frequency_weights'] else 'derivative bank'}"
+    return ", ".join([name, *parts_of(config["methods"][method]["alignerf"])])
+
+
+def parts_of(settings):
+    """The contributions that a staged method has, in words."""
+    parts = [f"{settings['features']} features"] if settings["convolution"] else []
+    if settings["radius_px"] != 0:
+        what = "aligned" if settings["matching"] == "patch" else "contextual"
+        parts.append(what)
+    if settings["frequency_weight"] > 0:
+        parts.append("VGG-19" if config["frequency_weights"] else "derivative bank")
+    return parts
 
 
 def option(name, value):
@@ -251,6 +266,14 @@ def data_of(scene, method, round):
         for k in range(int(round))
         for name in ("render_train.json", "displacement_train.csv")
     ]
+
+
+def displacement_for_radius(w):
+    """With `radius_px: auto`, how far the baseline's training views are off."""
+    if config["methods"][w.method]["alignerf"]["radius_px"] != "auto":
+        return {}
+    folder = trained(w.scene, base_of(w.method), 0)
+    return {"displacement": f"{folder}/displacement_train.csv"}
 
 
 def photos_of_round(w):

@@ -29,6 +29,8 @@ def check_config(config):
             stop(f"config: methods.{name}.model: no model {method['model']!r}")
         if "warm_start" in method:
             check_warm_start(config, name)
+        if method.get("alignerf", {}).get("radius_px") == "auto":
+            check_radius(config, name)
         if "most_rounds" in method and method["rounds"] != "auto":
             stop(f"config: methods.{name}.most_rounds: only with `rounds: auto`")
     check_reference(config)
@@ -92,6 +94,18 @@ def check_warm_start(config, name):
         stop(f"config: methods.{name}.rounds: a warm start needs a round to start")
 
 
+def check_radius(config, name):
+    """`auto` measures the misalignment by a method that trains the model in one go."""
+    model = config["methods"][name]["model"]
+    for other in config["methods"].values():
+        if other["model"] == model and not {"warm_start", "alignerf"} & set(other):
+            return
+    stop(
+        f"config: methods.{name}.alignerf.radius_px: auto needs a method of model "
+        f"{model!r} without alignerf"
+    )
+
+
 def check_reference(config):
     """The reference's round is one that is trained, whatever the flow does."""
     reference = config["reference"]
@@ -129,17 +143,29 @@ def variant_of(config, name):
     """
     sweep = config["tradeoff"]
     change = {} if name == "base" else dict(sweep["variants"][name])
-    model, training = config["models"][sweep["model"]], config["training"]
+    model, training = config["models"][sweep["model"]], training_of(sweep["scene"])
     for key in ("proposal", "field"):
         if key in change and "kind" not in change[key]:
             change[key] = model[key] | change[key]
     if "steps" in change:
-        share = training["warmup_steps"] / training["steps"]
-        change = {"warmup_steps": round(share * change["steps"])} | change
-    found = {"seed": config["seed"], "downscale": 1}
+        change = rescaled(training, change["steps"]) | change
+    seed = config["scenes"][sweep["scene"]].get("seed", config["seed"])
+    found = {"seed": seed, "downscale": 1}
     found = {key: change.pop(key, value) for key, value in found.items()}
     of_training = {key: change.pop(key) for key in set(change) & set(training)}
     return found | {"model": model | change, "training": training | of_training}
+
+
+def training_of(scene):
+    """The config's training, as long as the scene asks for."""
+    found = config["training"]
+    return found | rescaled(found, config["scenes"][scene].get("steps", found["steps"]))
+
+
+def rescaled(training, steps):
+    """Steps, and the warm-up that keeps its share of them."""
+    share = training["warmup_steps"] / training["steps"]
+    return {"steps": steps, "warmup_steps": round(share * steps)}
 
 
 def check_names(config):

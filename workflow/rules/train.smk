@@ -20,7 +20,7 @@ rule train:
         "../../environment.yml"
     threads: 64
     params:
-        config=lambda w: method_slice(w.method),
+        config=lambda w: method_slice(w.scene, w.method),
         scene=subpath(input.cameras, parent=True),
         initial=[],
         valid=lambda w, input: option("valid", input.get("valid")),
@@ -67,7 +67,7 @@ rule pretrain:
         "../../environment.yml"
     threads: 64
     params:
-        config=lambda w: pretrain_slice(w.model),
+        config=lambda w: pretrain_slice(w.scene, w.model),
         checkpoints=subpath(output.model, parent=True),
         sources=sources_of("alignerf.train"),
     shell:
@@ -80,6 +80,7 @@ rule pretrain:
 
 rule finetune:
     input:
+        unpack(displacement_for_radius),
         initial=lambda w: "results/{}/pretrain/{}/model.msgpack".format(
             w.scene, config["methods"][w.method]["model"]
         ),
@@ -99,13 +100,14 @@ rule finetune:
         "../../environment.yml"
     threads: 64
     params:
-        config=lambda w: method_slice(w.method),
+        config=lambda w: method_slice(w.scene, w.method),
+        displacement=lambda w, input: option("displacement", input.get("displacement")),
         checkpoints=subpath(output.model, parent=True),
         sources=sources_of("alignerf.train"),
     shell:
         "python -m alignerf.train --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --photos {input.images:q}"
-        " --initial {input.initial:q} --checkpoints {params.checkpoints:q}/checkpoints"
+        " --initial {input.initial:q} {params.displacement:q} --checkpoints {params.checkpoints:q}/checkpoints"
         " --sources {params.sources} --model {output.model:q}"
         " --timing {output.timing:q} 2>&1 | tee {log:q}"
 
@@ -126,7 +128,7 @@ rule render_views:
         "../../environment.yml"
     threads: 64
     params:
-        config=lambda w: method_slice(w.method),
+        config=lambda w: method_slice(w.scene, w.method),
         depth=lambda w, output: option("depth", output.get("depth")),
         sources=sources_of("alignerf.render_views"),
     shell:
