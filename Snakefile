@@ -3,6 +3,7 @@
 #   snakemake --cores N                    everything of the default config
 #   snakemake --cores N courtyard          one scene of the config
 #   snakemake --cores N tradeoff           what settings cost, and what they bring
+#   snakemake --cores N regimes            when each part of AligNeRF pays
 #   snakemake --cores N flow_benchmark     how right and how fast the flow estimators are
 #   snakemake --cores N --configfile workflow/config/own_photos.yaml
 from snakemake.utils import min_version
@@ -42,6 +43,7 @@ include: "workflow/rules/decompose.smk"
 include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/tables.smk"
 include: "workflow/rules/tradeoff.smk"
+include: "workflow/rules/regimes.smk"
 include: "workflow/rules/flow_benchmark.smk"
 
 

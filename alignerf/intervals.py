@@ -39,3 +39,33 @@ def from_draws(statistics, n):
     tail = scipy.special.ndtr(np.sqrt(n / (n - 1)) * student)
     low, high = np.quantile(statistics, [tail, 1 - tail])
     return float(low), float(high)
+
+
+def pooled_interval(groups, *, draws=DRAWS, seed=0):
+    """95 % interval (low, high) of the mean over groups (seeds) of their views' mean.
+
+    groups: one array of values a seed. Seeds are drawn anew, then the views of each,
+    so that what differs between trainings is in the interval too; of one seed it is
+    `mean_interval`, which cannot know it. Two or three seeds are few draws of what a
+    seed does: read the interval as the least that is unsure.
+    """
+    groups = [np.asarray(values, np.float64) for values in groups]
+    if len(groups) == 1:
+        return mean_interval(groups[0], draws=draws, seed=seed)
+    if min(map(len, groups)) < 2 or not all(np.isfinite(g).all() for g in groups):
+        return np.nan, np.nan
+    count = len(groups)
+    chosen = resamples(count, draws=draws, seed=[seed, count])
+    # Each place has draws of its own: a seed drawn twice has its views drawn twice.
+    drawn = [
+        np.stack(
+            [
+                values[resamples(len(values), draws=draws, seed=[seed, place, k])].mean(
+                    axis=1
+                )
+                for k, values in enumerate(groups)
+            ]
+        )[chosen[:, place], np.arange(draws)]
+        for place in range(count)
+    ]
+    return from_draws(np.mean(drawn, axis=0), sum(map(len, groups)))

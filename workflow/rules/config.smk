@@ -205,11 +205,12 @@ RULES = {
     *("control_sets", "controls_table", "ranking_table"),
     *("align_oracle", "decompose", "displacement_table"),
     *("tradeoff", "shrink", "train_variant", "render_variant", "evaluate_variant"),
-    "flow_benchmark",
+    *("flow_benchmark", "regimes"),
 }
 FILES = {
     *("published", "logs", "bench", "README.md"),
     *("tradeoff.csv", "tradeoff.tex", "tradeoff.png"),
+    *("alignerf_regimes.csv", "alignerf_regimes.tex", "alignerf_regimes.png"),
     *("flow_benchmark.csv", "flow_benchmark.tex", "flow_benchmark.png"),
 }
 FOLDERS = {

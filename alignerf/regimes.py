@@ -1,0 +1,199 @@
+"""When AligNeRF's parts pay (the paper's Table 4): `python -m alignerf.regimes`.
+
+A regime is what a scene is like and how long it is trained: pose error, motion,
+steps. Scenes that differ in their seed only are one regime, and are pooled. Writes
+CSV, LaTeX and a figure: per regime, method and test set the mean, the difference to
+the baseline of as many rays, and that to the row above, all paired by view, with
+95 % intervals over seeds and views.
+"""
+
+import argparse
+import json
+import pathlib
+
+import numpy as np
+import pandas as pd
+
+from alignerf import cli, intervals, regimes_figure, scores
+
+TEST_SETS = ("standard", "warped", "control", "held_out", "oracle")
+METRICS = ("psnr_db", "ssim")
+REGIME = ("scene", "perturb_px", "motion_m", "steps")
+COLUMNS = (
+    *REGIME,
+    "seeds",
+    "views",
+    "misalignment_px",
+    "method",
+    "parts",
+    "test_set",
+    *METRICS,
+    "difference_db",
+    "difference_low_db",
+    "difference_high_db",
+    "step_db",
+    "step_low_db",
+    "step_high_db",
+    "train_time_s",
+    "rays_seen",
+    "params",
+)
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", required=True, help="JSON: what stands in each")
+    parser.add_argument("--csv", required=True, help="table, written")
+    parser.add_argument("--tex", required=True, help="table, written")
+    parser.add_argument("--figure", required=True, help="PNG, written")
+    args = parser.parse_args(argv)
+    table = make_table(json.loads(args.scenes))
+    tex = to_latex(table)
+    with cli.replace_file(args.csv) as path:
+        table.to_csv(path, index=False, float_format="%.6g")
+    with cli.replace_file(args.tex) as path:
+        path.write_text(tex)
+    with cli.replace_file(args.figure) as path:
+        regimes_figure.draw(table, path)
+
+
+def make_table(scenes):
+    """Rows of all regimes, in the order of `scenes`.
+
+    scene: the keys of REGIME, `displacement` (CSV of the warped test set's flow), and
+    `methods`, the baseline first: method, parts, metrics (CSV), trainings (JSON).
+    """
+    regimes = {}
+    for scene in scenes:
+        regimes.setdefault(tuple(scene[key] for key in REGIME), []).append(scene)
+    rows = [row for group in regimes.values() for row in rows_of(group)]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def rows_of(group):
+    """Rows of one regime, a list of scenes that differ in their seed."""
+    read = [[scores.read(m["metrics"]) for m in scene["methods"]] for scene in group]
+    for scene, of_methods in zip(group, read, strict=True):
+        check_views(scene, of_methods)
+    labels = {key: group[0][key] for key in REGIME} | {
+        "seeds": len(group),
+        "views": sum(len(of_methods[0]) for of_methods in read),
+        "misalignment_px": np.mean([median_px(s["displacement"]) for s in group]),
+    }
+    for place, method in enumerate(group[0]["methods"]):
+        costs = costs_of([scene["methods"][place]["trainings"] for scene in group])
+        named = labels | {key: method[key] for key in ("method", "parts")}
+        for test_set in TEST_SETS:
+            if all(test_set in of_methods[0] for of_methods in read):
+                found = scores_of(read, place, test_set)
+                yield named | {"test_set": test_set} | found | costs
+
+
+def check_views(scene, of_methods):
+    """All methods of a scene are scored on the same views."""
+    for method, views in zip(scene["methods"], of_methods, strict=True):
+        if not views.index.equals(of_methods[0].index):
+            raise ValueError(f"{method['metrics']}: not the views of the baseline")
+
+
+def scores_of(read, place, test_set):
+    """Means over seeds and views, and the differences to the baseline and row above."""
+    own, base, above = (
+        [of_methods[at][test_set, "psnr_db"].to_numpy() for of_methods in read]
+        for at in (place, 0, max(place - 1, 0))
+    )
+    means = {
+        key: np.mean([of[place][test_set, key].mean(skipna=False) for of in read])
+        for key in METRICS
+    }
+    found = {}
+    for name, other in (("difference", base), ("step", above)):
+        differences = [a - b for a, b in zip(own, other, strict=True)]
+        low, high = intervals.pooled_interval(differences)
+        mean = np.mean([values.mean() for values in differences])
+        keys = (f"{name}_db", f"{name}_low_db", f"{name}_high_db")
+        found |= dict(zip(keys, (mean, low, high), strict=True))
+    return means | found
+
+
+def costs_of(trainings):
+    """Seconds, rays and parameters of a method, means over seeds."""
+    read = [
+        [json.loads(pathlib.Path(path).read_text()) for path in paths]
+        for paths in trainings
+    ]
+    costs = {
+        key: np.mean([sum(timing[key] for timing in timings) for timings in read])
+        for key in ("train_time_s", "rays_seen")
+    }
+    return costs | {"params": read[0][-1]["params"]}
+
+
+def median_px(path):
+    """The scene's misalignment: mean over test views of the flow's median length."""
+    return pd.read_csv(path)["median_px"].mean()
+
+
+def to_latex(table):
+    """booktabs table: a block per regime, a row per method, test sets side by side."""
+    sets = [name for name in TEST_SETS if name in set(table["test_set"])]
+    keys = [*REGIME, "method"]
+    lines = []
+    for _, rows in table.groupby(list(REGIME), sort=False, dropna=False):
+        lines.append(rf"\multicolumn{{{2 * len(sets) + 3}}}{{l}}{{{caption(rows)}}} \\")
+        for _, row in rows.groupby(keys, sort=False, dropna=False):
+            lines.append(latex_row(row.set_index("test_set"), sets))
+        lines.append(r"\midrule")
+    heads = " & ".join(
+        rf"\multicolumn{{2}}{{c}}{{{scores.latex_name(s)}}}" for s in sets
+    )
+    return "\n".join(
+        [
+            "% \\usepackage{booktabs}",
+            "% PSNR in dB and its difference to the baseline of as many rays, paired",
+            "% by view; 95 % bootstrap intervals over seeds and views; bold: without 0.",
+            rf"\begin{{tabular}}{{l{'rl' * len(sets)}rr}}",
+            r"\toprule",
+            rf"Method & {heads} & train (s) & params (M) \\",
+            r"\midrule",
+            *lines[:-1],
+            r"\bottomrule",
+            r"\end{tabular}",
+            "",
+        ]
+    )
+
+
+def caption(rows):
+    """What a block of the table is about."""
+    row = rows.iloc[0]
+    words = [scores.latex_name(row["scene"])]
+    if pd.notna(row["motion_m"]):
+        words += [f"poses off by {row['perturb_px']:g} px"]
+        words += [
+            f"motion {100 * row['motion_m']:g} cm" if row["motion_m"] else "still"
+        ]
+    words += [f"{row['steps']} steps", f"flow {row['misalignment_px']:.2f} px"]
+    return rf"\emph{{{', '.join(words)}; {row['seeds']} seed(s)}}"
+
+
+def latex_row(row, sets):
+    """One method's line."""
+    first = row.iloc[0]
+    cells = [scores.latex_name(first["method"])]
+    for name in sets:
+        if name not in row.index:
+            cells += ["--", ""]
+            continue
+        found = row.loc[name]
+        own = (found["difference_db"], found["difference_low_db"])
+        is_base = own == (0, 0)
+        difference = (*own, found["difference_high_db"])
+        cells.append(f"{found['psnr_db']:.2f}")
+        cells.append("" if is_base else scores.latex_difference(*difference))
+    cells += [f"{first['train_time_s']:.0f}", f"{first['params'] / 1e6:.2f}"]
+    return " & ".join(cells) + r" \\"
+
+
+if __name__ == "__main__":
+    cli.run(main)

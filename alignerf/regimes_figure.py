@@ -1,0 +1,93 @@
+"""The figure of `alignerf.regimes`: what each method gains, regime by regime."""
+
+import matplotlib.figure
+import numpy as np
+import pandas as pd
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+MARKERS = "osD^vP"
+LABEL_PT, SMALL_PT = 9, 7.5
+# Against the truth where it is known, else against the photos.
+PREFERRED = ("oracle", "held_out", "standard")
+
+
+def draw(table, path):
+    """Write the figure of a table with the columns of `alignerf.regimes`.
+
+    A panel per curve (see `panels`), the difference to the baseline with its 95 %
+    interval; regimes that are on no curve stand side by side in a panel of their own.
+    """
+    (test_set,) = [s for s in PREFERRED if s in set(table["test_set"])][:1]
+    shown = table[(table["test_set"] == test_set) & (table["difference_db"] != 0)]
+    if shown.empty:
+        raise ValueError("figure: no method besides the baseline has a score")
+    curves = panels(shown)
+    figure = matplotlib.figure.Figure(
+        figsize=(1.5 + 3.2 * len(curves), 3.6), dpi=200, layout="constrained"
+    )
+    axes = np.atleast_1d(figure.subplots(1, len(curves), sharey=True, squeeze=True))
+    for one, (title, label, rows, x) in zip(axes, curves, strict=True):
+        draw_panel(one, rows, x, methods=list(dict.fromkeys(shown["method"])))
+        one.set_title(title, fontsize=LABEL_PT)
+        one.set_xlabel(label, fontsize=LABEL_PT)
+    axes[0].set_ylabel(
+        f"PSNR, {test_set}, against the baseline\n(dB, paired, 95 % interval)",
+        fontsize=LABEL_PT,
+    )
+    axes[0].legend(fontsize=SMALL_PT)
+    figure.savefig(path)
+
+
+def panels(rows):
+    """[(title, axis label, rows, x of each row)]: what is turned in each panel.
+
+    Pose error without and with motion, at the number of steps that most regimes
+    have; steps, where a regime was trained for several; and all else by name.
+    """
+    found, used = [], pd.Series(False, index=rows.index)
+    usual = rows.drop_duplicates(["scene", "perturb_px", "motion_m", "steps"])
+    usual = usual["steps"].mode().iloc[0]
+    for motion, title in ((False, "nothing moves"), (True, "objects move")):
+        chosen = (rows["motion_m"] > 0) == motion
+        chosen &= rows["motion_m"].notna() & (rows["steps"] == usual)
+        if rows.loc[chosen, "perturb_px"].nunique() > 1:
+            found.append((title, "pose error (px)", rows[chosen], "perturb_px"))
+            used |= chosen
+    place = ["scene", "perturb_px", "motion_m"]
+    budgets = rows.groupby(place, dropna=False)["steps"].transform("nunique") > 1
+    if budgets.any():
+        found.append(("budget", "steps of the baseline", rows[budgets], "steps"))
+        used |= budgets
+    if not used.all():
+        found.append(("scenes", "", rows[~used], "scene"))
+    return found
+
+
+def draw_panel(axes, rows, x, *, methods):
+    """One line a method; its points a little apart, so that intervals show."""
+    axes.axhline(0, color="0.35", linewidth=0.8)
+    values = list(dict.fromkeys(rows[x] if x == "scene" else sorted(rows[x])))
+    for place, method in enumerate(methods):
+        own = rows[rows["method"] == method].sort_values(x)
+        shift = 0.08 * (place - (len(methods) - 1) / 2)
+        at = [values.index(value) + shift for value in own[x]]
+        middle = own["difference_db"]
+        low, high = (
+            middle - own["difference_low_db"],
+            own["difference_high_db"] - middle,
+        )
+        axes.errorbar(
+            at,
+            middle,
+            yerr=[low.clip(lower=0), high.clip(lower=0)],
+            label=method.replace("_", " "),
+            color=COLOURS[place % len(COLOURS)],
+            marker=MARKERS[place % len(MARKERS)],
+            markersize=4,
+            linewidth=0.0 if x == "scene" else 1.2,
+            elinewidth=0.8,
+        )
+    texts = [value if x == "scene" else f"{value:g}" for value in values]
+    axes.set_xticks(range(len(values)), texts)
+    axes.tick_params(labelsize=SMALL_PT)
+    axes.grid(axis="y", color="0.92", linewidth=0.6)
