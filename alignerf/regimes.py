@@ -151,7 +151,7 @@ def to_latex(table):
         [
             "% \\usepackage{booktabs}",
             "% PSNR in dB and its difference to the baseline of as many rays, paired",
-            "% by view; 95 % bootstrap intervals over seeds and views; bold: without 0.",
+            "% by view; 95 % bootstrap intervals (seeds, views); bold: 0 is outside.",
             rf"\begin{{tabular}}{{l{'rl' * len(sets)}rr}}",
             r"\toprule",
             rf"Method & {heads} & train (s) & params (M) \\",

@@ -25,7 +25,9 @@ def regime_of(name):
     return {
         "scene": "courtyard" if known else name,
         "perturb_px": scene.get("perturb_px", 0),
-        "motion_m": (motion["motion"] != "none") * motion["motion_m"] if known else None,
+        "motion_m": (
+            (motion["motion"] != "none") * motion["motion_m"] if known else None
+        ),
         "steps": training_of(name)["steps"],
     }
 
