@@ -1,4 +1,4 @@
-"""Reading .npz archives: whatever is wrong with one is a ValueError that names it."""
+"""Reading .npz and .npy: whatever is wrong with one is a ValueError that names it."""
 
 import zipfile
 import zlib
@@ -32,3 +32,18 @@ def read(path, names):
         raise ValueError(f"{path}: not found") from None
     except _BROKEN as error:
         raise ValueError(f"{path}: not the .npz that it should be: {error}") from None
+
+
+def read_array(path):
+    """The array of an .npy; never unpickles.
+
+    Raises ValueError where the file is missing or no whole .npy of plain values.
+    """
+    try:
+        with open(path, "rb") as file:
+            return np.lib.format.read_array(file, allow_pickle=False)
+    except FileNotFoundError:
+        raise ValueError(f"{path}: not found") from None
+    # A damaged header may ask for more values than there is memory.
+    except (*_BROKEN, MemoryError) as error:
+        raise ValueError(f"{path}: not the .npy that it should be: {error}") from None

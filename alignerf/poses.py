@@ -18,6 +18,7 @@ from alignerf import cameras, cli
 from alignerf.scenes import (
     colmap,
     courtyard,
+    llff,
     prepare,
     transforms,
     truth,
@@ -52,6 +53,7 @@ POSES = {
     "courtyard": ("colmap", "truth"),
     "photos": ("colmap",),
     "transforms": ("given",),
+    "llff": ("given",),
 }
 PRODUCTS = ("images", "truth", "cameras.npz", "poses.json")
 
@@ -119,6 +121,9 @@ def load_source(config, scratch):
     if config["source"] == "transforms":
         views, left_out = transforms.read(config["path"])
         return views, registration(views.names, left_out), None
+    if config["source"] == "llff":
+        views = llff.read(config["path"])
+        return views, registration(views.names, []), None
     if config["source"] == "photos":
         views, report = pose_photos(
             config["path"], scratch, config, camera_model="OPENCV"

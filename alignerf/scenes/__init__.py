@@ -2,6 +2,7 @@
 
 `courtyard` is embedded and knows its truth; `photos` reads a folder of images,
 whose poses `colmap` estimates; `transforms` reads an instant-ngp or nerfstudio
-json. `prepare` holds what they hand over, undistorted pinhole views, and brings it
-to the resolution of training; `distortion` is what makes views pinhole.
+json, `llff` the poses_bounds.npy of LLFF. `prepare` holds what they hand over,
+undistorted pinhole views, and brings it to the resolution of training; `distortion`
+is what makes views pinhole.
 """

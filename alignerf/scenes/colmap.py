@@ -14,7 +14,7 @@ import pycolmap
 from jaxtyping import Float
 
 from alignerf import cameras, wording
-from alignerf.scenes import distortion, photos, prepare
+from alignerf.scenes import photos, prepare
 
 log = logging.getLogger(__name__)
 
@@ -129,20 +129,14 @@ def pose_folder(folder, work_folder, *, camera_model, max_size_px, seed, where):
     if model.left_out:
         log.warning("COLMAP left out %s", wording.some_names(model.left_out))
     lenses = list(zip(model.camtopix, model.distortion, strict=True))
-    size = taken.width, taken.height
-    pinholes = [distortion.pinhole_camera(*lens, *size) for lens in lenses]
-
-    def load(i):
-        image = prepare.load_image(ingested / f"{model.names[i]}.png")
-        return distortion.undistort(image, *lenses[i], pinholes[i])
-
-    views = prepare.PosedViews(
-        names=model.names,
-        pixtocams=np.linalg.inv(np.stack(pinholes)),
-        camtoworlds=model.camtoworlds,
+    views = prepare.pinhole_views(
+        model.names,
+        lenses,
+        model.camtoworlds,
         width=taken.width,
         height=taken.height,
-        load=load,
+        load=lambda i: prepare.load_image(ingested / f"{model.names[i]}.png"),
+        where=where,
     )
     return views, model, focal_px
 
@@ -155,13 +149,14 @@ def convert(model, names, *, models=()) -> Reconstruction:
         if image.has_pose
     }
     kept = sorted(images)
-    lenses = [_lens(model.cameras[images[name].camera_id]) for name in kept]
+    taken_by = [model.cameras[images[name].camera_id] for name in kept]
+    lenses = [lens(camera.model.name, camera.params) for camera in taken_by]
     tracks = np.array([point.track.length() for point in model.points3D.values()])
     return Reconstruction(
         names=kept,
         left_out=sorted(set(names) - set(kept)),
-        camtopix=np.stack([lens[0] for lens in lenses]),
-        distortion=np.stack([lens[1] for lens in lenses]),
+        camtopix=np.stack([camtopix for camtopix, _ in lenses]),
+        distortion=np.stack([distortion for _, distortion in lenses]),
         camtoworlds=np.stack([_pose(images[name]) for name in kept]),
         mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
         points=len(tracks),
@@ -225,12 +220,24 @@ def _start_params(camera_model, focal_px, width, height):
     return ", ".join(repr(float(value)) for value in params)
 
 
-def _lens(camera):
-    """(camtopix [3, 3], distortion [5]) of a pycolmap camera."""
-    places, rest = CAMERA_MODELS[camera.model.name]
-    fx, fy, cx, cy = camera.params[list(places)]
+def lens(model, params):
+    """(camtopix [3, 3], distortion [5]) of a COLMAP camera of a known model.
+
+    Raises ValueError for a model that is not in CAMERA_MODELS, and for parameters of
+    another number, not finite or without a focal length.
+    """
+    if model not in CAMERA_MODELS:
+        raise ValueError(
+            f"camera model {model!r} is none of {', '.join(CAMERA_MODELS)}"
+        )
+    places, rest = CAMERA_MODELS[model]
+    if len(params) != max((*places, *rest)) + 1:
+        raise ValueError(f"a {model} camera of {len(params)} parameters")
+    fx, fy, cx, cy = params[list(places)]
+    if not (np.isfinite(params).all() and min(fx, fy) > 0):
+        raise ValueError(f"a {model} camera of parameters {params.tolist()}")
     coefficients = np.zeros(5)
-    coefficients[: len(rest)] = camera.params[list(rest)]
+    coefficients[: len(rest)] = params[list(rest)]
     return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), coefficients
 
 

@@ -93,6 +93,12 @@ def decode(path, *, upright=True):
     return rgb, _focal_px(focal_35mm_mm, *image.size)
 
 
+def stored_size(path):
+    """(width, height) of an image as its rows are stored, decoded whole to be sure."""
+    image, _ = decode(path, upright=False)
+    return image.shape[1], image.shape[0]
+
+
 def ingest(folder, work_folder) -> Photos:
     """Decode every image of `folder` into `work_folder` (which must exist)."""
     paths = find_images(folder)

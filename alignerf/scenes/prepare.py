@@ -13,9 +13,14 @@ from jaxtyping import Float
 from PIL import Image
 
 from alignerf import cameras
+from alignerf.scenes import distortion
 
 # Under this no method of the analysis works: SSIM needs 11 pixels, flow more.
 MIN_SIZE_PX = 32
+# Rounding a photo's size at a smaller scale changes its shape by less than this.
+SAME_SHAPE = 1.02
+# Files print six digits; what is further from a rotation is scaled or mirrored.
+ROTATION_ERROR = 1e-2
 
 
 class PosedViews(NamedTuple):
@@ -28,6 +33,54 @@ class PosedViews(NamedTuple):
     height: int
     load: Callable[[int], np.ndarray]
     """Index of a view -> its undistorted image [h, w, 3] uint8."""
+
+
+def pinhole_views(names, lenses, camtoworlds, *, width, height, load, where):
+    """PosedViews of photos as taken, each lens's distortion undone.
+
+    lenses: (camtopix [3, 3], distortion [5]) of each view at width x height; load(i)
+    is the photo [h, w, 3] uint8. Raises ValueError naming `where` for a distortion
+    that no pinhole view undoes.
+    """
+    try:
+        pinholes = [distortion.pinhole_camera(*lens, width, height) for lens in lenses]
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+    return PosedViews(
+        names=names,
+        pixtocams=np.linalg.inv(np.stack(pinholes)),
+        camtoworlds=camtoworlds,
+        width=width,
+        height=height,
+        load=lambda i: distortion.undistort(load(i), *lenses[i], pinholes[i]),
+    )
+
+
+def true_scale(given_size, true_size, *, where):
+    """[3, 3] from pixels of a camera's (width, height) to those of its photo.
+
+    Intrinsics may be those of the photo at another size than it is stored in. Raises
+    ValueError naming `where` for sizes that are not positive or of another shape.
+    """
+    (given_width, given_height), (width, height) = given_size, true_size
+    if min(given_size) <= 0:
+        raise ValueError(f"{where}: width and height of its camera must be positive")
+    scale = np.array([width / given_width, height / given_height])
+    if not 1 / SAME_SHAPE < scale[0] / scale[1] < SAME_SHAPE:
+        raise ValueError(
+            f"{where} is {width:g}x{height:g}, which is another shape than its "
+            f"camera's {given_width:g}x{given_height:g}"
+        )
+    return np.diag([*scale, 1.0])
+
+
+def nearest_rotation(matrix, *, where):
+    """The rotation [3, 3] that a printed one means; ValueError if it is none."""
+    off = np.abs(matrix @ matrix.T - np.eye(3)).max()
+    if off > ROTATION_ERROR or np.linalg.det(matrix) < 0:
+        raise ValueError(f"{where} is not a rotation")
+    u, _, vt = np.linalg.svd(matrix)
+    return u @ vt
 
 
 def sort_by_name(views: PosedViews) -> PosedViews:

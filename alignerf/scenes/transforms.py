@@ -18,15 +18,13 @@ from pathlib import Path
 import numpy as np
 
 from alignerf import wording
-from alignerf.scenes import distortion, photos, prepare
+from alignerf.scenes import photos, prepare
 
 log = logging.getLogger(__name__)
 
 CAMERA_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
 UNKNOWN_DISTORTION_KEYS = ("k4", "k5", "k6")
-# Rounding a photo's size at a smaller scale changes its shape by less than this.
-SAME_SHAPE = 1.02
 
 
 def read(path):
@@ -47,28 +45,20 @@ def read(path):
     (name, count), *_ = collections.Counter(names).most_common(1)
     if count > 1:
         raise ValueError(f"{path}: {count} frames have the view name {name!r}")
-    sizes = [_size(image) for _, image in kept]
+    sizes = [photos.stored_size(image) for _, image in kept]
     width, height = photos.one_size(names, sizes, path)
     lenses = [
         _lens(path, {**scene, **frame}, width, height, where=str(frame["file_path"]))
         for frame, _ in kept
     ]
-    try:
-        pinholes = [distortion.pinhole_camera(*lens, width, height) for lens in lenses]
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-
-    def load(i):
-        image, _ = photos.decode(kept[i][1], upright=False)
-        return distortion.undistort(image, *lenses[i], pinholes[i])
-
-    views = prepare.PosedViews(
-        names=names,
-        pixtocams=np.linalg.inv(np.stack(pinholes)),
-        camtoworlds=np.stack([_pose(path, frame) for frame, _ in kept]),
+    views = prepare.pinhole_views(
+        names,
+        lenses,
+        np.stack([_pose(path, frame) for frame, _ in kept]),
         width=width,
         height=height,
-        load=load,
+        load=lambda i: photos.decode(kept[i][1], upright=False)[0],
+        where=path,
     )
     return views, left_out
 
@@ -124,11 +114,6 @@ def _find_image(path, file_path):
     return None
 
 
-def _size(image_path):
-    image, _ = photos.decode(image_path, upright=False)
-    return image.shape[1], image.shape[0]
-
-
 def _lens(path, values, width, height, *, where):
     """(camtopix [3, 3], distortion [5]) at the image's true size."""
     model = values.get("camera_model", "OPENCV")
@@ -141,16 +126,10 @@ def _lens(path, values, width, height, *, where):
     for key in UNKNOWN_DISTORTION_KEYS:
         if number(key, 0.0):
             raise ValueError(f"{path}: distortion {key!r} of {where} is not supported")
-    # The json may describe the photos at another size than they are stored in.
     given_width, given_height = number("w", width), number("h", height)
-    if min(given_width, given_height) <= 0:
-        raise ValueError(f"{path}: 'w' and 'h' of {where} must be positive")
-    stretch = (width / given_width) / (height / given_height)
-    if not 1 / SAME_SHAPE < stretch < SAME_SHAPE:
-        raise ValueError(
-            f"{path}: {where} is {width}x{height}, which is another shape than its "
-            f"camera's {given_width:g}x{given_height:g}"
-        )
+    scale = prepare.true_scale(
+        (given_width, given_height), (width, height), where=f"{path}: {where}"
+    )
     fl_x = _focal(number, "fl_x", "camera_angle_x", given_width)
     fl_y = _focal(number, "fl_y", "camera_angle_y", given_height) or fl_x
     if not (fl_x and fl_x > 0 and fl_y > 0):
@@ -162,8 +141,7 @@ def _lens(path, values, width, height, *, where):
             [0, 0, 1],
         ]
     )
-    camtopix = np.diag([width / given_width, height / given_height, 1.0]) @ camtopix
-    return camtopix, np.array([number(key, 0.0) for key in DISTORTION_KEYS])
+    return scale @ camtopix, np.array([number(key, 0.0) for key in DISTORTION_KEYS])
 
 
 def _focal(number, focal_key, angle_key, size):
@@ -194,10 +172,7 @@ def _pose(path, frame):
         pose = np.zeros(())
     if pose.shape not in ((3, 4), (4, 4)) or not np.isfinite(pose).all():
         raise ValueError(f"{path}: 'transform_matrix' of {where} is not 4x4 numbers")
-    rotation = pose[:3, :3]
-    # Files print six digits; what is further from a rotation is scaled or mirrored.
-    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
-    if off > 1e-2 or np.linalg.det(rotation) < 0:
-        raise ValueError(f"{path}: 'transform_matrix' of {where} is not a rotation")
-    u, _, vt = np.linalg.svd(rotation)
-    return np.concatenate([u @ vt, pose[:3, 3:]], axis=-1)
+    rotation = prepare.nearest_rotation(
+        pose[:3, :3], where=f"{path}: 'transform_matrix' of {where}"
+    )
+    return np.concatenate([rotation, pose[:3, 3:]], axis=-1)
