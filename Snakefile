@@ -24,6 +24,11 @@ check_config(config)
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/flow.smk"
+include: "workflow/rules/rows.smk"
+include: "workflow/rules/sweep.smk"
+include: "workflow/rules/regime_rows.smk"
+include: "workflow/rules/targets.smk"
 
 
 wildcard_constraints:

@@ -7,12 +7,9 @@ three sets of pixels (all, valid, and valid for the invented flow): `held_out`, 
 the valid ones alone, is the measure of alignment, and `remains` its check.
 """
 
-import argparse
-import json
-
 import pandas as pd
 
-from alignerf import cli, scores
+from alignerf import cli, scores, table_files
 
 # What is measured, and the two test sets whose difference it is (or one's score).
 QUANTITIES = {
@@ -49,16 +46,7 @@ HEADINGS = {
 
 
 def main(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rows", required=True, help="JSON: what stands in each row")
-    parser.add_argument("--csv", required=True, help="table, written")
-    parser.add_argument("--tex", required=True, help="table, written")
-    args = parser.parse_args(argv)
-    table = make_table(json.loads(args.rows))
-    with cli.replace_file(args.csv) as path:
-        table.to_csv(path, index=False, float_format="%.6g")
-    with cli.replace_file(args.tex) as path:
-        path.write_text(to_latex(table))
+    table_files.run(__doc__, argv, make_table, to_latex)
 
 
 def make_table(entries):

@@ -35,18 +35,7 @@ def fit(job, method, built, params, views, checkpoints, *, names, sources=""):
     )
     state = program.fresh_state(built.optimizer, params)
     state, spent_s, parts = resume(checkpoints, state, identity, job.steps)
-    if parts not in (None, built.parts):
-        # A CPU takes the photos as they lie in memory.
-        on_cpu = jax.local_devices()[0].platform == "cpu"
-        to_come = 0 if on_cpu else memory.tree_bytes(views)
-        before_s = built.compile_time_s
-        built = program.build(job, method, params, views, parts=parts, to_come=to_come)
-        built = built._replace(compile_time_s=before_s + built.compile_time_s)
-        if built.parts != parts:
-            log.warning(
-                "resuming in %d micro-batches instead of %d: other rounding",
-                *(built.parts, parts),
-            )
+    built = as_resumed(built, parts, job, method, params, views)
     program.log_memory(job, built, state, views)
     state, views = program.place((state, views), built.mesh)
     start = time.perf_counter()
@@ -55,20 +44,12 @@ def fit(job, method, built, params, views, checkpoints, *, names, sources=""):
         return round(spent_s + time.perf_counter() - start, 3)
 
     def save(state):
-        if spoilt := diagnose.spoilt_parameters(state.params):
-            raise ValueError(
-                f"training diverged before step {int(state.step)}: not finite: "
-                + ", ".join(spoilt)
-            )
+        check_finite(state)
         facts = {"identity": identity, "time_s": time_s(), "parts": built.parts}
         checkpoint.save(checkpoints, state, **facts)
 
     def explain(state):
-        options = {
-            "steps": job.schedule_steps,
-            "seed": job.seed,
-            "parts": built.parts,
-        }
+        options = {"steps": job.schedule_steps, "seed": job.seed, "parts": built.parts}
         return diagnose.explain(method, state, views, names, **options)
 
     state, numbers = run_steps(job, built.step, state, views, save, explain)
@@ -89,6 +70,35 @@ def resume(checkpoints, state, identity, steps):
     log.info("resuming at step %d of %d", int(state.step), steps)
     state = jax.tree.map(jnp.asarray, state)
     return state, manifest["time_s"], manifest["parts"]
+
+
+def as_resumed(built, parts, job, method, params, views):
+    """The program in the micro-batches that the resumed training had, if they fit.
+
+    parts: how many; None where nothing is resumed.
+    """
+    if parts in (None, built.parts):
+        return built
+    # A CPU takes the photos as they lie in memory.
+    on_cpu = jax.local_devices()[0].platform == "cpu"
+    to_come = 0 if on_cpu else memory.tree_bytes(views)
+    before_s = built.compile_time_s
+    built = program.build(job, method, params, views, parts=parts, to_come=to_come)
+    if built.parts != parts:
+        log.warning(
+            "resuming in %d micro-batches instead of %d: other rounding",
+            *(built.parts, parts),
+        )
+    return built._replace(compile_time_s=before_s + built.compile_time_s)
+
+
+def check_finite(state):
+    """ValueError where parameters are not finite: such a checkpoint is of no use."""
+    if spoilt := diagnose.spoilt_parameters(state.params):
+        raise ValueError(
+            f"training diverged before step {int(state.step)}: not finite: "
+            + ", ".join(spoilt)
+        )
 
 
 def describe(job, params):

@@ -4,14 +4,11 @@ Kendall's tau-b between the mean PSNR of all methods and rounds on the oracle an
 another test set; writes CSV and LaTeX.
 """
 
-import argparse
-import json
-
 import numpy as np
 import pandas as pd
 import scipy.stats
 
-from alignerf import cli, intervals, scores
+from alignerf import cli, intervals, scores, table_files
 
 TEST_SETS = ("standard", "warped", "held_out", "control")
 COLUMNS = ("test_set", "tau", "tau_low", "tau_high", "rows", "views")
@@ -20,16 +17,7 @@ DRAWS = 1000
 
 
 def main(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rows", required=True, help="JSON: what is ranked")
-    parser.add_argument("--csv", required=True, help="table, written")
-    parser.add_argument("--tex", required=True, help="table, written")
-    args = parser.parse_args(argv)
-    table = make_table(json.loads(args.rows))
-    with cli.replace_file(args.csv) as path:
-        table.to_csv(path, index=False, float_format="%.6g")
-    with cli.replace_file(args.tex) as path:
-        path.write_text(to_latex(table))
+    table_files.run(__doc__, argv, make_table, to_latex)
 
 
 def make_table(entries):

@@ -7,14 +7,12 @@ the baseline of as many rays, and that to the row above, all paired by view, wit
 95 % intervals over seeds and views.
 """
 
-import argparse
 import json
-import pathlib
 
 import numpy as np
 import pandas as pd
 
-from alignerf import cli, intervals, regimes_figure, scores
+from alignerf import cli, intervals, regimes_figure, scores, table_files
 
 TEST_SETS = ("standard", "warped", "control", "held_out", "oracle")
 METRICS = ("psnr_db", "ssim")
@@ -41,18 +39,11 @@ COLUMNS = (
 
 
 def main(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scenes", required=True, help="JSON: what stands in each")
-    parser.add_argument("--csv", required=True, help="table, written")
-    parser.add_argument("--tex", required=True, help="table, written")
+    parser = table_files.parser(__doc__)
     parser.add_argument("--figure", required=True, help="PNG, written")
     args = parser.parse_args(argv)
-    table = make_table(json.loads(args.scenes))
-    tex = to_latex(table)
-    with cli.replace_file(args.csv) as path:
-        table.to_csv(path, index=False, float_format="%.6g")
-    with cli.replace_file(args.tex) as path:
-        path.write_text(tex)
+    table = make_table(json.loads(args.rows))
+    table_files.write(table, to_latex, args.csv, args.tex)
     with cli.replace_file(args.figure) as path:
         regimes_figure.draw(table, path)
 
@@ -118,20 +109,20 @@ def scores_of(read, place, test_set):
 
 def costs_of(trainings):
     """Seconds, rays and parameters of a method, means over seeds."""
+    keys = ("train_time_s", "rays_seen", "params")
     read = [
-        [json.loads(pathlib.Path(path).read_text()) for path in paths]
-        for paths in trainings
+        [table_files.read_timing(path, *keys) for path in paths] for paths in trainings
     ]
     costs = {
         key: np.mean([sum(timing[key] for timing in timings) for timings in read])
-        for key in ("train_time_s", "rays_seen")
+        for key in keys[:2]
     }
     return costs | {"params": read[0][-1]["params"]}
 
 
 def median_px(path):
     """The scene's misalignment: mean over test views of the flow's median length."""
-    return pd.read_csv(path)["median_px"].mean()
+    return table_files.read_csv(path)["median_px"].mean()
 
 
 def to_latex(table):

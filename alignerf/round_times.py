@@ -5,13 +5,9 @@ trains; round 0 only trains. Each of the three is a process; what it spends besi
 its own work (start, import, loading, compiling, writing) is told apart.
 """
 
-import argparse
-import json
-import pathlib
-
 import pandas as pd
 
-from alignerf import cli
+from alignerf import cli, table_files
 
 # Column -> heading of the LaTeX table, in seconds.
 PARTS = {
@@ -27,18 +23,12 @@ COLUMNS = ("method", "round", *PARTS, "total_time_s")
 
 
 def main(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rows", required=True, help="JSON: each round's files")
-    parser.add_argument("--csv", required=True, help="table, written")
-    parser.add_argument("--tex", required=True, help="table, written")
-    args = parser.parse_args(argv)
-    table = pd.DataFrame(
-        [row_of(entry) for entry in json.loads(args.rows)], columns=COLUMNS
-    )
-    with cli.replace_file(args.csv) as path:
-        table.to_csv(path, index=False, float_format="%.3f")
-    with cli.replace_file(args.tex) as path:
-        path.write_text(to_latex(table))
+    table_files.run(__doc__, argv, make_table, to_latex, float_format="%.3f")
+
+
+def make_table(entries):
+    """A row per method and round; an entry is that of `row_of`."""
+    return pd.DataFrame([row_of(entry) for entry in entries], columns=COLUMNS)
 
 
 def row_of(entry):
@@ -48,17 +38,19 @@ def row_of(entry):
     displacements), and `walls`, each process's seconds as Snakemake measured them.
     """
     walls = {stage: wall_s(path) for stage, path in entry["walls"].items()}
-    training = read_json(entry["training"])
+    keys = ("train_time_s", "compile_time_s")
+    training = table_files.read_timing(entry["training"], *keys)
     row = {
         "train_time_s": training["train_time_s"],
         "train_compile_time_s": training["compile_time_s"],
     }
     row["train_rest_time_s"] = walls["train"] - sum(row.values())
     if "render" in walls:
-        rendering = read_json(entry["rendering"])
+        keys = ("views", "view_time_s")
+        rendering = table_files.read_timing(entry["rendering"], *keys)
         row["render_time_s"] = rendering["views"] * rendering["view_time_s"]
         row["render_rest_time_s"] = walls["render"] - row["render_time_s"]
-        row["align_time_s"] = float(pd.read_csv(entry["alignment"])["time_s"].sum())
+        row["align_time_s"] = table_files.views_time_s(entry["alignment"])
         row["align_rest_time_s"] = walls["align"] - row["align_time_s"]
     labels = {key: entry[key] for key in ("method", "round")}
     # A process that went on where another was stopped knows only its own seconds.
@@ -66,13 +58,9 @@ def row_of(entry):
     return labels | row | rests | {"total_time_s": sum((row | rests).values())}
 
 
-def read_json(path):
-    return json.loads(pathlib.Path(path).read_text())
-
-
 def wall_s(path):
     """Seconds that a process ran, from Snakemake's benchmark file."""
-    found = pd.read_csv(path, sep="\t")
+    found = table_files.read_csv(path, sep="\t")
     if "s" not in found or len(found) != 1:
         raise ValueError(f"{path}: not the benchmark of one run")
     return float(found["s"].iloc[0])

@@ -22,6 +22,8 @@ def read(path):
         scores = pd.read_csv(path).pivot(index="view", columns="test_set")
     except (KeyError, ValueError) as error:
         raise ValueError(f"{path}: not the scores of views: {error}") from None
+    if scores.empty:
+        raise ValueError(f"{path}: not the scores of views: there is none")
     return scores.swaplevel(axis=1)
 
 

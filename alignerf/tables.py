@@ -5,13 +5,9 @@ whole way to a model: all rounds up to its own, and, for staged training, both
 stages. Differences are to round 0 of the row's base, paired by test view.
 """
 
-import argparse
-import json
-import pathlib
-
 import pandas as pd
 
-from alignerf import cli, scores
+from alignerf import cli, scores, table_files
 
 TEST_SETS = ("standard", "warped", "control", "oracle")
 METRICS = {"psnr_db": True, "ssim": True, "lpips_alex": False}  # higher is better
@@ -37,19 +33,13 @@ COLOURS = ("#FF9999", "#FFCC99", "#FFFF99")
 
 
 def main(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rows", required=True, help="JSON: what stands in each row")
-    parser.add_argument("--csv", required=True, help="table, written")
-    parser.add_argument("--tex", required=True, help="table, written")
-    args = parser.parse_args(argv)
-    entries = json.loads(args.rows)
-    table = pd.DataFrame(
-        [row for entry in entries for row in rows_of(entry)], columns=COLUMNS
-    )
-    with cli.replace_file(args.csv) as path:
-        table.to_csv(path, index=False, float_format="%.6g")
-    with cli.replace_file(args.tex) as path:
-        path.write_text(to_latex(table))
+    table_files.run(__doc__, argv, make_table, to_latex)
+
+
+def make_table(entries):
+    """A row per method, round and test set; an entry is that of `rows_of`."""
+    rows = [row for entry in entries for row in rows_of(entry)]
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def rows_of(entry):
@@ -83,11 +73,11 @@ def rows_of(entry):
 
 def costs_of(entry):
     """What a row took, from the photos on, and how large it is."""
-    trainings = [read_json(path) for path in entry["trainings"]]
-    costs = {
-        key: sum(timing[key] for timing in trainings)
-        for key in ("train_time_s", "steps", "rays_seen")
-    }
+    summed = ("train_time_s", "steps", "rays_seen")
+    trainings = [
+        table_files.read_timing(path, *summed, "params") for path in entry["trainings"]
+    ]
+    costs = {key: sum(timing[key] for timing in trainings) for key in summed}
     costs["data_time_s"] = sum(time_of(path) for path in entry["data"])
     costs["total_time_s"] = costs["train_time_s"] + costs["data_time_s"]
     return costs | {"params": trainings[-1]["params"]}
@@ -96,12 +86,8 @@ def costs_of(entry):
 def time_of(path):
     """Seconds in a timing file, or in all views of a CSV of displacements."""
     if path.endswith(".csv"):
-        return float(pd.read_csv(path)["time_s"].sum())
-    return read_json(path)["time_s"]
-
-
-def read_json(path):
-    return json.loads(pathlib.Path(path).read_text())
+        return table_files.views_time_s(path)
+    return table_files.read_timing(path, "time_s")["time_s"]
 
 
 def to_latex(table):

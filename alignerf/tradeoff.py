@@ -5,15 +5,13 @@ figure. Scores are means over test views with 95 % intervals over views, and `ba
 is the variant that the others are set against, view by view.
 """
 
-import argparse
 import json
 import logging
-import pathlib
 
 import numpy as np
 import pandas as pd
 
-from alignerf import cli, intervals, scores, tradeoff_figure
+from alignerf import cli, intervals, scores, table_files, tradeoff_figure
 
 log = logging.getLogger("alignerf")
 
@@ -43,20 +41,14 @@ COLUMNS = (
 
 
 def main(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rows", required=True, help="JSON: what stands in each row")
-    parser.add_argument("--csv", required=True, help="table, written")
-    parser.add_argument("--tex", required=True, help="table, written")
+    parser = table_files.parser(__doc__)
     parser.add_argument("--figure", required=True, help="PNG, written")
     args = parser.parse_args(argv)
     entries = json.loads(args.rows)
     table = make_table(entries)
-    with cli.replace_file(args.csv) as path:
-        table.to_csv(path, index=False, float_format="%.6g")
-    with cli.replace_file(args.tex) as path:
-        path.write_text(to_latex(table))
     with cli.replace_file(args.figure) as path:
         tradeoff_figure.draw(table.assign(kind=kinds_of(entries)), path)
+        table_files.write(table, to_latex, args.csv, args.tex)
     front = table[table["pareto"]].sort_values("train_time_s")
     log.info("Pareto front: %s", ", ".join(front["variant"]))
 
@@ -92,21 +84,12 @@ def make_table(entries):
 def costs_of(entry):
     """What a variant is and takes; rendering in seconds a view."""
     keys = ("params", "steps", "rays_seen", "train_time_s", "compile_time_s", "device")
-    training = read_timing(entry["training"], keys)
-    (render_time_s,) = read_timing(entry["rendering"], ["view_time_s"]).values()
+    training = table_files.read_timing(entry["training"], *keys)
+    rendering = table_files.read_timing(entry["rendering"], "view_time_s")
     return training | {
         "rays_per_s": training["rays_seen"] / training["train_time_s"],
-        "render_time_s": render_time_s,
+        "render_time_s": rendering["view_time_s"],
     }
-
-
-def read_timing(path, keys):
-    """These entries of a timing file; one that lacks any is named."""
-    try:
-        timing = json.loads(pathlib.Path(path).read_text())
-        return {key: timing[key] for key in keys}
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
-        raise ValueError(f"{path}: not the timing that it should be: {error}") from None
 
 
 def scores_of(score, base, test_set):

@@ -1,10 +1,10 @@
 """Warp the photos of a folder onto the renders of another.
 
 For each render: flow to the photo of the same name and back, where both agree, the
-photo warped onto the render, and the misalignment in pixels.
+photo warped onto the render (if it is asked for), and the misalignment in pixels.
 
-    python -m flow.align --renders DIR --photos DIR --flow-out DIR --warped-out DIR
-        --stats-out CSV
+    python -m flow.align --renders DIR --photos DIR --flow-out DIR --stats-out CSV
+        [--warped-out DIR]
 """
 
 import argparse
@@ -17,26 +17,15 @@ from tqdm import tqdm
 
 from flow import cli, displacement, estimate, files, given, pairs, warp
 
-# Seconds between updates of the bar; a log needs few lines.
-PROGRESS_S = 0.1 if sys.stderr.isatty() else 10.0
-
-COLUMNS = (
-    "view",
-    "median_px",
-    "mean_px",
-    "p95_px",
-    "valid_share",
-    "blur_sigma_px",
-    "time_s",
-)
+COLUMNS = ("view", *displacement.COLUMNS, "blur_sigma_px", "time_s")
 
 
 def main(renders, photos, targets, stats_out, *, views=None, **options):
     """Align every view of a folder; returns the rows of the statistics.
 
-    renders, photos: folders of <view>.png. targets: {"flow": folder, "warped":
-    folder}. They and the CSV appear together or not at all. views: names, else every
-    render's. options: those of `align_view`. Raises ValueError or OSError.
+    renders, photos: folders of <view>.png. targets: {"flow": folder} and, for warped
+    photos, "warped". They and the CSV appear together or not at all. views: names,
+    else every render's. options: those of `align_view`. Raises ValueError or OSError.
     """
     found = pairs.find_pairs(Path(renders), Path(photos), views)
     rows = []
@@ -48,7 +37,7 @@ def main(renders, photos, targets, stats_out, *, views=None, **options):
             folders[kind] = stack.enter_context(files.replacing(target))
             folders[kind].mkdir()
         for view, render_path, photo_path in tqdm(
-            found, desc="flow", unit="view", mininterval=PROGRESS_S
+            found, desc="flow", unit="view", mininterval=cli.PROGRESS_S
         ):
             started = time.perf_counter()
             render, photo = files.read_image(render_path), files.read_image(photo_path)
@@ -61,10 +50,10 @@ def main(renders, photos, targets, stats_out, *, views=None, **options):
 def align_view(
     view, render, photo, folders, *, kernel="lanczos", depth=None, **options
 ):
-    """Write one view's flow and warped photo; returns its statistics.
+    """Write one view's flow and, where `folders` has one for it, its warped photo.
 
-    depth: folder of <view>.npz, of the render: what is hidden in the photo is not
-    valid. options: those of `flow_of_view`.
+    Returns its statistics. depth: folder of <view>.npz, of the render: what is hidden
+    in the photo is not valid. options: those of `flow_of_view`.
     """
     try:
         flow_px, valid, sigma_px = flow_of_view(view, render, photo, **options)
@@ -74,8 +63,9 @@ def align_view(
         raise ValueError(f"view {view}: {error}") from error
     row = displacement.statistics(flow_px, valid, view=view)
     files.write_flow(folders["flow"] / f"{view}.npz", flow_px, valid)
-    warped = warp.warp(photo, flow_px, kernel=kernel)
-    files.write_image(folders["warped"] / f"{view}.png", warped)
+    if "warped" in folders:
+        warped = warp.warp(photo, flow_px, kernel=kernel)
+        files.write_image(folders["warped"] / f"{view}.png", warped)
     return {"view": view, **row, "blur_sigma_px": sigma_px}
 
 
@@ -106,22 +96,12 @@ def flow_of_view(
     return *found, 0.0
 
 
-def read_views(path, split):
-    """Names of a split's views from cameras.npz (`names` [n], `split` [n])."""
-    names, splits = files.read_arrays(path, "names", "split")
-    if names.shape != splits.shape or names.ndim != 1:
-        raise ValueError(f"{path}: names and split do not fit each other")
-    views = sorted(str(name) for name in names[splits == split])
-    if not views:
-        raise ValueError(f"{path}: no view in split {split!r}")
-    return views
-
-
 def parse(arguments=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="flow.align", description=__doc__)
-    for name in ("renders", "photos", "flow-out", "warped-out", "stats-out"):
+    for name in ("renders", "photos", "flow-out", "stats-out"):
         parser.add_argument(f"--{name}", type=Path, required=True)
+    parser.add_argument("--warped-out", type=Path, help="folder of warped photos")
     methods = (*estimate.METHODS, given.METHOD)
     parser.add_argument("--method", choices=methods, default=estimate.DEFAULT)
     parser.add_argument("--flows", type=Path, help="folder of flows made elsewhere")
@@ -148,10 +128,13 @@ def run(arguments=None):
     """The command line; returns its exit code."""
     options = vars(parse(arguments))
     views_file, split = options.pop("views_file"), options.pop("split")
-    targets = {kind: options.pop(f"{kind}_out") for kind in ("flow", "warped")}
+    folders = {kind: options.pop(f"{kind}_out") for kind in ("flow", "warped")}
+    targets = {kind: folder for kind, folder in folders.items() if folder}
 
     def call():
-        views = None if views_file is None else read_views(views_file, split)
+        views = (
+            None if views_file is None else list(files.read_split(views_file, split))
+        )
         main(targets=targets, views=views, **options)
 
     return cli.exit_code(call)

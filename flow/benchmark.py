@@ -24,7 +24,6 @@ from tqdm import tqdm
 
 from flow import benchmark_pairs, benchmark_tables, cli, estimate
 
-PROGRESS_S = 0.1 if sys.stderr.isatty() else 10.0
 MIDDLEBURY = Path("../shared/data/flow")
 WITHIN_PX = {"within_025": 0.25, "within_050": 0.5, "within_100": 1.0}
 SCORES = ("epe_px", *WITHIN_PX)
@@ -45,7 +44,7 @@ def main(outputs, *, methods, middlebury=None, scene=None, renders=(), split="te
     cv2.setNumThreads(1)
     jobs = list(itertools.product(methods, (False, True)))
     rows = []
-    for method, match_blur in tqdm(jobs, desc="methods", mininterval=PROGRESS_S):
+    for method, match_blur in tqdm(jobs, desc="methods", mininterval=cli.PROGRESS_S):
         rows += score_method(pairs, method, match_blur)
     table = pd.DataFrame(rows, columns=COLUMNS)
     order = {data: i for i, data in enumerate(dict.fromkeys(p.data for p in pairs))}

@@ -21,7 +21,7 @@ def match(photo, render, first_px):
     between the render and the blurred photo *after* that flow has aligned them:
     without it the misalignment itself would be taken for blur. One sigma for the
     image: a map of it, smooth over 12 to 48 px, changed the flow's error on renders
-    of a trained model by less than two per cent, mostly for the worse.
+    of a trained model by less than 1 %, mostly for the worse.
     """
     aligned = cv2.cvtColor(warp.warp(photo, first_px), cv2.COLOR_RGB2GRAY)
     target = cv2.cvtColor(np.ascontiguousarray(render), cv2.COLOR_RGB2GRAY)

@@ -56,23 +56,22 @@ class Fit(NamedTuple):
     pixels: int
 
 
-def split(flow_px, valid, pixtocam, depth=None, *, weight=None) -> Fit:
+def split(flow_px, valid, pixtocam, depth=None) -> Fit:
     """Split a flow [h, w, 2] into what a moved camera explains, and the rest.
 
     depth [h, w]: not positive or NaN is unknown, infinite is far away; None:
-    everything is far away, and only a turn and a zoom are fitted. weight [h, w]: how
-    much each pixel counts, 0 or more. Always finite; raises ValueError where shapes
-    do not fit or pixtocam is singular.
+    everything is far away, and only a turn and a zoom are fitted. Always finite;
+    raises ValueError where shapes do not fit or pixtocam is singular.
     """
-    valid, depth, weight = _checked(flow_px, valid, pixtocam, depth, weight)
+    valid, depth = _checked(flow_px, valid, pixtocam, depth)
     points = camera_motion.points_of(pixtocam, depth)
-    sample = _sample(valid & (weight > 0))
+    sample = _sample(valid)
     pixels = int(sample.sum())
     motion = camera_motion.STILL
     if pixels >= MIN_PIXELS:
         chosen = points._replace(rays=points.rays[sample], rho=points.rho[sample])
         target_px = np.asarray(flow_px, dtype=np.float64)[sample]
-        motion = fit(target_px, chosen, weight[sample] / weight[sample].mean())
+        motion = fit(target_px, chosen)
     camera_px = camera_motion.flow(motion, points)
     remainder_px = flow_px - camera_px
     length_px = np.linalg.norm(remainder_px, axis=-1)
@@ -88,8 +87,8 @@ def split(flow_px, valid, pixtocam, depth=None, *, weight=None) -> Fit:
     )
 
 
-def _checked(flow_px, valid, pixtocam, depth, weight):
-    """(valid where the depth is known too, depth, weight), all [h, w]."""
+def _checked(flow_px, valid, pixtocam, depth):
+    """(valid where the depth is known too, depth), both [h, w]."""
     shape = valid.shape
     if valid.dtype != bool or flow_px.shape != (*shape, 2):
         raise ValueError(f"flow {flow_px.shape} and valid {shape} do not fit")
@@ -98,14 +97,10 @@ def _checked(flow_px, valid, pixtocam, depth, weight):
     if np.linalg.det(pixtocam) == 0:
         raise ValueError("pixtocam is singular")
     depth = np.full(shape, np.inf) if depth is None else np.asarray(depth)
-    weight = np.ones(shape) if weight is None else np.asarray(weight)
-    for name, values in (("depth", depth), ("weight", weight)):
-        if values.shape != shape:
-            raise ValueError(f"{name} {values.shape} does not fit the flow {shape}")
-    if not (np.isfinite(weight) & (weight >= 0)).all():
-        raise ValueError("weight is negative or not finite")
+    if depth.shape != shape:
+        raise ValueError(f"depth {depth.shape} does not fit the flow {shape}")
     known = (depth > 0) & np.isfinite(flow_px).all(axis=-1)
-    return valid & known, depth, weight
+    return valid & known, depth
 
 
 def _sample(usable):
@@ -116,14 +111,14 @@ def _sample(usable):
     return chosen
 
 
-def fit(flow_px, points, weight):
-    """The motion that most pixels agree on: flow_px [n, 2], weight [n], mean 1."""
-    unit = _units(points, weight)
+def fit(flow_px, points):
+    """The motion that most pixels agree on: flow_px [n, 2]."""
+    unit = _units(points)
     motion = camera_motion.STILL
     length_px = _misses(motion, flow_px, points)
     width_px = max(2 * np.percentile(length_px, 95), OUTLIER_SIGMAS * LEAST_NOISE_PX)
     for number in range(MOST_STEPS):
-        motion, change_px = _step(motion, width_px, unit, flow_px, points, weight)
+        motion, change_px = _step(motion, width_px, unit, flow_px, points)
         if number % STEPS_PER_WIDTH:
             continue
         # The noise falls with the fit: narrow until both have come to rest.
@@ -136,13 +131,13 @@ def fit(flow_px, points, weight):
     return motion
 
 
-def _units(points, weight):
+def _units(points):
     """A change [7] of each parameter that makes a flow of 1 px, root mean square.
 
     Zero for a parameter without effect, as a step is where all is infinitely far.
     """
     by = camera_motion.jacobian(camera_motion.STILL, points)
-    mean = (weight[:, None, None] * by**2).sum(axis=1).mean(axis=0)
+    mean = (by**2).sum(axis=1).mean(axis=0)
     size_px = np.sqrt(mean)
     return np.where(size_px > 1e-9, 1 / np.maximum(size_px, 1e-9), 0.0)
 
@@ -157,14 +152,14 @@ def _noise_px(length_px, share, sigmas):
     return float(np.quantile(length_px, share)) / sigmas
 
 
-def _step(motion, width_px, unit, flow_px, points, weight):
+def _step(motion, width_px, unit, flow_px, points):
     """One step of iteratively reweighted Gauss-Newton; (motion, largest change in px).
 
     The loss r^2 / (1 + r^2 / width^2), whose weight falls with the fourth power of
     the residual r, plus the ridge on the whole motion.
     """
     residual = flow_px - camera_motion.flow(motion, points)
-    weight = weight / (1 + (residual**2).sum(axis=-1) / width_px**2) ** 2
+    weight = 1 / (1 + (residual**2).sum(axis=-1) / width_px**2) ** 2
     by = camera_motion.jacobian(motion, points) * unit
     weighted = by * (weight / max(weight.sum(), 1e-12))[:, None, None]
     normal = np.einsum("nki,nkj->ij", weighted, by)

@@ -1,6 +1,9 @@
-"""What the commands share: a fault of the input is one line, not a traceback."""
+"""What the commands share: how often bars move, and one line for bad input."""
 
 import sys
+
+# Seconds between updates of a bar; a log needs few lines.
+PROGRESS_S = 0.1 if sys.stderr.isatty() else 10.0
 
 
 def exit_code(main, *arguments, **options) -> int:

@@ -26,16 +26,7 @@ from pathlib import Path
 from flow import cli, controls, displacement, estimate, files, pairs, warp
 
 IMAGES = ("control", "placebo", "held_out", "aligned", "leak", "leak_held_out")
-COLUMNS = (
-    "view",
-    "aligned",
-    "median_px",
-    "mean_px",
-    "p95_px",
-    "valid_share",
-    "blur_sigma_px",
-    "time_s",
-)
+COLUMNS = ("view", "aligned", *displacement.COLUMNS, "blur_sigma_px", "time_s")
 
 
 def main(renders, photos, flow, out, *, truth=None, **options):

@@ -54,7 +54,8 @@ def main(renders_depth, flow, cameras, split, out_flow, stats_out, model_flow=No
         stats_path = stack.enter_context(files.replacing(stats_out))
         folder = stack.enter_context(files.replacing(out_flow))
         folder.mkdir()
-        for view, pixtocam in read_cameras(cameras, split).items():
+        found_cameras = files.read_split(cameras, split, "pixtocams")
+        for view, (pixtocam,) in found_cameras.items():
             started = time.perf_counter()
             depth_path = Path(renders_depth) / f"{view}.npz"
             (depth,) = files.read_arrays(depth_path, "depth")
@@ -73,21 +74,6 @@ def main(renders_depth, flow, cameras, split, out_flow, stats_out, model_flow=No
             rows.append({"view": view, **row, "time_s": time_s})
         files.write_rows(stats_path, COLUMNS, rows)
     return rows
-
-
-def read_cameras(path, split):
-    """{view: inverse intrinsics [3, 3]} of a split of a cameras.npz, by name."""
-    names, splits, pixtocams = files.read_arrays(path, "names", "split", "pixtocams")
-    if splits.shape != names.shape or pixtocams.shape != (len(names), 3, 3):
-        raise ValueError(f"{path}: names, split and pixtocams do not fit each other")
-    chosen = {
-        str(name): pixtocam
-        for name, of, pixtocam in zip(names, splits, pixtocams, strict=True)
-        if of == split
-    }
-    if not chosen:
-        raise ValueError(f"{path}: no view in split {split!r}")
-    return dict(sorted(chosen.items()))
 
 
 def decompose(flow, model_flow=None, *, pixtocam, depth):

@@ -110,6 +110,25 @@ def read_arrays(path, *keys):
         ) from error
 
 
+def read_split(path, split, *keys):
+    """{view: its part of each named array} of a split of a cameras.npz, by name.
+
+    The arrays begin with the axis of `names` [n] and `split` [n]. Raises ValueError
+    naming the file.
+    """
+    names, splits, *arrays = read_arrays(path, "names", "split", *keys)
+    fit = all(values.shape[:1] == names.shape for values in arrays)
+    if names.ndim != 1 or splits.shape != names.shape or not fit:
+        what = ", ".join(("names", "split", *keys))
+        raise ValueError(f"{path}: {what} do not fit each other")
+    views = {
+        str(names[i]): [a[i] for a in arrays] for i in np.flatnonzero(splits == split)
+    }
+    if not views:
+        raise ValueError(f"{path}: no view in split {split!r}")
+    return dict(sorted(views.items()))
+
+
 def read_flo(path):
     """Read Middlebury's .flo as (flow_px, valid); unknown pixels are 0 and invalid."""
     data = Path(path).read_bytes()

@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from flow import estimate
+from flow import cli, estimate
 
 
 def main(method, width, height):
@@ -52,12 +52,8 @@ def run(arguments=None):
     parser.add_argument("--method", default=estimate.DEFAULT, choices=estimate.METHODS)
     parser.add_argument("--width", type=int, default=2560)
     parser.add_argument("--height", type=int, default=1680)
-    try:
-        print(json.dumps(main(**vars(parser.parse_args(arguments)))))
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0
+    options = vars(parser.parse_args(arguments))
+    return cli.exit_code(lambda: print(json.dumps(main(**options))))
 
 
 if __name__ == "__main__":

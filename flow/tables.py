@@ -29,20 +29,20 @@ COLUMNS = (
 def main(rows, csv, tex):
     """Write the table. rows: JSON list of {method, round, stats: CSV}.
 
-    Raises ValueError or OSError.
+    Both files are written, or neither. Raises ValueError or OSError.
     """
     table = pd.DataFrame([row_of(entry) for entry in json.loads(rows)])
-    with files.replacing(csv) as path:
-        table.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
-    with files.replacing(tex) as path:
-        path.write_text(to_latex(table))
+    latex = to_latex(table)
+    with files.replacing(csv) as csv_path, files.replacing(tex) as tex_path:
+        table.to_csv(csv_path, index=False, float_format="%.6g", lineterminator="\n")
+        tex_path.write_text(latex)
 
 
 def row_of(entry):
     """Means over views; a column that some view lacks stays empty."""
     try:
         views = pd.read_csv(entry["stats"])
-    except pd.errors.ParserError as error:
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise ValueError(f"{entry['stats']}: {error}") from None
     if missing := sorted(set(COLUMNS) - set(views)):
         raise ValueError(f"{entry['stats']}: no column {missing[0]}")

@@ -120,13 +120,12 @@ def test_the_unit_of_depth_is_the_unit_of_the_centre(rng, depth, valid):
     np.testing.assert_allclose(one.camera_px, ten.camera_px, atol=1e-5)
 
 
-def test_invalid_and_weightless_pixels_say_nothing(rng, depth, valid):
+def test_invalid_pixels_say_nothing(rng, depth, valid):
     flow_px = reprojected(random_motion(rng), depth)
     bad = rng.random(valid.shape) < 0.6
     wild = np.where(bad[..., None], 500.0, flow_px)
     for options in (
         {"valid": ~bad},
-        {"valid": valid, "weight": np.where(bad, 0.0, 1.0)},
         {"valid": valid, "depth": np.where(bad, np.nan, depth)},
         {"valid": valid, "depth": np.where(bad, 0.0, depth)},
     ):
@@ -220,7 +219,6 @@ def test_large_images_are_sampled(rng):
         ({"pixtocam": np.zeros((3, 3))}, "singular"),
         ({"pixtocam": np.full((3, 3), np.nan)}, "pixtocam"),
         ({"depth": np.ones((3, 4))}, "depth"),
-        ({"weight": np.full((HEIGHT, WIDTH), -1.0)}, "weight"),
         ({"flow_px": np.zeros((4, 4, 2))}, "flow"),
     ],
 )

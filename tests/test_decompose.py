@@ -181,6 +181,11 @@ def flat_camera(folder):
     np.savez(folder / "cameras.npz", **stored | {"pixtocams": np.zeros((2, 3, 3))})
 
 
+def lose_camera(folder):
+    stored = dict(np.load(folder / "cameras.npz"))
+    np.savez(folder / "cameras.npz", **stored | {"pixtocams": np.zeros((1, 3, 3))})
+
+
 @pytest.mark.parametrize(
     ("damage", "reason"),
     [
@@ -190,6 +195,7 @@ def flat_camera(folder):
         (nothing_valid, "view a: no pixel"),
         (all_train, "cameras.npz: no view in split 'test'"),
         (flat_camera, "view a: pixtocam is singular"),
+        (lose_camera, "cameras.npz: names, split, pixtocams do not fit each other"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(tmp_path, capsys, damage, reason):
@@ -233,3 +239,9 @@ def test_table_of_means_over_views(tmp_path, capsys):
     views.drop(columns="noise_px").to_csv(tmp_path / "other.csv", index=False)
     assert make_table(tmp_path, stats) == 1
     assert "other.csv: no column noise_px" in capsys.readouterr().err
+    whole = (tmp_path / "t.csv").read_bytes()
+    for text, reason in (("", "No columns"), (",".join(views) + "\n", "no view")):
+        (tmp_path / "other.csv").write_text(text)
+        assert make_table(tmp_path, stats) == 1
+        assert f"other.csv: {reason}" in capsys.readouterr().err
+    assert (tmp_path / "t.csv").read_bytes() == whole

@@ -1,6 +1,7 @@
 """flow.align as a command."""
 
 import csv
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -195,6 +196,21 @@ def test_bad_folders_end_in_one_line_and_nothing_written(scene, capsys, damage, 
     assert error.startswith("error: ")
     assert reason in error
     assert not list(scene.glob("out/**/*"))
+
+
+def test_without_a_folder_for_them_no_photos_are_warped(scene):
+    assert align.run(arguments(scene)) == 0
+    with_them = rows(scene)
+    flow_px, _ = files.read_flow(scene / "out" / "flow" / "a.npz")
+    shutil.rmtree(scene / "out")
+    options = arguments(scene)
+    at = options.index("--warped-out")
+    assert align.run(options[:at] + options[at + 2 :]) == 0
+    assert names(scene / "out") == ["flow", "stats.csv"]
+    for row, other in zip(rows(scene), with_them, strict=True):
+        assert row | {"time_s": ""} == other | {"time_s": ""}
+    again_px, _ = files.read_flow(scene / "out" / "flow" / "a.npz")
+    np.testing.assert_array_equal(again_px, flow_px)
 
 
 @pytest.mark.parametrize(

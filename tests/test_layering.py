@@ -20,7 +20,7 @@ LAYERS = [
     r"alignerf\.(archives|cameras|wording|memory|cores|intervals|scores|(tradeoff|regimes)_figure)",
     r"alignerf\.(batches|convnet|patch_conv|align_loss|frequency_loss|metrics|lpips)",
     r"alignerf\.(methods|scenes\..*)",
-    r"alignerf\.(config|scene|gradients|train_step|diagnose|checkpoint|cli|progress|program|loop)",
+    r"alignerf\.(config|scene|gradients|train_step|diagnose|checkpoint|cli|progress|program|loop|table_files)",
 ]
 STAGES = {"poses", "facts", "train", "render_views", "evaluate", "tables"}
 

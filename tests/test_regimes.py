@@ -127,7 +127,7 @@ def test_files_are_written_and_latex_has_a_block_a_regime(scene_of, tmp_path):
     scenes.append(scene_of("fox", (0.1, 0.2), regime=regime(0, None, 300, "fox")))
     paths = [tmp_path / f"out.{end}" for end in ("csv", "tex", "png")]
     regimes.main(
-        ["--scenes", json.dumps(scenes)]
+        ["--rows", json.dumps(scenes)]
         + [
             f"{o}={p}"
             for o, p in zip(("--csv", "--tex", "--figure"), paths, strict=True)
@@ -144,7 +144,7 @@ def test_files_are_written_and_latex_has_a_block_a_regime(scene_of, tmp_path):
 
 
 def test_workflow_and_poses_agree_about_motion(root):
-    text = (root / "workflow/rules/regimes.smk").read_text()
+    text = (root / "workflow/rules/regime_rows.smk").read_text()
     (found,) = re.findall(r"COURTYARD_MOTION = (\{.*\})", text)
     defaults = poses.DEFAULTS["courtyard"]
     assert ast.literal_eval(found) == {k: defaults[k] for k in ("motion", "motion_m")}

@@ -95,7 +95,6 @@ def make(folder, demo, case, *, quick):
             renders=renders,
             photos=folder / photos,
             flow_out=folder / name,
-            warped_out=folder / f"warped_{name}",
             stats_out=folder / f"{name}.csv",
             # Hardly trained, a render's flows do not agree to a pixel.
             tolerance_px=16.0 if quick else demo["flow"]["tolerance_px"],

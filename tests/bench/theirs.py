@@ -78,9 +78,39 @@ def make(
     and `field` are our config's mappings of kind mlp; `gather` is its
     use_gpu_resampling; `training` more of its Config's keys.
     """
+    bind(modules, name, samples=samples, proposal=proposal, field=field, gather=gather)
+    with modules.gin.config_scope(name):
+        config = modules.configs.Config(
+            near=near,
+            far=far,
+            batch_size=batch_rays,
+            render_chunk_size=chunk_rays,
+            max_steps=steps,
+            **(training or {}),
+        )
+        model = modules.models.Model(config=config)
+
+    def init(key):
+        with modules.gin.config_scope(name):
+            rays = modules.utils.dummy_rays(include_exposure_values=True)
+            _, variables = modules.models.construct_model(key, rays, config)
+        return variables
+
+    return Peer(
+        modules=modules,
+        scope=name,
+        config=config,
+        model=model,
+        init=init,
+        _step=modules.train_utils.create_train_step(model, config),
+        _render=modules.train_utils.create_render_fn(model),
+    )
+
+
+def bind(modules, name, *, samples, proposal, field, gather):
+    """Read its 360.gin, and set what is ours in the scope `name`."""
     if len(set(samples[:-1])) > 1:
         raise ValueError(f"samples {samples}: the peer has equal proposal rounds")
-    gin = modules.gin
     values = {
         "Model.num_prop_samples": samples[0],
         "Model.num_nerf_samples": samples[-1],
@@ -95,36 +125,10 @@ def make(
         "PropMLP.max_deg_point": proposal.get("degrees", 12),
         "NerfMLP.max_deg_point": field.get("degrees", 12),
     }
-    with gin.unlock_config():
-        gin.parse_config_file(str(modules.path / "configs" / "360.gin"))
+    with modules.gin.unlock_config():
+        modules.gin.parse_config_file(str(modules.path / "configs" / "360.gin"))
         for key, value in values.items():
-            gin.bind_parameter(f"{name}/{key}", value)
-    with gin.config_scope(name):
-        config = modules.configs.Config(
-            near=near,
-            far=far,
-            batch_size=batch_rays,
-            render_chunk_size=chunk_rays,
-            max_steps=steps,
-            **(training or {}),
-        )
-        model = modules.models.Model(config=config)
-
-    def init(key):
-        with gin.config_scope(name):
-            rays = modules.utils.dummy_rays(include_exposure_values=True)
-            _, variables = modules.models.construct_model(key, rays, config)
-        return variables
-
-    return Peer(
-        modules=modules,
-        scope=name,
-        config=config,
-        model=model,
-        init=init,
-        _step=modules.train_utils.create_train_step(model, config),
-        _render=modules.train_utils.create_render_fn(model),
-    )
+            modules.gin.bind_parameter(f"{name}/{key}", value)
 
 
 def shard(tree):

@@ -6,9 +6,6 @@ rule align_oracle:
         truth="results/{scene}/truth",
     output:
         flow=directory("results/{scene}/{method}/round{round}/flow_oracle/test"),
-        warped=temp(
-            directory("results/{scene}/{method}/round{round}/warped_oracle/test")
-        ),
         stats="results/{scene}/{method}/round{round}/displacement_oracle.csv",
     log:
         "results/{scene}/{method}/round{round}/logs/align_oracle.log",
@@ -22,8 +19,7 @@ rule align_oracle:
     shell:
         "python -m flow.align {params.flow:q} --renders {input.renders:q}"
         " --photos {input.truth:q}/oracle --flow-out {output.flow:q}"
-        " --warped-out {output.warped:q} --stats-out {output.stats:q}"
-        " 2>&1 | tee {log:q}"
+        " --stats-out {output.stats:q} 2>&1 | tee {log:q}"
 
 
 rule decompose:

@@ -1,59 +1,5 @@
 # When each of the method's parts pays: all scenes of the config, those that differ in
 # their seed only as one regime.
-def regime_scenes():
-    """One entry per scene that has a baseline and what is set against it."""
-    if not staged():
-        stop("config: methods: regimes: none has alignerf")
-    base = {base_of(method) for method in staged()}
-    if len(base) != 1:
-        stop("config: methods: regimes: not all of alignerf have one model's baseline")
-    return [
-        regime_of(name)
-        | {
-            "displacement": f"results/{name}/testset/displacement.csv",
-            "methods": [regime_method(name, m) for m in (*base, *staged())],
-        }
-        for name in config["scenes"]
-    ]
-
-
-def regime_of(name):
-    """What a scene is like; of a real one only its name is known."""
-    scene = config["scenes"][name]
-    known = scene["source"] == "courtyard"
-    motion = COURTYARD_MOTION | scene.get("courtyard", {})
-    return {
-        "scene": "courtyard" if known else name,
-        "perturb_px": scene.get("perturb_px", 0),
-        "motion_m": (
-            (motion["motion"] != "none") * motion["motion_m"] if known else None
-        ),
-        "steps": training_of(name)["steps"],
-    }
-
-
-# As alignerf/poses.py has them; a test compares.
-COURTYARD_MOTION = {"motion": "uniform", "motion_m": 0.02}
-
-
-def regime_method(scene, method):
-    """The files of one method of one scene."""
-    return {
-        "method": method,
-        "parts": field_name(method),
-        "metrics": f"{trained(scene, method, 0)}/metrics.csv",
-        "trainings": trainings_of(scene, method, 0),
-    }
-
-
-def regime_inputs(w):
-    scenes = regime_scenes()
-    methods = [method for scene in scenes for method in scene["methods"]]
-    files = [[m["metrics"], *m["trainings"]] for m in methods]
-    files += [[scene["displacement"]] for scene in scenes]
-    return sorted({path for paths in files for path in paths})
-
-
 rule regimes:
     input:
         regime_inputs,
@@ -76,8 +22,8 @@ rule regimes:
     conda:
         "../../environment.yml"
     params:
-        scenes=lambda w: as_json(regime_scenes()),
+        rows=lambda w: as_json(regime_scenes()),
         sources=sources_of("alignerf.regimes"),
     shell:
-        "python -m alignerf.regimes --scenes {params.scenes:q} --csv {output.csv:q}"
+        "python -m alignerf.regimes --rows {params.rows:q} --csv {output.csv:q}"
         " --tex {output.tex:q} --figure {output.figure:q} 2>&1 | tee {log:q}"

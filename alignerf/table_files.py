@@ -1,0 +1,61 @@
+"""What the commands that make a table share: arguments, costs read, CSV and LaTeX."""
+
+import argparse
+import json
+import pathlib
+
+import pandas as pd
+
+from alignerf import cli
+
+
+def run(description, argv, make_table, to_latex, *, float_format="%.6g"):
+    """A whole command: make_table(entries) of --rows, written by `write`."""
+    args = parser(description).parse_args(argv)
+    table = make_table(json.loads(args.rows))
+    write(table, to_latex, args.csv, args.tex, float_format=float_format)
+
+
+def parser(description):
+    """Of the arguments --rows, --csv and --tex."""
+    found = argparse.ArgumentParser(description=description)
+    found.add_argument("--rows", required=True, help="JSON: what stands in each row")
+    found.add_argument("--csv", required=True, help="table, written")
+    found.add_argument("--tex", required=True, help="table, written")
+    return found
+
+
+def write(table, to_latex, csv, tex, *, float_format="%.6g"):
+    """Write a table to the paths `csv` and, as to_latex has it, `tex`; or neither."""
+    latex = to_latex(table)
+    with cli.replace_file(csv) as csv_path, cli.replace_file(tex) as tex_path:
+        table.to_csv(csv_path, index=False, float_format=float_format)
+        tex_path.write_text(latex)
+
+
+def read_timing(path, *keys):
+    """These entries of a timing file as a dict; ValueError names one without them."""
+    try:
+        timing = json.loads(pathlib.Path(path).read_text())
+        return {key: timing[key] for key in keys}
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path}: not the timing that it should be: {error}") from None
+
+
+def read_csv(path, **options):
+    """`pandas.read_csv` of a file with rows; ValueError names one without."""
+    try:
+        table = pd.read_csv(path, **options)
+    except ValueError as error:
+        raise ValueError(f"{path}: not a table: {error}") from None
+    if table.empty:
+        raise ValueError(f"{path}: no row")
+    return table
+
+
+def views_time_s(path):
+    """Seconds of all views of a CSV of displacements."""
+    views = read_csv(path)
+    if "time_s" not in views:
+        raise ValueError(f"{path}: no column time_s")
+    return float(views["time_s"].sum())
