@@ -174,7 +174,8 @@ def aligned_loss(rgb, photo, exists, penalty):
         rgb, photo, exists
     )
     length = jnp.sqrt(jnp.sum(aligned.offset_px.astype(jnp.float32) ** 2, axis=-1))
-    squared = jnp.sum((aligned.patch - rgb) ** 2, axis=(1, 2, 3))
+    # Of one offset: to the same rounding as in the search.
+    squared = jax.vmap(align_loss.squared_errors)(rgb, aligned.patch)[:, 0, 0]
     loss = jnp.mean(squared + penalty * length)
     mse = jnp.mean(squared) / rgb[0].size
     return aligned.patch, loss, {"mse": mse, "offset_px": jnp.mean(length)}
