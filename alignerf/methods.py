@@ -5,13 +5,21 @@ Notation: params a tree of parameters, one subtree a network; views the training
 photos on the device; share in [0, 1] the part of the training that has passed.
 """
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
-from alignerf import align_loss, batches, cameras, frequency_loss, patch_conv
+from alignerf import (
+    align_loss,
+    batches,
+    cameras,
+    contextual_loss,
+    frequency_loss,
+    patch_conv,
+)
 from alignerf.mipnerf360 import losses
 
 
@@ -98,34 +106,39 @@ class Loss(NamedTuple):
 def data_loss(rgb, photo, exists, loss: Loss):
     """(photo patches for the frequency loss, data loss, numbers to show).
 
-    rgb [n, p, p, 3], photo [n, q, q, 3], exists [n, q, q]. The squared error is L_PM
-    of Eq. 4 in units of one colour value: its sum over the patch and the penalty of
+    rgb [n, p, p, 3], photo [n, q, q, 3], exists [n, q, q]. In units of one colour
+    value: of L_PM (Eq. 4) the squared error summed over the patch and the penalty of
     the offset, both divided by the patch's number of values.
     """
-    matched, patch, length, counts = match_patches(rgb, photo, exists, loss)
-    # What no part of the photo can be set against, teaches nothing.
-    matched = jnp.where(counts[..., None], matched, jax.lax.stop_gradient(rgb))
-    length = jnp.where(counts, length, 0.0)
-    squared = jnp.mean((matched - rgb) ** 2)
-    shown = {"mse": squared, "offset_px": jnp.mean(length)}
-    if loss.error == "charbonnier":
-        return patch, losses.charbonnier(rgb, matched, jnp.ones(rgb.shape[:-1])), shown
-    penalty = (
-        loss.align_penalty
-        * jnp.mean(length)
-        / (rgb[0].size if loss.matching == "patch" else rgb.shape[-1])
+    match = {"patch": match_patches, "pixel": match_pixels}[loss.matching]
+    patch, squared, length_px = match(rgb, photo, exists, loss.align_penalty)
+    shown = {"mse": jnp.mean((patch - rgb) ** 2), "offset_px": jnp.mean(length_px)}
+    if loss.error == "squared":
+        return patch, squared, shown
+    weight = jnp.ones(rgb.shape[:-1])
+    return patch, losses.charbonnier(rgb, patch, weight), shown
+
+
+def match_patches(rgb, photo, exists, penalty):
+    """One offset a patch: (patches, L_PM a colour value, lengths in px)."""
+    found = jax.vmap(functools.partial(align_loss.align, penalty=penalty))(
+        rgb, photo, exists
     )
-    return patch, squared + penalty, shown
+    length_px = jnp.sqrt(jnp.sum(found.offset_px.astype(jnp.float32) ** 2, axis=-1))
+    # Of one offset: to the same rounding as in the search.
+    squared = jax.vmap(align_loss.squared_errors)(rgb, found.patch)[:, 0, 0]
+    return found.patch, jnp.mean(squared + penalty * length_px) / rgb[0].size, length_px
 
 
-def match_patches(rgb, photo, exists, loss: Loss):
-    """One offset a patch: (matched, the same, length in px, whether there is one)."""
-    found = jax.vmap(
-        lambda r, g, e: align_loss.align(r, g, e, penalty=loss.align_penalty)
-    )(rgb, photo, exists)
-    length = jnp.sqrt(jnp.sum(found.offset_px.astype(jnp.float32) ** 2, axis=-1))
-    counts = jnp.isfinite(found.cost)[:, None, None]
-    return found.patch, found.patch, length[:, None, None], counts
+def match_pixels(rgb, photo, exists, penalty):
+    """One offset a pixel: (patches, contextual loss, lengths in px).
+
+    The penalty is Eq. 4's: of a patch's sum there, of a pixel's mean here.
+    """
+    match = functools.partial(contextual_loss.match, spatial_weight=penalty)
+    found = jax.vmap(match)(rgb, photo, exists)
+    length_px = jnp.sqrt(jnp.sum(found.offset_px.astype(jnp.float32) ** 2, axis=-1))
+    return found.patch, jnp.mean(found.loss), length_px
 
 
 def alignerf(

@@ -15,7 +15,6 @@ import jax
 import numpy as np
 
 from alignerf import (
-    align_loss,
     batches,
     checkpoint,
     cli,
@@ -26,6 +25,7 @@ from alignerf import (
     patch_conv,
     program,
     scene,
+    search_radius,
 )
 
 log = logging.getLogger("alignerf")
@@ -77,7 +77,7 @@ def with_radius(job, displacement) -> config.Job:
         return job
     if displacement is None:
         raise ValueError("--displacement: radius_px auto needs the measured one")
-    radius_px = align_loss.read_radius(displacement)
+    radius_px = search_radius.radius_from(search_radius.read_lengths_px(displacement))
     log.info("search radius: %d px", radius_px)
     settings = dataclasses.replace(job.alignerf, radius_px=radius_px)
     return dataclasses.replace(job, alignerf=settings)

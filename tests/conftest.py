@@ -11,7 +11,12 @@ os.environ["JAX_PLATFORMS"] = "cpu"
 import jaxtyping
 
 jaxtyping.install_import_hook(
-    ["alignerf.mipnerf360", "alignerf.align_loss", "alignerf.fields.mlp"],
+    [
+        "alignerf.mipnerf360",
+        "alignerf.align_loss",
+        "alignerf.contextual_loss",
+        "alignerf.fields.mlp",
+    ],
     "beartype.beartype",
 )
 

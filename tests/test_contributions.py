@@ -1,4 +1,4 @@
-"""AligNeRF's three contributions, each against a slow twin and at the extremes."""
+"""Patch convolution and high-frequency loss, against slow twins and at the extremes."""
 
 import jax
 import jax.numpy as jnp
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from alignerf import align_loss, frequency_loss, patch_conv
+from alignerf import frequency_loss, patch_conv
 from alignerf.fields import shading
 
 # Patch convolution
@@ -78,84 +78,6 @@ def test_published_size_of_the_contribution():
     )
     size = sum(np.prod(leaf.shape) for leaf in jax.tree.leaves(head))
     assert size + (128 + 1) * (128 - 3) == 459_264
-
-
-# Alignment-aware loss
-
-
-def brute_force(render, photo, exists, penalty):
-    """Eq. 4 by a double loop in float64; ties to the smallest offset."""
-    size, radius = len(render), (len(photo) - len(render)) // 2
-    best = (np.inf, np.inf, None)
-    for dy in range(-radius, radius + 1):
-        for dx in range(-radius, radius + 1):
-            rows = slice(radius + dy, radius + dy + size)
-            columns = slice(radius + dx, radius + dx + size)
-            if not exists[rows, columns].all():
-                continue
-            error = ((photo[rows, columns] - render) ** 2).sum()
-            cost = error + penalty * np.hypot(dx, dy)
-            if (cost, np.hypot(dx, dy)) < best[:2]:
-                best = (cost, np.hypot(dx, dy), (dx, dy))
-    return best[0], best[2]
-
-
-def align(render, photo, exists, penalty=0.01):
-    args = [jnp.asarray(a, jnp.float32) for a in (render, photo, exists)]
-    return align_loss.align(*args, penalty=penalty)
-
-
-@pytest.mark.parametrize("offset", [0.0, 0.5, 100.0])
-@pytest.mark.parametrize("contrast", [1e-4, 1e-2, 1.0, 1e4])
-def test_alignment_equals_brute_force(rng, offset, contrast):
-    if offset > 1e6 * contrast:
-        pytest.skip("the contrast is below the offset's float32 resolution")
-    for _ in range(5):
-        photo = (offset + contrast * rng.uniform(size=(20, 20, 3))).astype(np.float32)
-        render = (offset + contrast * rng.uniform(size=(12, 12, 3))).astype(np.float32)
-        exists = np.ones((20, 20))
-        exists[:, : rng.integers(0, 4)] = 0
-        penalty = 0.01 * contrast**2
-        cost, best = brute_force(
-            render.astype(np.float64), photo.astype(np.float64), exists, penalty
-        )
-        found = align(render, photo, exists, penalty)
-        assert float(found.cost) == pytest.approx(cost, rel=1e-5)
-        assert tuple(found.offset_px.tolist()) == best
-
-
-@pytest.mark.parametrize(("dx", "dy"), [(3, -2), (-4, 0), (0, 4), (1, 1), (0, 0)])
-def test_a_known_shift_is_found(rng, dx, dy):
-    big = ndimage.gaussian_filter(rng.uniform(size=(60, 60, 3)), (1, 1, 0))
-    photo = big[10:42, 10:42]
-    render = big[10 + 4 + dy : 10 + 4 + dy + 24, 10 + 4 + dx : 10 + 4 + dx + 24]
-    found = align(render, photo, np.ones((32, 32)))
-    assert found.offset_px.tolist() == [dx, dy]
-    np.testing.assert_allclose(found.patch, render, atol=1e-6)
-
-
-def test_flat_patches_and_ties_go_to_offset_zero():
-    found = align(np.full((8, 8, 3), 0.3), np.full((12, 12, 3), 0.9), np.ones((12, 12)))
-    assert found.offset_px.tolist() == [0, 0]
-
-
-def test_what_does_not_exist_is_never_chosen(rng):
-    photo = rng.uniform(size=(12, 12, 3))
-    exists = np.ones((12, 12))
-    exists[:, :2] = 0
-    render = photo[2:10, 0:8]
-    assert align(render, photo, exists).offset_px[0] >= 0
-    assert align(render, photo, np.ones((12, 12))).offset_px.tolist() == [-2, 0]
-
-
-def test_no_gradient_flows_through_the_search(rng):
-    photo = jnp.asarray(rng.uniform(size=(12, 12, 3)), jnp.float32)
-    render = jnp.asarray(rng.uniform(size=(8, 8, 3)), jnp.float32)
-
-    def patch_sum(render):
-        return jnp.sum(align_loss.align(render, photo, jnp.ones((12, 12))).patch)
-
-    assert not jnp.any(jax.grad(patch_sum)(render))
 
 
 # High-frequency loss
