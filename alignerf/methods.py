@@ -1,6 +1,7 @@
 """Methods as compositions of a model, a way to draw rays, a head and losses.
 
-A method is five functions; training and rendering know nothing else of it.
+A method is five functions and two sizes; training and rendering know nothing else
+of it.
 Notation: params a tree of parameters, one subtree a network; views the training
 photos on the device; share in [0, 1] the part of the training that has passed.
 """
@@ -38,7 +39,8 @@ class Method(NamedTuple):
     draw: Callable  # (key, views) -> batch
     terms: Callable  # (params, batch, share) -> ({term: mean}, {number: mean})
     render: Callable  # (params, rays [n]) -> model.Rendering
-    colours: Callable  # (params, values [h, w, c]) -> RGB [h, w, 3]
+    colours: Callable  # (params, values [h + 2 halo, w + 2 halo, c]) -> RGB [h, w, 3]
+    halo: int = 0  # pixels around one that its colour depends on
 
 
 class RayBatch(NamedTuple):
@@ -230,5 +232,8 @@ def alignerf(
         ),
         terms=terms,
         render=lambda params, rays: model.apply({"params": params["model"]}, rays),
-        colours=lambda params, values: head.apply({"params": params["head"]}, values),
+        colours=lambda params, values: head.apply(
+            {"params": params["head"]}, values, padded=True
+        ),
+        halo=patch_conv.LAYERS,
     )
