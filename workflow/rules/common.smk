@@ -406,6 +406,24 @@ def figure_rounds(scene):
     ]
 
 
+def crop_methods(scene):
+    """Staged methods and, before them, what each is set against: round 0 of all."""
+    bases = [base_of(method) for method in staged()]
+    return [
+        {
+            "method": method,
+            "renders": f"{trained(scene, method, 0)}/renders/test",
+            "flow": f"{trained(scene, method, 0)}/flow/test",
+        }
+        for method in dict.fromkeys([*bases, *staged()])
+    ]
+
+
+def crop_figures(scene):
+    """Only staged methods have something to be compared with side by side."""
+    return [f"results/{scene}/figures/crops.png"] if staged() else []
+
+
 def flow_benchmark_models(scene):
     """<method>/round<k> of the reference method, before and after all warping."""
     method = config["reference"]["method"]
@@ -509,4 +527,5 @@ def scene_targets(scene):
         f"{folder}/figures/views.png",
         f"{folder}/figures/lengths.png",
         f"{folder}/figures/curves.png",
+        *crop_figures(scene),
     ]
