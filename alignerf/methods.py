@@ -1,6 +1,7 @@
 """Methods as compositions of a model, a way to draw rays, a head and losses.
 
-A method is five functions; training and rendering know nothing else of it.
+A method is five functions and two sizes; training and rendering know nothing else
+of it.
 Notation: params a tree of parameters, one subtree a network; views the training
 photos on the device; share in [0, 1] the part of the training that has passed.
 """
@@ -36,7 +37,8 @@ class Method(NamedTuple):
     draw: Callable  # (key, views) -> batch
     terms: Callable  # (params, batch, share) -> ({term: mean}, {number: mean})
     render: Callable  # (params, rays [n]) -> model.Rendering
-    colours: Callable  # (params, values [h, w, c]) -> RGB [h, w, 3]
+    colours: Callable  # (params, values [h + 2 halo, w + 2 halo, c]) -> RGB [h, w, 3]
+    halo: int = 0  # pixels around one that its colour depends on
 
 
 def _some_rays():
@@ -151,8 +153,10 @@ def alignerf(
     """
     head = patch_conv.PatchConv() if convolution else None
 
-    def colours(params, values):
-        return head.apply({"params": params["head"]}, values) if head else values
+    def colours(params, values, *, padded=False):
+        if head is None:
+            return values
+        return head.apply({"params": params["head"]}, values, padded=padded)
 
     def terms(params, batch, share):
         rays, jitter = jax.tree.map(
@@ -187,5 +191,6 @@ def alignerf(
         ),
         terms=terms,
         render=lambda params, rays: model.apply({"params": params["model"]}, rays),
-        colours=colours,
+        colours=lambda params, values: colours(params, values, padded=True),
+        halo=patch_conv.LAYERS if convolution else 0,
     )

@@ -26,14 +26,15 @@ class PatchConv(nn.Module):
     """
 
     @nn.compact
-    def __call__(self, f):
-        """Raises ValueError for an image too small to reflect (under 4 pixels)."""
-        if min(f.shape[-3:-1]) <= LAYERS:
-            raise ValueError(f"patch convolution of {f.shape[-3:-1]} pixels: too small")
+    def __call__(self, f, *, padded=False):
+        """padded: f has its border of LAYERS pixels, which the colours have not.
+
+        Raises ValueError for an image too small to reflect (under 4 pixels).
+        """
+        if not padded:
+            f = pad(f)
         batch, features = f.shape[:-3], f.shape[-1]
         f = f.reshape(-1, *f.shape[-3:])
-        border = (LAYERS, LAYERS)
-        f = jnp.pad(f, ((0, 0), border, border, (0, 0)), mode="reflect")
         for layer in range(LAYERS):
             lift = shading.PADDING if layer == 0 else 0.0
             f = nn.Conv(
@@ -52,6 +53,15 @@ class PatchConv(nn.Module):
             bias_init=nn.initializers.constant(-shading.PADDING),
         )(f)
         return rgb.reshape(*batch, *rgb.shape[1:])
+
+
+def pad(f):
+    """Feature images [..., h, w, N] with LAYERS reflected pixels on every side."""
+    if min(f.shape[-3:-1]) <= LAYERS:
+        raise ValueError(f"patch convolution of {f.shape[-3:-1]} pixels: too small")
+    border = (LAYERS, LAYERS)
+    none = ((0, 0),)
+    return jnp.pad(f, (f.ndim - 3) * none + (border, border, *none), mode="reflect")
 
 
 def pass_colour_through(key, shape, dtype):

@@ -18,7 +18,8 @@ DPI = 150
 def flow_scale(flows):
     """Length in pixels at the wheel's rim, at least a tenth."""
     lengths = [np.linalg.norm(flow_px[valid], axis=-1) for flow_px, valid in flows]
-    longest = np.percentile(np.concatenate(lengths), SCALE_PERCENTILE)
+    # Where no flow is valid, that least.
+    longest = np.percentile(np.concatenate([*lengths, [0.0]]), SCALE_PERCENTILE)
     return max(0.1, round(float(longest), 1))
 
 
@@ -32,19 +33,26 @@ def draw_wheel(axes, scale_px):
     axes.set_title(f"flow, rim = {scale_px:.1f} px", fontsize=FONT_SIZE)
 
 
+def draw_legend(figure, scale_px, note):
+    """The wheel, and beside it what a figure's colours and numbers mean."""
+    wheel, text = figure.subplots(1, 2, width_ratios=[1, 3])
+    draw_wheel(wheel, scale_px)
+    text.text(0, 0.5, note, fontsize=FONT_SIZE - 1, va="center")
+
+
 def coloured(flow, scale_px):
     """Middlebury's code of a flow; black where it is not valid."""
     flow_px, valid = flow
     return colour_wheel.encode(flow_px, scale_px=scale_px, valid=valid)
 
 
-def save_images(figure, path):
+def save_images(figure, path, *, dpi=DPI):
     """Save a figure of images, without axes."""
     for axis in figure.axes:
         axis.set_axis_off()
-    save(figure, path)
+    save(figure, path, dpi=dpi)
 
 
-def save(figure, path):
+def save(figure, path, *, dpi=DPI):
     with files.replacing(path) as temporary:
-        figure.savefig(temporary, dpi=DPI)
+        figure.savefig(temporary, dpi=dpi)

@@ -28,6 +28,10 @@ WIDTH_INCH = 7.2
 BINS = 80
 # Of the flow's lengths, what the histogram shows.
 SHOWN_PERCENTILE = 99
+NOTE = (
+    "colour: direction and length of the flow, one scale for all maps\n"
+    "number above a map: median length over valid pixels; black: not valid"
+)
 
 
 def read_parts(folder):
@@ -84,19 +88,8 @@ def draw_views(parts, photos, renders, path):
         for axis, image, title in zip(axes, images, titles, strict=True):
             axis.imshow(image)
             axis.set_title(title, fontsize=drawing.FONT_SIZE - 1)
-    draw_wheel(bottom, scale_px)
+    drawing.draw_legend(bottom, scale_px, NOTE)
     drawing.save_images(figure, path)
-
-
-def draw_wheel(figure, scale_px):
-    """The colour code below the rows, and what the numbers mean."""
-    wheel, text = figure.subplots(1, 2, width_ratios=[1, 3])
-    drawing.draw_wheel(wheel, scale_px)
-    note = (
-        "colour: direction and length of the flow, one scale for all maps\n"
-        "number above a map: median length over valid pixels; black: not valid"
-    )
-    text.text(0, 0.5, note, fontsize=drawing.FONT_SIZE - 1, va="center")
 
 
 def draw_lengths(parts, path):

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from alignerf import batches, frequency_loss, methods, scene, train_step
+from alignerf import batches, frequency_loss, methods, patch_conv, scene, train_step
 from alignerf.mipnerf360 import losses
 from tests import training_cases as cases
 from tests import twins
@@ -163,7 +163,7 @@ def test_aligned_and_frequency_loss_keep_the_printed_ratio(views):
     )
     apply = jax.jit(cases.tiny_model(outputs=6).apply)
     values = apply({"params": params["model"]}, rays, jitter=jitter).values
-    rgb = method.colours(params, values.reshape(2, 12, 12, 6))
+    rgb = method.colours(params, patch_conv.pad(values.reshape(2, 12, 12, 6)))
     squared = np.sum(np.asarray(photo - rgb, np.float64) ** 2, axis=(1, 2, 3)).mean()
     bank = frequency_loss.bank_features
     features = np.asarray(bank(photo) - bank(rgb), np.float64)

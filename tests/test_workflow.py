@@ -57,6 +57,7 @@ def expected_jobs(config):
         "displacement_table": scenes,
         "decompose": scenes * (sum(rounds + 1 for rounds in plain) + len(staged)),
         "figures": scenes,
+        "crops": scenes * bool(staged),
     }
 
 
@@ -257,6 +258,9 @@ def test_controls_know_the_truth_and_rows_their_base(tmp_path, demo, snakemake):
             "staged_alone": "staged_alone",
         }.items()
     }
+    crops = re.findall(r"flow\.crop_figure .*courtyard.*--methods '(.*)' --fig", output)
+    compared = [entry["method"] for entry in json.loads(crops[0])]
+    assert compared == ["mipnerf360", "staged_alone", "alignerf"]
     tables = re.findall(r"alignerf\.ranking_table .*--csv (\S+)", output)
     assert tables == ["results/courtyard/tables/ranking.csv"]
 

@@ -201,7 +201,7 @@ def check_keys_once(node, path):
 RULES = {
     *("all", "poses", "poses_courtyard", "facts", "train", "pretrain", "finetune"),
     *("render_views", "align", "testset", "evaluate", "misalignment_table", "figures"),
-    *("train_warm", "decide", "round_times"),
+    *("train_warm", "decide", "round_times", "crops"),
     *("control_sets", "controls_table", "ranking_table"),
     *("align_oracle", "decompose", "displacement_table"),
     *("tradeoff", "shrink", "train_variant", "render_variant", "evaluate_variant"),

@@ -145,3 +145,16 @@ def figure_rounds(scene):
         }
         for k in range(last_round(scene, method) + 1)
     ]
+
+
+def crop_methods(scene):
+    """Staged methods and, before them, what each is set against: round 0 of all."""
+    bases = [base_of(method) for method in staged()]
+    return [
+        {
+            "method": method,
+            "renders": f"{trained(scene, method, 0)}/renders/test",
+            "flow": f"{trained(scene, method, 0)}/flow/test",
+        }
+        for method in dict.fromkeys([*bases, *staged()])
+    ]

@@ -149,3 +149,32 @@ rule figures:
         " --curves {params.curves:q} --views-figure {output.views:q}"
         " --lengths-figure {output.lengths:q} --curves-figure {output.curves:q}"
         " 2>&1 | tee {log:q}"
+
+
+# The baseline and the staged methods side by side.
+rule crops:
+    input:
+        lambda w: [
+            entry[key]
+            for entry in crop_methods(w.scene)
+            for key in ("renders", "flow")
+        ],
+        images="results/{scene}/images",
+    output:
+        report(
+            "results/{scene}/figures/crops.png",
+            caption="../report/crops.rst",
+            category="{scene}",
+        ),
+    log:
+        "results/{scene}/logs/crops.log",
+    benchmark:
+        "results/{scene}/logs/crops.tsv"
+    conda:
+        "../../environment.yml"
+    params:
+        methods=lambda w: as_json(crop_methods(w.scene)),
+        sources=sources_of("flow.crop_figure"),
+    shell:
+        "python -m flow.crop_figure --photos {input.images:q}"
+        " --methods {params.methods:q} --figure {output:q} 2>&1 | tee {log:q}"

@@ -7,6 +7,11 @@ def ranking_tables(scene):
     ]
 
 
+def crop_figures(scene):
+    """Only staged methods have something to be compared with side by side."""
+    return [f"results/{scene}/figures/crops.png"] if staged() else []
+
+
 def scene_targets(scene):
     """What `snakemake SCENE` makes."""
     folder = f"results/{scene}"
@@ -26,4 +31,5 @@ def scene_targets(scene):
         f"{folder}/figures/views.png",
         f"{folder}/figures/lengths.png",
         f"{folder}/figures/curves.png",
+        *crop_figures(scene),
     ]
