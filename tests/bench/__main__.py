@@ -14,7 +14,7 @@ from alignerf import cli
 from tests.bench import cases, report
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-NAMES = ("speed", "quality", "grid", "job", "memory", "scale", "split")
+NAMES = ("speed", "quality", "grid", "job", "memory", "scale", "split", "align")
 
 
 def main(argv=None):
