@@ -16,7 +16,7 @@ oracle          the undisplaced scene at the given pose, where the truth is know
 Those between standard and oracle are scored where a warped test set is given. Only
 sets on the same pixels compare: standard, control, placebo and oracle on all;
 standard_valid, warped and held_out; aligned, leak and leak_held_out. A metric that
-cannot be had is empty, and `note` says why.
+cannot be had is empty, and `note` says why; LPIPS needs weights, for each network.
 """
 
 import argparse
@@ -28,7 +28,7 @@ import pandas as pd
 
 from alignerf import cli, lpips, metrics, scene
 
-METRICS = ("psnr_db", "ssim", "lpips_alex")
+METRICS = ("psnr_db", "ssim", *(f"lpips_{net}" for net in lpips.NETS))
 COLUMNS = ("view", "test_set", *METRICS, "valid_share", "note")
 
 
@@ -38,20 +38,24 @@ def main(argv=None):
     parser.add_argument("--renders", required=True, help="renders of the test views")
     parser.add_argument("--testset", help="folder of the warped test set")
     parser.add_argument("--truth", help="folder of the oracle, where it is known")
-    parser.add_argument("--lpips-alex", help="weights of LPIPS' AlexNet, .npz")
+    for net in lpips.NETS:
+        parser.add_argument(f"--lpips-{net}", help="weights of this LPIPS, .npz")
     parser.add_argument("--metrics", required=True, help="CSV, written")
     args = parser.parse_args(argv)
     loaded = scene.load(args.scene)
     views = loaded.views("test")
-    lpips_alex, lpips_note = load_lpips(args.lpips_alex)
+    paths = {net: getattr(args, f"lpips_{net}") for net in lpips.NETS}
+    learned = {f"lpips_{net}": load_lpips(net, p) for net, p in paths.items() if p}
+    missing = ", ".join(f"lpips_{net}" for net, path in paths.items() if not path)
+    missing = missing and f"{missing}: no weights given"
     rows = []
     # View by view: the test sets of all views together may not fit into memory.
     for view in views:
         (render,) = scene.read_images(loaded, [view], args.renders)
         targets = targets_of(loaded, view, args.testset, args.truth)
         for test_set, (image, mask) in targets.items():
-            row = score(image, render, mask, lpips_alex)
-            note = "; ".join(n for n in (row.pop("note"), lpips_note) if n)
+            row = score(image, render, mask, learned)
+            note = "; ".join(n for n in (row.pop("note"), missing) if n)
             name = {"view": loaded.names[view], "test_set": test_set}
             rows.append(name | row | {"note": note})
     with cli.replace_file(args.metrics) as path:
@@ -87,39 +91,35 @@ def targets_of(loaded, view, testset, truth):
     return targets
 
 
-def load_lpips(path):
-    """(distance of two images or None, why there is none)."""
-    if path is None:
-        return None, "lpips_alex: no weights given"
-    weights = lpips.read_alex(path)
+def load_lpips(net, path):
+    """The metric of a network: (target, render, valid) to its LPIPS."""
+    weights = lpips.read(net, path)
 
-    def distance(first, second):
-        pair = [jnp.asarray(x[None] / 255.0, jnp.float32) for x in (first, second)]
-        return float(lpips.lpips_alex(weights, *pair)[0])
+    def metric(target, render, valid):
+        pair = (metrics.fill_invalid(target, render, valid), render)
+        pair = [jnp.asarray(image[None] / 255.0, jnp.float32) for image in pair]
+        return float(lpips.distance(net, weights, *pair)[0])
 
-    return distance, ""
+    return metric
 
 
-def score(target, render, valid, lpips_alex):
-    """Metrics of one view against one target; a missing one is NaN with a note."""
+def score(target, render, valid, learned):
+    """Metrics of one view against one target; a missing one is NaN with a note.
+
+    learned: {name: metric} of those that need weights.
+    """
     row = {"psnr_db": metrics.psnr_db(target, render, valid)}
     notes = []
     if np.isinf(row["psnr_db"]):
         # Never averaged: one such view would make every mean infinite.
         row["psnr_db"] = np.nan
         notes.append("psnr_db: identical images")
-    try:
-        row["ssim"] = metrics.ssim(target, render, valid)
-    except ValueError as error:
-        row["ssim"] = np.nan
-        notes.append(f"ssim: {error}")
-    row["lpips_alex"] = np.nan
-    if lpips_alex is not None:
-        if min(target.shape[:2]) < lpips.SMALLEST_PX:
-            notes.append(f"lpips_alex: under {lpips.SMALLEST_PX} pixels")
-        else:
-            filled = metrics.fill_invalid(target, render, valid)
-            row["lpips_alex"] = lpips_alex(filled, render)
+    for name, metric in {"ssim": metrics.ssim, **learned}.items():
+        try:
+            row[name] = metric(target, render, valid)
+        except ValueError as error:
+            row[name] = np.nan
+            notes.append(f"{name}: {error}")
     row["valid_share"] = float(valid.mean())
     return row | {"note": "; ".join(notes)}
 

@@ -9,27 +9,26 @@ fixed bank of oriented derivative filters, which the tables then name.
 
 from collections.abc import Callable
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from alignerf import convnet
 
+# VGG-19's first block: {layer: (kernel's side, channels in, out)}.
+VGG_LAYERS = {"conv1_1": (3, 3, 64), "conv1_2": (3, 64, 64)}
+VGG_SHAPES = convnet.layer_shapes(VGG_LAYERS) | {"mean": (3,), "std": (3,)}
 BANK_SIGMAS_PX = (0.7, 1.4)
 BANK_ANGLES = 4
 
 
 def vgg_features(path) -> Callable:
     """F = relu1_2 of VGG-19; `path` an .npz of conv1_1, conv1_2, mean and std."""
-    layers = ("conv1_1", "conv1_2")
-    names = [f"{layer}_{part}" for layer in layers for part in ("w", "b")]
-    weights = convnet.read_weights(path, [*names, "mean", "std"])
+    weights = convnet.read_weights(path, VGG_SHAPES)
 
     def features(rgb):
         x = (rgb - weights["mean"]) / weights["std"]
-        for layer in layers:
-            x = convnet.convolve(x, weights[f"{layer}_w"], padding=1)
-            x = jax.nn.relu(x + weights[f"{layer}_b"])
+        for name in VGG_LAYERS:
+            x = convnet.layer(x, weights, name, padding=1)
         return x
 
     return features

@@ -10,7 +10,14 @@ import pandas as pd
 from alignerf import cli, scores, table_files
 
 TEST_SETS = ("standard", "warped", "control", "oracle")
-METRICS = {"psnr_db": True, "ssim": True, "lpips_alex": False}  # higher is better
+# Whether higher is better.
+METRICS = {
+    "psnr_db": True,
+    "ssim": True,
+    "lpips_alex": False,
+    "lpips_squeeze": False,
+    "lpips_vgg": False,
+}
 COLUMNS = (
     "method",
     "field",
@@ -151,6 +158,8 @@ HEADINGS = {
     "psnr_db": r"PSNR (dB) $\uparrow$",
     "ssim": r"SSIM $\uparrow$",
     "lpips_alex": r"LPIPS (Alex) $\downarrow$",
+    "lpips_squeeze": r"LPIPS (Squeeze) $\downarrow$",
+    "lpips_vgg": r"LPIPS (VGG) $\downarrow$",
 }
 
 

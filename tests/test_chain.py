@@ -16,7 +16,7 @@ from flow import files, warp
 WIDTH, HEIGHT, VIEWS, EVERY = 48, 36, 10, 4
 TEST_VIEWS = [f"view_{i:03d}" for i in range(0, VIEWS, EVERY)]
 HEADER = (
-    "method,field,warping,test_set,psnr_db,ssim,lpips_alex,"
+    "method,field,warping,test_set,psnr_db,ssim,lpips_alex,lpips_squeeze,lpips_vgg,"
     "difference_to,difference_db,difference_low_db,difference_high_db,"
     "train_time_s,data_time_s,total_time_s,params,steps,rays_seen"
 )
@@ -146,7 +146,7 @@ def check_metrics(scene):
         assert [(row["view"], row["test_set"]) for row in rows] == wanted
         for row in rows:
             assert row["lpips_alex"] == ""
-            assert "lpips_alex: no weights given" in row["note"]
+            assert "lpips_squeeze, lpips_vgg: no weights given" in row["note"]
             whole = row["test_set"] in ("standard", "control", "placebo", "oracle")
             assert float(row["valid_share"]) <= 1
             assert not whole or float(row["valid_share"]) == 1

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from alignerf import cameras, evaluate, metrics
+from alignerf import cameras, evaluate, lpips, metrics
 from flow import files
 
 SIZE = (40, 48)
@@ -24,47 +24,62 @@ EVERYWHERE = np.ones(SIZE, bool)
 
 
 def test_scores_are_the_metrics(pair):
-    row = evaluate.score(*pair, EVERYWHERE, None)
+    row = evaluate.score(*pair, EVERYWHERE, {"mine": lambda *_: 0.5})
     assert row["psnr_db"] == metrics.psnr_db(*pair, EVERYWHERE)
     assert row["ssim"] == metrics.ssim(*pair, EVERYWHERE)
-    assert np.isnan(row["lpips_alex"])
+    assert row["mine"] == 0.5
     assert (row["valid_share"], row["note"]) == (1.0, "")
 
 
 def test_identical_images_are_flagged_and_not_averaged(pair):
     target, _ = pair
-    row = evaluate.score(target, target, EVERYWHERE, None)
+    row = evaluate.score(target, target, EVERYWHERE, {})
     assert np.isnan(row["psnr_db"])
     assert row["ssim"] == pytest.approx(1.0)
     assert row["note"] == "psnr_db: identical images"
 
 
-def test_pixels_that_are_not_valid_change_nothing(pair):
+@pytest.fixture
+def learned(monkeypatch):
+    """LPIPS with a network that only remembers what it is shown."""
+    shown = []
+
+    def distance(net, weights, first, second):
+        shown.append((net, weights, np.asarray(first), np.asarray(second)))
+        return np.array([0.25])
+
+    monkeypatch.setattr(lpips, "read", lambda net, path: f"{net} of {path}")
+    monkeypatch.setattr(lpips, "distance", distance)
+    return {"lpips_vgg": evaluate.load_lpips("vgg", "a.npz")}, shown
+
+
+def test_pixels_that_are_not_valid_change_nothing(pair, learned):
     target, render = pair
     valid = EVERYWHERE.copy()
     valid[5:30, 7:20] = False
     spoilt = np.where(valid[..., None], target, 255 - target)
-    calls = []
-
-    def distance(first, second):
-        calls.append((first, second))
-        return 0.25
-
-    rows = [evaluate.score(t, render, valid, distance) for t in (target, spoilt)]
+    named, shown = learned
+    rows = [evaluate.score(t, render, valid, named) for t in (target, spoilt)]
     assert rows[0] == rows[1]
-    assert rows[0]["lpips_alex"] == 0.25
+    assert rows[0]["lpips_vgg"] == 0.25
     assert rows[0]["valid_share"] == valid.mean() < 1
-    np.testing.assert_array_equal(calls[0][0], calls[1][0])
-    assert rows[0]["psnr_db"] != evaluate.score(*pair, EVERYWHERE, None)["psnr_db"]
+    for net, weights, first, second in shown:
+        assert (net, weights) == ("vgg", "vgg of a.npz")
+        filled = np.where(valid[..., None], target, render)
+        np.testing.assert_allclose(first[0], filled / 255.0, atol=1e-7)
+        np.testing.assert_allclose(second[0], render / 255.0, atol=1e-7)
+    assert rows[0]["psnr_db"] != evaluate.score(*pair, EVERYWHERE, {})["psnr_db"]
 
 
-def test_images_too_small_for_a_metric_say_so(pair):
+def test_images_too_small_for_a_metric_say_so(pair, monkeypatch):
     target, render = (image[:30, :30] for image in pair)
     valid = np.ones((30, 30), bool)
-    row = evaluate.score(target, render, valid, lambda *_: pytest.fail("too small"))
+    monkeypatch.setattr(lpips, "read", lambda net, path: {})
+    learned = {"lpips_alex": evaluate.load_lpips("alex", "a.npz")}
+    row = evaluate.score(target, render, valid, learned)
     assert np.isnan(row["lpips_alex"])
-    assert row["note"] == "lpips_alex: under 35 pixels"
-    row = evaluate.score(target[:10], render[:10], valid[:10], None)
+    assert row["note"] == "lpips_alex: under 31 pixels"
+    row = evaluate.score(target[:10], render[:10], valid[:10], {})
     assert np.isnan(row["ssim"])
     assert np.isfinite(row["psnr_db"])
     assert "under 11" in row["note"]
@@ -72,13 +87,13 @@ def test_images_too_small_for_a_metric_say_so(pair):
 
 def test_a_view_without_valid_pixels_is_an_error(pair):
     with pytest.raises(ValueError, match="no valid pixel"):
-        evaluate.score(*pair, np.zeros(SIZE, bool), None)
+        evaluate.score(*pair, np.zeros(SIZE, bool), {})
 
 
 def test_valid_at_the_border_only_leaves_ssim_empty(pair):
     valid = np.zeros(SIZE, bool)
     valid[0] = True
-    row = evaluate.score(*pair, valid, None)
+    row = evaluate.score(*pair, valid, {})
     assert np.isfinite(row["psnr_db"])
     assert np.isnan(row["ssim"])
     assert "ssim: no valid pixel away from the border" in row["note"]
@@ -152,7 +167,9 @@ def test_each_test_set_is_scored_against_its_own_images(folder):
                 metrics.psnr_db(target, render, mask)
             )
             assert row["valid_share"] == pytest.approx(mask.mean())
-            assert row["note"] == "lpips_alex: no weights given"
+            assert row["note"] == (
+                "lpips_alex, lpips_squeeze, lpips_vgg: no weights given"
+            )
     assert "oracle" not in found.index.unique("test_set")
 
 
@@ -192,6 +209,23 @@ def test_what_is_missing_is_named_and_nothing_written(folder, path, reason):
     with pytest.raises(ValueError, match=reason):
         run(folder)
     assert not (folder / "metrics.csv").exists()
+
+
+def test_the_networks_whose_weights_are_given(folder, shared_data):
+    nets = ("alex", "squeeze")
+    paths = [shared_data / "weights" / f"lpips_{net}_v0.1.npz" for net in nets]
+    options = [f"--lpips-{n}={p}" for n, p in zip(nets, paths, strict=True)]
+    found = run(folder, *options)
+    assert tuple(found.columns) == evaluate.COLUMNS[2:]
+    assert set(found["note"]) == {"lpips_vgg: no weights given"}
+    assert found["lpips_vgg"].isna().all()
+    pair = [
+        files.read_image(folder / kind / "a.png")[None] / np.float32(255)
+        for kind in ("images", "renders")
+    ]
+    for net, path in zip(nets, paths, strict=True):
+        wanted = float(lpips.distance(net, lpips.read(net, path), *pair)[0])
+        assert found.loc["a", "standard"][f"lpips_{net}"] == pytest.approx(wanted)
 
 
 def test_weights_that_are_none_are_named(folder):

@@ -17,7 +17,8 @@ SOURCES = {
 LAYERS = [
     r"alignerf\.mipnerf360\..*",
     r"alignerf\.fields\..*",
-    r"alignerf\.(archives|cameras|wording|memory|cores|intervals|scores|search_radius|strips|(tradeoff|regimes)_figure)",
+    r"alignerf\.(archives|state_dict_pickle|torch_files)",
+    r"alignerf\.(cameras|wording|memory|cores|intervals|scores|search_radius|strips|(tradeoff|regimes)_figure)",
     r"alignerf\.(batches|convnet|patch_conv|align_loss|contextual_loss|frequency_loss|metrics|lpips)",
     r"alignerf\.(methods|scenes\..*)",
     r"alignerf\.(config|scene|gradients|train_step|diagnose|checkpoint|cli|progress|program|loop|table_files)",

@@ -1,11 +1,10 @@
-"""Metrics: PSNR, SSIM against the formula, LPIPS, masks and extremes."""
+"""Metrics: PSNR, SSIM against the formula, masks and extremes."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import ndimage
 
-from alignerf import lpips, metrics
+from alignerf import metrics
 
 
 @pytest.fixture
@@ -72,22 +71,3 @@ def test_small_or_masked_images_are_refused(pair):
     for metric in (metrics.psnr_db, metrics.ssim):
         with pytest.raises(ValueError, match="no valid pixel"):
             metric(*pair, nothing)
-
-
-def test_lpips_is_a_distance_that_grows_with_distortion(shared_data, rng):
-    weights = lpips.read_alex(shared_data / "weights" / "lpips_alex_v0.1.npz")
-    image = ndimage.gaussian_filter(rng.uniform(size=(1, 64, 64, 3)), (0, 1, 1, 0))
-    blurred = [ndimage.gaussian_filter(image, (0, s, s, 0)) for s in (0, 1, 2, 4)]
-    found = [
-        float(lpips.lpips_alex(weights, *(jnp.asarray(x, jnp.float32) for x in p))[0])
-        for p in ((image, b) for b in blurred)
-    ]
-    assert found[0] < 1e-12
-    assert found == sorted(found)
-    assert found[-1] > 0.2
-
-
-def test_lpips_refuses_other_weights_by_name(tmp_path):
-    np.savez(tmp_path / "alex.npz", conv1_w=np.zeros(3))
-    with pytest.raises(ValueError, match=r"alex\.npz"):
-        lpips.read_alex(tmp_path / "alex.npz")

@@ -10,6 +10,7 @@ import pytest
 from alignerf import intervals, show, tables
 
 VIEWS = ["a", "b", "c"]
+NETS = ("alex", "squeeze", "vgg")
 
 
 @pytest.fixture
@@ -46,7 +47,7 @@ def write_scores(path, rng):
             "test_set": test_set,
             "psnr_db": rng.uniform(15, 25),
             "ssim": rng.uniform(),
-            "lpips_alex": rng.uniform(),
+            **{f"lpips_{net}": rng.uniform() for net in NETS},
         }
         for view in VIEWS
         for test_set in ("standard", "standard_valid", "warped", "control")
@@ -183,7 +184,16 @@ def test_the_table_of_latex_is_whole():
         assert tex.count("\\" + name) == 1
     # Without weights there is no column of LPIPS.
     assert "LPIPS" not in tex
-    assert "LPIPS" in tables.to_latex(make_table([20.0], [0.5]))
+    tex = tables.to_latex(make_table([20.0], [0.5]))
+    assert "LPIPS (Alex)" in tex
+    assert "No lpips_vgg column" in tex
+    table = make_table([20.0], [0.5]).assign(lpips_squeeze=0.3, lpips_vgg=0.4)
+    tex = tables.to_latex(table)
+    assert [cell.split()[-1] for cell in cells(tex)[0][4:7]] == [
+        "0.500",
+        "0.300",
+        "0.400",
+    ]
 
 
 def test_what_is_beyond_chance_is_bold_and_the_base_has_no_difference():

@@ -70,9 +70,8 @@ def test_every_config_can_be_planned(path, tmp_path, snakemake):
     for scene in config["scenes"].values():
         if scene.get("path"):
             scene["path"] = "photos"
-    for key in ("frequency_weights", "lpips_alex"):
-        if config.get(key):
-            config[key] = "weights.npz"
+    config["frequency_weights"] = "weights.npz"
+    config["lpips"] = {"alex": "weights.npz", "squeeze": None}
     written = write(tmp_path, config)
     code, output = snakemake(tmp_path, "--configfile", written, "-n")
     assert code == 0, output
@@ -362,7 +361,9 @@ def edit(config, where, value):
         ("scenes.train", {"source": "courtyard"}, "scenes.train: a rule or file"),
         ("scenes.mine", {"source": "photos"}, "scenes.mine.path: source 'photos'"),
         ("frequency_weights", "no.npz", "frequency_weights: no.npz does not exist"),
-        ("lpips_alex", "no.npz", "lpips_alex: no.npz does not exist"),
+        ("lpips.vgg", "no.npz", "lpips.vgg: no.npz does not exist"),
+        ("lpips.vgg19", "no.npz", "lpips: .*'vgg19' was unexpected"),
+        ("lpips.alex", 3, "lpips.alex: 3 is not of type"),
         ("scenes.tradeoff", {"source": "courtyard"}, "scenes.tradeoff: a rule or file"),
         ("scenes.tradeoff@csv", {"source": "courtyard"}, "tradeoff.csv: a rule or fi"),
         ("methods.tradeoff", {"model": "base", "rounds": 0}, "tradeoff: a folder"),
@@ -424,9 +425,27 @@ def test_a_key_that_stands_twice_is_named(tmp_path, demo, snakemake):
 
 def test_keys_with_a_default_may_be_left_out(demo):
     wanted = copy.deepcopy(demo)
-    del demo["frequency_weights"], demo["lpips_alex"]
+    del demo["frequency_weights"], demo["lpips"]
     load_rules()["check_config"](demo)
     assert demo == wanted
+    demo["lpips"] = None
+    load_rules()["check_config"](demo)
+    assert demo == wanted
+
+
+def test_the_weights_of_lpips_reach_the_command(tmp_path, demo, snakemake):
+    (tmp_path / "my weights.npz").touch()
+    demo["lpips"] = {"vgg": "my weights.npz", "squeeze": None}
+    target = "results/courtyard/mipnerf360/round0/metrics.csv"
+    path = write(tmp_path, demo)
+    options = ("--configfile", path, "-n", "-p", target)
+    code, said = snakemake(tmp_path, *options)
+    assert code == 0, said
+    assert " --lpips-vgg 'my weights.npz' --metrics " in said
+    assert "--lpips-squeeze" not in said
+    demo["lpips"] = {}
+    write(tmp_path, demo)
+    assert "--lpips" not in snakemake(tmp_path, *options)[1]
 
 
 @pytest.mark.parametrize("folder", ["flows/{view}", "flows/{}", "flows/{scene", "{0}"])

@@ -163,6 +163,12 @@ def option(name, value):
     return [f"--{name}", str(value)] if value else []
 
 
+def lpips_options():
+    """Command line of the networks of LPIPS whose weights the config names."""
+    found = [option(f"lpips-{net}", path) for net, path in config["lpips"].items()]
+    return sum(found, [])
+
+
 def trained(scene, method, round):
     """Folder of a method's round; with a warm start, round 0 is another method's."""
     if method in warm() and int(round) == 0:

@@ -45,12 +45,23 @@ def check_config(config):
         if path and not Path(path).exists():
             stop(f"config: scenes.{name}.path: {path} does not exist")
     check_flow_folder(config["flow"])
-    for key in ("frequency_weights", "lpips_alex"):
-        config.setdefault(key, None)
-        if config[key] and not Path(config[key]).is_file():
-            stop(f"config: {key}: {config[key]} does not exist")
+    check_weights(config)
     if "tradeoff" in config:
         check_tradeoff(schema, config)
+
+
+def check_weights(config):
+    """Files of weights; of LPIPS, only the networks that have one are kept."""
+    config.setdefault("frequency_weights", None)
+    given = config.get("lpips") or {}
+    config["lpips"] = {net: path for net, path in given.items() if path}
+    files = {f"lpips.{net}": path for net, path in config["lpips"].items()}
+    for key, path in {
+        "frequency_weights": config["frequency_weights"],
+        **files,
+    }.items():
+        if path and not Path(path).is_file():
+            stop(f"config: {key}: {path} does not exist")
 
 
 def check_flow_folder(flow):

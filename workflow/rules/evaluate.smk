@@ -8,7 +8,7 @@ rule evaluate:
         flow="results/{scene}/testset/flow",
         warped="results/{scene}/testset/warped",
         controls=[f"results/{{scene}}/testset/{name}" for name in CONTROL_SETS],
-        weights=config["lpips_alex"] or [],
+        weights=list(config["lpips"].values()),
     output:
         "results/{scene}/{method}/round{round}/metrics.csv",
     log:
@@ -20,7 +20,7 @@ rule evaluate:
     params:
         testset=lambda w: option("testset", f"results/{w.scene}/testset"),
         truth=lambda w, input: option("truth", input.get("truth")),
-        lpips=lambda w, input: option("lpips-alex", input.weights),
+        lpips=lpips_options(),
         sources=sources_of("alignerf.evaluate"),
     shell:
         "python -m alignerf.evaluate --scene results/{wildcards.scene:q}"

@@ -60,7 +60,7 @@ use rule evaluate as evaluate_variant with:
         renders="results/{scene}/tradeoff/{variant}/renders/test",
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
-        weights=config["lpips_alex"] or [],
+        weights=list(config["lpips"].values()),
     output:
         "results/{scene}/tradeoff/{variant}/metrics.csv",
     log:
