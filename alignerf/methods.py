@@ -117,8 +117,8 @@ def data_loss(rgb, photo, exists, loss: Loss):
     shown = {"mse": jnp.mean((patch - rgb) ** 2), "offset_px": jnp.mean(length_px)}
     if loss.error == "squared":
         return patch, squared, shown
-    weight = jnp.ones(rgb.shape[:-1])
-    return patch, losses.charbonnier(rgb, patch, weight), shown
+    rays = (x.reshape(-1, x.shape[-1]) for x in (rgb, patch))
+    return patch, losses.charbonnier(*rays, jnp.ones(patch[..., 0].size)), shown
 
 
 def match_patches(rgb, photo, exists, penalty):
@@ -140,7 +140,7 @@ def match_pixels(rgb, photo, exists, penalty):
     match = functools.partial(contextual_loss.match, spatial_weight=penalty)
     found = jax.vmap(match)(rgb, photo, exists)
     length_px = jnp.sqrt(jnp.sum(found.offset_px.astype(jnp.float32) ** 2, axis=-1))
-    return found.patch, jnp.mean(found.loss), length_px
+    return found.patch, jnp.mean(found.loss) / rgb.shape[-1], length_px
 
 
 def alignerf(

@@ -173,6 +173,59 @@ def test_aligned_and_frequency_loss_keep_the_printed_ratio(views):
     assert float(terms["frequency"]) == pytest.approx(wanted, rel=1e-4)
 
 
+def charbonnier_at_rest(method, batch, params):
+    """The baseline's loss of the patches' own pixels."""
+    rays, jitter = jax.tree.map(
+        lambda x: x.reshape(-1, x.shape[-1]), (batch.rays, batch.jitter)
+    )
+    apply = jax.jit(cases.tiny_model().apply)
+    values = apply({"params": params["model"]}, rays, jitter=jitter).values
+    photo = batch.photo.reshape(values.shape)
+    return np.sqrt(np.square(values - photo, dtype=np.float64) + 1e-6).mean()
+
+
+def test_without_its_parts_the_method_is_the_baseline_on_patches(views):
+    loss = cases.make_loss(error="charbonnier", radius_px=0, frequency_features=None)
+    method = methods.alignerf(
+        cases.tiny_model(),
+        patches=2,
+        patch_px=12,
+        convolution=False,
+        loss=loss,
+        loss_weights=cases.WEIGHTS,
+    )
+    params = jax.jit(method.init)(jax.random.key(0))
+    assert params.keys() == {"model"}
+    batch = method.draw(jax.random.key(4), views._replace(valid=None))
+    terms, shown = jax.jit(method.terms)(params, batch, 1.0)
+    assert terms.keys() == {"data", "interlevel", "distortion"}
+    wanted = charbonnier_at_rest(method, batch, params)
+    assert float(terms["data"]) == pytest.approx(wanted, rel=1e-5)
+    assert shown["offset_px"] == 0
+
+
+def test_pixels_match_better_than_a_patch_and_both_than_none(views):
+    """The more that may move, the smaller the error that is left."""
+    errors = []
+    for matching, radius_px in (("pixel", 3), ("patch", 3), ("patch", 0)):
+        loss = cases.make_loss(
+            matching=matching, radius_px=radius_px, align_penalty=0.0
+        )
+        method = cases.alignerf(loss=loss)
+        params = jax.jit(method.init)(jax.random.key(0))
+        batch = method.draw(jax.random.key(4), views._replace(valid=None))
+        # Each radius draws as much photo around the patches as it needs.
+        terms, shown = jax.jit(method.terms)(params, batch, 1.0)
+        grads = jax.jit(
+            jax.grad(lambda p, m=method, b=batch: m.terms(p, b, 1.0)[0]["data"])
+        )
+        flat = jax.tree.leaves(grads(params))
+        assert all(np.isfinite(leaf).all() for leaf in flat)
+        errors.append(float(terms["data"]))
+        assert (shown["offset_px"] > 0) == (radius_px > 0)
+    assert errors == sorted(errors)
+
+
 @pytest.mark.parametrize("level", [0, 255])
 def test_black_and_white_photos_train_finitely(tuning, views, level):
     flat = views._replace(photos=jnp.full_like(views.photos, level))

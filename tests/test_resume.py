@@ -14,7 +14,16 @@ import pytest
 from jax.experimental.compilation_cache import compilation_cache
 from PIL import Image
 
-from alignerf import cameras, checkpoint, cli, config, loop, memory, train
+from alignerf import (
+    cameras,
+    checkpoint,
+    cli,
+    config,
+    loop,
+    memory,
+    patch_conv,
+    train,
+)
 
 WIDTH, HEIGHT, STEPS = 32, 24, 14
 GRID = {"kind": "grid", "levels": 2, "log2_entries": 8, "finest": 32, "width": 8}
@@ -24,9 +33,12 @@ ALIGNERF = {
     "learning_rates": [0.01, 0.001],
     "patches": 1,
     "patch_px": 12,
+    "convolution": True,
+    "features": 4,
+    "matching": "patch",
+    "error": "squared",
     "radius_px": 2,
     "align_penalty": 0.01,
-    "features": 4,
     "frequency_weight": 0.05,
     "frequency_weights": None,
 }
@@ -162,6 +174,59 @@ def test_fine_tuning_resumes_bit_for_bit(folder, tmp_path, monkeypatch):
         with pytest.raises(Killed):
             run(folder, tmp_path / "parts", tuned, *more)
     assert run(folder, tmp_path / "parts", tuned, *more) == whole
+
+
+@pytest.fixture(scope="module")
+def pretrained(folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("pretrained")
+    run(folder, out, JOB | {"stage": "pretrain"})
+    return out / "model.msgpack"
+
+
+@pytest.mark.parametrize(
+    "parts", [{}, {"convolution": False}, {"features": 9}], ids=str
+)
+def test_fine_tuning_starts_from_the_pretrained_function(pretrained, parts):
+    """Colours of a view, before the first step: equal to 1e-5."""
+    settings = ALIGNERF | parts
+    jobs = [
+        config.parse_job(JOB | {"stage": stage, "alignerf": settings})
+        for stage in ("pretrain", "finetune")
+    ]
+    before, after = map(config.make_method, jobs)
+    template = jax.eval_shape(before.init, jax.random.key(0))
+    params = jax.tree.map(jnp.asarray, checkpoint.read_params(pretrained, template))
+    widened = train.initial_params(jobs[1], after, str(pretrained))
+    assert ("head" in widened) == settings["convolution"]
+    rows, columns = jnp.mgrid[:HEIGHT, :WIDTH]
+    rays = cameras.pixels_to_rays(
+        columns.ravel(),
+        rows.ravel(),
+        jnp.asarray(cameras.intrinsics(30.0, WIDTH, HEIGHT), jnp.float32),
+        jnp.eye(3, 4),
+    )
+    widened = jax.tree.map(jnp.asarray, widened)
+    colours = before.render(params, rays).values.reshape(HEIGHT, WIDTH, 3)
+    assert jnp.ptp(colours) > 0.01
+    values = after.render(widened, rays).values.reshape(HEIGHT, WIDTH, -1)
+    found = after.colours(widened, patch_conv.pad(values) if after.halo else values)
+    np.testing.assert_allclose(found, colours, atol=1e-5)
+
+
+def test_a_search_radius_comes_from_the_displacement(
+    folder, pretrained, tmp_path, capsys, caplog
+):
+    job = JOB | {"stage": "finetune", "alignerf": ALIGNERF | {"radius_px": None}}
+    more = ("--initial", str(pretrained))
+    assert "--displacement" in stops(capsys, lambda: run(folder, tmp_path, job, *more))
+    measured = tmp_path / "displacement.csv"
+    measured.write_text("view,p95_px\na,1.2\nb,2.3\n")
+    more += ("--displacement", str(measured))
+    caplog.set_level("INFO", "alignerf")
+    found = run(folder, tmp_path / "auto", job, *more)
+    assert "search radius: 3 px" in caplog.text
+    fixed = job | {"alignerf": ALIGNERF | {"radius_px": 3}}
+    assert run(folder, tmp_path / "fixed", fixed, *more[:2]) == found
 
 
 def test_a_warm_start_begins_with_the_parameters_given(

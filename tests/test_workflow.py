@@ -125,6 +125,57 @@ def test_ablations_share_the_pretraining(tmp_path, demo, snakemake):
     assert output.splitlines()[-1].startswith(reason)
 
 
+def test_a_scene_has_its_own_seed_and_steps(tmp_path, demo, snakemake):
+    demo["scenes"]["other"] = demo["scenes"]["courtyard"] | {"seed": 5, "steps": 70}
+    options = (tmp_path, "--configfile", write(tmp_path, demo), "-np", "other")
+    output = snakemake(*options)[1]
+    (poses,) = re.findall(r"python -m alignerf\.poses .*", output)
+    assert '"seed": 5' in poses
+    # How long it is trained is nothing to its poses.
+    assert '"steps"' not in poses
+    for command in re.findall(r"python -m alignerf\.train .*", output):
+        assert '"seed": 5' in command
+        assert '"steps": 70' in command
+        assert '"warmup_steps": 7' in command
+    demo["tradeoff"]["scene"] = "other"
+    options = (tmp_path, "--configfile", write(tmp_path, demo), "-np", "tradeoff")
+    commands = re.findall(r"python -m alignerf\.train .*", snakemake(*options)[1])
+    (base,) = (c for c in commands if "tradeoff/base/model" in c)
+    assert '"seed": 5' in base
+    assert '"steps": 70' in base
+
+
+def test_a_radius_is_measured_where_it_is_asked_for(tmp_path, demo, snakemake):
+    demo["methods"]["alignerf"]["alignerf"]["radius_px"] = "auto"
+    demo["methods"]["mipnerf360"]["rounds"] = 0
+    path = "results/courtyard/alignerf/round0/timing.json"
+    options = (tmp_path, "--configfile", write(tmp_path, demo), "-np", path)
+    output = snakemake(*options)[1]
+    measured = "results/courtyard/mipnerf360/round0/displacement_train.csv"
+    (command,) = re.findall(r"python -m alignerf\.train .*--displacement.*", output)
+    assert f"--displacement {measured}" in command
+    assert '"radius_px": null' in command
+    assert {"align": 1, "train": 1}.items() <= jobs_of(output).items()
+
+
+def test_regimes_need_the_test_sets_and_no_other_table(tmp_path, demo, snakemake):
+    demo["scenes"]["again"] = demo["scenes"]["courtyard"] | {"seed": 1}
+    demo["methods"].pop("mipnerf360_large")
+    demo["reference"] = {"method": "mipnerf360", "round": 0}
+    options = (tmp_path, "--configfile", write(tmp_path, demo), "-np", "regimes")
+    output = snakemake(*options)[1]
+    jobs = jobs_of(output)
+    assert jobs["evaluate"] == 2 * jobs["regimes"] * 2
+    assert (jobs["train"], jobs["pretrain"], jobs["finetune"]) == (2, 2, 2)
+    assert not {"misalignment_table", "figures", "decompose"} & jobs.keys()
+    (rows,) = re.findall(r"python -m alignerf\.regimes --rows '(.*)' --csv", output)
+    scenes = json.loads(rows)
+    assert [s["scene"] for s in scenes] == ["courtyard", "courtyard"]
+    assert {(s["perturb_px"], s["motion_m"], s["steps"]) for s in scenes} == {
+        (1.5, 0.02, 1000)
+    }
+
+
 WARM = {"from": "mipnerf360", "share": 0.3, "learning_rates": [0.005, 0.001]}
 
 
@@ -334,6 +385,8 @@ def edit(config, where, value):
         ("methods.mipnerf360.model", "huge", r"methods.mipnerf360.model: no model 'hu"),
         ("methods.alignerf.rounds", 1, "methods.alignerf.rounds: 0 was expected"),
         ("methods.pretrain", {"model": "base", "rounds": 0}, "methods.pretrain: a fo"),
+        ("methods.alignerf.alignerf.matching", "ray", "matching: 'ray' is not one of"),
+        ("methods.alignerf.alignerf.radius_px", -1, "radius_px: -1 is less than"),
         ("methods.images", {"model": "base", "rounds": 0}, "methods.images: a folder"),
         ("models.base.near", 1e6, "models.base: near must be smaller than far"),
         ("scenes.published", {"source": "courtyard"}, "scenes.published: a rule or"),

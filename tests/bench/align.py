@@ -162,7 +162,9 @@ def share(name, model, settings, repeats):
         *(settings[key] for key in ("patches", "patch_px", "radius_px")),
     )
     valid, penalty = jnp.ones(patches[1].shape[:3]), settings["align_penalty"]
-    loss = jax.jit(jax.grad(lambda r, g: methods.aligned_loss(r, g, valid, penalty)[1]))
+    loss = jax.jit(
+        jax.grad(lambda r, g: methods.match_patches(r, g, valid, penalty)[1])
+    )
     arms = {
         "step": ours.Training(job, cases.orbit()),
         "loss": functools.partial(loss, *patches),
