@@ -83,7 +83,7 @@ def train_slice(*, scene, stage, model, method=None):
             "seed": config["scenes"][scene].get("seed", config["seed"]),
             "stage": stage,
             "model": config["models"][model],
-            "training": training_of(scene),
+            "training": training_of(config, scene),
             "alignerf": settings,
         }
     )

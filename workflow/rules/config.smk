@@ -154,7 +154,9 @@ def variant_of(config, name):
     """
     sweep = config["tradeoff"]
     change = {} if name == "base" else dict(sweep["variants"][name])
-    model, training = config["models"][sweep["model"]], training_of(sweep["scene"])
+    model, training = config["models"][sweep["model"]], training_of(
+        config, sweep["scene"]
+    )
     for key in ("proposal", "field"):
         if key in change and "kind" not in change[key]:
             change[key] = model[key] | change[key]
@@ -167,7 +169,7 @@ def variant_of(config, name):
     return found | {"model": model | change, "training": training | of_training}
 
 
-def training_of(scene):
+def training_of(config, scene):
     """The config's training, as long as the scene asks for."""
     found = config["training"]
     return found | rescaled(found, config["scenes"][scene].get("steps", found["steps"]))

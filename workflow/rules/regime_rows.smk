@@ -27,7 +27,7 @@ def regime_of(name):
         "motion_m": (
             (motion["motion"] != "none") * motion["motion_m"] if known else None
         ),
-        "steps": training_of(name)["steps"],
+        "steps": training_of(config, name)["steps"],
     }
 
 
