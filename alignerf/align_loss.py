@@ -22,6 +22,8 @@ class Alignment(NamedTuple):
     patch: Float[Array, "p p 3"]
     offset_px: Int[Array, "2"]
     cost: Float[Array, ""]
+    # Of the squared error: pixels that count at offset 0 / at this one.
+    scale: Float[Array, ""]
 
 
 def offsets_px(radius_px: int) -> np.ndarray:
@@ -69,7 +71,8 @@ def align(
     photo = jnp.where(counts[..., None], photo, jnp.inf)
     seen = window_sums(counts.astype(jnp.float32), size)
     wanted = seen[radius, radius]
-    error = squared_errors(render, photo) * (wanted / jnp.maximum(seen, 1.0))
+    scale = wanted / jnp.maximum(seen, 1.0)
+    error = squared_errors(render, photo) * scale
     error = jnp.where(seen >= wanted, error, jnp.inf)
     offsets = offsets_px(radius)
     dx, dy = (offsets + radius).T
@@ -79,7 +82,8 @@ def align(
     offset = jnp.asarray(offsets)[best]
     start = (offset[1] + radius, offset[0] + radius, 0)
     patch = jax.lax.dynamic_slice(photo, start, render.shape)
-    return Alignment(jnp.where(patch < jnp.inf, patch, render), offset, costs[best])
+    patch = jnp.where(patch < jnp.inf, patch, render)
+    return Alignment(patch, offset, costs[best], scale[dy, dx][best])
 
 
 def squared_errors(

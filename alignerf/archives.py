@@ -1,5 +1,6 @@
 """Reading .npz and .npy: whatever is wrong with one is a ValueError that names it."""
 
+import tokenize
 import zipfile
 import zlib
 
@@ -12,6 +13,9 @@ _BROKEN = (
     TypeError,
     EOFError,
     NotImplementedError,
+    OverflowError,
+    MemoryError,
+    tokenize.TokenError,
     zipfile.BadZipFile,
     zlib.error,
 )

@@ -154,6 +154,10 @@ def parse_job(values) -> Job:
                 raise ValueError(
                     f"config.alignerf.{key}: {value!r} is not one of {known}"
                 )
+        if job.alignerf.matching == "pixel" and job.alignerf.radius_px == 0:
+            raise ValueError(
+                "config.alignerf.radius_px: matching pixel needs 1 or more"
+            )
     if not 0 < job.model.near < job.model.far < float("inf"):
         raise ValueError(
             f"config.model: near {job.model.near} and far {job.model.far} must be "
@@ -162,8 +166,11 @@ def parse_job(values) -> Job:
     return job
 
 
-def make_method(job: Job) -> methods.Method:
-    """The method of a job: baseline, or AligNeRF in its fine-tuning stage."""
+def make_method(job: Job, *, to_train=True) -> methods.Method:
+    """The method of a job: baseline, or AligNeRF in its fine-tuning stage.
+
+    to_train False leaves out what only its loss needs, the weights file.
+    """
     fine = job.stage == "finetune"
     outputs = {"outputs": job.alignerf.outputs} if fine else {}
     model = mipnerf360.Model(
@@ -190,12 +197,12 @@ def make_method(job: Job) -> methods.Method:
         patches=settings.patches,
         patch_px=settings.patch_px,
         convolution=settings.convolution,
-        loss=make_loss(settings),
+        loss=make_loss(settings, to_train=to_train),
         loss_weights=loss_weights,
     )
 
 
-def make_loss(settings: AligNeRF) -> methods.Loss:
+def make_loss(settings: AligNeRF, *, to_train) -> methods.Loss:
     """The loss of fine-tuning; without a radius yet (see `train`), one of 0."""
     return methods.Loss(
         matching=settings.matching,
@@ -203,7 +210,7 @@ def make_loss(settings: AligNeRF) -> methods.Loss:
         radius_px=settings.radius_px or 0,
         align_penalty=settings.align_penalty,
         frequency_weight=settings.frequency_weight,
-        frequency_features=frequency_features(settings),
+        frequency_features=frequency_features(settings) if to_train else None,
     )
 
 

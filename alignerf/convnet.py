@@ -62,6 +62,8 @@ def read_weights(path, shapes):
             raise ValueError(
                 f"{path}: array {name} is {array.shape} instead of {shapes[name]}"
             )
-        if array.dtype.kind != "f" or not np.isfinite(array).all():
+        with np.errstate(over="ignore"):
+            found[name] = array.astype(np.float32)
+        if array.dtype.kind != "f" or not np.isfinite(found[name]).all():
             raise ValueError(f"{path}: array {name} is not of finite numbers")
-    return {name: jnp.asarray(array, jnp.float32) for name, array in found.items()}
+    return {name: jnp.asarray(array) for name, array in found.items()}

@@ -46,7 +46,10 @@ def bank_features(rgb):
     bank = jnp.asarray(np.stack(padded, axis=-1)[:, :, None, :], jnp.float32)
     # Each colour on its own, so that the filters see hue edges too.
     planes = jnp.moveaxis(rgb, -1, 1).reshape(-1, *rgb.shape[1:3], 1)
-    found = convnet.convolve(planes, bank, padding=size // 2)
+    # Beyond its border a patch goes on as it ends: zeros would be an edge.
+    border = (size // 2, size // 2)
+    planes = jnp.pad(planes, ((0, 0), border, border, (0, 0)), mode="edge")
+    found = convnet.convolve(planes, bank)
     found = found.reshape(len(rgb), 3, *found.shape[1:])
     return jnp.moveaxis(found, 1, -2).reshape(*rgb.shape[:3], -1)
 

@@ -44,28 +44,22 @@ def from_draws(statistics, n):
 def pooled_interval(groups, *, draws=DRAWS, seed=0):
     """95 % interval (low, high) of the mean over groups (seeds) of their views' mean.
 
-    groups: one array of values a seed. Seeds are drawn anew, then the views of each,
-    so that what differs between trainings is in the interval too; of one seed it is
-    `mean_interval`, which cannot know it. Two or three seeds are few draws of what a
-    seed does: read the interval as the least that is unsure.
+    groups: one array of values a seed. The wider, at each end, of two: the bootstrap
+    over all views of each seed, which knows how unlike views are, and Student's over
+    the seeds' means, which knows how unlike trainings are, if only from two or three
+    of them. Of one seed it is `mean_interval`: what another seed does is unknown then.
     """
     groups = [np.asarray(values, np.float64) for values in groups]
     if len(groups) == 1:
         return mean_interval(groups[0], draws=draws, seed=seed)
     if min(map(len, groups)) < 2 or not all(np.isfinite(g).all() for g in groups):
         return np.nan, np.nan
-    count = len(groups)
-    chosen = resamples(count, draws=draws, seed=[seed, count])
-    # Each place has draws of its own: a seed drawn twice has its views drawn twice.
     drawn = [
-        np.stack(
-            [
-                values[resamples(len(values), draws=draws, seed=[seed, place, k])].mean(
-                    axis=1
-                )
-                for k, values in enumerate(groups)
-            ]
-        )[chosen[:, place], np.arange(draws)]
-        for place in range(count)
+        values[resamples(len(values), draws=draws, seed=[seed, place])].mean(axis=1)
+        for place, values in enumerate(groups)
     ]
-    return from_draws(np.mean(drawn, axis=0), sum(map(len, groups)))
+    low, high = from_draws(np.mean(drawn, axis=0), sum(map(len, groups)))
+    means = np.array([values.mean() for values in groups])
+    student = -scipy.special.stdtrit(len(means) - 1, (1 - LEVEL) / 2)
+    reach = student * means.std(ddof=1) / np.sqrt(len(means))
+    return min(low, means.mean() - reach), max(high, means.mean() + reach)

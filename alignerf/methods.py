@@ -93,8 +93,8 @@ class Loss(NamedTuple):
 
     matching: `patch` moves the photo by one offset a patch (Eq. 4), `pixel` by one a
     pixel (contextual). error: `squared` (as printed) or `charbonnier` (the
-    baseline's), of the render and what it was matched with. A radius of 0 compares
-    where the rays are.
+    baseline's), of the render and what it was matched with. A patch with a radius of 0
+    is compared where its rays are.
     """
 
     matching: str
@@ -129,6 +129,7 @@ def match_patches(rgb, photo, exists, penalty):
     length_px = jnp.sqrt(jnp.sum(found.offset_px.astype(jnp.float32) ** 2, axis=-1))
     # Of one offset: to the same rounding as in the search.
     squared = jax.vmap(align_loss.squared_errors)(rgb, found.patch)[:, 0, 0]
+    squared = squared * found.scale
     return found.patch, jnp.mean(squared + penalty * length_px) / rgb[0].size, length_px
 
 

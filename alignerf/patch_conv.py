@@ -22,7 +22,8 @@ class PatchConv(nn.Module):
 
     It starts as the identity on the first three channels: colour passes through
     the ReLUs lifted by the sigmoid's padding (the least value that it has), and
-    nothing else reaches it. So fine-tuning starts from the pre-trained function.
+    nothing else reaches it. So fine-tuning starts from the pre-trained function; a
+    GPU's default products would round that colour to ten bits.
     """
 
     @nn.compact
@@ -41,6 +42,7 @@ class PatchConv(nn.Module):
                 features,
                 (3, 3),
                 padding="VALID",
+                precision=jax.lax.Precision.HIGHEST,
                 kernel_init=pass_colour_through,
                 bias_init=lambda key, shape, dtype, lift=lift: (
                     jnp.zeros(shape, dtype).at[:3].set(lift)
@@ -49,6 +51,7 @@ class PatchConv(nn.Module):
             f = nn.relu(f)
         rgb = nn.Dense(
             3,
+            precision=jax.lax.Precision.HIGHEST,
             kernel_init=lambda key, shape, dtype: jnp.eye(*shape, dtype=dtype),
             bias_init=nn.initializers.constant(-shading.PADDING),
         )(f)

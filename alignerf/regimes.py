@@ -3,16 +3,19 @@
 A regime is what a scene is like and how long it is trained: pose error, motion,
 steps. Scenes that differ in their seed only are one regime, and are pooled. Writes
 CSV, LaTeX and a figure: per regime, method and test set the mean, the difference to
-the baseline of as many rays, and that to the row above, all paired by view, with
-95 % intervals over seeds and views.
+the baseline and that to the row above, all paired by view, with 95 % intervals over
+views and, where there are several, seeds.
 """
 
 import json
+import logging
 
 import numpy as np
 import pandas as pd
 
 from alignerf import cli, intervals, regimes_figure, scores, table_files
+
+log = logging.getLogger("alignerf")
 
 TEST_SETS = ("standard", "warped", "control", "held_out", "oracle")
 METRICS = ("psnr_db", "ssim")
@@ -43,20 +46,24 @@ def main(argv=None):
     parser.add_argument("--figure", required=True, help="PNG, written")
     args = parser.parse_args(argv)
     table = make_table(json.loads(args.rows))
-    table_files.write(table, to_latex, args.csv, args.tex)
     with cli.replace_file(args.figure) as path:
         regimes_figure.draw(table, path)
+        table_files.write(table, to_latex, args.csv, args.tex)
 
 
 def make_table(scenes):
     """Rows of all regimes, in the order of `scenes`.
 
-    scene: the keys of REGIME, `displacement` (CSV of the warped test set's flow), and
-    `methods`, the baseline first: method, parts, metrics (CSV), trainings (JSON).
+    scene: the keys of REGIME, `seed`, `alike` (equal for scenes that differ in their
+    seed only), `displacement` (CSV of the warped test set's flow), and `methods`, the
+    baseline first: method, parts, metrics (CSV), trainings (JSON).
     """
     regimes = {}
     for scene in scenes:
-        regimes.setdefault(tuple(scene[key] for key in REGIME), []).append(scene)
+        same = regimes.setdefault(scene["alike"], {})
+        if (other := same.setdefault(scene["seed"], scene)) is not scene:
+            raise ValueError(f"{scene['scene']}: the same as {other['scene']}")
+    regimes = {alike: list(same.values()) for alike, same in regimes.items()}
     rows = [row for group in regimes.values() for row in rows_of(group)]
     return pd.DataFrame(rows, columns=COLUMNS)
 
@@ -71,18 +78,26 @@ def rows_of(group):
         "views": sum(len(of_methods[0]) for of_methods in read),
         "misalignment_px": np.mean([median_px(s["displacement"]) for s in group]),
     }
+    of_all = [views for of_methods in read for views in of_methods]
+    test_sets = [name for name in TEST_SETS if all(name in views for views in of_all)]
+    rays_seen = None
     for place, method in enumerate(group[0]["methods"]):
         costs = costs_of([scene["methods"][place]["trainings"] for scene in group])
+        rays_seen = rays_seen or costs["rays_seen"]
+        if abs(costs["rays_seen"] / rays_seen - 1) > 0.01:
+            ratio = f"{costs['rays_seen'] / rays_seen:.2f} of the baseline's rays"
+            log.warning("%s: %s saw %s", group[0]["scene"], method["method"], ratio)
         named = labels | {key: method[key] for key in ("method", "parts")}
-        for test_set in TEST_SETS:
-            if all(test_set in of_methods[0] for of_methods in read):
-                found = scores_of(read, place, test_set)
-                yield named | {"test_set": test_set} | found | costs
+        for test_set in test_sets:
+            found = scores_of(read, place, test_set)
+            yield named | {"test_set": test_set} | found | costs
 
 
 def check_views(scene, of_methods):
-    """All methods of a scene are scored on the same views."""
+    """All methods of a scene are scored, on the same views."""
     for method, views in zip(scene["methods"], of_methods, strict=True):
+        if missing := set(METRICS) - set(views.columns.get_level_values(1)):
+            raise ValueError(f"{method['metrics']}: no column {min(missing)}")
         if not views.index.equals(of_methods[0].index):
             raise ValueError(f"{method['metrics']}: not the views of the baseline")
 
@@ -122,18 +137,22 @@ def costs_of(trainings):
 
 def median_px(path):
     """The scene's misalignment: mean over test views of the flow's median length."""
-    return table_files.read_csv(path)["median_px"].mean()
+    views = table_files.read_csv(path)
+    if "median_px" not in views:
+        raise ValueError(f"{path}: no column median_px")
+    return views["median_px"].mean()
 
 
 def to_latex(table):
     """booktabs table: a block per regime, a row per method, test sets side by side."""
     sets = [name for name in TEST_SETS if name in set(table["test_set"])]
-    keys = [*REGIME, "method"]
     lines = []
-    for _, rows in table.groupby(list(REGIME), sort=False, dropna=False):
+    for _, rows in table.groupby("scene", sort=False):
         lines.append(rf"\multicolumn{{{2 * len(sets) + 3}}}{{l}}{{{caption(rows)}}} \\")
-        for _, row in rows.groupby(keys, sort=False, dropna=False):
-            lines.append(latex_row(row.set_index("test_set"), sets))
+        base = rows["method"].iloc[0]
+        for method, row in rows.groupby("method", sort=False):
+            own = row.set_index("test_set")
+            lines.append(latex_row(own, sets, is_base=method == base))
         lines.append(r"\midrule")
     heads = " & ".join(
         rf"\multicolumn{{2}}{{c}}{{{scores.latex_name(s)}}}" for s in sets
@@ -141,8 +160,9 @@ def to_latex(table):
     return "\n".join(
         [
             "% \\usepackage{booktabs}",
-            "% PSNR in dB and its difference to the baseline of as many rays, paired",
-            "% by view; 95 % bootstrap intervals (seeds, views); bold: 0 is outside.",
+            "% PSNR in dB and its difference to the baseline, paired by view; 95 %",
+            "% intervals over views and, where there are several, seeds; bold: 0 is",
+            "% outside.",
             rf"\begin{{tabular}}{{l{'rl' * len(sets)}rr}}",
             r"\toprule",
             rf"Method & {heads} & train (s) & params (M) \\",
@@ -168,7 +188,7 @@ def caption(rows):
     return rf"\emph{{{', '.join(words)}; {row['seeds']} seed(s)}}"
 
 
-def latex_row(row, sets):
+def latex_row(row, sets, *, is_base):
     """One method's line."""
     first = row.iloc[0]
     cells = [scores.latex_name(first["method"])]
@@ -177,9 +197,8 @@ def latex_row(row, sets):
             cells += ["--", ""]
             continue
         found = row.loc[name]
-        own = (found["difference_db"], found["difference_low_db"])
-        is_base = own == (0, 0)
-        difference = (*own, found["difference_high_db"])
+        ends = ("", "_low", "_high")
+        difference = [found[f"difference{end}_db"] for end in ends]
         cells.append(f"{found['psnr_db']:.2f}")
         cells.append("" if is_base else scores.latex_difference(*difference))
     cells += [f"{first['train_time_s']:.0f}", f"{first['params'] / 1e6:.2f}"]

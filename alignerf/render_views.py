@@ -53,7 +53,9 @@ def main(argv=None):
     start = time.perf_counter()
     loaded = scene.load(args.scene)
     views = loaded.views(args.split)
-    method = config.make_method(config.parse_job(cli.read_config(args.config)))
+    method = config.make_method(
+        config.parse_job(cli.read_config(args.config)), to_train=False
+    )
     template = jax.eval_shape(method.init, jax.random.key(0))
     params = jax.tree.map(jnp.asarray, checkpoint.read_params(args.model, template))
     render = make_renderer(method, params, loaded.width, loaded.height)

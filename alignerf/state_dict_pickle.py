@@ -19,6 +19,10 @@ STORAGES = {
 }
 
 
+# A convolution's kernel has four.
+MOST_AXES = 8
+
+
 class Global(NamedTuple):
     """A name that the pickle refers to, as `module name`."""
 
@@ -148,8 +152,12 @@ def _storage(identity):
 
 
 def _tensor(storage, offset, shape, strides, *_):
-    shape = tuple(_count(n) for n in _typed(shape, tuple))
-    strides = tuple(_count(n) for n in _typed(strides, tuple))
+    if len(_typed(shape, tuple)) > MOST_AXES:
+        raise ValueError(f"a tensor of {len(shape)} axes")
+    shape = tuple(_count(n) for n in shape)
+    if len(_typed(strides, tuple)) != len(shape):
+        raise ValueError(f"{len(strides)} strides of {len(shape)} axes")
+    strides = tuple(_count(n) for n in strides)
     return Tensor(_typed(storage, Storage), _count(offset), shape, strides)
 
 

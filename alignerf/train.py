@@ -8,6 +8,7 @@ not finite ends it; the last checkpoint is kept.
 
 import argparse
 import dataclasses
+import hashlib
 import json
 import logging
 
@@ -64,8 +65,10 @@ def main(argv=None):
         params, timing = loop.fit(
             *(job, method, built, params, views, args.checkpoints),
             names=[loaded.names[view] for view in chosen],
-            sources=args.sources,
+            sources=args.sources + weights_digest(job),
         )
+    if job.stage == "finetune":
+        timing["radius_px"] = job.alignerf.radius_px
     checkpoint.write_params(args.model, params)
     with cli.replace_file(args.timing) as path:
         path.write_text(json.dumps(timing, indent=1))
@@ -81,6 +84,15 @@ def with_radius(job, displacement) -> config.Job:
     log.info("search radius: %d px", radius_px)
     settings = dataclasses.replace(job.alignerf, radius_px=radius_px)
     return dataclasses.replace(job, alignerf=settings)
+
+
+def weights_digest(job) -> str:
+    """SHA-256 of what the frequency loss looks through: another file starts anew."""
+    path = job.alignerf and job.alignerf.frequency_weights
+    if job.stage != "finetune" or not path:
+        return ""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def check_patches(job, loaded: scene.Scene):

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from alignerf import frequency_loss, patch_conv
+from alignerf import config, frequency_loss, patch_conv
 from alignerf.fields import shading
+from tests.bench import cases
 
 # Patch convolution
 
@@ -73,11 +74,25 @@ def test_patch_convolution_refuses_what_cannot_be_reflected(rng):
 
 def test_published_size_of_the_contribution():
     """+0.5M at N = 128: three convolutions, the linear layer, a wider last layer."""
-    head = jax.eval_shape(
-        patch_conv.PatchConv().init, jax.random.key(0), jnp.zeros((8, 8, 128))
-    )
-    size = sum(np.prod(leaf.shape) for leaf in jax.tree.leaves(head))
-    assert size + (128 + 1) * (128 - 3) == 459_264
+    settings = dict.fromkeys(config.AligNeRF.__dataclass_fields__, 1) | {
+        "learning_rates": [0.002, 0.00002],
+        "patch_px": 32,
+        "convolution": True,
+        "features": 128,
+        "matching": "patch",
+        "error": "squared",
+        "frequency_weights": None,
+    }
+    training = cases.TRAINING | {"steps": 1, "batch_rays": 1}
+    sizes = {}
+    for stage in ("pretrain", "finetune"):
+        job = {"seed": 0, "stage": stage, "model": cases.PUBLISHED}
+        job |= {"training": training, "alignerf": settings}
+        method = config.make_method(config.parse_job(job))
+        shapes = jax.eval_shape(method.init, jax.random.key(0))
+        sizes[stage] = sum(np.prod(leaf.shape) for leaf in jax.tree.leaves(shapes))
+    assert sizes["pretrain"] == 9_007_493
+    assert sizes["finetune"] - sizes["pretrain"] == 459_264
 
 
 # High-frequency loss
@@ -85,10 +100,36 @@ def test_published_size_of_the_contribution():
 
 def test_bank_is_blind_to_brightness_and_sees_edges(rng):
     flat = jnp.full((1, 16, 16, 3), 0.7)
-    inner = frequency_loss.bank_features(flat)[:, 5:-5, 5:-5]
-    np.testing.assert_allclose(inner, 0.0, atol=1e-6)
+    # At the borders of a patch too, which are most of it.
+    np.testing.assert_allclose(frequency_loss.bank_features(flat), 0.0, atol=1e-6)
     edge = flat.at[:, :, 8:].set(0.2)
-    assert jnp.abs(frequency_loss.bank_features(edge)[:, 5:-5]).max() > 0.1
+    assert jnp.abs(frequency_loss.bank_features(edge)).max() > 0.1
+
+
+def test_the_loss_of_the_bank_equals_a_float64_twin(rng):
+    photo, render = rng.uniform(size=(2, 3, 14, 11, 3))
+    found = frequency_loss.frequency_loss(
+        frequency_loss.bank_features,
+        *(jnp.asarray(x, jnp.float32) for x in (photo, render)),
+    )
+    kernels = [
+        frequency_loss.derivative_kernel(sigma, np.pi * k / 4)
+        for sigma in (0.7, 1.4)
+        for k in range(4)
+    ]
+    assert [np.abs(kernel).sum() for kernel in kernels] == pytest.approx([1.0] * 8)
+    # The derivative of a ramp along x, and none across it.
+    ramp = np.tile(np.arange(30.0), (30, 1))
+    along, across = (ndimage.correlate(ramp, kernels[k])[15, 15] for k in (4, 6))
+    assert along > 0.5
+    assert across == pytest.approx(0.0, abs=1e-12)
+    squares = [
+        ndimage.correlate(image, kernel, mode="nearest") ** 2
+        for images in photo - render
+        for image in np.moveaxis(images, -1, 0)
+        for kernel in kernels
+    ]
+    assert float(found) == pytest.approx(np.mean(squares), rel=1e-5)
 
 
 def test_frequency_loss_prefers_the_sharper_render(rng):

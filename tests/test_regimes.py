@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf import intervals, poses, regimes
+from alignerf import intervals, poses, regimes, regimes_figure
 
 METHODS = ("mipnerf360", "convolution", "alignment")
 
@@ -19,6 +19,7 @@ def scene_of(tmp_path):
 
     def write(name, gains, *, regime, view_db=(20.0, 24.0, 22.0), noise=0.0, seed=0):
         rng = np.random.default_rng(seed)
+        known = regime | {"scene": name, "seed": seed}
         methods = []
         for place, (method, gain) in enumerate(zip(METHODS, (0, *gains), strict=True)):
             rows = [
@@ -44,16 +45,16 @@ def scene_of(tmp_path):
                     "trainings": [str(timing)] * (1 + (place > 0)),
                 }
             )
+        known["alike"] = json.dumps(regime)
         displacement = tmp_path / f"{name}.csv"
         pd.DataFrame({"median_px": [1.0, 2.0]}).to_csv(displacement, index=False)
-        return regime | {"displacement": str(displacement), "methods": methods}
+        return known | {"displacement": str(displacement), "methods": methods}
 
     return write
 
 
-def regime(perturb_px=1.0, motion_m=0.0, steps=100, scene="courtyard"):
-    keys = (scene, perturb_px, motion_m, steps)
-    return dict(zip(regimes.REGIME, keys, strict=True))
+def regime(perturb_px=1.0, motion_m=0.0, steps=100):
+    return {"perturb_px": perturb_px, "motion_m": motion_m, "steps": steps}
 
 
 def one(table, **keys):
@@ -65,7 +66,7 @@ def one(table, **keys):
 def test_seeds_are_pooled_and_regimes_are_not(scene_of):
     scenes = [
         scene_of("a", (0.5, 1.5), regime=regime()),
-        scene_of("b", (0.1, 0.5), regime=regime()),
+        scene_of("b", (0.1, 0.5), regime=regime(), seed=1),
         scene_of("c", (-1.0, -1.0), regime=regime(perturb_px=4.0)),
     ]
     table = regimes.make_table(scenes)
@@ -75,9 +76,10 @@ def test_seeds_are_pooled_and_regimes_are_not(scene_of):
     assert row["psnr_db"] == pytest.approx(22 + 1 + 1.0)
     assert (row["seeds"], row["views"], row["misalignment_px"]) == (2, 6, 1.5)
     assert (row["train_time_s"], row["rays_seen"], row["params"]) == (24, 14, 2)
-    # All views of a seed gain alike: what is unsure is which seed.
-    assert row["difference_low_db"] == pytest.approx(0.5)
-    assert row["difference_high_db"] == pytest.approx(1.5)
+    # All views of a seed gain alike: what is unsure is which seed. Student's t is
+    # 12.7 for two of them, half a decibel from their mean.
+    assert row["difference_low_db"] == pytest.approx(1.0 - 12.706 * 0.5, abs=1e-3)
+    assert row["difference_high_db"] == pytest.approx(1.0 + 12.706 * 0.5, abs=1e-3)
     other = one(table, perturb_px=4.0, method="alignment", test_set="standard")
     assert other["difference_db"] == other["difference_low_db"] == -1.0
     assert other["step_db"] == 0.0
@@ -98,17 +100,48 @@ def test_other_views_are_refused_by_name(scene_of):
         regimes.make_table([scene])
 
 
-def test_pooled_interval_holds_the_mean_as_often_as_it_says():
-    """Views and seeds drawn from normals: 95 % of views' part, less with few seeds."""
+def test_the_same_scene_twice_is_refused_by_name(scene_of):
+    scenes = [scene_of(name, (0.5, 1.5), regime=regime()) for name in "ab"]
+    with pytest.raises(ValueError, match="b: the same as a"):
+        regimes.make_table(scenes)
+
+
+def test_what_is_missing_is_named(scene_of):
+    scene = scene_of("a", (0.5, 1.5), regime=regime())
+    pd.DataFrame({"view": ["v"]}).to_csv(scene["displacement"], index=False)
+    with pytest.raises(ValueError, match=r"a\.csv: no column median_px"):
+        regimes.make_table([scene])
+    metrics = scene["methods"][1]["metrics"]
+    pd.read_csv(metrics).drop(columns="psnr_db").to_csv(metrics, index=False)
+    with pytest.raises(ValueError, match=r"a_convolution\.csv: no column psnr_db"):
+        regimes.make_table([scene])
+
+
+def test_a_test_set_that_one_method_lacks_is_left_out(scene_of):
+    scene = scene_of("a", (0.5, 1.5), regime=regime())
+    metrics = scene["methods"][2]["metrics"]
+    rows = pd.read_csv(metrics)
+    rows[rows["test_set"] == "standard"].to_csv(metrics, index=False)
+    assert set(regimes.make_table([scene])["test_set"]) == {"standard"}
+
+
+def test_other_numbers_of_rays_are_told(scene_of, caplog):
+    scene = scene_of("a", (0.5, 1.5), regime=regime())
+    regimes.make_table([scene])
+    assert "a: convolution saw 2.00 of the baseline's rays" in caplog.text
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.3, 1.0, 3.0])
+def test_pooled_interval_holds_the_mean_as_often_as_it_says(spread):
+    """Seeds' and views' parts drawn from normals, views' of deviation 1."""
     rng = np.random.default_rng(0)
-    hits = {0.0: 0, 0.3: 0}
-    for spread in hits:
-        for _ in range(200):
-            groups = [rng.normal(s, 1.0, 6) for s in rng.normal(0, spread, 3)]
-            low, high = intervals.pooled_interval(groups, draws=1000)
-            hits[spread] += low < 0 < high
-    assert 0.93 <= hits[0.0] / 200 <= 1.0
-    assert 0.85 <= hits[0.3] / 200 <= 1.0
+    hits = 0
+    for _ in range(300):
+        groups = [rng.normal(s, 1.0, 6) for s in rng.normal(0, spread, 3)]
+        low, high = intervals.pooled_interval(groups, draws=1000)
+        hits += low < 0 < high
+    # Three deviations of a share of 300 about 0.95.
+    assert hits / 300 > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 300)
 
 
 def test_pooled_interval_of_one_seed_is_that_of_its_views():
@@ -124,7 +157,11 @@ def test_files_are_written_and_latex_has_a_block_a_regime(scene_of, tmp_path):
         scene_of(f"{p}{m}{s}", (0.5, 1.0), noise=0.1, seed=k, regime=regime(p, m, s))
         for k, (p, m, s) in enumerate([*chosen, (2, 0.02, 200)])
     ]
-    scenes.append(scene_of("fox", (0.1, 0.2), regime=regime(0, None, 300, "fox")))
+    fox = scene_of("fox", (0.1, 0.2), regime=regime(0, None, 300))
+    for method in fox["methods"]:
+        rows = pd.read_csv(method["metrics"])
+        rows[rows["test_set"] == "standard"].to_csv(method["metrics"], index=False)
+    scenes.append(fox)
     paths = [tmp_path / f"out.{end}" for end in ("csv", "tex", "png")]
     regimes.main(
         ["--rows", json.dumps(scenes)]
@@ -134,7 +171,15 @@ def test_files_are_written_and_latex_has_a_block_a_regime(scene_of, tmp_path):
         ]
     )
     csv, tex, png = paths
-    assert len(pd.read_csv(csv)) == 6 * 3 * 2
+    table = pd.read_csv(csv)
+    assert len(table) == 5 * 3 * 2 + 3
+    shown = pd.concat(
+        regimes_figure.compared(rows) for _, rows in table.groupby("scene")
+    )
+    assert set(shown["method"]) == {"convolution", "alignment"}
+    assert set(shown["scene"]) == set(table["scene"])
+    titles = [title for title, *_ in regimes_figure.panels(shown)]
+    assert titles == ["nothing moves", "objects move", "budget", "scenes"]
     text = tex.read_text()
     assert text.count(r"\emph{") == 6
     assert "poses off by 2 px, motion 2 cm, 200 steps" in text

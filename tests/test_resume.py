@@ -183,14 +183,29 @@ def pretrained(folder, tmp_path_factory):
     return out / "model.msgpack"
 
 
+MLP = JOB["model"] | {"field": {"kind": "mlp", "width": 16, "depth": 2}}
+
+
 @pytest.mark.parametrize(
-    "parts", [{}, {"convolution": False}, {"features": 9}], ids=str
+    ("model", "parts"),
+    [
+        (JOB["model"], {}),
+        (JOB["model"], {"convolution": False}),
+        (JOB["model"], {"features": 9}),
+        (MLP, {}),
+    ],
+    ids=["grid", "no convolution", "more features", "mlp"],
 )
-def test_fine_tuning_starts_from_the_pretrained_function(pretrained, parts):
+def test_fine_tuning_starts_from_the_pretrained_function(
+    folder, tmp_path, model, parts
+):
     """Colours of a view, before the first step: equal to 1e-5."""
     settings = ALIGNERF | parts
+    of_both = JOB | {"model": model, "alignerf": settings}
+    run(folder, tmp_path, of_both | {"stage": "pretrain"})
+    pretrained = tmp_path / "model.msgpack"
     jobs = [
-        config.parse_job(JOB | {"stage": stage, "alignerf": settings})
+        config.parse_job(of_both | {"stage": stage})
         for stage in ("pretrain", "finetune")
     ]
     before, after = map(config.make_method, jobs)

@@ -170,7 +170,9 @@ def test_regimes_need_the_test_sets_and_no_other_table(tmp_path, demo, snakemake
     assert not {"misalignment_table", "figures", "decompose"} & jobs.keys()
     (rows,) = re.findall(r"python -m alignerf\.regimes --rows '(.*)' --csv", output)
     scenes = json.loads(rows)
-    assert [s["scene"] for s in scenes] == ["courtyard", "courtyard"]
+    assert [s["scene"] for s in scenes] == ["courtyard", "again"]
+    assert [s["seed"] for s in scenes] == [0, 1]
+    assert scenes[0]["alike"] == scenes[1]["alike"]
     assert {(s["perturb_px"], s["motion_m"], s["steps"]) for s in scenes} == {
         (1.5, 0.02, 1000)
     }
@@ -387,6 +389,7 @@ def edit(config, where, value):
         ("methods.pretrain", {"model": "base", "rounds": 0}, "methods.pretrain: a fo"),
         ("methods.alignerf.alignerf.matching", "ray", "matching: 'ray' is not one of"),
         ("methods.alignerf.alignerf.radius_px", -1, "radius_px: -1 is less than"),
+        ("regimes", "../x", "regimes: '../x' does not match"),
         ("methods.images", {"model": "base", "rounds": 0}, "methods.images: a folder"),
         ("models.base.near", 1e6, "models.base: near must be smaller than far"),
         ("scenes.published", {"source": "courtyard"}, "scenes.published: a rule or"),

@@ -122,7 +122,10 @@ def _read_camera(path):
             raise ValueError(f"{count} cameras, but poses_bounds.npy means one")
         _, model, width, height = struct.unpack_from("<iiQQ", content, 8)
         params = np.frombuffer(content, "<f8", offset=32)
-        lens = colmap.lens(pycolmap.CameraModelId(model).name, params)
+        known = {
+            int(one): name for name, one in pycolmap.CameraModelId.__members__.items()
+        }
+        lens = colmap.lens(known.get(model, f"number {model}"), params)
     except (struct.error, ValueError) as error:
         raise ValueError(f"{path}: {error}") from None
     return *lens, (width, height)

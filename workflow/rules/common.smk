@@ -72,7 +72,7 @@ def train_slice(*, scene, stage, model, method=None):
     settings = None
     if stage != "full":
         settings = copy.deepcopy(config["methods"][method]["alignerf"])
-        settings["frequency_weights"] = config["frequency_weights"]
+        settings["frequency_weights"] = frequency_weights_of(method)
         if settings["radius_px"] == "auto":
             settings["radius_px"] = None
     if stage == "pretrain":
@@ -87,6 +87,12 @@ def train_slice(*, scene, stage, model, method=None):
             "alignerf": settings,
         }
     )
+
+
+def frequency_weights_of(method):
+    """The weights file, where the method's loss looks through it."""
+    weighs = config["methods"][method]["alignerf"]["frequency_weight"] > 0
+    return config["frequency_weights"] if weighs else None
 
 
 PRETRAIN_IGNORES = {

@@ -223,7 +223,6 @@ RULES = {
 FILES = {
     *("published", "logs", "bench", "README.md"),
     *("tradeoff.csv", "tradeoff.tex", "tradeoff.png"),
-    *("alignerf_regimes.csv", "alignerf_regimes.tex", "alignerf_regimes.png"),
     *("flow_benchmark.csv", "flow_benchmark.tex", "flow_benchmark.png"),
 }
 FOLDERS = {

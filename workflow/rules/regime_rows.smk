@@ -1,11 +1,12 @@
 # Functions only: what stands in the table of regimes.
+REGIMES = config.get("regimes", "alignerf_regimes")
+
+
 def regime_scenes():
     """One entry per scene that has a baseline and what is set against it."""
-    if not staged():
-        stop("config: methods: regimes: none has alignerf")
     base = {base_of(method) for method in staged()}
-    if len(base) != 1:
-        stop("config: methods: regimes: not all of alignerf have one model's baseline")
+    if len(base) != 1 or base & set(staged()):
+        stop("config: methods: regimes need methods with alignerf, and one without")
     return [
         regime_of(name)
         | {
@@ -22,7 +23,10 @@ def regime_of(name):
     known = scene["source"] == "courtyard"
     motion = COURTYARD_MOTION | scene.get("courtyard", {})
     return {
-        "scene": "courtyard" if known else name,
+        "scene": name,
+        "seed": scene.get("seed", config["seed"]),
+        # All that a regime is: scenes that have this in common differ in their seed.
+        "alike": as_json({key: scene[key] for key in scene if key != "seed"}),
         "perturb_px": scene.get("perturb_px", 0),
         "motion_m": (
             (motion["motion"] != "none") * motion["motion_m"] if known else None

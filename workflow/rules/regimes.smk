@@ -5,13 +5,13 @@ rule regimes:
         regime_inputs,
     output:
         csv=report(
-            "results/alignerf_regimes.csv",
+            f"results/{REGIMES}.csv",
             caption="../report/regimes.rst",
             category="regimes",
         ),
-        tex="results/alignerf_regimes.tex",
+        tex=f"results/{REGIMES}.tex",
         figure=report(
-            "results/alignerf_regimes.png",
+            f"results/{REGIMES}.png",
             caption="../report/regimes.rst",
             category="regimes",
         ),

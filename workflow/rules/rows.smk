@@ -15,6 +15,8 @@ def parts_of(settings):
     if settings["radius_px"] != 0:
         what = "aligned" if settings["matching"] == "patch" else "contextual"
         parts.append(what)
+    if settings["error"] != "squared":
+        parts.append(settings["error"])
     if settings["frequency_weight"] > 0:
         parts.append("VGG-19" if config["frequency_weights"] else "derivative bank")
     return parts

@@ -84,7 +84,7 @@ rule finetune:
         initial=lambda w: "results/{}/pretrain/{}/model.msgpack".format(
             w.scene, config["methods"][w.method]["model"]
         ),
-        weights=config["frequency_weights"] or [],
+        weights=lambda w: frequency_weights_of(w.method) or [],
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
     output:
