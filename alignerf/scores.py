@@ -16,14 +16,19 @@ def warping(round):
     return WARPINGS.get(round, f"{round} times")
 
 
-def read(path):
-    """(test set, metric) columns, a row per test view; ValueError names the file."""
+def read(path, metrics=("psnr_db",)):
+    """(test set, metric) columns, a row per test view, all of `metrics` among them.
+
+    Raises ValueError naming the file where it lacks one, or any view.
+    """
     try:
         scores = pd.read_csv(path).pivot(index="view", columns="test_set")
     except (KeyError, ValueError) as error:
         raise ValueError(f"{path}: not the scores of views: {error}") from None
     if scores.empty:
         raise ValueError(f"{path}: not the scores of views: there is none")
+    if missing := set(metrics) - set(scores.columns.get_level_values(0)):
+        raise ValueError(f"{path}: no column {min(missing)}")
     return scores.swaplevel(axis=1)
 
 

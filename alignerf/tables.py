@@ -56,8 +56,8 @@ def rows_of(entry):
     whose round 0 it is set against, and that one's CSV), trainings and data (lists
     of timing files of all that it took).
     """
-    views = scores.read(entry["metrics"])
-    base = scores.read(entry["base_metrics"])
+    views = scores.read(entry["metrics"], METRICS)
+    base = scores.read(entry["base_metrics"], METRICS)
     if not views.index.equals(base.index):
         raise ValueError(f"{entry['metrics']}: not the views of {entry['base']}")
     costs = costs_of(entry)

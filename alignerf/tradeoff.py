@@ -59,7 +59,8 @@ def make_table(entries):
     entry: variant, changes (keys and values that differ from the base), and the
     paths metrics (CSV), training and rendering (JSON).
     """
-    read = {entry["variant"]: scores.read(entry["metrics"]) for entry in entries}
+    needed = ("psnr_db", "ssim")
+    read = {e["variant"]: scores.read(e["metrics"], needed) for e in entries}
     base = read[BASE]
     # Where the truth is known, the photos are not what a model should show.
     test_set = "oracle" if "oracle" in base else "standard"

@@ -13,14 +13,14 @@ from alignerf import (
     tradeoff,
 )
 
-SCORES = "view,test_set,psnr_db,ssim,lpips_alex\n"
+SCORES = "view,test_set,psnr_db,ssim,lpips_alex,lpips_squeeze,lpips_vgg\n"
 
 
 @pytest.fixture
 def entry(tmp_path):
     """An entry that fits every table, with all its files whole."""
     sets = (*sorted(controls_table.NEEDED), "oracle")
-    rows = [f"{view},{name},20,0.5,0.5\n" for view in "ab" for name in sets]
+    rows = [f"{view},{name},20,0.5,0.5,,\n" for view in "ab" for name in sets]
     timing = {key: 1.0 for key in ("train_time_s", "compile_time_s", "view_time_s")}
     timing |= {"params": 1, "steps": 1, "rays_seen": 1, "views": 2, "device": "cpu"}
     files = {
