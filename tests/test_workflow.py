@@ -156,6 +156,10 @@ def test_a_radius_is_measured_where_it_is_asked_for(tmp_path, demo, snakemake):
     assert f"--displacement {measured}" in command
     assert '"radius_px": null' in command
     assert {"align": 1, "train": 1}.items() <= jobs_of(output).items()
+    output = snakemake(*options[:-1], "results/courtyard/tables/misalignment.csv")[1]
+    (rows,) = re.findall(r"python -m alignerf\.tables --rows '(.*)' --csv", output)
+    (row,) = (row for row in json.loads(rows) if row["method"] == "alignerf")
+    assert measured in row["data"]
 
 
 def test_regimes_need_the_test_sets_and_no_other_table(tmp_path, demo, snakemake):

@@ -7,6 +7,7 @@ import json
 import os
 import re
 import sys
+import types
 from pathlib import Path
 
 
@@ -214,7 +215,8 @@ def all_rounds(scene):
 
 def displacement_for_radius(w):
     """With `radius_px: auto`, how far the baseline's training views are off."""
-    if config["methods"][w.method]["alignerf"]["radius_px"] != "auto":
+    settings = config["methods"][w.method].get("alignerf", {})
+    if settings.get("radius_px") != "auto":
         return {}
     folder = trained(w.scene, base_of(w.method), 0)
     return {"displacement": f"{folder}/displacement_train.csv"}

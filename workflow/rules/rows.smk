@@ -32,10 +32,16 @@ def trainings_of(scene, method, round):
 
 
 def data_of(scene, method, round):
-    """Timing files of the rendering and warping between the rounds."""
+    """Timing files of the rendering and warping between the rounds, or for a radius.
+
+    The baseline's training, whose renders a radius is measured on, is its own row.
+    """
+    folders = [trained(scene, method, k) for k in range(int(round))]
+    if displacement_for_radius(types.SimpleNamespace(scene=scene, method=method)):
+        folders.append(trained(scene, base_of(method), 0))
     return [
-        f"{trained(scene, method, k)}/{name}"
-        for k in range(int(round))
+        f"{folder}/{name}"
+        for folder in folders
         for name in ("render_train.json", "displacement_train.csv")
     ]
 
