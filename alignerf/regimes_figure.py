@@ -36,7 +36,10 @@ def draw(table, path):
         "(dB, paired, 95 % interval)",
         fontsize=LABEL_PT,
     )
-    axes[0].legend(fontsize=SMALL_PT)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="outside upper center", ncols=3, fontsize=SMALL_PT
+    )
     figure.savefig(path)
 
 
