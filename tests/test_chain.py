@@ -64,6 +64,9 @@ methods:
       patch_px: 16
       radius_px: 2
       align_penalty: 0.01
+      convolution: true
+      matching: patch
+      error: squared
       features: 4
       frequency_weight: 0.05
 training:
@@ -135,7 +138,7 @@ def check_table(scene):
     assert int(plain["rays_seen"]) == int(staged["rays_seen"]) == 200 * 256
     assert int(warped["rays_seen"]) == 2 * int(plain["rays_seen"])
     assert int(plain["params"]) < int(staged["params"]) < int(large["params"])
-    assert staged["field"] == plain["field"] + ", derivative bank"
+    assert staged["field"] == plain["field"] + ", 4 features, aligned, derivative bank"
 
 
 def check_metrics(scene):
@@ -300,7 +303,7 @@ def check_reruns(plan, root, config):
     tables = {"misalignment_table", "controls_table", "ranking_table", "round_times"}
     of_all_rounds = tables | {"displacement_table", "figures"}
     for path, old, new, rules in (
-        (root / "flow/colour_wheel.py", "\n", "\n\n", {"figures"}),
+        (root / "flow/colour_wheel.py", "\n", "\n\n", {"figures", "crops"}),
         (root / "alignerf/tables.py", "\n", "\n\n", {"misalignment_table"}),
         (root / "alignerf/lpips.py", "\n", "\n\n", {"evaluate"}),
         (root / "alignerf/frequency_loss.py", "\n", "\n\n", trainings),
