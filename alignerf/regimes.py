@@ -13,7 +13,7 @@ import logging
 import numpy as np
 import pandas as pd
 
-from alignerf import cli, intervals, regimes_figure, scores, table_files
+from alignerf import cli, regimes_figure, scores, table_files
 
 log = logging.getLogger("alignerf")
 
@@ -83,17 +83,14 @@ def rows_of(group):
     }
     of_all = [views for of_methods in read for views in of_methods]
     test_sets = [name for name in TEST_SETS if all(name in views for views in of_all)]
-    rays_seen = None
-    for place, method in enumerate(group[0]["methods"]):
-        costs = costs_of([scene["methods"][place]["trainings"] for scene in group])
-        rays_seen = rays_seen or costs["rays_seen"]
-        if abs(costs["rays_seen"] / rays_seen - 1) > 0.01:
-            ratio = f"{costs['rays_seen'] / rays_seen:.2f} of the baseline's rays"
-            log.warning("%s: %s saw %s", group[0]["scene"], method["method"], ratio)
+    methods = group[0]["methods"]
+    costs = [costs_of(group, place) for place in range(len(methods))]
+    check_rays(group, costs)
+    for place, method in enumerate(methods):
         named = labels | {key: method[key] for key in ("method", "parts")}
         for test_set in test_sets:
             found = scores_of(read, place, test_set)
-            yield named | {"test_set": test_set} | found | costs
+            yield named | {"test_set": test_set} | found | costs[place]
 
 
 def check_views(scene, of_methods):
@@ -116,32 +113,35 @@ def scores_of(read, place, test_set):
     found = {}
     for name, other in (("difference", base), ("step", above)):
         differences = [a - b for a, b in zip(own, other, strict=True)]
-        low, high = intervals.pooled_interval(differences)
-        mean = np.mean([values.mean() for values in differences])
-        keys = (f"{name}_db", f"{name}_low_db", f"{name}_high_db")
-        found |= dict(zip(keys, (mean, low, high), strict=True))
+        found |= scores.pooled_mean_and_interval(differences, f"{name}_")
     return means | found
 
 
-def costs_of(trainings):
-    """Seconds, rays and parameters of a method, means over seeds."""
-    keys = ("train_time_s", "rays_seen", "params")
-    read = [
-        [table_files.read_timing(path, *keys) for path in paths] for paths in trainings
+def costs_of(group, place):
+    """What a method takes, means over seeds, and how large it is."""
+    costs = [
+        table_files.training_costs(scene["methods"][place]["trainings"])
+        for scene in group
     ]
-    costs = {
-        key: np.mean([sum(timing[key] for timing in timings) for timings in read])
-        for key in keys[:2]
+    means = {
+        key: np.mean([of_scene[key] for of_scene in costs])
+        for key in ("train_time_s", "rays_seen")
     }
-    return costs | {"params": read[0][-1]["params"]}
+    return means | {"params": costs[0]["params"]}
+
+
+def check_rays(group, costs):
+    """Tell of methods that saw more or fewer rays than the baseline."""
+    for method, found in zip(group[0]["methods"], costs, strict=True):
+        ratio = found["rays_seen"] / costs[0]["rays_seen"]
+        if abs(ratio - 1) > 0.01:
+            saw = f"{ratio:.2f} of the baseline's rays"
+            log.warning("%s: %s saw %s", group[0]["scene"], method["method"], saw)
 
 
 def median_px(path):
     """The scene's misalignment: mean over test views of the flow's median length."""
-    views = table_files.read_csv(path)
-    if "median_px" not in views:
-        raise ValueError(f"{path}: no column median_px")
-    return views["median_px"].mean()
+    return table_files.read_csv(path, columns=["median_px"])["median_px"].mean()
 
 
 def to_latex(table):

@@ -46,10 +46,14 @@ def mean_and_interval(values, prefix=""):
 
     A view without a number leaves all three empty rather than flatter the mean.
     """
-    values = np.asarray(values, np.float64)
-    low, high = intervals.mean_interval(values)
+    return pooled_mean_and_interval([np.asarray(values, np.float64)], prefix)
+
+
+def pooled_mean_and_interval(groups, prefix=""):
+    """The same of one array of numbers a seed: the mean over seeds of their means."""
+    mean = float(np.mean([values.mean() for values in groups]))
     keys = (f"{prefix}db", f"{prefix}low_db", f"{prefix}high_db")
-    return dict(zip(keys, (float(values.mean()), low, high), strict=True))
+    return dict(zip(keys, (mean, *intervals.pooled_interval(groups)), strict=True))
 
 
 def significant(low, high):

@@ -42,20 +42,27 @@ def read_timing(path, *keys):
         raise ValueError(f"{path}: not the timing that it should be: {error}") from None
 
 
-def read_csv(path, **options):
-    """`pandas.read_csv` of a file with rows; ValueError names one without."""
+def training_costs(paths):
+    """Seconds, steps and rays of all stages of a training, parameters of the last."""
+    summed = ("train_time_s", "steps", "rays_seen")
+    stages = [read_timing(path, *summed, "params") for path in paths]
+    costs = {key: sum(timing[key] for timing in stages) for key in summed}
+    return costs | {"params": stages[-1]["params"]}
+
+
+def read_csv(path, *, columns=(), **options):
+    """`pandas.read_csv` of a file with rows and `columns`; ValueError names another."""
     try:
         table = pd.read_csv(path, **options)
     except ValueError as error:
         raise ValueError(f"{path}: not a table: {error}") from None
     if table.empty:
         raise ValueError(f"{path}: no row")
+    if missing := set(columns) - set(table):
+        raise ValueError(f"{path}: no column {min(missing)}")
     return table
 
 
 def views_time_s(path):
     """Seconds of all views of a CSV of displacements."""
-    views = read_csv(path)
-    if "time_s" not in views:
-        raise ValueError(f"{path}: no column time_s")
-    return float(views["time_s"].sum())
+    return float(read_csv(path, columns=["time_s"])["time_s"].sum())

@@ -80,14 +80,10 @@ def rows_of(entry):
 
 def costs_of(entry):
     """What a row took, from the photos on, and how large it is."""
-    summed = ("train_time_s", "steps", "rays_seen")
-    trainings = [
-        table_files.read_timing(path, *summed, "params") for path in entry["trainings"]
-    ]
-    costs = {key: sum(timing[key] for timing in trainings) for key in summed}
+    costs = table_files.training_costs(entry["trainings"])
     costs["data_time_s"] = sum(time_of(path) for path in entry["data"])
     costs["total_time_s"] = costs["train_time_s"] + costs["data_time_s"]
-    return costs | {"params": trainings[-1]["params"]}
+    return costs
 
 
 def time_of(path):

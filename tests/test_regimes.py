@@ -34,7 +34,12 @@ def scene_of(tmp_path):
             pd.DataFrame(rows).to_csv(metrics, index=False)
             timing.write_text(
                 json.dumps(
-                    {"train_time_s": 10 + place, "rays_seen": 7, "params": place}
+                    {
+                        "train_time_s": 10 + place,
+                        "steps": 1,
+                        "rays_seen": 7,
+                        "params": place,
+                    }
                 )
             )
             methods.append(
