@@ -7,6 +7,7 @@ import csv
 import os
 import shutil
 import tempfile
+import tokenize
 import zipfile
 import zlib
 from contextlib import contextmanager
@@ -27,6 +28,9 @@ _BROKEN_ARCHIVE = (
     TypeError,
     EOFError,
     NotImplementedError,
+    OverflowError,
+    MemoryError,
+    tokenize.TokenError,
     zipfile.BadZipFile,
     zlib.error,
 )
