@@ -19,6 +19,7 @@ log = logging.getLogger("alignerf")
 
 TEST_SETS = ("standard", "warped", "control", "held_out", "oracle")
 METRICS = ("psnr_db", "ssim")
+COSTS = ("train_time_s", "data_time_s", "total_time_s", "rays_seen")
 REGIME = ("scene", "perturb_px", "motion_m", "steps")
 COLUMNS = (
     *REGIME,
@@ -26,6 +27,7 @@ COLUMNS = (
     "views",
     "misalignment_px",
     "method",
+    "warping",
     "parts",
     "test_set",
     *METRICS,
@@ -35,8 +37,7 @@ COLUMNS = (
     "step_db",
     "step_low_db",
     "step_high_db",
-    "train_time_s",
-    "rays_seen",
+    *COSTS,
     "params",
 )
 
@@ -56,7 +57,8 @@ def make_table(scenes):
 
     scene: the keys of REGIME, `seed`, `alike` (equal for scenes that differ in their
     seed only), `displacement` (CSV of the warped test set's flow), and `methods`, the
-    baseline first: method, parts, metrics (CSV), trainings (JSON).
+    baseline first: method, round, parts, metrics (CSV), trainings and data (files
+    that tell times).
     """
     regimes = {}
     for scene in scenes:
@@ -88,6 +90,7 @@ def rows_of(group):
     check_rays(group, costs)
     for place, method in enumerate(methods):
         named = labels | {key: method[key] for key in ("method", "parts")}
+        named["warping"] = scores.warping(method["round"])
         for test_set in test_sets:
             found = scores_of(read, place, test_set)
             yield named | {"test_set": test_set} | found | costs[place]
@@ -119,21 +122,15 @@ def scores_of(read, place, test_set):
 
 def costs_of(group, place):
     """What a method takes, means over seeds, and how large it is."""
-    costs = [
-        table_files.training_costs(scene["methods"][place]["trainings"])
-        for scene in group
-    ]
-    means = {
-        key: np.mean([of_scene[key] for of_scene in costs])
-        for key in ("train_time_s", "rays_seen")
-    }
+    costs = [table_files.costs_of(scene["methods"][place]) for scene in group]
+    means = {key: np.mean([of_scene[key] for of_scene in costs]) for key in COSTS}
     return means | {"params": costs[0]["params"]}
 
 
 def check_rays(group, costs):
-    """Tell of methods that saw more or fewer rays than the baseline."""
+    """Tell of methods that saw more or fewer rays than the baseline has by then."""
     for method, found in zip(group[0]["methods"], costs, strict=True):
-        ratio = found["rays_seen"] / costs[0]["rays_seen"]
+        ratio = found["rays_seen"] / costs[0]["rays_seen"] / (1 + method["round"])
         if abs(ratio - 1) > 0.01:
             saw = f"{ratio:.2f} of the baseline's rays"
             log.warning("%s: %s saw %s", group[0]["scene"], method["method"], saw)
@@ -149,11 +146,12 @@ def to_latex(table):
     sets = [name for name in TEST_SETS if name in set(table["test_set"])]
     lines = []
     for _, rows in table.groupby("scene", sort=False):
-        lines.append(rf"\multicolumn{{{2 * len(sets) + 3}}}{{l}}{{{caption(rows)}}} \\")
-        base = rows["method"].iloc[0]
-        for method, row in rows.groupby("method", sort=False):
+        lines.append(rf"\multicolumn{{{2 * len(sets) + 4}}}{{l}}{{{caption(rows)}}} \\")
+        for place, (_, row) in enumerate(
+            rows.groupby(["method", "warping"], sort=False)
+        ):
             own = row.set_index("test_set")
-            lines.append(latex_row(own, sets, is_base=method == base))
+            lines.append(latex_row(own, sets, is_base=place == 0))
         lines.append(r"\midrule")
     heads = " & ".join(
         rf"\multicolumn{{2}}{{c}}{{{scores.latex_name(s)}}}" for s in sets
@@ -164,9 +162,9 @@ def to_latex(table):
             "% PSNR in dB and its difference to the baseline, paired by view; 95 %",
             "% intervals over views and, where there are several, seeds; bold: 0 is",
             "% outside.",
-            rf"\begin{{tabular}}{{l{'rl' * len(sets)}rr}}",
+            rf"\begin{{tabular}}{{l{'rl' * len(sets)}rrr}}",
             r"\toprule",
-            rf"Method & {heads} & train (s) & params (M) \\",
+            rf"Method & {heads} & train (s) & total (s) & params (M) \\",
             r"\midrule",
             *lines[:-1],
             r"\bottomrule",
@@ -192,7 +190,7 @@ def caption(rows):
 def latex_row(row, sets, *, is_base):
     """One method's line."""
     first = row.iloc[0]
-    cells = [scores.latex_name(first["method"])]
+    cells = [scores.latex_name(scores.row_name(first["method"], first["warping"]))]
     for name in sets:
         if name not in row.index:
             cells += ["--", ""]
@@ -202,7 +200,8 @@ def latex_row(row, sets, *, is_base):
         difference = [found[f"difference{end}_db"] for end in ends]
         cells.append(f"{found['psnr_db']:.2f}")
         cells.append("" if is_base else scores.latex_difference(*difference))
-    cells += [f"{first['train_time_s']:.0f}", f"{first['params'] / 1e6:.2f}"]
+    cells += [f"{first[key]:.0f}" for key in ("train_time_s", "total_time_s")]
+    cells += [f"{first['params'] / 1e6:.2f}"]
     return " & ".join(cells) + r" \\"
 
 

@@ -4,6 +4,8 @@ import matplotlib.figure
 import numpy as np
 import pandas as pd
 
+from alignerf import scores
+
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 MARKERS = "osD^vP"
 LABEL_PT, SMALL_PT = 9, 7.5
@@ -28,7 +30,7 @@ def draw(table, path):
     )
     axes = np.atleast_1d(figure.subplots(1, len(curves), sharey=True, squeeze=True))
     for one, (title, label, rows, x) in zip(axes, curves, strict=True):
-        draw_panel(one, rows, x, methods=list(dict.fromkeys(shown["method"])))
+        draw_panel(one, rows, x, names=list(dict.fromkeys(shown["row"])))
         one.set_title(title, fontsize=LABEL_PT)
         one.set_xlabel(label, fontsize=LABEL_PT)
     axes[0].set_ylabel(
@@ -44,11 +46,15 @@ def draw(table, path):
 
 
 def compared(rows):
-    """What a regime's methods gain, on the test set that says most of it."""
+    """What a regime's rows gain, on the test set that says most of it.
+
+    Adds the column `row`: what the method and its warping are called.
+    """
     known = set(rows["test_set"])
     chosen = next(name for name in PREFERRED if name in known)
-    others = rows["method"] != rows["method"].iloc[0]
-    return rows[others & (rows["test_set"] == chosen)]
+    names = list(map(scores.row_name, rows["method"], rows["warping"]))
+    rows = rows.assign(row=names)
+    return rows[(rows["row"] != names[0]) & (rows["test_set"] == chosen)]
 
 
 def panels(rows):
@@ -75,13 +81,13 @@ def panels(rows):
     return found
 
 
-def draw_panel(axes, rows, x, *, methods):
-    """One line a method; its points a little apart, so that intervals show."""
+def draw_panel(axes, rows, x, *, names):
+    """One line a row of the table; points a little apart, so that intervals show."""
     axes.axhline(0, color="0.35", linewidth=0.8)
     values = list(dict.fromkeys(rows[x] if x == "scene" else sorted(rows[x])))
-    for place, method in enumerate(methods):
-        own = rows[rows["method"] == method].sort_values(x)
-        shift = 0.08 * (place - (len(methods) - 1) / 2)
+    for place, name in enumerate(names):
+        own = rows[rows["row"] == name].sort_values(x)
+        shift = 0.08 * (place - (len(names) - 1) / 2)
         at = [values.index(value) + shift for value in own[x]]
         middle = own["difference_db"]
         low, high = (
@@ -92,7 +98,7 @@ def draw_panel(axes, rows, x, *, methods):
             at,
             middle,
             yerr=[low.clip(lower=0), high.clip(lower=0)],
-            label=method.replace("_", " "),
+            label=name.replace("_", " "),
             color=COLOURS[place % len(COLOURS)],
             marker=MARKERS[place % len(MARKERS)],
             markersize=4,

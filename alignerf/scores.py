@@ -16,6 +16,11 @@ def warping(round):
     return WARPINGS.get(round, f"{round} times")
 
 
+def row_name(method, warping):
+    """What a method and its warping are called in one line."""
+    return method if warping == WARPINGS[0] else f"{method}, warped {warping}"
+
+
 def read(path, metrics=("psnr_db",)):
     """(test set, metric) columns, a row per test view, all of `metrics` among them.
 

@@ -42,6 +42,25 @@ def read_timing(path, *keys):
         raise ValueError(f"{path}: not the timing that it should be: {error}") from None
 
 
+def costs_of(entry):
+    """What a row took, from the photos on, and how large its model is.
+
+    entry: `trainings` and `data`, the files that tell how long each training, and
+    each rendering and warping between trainings, took.
+    """
+    costs = training_costs(entry["trainings"])
+    costs["data_time_s"] = sum(data_time_s(path) for path in entry["data"])
+    costs["total_time_s"] = costs["train_time_s"] + costs["data_time_s"]
+    return costs
+
+
+def data_time_s(path):
+    """Seconds in a timing file, or in all views of a CSV of displacements."""
+    if path.endswith(".csv"):
+        return views_time_s(path)
+    return read_timing(path, "time_s")["time_s"]
+
+
 def training_costs(paths):
     """Seconds, steps and rays of all stages of a training, parameters of the last."""
     summed = ("train_time_s", "steps", "rays_seen")

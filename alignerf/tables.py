@@ -60,7 +60,7 @@ def rows_of(entry):
     base = scores.read(entry["base_metrics"], METRICS)
     if not views.index.equals(base.index):
         raise ValueError(f"{entry['metrics']}: not the views of {entry['base']}")
-    costs = costs_of(entry)
+    costs = table_files.costs_of(entry)
     labels = {"method": entry["method"], "field": entry["field"]}
     labels["warping"] = scores.warping(entry["round"])
     for test_set in TEST_SETS:
@@ -76,21 +76,6 @@ def rows_of(entry):
             | scores.mean_and_interval(differences_db, "difference_")
             | costs
         )
-
-
-def costs_of(entry):
-    """What a row took, from the photos on, and how large it is."""
-    costs = table_files.training_costs(entry["trainings"])
-    costs["data_time_s"] = sum(time_of(path) for path in entry["data"])
-    costs["total_time_s"] = costs["train_time_s"] + costs["data_time_s"]
-    return costs
-
-
-def time_of(path):
-    """Seconds in a timing file, or in all views of a CSV of displacements."""
-    if path.endswith(".csv"):
-        return table_files.views_time_s(path)
-    return table_files.read_timing(path, "time_s")["time_s"]
 
 
 def to_latex(table):

@@ -108,6 +108,28 @@ def test_a_scene_or_a_file_by_name(tmp_path, demo, snakemake):
     assert "Traceback" not in output
 
 
+def test_configs_that_share_results_agree_on_them():
+    """matching.yaml is of ablation.yaml's scenes, choices.yaml of another seed."""
+    ablation, matching, choices = (
+        yaml.safe_load((ROOT / f"workflow/config/{name}.yaml").read_text())
+        for name in ("ablation", "matching", "choices")
+    )
+    left_out = ("methods", "regimes")
+    shared = {k: v for k, v in ablation.items() if k not in left_out}
+    assert {k: v for k, v in matching.items() if k not in left_out} == shared
+    for name in ("convolution", "alignment"):
+        assert matching["methods"][name] == ablation["methods"][name]
+    other = {k: v for k, v in choices.items() if k not in left_out}
+    assert other == shared | {
+        "seed": 1,
+        "scenes": {"choices": ablation["scenes"]["ablation"]},
+    }
+    chosen = choices["methods"]["features_16"]
+    assert chosen == ablation["methods"]["alignment"]
+    seeds = {scene.get("seed", 0) for scene in ablation["scenes"].values()}
+    assert choices["seed"] not in seeds
+
+
 def test_ablations_share_the_pretraining(tmp_path, demo, snakemake):
     ablation = copy.deepcopy(demo["methods"]["alignerf"])
     ablation["alignerf"] |= {"finetune_share": 0.1, "patches": 1, "features": 3}
@@ -169,14 +191,23 @@ def test_regimes_need_the_test_sets_and_no_other_table(tmp_path, demo, snakemake
     options = (tmp_path, "--configfile", write(tmp_path, demo), "-np", "regimes")
     output = snakemake(*options)[1]
     jobs = jobs_of(output)
-    assert jobs["evaluate"] == 2 * jobs["regimes"] * 2
-    assert (jobs["train"], jobs["pretrain"], jobs["finetune"]) == (2, 2, 2)
+    # Of each scene: unwarped, the method, warped once and twice.
+    assert (jobs["regimes"], jobs["evaluate"]) == (1, 2 * 4)
+    assert (jobs["train"], jobs["pretrain"], jobs["finetune"]) == (2 * 3, 2, 2)
     assert not {"misalignment_table", "figures", "decompose"} & jobs.keys()
     (rows,) = re.findall(r"python -m alignerf\.regimes --rows '(.*)' --csv", output)
     scenes = json.loads(rows)
     assert [s["scene"] for s in scenes] == ["courtyard", "again"]
     assert [s["seed"] for s in scenes] == [0, 1]
     assert scenes[0]["alike"] == scenes[1]["alike"]
+    assert [(m["method"], m["round"]) for m in scenes[0]["methods"]] == [
+        ("mipnerf360", 0),
+        ("alignerf", 0),
+        ("mipnerf360", 1),
+        ("mipnerf360", 2),
+    ]
+    rendered = "results/courtyard/mipnerf360/round0/render_train.json"
+    assert rendered in scenes[0]["methods"][2]["data"]
     assert {(s["perturb_px"], s["motion_m"], s["steps"]) for s in scenes} == {
         (1.5, 0.02, 1000)
     }

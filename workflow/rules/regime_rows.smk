@@ -3,7 +3,11 @@ REGIMES = config.get("regimes", "alignerf_regimes")
 
 
 def regime_scenes():
-    """One entry per scene that has a baseline and what is set against it."""
+    """One entry per scene that has a baseline and what is set against it.
+
+    Last stands the baseline trained on photos that were warped, if the config has such
+    rounds: what the staged methods are to reach at less cost.
+    """
     base = {base_of(method) for method in staged()}
     if len(base) != 1 or base & set(staged()):
         stop("config: methods: regimes need methods with alignerf, and one without")
@@ -11,7 +15,13 @@ def regime_scenes():
         regime_of(name)
         | {
             "displacement": f"results/{name}/testset/displacement.csv",
-            "methods": [regime_method(name, m) for m in (*base, *staged())],
+            "methods": [
+                regime_method(name, method, round)
+                for method, round in [
+                    *((method, 0) for method in (*base, *staged())),
+                    *((*base, k + 1) for k in range(last_round(name, *base))),
+                ]
+            ],
         }
         for name in config["scenes"]
     ]
@@ -39,19 +49,21 @@ def regime_of(name):
 COURTYARD_MOTION = {"motion": "uniform", "motion_m": 0.02}
 
 
-def regime_method(scene, method):
-    """The files of one method of one scene."""
+def regime_method(scene, method, round):
+    """The files of one method and round of one scene."""
     return {
         "method": method,
+        "round": round,
         "parts": field_name(method),
-        "metrics": f"{trained(scene, method, 0)}/metrics.csv",
-        "trainings": trainings_of(scene, method, 0),
+        "metrics": f"{trained(scene, method, round)}/metrics.csv",
+        "trainings": trainings_of(scene, method, round),
+        "data": data_of(scene, method, round),
     }
 
 
 def regime_inputs(w):
     scenes = regime_scenes()
     methods = [method for scene in scenes for method in scene["methods"]]
-    files = [[m["metrics"], *m["trainings"]] for m in methods]
+    files = [[m["metrics"], *m["trainings"], *m["data"]] for m in methods]
     files += [[scene["displacement"]] for scene in scenes]
     return sorted({path for paths in files for path in paths})
