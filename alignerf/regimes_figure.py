@@ -6,8 +6,8 @@ import pandas as pd
 
 from alignerf import scores
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-MARKERS = "osD^vP"
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444")
+MARKERS = "osD^vPX"
 LABEL_PT, SMALL_PT = 9, 7.5
 # Against the truth where it is known, else against the photos.
 PREFERRED = ("oracle", "held_out", "standard")

@@ -105,7 +105,7 @@ def test_the_baseline_on_warped_photos_stands_last(scene_of, caplog):
     assert row["step_db"] == pytest.approx(1.0)
     assert (row["train_time_s"], row["data_time_s"], row["total_time_s"]) == (26, 3, 29)
     assert one(table, warping="none", **keys)["total_time_s"] == 10
-    # Of two trainings it has twice the rays, and that is no fault.
+    # Of several trainings it has more rays, and that is no fault.
     assert "mipnerf360 saw" not in caplog.text
     assert "mipnerf360, warped once &" in regimes.to_latex(table)
     assert set(regimes_figure.compared(table)["row"]) == {

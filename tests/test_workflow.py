@@ -188,12 +188,14 @@ def test_regimes_need_the_test_sets_and_no_other_table(tmp_path, demo, snakemake
     demo["scenes"]["again"] = demo["scenes"]["courtyard"] | {"seed": 1}
     demo["methods"].pop("mipnerf360_large")
     demo["reference"] = {"method": "mipnerf360", "round": 0}
+    demo["methods"]["warm"] = {"model": "base", "rounds": 1, "warm_start": WARM}
     options = (tmp_path, "--configfile", write(tmp_path, demo), "-np", "regimes")
     output = snakemake(*options)[1]
     jobs = jobs_of(output)
-    # Of each scene: unwarped, the method, warped once and twice.
-    assert (jobs["regimes"], jobs["evaluate"]) == (1, 2 * 4)
-    assert (jobs["train"], jobs["pretrain"], jobs["finetune"]) == (2 * 3, 2, 2)
+    # Of each scene: unwarped, the method, warped once and twice, and once from there.
+    assert (jobs["regimes"], jobs["evaluate"]) == (1, 2 * 5)
+    assert (jobs["pretrain"], jobs["finetune"]) == (2, 2)
+    assert (jobs["train"], jobs["train_warm"]) == (2 * 3, 2)
     assert not {"misalignment_table", "figures", "decompose"} & jobs.keys()
     (rows,) = re.findall(r"python -m alignerf\.regimes --rows '(.*)' --csv", output)
     scenes = json.loads(rows)
@@ -205,6 +207,7 @@ def test_regimes_need_the_test_sets_and_no_other_table(tmp_path, demo, snakemake
         ("alignerf", 0),
         ("mipnerf360", 1),
         ("mipnerf360", 2),
+        ("warm", 1),
     ]
     rendered = "results/courtyard/mipnerf360/round0/render_train.json"
     assert rendered in scenes[0]["methods"][2]["data"]

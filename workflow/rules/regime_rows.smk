@@ -5,8 +5,8 @@ REGIMES = config.get("regimes", "alignerf_regimes")
 def regime_scenes():
     """One entry per scene that has a baseline and what is set against it.
 
-    Last stands the baseline trained on photos that were warped, if the config has such
-    rounds: what the staged methods are to reach at less cost.
+    Last stand trainings on warped photos, of the baseline and from its weights, if the
+    config has any: what the staged methods are to reach at less cost.
     """
     base = {base_of(method) for method in staged()}
     if len(base) != 1 or base & set(staged()):
@@ -19,7 +19,7 @@ def regime_scenes():
                 regime_method(name, method, round)
                 for method, round in [
                     *((method, 0) for method in (*base, *staged())),
-                    *((*base, k + 1) for k in range(last_round(name, *base))),
+                    *((m, k) for m, k in all_rounds(name) if k and base_of(m) in base),
                 ]
             ],
         }
