@@ -1,5 +1,7 @@
 """When AligNeRF's parts pay (the paper's Table 4): `python -m alignerf.regimes`.
 
+Rows are the baseline, the staged methods, and trainings on warped photos.
+
 A regime is what a scene is like and how long it is trained: pose error, motion,
 steps. Scenes that differ in their seed only are one regime, and are pooled. Writes
 CSV, LaTeX and a figure: per regime, method and test set the mean, the difference to
@@ -72,6 +74,7 @@ def make_table(scenes):
 
 def rows_of(group):
     """Rows of one regime, a list of scenes that differ in their seed."""
+    group = with_shared_rows(group)
     read = [
         [scores.read(m["metrics"], METRICS) for m in scene["methods"]]
         for scene in group
@@ -94,6 +97,25 @@ def rows_of(group):
         for test_set in test_sets:
             found = scores_of(read, place, test_set)
             yield named | {"test_set": test_set} | found | costs[place]
+
+
+def with_shared_rows(group):
+    """The scenes with those rows that all have: `rounds: auto` may end at any round."""
+    rows = [[(m["method"], m["round"]) for m in s["methods"]] for s in group]
+    shared = set.intersection(*map(set, rows))
+    for method, round in dict.fromkeys(row for of_one in rows for row in of_one):
+        if (method, round) not in shared:
+            name = scores.row_name(method, scores.warping(round))
+            log.warning("%s: not on all seeds, left out: %s", group[0]["scene"], name)
+    return [
+        scene
+        | {
+            "methods": [
+                m for m in scene["methods"] if (m["method"], m["round"]) in shared
+            ]
+        }
+        for scene in group
+    ]
 
 
 def check_views(scene, of_methods):
@@ -159,6 +181,7 @@ def to_latex(table):
     return "\n".join(
         [
             "% \\usepackage{booktabs}",
+            "% Costs are of all rounds and stages that lead to a row.",
             "% PSNR in dB and its difference to the baseline, paired by view; 95 %",
             "% intervals over views and, where there are several, seeds; bold: 0 is",
             "% outside.",

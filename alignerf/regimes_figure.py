@@ -7,7 +7,8 @@ import pandas as pd
 from alignerf import scores
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444")
-MARKERS = "osD^vPX"
+# Fewer than colours, so that a row has both in common with none of 42.
+MARKERS = "osD^vP"
 LABEL_PT, SMALL_PT = 9, 7.5
 # Against the truth where it is known, else against the photos.
 PREFERRED = ("oracle", "held_out", "standard")
@@ -40,7 +41,11 @@ def draw(table, path):
     )
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(
-        handles, labels, loc="outside upper center", ncols=3, fontsize=SMALL_PT
+        handles,
+        labels,
+        loc="outside upper center",
+        ncols=3 if len(curves) > 1 else 2,
+        fontsize=SMALL_PT,
     )
     figure.savefig(path)
 

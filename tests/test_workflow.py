@@ -188,7 +188,11 @@ def test_regimes_need_the_test_sets_and_no_other_table(tmp_path, demo, snakemake
     demo["scenes"]["again"] = demo["scenes"]["courtyard"] | {"seed": 1}
     demo["methods"].pop("mipnerf360_large")
     demo["reference"] = {"method": "mipnerf360", "round": 0}
-    demo["methods"]["warm"] = {"model": "base", "rounds": 1, "warm_start": WARM}
+    # Neither where a method stands nor one of another model changes the rows.
+    demo["methods"] = {
+        "warm": {"model": "base", "rounds": 1, "warm_start": WARM},
+        "other": {"model": "large", "rounds": "auto"},
+    } | demo["methods"]
     options = (tmp_path, "--configfile", write(tmp_path, demo), "-np", "regimes")
     output = snakemake(*options)[1]
     jobs = jobs_of(output)

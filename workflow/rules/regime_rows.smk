@@ -3,11 +3,7 @@ REGIMES = config.get("regimes", "alignerf_regimes")
 
 
 def regime_scenes():
-    """One entry per scene that has a baseline and what is set against it.
-
-    Last stand trainings on warped photos, of the baseline and from its weights, if the
-    config has any: what the staged methods are to reach at less cost.
-    """
+    """One entry per scene that has a baseline and what is set against it."""
     base = {base_of(method) for method in staged()}
     if len(base) != 1 or base & set(staged()):
         stop("config: methods: regimes need methods with alignerf, and one without")
@@ -17,13 +13,27 @@ def regime_scenes():
             "displacement": f"results/{name}/testset/displacement.csv",
             "methods": [
                 regime_method(name, method, round)
-                for method, round in [
-                    *((method, 0) for method in (*base, *staged())),
-                    *((m, k) for m, k in all_rounds(name) if k and base_of(m) in base),
-                ]
+                for method, round in regime_rounds(name, *base)
             ],
         }
         for name in config["scenes"]
+    ]
+
+
+def regime_rounds(scene, base):
+    """(method, round) of every row: the baseline, the staged methods, warped photos.
+
+    Trainings on these, of the baseline and then from its weights, are what the staged
+    methods are to reach at less cost.
+    """
+    warped = [base, *(name for name in warm() if base_of(name) == base)]
+    return [
+        *((method, 0) for method in (base, *staged())),
+        *(
+            (method, round)
+            for method in warped
+            for round in range(1, last_round(scene, method) + 1)
+        ),
     ]
 
 
