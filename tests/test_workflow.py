@@ -39,13 +39,16 @@ def jobs_of(output):
 def expected_jobs(config):
     """The trainings of a config by the paper's scheme, and what each one entails."""
     scenes, methods = len(config["scenes"]), config["methods"].values()
-    plain = [m["rounds"] for m in methods if "alignerf" not in m]
+    plain = [m["rounds"] for m in methods if not {"alignerf", "warm_start"} & m.keys()]
+    warm = [m["rounds"] for m in methods if "warm_start" in m]
+    rows = sum(rounds + 1 for rounds in plain) + sum(warm)
     staged = [m["model"] for m in methods if "alignerf" in m]
-    return {
+    jobs = {
         "train": scenes * sum(rounds + 1 for rounds in plain),
+        "train_warm": scenes * sum(warm),
         "pretrain": scenes * len(set(staged)),
         "finetune": scenes * len(staged),
-        "evaluate": scenes * (sum(rounds + 1 for rounds in plain) + len(staged)),
+        "evaluate": scenes * (rows + len(staged)),
         "testset": scenes,
         "control_sets": scenes,
         "controls_table": scenes,
@@ -55,10 +58,11 @@ def expected_jobs(config):
         "facts": scenes,
         "misalignment_table": scenes,
         "displacement_table": scenes,
-        "decompose": scenes * (sum(rounds + 1 for rounds in plain) + len(staged)),
+        "decompose": scenes * (rows + len(staged)),
         "figures": scenes,
         "crops": scenes * bool(staged),
     }
+    return {rule: count for rule, count in jobs.items() if count}
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
@@ -80,7 +84,7 @@ def test_every_config_can_be_planned(path, tmp_path, snakemake):
         # What follows is known when the flow of round 0 is.
         assert jobs["decide"] == len(config["scenes"])
         return
-    wanted = {rule: count for rule, count in expected_jobs(config).items() if count}
+    wanted = expected_jobs(config)
     assert {rule: jobs.get(rule) for rule in wanted} == wanted
 
 
