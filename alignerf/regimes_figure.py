@@ -7,7 +7,7 @@ import pandas as pd
 from alignerf import scores
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444")
-# Fewer than colours, so that a row has both in common with none of 42.
+# 6 of them and 7 colours: no two of 42 rows look alike.
 MARKERS = "osD^vP"
 LABEL_PT, SMALL_PT = 9, 7.5
 # Against the truth where it is known, else against the photos.

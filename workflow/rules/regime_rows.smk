@@ -12,7 +12,7 @@ def regime_scenes():
         | {
             "displacement": f"results/{name}/testset/displacement.csv",
             "methods": [
-                regime_method(name, method, round)
+                row_files(name, method, round) | {"parts": field_name(method)}
                 for method, round in regime_rounds(name, *base)
             ],
         }
@@ -57,18 +57,6 @@ def regime_of(name):
 
 # As alignerf/poses.py has them; a test compares.
 COURTYARD_MOTION = {"motion": "uniform", "motion_m": 0.02}
-
-
-def regime_method(scene, method, round):
-    """The files of one method and round of one scene."""
-    return {
-        "method": method,
-        "round": round,
-        "parts": field_name(method),
-        "metrics": f"{trained(scene, method, round)}/metrics.csv",
-        "trainings": trainings_of(scene, method, round),
-        "data": data_of(scene, method, round),
-    }
 
 
 def regime_inputs(w):

@@ -75,18 +75,25 @@ def displacement_rows(scene):
     ]
 
 
+def row_files(scene, method, round):
+    """A method and round, its scores, and the files that tell what it took."""
+    return {
+        "method": method,
+        "round": round,
+        "metrics": f"{trained(scene, method, round)}/metrics.csv",
+        "trainings": trainings_of(scene, method, round),
+        "data": data_of(scene, method, round),
+    }
+
+
 def table_rows(scene):
     """One entry per method and round, with the files that its row comes from."""
     return [
-        {
-            "method": method,
+        row_files(scene, method, round)
+        | {
             "field": field_name(method),
-            "round": round,
-            "metrics": f"{trained(scene, method, round)}/metrics.csv",
             "base": base_of(method),
             "base_metrics": f"{trained(scene, base_of(method), 0)}/metrics.csv",
-            "trainings": trainings_of(scene, method, round),
-            "data": data_of(scene, method, round),
         }
         for method, round in all_rounds(scene)
     ]
