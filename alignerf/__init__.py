@@ -1,1 +1,20 @@
-"""AligNeRF (CVPR 2023) and its baseline mip-NeRF 360 in JAX."""
+"""AligNeRF (CVPR 2023) and its baseline mip-NeRF 360 in JAX.
+
+The files here are the stages, one rule of the workflow each: `poses`, `facts`,
+`shrink`, `train`, `render_views`, `evaluate`; and two commands for users, `weights`
+and `show`.
+
+The paper's parts -> folders:
+
+baseline, mip-NeRF 360          `mipnerf360`, and what maps a point to values, `fields`
+its three contributions         `contributions`: patch_conv, align_loss, frequency_loss
+staged training                 `training`
+misalignment analysis           the package `flow`
+Tables 1 and 4, their controls  `tables`: misalignment, controls, ranking, regimes, ...
+PSNR, SSIM, LPIPS               `metrics`
+images, cameras, the truth      `scenes`, the embedded scene in `scenes.courtyard`
+
+`experiment` is what a config means, without JAX: which jobs there are, and what each of
+them depends on. `command` is what all commands share: errors in one line, files that
+are whole or not there.
+"""

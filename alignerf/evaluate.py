@@ -26,7 +26,10 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 
-from alignerf import cli, lpips, metrics, scene
+from alignerf.command import faults, whole
+from alignerf.metrics import image as image_metrics
+from alignerf.metrics import lpips
+from alignerf.scenes import prepared
 
 METRICS = ("psnr_db", "ssim", *(f"lpips_{net}" for net in lpips.NETS))
 COLUMNS = ("view", "test_set", *METRICS, "valid_share", "note")
@@ -42,7 +45,7 @@ def main(argv=None):
         parser.add_argument(f"--lpips-{net}", help="weights of this LPIPS, .npz")
     parser.add_argument("--metrics", required=True, help="CSV, written")
     args = parser.parse_args(argv)
-    loaded = scene.load(args.scene)
+    loaded = prepared.load(args.scene)
     views = loaded.views("test")
     paths = {net: getattr(args, f"lpips_{net}") for net in lpips.NETS}
     learned = {f"lpips_{net}": load_lpips(net, p) for net, p in paths.items() if p}
@@ -51,14 +54,14 @@ def main(argv=None):
     rows = []
     # View by view: the test sets of all views together may not fit into memory.
     for view in views:
-        (render,) = scene.read_images(loaded, [view], args.renders)
+        (render,) = prepared.read_images(loaded, [view], args.renders)
         targets = targets_of(loaded, view, args.testset, args.truth)
         for test_set, (image, mask) in targets.items():
             row = score(image, render, mask, learned)
             note = "; ".join(n for n in (row.pop("note"), missing) if n)
             name = {"view": loaded.names[view], "test_set": test_set}
             rows.append(name | row | {"note": note})
-    with cli.replace_file(args.metrics) as path:
+    with whole.replace_file(args.metrics) as path:
         pd.DataFrame(rows, columns=COLUMNS).to_csv(path, index=False)
 
 
@@ -66,15 +69,15 @@ def targets_of(loaded, view, testset, truth):
     """{test set: (image [h, w, 3], mask of its valid pixels [h, w])} of one view."""
 
     def read(folder):
-        return scene.read_images(loaded, [view], folder)[0]
+        return prepared.read_images(loaded, [view], folder)[0]
 
     photo = read(loaded.folder / "images")
     everywhere = np.ones(photo.shape[:2], bool)
     targets = {"standard": (photo, everywhere)}
     if testset:
         folder = pathlib.Path(testset)
-        (valid,) = scene.read_validity(loaded, [view], folder / "flow")
-        (leak_valid,) = scene.read_validity(loaded, [view], folder / "leak_flow")
+        (valid,) = prepared.read_validity(loaded, [view], folder / "flow")
+        (leak_valid,) = prepared.read_validity(loaded, [view], folder / "leak_flow")
         masks = {
             "warped": valid,
             "control": everywhere,
@@ -96,7 +99,7 @@ def load_lpips(net, path):
     weights = lpips.read(net, path)
 
     def metric(target, render, valid):
-        pair = (metrics.fill_invalid(target, render, valid), render)
+        pair = (image_metrics.fill_invalid(target, render, valid), render)
         pair = [jnp.asarray(image[None] / 255.0, jnp.float32) for image in pair]
         return float(lpips.distance(net, weights, *pair)[0])
 
@@ -108,13 +111,13 @@ def score(target, render, valid, learned):
 
     learned: {name: metric} of those that need weights.
     """
-    row = {"psnr_db": metrics.psnr_db(target, render, valid)}
+    row = {"psnr_db": image_metrics.psnr_db(target, render, valid)}
     notes = []
     if np.isinf(row["psnr_db"]):
         # Never averaged: one such view would make every mean infinite.
         row["psnr_db"] = np.nan
         notes.append("psnr_db: identical images")
-    for name, metric in {"ssim": metrics.ssim, **learned}.items():
+    for name, metric in {"ssim": image_metrics.ssim, **learned}.items():
         try:
             row[name] = metric(target, render, valid)
         except ValueError as error:
@@ -125,4 +128,4 @@ def score(target, render, valid, learned):
 
 
 if __name__ == "__main__":
-    cli.run(main)
+    faults.run(main)

@@ -9,7 +9,8 @@ import json
 
 import numpy as np
 
-from alignerf import cli, scene
+from alignerf.command import faults, whole
+from alignerf.scenes import prepared
 
 
 def main(argv=None):
@@ -17,9 +18,9 @@ def main(argv=None):
     parser.add_argument("--scene", required=True, help="prepared scene folder")
     parser.add_argument("--facts", required=True, help="facts.json, written")
     args = parser.parse_args(argv)
-    loaded = scene.load(args.scene)
+    loaded = prepared.load(args.scene)
     everything = np.arange(len(loaded.names))
-    images = scene.read_images(loaded, everything, loaded.folder / "images")
+    images = prepared.read_images(loaded, everything, loaded.folder / "images")
     facts = {
         "views": len(loaded.names),
         "train_views": len(loaded.views("train")),
@@ -30,11 +31,11 @@ def main(argv=None):
         **camera_facts(loaded),
         **photo_facts(images),
     }
-    with cli.replace_file(args.facts) as path:
+    with whole.replace_file(args.facts) as path:
         path.write_text(json.dumps(facts, indent=1))
 
 
-def camera_facts(loaded: scene.Scene):
+def camera_facts(loaded: prepared.Scene):
     """How the cameras stand, in the normalised frame (max |t| = 1)."""
     focal_px = 1 / np.linalg.norm(loaded.pixtocams[:, :, 0], axis=-1)
     looking = -loaded.camtoworlds[:, :, 2]
@@ -76,4 +77,4 @@ def photo_facts(images):
 
 
 if __name__ == "__main__":
-    cli.run(main)
+    faults.run(main)

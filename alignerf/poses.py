@@ -14,15 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf import cameras, cli
-from alignerf.scenes import (
-    colmap,
-    courtyard,
-    llff,
-    prepare,
-    transforms,
-    truth,
-)
+from alignerf.command import faults, whole
+from alignerf.experiment import settings
+from alignerf.scenes import cameras, colmap, llff, prepare, transforms
+from alignerf.scenes.courtyard import scene as courtyard
+from alignerf.scenes.courtyard import truth
 
 log = logging.getLogger("alignerf.poses")
 
@@ -63,7 +59,7 @@ def main(config, out):
     started = time.monotonic()
     config = check_config(config)
     out = Path(out)
-    with cli.scratch_folder(out) as scratch:
+    with whole.scratch_folder(out) as scratch:
         views, report, scene = load_source(config, scratch)
         photo_size = views.width, views.height
         views = prepare.downscale(prepare.sort_by_name(views), config["downscale"])
@@ -91,7 +87,7 @@ def main(config, out):
 
 def check_config(config):
     """The slice with every default filled; ValueError names what is wrong."""
-    config = cli.fill_defaults(config, DEFAULTS)
+    config = faults.fill_defaults(config, DEFAULTS)
     source = config["source"]
     if source not in POSES:
         raise ValueError(f"source: {source!r} is none of {', '.join(POSES)}")
@@ -108,11 +104,11 @@ def check_config(config):
     if source != "courtyard" and not config["path"]:
         raise ValueError(f"path: source {source!r} needs one")
     least = {"downscale": 1, "test_every": 2, "perturb_px": 0, "seed": 0}
-    cli.check_least(config, least)
-    cli.check_least(config["colmap"], {"max_size_px": 1}, name="colmap.")
+    faults.check_least(config, least)
+    faults.check_least(config["colmap"], {"max_size_px": 1}, name="colmap.")
     least = dict.fromkeys(("views", "width", "height", "supersample"), 1)
     least |= {"lens_sigma_px": 0}
-    cli.check_least(config["courtyard"], least, name="courtyard.")
+    faults.check_least(config["courtyard"], least, name="courtyard.")
     return config
 
 
@@ -223,7 +219,7 @@ def publish(fresh, out):
     """Move what was made into the scene's folder, the report last."""
     for name in PRODUCTS:
         if (fresh / name).exists():
-            cli.move(fresh / name, out / name)
+            whole.move(fresh / name, out / name)
         elif (out / name).exists():
             # Left by another source of the same scene name, and no longer true.
             shutil.rmtree(out / name)
@@ -234,4 +230,4 @@ if __name__ == "__main__":
     parser.add_argument("--config", required=True, help="JSON, or a file of it")
     parser.add_argument("--out", required=True, type=Path, help="results/SCENE")
     options = parser.parse_args()
-    cli.run(lambda: main(cli.read_config(options.config), options.out))
+    faults.run(lambda: main(settings.read_config(options.config), options.out))

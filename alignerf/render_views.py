@@ -20,16 +20,11 @@ import jax.numpy as jnp
 import numpy as np
 from PIL import Image
 
-from alignerf import (
-    cameras,
-    checkpoint,
-    cli,
-    config,
-    cores,
-    progress,
-    scene,
-    strips,
-)
+from alignerf.command import faults, progress, whole
+from alignerf.contributions import strips
+from alignerf.experiment import settings
+from alignerf.scenes import cameras, prepared
+from alignerf.training import checkpoint, compose, cores
 
 # Rays at once: large enough to fill the machine, small enough for its memory.
 CHUNK_RAYS = 4096
@@ -45,26 +40,26 @@ def main(argv=None):
     parser.add_argument("--config", required=True, help="job as JSON, or its file")
     parser.add_argument("--scene", required=True, help="prepared scene folder")
     parser.add_argument("--model", required=True, help="trained parameters")
-    parser.add_argument("--split", required=True, choices=scene.SPLITS)
+    parser.add_argument("--split", required=True, choices=prepared.SPLITS)
     parser.add_argument("--renders", required=True, help="folder, written")
     parser.add_argument("--depth", help="folder of the views' depth, written")
     parser.add_argument("--timing", required=True, help="timing file, written")
     args = parser.parse_args(argv)
     start = time.perf_counter()
-    loaded = scene.load(args.scene)
+    loaded = prepared.load(args.scene)
     views = loaded.views(args.split)
-    method = config.make_method(
-        config.parse_job(cli.read_config(args.config)), to_train=False
+    method = compose.make_method(
+        settings.parse_job(settings.read_config(args.config)), to_train=False
     )
     template = jax.eval_shape(method.init, jax.random.key(0))
     params = jax.tree.map(jnp.asarray, checkpoint.read_params(args.model, template))
     render = make_renderer(method, params, loaded.width, loaded.height)
     bar = progress.Progress(f"render {args.split}", len(views), unit="view")
     with contextlib.ExitStack() as stack:
-        folder = stack.enter_context(cli.replace_folder(args.renders))
+        folder = stack.enter_context(whole.replace_folder(args.renders))
         depths = None
         if args.depth:
-            depths = stack.enter_context(cli.replace_folder(args.depth))
+            depths = stack.enter_context(whole.replace_folder(args.depth))
 
         def render_view(view):
             image, depth = render(loaded.pixtocams[view], loaded.camtoworlds[view])
@@ -87,7 +82,7 @@ def main(argv=None):
         "views": len(views),
         "view_time_s": round((rendered - begun) / max(len(views) - 1, 1), 4),
     }
-    with cli.replace_file(args.timing) as path:
+    with whole.replace_file(args.timing) as path:
         path.write_text(json.dumps(timing))
 
 
@@ -140,4 +135,4 @@ def make_renderer(method, params, width, height):
 
 
 if __name__ == "__main__":
-    cli.run(main)
+    faults.run(main)

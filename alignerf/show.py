@@ -5,7 +5,8 @@ import pathlib
 
 import pandas as pd
 
-from alignerf import cli, scores
+from alignerf.command import faults
+from alignerf.tables import scores
 
 # Columns of controls.csv that are shown.
 BREAKDOWN = (
@@ -73,4 +74,4 @@ def is_base(row):
 
 
 if __name__ == "__main__":
-    cli.run(main)
+    faults.run(main)

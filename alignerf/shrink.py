@@ -7,8 +7,8 @@ smaller photos can be rendered and scored at the scene's own size.
 import argparse
 import pathlib
 
-from alignerf import archives, cli, scene
-from alignerf.scenes import prepare
+from alignerf.command import archives, faults, whole
+from alignerf.scenes import prepare, prepared
 
 
 def main(argv=None):
@@ -19,7 +19,7 @@ def main(argv=None):
     args = parser.parse_args(argv)
     if not args.factor >= 1:
         raise ValueError(f"--factor: {args.factor} makes no photo smaller")
-    loaded = scene.load(args.scene)
+    loaded = prepared.load(args.scene)
     # As stored: normalising the normalised poses anew could turn the frame.
     stored = archives.read(loaded.folder / "cameras.npz", ["camtoworlds"])
     paths = [loaded.folder / "images" / f"{name}.png" for name in loaded.names]
@@ -29,18 +29,18 @@ def main(argv=None):
         camtoworlds=stored["camtoworlds"],
         width=loaded.width,
         height=loaded.height,
-        load=lambda i: scene.read_image(
+        load=lambda i: prepared.read_image(
             paths[i], width=loaded.width, height=loaded.height
         ),
     )
     smaller = prepare.downscale(views, args.factor)
     out = pathlib.Path(args.out)
-    with cli.scratch_folder(out) as scratch:
+    with whole.scratch_folder(out) as scratch:
         fresh = scratch / "new"
         prepare.write_views(fresh, smaller, split=loaded.split)
         for path in fresh.iterdir():
-            cli.move(path, out / path.name)
+            whole.move(path, out / path.name)
 
 
 if __name__ == "__main__":
-    cli.run(main)
+    faults.run(main)

@@ -15,19 +15,11 @@ import logging
 import jax
 import numpy as np
 
-from alignerf import (
-    batches,
-    checkpoint,
-    cli,
-    config,
-    cores,
-    loop,
-    memory,
-    patch_conv,
-    program,
-    scene,
-    search_radius,
-)
+from alignerf.command import faults, whole
+from alignerf.contributions import patch_conv, search_radius
+from alignerf.experiment import settings
+from alignerf.scenes import prepared
+from alignerf.training import batches, checkpoint, compose, cores, loop, memory, program
 
 log = logging.getLogger("alignerf")
 
@@ -45,15 +37,17 @@ def main(argv=None):
     parser.add_argument("--model", required=True, help="parameters, written")
     parser.add_argument("--timing", required=True, help="timing.json, written")
     args = parser.parse_args(argv)
-    job = with_radius(config.parse_job(cli.read_config(args.config)), args.displacement)
+    job = with_radius(
+        settings.parse_job(settings.read_config(args.config)), args.displacement
+    )
     if job.model.field["kind"] == "grid":
         # An MLP gains little by it, and each device holds all its parameters.
         cores.use_as_devices()
-    loaded = scene.load(args.scene)
+    loaded = prepared.load(args.scene)
     check_patches(job, loaded)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
-    scene.check_images(loaded, chosen, photos)
-    method = config.make_method(job)
+    prepared.check_images(loaded, chosen, photos)
+    method = compose.make_method(job)
     params = initial_params(job, method, args.initial)
     shapes = view_shapes(loaded, chosen, args.valid)
     to_come = memory.tree_bytes(shapes)
@@ -70,11 +64,11 @@ def main(argv=None):
     if job.stage == "finetune":
         timing["radius_px"] = job.alignerf.radius_px
     checkpoint.write_params(args.model, params)
-    with cli.replace_file(args.timing) as path:
+    with whole.replace_file(args.timing) as path:
         path.write_text(json.dumps(timing, indent=1))
 
 
-def with_radius(job, displacement) -> config.Job:
+def with_radius(job, displacement) -> settings.Job:
     """The job with a search radius: its own, or from the measured misalignment."""
     if job.stage != "finetune" or job.alignerf.radius_px is not None:
         return job
@@ -95,7 +89,7 @@ def weights_digest(job) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def check_patches(job, loaded: scene.Scene):
+def check_patches(job, loaded: prepared.Scene):
     """A patch must lie inside the photos."""
     smallest = min(loaded.width, loaded.height)
     if job.stage == "finetune" and job.alignerf.patch_px > smallest:
@@ -105,7 +99,7 @@ def check_patches(job, loaded: scene.Scene):
         )
 
 
-def view_shapes(loaded: scene.Scene, chosen, valid) -> batches.Views:
+def view_shapes(loaded: prepared.Scene, chosen, valid) -> batches.Views:
     """Shapes of the training views, before they are loaded."""
     n, h, w = len(chosen), loaded.height, loaded.width
     return batches.Views(
@@ -116,14 +110,14 @@ def view_shapes(loaded: scene.Scene, chosen, valid) -> batches.Views:
     )
 
 
-def load_views(loaded: scene.Scene, chosen, photos, valid) -> batches.Views:
+def load_views(loaded: prepared.Scene, chosen, photos, valid) -> batches.Views:
     """The training views in the host's memory, with what says which pixels count."""
     packed = valid and [
-        batches.pack_valid(scene.read_validity(loaded, [view], valid))
+        batches.pack_valid(prepared.read_validity(loaded, [view], valid))
         for view in chosen
     ]
     return batches.Views(
-        photos=scene.read_images(loaded, chosen, photos),
+        photos=prepared.read_images(loaded, chosen, photos),
         valid=packed and np.concatenate(packed),
         pixtocams=loaded.pixtocams[chosen].astype(np.float32),
         camtoworlds=loaded.camtoworlds[chosen].astype(np.float32),
@@ -140,7 +134,7 @@ def initial_params(job, method, initial):
     fresh = jax.jit(method.init)(key)
     if job.stage != "finetune":
         return fresh
-    pretrain = config.make_method(config.replace_stage(job, "pretrain"))
+    pretrain = compose.make_method(settings.replace_stage(job, "pretrain"))
     template = jax.eval_shape(pretrain.init, key)
     trained = checkpoint.read_params(initial, template)
     model = patch_conv.widen_values(trained["model"], job.alignerf.outputs, key)
@@ -148,4 +142,4 @@ def initial_params(job, method, initial):
 
 
 if __name__ == "__main__":
-    cli.run(main)
+    faults.run(main)

@@ -20,7 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf import cli, frequency_loss, lpips, progress, torch_files
+from alignerf.command import faults, progress, whole
+from alignerf.contributions import frequency_loss
+from alignerf.metrics import lpips, torch_files
 
 BLOCK_BYTES = 1 << 20
 TIMEOUT_S = 60
@@ -116,7 +118,7 @@ def main(argv=None):
     out = pathlib.Path(args.out)
     if out.suffix != ".npz":
         raise ValueError(f"--out: {out} does not end in .npz")
-    with cli.scratch_folder(out.parent) as scratch:
+    with whole.scratch_folder(out.parent) as scratch:
         # The small file first: what is wrong with it shows before a long download.
         if args.what in HEADS:
             found = find(args.heads, HEADS[args.what], scratch, args.any_file)
@@ -124,7 +126,7 @@ def main(argv=None):
         else:
             rest = {"mean": np.float32(MEAN), "std": np.float32(STD)}
         found = find(args.backbone, BACKBONES[args.what], scratch, args.any_file)
-        with cli.replace_file(out) as path:
+        with whole.replace_file(out) as path:
             np.savez(path, **layers_of(args.what, found), **rest)
 
 
@@ -208,4 +210,4 @@ def fetch(published, folder):
 
 
 if __name__ == "__main__":
-    cli.run(main)
+    faults.run(main)

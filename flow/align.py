@@ -13,11 +13,11 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from tqdm import tqdm
+from alignerf.command import archives, faults, progress, whole
+from flow.estimation import estimate, given, pairs
+from flow.warping import files, lengths, warp
 
-from flow import cli, displacement, estimate, files, given, pairs, warp
-
-COLUMNS = ("view", *displacement.COLUMNS, "blur_sigma_px", "time_s")
+COLUMNS = ("view", *lengths.COLUMNS, "blur_sigma_px", "time_s")
 
 
 def main(renders, photos, targets, stats_out, *, views=None, **options):
@@ -31,14 +31,11 @@ def main(renders, photos, targets, stats_out, *, views=None, **options):
     rows = []
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
-        stats_path = stack.enter_context(files.replacing(stats_out))
+        stats_path = stack.enter_context(whole.replace_file(stats_out))
         folders = {}
         for kind, target in targets.items():
-            folders[kind] = stack.enter_context(files.replacing(target))
-            folders[kind].mkdir()
-        for view, render_path, photo_path in tqdm(
-            found, desc="flow", unit="view", mininterval=cli.PROGRESS_S
-        ):
+            folders[kind] = stack.enter_context(whole.replace_folder(target))
+        for view, render_path, photo_path in progress.over(found, "flow"):
             started = time.perf_counter()
             render, photo = files.read_image(render_path), files.read_image(photo_path)
             row = align_view(view, render, photo, folders, **options)
@@ -61,7 +58,7 @@ def align_view(
             valid &= warp.unoccluded(flow_px, found)
     except ValueError as error:
         raise ValueError(f"view {view}: {error}") from error
-    row = displacement.statistics(flow_px, valid, view=view)
+    row = lengths.statistics(flow_px, valid, view=view)
     files.write_flow(folders["flow"] / f"{view}.npz", flow_px, valid)
     if "warped" in folders:
         warped = warp.warp(photo, flow_px, kernel=kernel)
@@ -73,7 +70,7 @@ def read_depth(folder, view):
     """Depth [h, w] of a render from <view>.npz of a folder; None without a folder."""
     if folder is None:
         return None
-    return files.read_arrays(Path(folder) / f"{view}.npz", "depth")[0]
+    return archives.read(Path(folder) / f"{view}.npz", ["depth"])["depth"]
 
 
 def flow_of_view(
@@ -137,7 +134,7 @@ def run(arguments=None):
         )
         main(targets=targets, views=views, **options)
 
-    return cli.exit_code(call)
+    return faults.exit_code(call)
 
 
 if __name__ == "__main__":

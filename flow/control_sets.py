@@ -23,10 +23,12 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from flow import cli, controls, displacement, estimate, files, pairs, warp
+from alignerf.command import faults, progress, whole
+from flow.estimation import estimate, pairs
+from flow.warping import controls, files, lengths, warp
 
 IMAGES = ("control", "placebo", "held_out", "aligned", "leak", "leak_held_out")
-COLUMNS = ("view", "aligned", *displacement.COLUMNS, "blur_sigma_px", "time_s")
+COLUMNS = ("view", "aligned", *lengths.COLUMNS, "blur_sigma_px", "time_s")
 
 
 def main(renders, photos, flow, out, *, truth=None, **options):
@@ -41,12 +43,12 @@ def main(renders, photos, flow, out, *, truth=None, **options):
     rows = []
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
-        table = stack.enter_context(files.replacing(Path(out) / "leak.csv"))
+        table = stack.enter_context(whole.replace_file(Path(out) / "leak.csv"))
         folders = {}
         for kind in (*IMAGES, "leak_flow"):
-            folders[kind] = stack.enter_context(files.replacing(Path(out) / kind))
-            folders[kind].mkdir()
-        for view, *paths in found:
+            place = whole.replace_folder(Path(out) / kind)
+            folders[kind] = stack.enter_context(place)
+        for view, *paths in progress.over(found, "controls"):
             started = time.perf_counter()
             render, photo = map(files.read_image, paths)
             flow_px, _ = files.read_flow(Path(flow) / f"{view}.npz")
@@ -92,7 +94,7 @@ def write_view(
     return {
         "view": view,
         "aligned": "resharpened" if oracle is None else "oracle",
-        **displacement.statistics(leak_px, valid, view=view),
+        **lengths.statistics(leak_px, valid, view=view),
         "blur_sigma_px": sigma_px,
     }
 
@@ -131,7 +133,7 @@ def parse(arguments=None):
 
 def run(arguments=None):
     """The command line; returns its exit code."""
-    return cli.exit_code(main, **vars(parse(arguments)))
+    return faults.exit_code(main, **vars(parse(arguments)))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
-from flow import camera_fit, cli, files
+from alignerf.command import archives, faults, whole
+from flow.camera import fit as camera_fit
+from flow.warping import files
 
 # Lengths beyond this percentile of the flow's count as that: a single wild vector
 # must not outweigh a view.
@@ -51,14 +53,13 @@ def main(renders_depth, flow, cameras, split, out_flow, stats_out, model_flow=No
     rows = []
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folder is whole.
-        stats_path = stack.enter_context(files.replacing(stats_out))
-        folder = stack.enter_context(files.replacing(out_flow))
-        folder.mkdir()
+        stats_path = stack.enter_context(whole.replace_file(stats_out))
+        folder = stack.enter_context(whole.replace_folder(out_flow))
         found_cameras = files.read_split(cameras, split, "pixtocams")
         for view, (pixtocam,) in found_cameras.items():
             started = time.perf_counter()
             depth_path = Path(renders_depth) / f"{view}.npz"
-            (depth,) = files.read_arrays(depth_path, "depth")
+            depth = archives.read(depth_path, ["depth"])["depth"]
             flows = [
                 files.read_flow(Path(part) / f"{view}.npz")
                 for part in (flow, model_flow)
@@ -144,11 +145,11 @@ def _lengths(length_px):
 def explained(flow_length_px, remainder_length_px):
     """1 - sum |remainder|^2 / sum |flow|^2 of capped lengths [n]; of no flow, 0."""
     cap_px = np.percentile(flow_length_px, CAP_PERCENTILE)
-    whole, rest = (
+    all_px2, rest_px2 = (
         np.square(np.minimum(length_px, cap_px)).sum()
         for length_px in (flow_length_px, remainder_length_px)
     )
-    return float(1 - rest / whole) if whole > 0 else 0.0
+    return float(1 - rest_px2 / all_px2) if all_px2 > 0 else 0.0
 
 
 def _camera(motion):
@@ -164,7 +165,7 @@ def write_parts(path, found: camera_fit.Fit, model_px):
     parts = {} if model_px is None else {"model_px": model_px}
     for name in ("camera_px", "remainder_px", "valid", "moved"):
         parts[name] = getattr(found, name)
-    with files.replacing(path) as temporary, open(temporary, "wb") as file:
+    with whole.replace_file(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, **parts)
 
 
@@ -175,7 +176,7 @@ def run(arguments=None):
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--model-flow", type=Path, help="render to oracle")
     parser.add_argument("--split", choices=("train", "test"), required=True)
-    return cli.exit_code(main, **vars(parser.parse_args(arguments)))
+    return faults.exit_code(main, **vars(parser.parse_args(arguments)))
 
 
 if __name__ == "__main__":

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flow import cli, files
+from alignerf.command import faults, whole
+from flow.warping import files
 
 # A smaller share is within what a training's random numbers change.
 LEAST_FALL = 0.1
@@ -70,7 +71,7 @@ def main(flow, out, *, before_flow=None, before=None):
     now_px = remaining_px(flow, before_flow)
     goes_on, reason = decide(now_px, before and read_decision(before))
     found = {"go_on": goes_on, "reason": reason, "remaining_px": now_px}
-    with files.replacing(out) as path:
+    with whole.replace_file(out) as path:
         path.write_text(json.dumps(found) + "\n")
 
 
@@ -84,7 +85,7 @@ def run(arguments=None):
     options = parser.parse_args(arguments)
     if (options.before is None) != (options.before_flow is None):
         parser.error("--before and --before-flow go together")
-    return cli.exit_code(main, **vars(options))
+    return faults.exit_code(main, **vars(options))
 
 
 if __name__ == "__main__":

@@ -10,22 +10,16 @@ os.environ["JAX_PLATFORMS"] = "cpu"
 
 import jaxtyping
 
-jaxtyping.install_import_hook(
-    [
-        "alignerf.mipnerf360",
-        "alignerf.align_loss",
-        "alignerf.contextual_loss",
-        "alignerf.fields.mlp",
-    ],
-    "beartype.beartype",
-)
+jaxtyping.install_import_hook(["alignerf", "flow"], "beartype.beartype")
 
 import jax
 import numpy as np
 import pytest
 
-# One device in this process, whatever stage it calls first (see alignerf/cores.py).
+# One device in this process, whatever stage it calls first (see training/cores.py).
 jax.devices()
+# Arrays of other ranks meet by name, [:, None], or not at all.
+jax.config.update("jax_numpy_rank_promotion", "raise")
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 

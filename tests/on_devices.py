@@ -6,7 +6,7 @@ import re
 import jax
 import numpy as np
 
-from alignerf import gradients, program
+from alignerf.training import gradients, program
 from tests import training_cases as cases
 
 METHODS = {"mipnerf360": cases.baseline(), "alignerf": cases.alignerf(patches=16)}

@@ -4,8 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf import batches, cameras, fields, frequency_loss, methods, train_step
+from alignerf import fields
+from alignerf.contributions import frequency_loss
 from alignerf.mipnerf360 import model as mipnerf360
+from alignerf.scenes import cameras
+from alignerf.training import batches, methods
+from alignerf.training import step as train_step
 
 WEIGHTS = {"interlevel": 1.0, "distortion": 0.01}
 HEIGHT, WIDTH, FOCAL_PX = 36, 40, 30.0

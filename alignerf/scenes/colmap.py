@@ -13,8 +13,8 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float
 
-from alignerf import cameras, wording
-from alignerf.scenes import photos, prepare
+from alignerf.command import faults
+from alignerf.scenes import cameras, photos, prepare
 
 log = logging.getLogger(__name__)
 
@@ -127,7 +127,7 @@ def pose_folder(folder, work_folder, *, camera_model, max_size_px, seed, where):
         where=where,
     )
     if model.left_out:
-        log.warning("COLMAP left out %s", wording.some_names(model.left_out))
+        log.warning("COLMAP left out %s", faults.some_names(model.left_out))
     lenses = list(zip(model.camtopix, model.distortion, strict=True))
     views = prepare.pinhole_views(
         model.names,

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image, ImageOps
 
-from alignerf import wording
+from alignerf.command import faults
 from alignerf.scenes import prepare
 
 log = logging.getLogger(__name__)
@@ -57,7 +57,7 @@ def find_images(folder):
     )
     others = sorted({p.name for p in files} - {p.name for p in paths})
     if others:
-        log.warning("%s: ignored %s: not images", folder, wording.some_names(others))
+        log.warning("%s: ignored %s: not images", folder, faults.some_names(others))
     if not paths:
         raise ValueError(f"no images in {folder}")
     for first, second in itertools.pairwise(paths):
@@ -129,7 +129,7 @@ def one_size(names, sizes, where):
     if odd:
         raise ValueError(
             f"{where}: images must have one size; {len(sizes) - len(odd)} are "
-            f"{usual[0]}x{usual[1]}, but not {wording.some_names(odd)}"
+            f"{usual[0]}x{usual[1]}, but not {faults.some_names(odd)}"
         )
     return usual
 

@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image
 
-from alignerf import cameras
-from alignerf.scenes import distortion
+from alignerf.scenes import cameras, distortion
 
 # Under this no method of the analysis works: SSIM needs 11 pixels, flow more.
 MIN_SIZE_PX = 32

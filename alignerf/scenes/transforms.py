@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf import wording
+from alignerf.command import faults
 from alignerf.scenes import photos, prepare
 
 log = logging.getLogger(__name__)
@@ -94,7 +94,7 @@ def _frames_with_image(path, frames):
             path,
             len(missing),
             len(frames),
-            wording.some_names(missing),
+            faults.some_names(missing),
         )
     return kept, sorted(Path(name).stem for name in missing)
 

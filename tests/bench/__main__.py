@@ -10,7 +10,7 @@ import pathlib
 import sys
 import time
 
-from alignerf import cli
+from alignerf.command import faults
 from tests.bench import cases, report
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -50,4 +50,4 @@ def _data():
 
 
 if __name__ == "__main__":
-    sys.exit(cli.run(main))
+    sys.exit(faults.run(main))

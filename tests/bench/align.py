@@ -17,7 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 import yaml
 
-from alignerf import config, methods
+from alignerf.experiment import settings
+from alignerf.training import methods
 from tests.bench import cases, measure, ours, searches
 
 # Of the paper: patches of 32 in 48 pixels, 289 offsets.
@@ -120,13 +121,13 @@ def in_float64(render, photo):
 def shares(options):
     """Rows: per cent of a fine-tuning step, by config and for the published model."""
     if options.quick:
-        yield share("tiny", cases.TINY, settings("demo") | QUICK_SETTINGS, 1)
+        yield share("tiny", cases.TINY, settings_of("demo") | QUICK_SETTINGS, 1)
         return
     for name in ("demo", "own_photos"):
         model = read_config(name)["models"]["base"]
-        yield share(name, model, settings(name), options.repeats)
+        yield share(name, model, settings_of(name), options.repeats)
     # One patch of the 32: all grows with their number, and a step takes long.
-    paper = settings("demo") | {"patches": 1, "features": 128}
+    paper = settings_of("demo") | {"patches": 1, "features": 128}
     yield share("published, 1 patch", cases.PUBLISHED, paper, 3)
 
 
@@ -139,29 +140,29 @@ def read_config(name):
     return yaml.safe_load(path.read_text())
 
 
-def settings(name):
+def settings_of(name):
     """Of the method alignerf in a config, as a job takes them."""
     found = read_config(name)["methods"]["alignerf"]["alignerf"]
     return {"frequency_weights": None} | found
 
 
-def share(name, model, settings, repeats):
+def share(name, model, chosen, repeats):
     """A row: the loss with its search and gradient, and the step, in turns."""
     training = cases.TRAINING | {"steps": 1000, "batch_rays": 1024}
-    job = config.parse_job(
+    job = settings.parse_job(
         {
             "seed": 0,
             "stage": "finetune",
             "model": model,
             "training": training,
-            "alignerf": settings,
+            "alignerf": chosen,
         }
     )
     patches = random_patches(
         np.random.default_rng(0),
-        *(settings[key] for key in ("patches", "patch_px", "radius_px")),
+        *(chosen[key] for key in ("patches", "patch_px", "radius_px")),
     )
-    valid, penalty = jnp.ones(patches[1].shape[:3]), settings["align_penalty"]
+    valid, penalty = jnp.ones(patches[1].shape[:3]), chosen["align_penalty"]
     loss = jax.jit(
         jax.grad(lambda r, g: methods.match_patches(r, g, valid, penalty)[1])
     )
@@ -177,6 +178,6 @@ def share(name, model, settings, repeats):
             100 * a / b for a, b in zip(times["loss"], times["step"], strict=True)
         ),
         goal=measure.Goal("ours", "<=", 10.0),
-        note=f"{settings['patches']} patches of {settings['patch_px']} px, "
-        f"radius {settings['radius_px']} px",
+        note=f"{chosen['patches']} patches of {chosen['patch_px']} px, "
+        f"radius {chosen['radius_px']} px",
     )

@@ -9,8 +9,8 @@ import pathlib
 
 import numpy as np
 
-from alignerf import cameras, config, scene
-from alignerf.scenes import prepare, transforms
+from alignerf.experiment import settings
+from alignerf.scenes import cameras, prepare, prepared, transforms
 
 NEAR, FAR = 0.2, 1e6
 SAMPLES = [64, 64, 32]
@@ -77,10 +77,10 @@ def with_precision(model, precision):
 FIELDS = ("proposal", "field")
 
 
-def make_job(model, *, batch_rays, steps=250_000, **training) -> config.Job:
+def make_job(model, *, batch_rays, steps=250_000, **training) -> settings.Job:
     """A full training of a model; `training` changes keys of `TRAINING`."""
     training = TRAINING | training | {"steps": steps, "batch_rays": batch_rays}
-    return config.parse_job(
+    return settings.parse_job(
         {
             "seed": 0,
             "stage": "full",
@@ -93,7 +93,7 @@ def make_job(model, *, batch_rays, steps=250_000, **training) -> config.Job:
 
 def as_json(job):
     """A job as the command line takes it."""
-    return json.dumps(config.as_dict(job))
+    return json.dumps(settings.as_dict(job))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,7 +138,7 @@ def fox(data, factor):
         camtoworlds=camtoworlds,
     )
     split = prepare.split_views(len(views.names), test_every=8)
-    return tuple(photos.take(np.flatnonzero(split == name)) for name in scene.SPLITS)
+    return tuple(photos.take(np.flatnonzero(split == name)) for name in prepared.SPLITS)
 
 
 def write_scene(folder, photos: Photos):

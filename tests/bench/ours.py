@@ -7,14 +7,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf import batches, config, program, render_views
+from alignerf import render_views
+from alignerf.training import batches, compose, program
 
 
 class Training:
     """A job's training: a call is a step."""
 
     def __init__(self, job, photos):
-        self.method = config.make_method(job)
+        self.method = compose.make_method(job)
         views = as_views(photos)
         params = jax.jit(self.method.init)(jax.random.key(job.seed))
         built = program.build(job, self.method, params, views)

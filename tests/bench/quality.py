@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf import cameras
+from alignerf.scenes import cameras
 from tests.bench import cases, measure, multinerf, ours, theirs
 
 TARGET_DB = 22.0

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf import align_loss
+from alignerf.contributions import align_loss
 
 
 def cut(image, dy, dx, size):

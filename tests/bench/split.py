@@ -20,7 +20,7 @@ import tempfile
 import numpy as np
 import yaml
 
-from alignerf import cameras
+from alignerf.scenes import cameras
 from tests.bench import measure
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]

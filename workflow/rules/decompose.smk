@@ -65,7 +65,7 @@ rule displacement_table:
         "../../environment.yml"
     params:
         rows=lambda w: as_json(displacement_rows(w.scene)),
-        sources=sources_of("flow.tables"),
+        sources=sources_of("alignerf.tables.displacement"),
     shell:
-        "python -m flow.tables --rows {params.rows:q} --csv {output.csv:q}"
+        "python -m alignerf.tables.displacement --rows {params.rows:q} --csv {output.csv:q}"
         " --tex {output.tex:q} 2>&1 | tee {log:q}"

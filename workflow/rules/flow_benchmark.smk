@@ -25,7 +25,7 @@ rule flow_benchmark:
     threads: workflow.cores or 1
     params:
         scene=lambda w: flow_benchmark_scene(),
-        sources=[sources_of("flow.benchmark"), sources_of("flow.large_pair")],
+        sources=[sources_of("flow.benchmark"), sources_of("flow.benchmark.large_pair")],
     shell:
         "python -m flow.benchmark {params.scene:q}"
         " --csv {output.csv:q} --tex {output.tex:q} --figure {output.figure:q}"

@@ -23,7 +23,7 @@ rule regimes:
         "../../environment.yml"
     params:
         rows=lambda w: as_json(regime_scenes()),
-        sources=sources_of("alignerf.regimes"),
+        sources=sources_of("alignerf.tables.regimes"),
     shell:
-        "python -m alignerf.regimes --rows {params.rows:q} --csv {output.csv:q}"
+        "python -m alignerf.tables.regimes --rows {params.rows:q} --csv {output.csv:q}"
         " --tex {output.tex:q} --figure {output.figure:q} 2>&1 | tee {log:q}"

@@ -17,9 +17,9 @@ rule misalignment_table:
         "../../environment.yml"
     params:
         rows=lambda w: as_json(table_rows(w.scene)),
-        sources=sources_of("alignerf.tables"),
+        sources=sources_of("alignerf.tables.misalignment"),
     shell:
-        "python -m alignerf.tables --rows {params.rows:q} --csv {output.csv:q}"
+        "python -m alignerf.tables.misalignment --rows {params.rows:q} --csv {output.csv:q}"
         " --tex {output.tex:q} 2>&1 | tee {log:q}"
 
 
@@ -37,9 +37,9 @@ rule round_times:
         "../../environment.yml"
     params:
         rows=lambda w: as_json(time_rows(w.scene)),
-        sources=sources_of("alignerf.round_times"),
+        sources=sources_of("alignerf.tables.round_times"),
     shell:
-        "python -m alignerf.round_times --rows {params.rows:q} --csv {output.csv:q}"
+        "python -m alignerf.tables.round_times --rows {params.rows:q} --csv {output.csv:q}"
         " --tex {output.tex:q} 2>&1 | tee {log:q}"
 
 
@@ -62,9 +62,9 @@ rule controls_table:
         "../../environment.yml"
     params:
         rows=lambda w: as_json(score_rows(w.scene)),
-        sources=sources_of("alignerf.controls_table"),
+        sources=sources_of("alignerf.tables.controls"),
     shell:
-        "python -m alignerf.controls_table --rows {params.rows:q} --csv {output.csv:q}"
+        "python -m alignerf.tables.controls --rows {params.rows:q} --csv {output.csv:q}"
         " --tex {output.tex:q} 2>&1 | tee {log:q}"
 
 
@@ -87,9 +87,9 @@ rule ranking_table:
         "../../environment.yml"
     params:
         rows=lambda w: as_json(score_rows(w.scene)),
-        sources=sources_of("alignerf.ranking_table"),
+        sources=sources_of("alignerf.tables.ranking"),
     shell:
-        "python -m alignerf.ranking_table --rows {params.rows:q} --csv {output.csv:q}"
+        "python -m alignerf.tables.ranking --rows {params.rows:q} --csv {output.csv:q}"
         " --tex {output.tex:q} 2>&1 | tee {log:q}"
 
 
@@ -140,9 +140,9 @@ rule figures:
     params:
         rounds=lambda w: as_json(figure_rounds(w.scene)),
         curves=lambda w: as_json(displacement_rows(w.scene)),
-        sources=sources_of("flow.figures"),
+        sources=sources_of("flow.figures.scene"),
     shell:
-        "python -m flow.figures --photos {input.images:q}"
+        "python -m flow.figures.scene --photos {input.images:q}"
         " --testset results/{wildcards.scene:q}/testset --reference {input.reference:q}"
         " --rounds {params.rounds:q} --flow-figure {output.flow:q}"
         " --rounds-figure {output.rounds:q} --parts {input.parts:q}"
@@ -174,7 +174,7 @@ rule crops:
         "../../environment.yml"
     params:
         methods=lambda w: as_json(crop_methods(w.scene)),
-        sources=sources_of("flow.crop_figure"),
+        sources=sources_of("flow.figures.crops"),
     shell:
-        "python -m flow.crop_figure --photos {input.images:q}"
+        "python -m flow.figures.crops --photos {input.images:q}"
         " --methods {params.methods:q} --figure {output:q} 2>&1 | tee {log:q}"

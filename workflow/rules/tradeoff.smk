@@ -94,7 +94,7 @@ rule tradeoff:
         "../../environment.yml"
     params:
         rows=lambda w: as_json(sweep_rows()),
-        sources=sources_of("alignerf.tradeoff"),
+        sources=sources_of("alignerf.tables.tradeoff"),
     shell:
-        "python -m alignerf.tradeoff --rows {params.rows:q} --csv {output.csv:q}"
+        "python -m alignerf.tables.tradeoff --rows {params.rows:q} --csv {output.csv:q}"
         " --tex {output.tex:q} --figure {output.figure:q} 2>&1 | tee {log:q}"

@@ -1,0 +1,1 @@
+"""What every command shares: faults in one line, whole files, archives, progress."""

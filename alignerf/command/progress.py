@@ -1,0 +1,56 @@
+"""A progress line for long loops: a bar on a terminal, a line now and then in a log."""
+
+import sys
+import time
+
+import tqdm
+
+
+class Progress:
+    """Counts steps; shows numbers, speed and the time left."""
+
+    def __init__(self, title, total, *, done=0, unit="step", log_every_s=10.0):
+        self.title, self.total, self.done, self.unit = title, total, done, unit
+        self.first, self.start = done, time.perf_counter()
+        self.shown, self.log_every_s = self.start, log_every_s
+        self.bar = None
+        if sys.stderr.isatty():
+            self.bar = tqdm.tqdm(desc=title, total=total, initial=done, unit=unit)
+
+    def advance(self, count=1, **numbers):
+        """`count` further steps; `numbers` are shown as name value."""
+        self.done += count
+        text = "  ".join(f"{name} {value:.4g}" for name, value in numbers.items())
+        if self.bar is not None:
+            self.bar.set_postfix_str(text, refresh=False)
+            self.bar.update(count)
+            return
+        now = time.perf_counter()
+        if now - self.shown < self.log_every_s and self.done < self.total:
+            return
+        self.shown = now
+        speed = (self.done - self.first) / max(now - self.start, 1e-9)
+        left_s = (self.total - self.done) / max(speed, 1e-9)
+        minutes, seconds = divmod(round(left_s), 60)
+        print(
+            f"{self.title}: {self.unit} {self.done}/{self.total}  {text}  "
+            f"eta {minutes}:{seconds:02d}",
+            file=sys.stderr,
+            flush=True,
+        )
+
+    def close(self):
+        if self.bar is not None:
+            self.bar.close()
+
+
+def over(items, title, *, unit="view"):
+    """Yield the items, and show how many are done."""
+    items = list(items)
+    shown = Progress(title, len(items), unit=unit)
+    try:
+        for item in items:
+            yield item
+            shown.advance()
+    finally:
+        shown.close()

@@ -1,0 +1,1 @@
+"""What a config means: settings, jobs and their slices, rows of tables. No JAX here."""

@@ -1,0 +1,69 @@
+"""What the fixed convolutional networks (VGG-19, LPIPS backbones) share.
+
+Notation: images [n, h, w, c], kernels [kh, kw, c, out] (HWIO).
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from alignerf.command import archives
+
+# GPUs would round products to ten bits by default: 1e-3 of a metric's value.
+PRECISION = jax.lax.Precision.HIGHEST
+
+
+def convolve(x, kernel, *, stride=1, padding=0):
+    """Cross-correlation of images with a kernel, zero padding on all sides."""
+    return jax.lax.conv_general_dilated(
+        x,
+        kernel,
+        (stride, stride),
+        [(padding, padding)] * 2,
+        dimension_numbers=("NHWC", "HWIO", "NHWC"),
+        precision=PRECISION,
+    )
+
+
+def layer(x, weights, name, **options):
+    """ReLU of the convolution with `<name>_w`, `<name>_b` of the weights."""
+    x = convolve(x, weights[f"{name}_w"], **options)
+    return jax.nn.relu(x + weights[f"{name}_b"])
+
+
+def max_pool(x, *, size=3, stride=2, ceil=False):
+    """Maximum over windows that lie inside the image, or, with `ceil`, begin in it."""
+    beyond = [-(n - size) % stride if ceil else 0 for n in x.shape[1:3]]
+    return jax.lax.reduce_window(
+        x,
+        -jnp.inf,
+        jax.lax.max,
+        (1, size, size, 1),
+        (1, stride, stride, 1),
+        [(0, 0), *((0, n) for n in beyond), (0, 0)],
+    )
+
+
+def layer_shapes(layers):
+    """{array: shape} of kernels and biases; `layers` {name: (side, c, out)}."""
+    kernels = {f"{name}_w": (k, k, c, out) for name, (k, c, out) in layers.items()}
+    return kernels | {f"{name}_b": (out,) for name, (_, _, out) in layers.items()}
+
+
+def read_weights(path, shapes):
+    """Arrays of an .npz by name, as float32; `shapes` {name: shape}.
+
+    Raises ValueError naming the file where it is no .npz, lacks an array, or
+    holds one of another shape or with a number that is not finite.
+    """
+    found = archives.read(path, shapes)
+    for name, array in found.items():
+        if array.shape != shapes[name]:
+            raise ValueError(
+                f"{path}: array {name} is {array.shape} instead of {shapes[name]}"
+            )
+        with np.errstate(over="ignore"):
+            found[name] = array.astype(np.float32)
+        if array.dtype.kind != "f" or not np.isfinite(found[name]).all():
+            raise ValueError(f"{path}: array {name} is not of finite numbers")
+    return {name: jnp.asarray(array) for name, array in found.items()}

@@ -1,0 +1,1 @@
+"""The embedded scene, ray-traced with photographic textures, and its truth."""

@@ -1,0 +1,163 @@
+"""A prepared scene folder, as every stage after the poses reads it.
+
+`images/<view>.png`, and `cameras.npz` with pixtocams [n, 3, 3], camtoworlds
+[n, 3, 4], names [n], width, height, split [n] ('train' or 'test').
+"""
+
+import concurrent.futures
+import contextlib
+import dataclasses
+import math
+import os
+import pathlib
+
+import numpy as np
+from PIL import Image
+
+from alignerf.command import archives
+from alignerf.scenes import cameras
+
+SPLITS = ("train", "test")
+# Beyond it squares, as of distances between cameras, leave float32.
+LARGEST = 1e18
+# JAX copies arrays that start elsewhere.
+ALIGNMENT = 64
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """Cameras in the normalised frame: centred, PCA-rotated, max |t| = 1."""
+
+    folder: pathlib.Path
+    names: list[str]
+    split: np.ndarray
+    pixtocams: np.ndarray
+    camtoworlds: np.ndarray
+    width: int
+    height: int
+
+    def views(self, split):
+        """Indices of the views of a split, in name order; none is an error."""
+        chosen = np.flatnonzero(self.split == split)
+        if len(chosen) == 0:
+            raise ValueError(f"{self.folder / 'cameras.npz'}: no {split} view")
+        return chosen
+
+
+def load(folder) -> Scene:
+    """Read and check a scene's cameras; poses come out normalised."""
+    path = pathlib.Path(folder) / "cameras.npz"
+    data = archives.read(
+        path, ("pixtocams", "camtoworlds", "names", "width", "height", "split")
+    )
+    check_cameras(path, data)
+    if bad := set(data["split"].tolist()) - set(SPLITS):
+        raise ValueError(f"{path}: split holds {sorted(bad)[0]!r}")
+    camtoworlds, _ = cameras.normalize_poses(data["camtoworlds"])
+    return Scene(
+        folder=pathlib.Path(folder),
+        names=data["names"].tolist(),
+        split=data["split"],
+        pixtocams=data["pixtocams"],
+        camtoworlds=camtoworlds,
+        width=int(data["width"]),
+        height=int(data["height"]),
+    )
+
+
+def check_cameras(path, data):
+    """Every view's camera is finite and sees: no ray may lack a direction."""
+    names = data["names"].tolist()
+    for key, shape in (("pixtocams", (3, 3)), ("camtoworlds", (3, 4))):
+        matrices = data[key]
+        if matrices.shape != (len(names), *shape):
+            raise ValueError(f"{path}: {key} is not an array of {(len(names), *shape)}")
+        finite = (np.abs(matrices) < LARGEST).all(axis=(1, 2))
+        sees = flatness(np.where(finite[:, None, None], matrices, 0)) > 1e-6
+        for good, fault in ((finite, "not finite"), (sees, "singular")):
+            if not good.all():
+                name = names[int(np.argmin(good))]
+                raise ValueError(f"{path}: {key} of view {name!r} is {fault}")
+
+
+def flatness(matrices):
+    """Volumes [n] of the first three columns over those of boxes of their lengths."""
+    columns = matrices[:, :, :3]
+    lengths = np.linalg.norm(columns, axis=1, keepdims=True)
+    return np.abs(np.linalg.det(columns / np.maximum(lengths, 1e-30)))
+
+
+def read_image(path, *, width=None, height=None) -> np.ndarray:
+    """8-bit RGB image [h, w, 3]; a wrong size or kind or a broken file is named."""
+    with _opened(path, width, height) as image:
+        return np.asarray(image)
+
+
+def check_images(scene: Scene, views, folder):
+    """Refuse now, by the file's head, most of what `read_images` refuses."""
+    for view in views:
+        with _opened(_image_path(scene, view, folder), scene.width, scene.height):
+            pass
+
+
+@contextlib.contextmanager
+def _opened(path, width, height):
+    """A Pillow image whose pixels are yet to be read, of this size unless None."""
+    try:
+        with Image.open(path) as image:
+            if image.mode != "RGB":
+                raise ValueError(f"{path}: not 8-bit RGB but Pillow's {image.mode}")
+            if width is not None and image.size != (width, height):
+                raise ValueError(
+                    f"{path}: {image.width}x{image.height} pixels, "
+                    f"the scene has {width}x{height}"
+                )
+            yield image
+    except (OSError, SyntaxError) as error:
+        raise ValueError(f"{path}: not a readable image ({error})") from None
+
+
+def _image_path(scene, view, folder):
+    return pathlib.Path(folder) / f"{scene.names[view]}.png"
+
+
+def read_images(scene: Scene, views, folder) -> np.ndarray:
+    """Images [views, h, w, 3] uint8 of these views from a folder of PNGs.
+
+    Decoded side by side, each straight to its place: one copy is in memory.
+    """
+    images = empty_images((len(views), scene.height, scene.width, 3))
+
+    def read(slot):
+        path = _image_path(scene, views[slot], folder)
+        images[slot] = read_image(path, width=scene.width, height=scene.height)
+
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        for _ in pool.map(read, range(len(views))):
+            pass
+    return images
+
+
+def empty_images(shape):
+    """An uninitialised uint8 array at an address that JAX takes without a copy."""
+    size = math.prod(shape)
+    buffer = np.empty(size + ALIGNMENT, np.uint8)
+    start = -buffer.ctypes.data % ALIGNMENT
+    return buffer[start : start + size].reshape(shape)
+
+
+def read_validity(scene: Scene, views, folder) -> np.ndarray:
+    """Masks [views, h, w] bool of these views from a folder of flow archives.
+
+    Raises ValueError where a view has no valid pixel: nothing could be learnt.
+    """
+    masks = np.empty((len(views), scene.height, scene.width), bool)
+    for slot, view in enumerate(views):
+        path = pathlib.Path(folder) / f"{scene.names[view]}.npz"
+        mask = archives.read(path, ["valid"])["valid"]
+        if mask.shape != masks.shape[1:]:
+            raise ValueError(f"{path}: valid is {mask.shape}, not {masks.shape[1:]}")
+        if not mask.any():
+            raise ValueError(f"{path}: no valid pixel")
+        masks[slot] = mask
+    return masks

@@ -1,0 +1,6 @@
+"""The tables, one command each, and their figures.
+
+`misalignment` is the paper's Table 1, `regimes` its Table 4. `controls` and `ranking`
+say how far the warped test set may be trusted, `displacement` how misaligned the photos
+are and by what.
+"""

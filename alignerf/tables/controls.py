@@ -1,0 +1,117 @@
+"""What a warped test set's gain is made of: `python -m alignerf.tables.controls`.
+
+Reads the scores of every method and round; writes CSV and LaTeX. All are means over
+test views of differences in PSNR, paired by view, both sides on the same pixels but
+for the gain, of which `choice` says how much that is. What `remains` adds up terms on
+three sets of pixels (all, valid, and valid for the invented flow): `held_out`, on
+the valid ones alone, is the measure of alignment, and `remains` its check.
+"""
+
+import pandas as pd
+
+from alignerf.command import faults
+from alignerf.tables import files as table_files
+from alignerf.tables import scores
+
+# What is measured, and the two test sets whose difference it is (or one's score).
+QUANTITIES = {
+    "standard": ("standard", None),
+    "warped": ("warped", None),
+    "gain": ("warped", "standard"),
+    "choice": ("standard_valid", "standard"),
+    "resampling": ("control", "standard"),
+    "placebo": ("placebo", "standard"),
+    "leak": ("leak", "leak_held_out"),
+    "displaced": ("leak_held_out", "aligned"),
+    "held_out": ("held_out", "standard_valid"),
+    "oracle": ("oracle", None),
+    "oracle_gain": ("oracle", "standard"),
+}
+# What is no alignment; the rest of the gain remains as such.
+TAKEN = ("choice", "resampling", "leak")
+NEEDED = {name for pair in QUANTITIES.values() for name in pair} - {None, "oracle"}
+COLUMNS = ("method", "warping", "quantity", "db", "low_db", "high_db", "views")
+HEADINGS = {
+    "standard": "standard",
+    "warped": "warped",
+    "gain": "gain",
+    "choice": "pixels",
+    "resampling": "resampling",
+    "placebo": "(placebo)",
+    "leak": "leak",
+    "remains": "remains",
+    "held_out": "held out",
+    "displaced": "displaced",
+    "oracle": "oracle",
+    "oracle_gain": "oracle gain",
+}
+
+
+def main(argv=None):
+    table_files.run(__doc__, argv, make_table, to_latex)
+
+
+def make_table(entries):
+    """A row per method, round and quantity. entry: method, round, metrics (CSV)."""
+    rows = []
+    for entry in entries:
+        labels = {"method": entry["method"], "warping": scores.warping(entry["round"])}
+        psnr_db = scores.read_psnr(entry["metrics"], sorted(NEEDED))
+        for quantity, values in quantities_of(psnr_db).items():
+            named = labels | {"quantity": quantity, "views": len(values)}
+            rows.append(named | scores.mean_and_interval(values))
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def quantities_of(psnr_db):
+    """{quantity: dB of each view}, in the order of the headings."""
+    found = {}
+    for quantity, (above, below) in QUANTITIES.items():
+        if above in psnr_db:
+            found[quantity] = psnr_db[above] - (psnr_db[below] if below else 0.0)
+    found["remains"] = found["gain"] - sum(found[quantity] for quantity in TAKEN)
+    return {quantity: found[quantity] for quantity in HEADINGS if quantity in found}
+
+
+def to_latex(table):
+    """booktabs table, a row per method and warping. Needs booktabs and multirow."""
+    keys = ["method", "warping"]
+    lines = table.drop_duplicates(keys)[keys]
+    shown = [quantity for quantity in HEADINGS if quantity in set(table["quantity"])]
+    cells = {
+        (*row[:2], row[2]): cell(*row[2:6])
+        for row in table[list(COLUMNS)].itertuples(index=False)
+    }
+    wide = pd.DataFrame(
+        [
+            {
+                HEADINGS[quantity]: cells.get((method, warping, quantity), "--")
+                for quantity in shown
+            }
+            for method, warping in lines.itertuples(index=False)
+        ],
+        index=pd.MultiIndex.from_tuples(
+            [(scores.latex_name(method), name) for method, name in lines.values],
+            names=("Method", "Warping"),
+        ),
+    )
+    columns = "ll" + "r" * len(shown)
+    tex = wide.style.to_latex(hrules=True, column_format=columns)
+    return (
+        "% \\usepackage{booktabs,multirow}\n"
+        "% PSNR in dB, mean over test views; differences paired by view, with 95 %\n"
+        "% bootstrap intervals; bold: the interval does not hold 0.\n"
+        "% gain = warped - standard; remains = gain - pixels - resampling - leak.\n"
+        f"{tex}"
+    )
+
+
+def cell(quantity, mean, low, high):
+    """A score plainly, a difference with its interval."""
+    if QUANTITIES.get(quantity, ("", ""))[1] is None:
+        return scores.with_interval(mean, float("nan"), float("nan"))
+    return scores.latex_difference(mean, low, high)
+
+
+if __name__ == "__main__":
+    faults.run(main)

@@ -1,0 +1,100 @@
+"""What a training step learns from: rays or patches of rays, drawn from the views.
+
+All that is random is drawn here, with the batch, before anything is computed of it.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from alignerf.scenes import cameras
+
+
+class Views(NamedTuple):
+    """Training views in memory."""
+
+    photos: Any  # [n, h, w, 3] uint8
+    valid: Any  # [n, h, ceil(w / 8)] uint8, from pack_valid; None: every pixel counts
+    pixtocams: Any  # [n, 3, 3]
+    camtoworlds: Any  # [n, 3, 4]
+
+
+class RayBatch(NamedTuple):
+    """Single rays; the weights are 1 on average, or all 0."""
+
+    view: Any  # [n]
+    rays: Any  # cameras.Rays [n]
+    jitter: Any  # [n, rounds] of the samples, in [0, 1)
+    photo: Any  # [n, 3]
+    weight: Any  # [n]
+
+
+class PatchBatch(NamedTuple):
+    """Square patches of p x p rays in the middle of q x q pixels of a photo."""
+
+    view: Any  # [n]
+    rays: Any  # cameras.Rays [n, p p]
+    jitter: Any  # [n, p p, rounds]
+    photo: Any  # [n, q, q, 3]
+    exists: Any  # [n, q, q], zero beyond the photo's border and where it is not valid
+
+
+def pack_valid(mask):
+    """Bits [..., h, ceil(w / 8)] of a mask [..., h, w]: 1/24 of its photo's size."""
+    return np.packbits(mask, axis=-1)
+
+
+def is_valid(views: Views, view, y, x):
+    """One where a pixel counts, else zero, as float32."""
+    if views.valid is None:
+        return jnp.ones(view.shape)
+    bits = views.valid[view, y, x // 8] >> (7 - x % 8).astype(jnp.uint8)
+    return (bits & 1).astype(jnp.float32)
+
+
+def draw_rays(key, views: Views, count, rounds) -> RayBatch:
+    """Pixels drawn uniformly from all views."""
+    n, h, w, _ = views.photos.shape
+    key_view, key_y, key_x, key_jitter = jax.random.split(key, 4)
+    view = jax.random.randint(key_view, (count,), 0, n)
+    y = jax.random.randint(key_y, (count,), 0, h)
+    x = jax.random.randint(key_x, (count,), 0, w)
+    weight = is_valid(views, view, y, x)
+    return RayBatch(
+        view=view,
+        rays=cameras.pixels_to_rays(
+            x, y, views.pixtocams[view], views.camtoworlds[view]
+        ),
+        jitter=jax.random.uniform(key_jitter, (count, rounds)),
+        photo=views.photos[view, y, x].astype(jnp.float32) / 255.0,
+        weight=weight / jnp.maximum(jnp.mean(weight), 1e-6),
+    )
+
+
+def draw_patches(key, views: Views, count, size, radius, rounds) -> PatchBatch:
+    """Patches drawn uniformly from all views, size p, with q = p + 2 radius."""
+    n, h, w, _ = views.photos.shape
+    key_view, key_y, key_x, key_jitter = jax.random.split(key, 4)
+    view = jax.random.randint(key_view, (count,), 0, n)
+    top = jax.random.randint(key_y, (count,), 0, h - size + 1)
+    left = jax.random.randint(key_x, (count,), 0, w - size + 1)
+    inner, outer = jnp.arange(size), jnp.arange(-radius, size + radius)
+    y = jnp.broadcast_to(top[:, None, None] + inner[:, None], (count, size, size))
+    x = jnp.broadcast_to(left[:, None, None] + inner[None, :], (count, size, size))
+    camera = views.pixtocams[view][:, None], views.camtoworlds[view][:, None]
+    rays = cameras.pixels_to_rays(x.reshape(count, -1), y.reshape(count, -1), *camera)
+    rows, columns = top[:, None] + outer, left[:, None] + outer
+    exists = ((rows >= 0) & (rows < h))[:, :, None]
+    exists = exists & ((columns >= 0) & (columns < w))[:, None, :]
+    rows, columns = jnp.clip(rows, 0, h - 1), jnp.clip(columns, 0, w - 1)
+    where = (view[:, None, None], rows[:, :, None], columns[:, None, :])
+    exists = exists * is_valid(views, *where)
+    return PatchBatch(
+        view=view,
+        rays=rays,
+        jitter=jax.random.uniform(key_jitter, (count, size**2, rounds)),
+        photo=views.photos[where].astype(jnp.float32) / 255.0,
+        exists=exists,
+    )

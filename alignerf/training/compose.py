@@ -1,0 +1,76 @@
+"""The method that a job names, composed of its model, its field and its losses."""
+
+from alignerf import fields
+from alignerf.contributions import frequency_loss
+from alignerf.experiment import settings
+from alignerf.mipnerf360 import model as mipnerf360
+from alignerf.training import methods
+
+
+def make_method(job: settings.Job, *, to_train=True) -> methods.Method:
+    """The method of a job: baseline, or AligNeRF in its fine-tuning stage.
+
+    to_train False leaves out what only its loss needs, the weights file.
+    """
+    fine = job.stage == "finetune"
+    outputs = {"outputs": job.alignerf.outputs} if fine else {}
+    model = mipnerf360.Model(
+        proposal=make_field(job.model.proposal, "proposal"),
+        field=make_field({**job.model.field, **outputs}, "field"),
+        samples=tuple(job.model.samples),
+        near=job.model.near,
+        far=job.model.far,
+    )
+    loss_weights = {
+        "interlevel": job.training.interlevel_weight,
+        "distortion": job.training.distortion_weight,
+    }
+    if not fine:
+        return methods.mipnerf360(
+            model,
+            batch_rays=job.training.batch_rays,
+            loss_weights=loss_weights,
+            annealed=job.stage != "warm",
+        )
+    chosen = job.alignerf
+    return methods.alignerf(
+        model,
+        patches=chosen.patches,
+        patch_px=chosen.patch_px,
+        convolution=chosen.convolution,
+        loss=make_loss(chosen, to_train=to_train),
+        loss_weights=loss_weights,
+    )
+
+
+def make_loss(chosen: settings.AligNeRF, *, to_train) -> methods.Loss:
+    """The loss of fine-tuning; without a radius yet (see `train`), one of 0."""
+    return methods.Loss(
+        matching=chosen.matching,
+        error=chosen.error,
+        radius_px=chosen.radius_px or 0,
+        align_penalty=chosen.align_penalty,
+        frequency_weight=chosen.frequency_weight,
+        frequency_features=frequency_features(chosen) if to_train else None,
+    )
+
+
+def frequency_features(chosen: settings.AligNeRF):
+    """VGG-19's first block, or the derivative bank; None where it weighs nothing."""
+    if chosen.frequency_weight == 0:
+        return None
+    if chosen.frequency_weights is None:
+        return frequency_loss.bank_features
+    return frequency_loss.vgg_features(chosen.frequency_weights)
+
+
+def make_field(options, where):
+    """A field from its mapping: `kind` and the keywords of that kind."""
+    options = {
+        key: tuple(value) if isinstance(value, list) else value
+        for key, value in options.items()
+    }
+    try:
+        return fields.make(**options)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"config.model.{where}: {error}") from None

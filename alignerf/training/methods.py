@@ -1,0 +1,197 @@
+"""Methods as compositions of a model, a way to draw rays, a head and losses.
+
+A method is five functions and two sizes; training and rendering know nothing else
+of it.
+Notation: params a tree of parameters, one subtree a network; views the training
+photos on the device; share in [0, 1] the part of the training that has passed.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from alignerf.contributions import (
+    align_loss,
+    contextual_loss,
+    frequency_loss,
+    patch_conv,
+)
+from alignerf.mipnerf360 import losses
+from alignerf.scenes import cameras
+from alignerf.training import batches
+
+
+class Method(NamedTuple):
+    """What training and rendering need of a method.
+
+    A batch is drawn for one step: arrays that all begin with its units (rays or
+    patches), among them `view` [units]. All that is random is drawn with it, and
+    terms are means over units, so that parts of a batch average to the whole.
+    """
+
+    units: int
+    init: Callable  # key -> params
+    draw: Callable  # (key, views) -> batch
+    terms: Callable  # (params, batch, share) -> ({term: mean}, {number: mean})
+    render: Callable  # (params, rays [n]) -> model.Rendering
+    colours: Callable  # (params, values [h + 2 halo, w + 2 halo, c]) -> RGB [h, w, 3]
+    halo: int = 0  # pixels around one that its colour depends on
+
+
+def _some_rays():
+    """Two rays to initialise a model's shapes with."""
+    ones = jnp.ones((2, 3))
+    return cameras.Rays(ones, ones, ones / jnp.sqrt(3.0), 0.01 * ones[:, :1])
+
+
+def _regularisers(histograms, weights):
+    return {
+        "interlevel": weights["interlevel"] * losses.interlevel(histograms),
+        "distortion": weights["distortion"] * losses.distortion(histograms),
+    }
+
+
+def mipnerf360(model, *, batch_rays, loss_weights, annealed=True) -> Method:
+    """The baseline: single rays, Charbonnier loss (arXiv 2111.12077).
+
+    annealed: early in training samples spread beyond where the proposals put them;
+    not so for a training that begins with trained proposals.
+    """
+
+    def terms(params, batch, share):
+        rendering = model.apply(
+            {"params": params["model"]},
+            batch.rays,
+            jitter=batch.jitter,
+            train_share=share if annealed else 1.0,
+        )
+        error = jnp.mean((rendering.values - batch.photo) ** 2, axis=-1)
+        # A part of the batch counts by the weight that it holds of the whole.
+        held = jnp.mean(batch.weight)
+        data = losses.charbonnier(rendering.values, batch.photo, batch.weight)
+        regularisers = _regularisers(rendering.histograms, loss_weights)
+        mse = losses.weighted_mean(error, batch.weight)
+        return {"data": data * held, **regularisers}, {"mse": mse * held}
+
+    return Method(
+        units=batch_rays,
+        init=lambda key: {"model": model.init(key, _some_rays())["params"]},
+        draw=lambda key, views: batches.draw_rays(
+            key, views, batch_rays, len(model.samples)
+        ),
+        terms=terms,
+        render=lambda params, rays: model.apply({"params": params["model"]}, rays),
+        colours=lambda params, values: values,
+    )
+
+
+class Loss(NamedTuple):
+    """How a rendered patch is set against the photo around it.
+
+    matching: `patch` moves the photo by one offset a patch (Eq. 4), `pixel` by one a
+    pixel (contextual). error: `squared` (as printed) or `charbonnier` (the
+    baseline's), of the render and what it was matched with. A patch with a radius of 0
+    is compared where its rays are.
+    """
+
+    matching: str
+    error: str
+    radius_px: int
+    align_penalty: float
+    frequency_weight: float
+    frequency_features: Callable | None  # None: no such loss
+
+
+def data_loss(rgb, photo, exists, loss: Loss):
+    """(photo patches for the frequency loss, data loss, numbers to show).
+
+    rgb [n, p, p, 3], photo [n, q, q, 3], exists [n, q, q]. In units of one colour
+    value: of L_PM (Eq. 4) the squared error summed over the patch and the penalty of
+    the offset, both divided by the patch's number of values.
+    """
+    match = {"patch": match_patches, "pixel": match_pixels}[loss.matching]
+    patch, squared, length_px = match(rgb, photo, exists, loss.align_penalty)
+    shown = {"mse": jnp.mean((patch - rgb) ** 2), "offset_px": jnp.mean(length_px)}
+    if loss.error == "squared":
+        return patch, squared, shown
+    rays = (x.reshape(-1, x.shape[-1]) for x in (rgb, patch))
+    return patch, losses.charbonnier(*rays, jnp.ones(patch[..., 0].size)), shown
+
+
+def match_patches(rgb, photo, exists, penalty):
+    """One offset a patch: (patches, L_PM a colour value, lengths in px)."""
+    found = jax.vmap(functools.partial(align_loss.align, penalty=penalty))(
+        rgb, photo, exists
+    )
+    length_px = jnp.sqrt(jnp.sum(found.offset_px.astype(jnp.float32) ** 2, axis=-1))
+    # Of one offset: to the same rounding as in the search.
+    squared = jax.vmap(align_loss.squared_errors)(rgb, found.patch)[:, 0, 0]
+    squared = squared * found.scale
+    return found.patch, jnp.mean(squared + penalty * length_px) / rgb[0].size, length_px
+
+
+def match_pixels(rgb, photo, exists, penalty):
+    """One offset a pixel: (patches, contextual loss, lengths in px).
+
+    The penalty is Eq. 4's: of a patch's sum there, of a pixel's mean here.
+    """
+    match = functools.partial(contextual_loss.match, spatial_weight=penalty)
+    found = jax.vmap(match)(rgb, photo, exists)
+    length_px = jnp.sqrt(jnp.sum(found.offset_px.astype(jnp.float32) ** 2, axis=-1))
+    return found.patch, jnp.mean(found.loss) / rgb.shape[-1], length_px
+
+
+def alignerf(
+    model, *, patches, patch_px, convolution, loss: Loss, loss_weights
+) -> Method:
+    """AligNeRF: patches of rays, patch convolution, aligned and frequency losses.
+
+    Each of the three can be left out, for the ablation. Resampling is not annealed:
+    the proposals are trained when fine-tuning starts.
+    """
+    head = patch_conv.PatchConv() if convolution else None
+
+    def colours(params, values, *, padded=False):
+        if head is None:
+            return values
+        return head.apply({"params": params["head"]}, values, padded=padded)
+
+    def terms(params, batch, share):
+        rays, jitter = jax.tree.map(
+            lambda x: x.reshape(-1, x.shape[-1]), (batch.rays, batch.jitter)
+        )
+        rendering = model.apply({"params": params["model"]}, rays, jitter=jitter)
+        values = rendering.values.reshape(-1, patch_px, patch_px, model.field.outputs)
+        rgb = colours(params, values)
+        patch, data, shown = data_loss(rgb, batch.photo, batch.exists, loss)
+        found = {"data": data, **_regularisers(rendering.histograms, loss_weights)}
+        if loss.frequency_features:
+            frequency = frequency_loss.frequency_loss(
+                loss.frequency_features, patch, rgb
+            )
+            # As printed against the sum over the patch, see `data_loss`.
+            found["frequency"] = loss.frequency_weight * frequency / rgb[0].size
+        return found, shown
+
+    def init(key):
+        key_model, key_head = jax.random.split(key)
+        patch = jnp.zeros((1, patch_px, patch_px, model.field.outputs))
+        params = {"model": model.init(key_model, _some_rays())["params"]}
+        if head:
+            params["head"] = head.init(key_head, patch)["params"]
+        return params
+
+    return Method(
+        units=patches,
+        init=init,
+        draw=lambda key, views: batches.draw_patches(
+            key, views, patches, patch_px, loss.radius_px, len(model.samples)
+        ),
+        terms=terms,
+        render=lambda params, rays: model.apply({"params": params["model"]}, rays),
+        colours=lambda params, values: colours(params, values, padded=True),
+        halo=patch_conv.LAYERS if convolution else 0,
+    )

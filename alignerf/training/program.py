@@ -1,0 +1,133 @@
+"""A training's compiled step: fitted to the memory and to the devices.
+
+Micro-batches and devices change the rounding of a step alone (see gradients.py).
+"""
+
+import logging
+import time
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.sharding import NamedSharding, PartitionSpec, SingleDeviceSharding
+
+from alignerf.training import gradients, memory
+from alignerf.training import step as train_step
+
+log = logging.getLogger("alignerf")
+
+
+class Program(NamedTuple):
+    """A compiled step, in how many micro-batches, and over which devices."""
+
+    optimizer: Any
+    step: Any
+    parts: int
+    mesh: Any
+    compile_time_s: float
+
+
+def build(job, method, params, views, *, parts=None, to_come=0) -> Program:
+    """Compile a job's step; of the views their shapes are enough.
+
+    A compiler's memory can thus be given back before the photos are loaded, and a
+    training that does not fit is refused before. `to_come` bytes will yet be taken.
+    """
+    start = time.perf_counter()
+    optimizer = make_optimizer(job)
+    mesh = gradients.make_mesh(method.units, jax.local_devices())
+    shapes = jax.tree.map(
+        lambda leaf: jax.ShapeDtypeStruct(
+            leaf.shape, leaf.dtype, sharding=everywhere(mesh)
+        ),
+        (jax.eval_shape(lambda p: fresh_state(optimizer, p), params), views),
+    )
+    # Adam's two moments are only shapes yet.
+    to_come += memory.tree_bytes(shapes[0].optimizer)
+    step, parts = compile_step(
+        job, method, optimizer, *shapes, parts=parts, mesh=mesh, to_come=to_come
+    )
+    memory.give_back()
+    compile_time_s = round(time.perf_counter() - start, 3)
+    return Program(optimizer, step, parts, mesh, compile_time_s)
+
+
+def fresh_state(optimizer, params):
+    """The state before the first step."""
+    return train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))
+
+
+def make_optimizer(job):
+    """Adam on the schedule of the job's stage."""
+    return train_step.make_optimizer(
+        learning_rates=job.learning_rates,
+        steps=job.schedule_steps,
+        warmup_steps=job.warmup_steps,
+        eps=job.training.adam_eps,
+    )
+
+
+def everywhere(mesh):
+    """The sharding of what is whole on each device of a mesh, or on the only one."""
+    if mesh is None:
+        return SingleDeviceSharding(jax.local_devices()[0])
+    return NamedSharding(mesh, PartitionSpec())
+
+
+def place(tree, mesh):
+    """The tree on the device, or whole on each of the mesh's.
+
+    On a CPU, arrays at an aligned address are taken as they are, without a copy.
+    """
+    return jax.device_put(tree, everywhere(mesh))
+
+
+def compile_step(
+    job, method, optimizer, state, views, *, parts=None, mesh=None, to_come=0
+):
+    """(compiled step, micro-batches): `parts`, or more where the memory asks for it.
+
+    `parts` None begins with what suits the device.
+    """
+    devices = mesh.devices.tolist() if mesh else jax.local_devices()[:1]
+    units = method.units // len(devices)
+    # Those of a checkpoint from other devices may not come out even.
+    if parts is None or units % parts:
+        points = job.rays_per_step * sum(job.model.samples) // method.units
+        parts = gradients.parts_for_caches(units, points, devices[0])
+
+    def compile_parts(parts):
+        step = train_step.make_step(
+            method,
+            optimizer,
+            steps=job.schedule_steps,
+            gradient_norm=job.training.gradient_norm,
+            seed=job.seed,
+            parts=parts,
+            mesh=mesh,
+        )
+        compiled = step.lower(state, views).compile()
+        return compiled, memory.step_bytes(compiled, devices)
+
+    free = memory.free_bytes(devices[0]) - to_come
+    return memory.compile_to_fit(compile_parts, units, free, parts=parts)
+
+
+def log_memory(job, program, state, views):
+    """Say what the training takes, and what was free."""
+    devices = program.mesh.devices.tolist() if program.mesh else [None]
+    rays = job.rays_per_step // (program.parts * len(devices))
+    params = memory.tree_bytes(state.params)
+    activations = memory.step_bytes(program.step, jax.local_devices()[:1]) - params
+    sizes = {
+        "parameters and gradients each": params,
+        "Adam": memory.tree_bytes(state.optimizer),
+        "photos": memory.tree_bytes(views),
+        "activations a ray": max(0, activations) / rays,
+        "free": memory.free_bytes(jax.local_devices()[0]),
+    }
+    log.info(
+        "memory: %s; %d micro-batches of %d rays on %d devices",
+        ", ".join(f"{name} {memory.text(size)}" for name, size in sizes.items()),
+        *(program.parts, rays, len(devices)),
+    )

@@ -1,0 +1,134 @@
+"""One training step: gradient, clipping per network, Adam; everything counted.
+
+Notation: params {network: tree}; `step` counts from 0; the learning rate falls
+log-linearly after a sine warm-up (arXiv 2111.12077, appendix; mip-NeRF's jaxnerf).
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import optax
+from jax.sharding import NamedSharding, PartitionSpec
+
+from alignerf.training import gradients
+
+
+class State(NamedTuple):
+    """All that a step changes: enough to resume bit for bit."""
+
+    step: Any
+    params: Any
+    optimizer: Any
+
+
+def learning_rate(
+    step, *, first, last, steps, warmup_steps, warmup_share=0.01
+) -> jax.Array:
+    """Log-linear from `first` to `last`, times a sine from warmup_share to 1."""
+    progress = jnp.clip(step / steps, 0.0, 1.0)
+    rate = jnp.exp((1 - progress) * jnp.log(first) + progress * jnp.log(last))
+    if warmup_steps == 0:
+        return rate
+    ramp = jnp.sin(0.5 * jnp.pi * jnp.clip(step / warmup_steps, 0.0, 1.0))
+    return rate * (warmup_share + (1 - warmup_share) * ramp)
+
+
+def make_optimizer(*, learning_rates, steps, warmup_steps, eps) -> Any:
+    """Adam (0.9, 0.999, eps) on the schedule above."""
+    first, last = learning_rates
+    return optax.adam(
+        lambda step: learning_rate(
+            step, first=first, last=last, steps=steps, warmup_steps=warmup_steps
+        ),
+        b1=0.9,
+        b2=0.999,
+        eps=eps,
+    )
+
+
+def clip_per_network(grads, max_norm):
+    """Scale each network's gradient to at most max_norm; None leaves it alone."""
+    if max_norm is None:
+        return grads
+
+    def clip(tree):
+        # Norm of the gradient in units of its largest entry: its square may not
+        # overflow, or one large gradient would silently become zero.
+        largest = jnp.max(
+            jnp.stack([jnp.max(jnp.abs(g)) for g in jax.tree.leaves(tree)])
+        )
+        unit = jnp.maximum(largest, 1e-30)
+        scaled = jax.tree.map(lambda g: g / unit, tree)
+        limit = max_norm / optax.tree.norm(scaled)
+        return jax.tree.map(
+            lambda g, s: jnp.where(unit <= limit, g, s * limit), tree, scaled
+        )
+
+    model = {name: clip(tree) for name, tree in grads["model"].items()}
+    others = {name: clip(tree) for name, tree in grads.items() if name != "model"}
+    return {"model": model, **others}
+
+
+def networks(params):
+    """{name: tree} of the networks: the model's two fields, and the head if any."""
+    others = {name: tree for name, tree in params.items() if name != "model"}
+    return {**params["model"], **others}
+
+
+def draw(method, views, step, *, steps, seed):
+    """What a step learns from: (batch, share of the training that has passed).
+
+    All is folded from the seed and the step's number, so that a resumed run draws
+    what an uninterrupted one would have drawn.
+    """
+    key = jax.random.fold_in(jax.random.key(seed), step)
+    share = jnp.clip(step / max(steps - 1, 1), 0.0, 1.0)
+    return method.draw(key, views), share
+
+
+def make_step(method, optimizer, *, steps, gradient_norm, seed, parts=1, mesh=None):
+    """The jitted step: (state, views) -> (state, numbers to show).
+
+    Where the loss or the gradient is not finite, the state stays as it was, so that
+    whoever looks at the numbers later still holds what failed.
+    """
+
+    def step(state, views):
+        drawn = draw(method, views, state.step, steps=steps, seed=seed)
+        (loss, shown), grads = gradients.mean(
+            method.terms, state.params, *drawn, parts=parts, mesh=mesh
+        )
+        grads = clip_per_network(grads, gradient_norm)
+        nonfinite = count_nonfinite_squares(grads)
+
+        def update(state):
+            updates, adam = optimizer.update(grads, state.optimizer, state.params)
+            params = optax.apply_updates(state.params, updates)
+            return State(state.step + 1, params, adam)
+
+        finite = jnp.isfinite(loss) & (nonfinite == 0)
+        state = jax.lax.cond(finite, update, lambda state: state, state)
+        psnr_db = mse_to_psnr(shown.pop("mse"))
+        return state, {
+            "loss": loss,
+            "psnr_db": psnr_db,
+            **shown,
+            "nonfinite_gradients": nonfinite,
+        }
+
+    everywhere = mesh and NamedSharding(mesh, PartitionSpec())
+    return jax.jit(step, donate_argnums=0, out_shardings=everywhere)
+
+
+def mse_to_psnr(mse):
+    """Decibels for colours in [0, 1], at most 100."""
+    return -10.0 / jnp.log(10.0) * jnp.log(jnp.maximum(mse, 1e-10))
+
+
+def count_nonfinite_squares(tree):
+    """Number of entries that Adam cannot square: NaN, infinite or beyond 1.8e19.
+
+    An infinite second moment would hold its parameter still for ever.
+    """
+    return sum(jnp.sum(~jnp.isfinite(leaf**2)) for leaf in jax.tree.leaves(tree))

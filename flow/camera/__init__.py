@@ -1,0 +1,1 @@
+"""How much of a flow a moved camera explains (exact reprojection, a robust fit)."""

@@ -1,0 +1,47 @@
+"""Pairs of a render and its photo: their files, the flow between them, its validity.
+
+Notation: images [h, w, 3] uint8 RGB; `flow_px` [h, w, 2] float32 from render to
+photo, x then y in pixels.
+"""
+
+from flow.estimation import estimate
+from flow.warping import warp
+
+
+def find_pairs(renders, photos, views=None):
+    """[(view, render's path, photo's path)], in the order of names.
+
+    renders, photos: folders of <view>.png. views: names, else every render's. Raises
+    ValueError naming the first file that is missing.
+    """
+    for folder in (renders, photos):
+        if not folder.is_dir():
+            raise ValueError(f"{folder}: no such folder")
+    if views is None:
+        views = sorted(path.stem for path in renders.glob("*.png"))
+    if not views:
+        raise ValueError(f"{renders}: no renders (*.png) to align")
+    pairs = [(v, renders / f"{v}.png", photos / f"{v}.png") for v in views]
+    for view, render_path, photo_path in pairs:
+        if not render_path.is_file():
+            raise ValueError(f"{render_path}: no render for view {view}")
+        if not photo_path.is_file():
+            raise ValueError(f"{photo_path}: no photo for render {render_path}")
+    return pairs
+
+
+def flow_and_validity(
+    render, photo, *, method=estimate.DEFAULT, match_blur=True, tolerance_px=1.0
+):
+    """(flow_px [h, w, 2], valid [h, w], sigma_px of the photo's blur before the flow).
+
+    Valid: in frame, where the flow and that from photo to render agree to
+    tolerance_px.
+    """
+    sigma_px = 0.0
+    if match_blur:
+        photo, sigma_px = estimate.blur_match(photo, render, method=method)
+    forward_px = estimate.estimate(render, photo, method=method)
+    backward_px = estimate.estimate(photo, render, method=method)
+    valid = warp.consistent(forward_px, backward_px, tolerance_px=tolerance_px)
+    return forward_px, valid, sigma_px

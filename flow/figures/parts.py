@@ -1,0 +1,168 @@
+"""Figures of what the misalignment is made of: maps, lengths, and rounds.
+
+Notation: `parts` {view: {part: flow_px [h, w, 2]}} with valid [h, w] among them; all
+lengths in pixels.
+"""
+
+import matplotlib.figure
+import numpy as np
+import pandas as pd
+
+from alignerf.command import archives
+from flow.figures import drawing
+from flow.warping import files
+
+# In the order of the columns; the model's part only where the truth is known.
+TITLES = {
+    "flow_px": "flow to photo",
+    "model_px": "model's part",
+    "camera_px": "camera part",
+    "remainder_px": "remainder",
+}
+COLOURS = {
+    "flow_px": "black",
+    "model_px": "tab:gray",
+    "camera_px": "tab:blue",
+    "remainder_px": "tab:orange",
+}
+TEST_SETS = {"standard": "-", "oracle": "--"}
+WIDTH_INCH = 7.2
+BINS = 80
+# Of the flow's lengths, what the histogram shows.
+SHOWN_PERCENTILE = 99
+NOTE = (
+    "colour: direction and length of the flow, one scale for all maps\n"
+    "number above a map: median length over valid pixels; black: not valid"
+)
+
+
+def read_parts(folder):
+    """{view: {part: array}} of a folder that `flow.decompose` wrote, by name."""
+    paths = sorted(folder.glob("*.npz"))
+    if not paths:
+        raise ValueError(f"{folder}: no parts (*.npz)")
+    return {path.stem: read_view(path) for path in paths}
+
+
+def read_view(path):
+    """The parts of a view, their sum as flow_px, and valid."""
+    keys = ("camera_px", "remainder_px", "valid")
+    camera_px, remainder_px, valid = archives.read(path, keys).values()
+    with np.load(path, allow_pickle=False) as archive:
+        model = {"model_px": archive["model_px"]} if "model_px" in archive else {}
+    flow_px = camera_px + remainder_px + model.get("model_px", 0)
+    parts = {"flow_px": flow_px, **model, "camera_px": camera_px}
+    return parts | {"remainder_px": remainder_px, "valid": valid}
+
+
+def present(parts):
+    """The parts that every view has, in order."""
+    return [name for name in TITLES if all(name in view for view in parts.values())]
+
+
+def draw_views(parts, photos, renders, path):
+    """A row per test view: photo, render, flow and its parts, on one colour scale."""
+    names = present(parts)
+    scale_px = drawing.flow_scale(
+        [(view["flow_px"], view["valid"]) for view in parts.values()]
+    )
+    height, width = next(iter(parts.values()))["valid"].shape
+    row_inch = WIDTH_INCH / (2 + len(names)) * height / width + 0.2
+    inches = row_inch * len(parts) + 0.15, 1.1
+    figure = matplotlib.figure.Figure(
+        figsize=(WIDTH_INCH, sum(inches)), layout="constrained"
+    )
+    top, bottom = figure.subfigures(2, height_ratios=inches)
+    rows = top.subplots(len(parts), 2 + len(names), squeeze=False)
+    for number, (axes, (view, found)) in enumerate(
+        zip(rows, parts.items(), strict=True)
+    ):
+        images = [
+            files.read_image(folder / f"{view}.png") for folder in (photos, renders)
+        ]
+        titles = [f"photo {view}", "render"]
+        for name in names:
+            flow = found[name], found["valid"]
+            images.append(drawing.coloured(flow, scale_px))
+            heading = f"{TITLES[name]}\n" if number == 0 else ""
+            titles.append(f"{heading}{drawing.median_px(flow):.2f} px")
+        for axis, image, title in zip(axes, images, titles, strict=True):
+            axis.imshow(image)
+            axis.set_title(title, fontsize=drawing.FONT_SIZE - 1)
+    drawing.draw_legend(bottom, scale_px, NOTE)
+    drawing.save_images(figure, path)
+
+
+def draw_lengths(parts, path):
+    """Share of the test views' valid pixels by length, for the flow and its parts."""
+    lengths_px = {
+        name: np.concatenate(
+            [
+                np.linalg.norm(view[name][view["valid"]], axis=-1)
+                for view in parts.values()
+            ]
+        )
+        for name in present(parts)
+    }
+    longest_px = np.percentile(lengths_px["flow_px"], SHOWN_PERCENTILE)
+    edges = np.linspace(0, max(float(longest_px), 0.1), BINS + 1)
+    figure = matplotlib.figure.Figure(figsize=(5, 3), layout="constrained")
+    axes = figure.subplots()
+    for name, length_px in lengths_px.items():
+        # Of all pixels, so that what lies beyond the last edge is missing, not hidden.
+        density = np.histogram(length_px, edges)[0] / len(length_px) / edges[1]
+        label = f"{TITLES[name]} (median {np.median(length_px):.2f} px)"
+        axes.stairs(density, edges, color=COLOURS[name], label=label)
+    axes.set_xlabel("length (px)")
+    axes.set_ylabel("share of valid pixels per px")
+    axes.set_xlim(0, edges[-1])
+    axes.set_ylim(bottom=0)
+    axes.legend(fontsize=drawing.FONT_SIZE, title=f"{len(parts)} test views")
+    drawing.save(figure, path)
+
+
+def read_rounds(rows):
+    """Means per method and round; rows: [{method, round, stats, metrics}], CSVs."""
+    found = []
+    for row in rows:
+        stats, metrics = pd.read_csv(row["stats"]), pd.read_csv(row["metrics"])
+        for path, table, column in (
+            (row["stats"], stats, "flow_median_px"),
+            (row["metrics"], metrics, "psnr_db"),
+        ):
+            if column not in table or len(table) == 0:
+                raise ValueError(f"{path}: no {column} in it")
+        psnr_db = metrics.groupby("test_set")["psnr_db"].mean()
+        labels = {"method": row["method"], "round": row["round"]}
+        median_px = stats["flow_median_px"].mean()
+        found.append({**labels, "median_px": median_px, **psnr_db})
+    return pd.DataFrame(found)
+
+
+def draw_rounds(table, path):
+    """Median misalignment, and PSNR, over the rounds; a colour per method."""
+    figure = matplotlib.figure.Figure(figsize=(WIDTH_INCH, 2.8), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    sets = [name for name in TEST_SETS if name in table]
+    for method, rounds in table.groupby("method", sort=False):
+        (line,) = left.plot(
+            rounds["round"], rounds["median_px"], "o-", markersize=4, label=method
+        )
+        for name in sets:
+            style = {"color": line.get_color(), "linestyle": TEST_SETS[name]}
+            right.plot(rounds["round"], rounds[name], marker="o", markersize=4, **style)
+    for name in sets:
+        right.plot([], [], color="gray", linestyle=TEST_SETS[name], label=name)
+    left.set_ylabel("median flow to photo (px)")
+    left.set_ylim(0, 1.1 * table["median_px"].max() or 1)
+    right.set_ylabel("PSNR (dB)")
+    for axes in (left, right):
+        axes.set_xlabel("warping rounds")
+        axes.set_xticks(sorted(table["round"].unique()))
+        axes.margins(x=0.1)
+        axes.grid(alpha=0.3)
+    # Misalignment hardly nears 0 where there is any: below it there is room.
+    left.legend(fontsize=drawing.FONT_SIZE - 1, loc="lower left")
+    right.legend(fontsize=drawing.FONT_SIZE - 1)
+    figure.suptitle("means over test views", fontsize=drawing.FONT_SIZE)
+    drawing.save(figure, path)

@@ -1,0 +1,1 @@
+"""What is done with a flow: warps, where they are valid, controls, files, lengths."""

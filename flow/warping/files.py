@@ -1,0 +1,111 @@
+"""Flow and image files. What exists is whole: written beside its target, renamed.
+
+Notation: `flow_px` [h, w, 2] float32, x then y in pixels; `valid` [h, w] bool.
+"""
+
+import csv
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from alignerf.command import archives, whole
+from flow.warping import warp
+
+# Middlebury's mark for "unknown" is any component beyond this.
+UNKNOWN_FLOW_PX = 1e9
+
+
+def write_image(path, image):
+    """Write [h, w, 3] uint8 RGB as PNG."""
+    warp.check_image(image, str(path))
+    _, png = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    with whole.replace_file(path) as temporary:
+        temporary.write_bytes(png.tobytes())
+
+
+def read_image(path):
+    """Read an 8-bit RGB PNG as [h, w, 3] uint8; any other kind is a ValueError."""
+    encoded = np.frombuffer(Path(path).read_bytes(), dtype=np.uint8)
+    image = None
+    if encoded.size:
+        image = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise ValueError(f"{path}: not a readable image")
+    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+        raise ValueError(f"{path}: not an 8-bit RGB image")
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+
+
+def write_rows(path, columns, rows):
+    """Write dicts as CSV, where the caller has made room for it (see `whole`)."""
+    with open(path, "w", newline="") as file:
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def write_flow(path, flow_px, valid):
+    """Write a flow [h, w, 2] and its mask [h, w] as .npz."""
+    flow_px, valid = np.asarray(flow_px, dtype=np.float32), np.asarray(valid)
+    _check_flow_file(path, flow_px, valid)
+    with whole.replace_file(path) as temporary, open(temporary, "wb") as file:
+        np.savez(file, flow_px=flow_px, valid=valid)
+
+
+def read_flow(path):
+    """Read (flow_px [h, w, 2] float32, valid [h, w] bool) from .npz.
+
+    Raises ValueError naming the file where it is no such archive.
+    """
+    flow_px, valid = archives.read(path, ("flow_px", "valid")).values()
+    _check_flow_file(path, flow_px, valid)
+    return flow_px, valid
+
+
+def read_split(path, split, *keys):
+    """{view: its part of each named array} of a split of a cameras.npz, by name.
+
+    The arrays begin with the axis of `names` [n] and `split` [n]. Raises ValueError
+    naming the file.
+    """
+    found = archives.read(path, ("names", "split", *keys))
+    names, splits, *arrays = found.values()
+    fit = all(values.shape[:1] == names.shape for values in arrays)
+    if names.ndim != 1 or splits.shape != names.shape or not fit:
+        what = ", ".join(("names", "split", *keys))
+        raise ValueError(f"{path}: {what} do not fit each other")
+    views = {
+        str(names[i]): [a[i] for a in arrays] for i in np.flatnonzero(splits == split)
+    }
+    if not views:
+        raise ValueError(f"{path}: no view in split {split!r}")
+    return dict(sorted(views.items()))
+
+
+def read_flo(path):
+    """Read Middlebury's .flo as (flow_px, valid); unknown pixels are 0 and invalid."""
+    data = Path(path).read_bytes()
+    width, height = (
+        (int(side) for side in np.frombuffer(data, "<i4", 2, offset=4))
+        if len(data) >= 12
+        else (0, 0)
+    )
+    expected = 12 + 8 * width * height
+    if data[:4] != b"PIEH" or min(width, height) < 1 or len(data) != expected:
+        raise ValueError(f"{path}: not a Middlebury .flo file")
+    flow_px = np.frombuffer(data, "<f4", offset=12).reshape(height, width, 2)
+    # Written so that NaN is unknown too.
+    valid = (np.abs(flow_px) <= UNKNOWN_FLOW_PX).all(axis=-1)
+    return np.where(valid[..., None], flow_px, np.float32(0)), valid
+
+
+def _check_flow_file(path, flow_px, valid):
+    warp.check_flow(flow_px, f"{path}: flow_px")
+    if flow_px.dtype != np.float32:
+        raise ValueError(f"{path}: flow_px must be float32, not {flow_px.dtype}")
+    if valid.dtype != bool or valid.shape != flow_px.shape[:2]:
+        raise ValueError(
+            f"{path}: valid must be bool {list(flow_px.shape[:2])}, "
+            f"not {valid.dtype} {list(valid.shape)}"
+        )

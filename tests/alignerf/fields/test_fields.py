@@ -1,0 +1,130 @@
+"""Fields: sizes as published, hash grid against a slow twin, extremes."""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from alignerf import fields
+from alignerf.fields import grid
+from alignerf.mipnerf360 import coord, model
+from alignerf.scenes import cameras
+
+
+def gaussians(count=5, scale=1.0):
+    mean = scale * jax.random.normal(jax.random.key(0), (count, 7, 3))
+    direction = jax.random.normal(jax.random.key(1), mean.shape)
+    return coord.Gaussians(
+        mean, direction, jnp.full(mean.shape[:2], 0.01), jnp.full(mean.shape[:2], 0.01)
+    )
+
+
+def parameters(module, *args):
+    shapes = jax.eval_shape(module.init, jax.random.key(0), *args)
+    return sum(np.prod(leaf.shape) for leaf in jax.tree.leaves(shapes))
+
+
+@pytest.mark.parametrize(("width", "count"), [(1024, 9_007_493), (4096, 123_018_629)])
+def test_published_parameter_counts(width, count):
+    published = model.Model(
+        proposal=fields.make("mlp", width=256, depth=4),
+        field=fields.make("mlp", width=width, depth=8),
+        samples=(64, 64, 32),
+        near=0.2,
+        far=1e6,
+    )
+    ones = jnp.ones((2, 3))
+    assert parameters(published, cameras.Rays(ones, ones, ones, ones[:, :1])) == count
+
+
+def slow_look_up(table, point, levels):
+    """One point, corner by corner, in Python integers."""
+    found = []
+    for resolution, entries, offset in zip(
+        levels.resolutions, levels.entries, levels.offsets, strict=True
+    ):
+        scaled = point * resolution
+        cell = np.clip(np.floor(scaled).astype(int), 0, resolution - 1)
+        total = 0.0
+        for bits in itertools.product((0, 1), repeat=3):
+            corner = cell + bits
+            weight = np.prod(np.where(bits, scaled - cell, 1 - (scaled - cell)))
+            side = resolution + 1
+            if side**3 <= entries:
+                row = corner @ [1, side, side**2]
+            else:
+                hashed = [
+                    int(c) * p % 2**32 for c, p in zip(corner, grid.PRIMES, strict=True)
+                ]
+                row = (hashed[0] ^ hashed[1] ^ hashed[2]) % entries
+            total = total + weight * table[offset + row]
+        found.append(total)
+    return np.stack(found)
+
+
+@pytest.fixture
+def levels():
+    return grid.Levels.geometric(4, 4, 60, 2**9)
+
+
+def test_look_up_equals_the_slow_twin(rng, levels):
+    table = rng.normal(size=(sum(levels.entries), 2))
+    points = rng.uniform(0, 1, size=(3, 300))
+    points[:, 0], points[:, 1], points[:, 2] = 0.0, 1.0, 0.5
+    found = grid.look_up(
+        jnp.asarray(table, jnp.float32), jnp.asarray(points, jnp.float32), levels
+    )
+    wanted = [slow_look_up(table, point, levels) for point in points.T.astype("f4")]
+    np.testing.assert_allclose(found, np.stack(wanted, axis=1), atol=2e-4)
+
+
+def test_look_ups_gradient_is_its_transpose(rng, levels):
+    table, other = rng.normal(size=(2, sum(levels.entries), 2)).astype("f4")
+    points = jnp.asarray(rng.uniform(size=(3, 200)), jnp.float32)
+    out, pull = jax.vjp(lambda t: grid.look_up(t, points, levels), jnp.asarray(table))
+    cotangent = jnp.asarray(rng.normal(size=out.shape), jnp.float32)
+    # <look_up(other), c> = <other, look_up^T(c)> for every c, as it is linear.
+    left = jnp.vdot(grid.look_up(jnp.asarray(other), points, levels), cotangent)
+    right = jnp.vdot(jnp.asarray(other), pull(cotangent)[0])
+    assert float(left) == pytest.approx(float(right), rel=1e-3, abs=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["grid", "mlp"])
+@pytest.mark.parametrize("scale", [0.0, 1.0, 1e18])
+def test_fields_give_finite_values_and_gradients(kind, scale):
+    small = {
+        "grid": {"levels": 3, "log2_entries": 8, "finest": 64},
+        "mlp": {"width": 8},
+    }
+    field = fields.make(kind, **small[kind])
+    g = gaussians(scale=scale)
+    viewdirs = jnp.ones((5, 3)) / jnp.sqrt(3.0)
+    params = jax.jit(field.init)(jax.random.key(0), g, viewdirs)
+
+    def total(params):
+        density, values = field.apply(params, g, viewdirs)
+        assert density.shape == (5, 7)
+        assert values.shape == (3, 5, 7)
+        return jnp.sum(density) + jnp.sum(values)
+
+    value, grads = jax.jit(jax.value_and_grad(total))(params)
+    assert jnp.isfinite(value)
+    assert all(jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(grads))
+
+
+def test_a_gaussian_larger_than_all_cells_sees_nothing_of_the_grid():
+    field = fields.make("grid", levels=3, log2_entries=8, finest=64)
+    g = gaussians(scale=0.3)
+    params = field.init(jax.random.key(0), g, None)
+    blurred = g._replace(t_std=g.t_std * 1e5, r_std=g.r_std * 1e5)
+    density, _ = field.apply(params, blurred, None)
+    assert jnp.std(density) < 1e-7
+
+
+def test_unknown_kind_or_option_is_named():
+    with pytest.raises(ValueError, match="octree"):
+        fields.make("octree")
+    with pytest.raises(ValueError, match="depht"):
+        fields.make("mlp", depht=3)

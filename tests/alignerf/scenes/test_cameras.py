@@ -1,0 +1,182 @@
+"""Pinhole cameras by property, over random cameras and at extremes."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from alignerf.scenes import cameras
+from tests import camera_twins, twins
+
+
+def random_rotation(rng):
+    rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    return rotation * np.sign(np.linalg.det(rotation))
+
+
+def random_poses(rng, n, *, scale=1.0):
+    rotations = np.linalg.qr(rng.normal(size=(n, 3, 3)))[0]
+    rotations *= np.sign(np.linalg.det(rotations))[:, None, None]
+    return np.concatenate([rotations, scale * rng.normal(size=(n, 3, 1))], axis=-1)
+
+
+def random_pixtocam(rng):
+    fx, fy = rng.uniform(50, 500, 2)
+    cx, cy = rng.uniform(20, 80, 2)
+    return np.linalg.inv(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_point_on_a_pixels_ray_projects_to_its_centre(seed):
+    rng = np.random.default_rng(seed)
+    pixtocam, (pose,) = random_pixtocam(rng), random_poses(rng, 1, scale=10)
+    x, y = rng.integers(0, 100, (2, 50))
+    rays = cameras.pixels_to_rays(x, y, pixtocam, pose)
+    depth = np.exp(rng.uniform(-5, 12, (50, 1)))
+    pixels, depths = cameras.project(
+        rays.origins + depth * rays.directions, pixtocam, pose
+    )
+    assert_allclose(pixels, np.stack([x + 0.5, y + 0.5], axis=-1), atol=1e-6)
+    assert_allclose(depths, depth[:, 0], rtol=1e-6)
+    assert_allclose(np.linalg.norm(rays.viewdirs, axis=-1), 1)
+    _, behind = cameras.project(rays.origins - rays.directions, pixtocam, pose)
+    assert (behind < 0).all()
+
+
+@pytest.mark.parametrize("xp", [np, jnp])
+def test_rays_of_a_thousand_cameras(xp):
+    """On photos of a few to ten thousand pixels, in float64 and in float32."""
+    rng = np.random.default_rng(0)
+    n = 1000
+    size = 10 ** rng.uniform(0, 4, (n, 2))
+    focal = size.max(axis=-1, keepdims=True) * rng.uniform(0.5, 3, (n, 2))
+    camtopix = np.zeros((n, 3, 3))
+    camtopix[:, [0, 1], [0, 1]] = focal
+    camtopix[:, :2, 2] = size * rng.uniform(0.4, 0.6, (n, 2))
+    camtopix[:, 2, 2] = 1
+    pixels = np.floor(size * rng.uniform(size=(n, 2))).astype(int).T
+    given = np.linalg.inv(camtopix), random_poses(rng, n, scale=10)
+    if xp is jnp:
+        given = twins.f32(*given)
+    rays = cameras.pixels_to_rays(*(xp.asarray(v) for v in pixels), *given)
+    pixtocams, poses = twins.f64(*given)
+    rtol = 1e-6 if xp is jnp else 1e-12
+    wanted = camera_twins.pixel_ray(*pixels, pixtocams, poses)
+    length = np.linalg.norm(wanted, axis=-1, keepdims=True)
+    twins.assert_close(rays.directions, wanted, rtol=rtol, scale=length)
+    twins.assert_close(rays.viewdirs, wanted / length, rtol=rtol, scale=1.0)
+    radius = camera_twins.ray_radius(*pixels, pixtocams, poses)
+    # The twin's own differences of neighbours hold 1e-12 of a radius of 1e-4.
+    twins.assert_close(rays.radii[:, 0], radius, rtol=max(rtol, 1e-10))
+    twins.assert_close(rays.origins, poses[:, :, 3], rtol=rtol)
+
+
+def test_axes_are_those_of_opengl():
+    """x right, y up, looking along -z, from the centre of a 4x2 image."""
+    pixtocam = cameras.intrinsics(10.0, 4, 2)
+    pose = np.eye(4)[:3]
+    pixels, depth = cameras.project(
+        np.array([[0.0, 0, -5], [1, 0, -5], [0, 1, -5]]), pixtocam, pose
+    )
+    assert_allclose(pixels, [[2, 1], [4, 1], [2, -1]])
+    assert_allclose(depth, 5)
+
+
+def test_a_point_in_the_cameras_plane_has_a_finite_image():
+    pixels, _ = cameras.project(
+        np.array([[1.0, 0, 0], [0, 0, 0]]),
+        cameras.intrinsics(10.0, 4, 2),
+        np.eye(4)[:3],
+    )
+    assert np.isfinite(pixels).all()
+
+
+def test_rescaled_intrinsics_keep_rays_through_corners():
+    rng = np.random.default_rng(0)
+    pixtocam = random_pixtocam(rng)
+    # 101x67 made smaller by 4 is 25x17, not 25.25x16.75.
+    small = cameras.rescale_intrinsics(pixtocam, 25 / 101, 17 / 67)
+    assert_allclose(small @ [25, 17, 1], pixtocam @ [101, 67, 1])
+    assert_allclose(small @ [0, 0, 1], pixtocam @ [0, 0, 1])
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_normalised_poses(scale):
+    rng = np.random.default_rng(0)
+    for _ in range(400):
+        poses = random_poses(rng, int(rng.integers(4, 30)), scale=scale)
+        # Spreads that differ, else no axis is the longest.
+        poses[:, :, 3] = poses[:, :, 3] * [1, 0.5, 0.1] + scale * rng.normal(size=3)
+        turn = random_rotation(rng)
+        poses = cameras.apply_similarity(poses, 1.0, turn, np.zeros(3))
+        normalised, transform = cameras.normalize_poses(poses)
+        wanted = camera_twins.normalised_poses(poses)
+        error = np.abs(wanted - normalised).max(axis=(1, 2, 3))
+        assert error.min() < 1e-9
+        # The transform says of points what the poses say of cameras.
+        moved = poses[:, :, 3] @ transform[:3, :3].T + transform[:3, 3]
+        assert_allclose(moved, normalised[:, :, 3], atol=1e-9)
+        assert_allclose(np.linalg.det(normalised[:, :, :3]), 1)
+
+
+def test_poses_without_extent_keep_their_scale():
+    poses = np.repeat(np.eye(4)[None, :3], 3, axis=0)
+    poses[:, :, 3] = [1, 2, 3]
+    for few in (poses[:1], poses):
+        normalised, transform = cameras.normalize_poses(few)
+        assert_allclose(normalised[:, :, 3], 0, atol=1e-12)
+        assert_allclose(np.linalg.det(transform[:3, :3]), 1)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_similarity_is_recovered(seed):
+    rng = np.random.default_rng(seed)
+    poses = random_poses(rng, int(rng.integers(2, 12)))
+    if seed % 3 == 0:
+        # Cameras on a line: only their orientations fix the turn about it.
+        poses[:, :, 3] = np.arange(len(poses))[:, None] * rng.normal(size=3)
+    given = np.exp(rng.normal() * 3), random_rotation(rng), 10 * rng.normal(size=3)
+    found = cameras.align_similarity(poses, cameras.apply_similarity(poses, *given))
+    for value, expected in zip(found, given, strict=True):
+        assert_allclose(value, expected, rtol=1e-7, atol=1e-7)
+
+
+def test_noise_moves_the_similarity_little():
+    rng = np.random.default_rng(0)
+    poses = random_poses(rng, 50)
+    noisy = poses.copy()
+    noisy[:, :, 3] += 0.01 * rng.normal(size=(50, 3))
+    scale, rotation, translation = cameras.align_similarity(noisy, poses)
+    assert_allclose(scale, 1, atol=0.01)
+    assert_allclose(rotation, np.eye(3), atol=0.01)
+    assert_allclose(translation, 0, atol=0.01)
+
+
+def test_cameras_at_one_place_have_no_similarity():
+    poses = np.repeat(np.eye(4)[None, :3], 3, axis=0)
+    with pytest.raises(ValueError, match="one place"):
+        cameras.align_similarity(poses, poses)
+
+
+@pytest.mark.parametrize("perturb_px", [0.0, 0.5, 2.0])
+def test_perturbed_poses_move_the_image_by_so_many_pixels(perturb_px):
+    rng = np.random.default_rng(0)
+    n = 2000
+    poses = random_poses(rng, n)
+    pixtocams = np.repeat(cameras.intrinsics(150.0, 200, 100)[None], n, axis=0)
+    turned = cameras.perturb_poses(poses, pixtocams, perturb_px, rng)
+    assert_allclose(turned[:, :, 3], poses[:, :, 3])
+    assert_allclose(np.linalg.det(turned[:, :, :3]), 1)
+    points = poses[:, :, 3] - 7.0 * poses[:, :, 2]
+    moved = np.stack(
+        [
+            cameras.project(point, pixtocam, pose)[0]
+            for point, pixtocam, pose in zip(points, pixtocams, turned, strict=True)
+        ]
+    )
+    offset = moved - [100, 50]
+    assert_allclose(
+        np.sqrt((offset**2).sum(axis=-1).mean()), perturb_px, rtol=0.05, atol=1e-9
+    )
+    # Neither direction is preferred.
+    assert_allclose(offset.std(axis=0), perturb_px / np.sqrt(2), rtol=0.05, atol=1e-9)

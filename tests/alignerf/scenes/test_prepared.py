@@ -1,0 +1,208 @@
+"""A prepared scene folder: read whole, and what is wrong with it named."""
+
+import shutil
+
+import jax
+import numpy as np
+import pytest
+from PIL import Image
+
+from alignerf.scenes import cameras, prepared
+
+WIDTH, HEIGHT = 20, 12
+NAMES = ["a", "b c", "d", "e"]
+
+
+@pytest.fixture
+def arrays(rng):
+    poses = np.stack(
+        [np.linalg.qr(rng.normal(size=(3, 3)))[0] * [1, 1, 1] for _ in NAMES]
+    )
+    poses *= np.sign(np.linalg.det(poses))[:, None, None]
+    centres = 5 + 3 * rng.normal(size=(len(NAMES), 3, 1))
+    return {
+        "pixtocams": np.stack([cameras.intrinsics(30.0, WIDTH, HEIGHT)] * len(NAMES)),
+        "camtoworlds": np.concatenate([poses, centres], axis=-1),
+        "names": np.array(NAMES),
+        "width": WIDTH,
+        "height": HEIGHT,
+        "split": np.array(["test", "train", "train", "test"]),
+    }
+
+
+@pytest.fixture
+def folder(tmp_path, rng, arrays):
+    np.savez(tmp_path / "cameras.npz", **arrays)
+    for name in ("images", "flow"):
+        (tmp_path / name).mkdir()
+    for name in NAMES:
+        image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+        Image.fromarray(image).save(tmp_path / "images" / f"{name}.png")
+        valid = rng.uniform(size=(HEIGHT, WIDTH)) < 0.5
+        np.savez(tmp_path / "flow" / f"{name}.npz", flow_px=np.zeros(2), valid=valid)
+    return tmp_path
+
+
+def test_a_scene_is_read_and_normalised(folder, arrays):
+    loaded = prepared.load(folder)
+    assert loaded.names == NAMES
+    assert (loaded.width, loaded.height) == (WIDTH, HEIGHT)
+    np.testing.assert_array_equal(loaded.pixtocams, arrays["pixtocams"])
+    centres = loaded.camtoworlds[:, :, 3]
+    np.testing.assert_allclose(centres.mean(axis=0), 0, atol=1e-9)
+    assert np.abs(centres).max() == pytest.approx(1)
+    # A similarity: distances between cameras keep their ratios.
+    given = arrays["camtoworlds"][:, :, 3]
+    ratios = [
+        np.linalg.norm(centres[i] - centres[j]) / np.linalg.norm(given[i] - given[j])
+        for i in range(4)
+        for j in range(i)
+    ]
+    assert np.ptp(ratios) < 1e-9
+    assert list(loaded.views("train")) == [1, 2]
+    assert list(loaded.views("test")) == [0, 3]
+
+
+def test_images_and_masks_come_in_the_order_of_the_views(folder):
+    loaded = prepared.load(folder)
+    views = [2, 0]
+    images = prepared.read_images(loaded, views, folder / "images")
+    masks = prepared.read_validity(loaded, views, folder / "flow")
+    assert images.dtype == np.uint8
+    assert masks.dtype == bool
+    for image, mask, view in zip(images, masks, views, strict=True):
+        with Image.open(folder / "images" / f"{NAMES[view]}.png") as stored:
+            np.testing.assert_array_equal(image, np.asarray(stored))
+        with np.load(folder / "flow" / f"{NAMES[view]}.npz") as stored:
+            np.testing.assert_array_equal(mask, stored["valid"])
+
+
+def test_images_are_taken_by_jax_without_a_copy(folder):
+    loaded = prepared.load(folder)
+    for views in ([0], [1, 3, 2], [0, 1, 2, 3]):
+        images = prepared.read_images(loaded, views, folder / "images")
+        placed = jax.device_put(images)
+        assert placed.unsafe_buffer_pointer() == images.ctypes.data
+        assert jax.device_get(placed).ctypes.data == images.ctypes.data
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"names": None}, "no array names"),
+        ({"width": None, "split": None}, "no array split, width"),
+        ({"pixtocams": np.zeros((3, 3, 3))}, "pixtocams is not an array of"),
+        ({"split": np.array(["train", "test", "val", "test"])}, "split holds 'val'"),
+        ({"names": np.array(NAMES, dtype=object)}, "not the .npz"),
+    ],
+)
+def test_bad_cameras_are_named(folder, arrays, changes, reason):
+    changed = {k: v for k, v in (arrays | changes).items() if v is not None}
+    np.savez(folder / "cameras.npz", allow_pickle=True, **changed)
+    with pytest.raises(ValueError, match=reason) as error:
+        prepared.load(folder)
+    assert str(folder / "cameras.npz") in str(error.value)
+
+
+@pytest.mark.parametrize("key", ["pixtocams", "camtoworlds"])
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        (lambda m: m * np.nan, "not finite"),
+        (lambda m: m - np.inf, "not finite"),
+        (lambda m: m * 1e30, "not finite"),
+        # All rays, all rays of one pixel, or rays of all rows have no direction.
+        (lambda m: m * 0, "singular"),
+        (lambda m: m * [[1], [0], [1]], "singular"),
+        (lambda m: m[:, [0, 0, *range(2, m.shape[1])]], "singular"),
+    ],
+)
+def test_a_camera_that_sees_nothing_is_named(folder, arrays, key, fault, reason):
+    arrays[key][1] = fault(arrays[key][1])
+    np.savez(folder / "cameras.npz", **arrays)
+    with pytest.raises(
+        ValueError, match=f"cameras.npz: {key} of view 'b c' is {reason}"
+    ):
+        prepared.load(folder)
+
+
+@pytest.mark.parametrize("focal_px", [1e-3, 1.0, 1e5])
+def test_cameras_of_any_focal_length_are_taken(folder, arrays, focal_px):
+    arrays["pixtocams"][:] = cameras.intrinsics(focal_px, WIDTH, HEIGHT)
+    np.savez(folder / "cameras.npz", **arrays)
+    prepared.load(folder)
+
+
+@pytest.mark.parametrize("damage", ["missing", "empty", "cut", "text", "flipped"])
+def test_damaged_cameras_are_named(folder, damage):
+    path = folder / "cameras.npz"
+    data = bytearray(path.read_bytes())
+    path.unlink()
+    if damage == "flipped":
+        data[len(data) // 3] ^= 255
+    content = {"empty": b"", "cut": data[:200], "text": b"no", "flipped": data}
+    if damage != "missing":
+        path.write_bytes(content[damage])
+    with pytest.raises((ValueError, OSError)) as error:
+        prepared.load(folder)
+    assert str(path) in str(error.value)
+
+
+def test_a_split_without_views_is_an_error(folder, arrays):
+    np.savez(folder / "cameras.npz", **arrays | {"split": np.array(["train"] * 4)})
+    with pytest.raises(ValueError, match=r"cameras\.npz: no test view"):
+        prepared.load(folder).views("test")
+
+
+def one_nan_pixel():
+    pixels = np.zeros((HEIGHT, WIDTH), np.float32)
+    pixels[3, 4] = np.nan
+    return Image.fromarray(pixels)
+
+
+OTHER_IMAGES = {
+    "size": (Image.new("RGB", (HEIGHT, WIDTH)), "12x20 pixels, the scene has 20x12"),
+    "grey": (Image.new("L", (WIDTH, HEIGHT)), "not 8-bit RGB but Pillow's L"),
+    "deep": (Image.new("I;16", (WIDTH, HEIGHT)), "not 8-bit RGB but Pillow's I"),
+    "NaN": (one_nan_pixel(), "not 8-bit RGB but Pillow's F"),
+}
+
+
+@pytest.mark.parametrize("damage", ["missing", "empty", "cut", "text", *OTHER_IMAGES])
+def test_bad_images_are_named(folder, damage):
+    path = folder / "images" / "b c.png"
+    data = path.read_bytes()
+    path.unlink()
+    reason = "not a read"
+    if damage in OTHER_IMAGES:
+        image, reason = OTHER_IMAGES[damage]
+        # Only TIFF stores floating-point numbers; the name is the view's all the same.
+        image.save(path, format="TIFF")
+    elif damage != "missing":
+        path.write_bytes({"empty": b"", "cut": data[:-40], "text": b"no"}[damage])
+    with pytest.raises(ValueError, match=reason) as error:
+        prepared.read_images(prepared.load(folder), [0, 1], folder / "images")
+    assert "images/b c.png" in str(error.value)
+
+
+@pytest.mark.parametrize("damage", ["missing", "empty", "cut", "size", "none", "key"])
+def test_bad_masks_are_named(folder, damage):
+    path = folder / "flow" / "b c.npz"
+    masks = {"size": np.ones((3, 4), bool), "none": np.zeros((HEIGHT, WIDTH), bool)}
+    if damage == "missing":
+        path.unlink()
+    elif damage == "key":
+        np.savez(path, flow_px=np.zeros(2))
+    elif damage in masks:
+        np.savez(path, valid=masks[damage])
+    else:
+        path.write_bytes(path.read_bytes()[: {"empty": 0, "cut": 300}[damage]])
+    with pytest.raises((ValueError, OSError)) as error:
+        prepared.read_validity(prepared.load(folder), [0, 1], folder / "flow")
+    assert "flow/b c.npz" in str(error.value)
+
+
+def test_a_scene_that_is_not_there_is_named(folder):
+    shutil.rmtree(folder)
+    with pytest.raises((ValueError, OSError), match=r"cameras\.npz"):
+        prepared.load(folder)

@@ -1,0 +1,64 @@
+"""The seconds of a round are told apart, and add up."""
+
+import json
+
+import pandas as pd
+import pytest
+
+from alignerf.tables import round_times
+
+
+def write_round(folder, walls):
+    """Files of one round; returns its entry."""
+    folder.mkdir()
+    (folder / "timing.json").write_text(
+        json.dumps({"train_time_s": 20.0, "compile_time_s": 5.0})
+    )
+    (folder / "render_train.json").write_text(
+        json.dumps({"views": 4, "view_time_s": 0.5, "time_s": 3.0})
+    )
+    (folder / "displacement_train.csv").write_text("view,time_s\na,0.25\nb,0.5\n")
+    for stage, wall_s in walls.items():
+        (folder / f"{stage}.tsv").write_text(f"s\th:m:s\tmax_rss\n{wall_s}\t0\t1.5\n")
+    return {
+        "method": "a_b",
+        "round": len(walls) // 2,
+        "training": str(folder / "timing.json"),
+        "rendering": str(folder / "render_train.json"),
+        "alignment": str(folder / "displacement_train.csv"),
+        "walls": {stage: str(folder / f"{stage}.tsv") for stage in walls},
+    }
+
+
+def test_parts_add_up_to_the_processes(tmp_path):
+    first = write_round(tmp_path / "first", {"train": 28.0})
+    later = write_round(
+        tmp_path / "later", {"train": 30.0, "render": 6.0, "align": 2.0}
+    )
+    out = {name: tmp_path / f"times.{name}" for name in ("csv", "tex")}
+    rows = json.dumps([first, later])
+    round_times.main(
+        ["--rows", rows, "--csv", str(out["csv"]), "--tex", str(out["tex"])]
+    )
+    table = pd.read_csv(out["csv"])
+    parts = table[list(round_times.PARTS)]
+    assert table["total_time_s"].tolist() == [28.0, 38.0]
+    assert parts.sum(axis=1).tolist() == [28.0, 38.0]
+    assert parts.iloc[1].tolist() == [20.0, 5.0, 5.0, 2.0, 4.0, 0.75, 1.25]
+    assert parts.iloc[0].isna().tolist() == [False] * 3 + [True] * 4
+    tex = out["tex"].read_text()
+    assert r"a\_b & 0 & 20.0 & 5.0 & 3.0 & -- & -- & -- & -- & 28.0 \\" in tex
+
+
+def test_a_training_that_went_on_has_no_negative_rest(tmp_path):
+    """The process knows its own seconds, timing.json those of all before it too."""
+    row = round_times.row_of(write_round(tmp_path / "first", {"train": 12.0}))
+    assert row["train_rest_time_s"] == 0.0
+    assert row["total_time_s"] == 25.0
+
+
+def test_a_benchmark_that_is_none_is_named(tmp_path):
+    path = tmp_path / "train.tsv"
+    path.write_text("h:m:s\n0:00:01\n")
+    with pytest.raises(ValueError, match=r"train\.tsv: not the benchmark of one run"):
+        round_times.wall_s(path)

@@ -1,0 +1,241 @@
+"""Scores of views: what is measured, and what is left empty and why."""
+
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from alignerf import evaluate
+from alignerf.metrics import image as image_metrics
+from alignerf.metrics import lpips
+from alignerf.scenes import cameras
+from flow.warping import files
+
+SIZE = (40, 48)
+
+
+@pytest.fixture
+def pair(rng):
+    target = rng.integers(0, 256, (*SIZE, 3), dtype=np.uint8)
+    noise = rng.integers(-20, 21, target.shape)
+    return target, np.clip(target + noise, 0, 255).astype(np.uint8)
+
+
+EVERYWHERE = np.ones(SIZE, bool)
+
+
+def test_scores_are_the_metrics(pair):
+    row = evaluate.score(*pair, EVERYWHERE, {"mine": lambda *_: 0.5})
+    assert row["psnr_db"] == image_metrics.psnr_db(*pair, EVERYWHERE)
+    assert row["ssim"] == image_metrics.ssim(*pair, EVERYWHERE)
+    assert row["mine"] == 0.5
+    assert (row["valid_share"], row["note"]) == (1.0, "")
+
+
+def test_identical_images_are_flagged_and_not_averaged(pair):
+    target, _ = pair
+    row = evaluate.score(target, target, EVERYWHERE, {})
+    assert np.isnan(row["psnr_db"])
+    assert row["ssim"] == pytest.approx(1.0)
+    assert row["note"] == "psnr_db: identical images"
+
+
+@pytest.fixture
+def learned(monkeypatch):
+    """LPIPS with a network that only remembers what it is shown."""
+    shown = []
+
+    def distance(net, weights, first, second):
+        shown.append((net, weights, np.asarray(first), np.asarray(second)))
+        return np.array([0.25])
+
+    monkeypatch.setattr(lpips, "read", lambda net, path: f"{net} of {path}")
+    monkeypatch.setattr(lpips, "distance", distance)
+    return {"lpips_vgg": evaluate.load_lpips("vgg", "a.npz")}, shown
+
+
+def test_pixels_that_are_not_valid_change_nothing(pair, learned):
+    target, render = pair
+    valid = EVERYWHERE.copy()
+    valid[5:30, 7:20] = False
+    spoilt = np.where(valid[..., None], target, 255 - target)
+    named, shown = learned
+    rows = [evaluate.score(t, render, valid, named) for t in (target, spoilt)]
+    assert rows[0] == rows[1]
+    assert rows[0]["lpips_vgg"] == 0.25
+    assert rows[0]["valid_share"] == valid.mean() < 1
+    for net, weights, first, second in shown:
+        assert (net, weights) == ("vgg", "vgg of a.npz")
+        filled = np.where(valid[..., None], target, render)
+        np.testing.assert_allclose(first[0], filled / 255.0, atol=1e-7)
+        np.testing.assert_allclose(second[0], render / 255.0, atol=1e-7)
+    assert rows[0]["psnr_db"] != evaluate.score(*pair, EVERYWHERE, {})["psnr_db"]
+
+
+def test_images_too_small_for_a_metric_say_so(pair, monkeypatch):
+    target, render = (image[:30, :30] for image in pair)
+    valid = np.ones((30, 30), bool)
+    monkeypatch.setattr(lpips, "read", lambda net, path: {})
+    learned = {"lpips_alex": evaluate.load_lpips("alex", "a.npz")}
+    row = evaluate.score(target, render, valid, learned)
+    assert np.isnan(row["lpips_alex"])
+    assert row["note"] == "lpips_alex: under 31 pixels"
+    row = evaluate.score(target[:10], render[:10], valid[:10], {})
+    assert np.isnan(row["ssim"])
+    assert np.isfinite(row["psnr_db"])
+    assert "under 11" in row["note"]
+
+
+def test_a_view_without_valid_pixels_is_an_error(pair):
+    with pytest.raises(ValueError, match="no valid pixel"):
+        evaluate.score(*pair, np.zeros(SIZE, bool), {})
+
+
+def test_valid_at_the_border_only_leaves_ssim_empty(pair):
+    valid = np.zeros(SIZE, bool)
+    valid[0] = True
+    row = evaluate.score(*pair, valid, {})
+    assert np.isfinite(row["psnr_db"])
+    assert np.isnan(row["ssim"])
+    assert "ssim: no valid pixel away from the border" in row["note"]
+
+
+WARPED = (
+    *("warped", "control", "placebo", "held_out"),
+    *("aligned", "leak", "leak_held_out"),
+)
+
+
+@pytest.fixture
+def folder(tmp_path, rng):
+    """A scene of four views with a warped test set; two are test views."""
+    names = ["a", "b", "c", "d"]
+    poses = np.repeat(np.eye(4)[None, :3], 4, axis=0)
+    poses[:, :, 3] = rng.normal(size=(4, 3))
+    np.savez(
+        tmp_path / "cameras.npz",
+        pixtocams=np.stack([cameras.intrinsics(30.0, SIZE[1], SIZE[0])] * 4),
+        camtoworlds=poses,
+        names=names,
+        width=SIZE[1],
+        height=SIZE[0],
+        split=["test", "train", "test", "train"],
+    )
+    for view in ("a", "c"):
+        for kind in ("images", "renders", *(f"testset/{name}" for name in WARPED)):
+            image = rng.integers(0, 256, (*SIZE, 3), dtype=np.uint8)
+            files.write_image(tmp_path / kind / f"{view}.png", image)
+        for name in ("flow", "leak_flow"):
+            valid = rng.uniform(size=SIZE) < 0.7
+            flow_px = np.zeros((*SIZE, 2), np.float32)
+            files.write_flow(
+                tmp_path / "testset" / name / f"{view}.npz", flow_px, valid
+            )
+    return tmp_path
+
+
+def run(folder, *more):
+    options = {"scene": "", "renders": "renders", "testset": "testset"}
+    arguments = [f"--{key}={folder / value}" for key, value in options.items()]
+    evaluate.main([*arguments, f"--metrics={folder / 'metrics.csv'}", *more])
+    return pd.read_csv(folder / "metrics.csv").set_index(["view", "test_set"])
+
+
+def test_each_test_set_is_scored_against_its_own_images(folder):
+    found = run(folder)
+    assert list(found.index.unique("view")) == ["a", "c"]
+    for view in ("a", "c"):
+        render = files.read_image(folder / "renders" / f"{view}.png")
+        valid, leak_valid = (
+            files.read_flow(folder / "testset" / name / f"{view}.npz")[1]
+            for name in ("flow", "leak_flow")
+        )
+        assert (valid != leak_valid).any()
+        for test_set, (kind, mask) in {
+            "standard": ("images", EVERYWHERE),
+            "standard_valid": ("images", valid),
+            "warped": ("testset/warped", valid),
+            "control": ("testset/control", EVERYWHERE),
+            "placebo": ("testset/placebo", EVERYWHERE),
+            "held_out": ("testset/held_out", valid),
+            "aligned": ("testset/aligned", leak_valid),
+            "leak": ("testset/leak", leak_valid),
+            "leak_held_out": ("testset/leak_held_out", leak_valid),
+        }.items():
+            target = files.read_image(folder / kind / f"{view}.png")
+            row = found.loc[view, test_set]
+            assert row["psnr_db"] == pytest.approx(
+                image_metrics.psnr_db(target, render, mask)
+            )
+            assert row["valid_share"] == pytest.approx(mask.mean())
+            assert row["note"] == (
+                "lpips_alex, lpips_squeeze, lpips_vgg: no weights given"
+            )
+    assert "oracle" not in found.index.unique("test_set")
+
+
+def test_the_oracle_where_the_truth_is_known(folder):
+    (folder / "truth").mkdir()
+    (folder / "renders").rename(folder / "truth" / "oracle")
+    for view in ("a", "c"):
+        image = np.zeros((*SIZE, 3), np.uint8)
+        files.write_image(folder / "renders" / f"{view}.png", image)
+    found = run(folder, f"--truth={folder / 'truth'}")
+    oracle = files.read_image(folder / "truth" / "oracle" / "a.png")
+    wanted = image_metrics.psnr_db(oracle, np.zeros_like(oracle), EVERYWHERE)
+    assert found.loc["a", "oracle"]["psnr_db"] == pytest.approx(wanted)
+
+
+def test_without_a_warped_test_set_the_rest_is_scored(folder):
+    both = run(folder)
+    shutil.rmtree(folder / "testset")
+    options = [f"--scene={folder}", f"--renders={folder / 'renders'}"]
+    evaluate.main([*options, f"--metrics={folder / 'metrics.csv'}"])
+    found = pd.read_csv(folder / "metrics.csv").set_index(["view", "test_set"])
+    pd.testing.assert_frame_equal(found, both.loc[(slice(None), "standard"), :])
+
+
+@pytest.mark.parametrize(
+    ("path", "reason"),
+    [
+        ("renders/c.png", "renders/c.png"),
+        ("testset/flow/a.npz", "flow/a.npz"),
+        ("testset/control/a.png", "control/a.png"),
+        ("testset/held_out/c.png", "held_out/c.png"),
+        ("testset/leak_flow/c.npz", "leak_flow/c.npz"),
+    ],
+)
+def test_what_is_missing_is_named_and_nothing_written(folder, path, reason):
+    (folder / path).unlink()
+    with pytest.raises(ValueError, match=reason):
+        run(folder)
+    assert not (folder / "metrics.csv").exists()
+
+
+def test_the_networks_whose_weights_are_given(folder, shared_data):
+    nets = ("alex", "squeeze")
+    paths = [shared_data / "weights" / f"lpips_{net}_v0.1.npz" for net in nets]
+    options = [f"--lpips-{n}={p}" for n, p in zip(nets, paths, strict=True)]
+    found = run(folder, *options)
+    assert tuple(found.columns) == evaluate.COLUMNS[2:]
+    assert set(found["note"]) == {"lpips_vgg: no weights given"}
+    assert found["lpips_vgg"].isna().all()
+    pair = [
+        files.read_image(folder / kind / "a.png")[None] / np.float32(255)
+        for kind in ("images", "renders")
+    ]
+    for net, path in zip(nets, paths, strict=True):
+        wanted = float(lpips.distance(net, lpips.read(net, path), *pair)[0])
+        assert found.loc["a", "standard"][f"lpips_{net}"] == pytest.approx(wanted)
+
+
+def test_weights_that_are_none_are_named(folder):
+    weights = folder / "weights.npz"
+    np.savez(weights, conv1_w=np.zeros(3))
+    with pytest.raises(ValueError, match=r"weights\.npz: .*conv1_b"):
+        run(folder, f"--lpips-alex={weights}")
+    Image.new("RGB", (9, 9)).save(folder / "renders" / "a.png")
+    with pytest.raises(ValueError, match=r"a\.png: 9x9 pixels"):
+        run(folder)

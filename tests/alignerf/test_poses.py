@@ -1,0 +1,288 @@
+"""The entry point as a user meets it: what it writes, and how it fails."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from alignerf import poses
+from alignerf.command import faults
+from alignerf.experiment import settings
+from alignerf.scenes import cameras, prepare
+
+COURTYARD = {
+    "source": "courtyard",
+    "poses": "truth",
+    "downscale": 2,
+    "test_every": 3,
+    "courtyard": {"views": 4, "width": 96, "height": 72, "motion_m": 0.03},
+}
+
+
+def run_cli(config, out):
+    """(exit status, lines of stderr) of the command as a rule runs it."""
+    text = config if isinstance(config, str) else json.dumps(config)
+    done = subprocess.run(
+        [sys.executable, "-m", "alignerf.poses", "--config", text, "--out", str(out)],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONWARNINGS": "error"},
+    )
+    assert done.stdout == ""
+    return done.returncode, done.stderr.splitlines()
+
+
+def load(path):
+    with np.load(path, allow_pickle=False) as stored:
+        return dict(stored)
+
+
+@pytest.fixture(scope="module")
+def courtyard(tmp_path_factory):
+    out = tmp_path_factory.mktemp("results") / "courtyard"
+    poses.main(COURTYARD, out)
+    return out
+
+
+def test_products_of_the_courtyard(courtyard):
+    assert sorted(p.name for p in courtyard.iterdir()) == sorted(poses.PRODUCTS)
+    stored = load(courtyard / "cameras.npz")
+    assert stored["pixtocams"].shape == (4, 3, 3)
+    assert stored["camtoworlds"].shape == (4, 3, 4)
+    assert stored["pixtocams"].dtype == stored["camtoworlds"].dtype == np.float64
+    assert (stored["width"], stored["height"]) == (48, 36)
+    assert list(stored["split"]) == ["test", "train", "train", "test"]
+    assert list(stored["names"]) == sorted(stored["names"])
+    for name in stored["names"]:
+        image = prepare.load_image(courtyard / "images" / f"{name}.png")
+        oracle = prepare.load_image(courtyard / "truth" / "oracle" / f"{name}.png")
+        assert image.shape == oracle.shape == (36, 48, 3)
+        flow = load(courtyard / "truth" / "flow" / f"{name}.npz")
+        assert flow["flow_px"].shape == (36, 48, 2)
+        assert flow["flow_px"].dtype == np.float32
+        assert flow["valid"].dtype == bool
+        assert flow["valid"].mean() > 0.8
+    report = json.loads((courtyard / "poses.json").read_text())
+    assert (report["registered"], report["total"]) == (4, 4)
+    assert 0 < report["true_misalignment_px"] < 2
+
+
+def test_depth_explains_the_true_flow_of_a_still_scene(tmp_path):
+    still = COURTYARD["courtyard"] | {"motion": "none"}
+    poses.main(COURTYARD | {"courtyard": still, "perturb_px": 1.0}, tmp_path)
+    given, true = load(tmp_path / "cameras.npz"), load(tmp_path / "truth/cameras.npz")
+    x, y = np.meshgrid(np.arange(48.0), np.arange(36.0))
+    for i, name in enumerate(given["names"]):
+        depth_m = load(tmp_path / "truth" / "depth" / f"{name}.npz")["depth_m"]
+        flow = load(tmp_path / "truth" / "flow" / f"{name}.npz")
+        rays = cameras.pixels_to_rays(
+            x, y, given["pixtocams"][i], given["camtoworlds"][i]
+        )
+        points = rays.origins + depth_m[..., None] * rays.directions
+        pixel, _ = cameras.project(points, true["pixtocams"][i], true["camtoworlds"][i])
+        wanted = pixel - np.stack([x, y], axis=-1) - 0.5
+        error = np.abs(flow["flow_px"] - wanted)[flow["valid"]]
+        assert error.max() < 1e-2
+
+
+def test_oracle_without_error_is_the_photo(tmp_path):
+    """Nothing moves, poses are true: oracle and photo differ by rounding only."""
+    config = COURTYARD | {"courtyard": COURTYARD["courtyard"] | {"motion": "none"}}
+    poses.main(config, tmp_path)
+    for path in (tmp_path / "images").iterdir():
+        photo = prepare.load_image(path).astype(float)
+        oracle = prepare.load_image(tmp_path / "truth" / "oracle" / path.name)
+        assert np.abs(photo - oracle).mean() < 0.5
+        flow = load(tmp_path / "truth" / "flow" / f"{path.stem}.npz")
+        assert np.abs(flow["flow_px"][flow["valid"]]).max() < 1e-3
+
+
+def test_perturbed_poses_and_the_true_flow_that_undoes_them(tmp_path):
+    """Warping the photo by the true flow brings it onto the oracle."""
+    still = COURTYARD["courtyard"] | {"motion": "none"}
+    poses.main(COURTYARD | {"courtyard": still, "perturb_px": 2.0}, tmp_path)
+    given, true = load(tmp_path / "cameras.npz"), load(tmp_path / "truth/cameras.npz")
+    np.testing.assert_array_equal(given["pixtocams"], true["pixtocams"])
+    np.testing.assert_array_equal(given["names"], true["names"])
+    assert np.abs(given["camtoworlds"] - true["camtoworlds"]).max() > 1e-3
+    before, after = [], []
+    x, y = np.meshgrid(np.arange(48, dtype=np.float32), np.arange(36, dtype=np.float32))
+    for name in given["names"]:
+        photo = prepare.load_image(tmp_path / "images" / f"{name}.png")
+        oracle = prepare.load_image(tmp_path / "truth" / "oracle" / f"{name}.png")
+        flow = load(tmp_path / "truth" / "flow" / f"{name}.npz")
+        warped = cv2.remap(
+            photo,
+            x + flow["flow_px"][..., 0],
+            y + flow["flow_px"][..., 1],
+            cv2.INTER_CUBIC,
+        )
+        for errors, image in ((before, photo), (after, warped)):
+            errors.append(np.abs(image - oracle.astype(float))[flow["valid"]].mean())
+    assert np.mean(after) < 0.6 * np.mean(before)
+
+
+def test_runs_are_identical_and_replace_what_was_there(courtyard, tmp_path):
+    (tmp_path / "images").mkdir()
+    (tmp_path / "images" / "old.png").write_bytes(b"")
+    poses.main(COURTYARD, tmp_path)
+    assert not (tmp_path / "images" / "old.png").exists()
+    for path in courtyard.rglob("*.*"):
+        if path.suffix == ".png":
+            other = tmp_path / path.relative_to(courtyard)
+            assert other.read_bytes() == path.read_bytes()
+    first, second = load(courtyard / "cameras.npz"), load(tmp_path / "cameras.npz")
+    np.testing.assert_array_equal(first["camtoworlds"], second["camtoworlds"])
+
+
+def test_courtyard_through_colmap(tmp_path):
+    """A small courtyard, photographed densely enough for COLMAP."""
+    config = {
+        "downscale": 2,
+        # A sharper lens than the default, whose blur is for photos of 400 px.
+        "courtyard": {
+            "views": 24,
+            "width": 240,
+            "height": 180,
+            "motion": "none",
+            "lens_sigma_px": 0.7,
+        },
+    }
+    poses.main(config, tmp_path)
+    report = json.loads((tmp_path / "poses.json").read_text())
+    assert report["poses"] == "colmap"
+    assert report["registered"] >= 12
+    assert report["registered"] + len(report["left_out"]) == report["total"] == 24
+    compared = report["compared_to_truth"]
+    assert compared["centre_error_relative"] < 0.05
+    assert compared["rotation_error_deg"] < 2
+    assert compared["distance_correlation"] > 0.99
+    assert abs(compared["focal_error_relative"]) < 0.05
+    assert report["true_misalignment_px"] < 2
+    assert len(list((tmp_path / "images").iterdir())) == report["registered"]
+
+
+def test_downscaling_follows_the_true_ratio():
+    pixels = np.random.default_rng(0).integers(0, 256, (135, 201, 3), dtype=np.uint8)
+    views = prepare.PosedViews(
+        names=["a"],
+        pixtocams=cameras.intrinsics(80.0, 201, 135)[None],
+        camtoworlds=np.eye(4)[None, :3],
+        width=201,
+        height=135,
+        load=lambda i: pixels,
+    )
+    small = prepare.downscale(views, 4)
+    assert (small.width, small.height) == (50, 34)
+    corner = small.pixtocams[0] @ [50, 34, 1]
+    np.testing.assert_allclose(corner, views.pixtocams[0] @ [201, 135, 1])
+    np.testing.assert_allclose(small.load(0).mean(), pixels.mean(), atol=0.5)
+    with pytest.raises(ValueError, match="downscale: 5"):
+        prepare.downscale(views, 5)
+
+
+def photo_folder(folder, *, truncated=False):
+    """Three photos of unrelated noise, the second possibly cut short."""
+    folder.mkdir()
+    rng = np.random.default_rng(0)
+    for name in "abc":
+        noise = rng.integers(0, 256, (12, 16, 3), dtype=np.uint8)
+        path = folder / f"{name}.jpg"
+        Image.fromarray(noise.repeat(8, 0).repeat(8, 1)).save(path)
+        if truncated and name == "b":
+            path.write_bytes(path.read_bytes()[:2000])
+
+
+def bad_configs(tmp_path):
+    """[(config, what the one line of error must name)]"""
+    (tmp_path / "empty").mkdir()
+    photo_folder(tmp_path / "three")
+    photo_folder(tmp_path / "cut", truncated=True)
+    (tmp_path / "transforms.json").write_text("{")
+    photos, given = {"source": "photos"}, {"source": "transforms"}
+    small = {"views": 3, "width": 32, "height": 32}
+    return [
+        (photos | {"path": str(tmp_path / "empty")}, str(tmp_path / "empty")),
+        (photos | {"path": str(tmp_path / "none")}, str(tmp_path / "none")),
+        (photos | {"path": str(tmp_path / "cut")}, str(tmp_path / "cut" / "b.jpg")),
+        (photos | {"path": str(tmp_path / "three")}, "registered 0 of 3 images"),
+        (photos, "path"),
+        (photos | {"path": str(tmp_path), "poses": "truth"}, "poses"),
+        (given | {"path": str(tmp_path)}, "transforms.json"),
+        ({"source": "film"}, "film"),
+        ({"source": "courtyard", "sead": 1}, "sead"),
+        ({"source": "courtyard", "seed": "1"}, "seed"),
+        ({"source": "courtyard", "courtyard": {"views": 4.5}}, "views"),
+        ({"source": "courtyard", "downscale": 0}, "downscale"),
+        ({"source": "courtyard", "perturb_px": float("nan")}, "perturb_px"),
+        ({"poses": "truth", "courtyard": {"views": 0}}, "courtyard.views"),
+        ({"poses": "truth", "courtyard": {"motion": "fast"}}, "motion"),
+        ({"poses": "truth", "courtyard": {"moving": ["cat"]}}, "cat"),
+        ({"colmap": {"camera_model": "OPENCV"}, "courtyard": small}, "camera_model"),
+        ({"poses": "truth", "downscale": 8, "courtyard": small}, "downscale"),
+        ("{", "JSON"),
+        (str(tmp_path / "no such file"), "no such file"),
+    ]
+
+
+def test_every_fault_is_one_line_and_leaves_nothing(tmp_path, capsys):
+    """In one process, as the command's start costs more than all of them."""
+    for config, named in bad_configs(tmp_path):
+        text = config if isinstance(config, str) else json.dumps(config)
+        out = tmp_path / "results" / "scene"
+        with pytest.raises(SystemExit) as stopped:
+            faults.run(
+                lambda text=text, out=out: poses.main(settings.read_config(text), out)
+            )
+        assert stopped.value.code == 1
+        lines = [line for line in capsys.readouterr().err.splitlines() if line]
+        errors = [line for line in lines if line.startswith("error: ")]
+        assert len(errors) == 1, lines
+        assert lines[-1] == errors[0]
+        assert named in errors[0]
+        assert not out.exists()
+
+
+def test_the_command_itself(tmp_path):
+    out = tmp_path / "scene"
+    status, lines = run_cli({"source": "photos", "path": str(tmp_path)}, out)
+    assert status == 1
+    assert lines == [f"error: no images in {tmp_path}"]
+    assert not out.exists()
+    photo_folder(tmp_path / "three")
+    status, lines = run_cli({"source": "photos", "path": str(tmp_path / "three")}, out)
+    assert status == 1
+    assert "Traceback" not in "".join(lines)
+    assert "registered 0 of 3 images" in lines[-1]
+    assert not out.exists()
+
+
+def test_a_failure_keeps_what_an_earlier_run_made(courtyard, tmp_path):
+    before = {p: p.stat().st_mtime_ns for p in courtyard.rglob("*")}
+    with pytest.raises(ValueError, match="no folder"):
+        poses.main({"source": "photos", "path": str(tmp_path / "none")}, courtyard)
+    assert before == {p: p.stat().st_mtime_ns for p in courtyard.rglob("*")}
+
+
+def test_another_source_takes_the_truth_away(courtyard, tmp_path):
+    shutil.copytree(courtyard, tmp_path / "scene")
+    matrix = np.eye(4).tolist()
+    (tmp_path / "images").mkdir()
+    frames = []
+    for name in ("a", "b"):
+        pixels = np.zeros((32, 40, 3), np.uint8)
+        prepare.save_image(tmp_path / "images" / f"{name}.png", pixels)
+        frames.append({"file_path": f"images/{name}", "transform_matrix": matrix})
+    scene = {"camera_angle_x": 1.0, "frames": frames}
+    (tmp_path / "transforms.json").write_text(json.dumps(scene))
+    config = {"source": "transforms", "path": str(tmp_path)}
+    poses.main(config, tmp_path / "scene")
+    found = sorted(p.name for p in (tmp_path / "scene").iterdir())
+    assert found == ["cameras.npz", "images", "poses.json"]
+    assert list(load(tmp_path / "scene" / "cameras.npz")["names"]) == ["a", "b"]

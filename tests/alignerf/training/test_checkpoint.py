@@ -1,0 +1,203 @@
+"""Training states on disk: whole or refused, and never two writers."""
+
+import json
+import multiprocessing
+import os
+from pathlib import Path
+
+import filelock
+import flax.serialization
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from alignerf.training import checkpoint
+from alignerf.training import step as train_step
+
+
+@pytest.fixture
+def state(rng):
+    params = {
+        "model": {"field": jnp.asarray(rng.normal(size=(3, 4)), jnp.float32)},
+        "head": {"kernel": jnp.asarray(rng.normal(size=5), jnp.float32)},
+    }
+    optimizer = train_step.make_optimizer(
+        learning_rates=(1e-2, 1e-3), steps=10, warmup_steps=0, eps=1e-8
+    )
+    step = jnp.asarray(7, jnp.int32)
+    return train_step.State(step, params, optimizer.init(params))
+
+
+def save(folder, state, time_s=2.5):
+    checkpoint.save(folder, state, identity="job", time_s=time_s, parts=4)
+
+
+def restore(folder, state, identity="job"):
+    template = jax.tree.map(jnp.zeros_like, state)
+    return checkpoint.restore(folder, template, identity=identity)
+
+
+def same(first, second):
+    assert jax.tree.structure(first) == jax.tree.structure(second)
+    for a, b in zip(jax.tree.leaves(first), jax.tree.leaves(second), strict=True):
+        assert np.asarray(a).dtype == np.asarray(b).dtype
+        np.testing.assert_array_equal(a, b)
+
+
+def test_comes_back_bit_for_bit(tmp_path, state):
+    assert restore(tmp_path, state) is None
+    save(tmp_path, state)
+    found, manifest = restore(tmp_path, state)
+    same(found, state)
+    assert (manifest["time_s"], manifest["parts"]) == (2.5, 4)
+
+
+def test_only_the_newest_is_kept(tmp_path, state):
+    save(tmp_path, state)
+    newer = state._replace(step=jnp.asarray(9, jnp.int32))
+    save(tmp_path, newer, time_s=3.0)
+    found, manifest = restore(tmp_path, state)
+    same(found, newer)
+    assert manifest["time_s"] == 3.0
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"state-9.msgpack", "manifest.json"}
+
+
+def test_another_job_starts_anew(tmp_path, state, caplog):
+    save(tmp_path, state)
+    caplog.set_level("INFO", "alignerf")
+    assert restore(tmp_path, state, identity="other") is None
+    assert "another configuration" in caplog.text
+
+
+def test_a_flipped_byte_anywhere_starts_anew(tmp_path, state, caplog, rng):
+    save(tmp_path, state)
+    path = tmp_path / "state-7.msgpack"
+    whole = path.read_bytes()
+    for position in rng.integers(0, len(whole), 20):
+        damaged = bytearray(whole)
+        damaged[position] ^= 1 << rng.integers(8)
+        path.write_bytes(damaged)
+        assert restore(tmp_path, state) is None
+    assert "damaged" in caplog.text
+    path.write_bytes(whole[:-1])
+    assert restore(tmp_path, state) is None
+    path.unlink()
+    assert restore(tmp_path, state) is None
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "{}", "null"])
+def test_an_unreadable_manifest_starts_anew(tmp_path, state, content):
+    save(tmp_path, state)
+    (tmp_path / "manifest.json").write_text(content)
+    assert restore(tmp_path, state) is None
+
+
+class Killed(BaseException):
+    """A writer that ends in the middle."""
+
+
+@pytest.mark.parametrize("writes", [0, 1, 2, 3])
+def test_a_killed_writer_leaves_the_previous_state_or_the_new_one(
+    tmp_path, state, monkeypatch, writes
+):
+    """Killed before its n-th rename or removal; nothing is lost at any point."""
+    save(tmp_path, state)
+    done = []
+
+    def dying(act):
+        def call(*arguments, **options):
+            if len(done) == writes:
+                raise Killed
+            done.append(arguments)
+            return act(*arguments, **options)
+
+        return call
+
+    newer = state._replace(step=jnp.asarray(8, jnp.int32))
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "replace", dying(os.replace))
+        patched.setattr(Path, "unlink", dying(Path.unlink))
+        try:
+            save(tmp_path, newer, time_s=9.0)
+        except Killed:
+            assert len(done) == writes
+    found, _ = restore(tmp_path, state)
+    assert int(found.step) in (7, 8)
+    same(found, state if int(found.step) == 7 else newer)
+    save(tmp_path, newer, time_s=9.0)
+    same(restore(tmp_path, state)[0], newer)
+
+
+def test_parameters_come_back_and_fit_or_are_refused(tmp_path, state):
+    path = tmp_path / "model.msgpack"
+    checkpoint.write_params(path, state.params)
+    shapes = jax.eval_shape(lambda: state.params)
+    same(checkpoint.read_params(path, shapes), state.params)
+    wrong = jax.tree.map(lambda x: jnp.zeros((*x.shape, 2)), state.params)
+    with pytest.raises(ValueError, match=r"model\.msgpack: .*the model has"):
+        checkpoint.read_params(path, wrong)
+    other = jax.tree.map(lambda x: x.astype(jnp.int32), state.params)
+    with pytest.raises(ValueError, match=r"is float32.*has int32"):
+        checkpoint.read_params(path, other)
+    with pytest.raises(ValueError, match=r"model\.msgpack: not parameters"):
+        checkpoint.read_params(path, {"model": state.params["model"]})
+    more = state.params | {"more": jnp.zeros(2)}
+    with pytest.raises(ValueError, match=r"model\.msgpack: not parameters"):
+        checkpoint.read_params(path, more)
+    with pytest.raises(ValueError, match=r"no\.msgpack: model file not found"):
+        checkpoint.read_params(tmp_path / "no.msgpack", shapes)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_parameters_that_are_not_finite_are_refused(tmp_path, state, value):
+    path = tmp_path / "model.msgpack"
+    spoilt = dict(state.params, head={"kernel": jnp.asarray([0, value, 0, 0, 0.0])})
+    checkpoint.write_params(path, spoilt)
+    with pytest.raises(ValueError, match=r"head.*kernel.* not finite"):
+        checkpoint.read_params(path, state.params)
+
+
+def test_files_that_are_no_parameters_are_refused(tmp_path, state, rng):
+    path = tmp_path / "model.msgpack"
+    whole = flax.serialization.to_bytes(state.params)
+    for data in (b"", b"\x00", whole[: len(whole) // 2], rng.bytes(500), b"\xc1" * 9):
+        path.write_bytes(data)
+        with pytest.raises(ValueError, match=r"model\.msgpack: "):
+            checkpoint.read_params(path, state.params)
+
+
+def hold(folder, held, done):
+    with filelock.FileLock(folder / "lock"):
+        held.set()
+        done.wait(60)
+
+
+def test_a_lock_held_by_another_process_is_refused(tmp_path):
+    context = multiprocessing.get_context("spawn")
+    held, done = context.Event(), context.Event()
+    process = context.Process(target=hold, args=(tmp_path, held, done))
+    process.start()
+    try:
+        assert held.wait(60)
+        with (
+            pytest.raises(ValueError, match="another process is training here"),
+            checkpoint.lock(tmp_path),
+        ):
+            pytest.fail("two trainers in one folder")
+    finally:
+        done.set()
+        process.join()
+    with checkpoint.lock(tmp_path):
+        pass
+    with checkpoint.lock(tmp_path):
+        pass
+
+
+def test_fingerprints_differ_where_anything_differs():
+    parts = [(1,), (1.5,), ("1",), (1, 2), ([1, 2],), ({"a": 1},), ({"b": 1},), (None,)]
+    assert len({checkpoint.fingerprint(*part) for part in parts}) == len(parts)
+    assert checkpoint.fingerprint({"a": 1, "b": 2}) == checkpoint.fingerprint(
+        json.loads('{"b": 2, "a": 1}')
+    )

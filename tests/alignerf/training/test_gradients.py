@@ -1,0 +1,77 @@
+"""One gradient, however a batch is split: in micro-batches, or over devices."""
+
+import functools
+import json
+import os
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from alignerf.training import gradients
+from tests import training_cases as cases
+
+
+@pytest.mark.parametrize("kind", ["mipnerf360", "alignerf"])
+def test_micro_batches_give_the_gradient_of_the_batch(kind):
+    """With masks that differ from part to part, and one part that is all masked."""
+    make = {"mipnerf360": cases.baseline, "alignerf": cases.alignerf}[kind]
+    method = make(**({"patches": 4} if kind == "alignerf" else {}))
+    params = jax.jit(method.init)(jax.random.key(0))
+    batch = method.draw(jax.random.key(1), cases.make_views())
+    if kind == "mipnerf360":
+        weight = batch.weight.at[:24].set(0.0)
+        batch = batch._replace(weight=weight / jnp.mean(weight))
+
+    @functools.partial(jax.jit, static_argnames="parts")
+    def mean(parts):
+        return gradients.mean(method.terms, params, batch, 0.3, parts=parts)
+
+    (loss, shown), grads = mean(1)
+    flat = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(grads)])
+    assert np.linalg.norm(flat) > 0
+    (loss_of_parts, shown_of_parts), grads_of_parts = mean(4)
+    assert float(loss_of_parts) == pytest.approx(float(loss), rel=1e-6)
+    for name in shown:
+        assert float(shown_of_parts[name]) == pytest.approx(
+            float(shown[name]), rel=1e-5
+        )
+    other = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(grads_of_parts)])
+    assert np.linalg.norm(other - flat) < 1e-6 * np.linalg.norm(flat)
+
+
+@pytest.mark.parametrize(
+    ("units", "count", "used"),
+    [(96, 8, 8), (32, 5, 4), (9, 8, 3), (97, 8, 1), (4, 1, 1)],
+)
+def test_as_many_devices_as_share_the_units_evenly(units, count, used, caplog):
+    found = gradients.make_mesh(units, [object() for _ in range(count)])
+    assert (1 if found is None else found.size) == used
+    assert (f"{used} of {count} devices are used" in caplog.text) == (used < count)
+
+
+def test_eight_devices_learn_what_one_does(root):
+    settings = {
+        "XLA_FLAGS": "--xla_force_host_platform_device_count=8",
+        # Compiles in half the time.
+        "JAX_DISABLE_MOST_OPTIMIZATIONS": "1",
+    }
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.on_devices"],
+        cwd=root,
+        env=os.environ | settings,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    for runs in json.loads(done.stdout).values():
+        losses, collectives, copies = runs["one"]
+        assert (collectives, copies) == ([], 1)
+        shared, collectives, copies = runs["all"]
+        # Nothing but the mean goes from device to device.
+        assert (collectives, copies) == (["all-reduce"], 8)
+        assert shared == pytest.approx(losses, rel=1e-5)
+        assert len(set(losses)) == len(losses)

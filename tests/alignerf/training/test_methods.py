@@ -1,0 +1,275 @@
+"""Training's parts: rays and patches drawn, one step, clipping, schedule."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from alignerf.contributions import frequency_loss, patch_conv
+from alignerf.mipnerf360 import losses
+from alignerf.scenes import prepared
+from alignerf.training import batches, methods
+from alignerf.training import step as train_step
+from tests import training_cases as cases
+from tests import twins
+
+
+@pytest.fixture
+def views():
+    return cases.make_views()
+
+
+def pixel_of(rays, width=cases.WIDTH, height=cases.HEIGHT):
+    """(x, y) of rays of the cases' cameras, which look down -z without turning."""
+    x = np.asarray(rays.directions[..., 0]) * cases.FOCAL_PX + width / 2 - 0.5
+    y = -np.asarray(rays.directions[..., 1]) * cases.FOCAL_PX + height / 2 - 0.5
+    return np.round(x).astype(int), np.round(y).astype(int)
+
+
+def test_drawn_rays_show_their_pixels(views):
+    batch = batches.draw_rays(jax.random.key(0), views, 500, 2)
+    x, y = pixel_of(batch.rays)
+    photo = np.asarray(views.photos)[batch.view, y, x] / 255.0
+    np.testing.assert_allclose(photo, batch.photo, atol=1e-6)
+    valid = np.unpackbits(views.valid, axis=-1, count=40)[batch.view, y, x]
+    np.testing.assert_allclose(batch.weight, valid / valid.mean(), rtol=1e-5)
+    assert 0 < valid.mean() < 1
+    assert set(np.asarray(batch.view)) == {0, 1, 2}
+    assert set(x) == set(range(40))
+    assert set(y) == set(range(36))
+
+
+def test_drawn_patches_show_their_pixels_and_nothing_beyond_the_border(views):
+    batch = batches.draw_patches(jax.random.key(1), views, 40, 12, 5, 2)
+    x, y = (v.reshape(40, 12, 12) for v in pixel_of(batch.rays))
+    photos = np.asarray(views.photos)[batch.view[:, None, None], y, x] / 255.0
+    np.testing.assert_allclose(photos, batch.photo[:, 5:-5, 5:-5], atol=1e-6)
+    rows, columns = (
+        y[:, 0, 0, None] + np.arange(-5, 17),
+        x[:, 0, 0, None] + np.arange(-5, 17),
+    )
+    inside = ((rows >= 0) & (rows < 36))[:, :, None] & (
+        (columns >= 0) & (columns < 40)
+    )[:, None]
+    valid = np.unpackbits(views.valid, axis=-1, count=40)[
+        batch.view[:, None, None],
+        rows.clip(0, 35)[:, :, None],
+        columns.clip(0, 39)[:, None, :],
+    ]
+    np.testing.assert_array_equal(inside & (valid > 0), batch.exists > 0)
+    assert inside.min() == 0
+    assert y.min() <= 3
+    assert x.max() >= 36
+
+
+def test_pixels_beyond_two_thousand_million_are_found():
+    """170 photos of 2560 x 1680 have 2.2e9 numbers: 32-bit offsets wrap round.
+
+    Pages never written are not in memory, so that the test is small.
+    """
+    n, h, w = 170, 1680, 2560
+    assert n * h * w * 3 > 2**31
+    photos = prepared.empty_images((n, h, w, 3))
+    photos[-1] = np.random.default_rng(0).integers(1, 256, (h, w, 3))
+    camera = cases.make_views(1, h, w)
+    views = batches.Views(
+        photos=jax.device_put(photos),
+        valid=None,
+        pixtocams=jnp.tile(camera.pixtocams, (n, 1, 1)),
+        camtoworlds=jnp.tile(camera.camtoworlds, (n, 1, 1)),
+    )
+    draw = jax.jit(lambda key, views: batches.draw_rays(key, views, 3000, 2))
+    rays = draw(jax.random.key(0), views)
+    draw = jax.jit(lambda key, views: batches.draw_patches(key, views, 600, 4, 1, 2))
+    patches = draw(jax.random.key(1), views)
+    assert np.all(np.asarray(rays.weight) == 1.0)
+    for batch, inner in ((rays, rays.photo), (patches, patches.photo[:, 1:-1, 1:-1])):
+        assert np.any(batch.view == n - 1)
+        x, y = (v.reshape(inner.shape[:-1]) for v in pixel_of(batch.rays, w, h))
+        view = np.asarray(batch.view).reshape(-1, *[1] * (x.ndim - 1))
+        np.testing.assert_allclose(photos[view, y, x] / 255.0, inner, atol=1e-6)
+
+
+def test_pixels_of_weight_zero_change_nothing(rng):
+    colour, photo = jnp.asarray(rng.uniform(size=(2, 50, 3)), jnp.float32)
+    weight = jnp.asarray(np.arange(50) % 2, jnp.float32)
+    spoilt = jnp.where(weight[:, None] > 0, photo, 7.0)
+    loss = losses.charbonnier(colour, photo, weight)
+    assert loss == losses.charbonnier(colour, spoilt, weight)
+    wanted = np.sqrt(np.asarray(colour - photo)[1::2] ** 2 + 1e-6).mean()
+    assert float(loss) == pytest.approx(wanted, rel=1e-5)
+    assert losses.charbonnier(colour, photo, jnp.zeros(50)) == 0.0
+
+
+def test_the_baseline_learns_and_stays_finite(views):
+    method = cases.baseline(batch_rays=128)
+    grey = views._replace(photos=jnp.full_like(views.photos, 60))
+    state, step = cases.start(method)
+    history = []
+    for _ in range(50):
+        state, stats = step(state, grey)
+        history.append(float(stats["psnr_db"]))
+        assert stats["nonfinite_gradients"] == 0
+    assert history[-1] > history[0] + 10
+
+
+@pytest.fixture(scope="module")
+def tuning():
+    """(fresh state, step) of AligNeRF, compiled once."""
+    return cases.start(cases.alignerf())
+
+
+def test_annealing_is_for_a_start_from_scratch(views):
+    """Early on it changes the samples and so the loss; at the end it does nothing."""
+    losses = {}
+    for annealed in (True, False):
+        method = methods.mipnerf360(
+            cases.tiny_model(),
+            batch_rays=96,
+            loss_weights=cases.WEIGHTS,
+            annealed=annealed,
+        )
+        params = method.init(jax.random.key(1))
+        batch = method.draw(jax.random.key(2), views)
+        for share in (0.0, 1.0):
+            terms, _ = method.terms(params, batch, share)
+            losses[annealed, share] = float(sum(terms.values()))
+    assert losses[False, 0.0] == losses[False, 1.0] == losses[True, 1.0]
+    assert losses[True, 0.0] != losses[True, 1.0]
+
+
+def test_alignerf_takes_a_step_on_every_network(tuning, views):
+    fresh, step = tuning
+    state = jax.tree.map(jnp.copy, fresh)
+    before = jax.tree.map(np.asarray, state.params)
+    state, stats = step(state, views)
+    assert stats["nonfinite_gradients"] == 0
+    assert 0 <= stats["offset_px"] <= 3 * np.sqrt(2)
+    for name in ("model", "head"):
+        changed = jax.tree.map(
+            lambda a, b: float(jnp.abs(a - b).max()), before[name], state.params[name]
+        )
+        assert max(jax.tree.leaves(changed)) > 0
+
+
+def test_aligned_and_frequency_loss_keep_the_printed_ratio(views):
+    """Eq. 4 sums over the patch, Eq. 5 averages; one divisor for both."""
+    method = cases.alignerf(loss=cases.make_loss(radius_px=0, align_penalty=0.0))
+    params = jax.jit(method.init)(jax.random.key(0))
+    batch = method.draw(jax.random.key(4), views._replace(valid=None))
+    terms, _ = jax.jit(method.terms)(params, batch, 1.0)
+    photo = batch.photo
+    rays, jitter = jax.tree.map(
+        lambda x: x.reshape(-1, x.shape[-1]), (batch.rays, batch.jitter)
+    )
+    apply = jax.jit(cases.tiny_model(outputs=6).apply)
+    values = apply({"params": params["model"]}, rays, jitter=jitter).values
+    rgb = method.colours(params, patch_conv.pad(values.reshape(2, 12, 12, 6)))
+    squared = np.sum(np.asarray(photo - rgb, np.float64) ** 2, axis=(1, 2, 3)).mean()
+    bank = frequency_loss.bank_features
+    features = np.asarray(bank(photo) - bank(rgb), np.float64)
+    elements = 12 * 12 * 3
+    assert float(terms["data"]) == pytest.approx(squared / elements, rel=1e-4)
+    wanted = 0.05 * np.mean(features**2) / elements
+    assert float(terms["frequency"]) == pytest.approx(wanted, rel=1e-4)
+
+
+def charbonnier_at_rest(method, batch, params):
+    """The baseline's loss of the patches' own pixels."""
+    rays, jitter = jax.tree.map(
+        lambda x: x.reshape(-1, x.shape[-1]), (batch.rays, batch.jitter)
+    )
+    apply = jax.jit(cases.tiny_model().apply)
+    values = apply({"params": params["model"]}, rays, jitter=jitter).values
+    photo = batch.photo.reshape(values.shape)
+    return np.sqrt(np.square(values - photo, dtype=np.float64) + 1e-6).mean()
+
+
+def test_without_its_parts_the_method_is_the_baseline_on_patches(views):
+    loss = cases.make_loss(error="charbonnier", radius_px=0, frequency_features=None)
+    method = methods.alignerf(
+        cases.tiny_model(),
+        patches=2,
+        patch_px=12,
+        convolution=False,
+        loss=loss,
+        loss_weights=cases.WEIGHTS,
+    )
+    params = jax.jit(method.init)(jax.random.key(0))
+    assert params.keys() == {"model"}
+    batch = method.draw(jax.random.key(4), views._replace(valid=None))
+    terms, shown = jax.jit(method.terms)(params, batch, 1.0)
+    assert terms.keys() == {"data", "interlevel", "distortion"}
+    wanted = charbonnier_at_rest(method, batch, params)
+    assert float(terms["data"]) == pytest.approx(wanted, rel=1e-5)
+    assert shown["offset_px"] == 0
+
+
+def test_pixels_match_better_than_a_patch_and_both_than_none(views):
+    """The more that may move, the smaller the error that is left."""
+    errors = []
+    for matching, radius_px in (("pixel", 3), ("patch", 3), ("patch", 0)):
+        loss = cases.make_loss(
+            matching=matching, radius_px=radius_px, align_penalty=0.0
+        )
+        method = cases.alignerf(loss=loss)
+        params = jax.jit(method.init)(jax.random.key(0))
+        batch = method.draw(jax.random.key(4), views._replace(valid=None))
+        # Each radius draws as much photo around the patches as it needs.
+        terms, shown = jax.jit(method.terms)(params, batch, 1.0)
+        grads = jax.jit(
+            jax.grad(lambda p, m=method, b=batch: m.terms(p, b, 1.0)[0]["data"])
+        )
+        flat = jax.tree.leaves(grads(params))
+        assert all(np.isfinite(leaf).all() for leaf in flat)
+        errors.append(float(terms["data"]))
+        assert (shown["offset_px"] > 0) == (radius_px > 0)
+    assert errors == sorted(errors)
+
+
+@pytest.mark.parametrize("level", [0, 255])
+def test_black_and_white_photos_train_finitely(tuning, views, level):
+    flat = views._replace(photos=jnp.full_like(views.photos, level))
+    fresh, step = tuning
+    state = jax.tree.map(jnp.copy, fresh)
+    for _ in range(3):
+        state, stats = step(state, flat)
+    assert all(np.isfinite(float(value)) for value in stats.values())
+
+
+def test_clipping_is_per_network_and_keeps_direction(rng):
+    clip = jax.jit(lambda tree: train_step.clip_per_network(tree, 1e-3))
+    for size in 10 ** rng.uniform(-20, 38, (1000, 3)):
+        a, b, c, d = (s * rng.uniform(-1, 1, 3) for s in size[[0, 0, 1, 2]])
+        a, b, c, d = twins.f32(a, b, c, d)
+        found = clip({"model": {"field": [a, b], "proposal": c}, "head": d})
+        networks = [*found["model"].values(), found["head"]]
+        for network, given in zip(networks, ([a, b], [c], [d]), strict=True):
+            wanted = np.concatenate(twins.clipped(twins.f64(*given), 1e-3))
+            flat = np.concatenate(jax.tree.leaves(network))
+            twins.assert_close(flat, wanted, scale=np.abs(wanted).max())
+    zero = train_step.clip_per_network({"model": {"field": jnp.zeros(2)}}, 1e-3)
+    np.testing.assert_array_equal(zero["model"]["field"], 0.0)
+
+
+def test_the_schedule_is_the_published_one(rng):
+    steps = np.concatenate([np.arange(600), rng.integers(0, 250_001, 1000), [250_000]])
+    for first, last, warmup in ((2e-3, 2e-5, 512), (1e-2, 1e-3, 30_000)):
+        rate = jax.vmap(
+            functools.partial(
+                train_step.learning_rate,
+                first=first,
+                last=last,
+                steps=250_000,
+                warmup_steps=warmup,
+            )
+        )
+        wanted = twins.learning_rate(steps, first, last, 250_000, warmup)
+        twins.assert_close(rate(steps), wanted)
+
+
+def test_entries_that_adam_cannot_square_are_counted():
+    tree = {"a": jnp.array([1e18, jnp.nan]), "b": jnp.array([[jnp.inf, 0.0, -2e19]])}
+    assert train_step.count_nonfinite_squares(tree) == 3

@@ -1,0 +1,215 @@
+"""The benchmarks run, and their figures mean what they say."""
+
+import csv
+import json
+import math
+import os
+import subprocess
+import sys
+import time
+
+import jax
+import numpy as np
+import pytest
+import yaml
+
+from alignerf.scenes import cameras
+from alignerf.training import compose
+from tests.bench import (
+    cases,
+    job,
+    measure,
+    multinerf,
+    ours,
+    quality,
+    report,
+    speed,
+    theirs,
+)
+
+BENCHMARKS = ["speed", "quality", "grid", "job", "memory", "scale", "split", "align"]
+
+
+@pytest.fixture(scope="module")
+def quick(root, tmp_path_factory):
+    """Folder of all that `--quick` writes; its programs are not optimised."""
+    folder = tmp_path_factory.mktemp("bench")
+    arguments = ["--quick", "--repeats", "1", "--out", folder, "--only", *BENCHMARKS]
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.bench", *arguments],
+        cwd=root,
+        env=os.environ | {"JAX_DISABLE_MOST_OPTIMIZATIONS": "1"},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    return folder, done.stdout
+
+
+@pytest.fixture(scope="module")
+def peer():
+    """The peer's modules; ALIGNERF_MULTINERF names a checkout of it."""
+    path = os.environ.get("ALIGNERF_MULTINERF")
+    if path is None:
+        pytest.skip("no checkout of multinerf (set ALIGNERF_MULTINERF)")
+    return multinerf.load(path)
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_each_benchmark_writes_finite_figures_with_the_hardware(quick, name):
+    folder, printed = quick
+    found = json.loads((folder / f"{name}.json").read_text())
+    assert found["hardware"]["cores"] >= 1
+    assert found["hardware"]["jax"] == jax.__version__
+    table = list(csv.DictReader((folder / f"{name}.csv").read_text().splitlines()))
+    assert [row["what"] for row in table] == [row["what"] for row in found["rows"]]
+    assert len(table) > 0
+    for row in found["rows"]:
+        assert row["what"] in printed
+        # Ways of the search stand beside training's.
+        compared = row["what"].startswith("search, ")
+        assert (row["peer"] is None) == (row["ratio"] is None) == (not compared)
+        # The target of the time to quality is out of a quick run's reach.
+        assert (row["ours"] is None) == (name == "quality")
+        for value in (row["ours"] or {}).values():
+            assert math.isfinite(value)
+            assert value > 0 or "rest" in row["what"]
+
+
+def test_a_quality_that_is_not_reached_says_how_far_it_came(quick):
+    found = json.loads((quick[0] / "quality.json").read_text())
+    assert "not reached: " in found["rows"][0]["note"]
+    assert " dB after " in found["rows"][0]["note"]
+
+
+def test_arms_take_turns_after_a_first_call_of_each():
+    calls = []
+    arms = {name: lambda name=name: calls.append(name) for name in "ab"}
+    times = measure.interleave(arms, 3)
+    assert "".join(calls) == "ab" + "ababab"
+    assert {name: len(found) for name, found in times.items()} == {"a": 3, "b": 3}
+
+
+def test_ratios_come_from_pairs_and_goals_from_medians():
+    # The machine was ten times slower at the second pair: ratios do not see it.
+    times = {"ours": [1.0, 10.0, 1.0], "peer": [3.0, 30.0, 4.0]}
+    row = measure.rates("x", times, 12, goal=measure.Goal("ratio", ">=", 3.0))
+    assert row.ratio == measure.Spread(3.0, 3.0, 4.0, 3)
+    assert row.ours == measure.Spread(12.0, 1.2, 12.0, 3)
+    assert row.goal.met(row) is True
+    assert measure.Goal("ratio", ">=", 3.1).met(row) is False
+    assert measure.Goal("ours", "<=", 12.0).met(row) is True
+    alone = measure.rates("x", {"ours": [1.0]}, 12, goal=row.goal)
+    assert row.goal.met(alone) is None
+    assert "not measured" in report.show("x", [alone])
+
+
+class Climber:
+    """A training that gains 1 dB a step of 10 ms; looking takes 20 ms."""
+
+    batch_rays, compile_s = 1, 5.0
+
+    def __init__(self):
+        self.steps = self.looks = 0
+
+    def next_step(self):
+        def step():
+            time.sleep(0.01)
+            self.steps += 1
+
+        return step
+
+    def psnr_db(self):
+        time.sleep(0.02)
+        self.looks += 1
+        return quality.TARGET_DB - 150 + self.steps
+
+
+def test_the_clock_of_the_time_to_quality_stands_while_views_are_looked_at():
+    climber = Climber()
+    start = time.perf_counter()
+    found = quality.climb(climber, limit_s=20.0)
+    all_s = time.perf_counter() - start
+    assert climber.steps >= 150
+    looked_s = 0.02 * climber.looks
+    assert 0.01 * climber.steps <= found.seconds(False) <= all_s - looked_s
+    assert found.seconds(True) == found.seconds(False) + 5.0
+    assert climber.looks < 10
+    late = quality.climb(Climber(), limit_s=0.1)
+    assert late.seconds(True) is None
+    assert "not reached: " in late.told
+
+
+def test_psnr_is_of_8_bit_colours_and_a_mean_over_views():
+    photos = np.full((2, 5, 3), 128.0)
+    colours = np.stack([photos[0] / 255 + 0.001, photos[1] / 255 + 0.1])
+    with np.errstate(divide="ignore"):
+        assert quality.mean_psnr_db(colours, photos) == np.inf
+    colours[0] += 0.01
+    expected = [20 * np.log10(255 / difference) for difference in (3, 26)]
+    assert abs(quality.mean_psnr_db(colours, photos) - np.mean(expected)) < 1e-6
+
+
+def test_flops_of_a_training_step_are_those_the_compiler_counts():
+    model = cases.mlp_model(
+        width=256, depth=6, proposal_width=64, proposal_depth=2, samples=[8, 8]
+    )
+    training = cases.make_job(model, batch_rays=32)
+    method = compose.make_method(training)
+    params = jax.eval_shape(method.init, jax.random.key(0))
+
+    def gradient(params, batch):
+        def loss(params):
+            terms, _ = method.terms(params, batch, 0.5)
+            return sum(terms.values())
+
+        return jax.grad(loss)(params)
+
+    views = ours.as_views(cases.orbit(2, 8, 8))
+    batch = jax.eval_shape(method.draw, jax.random.key(0), views)
+    counted = jax.jit(gradient).lower(params, batch).cost_analysis()["flops"]
+    products = 32 * speed.training_flops(params, model["samples"])
+    assert 0.9 * counted < products < counted
+
+
+def test_jobs_compile_as_the_workflow_does_and_run_the_default_model(root):
+    rules = (root / "workflow/rules/common.smk").read_text()
+    for name, value in job.CACHE.items():
+        assert f'os.environ.setdefault("{name}", "{value}")' in rules
+    demo = yaml.safe_load((root / "workflow/config/demo.yaml").read_text())
+    base = demo["models"]["base"]
+    for key in cases.FIELDS:
+        assert compose.make_field(base[key], key) == compose.make_field(
+            cases.GRID[key], key
+        )
+    assert base["samples"] == cases.GRID["samples"]
+
+
+def test_a_missing_peer_is_named(tmp_path):
+    with pytest.raises(ValueError, match=f"{tmp_path}: not a checkout"):
+        multinerf.load(tmp_path)
+
+
+@pytest.mark.parametrize("model", [cases.SMALL, cases.PUBLISHED])
+def test_the_peer_has_as_many_parameters(peer, model):
+    made = theirs.make(peer, name="count", **model, batch_rays=16, steps=10)
+    count = lambda tree: sum(leaf.size for leaf in jax.tree.leaves(tree))  # noqa: E731
+    key = jax.random.PRNGKey(0)
+    method = compose.make_method(cases.make_job(model, batch_rays=16))
+    mine = jax.eval_shape(method.init, jax.random.key(0))
+    assert count(jax.eval_shape(made.init, key)) == count(mine)
+
+
+def test_the_peer_sees_the_same_rays_and_colours(peer):
+    photos = cases.orbit(3, 12, 8)
+    made = theirs.make(peer, name="rays", **cases.TINY, batch_rays=16, steps=10)
+    found = theirs.make_dataset(made, photos, split="test").generate_ray_batch(1)
+    y, x = np.mgrid[:8, :12]
+    camera = photos.pixtocams[1], photos.camtoworlds[1]
+    rays = cameras.pixels_to_rays(
+        x.ravel(), y.ravel(), *(part.astype(np.float32) for part in camera)
+    )
+    for name in ("origins", "directions", "viewdirs", "radii"):
+        theirs_flat = getattr(found.rays, name).reshape(96, -1)
+        np.testing.assert_allclose(getattr(rays, name), theirs_flat, atol=1e-6)
+    assert (np.round(found.rgb * 255) == photos.images[1]).all()

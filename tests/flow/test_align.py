@@ -1,0 +1,244 @@
+"""flow.align as a command."""
+
+import csv
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from flow import align
+from flow.warping import files, warp
+
+ROOT = Path(__file__).parents[2]
+SHIFT_PX = (2, -1)
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Three photos, and renders that see each 2 px further right and 1 px up."""
+    rng = np.random.default_rng(0)
+    dx, dy = SHIFT_PX
+    for view in ("a", "b c", "d"):
+        large = cv2.GaussianBlur(rng.normal(size=(70, 90, 3)), (0, 0), 1.5)
+        large = np.clip(127 + 40 * large / large.std(), 0, 255).astype(np.uint8)
+        photo = large[5:65, 5:85]
+        render = large[5 + dy : 65 + dy, 5 + dx : 85 + dx]
+        files.write_image(tmp_path / "photos" / f"{view}.png", photo)
+        files.write_image(tmp_path / "renders" / f"{view}.png", render)
+    return tmp_path
+
+
+def arguments(scene, *more):
+    return [
+        *("--renders", str(scene / "renders"), "--photos", str(scene / "photos")),
+        *("--flow-out", str(scene / "out" / "flow")),
+        *("--warped-out", str(scene / "out" / "warped")),
+        *("--stats-out", str(scene / "out" / "stats.csv")),
+        *more,
+    ]
+
+
+def rows(scene):
+    with open(scene / "out" / "stats.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_aligns_a_folder(scene):
+    assert align.run(arguments(scene)) == 0
+    assert names(scene / "out") == ["flow", "stats.csv", "warped"]
+    for row, view in zip(rows(scene), ("a", "b c", "d"), strict=True):
+        assert row["view"] == view
+        assert float(row["median_px"]) == pytest.approx(5**0.5, abs=0.1)
+        assert 0.8 < float(row["valid_share"]) <= 1
+        flow_px, valid = files.read_flow(scene / "out" / "flow" / f"{view}.npz")
+        assert float(row["valid_share"]) == pytest.approx(valid.mean())
+        assert np.abs(np.median(flow_px[valid], axis=0) - SHIFT_PX).max() < 0.1
+        photo = files.read_image(scene / "photos" / f"{view}.png")
+        render = files.read_image(scene / "renders" / f"{view}.png").astype(int)
+        warped = files.read_image(scene / "out" / "warped" / f"{view}.png")
+        np.testing.assert_array_equal(warped, warp.warp(photo, flow_px))
+        missed = np.abs(warped - render)[valid].mean()
+        assert missed < 0.2 * np.abs(photo - render)[valid].mean()
+
+
+def write_depth(scene, depth):
+    (scene / "depth").mkdir()
+    for view in ("a", "b c", "d"):
+        np.savez(scene / "depth" / f"{view}.npz", depth=np.float32(depth))
+
+
+def test_what_is_occluded_is_not_valid(scene, monkeypatch):
+    assert align.run(arguments(scene)) == 0
+    before = {v: files.read_flow(scene / "out/flow" / f"{v}.npz") for v in ("a", "d")}
+    write_depth(scene, np.ones((60, 80)))
+    # Whatever the flow: the half that the depth hides.
+    hidden = np.indices((60, 80))[1] < 40
+
+    def unoccluded(flow_px, depth):
+        assert depth.shape == flow_px.shape[:2]
+        return ~hidden
+
+    monkeypatch.setattr(warp, "unoccluded", unoccluded)
+    assert align.run(arguments(scene, "--depth", str(scene / "depth"))) == 0
+    for view, (flow_px, valid) in before.items():
+        again_px, again = files.read_flow(scene / "out/flow" / f"{view}.npz")
+        np.testing.assert_array_equal(again_px, flow_px)
+        np.testing.assert_array_equal(again, valid & ~hidden)
+
+
+@pytest.mark.parametrize(
+    ("depth", "reason"),
+    [
+        (None, "depth/a.npz"),
+        (np.ones((9, 9)), "view a: depth"),
+        (np.zeros((60, 80)), "view a: depth"),
+    ],
+)
+def test_a_bad_depth_is_named(scene, capsys, depth, reason):
+    if depth is not None:
+        write_depth(scene, depth)
+    assert align.run(arguments(scene, "--depth", str(scene / "depth"))) == 1
+    error = capsys.readouterr().err
+    (line,) = [line for line in error.splitlines() if line.startswith("error: ")]
+    assert reason in line
+    assert not (scene / "out" / "stats.csv").exists()
+
+
+def test_runs_again_over_its_own_output_and_alike(scene):
+    assert align.run(arguments(scene)) == 0
+    first = (scene / "out" / "flow" / "a.npz").read_bytes()
+    (scene / "out" / "flow" / "stale.npz").write_text("of an older run")
+    assert align.run(arguments(scene)) == 0
+    assert names(scene / "out" / "flow") == ["a.npz", "b c.npz", "d.npz"]
+    assert names(scene / "out") == ["flow", "stats.csv", "warped"]
+    again = files.read_flow(scene / "out" / "flow" / "a.npz")
+    (scene / "first.npz").write_bytes(first)
+    for found, expected in zip(
+        again, files.read_flow(scene / "first.npz"), strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_the_photo_is_warped_as_it_is_not_as_blurred_for_the_flow(scene):
+    for path in (scene / "renders").iterdir():
+        blurred = cv2.GaussianBlur(files.read_image(path), (0, 0), 2.0)
+        files.write_image(path, blurred)
+    assert align.run(arguments(scene)) == 0
+    for row in rows(scene):
+        assert float(row["blur_sigma_px"]) == 2.0
+        warped = files.read_image(scene / "out" / "warped" / f"{row['view']}.png")
+        photo = files.read_image(scene / "photos" / f"{row['view']}.png")
+        inner = np.s_[8:-8, 8:-8]
+        assert warped[inner].std() == pytest.approx(photo[inner].std(), rel=0.1)
+    assert align.run(arguments(scene, "--no-match-blur")) == 0
+    assert {row["blur_sigma_px"] for row in rows(scene)} == {"0.0"}
+
+
+def test_a_split_of_the_views(scene):
+    cameras = scene / "cameras.npz"
+    np.savez(cameras, names=["d", "b c", "a"], split=["train", "test", "train"])
+    chosen = ("--views-file", str(cameras), "--split", "train")
+    assert align.run(arguments(scene, *chosen)) == 0
+    assert [row["view"] for row in rows(scene)] == ["a", "d"]
+    assert names(scene / "out" / "warped") == ["a.png", "d.png"]
+
+
+def lose_photo(scene):
+    (scene / "photos" / "b c.png").unlink()
+
+
+def lose_renders(scene):
+    for path in (scene / "renders").iterdir():
+        path.unlink()
+
+
+def lose_folder(scene):
+    (scene / "photos").rename(scene / "elsewhere")
+
+
+def cut_photo(scene):
+    path = scene / "photos" / "b c.png"
+    path.write_bytes(path.read_bytes()[:200])
+
+
+def resize_photo(scene):
+    path = scene / "photos" / "b c.png"
+    files.write_image(path, files.read_image(path)[:-1])
+
+
+def shrink_all(scene):
+    for path in scene.glob("*/*.png"):
+        files.write_image(path, files.read_image(path)[:20])
+
+
+@pytest.mark.parametrize(
+    ("damage", "reason"),
+    [
+        (lose_photo, "photos/b c.png: no photo for render"),
+        (lose_renders, "renders: no renders"),
+        (lose_folder, "photos: no such folder"),
+        (cut_photo, "photos/b c.png: not a readable image"),
+        (resize_photo, "view b c: render and photo differ in size: 80x60"),
+        (shrink_all, "view a: images of 80x20 pixels are too small"),
+    ],
+)
+def test_bad_folders_end_in_one_line_and_nothing_written(scene, capsys, damage, reason):
+    damage(scene)
+    assert align.run(arguments(scene)) == 1
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert error.startswith("error: ")
+    assert reason in error
+    assert not list(scene.glob("out/**/*"))
+
+
+def test_without_a_folder_for_them_no_photos_are_warped(scene):
+    assert align.run(arguments(scene)) == 0
+    with_them = rows(scene)
+    flow_px, _ = files.read_flow(scene / "out" / "flow" / "a.npz")
+    shutil.rmtree(scene / "out")
+    options = arguments(scene)
+    at = options.index("--warped-out")
+    assert align.run(options[:at] + options[at + 2 :]) == 0
+    assert names(scene / "out") == ["flow", "stats.csv"]
+    for row, other in zip(rows(scene), with_them, strict=True):
+        assert row | {"time_s": ""} == other | {"time_s": ""}
+    again_px, _ = files.read_flow(scene / "out" / "flow" / "a.npz")
+    np.testing.assert_array_equal(again_px, flow_px)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ({"names": ["a", "z"], "split": ["train", "train"]}, "no render for view z"),
+        ({"names": ["a"], "split": ["test"]}, "no view in split 'train'"),
+        ({"names": ["a"]}, "split"),
+        ({"names": ["a", "d"], "split": ["train"]}, "do not fit"),
+    ],
+)
+def test_bad_cameras_are_named(scene, capsys, content, reason):
+    np.savez(scene / "cameras.npz", **content)
+    chosen = ("--views-file", str(scene / "cameras.npz"), "--split", "train")
+    assert align.run(arguments(scene, *chosen)) == 1
+    assert reason in capsys.readouterr().err
+
+
+def test_as_a_process_without_traceback(scene):
+    lose_photo(scene)
+    done = subprocess.run(
+        [sys.executable, "-m", "flow.align", *arguments(scene)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: ")
+    assert len(done.stderr.splitlines()) == 1

@@ -1,0 +1,185 @@
+"""flow.control_sets as a command: its images, its table, and bad input."""
+
+import csv
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+
+from flow import control_sets
+from flow.estimation import pairs
+from flow.warping import controls, files, lengths, warp
+
+VIEWS = ("a", "b c")
+SETS = {*control_sets.IMAGES, "leak_flow", "leak.csv"}
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Photos, and renders of them that are blurred, in error and displaced."""
+    rng = np.random.default_rng(0)
+    for view in VIEWS:
+        large = sum(
+            scale * cv2.GaussianBlur(rng.normal(size=(70, 90, 3)), (0, 0), scale)
+            for scale in (1, 3, 8)
+        )
+        large = np.clip(127 + 45 * large / large.std(), 0, 255).astype(np.uint8)
+        photo, oracle = large[5:65, 5:85], large[4:64, 7:87]
+        errors = cv2.GaussianBlur(rng.normal(size=oracle.shape), (0, 0), 1.5)
+        render = cv2.GaussianBlur(oracle, (0, 0), 1.0) + 8 * errors / errors.std()
+        render = np.clip(np.rint(render), 0, 255).astype(np.uint8)
+        files.write_image(tmp_path / "photos" / f"{view}.png", photo)
+        files.write_image(tmp_path / "renders" / f"{view}.png", render)
+        files.write_image(tmp_path / "truth" / "oracle" / f"{view}.png", oracle)
+        flow_px, valid, _ = pairs.flow_and_validity(render, photo)
+        files.write_flow(tmp_path / "flow" / f"{view}.npz", flow_px, valid)
+    return tmp_path
+
+
+def arguments(scene, *more):
+    folders = ("renders", "photos", "flow", "out")
+    return [part for name in folders for part in (f"--{name}", str(scene / name))] + [
+        *more
+    ]
+
+
+def with_truth(scene):
+    return arguments(scene, "--truth", str(scene / "truth"))
+
+
+def read(scene, kind, view):
+    return files.read_image(scene / kind / f"{view}.png")
+
+
+def rows(scene):
+    with open(scene / "out" / "leak.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def error(first, second):
+    inner = np.s_[8:-8, 8:-8]
+    return np.square(first[inner].astype(float) - second[inner]).mean()
+
+
+def test_every_set_is_the_warp_that_it_says(scene):
+    assert control_sets.run(with_truth(scene)) == 0
+    assert {path.name for path in (scene / "out").iterdir()} == SETS
+    for row, view in zip(rows(scene), VIEWS, strict=True):
+        render, photo = (read(scene, kind, view) for kind in ("renders", "photos"))
+        found = {kind: read(scene / "out", kind, view) for kind in control_sets.IMAGES}
+        oracle = read(scene, "truth/oracle", view)
+        np.testing.assert_array_equal(found["aligned"], oracle)
+        leak_px, valid = files.read_flow(scene / "out" / "leak_flow" / f"{view}.npz")
+        np.testing.assert_array_equal(found["leak"], warp.warp(oracle, leak_px))
+        placebo_px = controls.placebo_flow(*photo.shape[:2], view=view)
+        np.testing.assert_array_equal(found["placebo"], warp.warp(photo, placebo_px))
+        # Back where it was, half a pixel away at most, and onto the render.
+        flow_px, _ = files.read_flow(scene / "flow" / f"{view}.npz")
+        np.testing.assert_array_equal(found["control"], warp.round_trip(photo, flow_px))
+        assert error(found["held_out"], render) < 0.5 * error(photo, render)
+        assert error(found["leak"], render) < error(oracle, render)
+        assert error(found["leak"], render) < error(found["leak_held_out"], render)
+        assert (row["view"], row["aligned"]) == (view, "oracle")
+        assert list(row) == list(control_sets.COLUMNS)
+        wanted = lengths.statistics(leak_px, valid, view=view)
+        assert {key: float(row[key]) for key in wanted} == pytest.approx(wanted)
+        assert 0 < float(row["median_px"]) < 0.5
+
+
+def test_without_truth_a_copy_of_the_render_stands_in(scene):
+    assert control_sets.run(arguments(scene)) == 0
+    for row, view in zip(rows(scene), VIEWS, strict=True):
+        assert row["aligned"] == "resharpened"
+        # Two pixels and more lie between photo and render, none between render and
+        # copy, whatever an estimator finds there.
+        assert 0 < float(row["median_px"]) < 0.5
+        render, photo = (read(scene, kind, view) for kind in ("renders", "photos"))
+        aligned, leak, held_out = (
+            error(read(scene / "out", kind, view), render)
+            for kind in ("aligned", "leak", "leak_held_out")
+        )
+        assert aligned < error(photo, render)
+        assert leak == pytest.approx(aligned, rel=0.1)
+        assert held_out > 0.95 * aligned
+
+
+def test_again_gives_the_same_bits_and_nothing_stale(scene):
+    assert control_sets.run(with_truth(scene)) == 0
+    out = scene / "out"
+    first = {path: path.read_bytes() for path in out.glob("*/*.png")}
+    (out / "leak" / "stale.png").write_text("of an older run")
+    (out / "warped").mkdir()
+    assert control_sets.run(with_truth(scene)) == 0
+    assert {path: path.read_bytes() for path in out.glob("*/*.png")} == first
+    assert {path.name for path in out.iterdir()} == SETS | {"warped"}
+
+
+def test_settings_reach_the_warps(scene):
+    options = ("--kernel", "bilinear", "--no-match-blur", "--method", "dis_medium")
+    assert control_sets.run([*with_truth(scene), *options]) == 0
+    assert {row["blur_sigma_px"] for row in rows(scene)} == {"0.0"}
+    leak_px, _ = files.read_flow(scene / "out" / "leak_flow" / "a.npz")
+    render, oracle = read(scene, "renders", "a"), read(scene, "truth/oracle", "a")
+    wanted_px, _, _ = pairs.flow_and_validity(
+        render, oracle, method="dis_medium", match_blur=False
+    )
+    np.testing.assert_array_equal(leak_px, wanted_px)
+    np.testing.assert_array_equal(
+        read(scene / "out", "leak", "a"), warp.warp(oracle, leak_px, kernel="bilinear")
+    )
+
+
+def lose_oracle(scene):
+    (scene / "truth" / "oracle" / "b c.png").unlink()
+
+
+def lose_flow(scene):
+    (scene / "flow" / "b c.npz").unlink()
+
+
+def lose_photo(scene):
+    (scene / "photos" / "b c.png").unlink()
+
+
+def resize_oracle(scene):
+    image = read(scene, "truth/oracle", "b c")
+    files.write_image(scene / "truth" / "oracle" / "b c.png", image[:-1])
+
+
+def resize_flow(scene):
+    flow_px, valid = files.read_flow(scene / "flow" / "b c.npz")
+    files.write_flow(scene / "flow" / "b c.npz", flow_px[:-1], valid[:-1])
+
+
+@pytest.mark.parametrize(
+    ("damage", "reason"),
+    [
+        (lose_oracle, "truth/oracle/b c.png"),
+        (lose_flow, "flow/b c.npz"),
+        (lose_photo, "photos/b c.png: no photo for render"),
+        (resize_oracle, "view b c: render and photo differ in size: 80x60"),
+        (resize_flow, "view b c: image [60, 80] and flow [59, 80] differ in size"),
+    ],
+)
+def test_bad_input_ends_in_one_line_and_nothing_written(scene, capsys, damage, reason):
+    damage(scene)
+    assert control_sets.run(with_truth(scene)) == 1
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert line.startswith("error: ")
+    assert reason in line
+    assert not list(scene.glob("out/**/*"))
+
+
+def test_as_a_process_without_traceback(scene, root):
+    lose_flow(scene)
+    done = subprocess.run(
+        [sys.executable, "-m", "flow.control_sets", *arguments(scene)],
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1

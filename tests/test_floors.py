@@ -1,0 +1,197 @@
+"""Imports point downwards only: from the stages through the floors to the baseline."""
+
+import ast
+import graphlib
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+SOURCES = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts): ast.parse(path.read_text())
+    for package in ("alignerf", "flow")
+    for path in sorted((ROOT / package).rglob("*.py"))
+}
+# Lowest first. A folder imports itself and folders of lower floors, nothing else.
+FLOORS = [
+    {"alignerf.command", "alignerf.mipnerf360"},
+    {"alignerf.experiment"},
+    {
+        *("alignerf.fields", "alignerf.scenes", "alignerf.metrics", "alignerf.tables"),
+        *("flow.warping", "flow.camera"),
+    },
+    {
+        *("alignerf.contributions", "alignerf.systems"),
+        *("flow.estimation", "flow.figures"),
+    },
+    {"alignerf.training", "flow.benchmark"},
+    {"alignerf", "flow"},  # the stages: files directly in a package
+]
+# Folders that hold commands besides the stages.
+COMMANDS = ("alignerf.tables", "flow.figures", "flow.benchmark")
+MOST_MODULES = 12
+FORBIDDEN = {"snakemake", "pickle", "dill", "joblib", "marshal", "shelve"}
+JAX = {"jax", "flax", "optax"}
+MODULES = sorted(SOURCES)
+
+
+def imports(name):
+    """Full names of all modules that a module imports."""
+    for node in ast.walk(SOURCES[name]):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name}: relative import"
+            inside = [f"{node.module}.{alias.name}" for alias in node.names]
+            ours = [full for full in inside if full in SOURCES or is_package(full)]
+            yield from ours or [node.module]
+
+
+def is_package(name):
+    return f"{name}.__init__" in SOURCES
+
+
+def own_imports(name):
+    """The modules of this project among them; a package is its __init__."""
+    return {
+        f"{full}.__init__" if is_package(full) else full
+        for full in imports(name)
+        if full.split(".")[0] in ("alignerf", "flow")
+    }
+
+
+def is_entry(name):
+    """Whether `python -m name` runs it."""
+    return "__name__ == '__main__'" in ast.unparse(SOURCES[name])
+
+
+def folder(name):
+    """`alignerf.scenes` of alignerf.scenes.courtyard.truth; of a stage its package."""
+    return ".".join(name.split(".")[:-1][:2])
+
+
+def floor(name):
+    (found,) = (i for i, folders in enumerate(FLOORS) if folder(name) in folders)
+    return found
+
+
+def reached(name):
+    """All modules of this project that importing a module imports."""
+    todo, seen = [name], set()
+    while todo:
+        if (module := todo.pop()) not in seen:
+            seen.add(module)
+            packages = [".".join(module.split(".")[:n]) for n in (1, 2, 3)]
+            todo += [f"{p}.__init__" for p in packages if is_package(p)]
+            todo += own_imports(module)
+    return seen
+
+
+@pytest.mark.parametrize("name", [n for n in MODULES if n.count(".") > 1])
+def test_imports_point_downwards(name):
+    for found in own_imports(name):
+        assert found in SOURCES, f"{name} imports {found}"
+        same = folder(found) == folder(name)
+        assert same or floor(found) < floor(name), f"{name} imports {found}"
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_what_lies_directly_in_a_package_is_a_command(name):
+    if name.endswith("__init__"):
+        return
+    assert is_entry(name) or name.count(".") > 1, f"{name}: give it a folder"
+    if name.count(".") > 1 and is_entry(name):
+        assert folder(name) in COMMANDS
+    # Commands are run, not imported.
+    assert not {full for full in own_imports(name) if is_entry(full)}
+
+
+def test_no_folder_holds_too_many_modules():
+    packages = {name.rpartition(".")[0] for name in MODULES}
+    for package in packages:
+        inside = [m for m in MODULES if m.rpartition(".")[0] == package]
+        inside = [m for m in inside if not m.endswith("__init__")]
+        assert len(inside) <= MOST_MODULES, package
+
+
+@pytest.mark.parametrize("name", [n for n in MODULES if n.startswith("flow.")])
+def test_the_flow_reaches_the_commands_tools_only_and_no_jax(name):
+    for module in reached(name) - {"alignerf.__init__"}:
+        assert module.startswith("flow.") or folder(module) == "alignerf.command"
+        assert not {full.split(".")[0] for full in imports(module)} & JAX
+
+
+def test_the_packages_are_kept_apart():
+    for name in MODULES:
+        if name.startswith("alignerf."):
+            assert not [f for f in own_imports(name) if f.startswith("flow.")], name
+
+
+def test_the_embedded_scene_knows_no_other_source():
+    for name in MODULES:
+        if name.startswith("alignerf.scenes.courtyard."):
+            siblings = {f for f in own_imports(name) if f.count(".") == 2}
+            siblings = {f for f in siblings if f.startswith("alignerf.scenes.")}
+            known = {"alignerf.scenes.cameras", "alignerf.scenes.prepare"}
+            assert siblings <= known, name
+
+
+def test_a_plan_waits_for_no_jax():
+    """In a fresh interpreter: what the Snakefile imports, and what comes with it."""
+    code = (
+        "import sys, pkgutil, importlib, alignerf.experiment as e;"
+        "[importlib.import_module(f'alignerf.experiment.{m.name}')"
+        " for m in pkgutil.iter_modules(e.__path__)];"
+        "print(*sorted({name.split('.')[0] for name in sys.modules}))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stdout.split())
+    assert "alignerf" in loaded
+    assert not loaded & {*JAX, "snakemake", "numpy", "pandas", "cv2"}
+
+
+def test_the_experiment_reaches_plain_libraries_only():
+    allowed = {*sys.stdlib_module_names, "jsonschema", "yaml", "alignerf"}
+    for name in MODULES:
+        if name.startswith("alignerf.experiment."):
+            tops = {f.split(".")[0] for m in reached(name) for f in imports(m)}
+            outside = tops - allowed
+            # What the commands share may use more, where a plan does not import it.
+            assert not outside, (name, outside)
+
+
+def test_there_are_no_cycles():
+    graph = {name: own_imports(name) - {name} for name in MODULES}
+    graphlib.TopologicalSorter(graph).prepare()
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_nothing_is_unpickled_evaluated_or_repaired_in_silence(name):
+    assert not {full.split(".")[0] for full in imports(name)} & FORBIDDEN
+    for node in ast.walk(SOURCES[name]):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            assert node.func.id not in ("eval", "exec", "compile", "__import__")
+        if isinstance(node, ast.Attribute):
+            assert node.attr != "nan_to_num"
+        if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
+            assert isinstance(node.value, ast.Constant)
+            assert node.value.value is False
+        if isinstance(node, ast.ExceptHandler):
+            assert node.type is not None, "a bare except hides faults"
+
+
+def test_the_workflow_imports_the_experiment_only_and_calls_commands():
+    files = [ROOT / "Snakefile", *ROOT.glob("workflow/rules/*.smk")]
+    for path in files:
+        text = path.read_text()
+        for module in re.findall(r"^\s*(?:from|import) ((?:alignerf|flow)\S*)", text):
+            assert module.startswith("alignerf.experiment")
+        assert not re.search(r"^\s*(script|run|notebook):", text, re.MULTILINE)
+        for module in re.findall(r'"python -m (\S+)', text):
+            assert is_entry(module if module in SOURCES else f"{module}.__main__")
