@@ -104,7 +104,9 @@ def squared_errors(
 
     def add_row(y, total):
         photo = jax.lax.dynamic_slice_in_dim(rows, y, side)
-        return total + jnp.where(photo < jnp.inf, (photo - render[y]) ** 2, 0.0)
+        return total + jnp.where(
+            photo < jnp.inf, (photo - render[y][None, None]) ** 2, 0.0
+        )
 
     total = jnp.zeros((side, side, 3 * size))
     return jnp.sum(jax.lax.fori_loop(0, size, add_row, total, unroll=4), axis=-1)

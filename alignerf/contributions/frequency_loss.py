@@ -26,7 +26,8 @@ def vgg_features(path) -> Callable:
     weights = convnet.read_weights(path, VGG_SHAPES)
 
     def features(rgb):
-        x = (rgb - weights["mean"]) / weights["std"]
+        mean, std = (weights[key][None, None, None] for key in ("mean", "std"))
+        x = (rgb - mean) / std
         for name in VGG_LAYERS:
             x = convnet.layer(x, weights, name, padding=1)
         return x

@@ -137,7 +137,7 @@ class Grid(nn.Module):
         table = self.param("table", table_init, (sum(levels.entries), self.features))
         found = look_up(table, points, levels)
         # A cell much smaller than the Gaussian tells it nothing.
-        cells = sigma * np.array(levels.resolutions, np.float32)[:, None]
+        cells = sigma[None] * np.array(levels.resolutions, np.float32)[:, None]
         share = jax.scipy.special.erf(1 / (np.float32(np.sqrt(8)) * cells))
         found = jnp.moveaxis(found * share[..., None], -1, 1)
         x = found.reshape(-1, sigma.size)

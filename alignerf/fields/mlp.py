@@ -61,9 +61,9 @@ def integrated_encoding(
     exceeds the period.
     """
     scales = 2.0 ** np.arange(degrees, dtype=np.float32).reshape(-1, *[1] * means.ndim)
-    sine, cosine = sine_and_cosine(means * scales)
+    sine, cosine = sine_and_cosine(means[None] * scales)
     # Beyond 80 the attenuation is zero in float32; the cap keeps 4^l var finite.
-    var = jnp.minimum(variances, 1e12) * scales**2
+    var = jnp.minimum(variances, 1e12)[None] * scales**2
     damp = jnp.exp(-0.5 * jnp.minimum(var, 160.0))
     shape = (degrees * len(means), *means.shape[1:])
     return (sine * damp).reshape(shape), (cosine * damp).reshape(shape)

@@ -55,7 +55,9 @@ def density_of(raw):
 def encode_direction(v, degrees):
     """[v, sin(2^k v), cos(2^k v)] for k < degrees: [3 + 6 degrees, rays]."""
     v = v.T
-    scaled = (2.0 ** jnp.arange(degrees)[:, None, None] * v).reshape(-1, v.shape[-1])
+    scaled = (2.0 ** jnp.arange(degrees)[:, None, None] * v[None]).reshape(
+        -1, v.shape[-1]
+    )
     return jnp.concatenate([v, jnp.sin(scaled), jnp.cos(scaled)])
 
 

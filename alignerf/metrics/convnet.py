@@ -28,7 +28,7 @@ def convolve(x, kernel, *, stride=1, padding=0):
 def layer(x, weights, name, **options):
     """ReLU of the convolution with `<name>_w`, `<name>_b` of the weights."""
     x = convolve(x, weights[f"{name}_w"], **options)
-    return jax.nn.relu(x + weights[f"{name}_b"])
+    return jax.nn.relu(x + weights[f"{name}_b"][None, None, None])
 
 
 def max_pool(x, *, size=3, stride=2, ceil=False):

@@ -14,11 +14,13 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from alignerf.metrics import convnet
 
-SHIFT = jnp.array([-0.030, -0.088, -0.188])
-SCALE = jnp.array([0.458, 0.448, 0.450])
+# Of NumPy: importing must not start JAX, which training.cores has yet to set up.
+SHIFT = np.array([[[[-0.030, -0.088, -0.188]]]], np.float32)
+SCALE = np.array([[[[0.458, 0.448, 0.450]]]], np.float32)
 ALEX = {
     "conv1": (11, 3, 64),
     "conv2": (5, 64, 192),

@@ -67,7 +67,7 @@ def integrate(
     weights: Float[Array, "rays bins"], values: Float[Array, "c rays bins"]
 ) -> Float[Array, "rays c"]:
     """Sum of weighted values along the ray; the weights add up to one."""
-    return jnp.sum(weights * values, axis=-1).T
+    return jnp.sum(weights[None] * values, axis=-1).T
 
 
 def median_distance(

@@ -67,8 +67,9 @@ def merge(
 
     A sort of both together is several times slower in XLA on a CPU.
     """
-    rank_a = jnp.arange(a.shape[-1]) + count_below(b, a)
-    rank_b = jnp.arange(b.shape[-1]) + count_below(a, b, or_equal=True)
+    rank_a = jnp.broadcast_to(jnp.arange(a.shape[-1]), a.shape) + count_below(b, a)
+    rank_b = jnp.broadcast_to(jnp.arange(b.shape[-1]), b.shape)
+    rank_b = rank_b + count_below(a, b, or_equal=True)
     ranks = jnp.concatenate([rank_a, rank_b], axis=-1)
     values = jnp.concatenate([a, b], axis=-1)
     place = lambda rank, x: jnp.zeros_like(x).at[rank].set(x, unique_indices=True)  # noqa: E731
@@ -139,7 +140,9 @@ def sample_intervals(
         u = jnp.broadcast_to(u, (*t.shape[:-1], count))
     else:
         u_max = EPS + (1.0 - EPS) / count
-        u = jnp.linspace(0.0, 1.0 - u_max, count) + jitter[..., None] * (u_max - EPS)
+        u = jnp.linspace(0.0, 1.0 - u_max, count)
+        u = jnp.broadcast_to(u, (*jitter.shape, count))
+        u = u + jitter[..., None] * (u_max - EPS)
     centres = invert_cdf(u, t, cdf_from_logits(logits))
     if count == 1:
         zero = jnp.zeros_like(centres)

@@ -55,14 +55,16 @@ def pixels_to_rays(x_px, y_px, pixtocams, camtoworlds) -> Rays:
     (mip-NeRF, arXiv 2103.13415, section 3.1).
     """
     xp = camtoworlds.__array_namespace__()
-    flipped = pixtocams * xp.asarray([1.0, -1.0, -1.0], dtype=pixtocams.dtype)[:, None]
+    signs = xp.asarray([1.0, -1.0, -1.0], dtype=pixtocams.dtype)[:, None]
+    flipped = pixtocams * xp.broadcast_to(signs, pixtocams.shape)
     # Sums, since a GPU's matrix products have 11 bits: half a pixel of 1000.
     camera_from_pixel = xp.sum(
         camtoworlds[..., :3, :3, None] * flipped[..., None, :, :], axis=-2
     )
     centre = xp.stack([x_px + 0.5, y_px + 0.5, xp.ones_like(x_px + 0.5)], axis=-1)
     centre = centre.astype(camera_from_pixel.dtype)
-    directions = xp.sum(camera_from_pixel * centre[..., None, :], axis=-1)
+    matrices, rows = xp.broadcast_arrays(camera_from_pixel, centre[..., None, :])
+    directions = xp.sum(matrices * rows, axis=-1)
     # One pixel to the right or below adds one column of the matrix to a direction.
     step = xp.linalg.vector_norm(camera_from_pixel[..., :2], axis=-2)
     radii = 0.5 * (step[..., 0] + step[..., 1]) * (2 / np.sqrt(12))

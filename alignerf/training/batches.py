@@ -81,11 +81,13 @@ def draw_patches(key, views: Views, count, size, radius, rounds) -> PatchBatch:
     top = jax.random.randint(key_y, (count,), 0, h - size + 1)
     left = jax.random.randint(key_x, (count,), 0, w - size + 1)
     inner, outer = jnp.arange(size), jnp.arange(-radius, size + radius)
-    y = jnp.broadcast_to(top[:, None, None] + inner[:, None], (count, size, size))
-    x = jnp.broadcast_to(left[:, None, None] + inner[None, :], (count, size, size))
+    y = jnp.broadcast_to(top[:, None, None] + inner[None, :, None], (count, size, size))
+    x = jnp.broadcast_to(
+        left[:, None, None] + inner[None, None, :], (count, size, size)
+    )
     camera = views.pixtocams[view][:, None], views.camtoworlds[view][:, None]
     rays = cameras.pixels_to_rays(x.reshape(count, -1), y.reshape(count, -1), *camera)
-    rows, columns = top[:, None] + outer, left[:, None] + outer
+    rows, columns = (edge[:, None] + outer[None] for edge in (top, left))
     exists = ((rows >= 0) & (rows < h))[:, :, None]
     exists = exists & ((columns >= 0) & (columns < w))[:, None, :]
     rows, columns = jnp.clip(rows, 0, h - 1), jnp.clip(columns, 0, w - 1)

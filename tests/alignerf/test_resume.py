@@ -17,6 +17,7 @@ from PIL import Image
 from alignerf import train
 from alignerf.command import faults
 from alignerf.contributions import patch_conv
+from alignerf.experiment import settings
 from alignerf.scenes import cameras
 from alignerf.training import checkpoint, compose, loop, memory
 
@@ -69,12 +70,12 @@ class Killed(BaseException):
 @pytest.fixture(scope="module", autouse=True)
 def compiled_once(tmp_path_factory):
     """Programs compiled for one training serve its repetitions."""
-    settings = {
+    options = {
         "jax_compilation_cache_dir": str(tmp_path_factory.mktemp("compiled")),
         "jax_persistent_cache_min_compile_time_secs": 0.1,
     }
-    before = {name: getattr(jax.config, name) for name in settings}
-    for name, value in settings.items():
+    before = {name: getattr(jax.config, name) for name in options}
+    for name, value in options.items():
         jax.config.update(name, value)
     compilation_cache.reset_cache()
     yield
@@ -195,8 +196,8 @@ def test_fine_tuning_starts_from_the_pretrained_function(
     folder, tmp_path, model, parts
 ):
     """Colours of a view, before the first step: equal to 1e-5."""
-    settings = ALIGNERF | parts
-    of_both = JOB | {"model": model, "alignerf": settings}
+    chosen = ALIGNERF | parts
+    of_both = JOB | {"model": model, "alignerf": chosen}
     run(folder, tmp_path, of_both | {"stage": "pretrain"})
     pretrained = tmp_path / "model.msgpack"
     jobs = [
@@ -207,7 +208,7 @@ def test_fine_tuning_starts_from_the_pretrained_function(
     template = jax.eval_shape(before.init, jax.random.key(0))
     params = jax.tree.map(jnp.asarray, checkpoint.read_params(pretrained, template))
     widened = train.initial_params(jobs[1], after, str(pretrained))
-    assert ("head" in widened) == settings["convolution"]
+    assert ("head" in widened) == chosen["convolution"]
     rows, columns = jnp.mgrid[:HEIGHT, :WIDTH]
     rays = cameras.pixels_to_rays(
         columns.ravel(),

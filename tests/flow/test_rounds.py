@@ -93,7 +93,7 @@ def test_each_decision_builds_on_the_one_before(tmp_path):
     ("break_it", "reason"),
     [
         (lambda f: (f / "flow" / "a.npz").unlink(), "flow: no flow"),
-        (lambda f: (f / "flow" / "a.npz").write_bytes(b"PK"), r"a.npz: not an .npz"),
+        (lambda f: (f / "flow" / "a.npz").write_bytes(b"PK"), r"a.npz: not the .npz"),
         (lambda f: (f / "before" / "a.npz").unlink(), "before/a.npz"),
         (lambda f: (f / "before.json").write_text("{}"), "before.json: not a decision"),
         (lambda f: (f / "before.json").write_text("["), "before.json: not a decision"),

@@ -10,13 +10,15 @@ COUNT, WIDTH, HEIGHT = 60, 800, 600
 SCRIPT = """
 import json, pathlib, sys
 import jax
-from alignerf import checkpoint, program, scene, train
+from alignerf import train
+from alignerf.scenes import prepared
+from alignerf.training import checkpoint, program
 
 def resident(key):
     lines = pathlib.Path("/proc/self/status").read_text().splitlines()
     return 1024 * int(dict(line.split(":", 1) for line in lines)[key].split()[0])
 
-loaded = scene.load(sys.argv[1])
+loaded = prepared.load(sys.argv[1])
 chosen = loaded.views("train")
 jax.block_until_ready(jax.numpy.ones(3))
 before = resident("VmRSS")

@@ -105,7 +105,7 @@ def cut_flow(scene):
     [
         (lose_statistics, "displacement.csv"),
         (empty_statistics, "displacement.csv: no view"),
-        (cut_flow, "not an .npz archive"),
+        (cut_flow, "not the .npz that it should be"),
         (lose_renders, "renders/"),
     ],
 )
@@ -203,7 +203,7 @@ def empty_metrics(scene):
     ("damage", "reason"),
     [
         (lose_parts, "parts: no parts"),
-        (cut_parts, "parts/a.npz: not an .npz archive"),
+        (cut_parts, "parts/a.npz: not the .npz that it should be"),
         (empty_metrics, "metrics1.csv: no psnr_db"),
     ],
 )
