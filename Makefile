@@ -1,6 +1,7 @@
 # make run    the default experiment, from nothing to the misalignment table
 # make test   the whole test suite
 # make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
+# make docs   tables of docs/ from the CSVs in docs/measured/
 # make lint   formatters, linters, workflow checks
 # make lock   pin all versions anew (needs uv)
 PYTHON ?= python3
@@ -9,7 +10,7 @@ BIN := $(VENV)/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
 
-.PHONY: run test bench lint lock clean
+.PHONY: run test bench docs lint lock clean
 
 run: $(VENV)/.installed
 	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
@@ -20,6 +21,9 @@ test: $(VENV)/.installed
 
 bench: $(VENV)/.installed
 	@python -m tests.bench $(if $(PEER),--peer $(PEER)) $(BENCH)
+
+docs: $(VENV)/.installed
+	@python -m docs.tables
 
 lint: $(VENV)/.installed
 	ruff format --check .

@@ -1,0 +1,181 @@
+"""README and pages: their tables are their CSVs', and all that they name exists."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+import yaml
+
+from docs import tables
+
+README_LINES = 120
+LINE_WIDTH = 110
+HEAD = {
+    "commit": r"[0-9a-f]{7,40}",
+    "lock": r"[0-9a-f]{16}|none",
+    "machine": r"\S.*",
+    "command": r"\S.*",
+    "measured": r"\d{4}-\d\d-\d\d",
+}
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+
+
+@pytest.fixture(scope="module")
+def pages(root):
+    """Path -> text of all that a user reads."""
+    paths = [*root.glob("docs/**/*.md"), root / "README.md", root / "results/README.md"]
+    return {path: path.read_text() for path in paths}
+
+
+@pytest.fixture
+def copy(root, tmp_path):
+    """README and docs in a folder of their own."""
+    shutil.copytree(root / "docs", tmp_path / "docs")
+    shutil.copy(root / "README.md", tmp_path)
+    return tmp_path
+
+
+def test_the_tables_are_as_their_csvs_say(root, capsys):
+    code = tables.main(["--root", str(root), "--check"])
+    assert (capsys.readouterr().out, code) == ("", 0)
+
+
+def test_a_changed_value_is_named_and_then_written(copy, capsys):
+    path = copy / "docs/measured/rounds.csv"
+    text = path.read_text()
+    assert "24.12" in text
+    path.write_text(text.replace("24.12", "25.12"))
+    arguments = ["--root", str(copy)]
+    assert tables.main([*arguments, "--check"]) == 1
+    assert capsys.readouterr().out.split()[:3] == ["docs/rounds.md:", "table", "rounds"]
+    assert "25.12" not in (copy / "docs/rounds.md").read_text()
+    assert tables.main(arguments) == 0
+    assert "25.12 dB" in (copy / "docs/rounds.md").read_text()
+    assert tables.main([*arguments, "--check"]) == 0
+
+
+def test_every_csv_is_shown_and_every_table_told(root, pages):
+    specs = yaml.safe_load((root / tables.MEASURED / "tables.yaml").read_text())
+    shown = {
+        name for text in pages.values() for _, name, *_ in tables.MARK.findall(text)
+    }
+    assert shown == set(specs)
+    used = {specs[name].get("csv", name) for name in shown}
+    assert used == {path.stem for path in (root / tables.MEASURED).glob("*.csv")}
+
+
+def test_every_csv_says_where_it_comes_from(root):
+    paths = sorted((root / tables.MEASURED).glob("*.csv"))
+    assert len(paths) >= 14
+    for path in paths:
+        lines = path.read_text().splitlines()
+        for line, (name, pattern) in zip(lines, HEAD.items(), strict=False):
+            assert re.fullmatch(f"# {name}: ({pattern})", line), f"{path}: {line}"
+        assert not lines[len(HEAD)].startswith("#"), path
+        assert not re.search(r"[*|`]", "".join(lines[len(HEAD) :])), path
+
+
+@pytest.mark.parametrize(
+    ("template", "cell"),
+    [
+        ("{a}", "1.50"),
+        ("{a:.1f} dB", "1.5 dB"),
+        ("{a_db:difference .2f}", "**+0.40** [+0.10, +0.70]"),
+        ("{b_db:difference .2f}", "-0.40 [-0.90, +0.10]"),
+        ("{c_db:difference .1f}", "**-0.4** [-0.9, -0.1]"),
+        ("{a_db:interval .1f}", "0.4 [0.1, 0.7]"),
+        ("{a_db:range ,.2f}", "0.40 (0.10 to 0.70)"),
+        ("{many_s:range ,.0f}", "1,234"),
+        ("{many_s:duration}", "20 min 34 s"),
+        ("{a:duration}", "1.5 s"),
+        ("{none} dB", ""),
+        (["{a} dB", "{none} s"], "1.50 dB"),
+        (["{a} dB", "{many_s} s"], "1.50 dB, 1234 s"),
+    ],
+)
+def test_how_a_cell_is_written(template, cell):
+    row = {"a": "1.50", "none": "", "many_s": "1234"}
+    row |= {"a_db": "0.4", "a_low_db": "0.1", "a_high_db": "0.7"}
+    row |= {"b_db": "-0.4", "b_low_db": "-0.9", "b_high_db": "0.1"}
+    row |= {"c_db": "-0.4", "c_low_db": "-0.9", "c_high_db": "-0.1"}
+    assert tables.cell(template, row) == cell
+
+
+def test_a_column_that_is_not_there_is_named(root, tmp_path):
+    path = tmp_path / "some.csv"
+    path.write_text("# commit: 0\na\n1\n")
+    with pytest.raises(ValueError, match=r"some\.csv: .*absent"):
+        tables.table(path, {"heading": "{absent}"})
+
+
+def test_readme_is_short_and_lines_are_narrow(root, pages):
+    assert len((root / "README.md").read_text().splitlines()) <= README_LINES
+    for path, text in pages.items():
+        for number, line in enumerate(text.splitlines(), 1):
+            wide = len(line) > LINE_WIDTH and not line.startswith("|")
+            assert not wide, f"{path}:{number}"
+        assert "@@" not in text, path
+
+
+def test_links_and_anchors_resolve(pages):
+    count = 0
+    for path, text in pages.items():
+        for link in LINK.findall(text):
+            if re.match(r"[a-z]+:", link):
+                continue
+            name, _, anchor = link.partition("#")
+            target = (path.parent / name).resolve() if name else path
+            assert target.exists(), f"{path}: {link}"
+            if anchor:
+                assert anchor in anchors(target.read_text()), f"{path}: {link}"
+            count += 1
+    assert count >= 20
+
+
+def test_paths_exist(root, pages):
+    pattern = r"`((?:alignerf|flow|workflow|docs|tests)/[\w./-]+)`"
+    named = {
+        (page, path) for page in pages for path in re.findall(pattern, pages[page])
+    }
+    missing = [f"{page}: {path}" for page, path in named if not (root / path).exists()]
+    assert len(named) >= 30
+    assert not missing, "\n".join(sorted(missing))
+
+
+def test_make_targets_exist(root, pages):
+    targets = re.findall(r"^(\w+):", (root / "Makefile").read_text(), re.MULTILINE)
+    readme = re.findall(r"^    make (\w+)", pages[root / "README.md"], re.MULTILINE)
+    assert {"run", "test"} <= set(readme)
+    everywhere = "\n".join(pages.values())
+    named = re.findall(r"^    make (\w+)|`make (\w+)", everywhere, re.MULTILINE)
+    assert {a or b for a, b in named} <= set(targets)
+
+
+def test_modules_to_run_exist(root, pages):
+    named = set(re.findall(r"python -m ([\w.]+\w)", "\n".join(pages.values())))
+    assert {"alignerf.show", "alignerf.weights", "docs.tables"} <= named
+    for module in named:
+        path = root.joinpath(*module.split("."))
+        found = path.with_suffix(".py").is_file() or (path / "__main__.py").is_file()
+        assert found, module
+
+
+def test_make_clean_leaves_what_is_tracked(root, tmp_path):
+    shutil.copy(root / "Makefile", tmp_path)
+    kept = {"results/README.md", "results/published/means.csv"}
+    made = {"results/tradeoff.csv", "results/courtyard/a.png", "results/.jax_cache/b"}
+    for name in kept | made | {".snakemake/log"}:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    subprocess.run(["make", "clean"], cwd=tmp_path, check=True, capture_output=True)
+    left = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()}
+    assert left == kept | {"Makefile"}
+
+
+def anchors(text):
+    """The anchors that a Markdown page's headings get."""
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {
+        re.sub(r"[^\w\- ]", "", h).strip().lower().replace(" ", "-") for h in headings
+    }
