@@ -6,7 +6,15 @@
 #   snakemake --cores N regimes            when each part of AligNeRF pays
 #   snakemake --cores N flow_benchmark     how right and how fast the flow estimators are
 #   snakemake --cores N --configfile workflow/config/own_photos.yaml
+import sys
+
+sys.path.insert(0, workflow.basedir)
+
 from snakemake.utils import min_version
+
+from alignerf.experiment import check, flows, jobs, plan, regimes, rows, slices, sweep
+from alignerf.experiment import targets
+from alignerf.experiment.sources import sources_of
 
 min_version("9.0")
 
@@ -17,31 +25,23 @@ if not workflow.overwrite_configfiles:
     configfile: workflow.source_path("workflow/config/demo.yaml")
 
 
-include: "workflow/rules/config.smk"
-
-
-check_config(config)
-
-
-include: "workflow/rules/common.smk"
-include: "workflow/rules/flow.smk"
-include: "workflow/rules/rows.smk"
-include: "workflow/rules/sweep.smk"
-include: "workflow/rules/regime_rows.smk"
-include: "workflow/rules/targets.smk"
+config = check.or_exit(check.checked, config, workflow.configfiles)
+# With `rounds: auto` it is known once `decide` has run.
+experiment = plan.Experiment(
+    config, lambda **place: plan.goes_on(checkpoints.decide.get(**place).output[0])
+)
+jobs.set_environment(workflow.basedir)
 
 
 wildcard_constraints:
-    scene=one_of(config["scenes"]),
-    method=one_of(config["methods"]),
-    variant=one_of(
-        ["base", *config["tradeoff"]["variants"]] if "tradeoff" in config else []
-    ),
+    scene=plan.one_of(experiment.scenes),
+    method=plan.one_of(experiment.methods),
+    variant=plan.one_of(sweep.names(experiment)),
     round=r"0|[1-9]\d*",
     split="train|test",
 
 
-include: "workflow/rules/poses.smk"
+include: "workflow/rules/scenes.smk"
 include: "workflow/rules/train.smk"
 include: "workflow/rules/alignment.smk"
 include: "workflow/rules/decompose.smk"
@@ -55,14 +55,16 @@ include: "workflow/rules/flow_benchmark.smk"
 rule all:
     default_target: True
     input:
-        [scene_targets(name) for name in config["scenes"]],
+        [targets.of_scene(experiment, name) for name in experiment.scenes],
 
+
+check.or_exit(check.check_free, experiment.scenes, [r.name for r in workflow.rules])
 
 # One target for each scene, named like it.
-for scene_name in config["scenes"]:
+for scene_name in experiment.scenes:
 
     rule:
         name:
             scene_name
         input:
-            scene_targets(scene_name),
+            targets.of_scene(experiment, scene_name),

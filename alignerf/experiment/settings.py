@@ -10,6 +10,23 @@ import types
 import typing
 from pathlib import Path
 
+MOST_ROUNDS = 4
+COURTYARD_MOTION = {"motion": "uniform", "motion_m": 0.02}
+
+
+class Source(typing.NamedTuple):
+    """Where images and cameras come from."""
+
+    poses: tuple  # the ways in which it can have poses, the default first
+    has_truth: bool = False
+
+
+SOURCES = {
+    "courtyard": Source(("colmap", "truth"), has_truth=True),
+    "photos": Source(("colmap",)),
+    "transforms": Source(("given",)),
+    "llff": Source(("given",)),
+}
 STAGES = ("full", "warm", "pretrain", "finetune")
 MATCHINGS = ("patch", "pixel")
 ERRORS = ("squared", "charbonnier")

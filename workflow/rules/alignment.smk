@@ -16,7 +16,7 @@ rule align:
     conda:
         "../../environment.yml"
     params:
-        flow=lambda w: flow_options(w.scene, w.method, w.round, w.split),
+        flow=lambda w: flows.of_views(experiment, w.scene, w.method, w.round, w.split),
         sources=sources_of("flow.align"),
     shell:
         "python -m flow.align {params.flow:q} --renders {input.renders:q}"
@@ -29,8 +29,8 @@ rule align:
 # The warped test set: made once, by the reference model, for all methods.
 rule testset:
     input:
-        renders=lambda w: reference_views(w.scene, "renders"),
-        depth=lambda w: reference_views(w.scene, "depth"),
+        renders=lambda w: f"{experiment.reference_folder(w.scene)}/renders/test",
+        depth=lambda w: f"{experiment.reference_folder(w.scene)}/depth/test",
         photos="results/{scene}/images",
     output:
         flow=directory("results/{scene}/testset/flow"),
@@ -43,7 +43,7 @@ rule testset:
     conda:
         "../../environment.yml"
     params:
-        flow=lambda w: reference_flow_options(w.scene),
+        flow=lambda w: flows.of_reference(experiment, w.scene),
         sources=sources_of("flow.align"),
     shell:
         "python -m flow.align {params.flow:q} --renders {input.renders:q}"
@@ -56,12 +56,12 @@ rule testset:
 # Beside it, what of its gain is not alignment.
 rule control_sets:
     input:
-        unpack(truth_of),
-        renders=lambda w: reference_views(w.scene, "renders"),
+        unpack(lambda w: rows.truth_of(experiment, w.scene)),
+        renders=lambda w: f"{experiment.reference_folder(w.scene)}/renders/test",
         photos="results/{scene}/images",
         flow="results/{scene}/testset/flow",
     output:
-        [directory(f"results/{{scene}}/testset/{name}") for name in CONTROL_SETS],
+        [directory(f"results/{{scene}}/testset/{name}") for name in flows.CONTROL_SETS],
         lengths="results/{scene}/testset/leak.csv",
     log:
         "results/{scene}/testset/logs/control_sets.log",
@@ -70,8 +70,8 @@ rule control_sets:
     conda:
         "../../environment.yml"
     params:
-        flow=control_options(),
-        truth=lambda w, input: option("truth", input.get("truth")),
+        flow=flows.estimator_options(experiment),
+        truth=lambda w, input: flows.option("truth", input.get("truth")),
         sources=sources_of("flow.control_sets"),
     shell:
         "python -m flow.control_sets {params.flow:q} --renders {input.renders:q}"
@@ -82,7 +82,7 @@ rule control_sets:
 # With `rounds: auto`: whether another round follows, and why.
 checkpoint decide:
     input:
-        unpack(flows_of_rounds),
+        unpack(lambda w: flows.of_rounds(experiment, w.scene, w.method, w.round)),
     output:
         "results/{scene}/{method}/round{round}/decision.json",
     log:
@@ -92,8 +92,10 @@ checkpoint decide:
     conda:
         "../../environment.yml"
     params:
-        before_flow=lambda w, input: option("before-flow", input.get("before_flow")),
-        before=lambda w, input: option("before", input.get("before")),
+        before_flow=lambda w, input: flows.option(
+            "before-flow", input.get("before_flow")
+        ),
+        before=lambda w, input: flows.option("before", input.get("before")),
         sources=sources_of("flow.rounds"),
     shell:
         "python -m flow.rounds --flow {input.flow:q} {params.before_flow:q}"

@@ -14,7 +14,7 @@ rule align_oracle:
     conda:
         "../../environment.yml"
     params:
-        flow=control_options(),
+        flow=flows.estimator_options(experiment),
         sources=sources_of("flow.align"),
     shell:
         "python -m flow.align {params.flow:q} --renders {input.renders:q}"
@@ -24,7 +24,7 @@ rule align_oracle:
 
 rule decompose:
     input:
-        unpack(model_flow_of),
+        unpack(lambda w: flows.of_oracle(experiment, w.scene, w.method, w.round)),
         depth="results/{scene}/{method}/round{round}/depth/test",
         flow="results/{scene}/{method}/round{round}/flow/test",
         cameras="results/{scene}/cameras.npz",
@@ -38,7 +38,7 @@ rule decompose:
     conda:
         "../../environment.yml"
     params:
-        model=lambda w, input: option("model-flow", input.get("model")),
+        model=lambda w, input: flows.option("model-flow", input.get("model")),
         sources=sources_of("flow.decompose"),
     shell:
         "python -m flow.decompose --renders-depth {input.depth:q}"
@@ -49,7 +49,7 @@ rule decompose:
 
 rule displacement_table:
     input:
-        lambda w: [row["stats"] for row in displacement_rows(w.scene)],
+        lambda w: [row["stats"] for row in rows.displacement(experiment, w.scene)],
     output:
         csv=report(
             "results/{scene}/tables/displacement.csv",
@@ -64,7 +64,7 @@ rule displacement_table:
     conda:
         "../../environment.yml"
     params:
-        rows=lambda w: as_json(displacement_rows(w.scene)),
+        rows=lambda w: rows.as_json(rows.displacement(experiment, w.scene)),
         sources=sources_of("alignerf.tables.displacement"),
     shell:
         "python -m alignerf.tables.displacement --rows {params.rows:q} --csv {output.csv:q}"

@@ -3,7 +3,7 @@
 # config whose truth is known. Takes the whole machine, so that its speeds are its own.
 rule flow_benchmark:
     input:
-        flow_benchmark_inputs,
+        lambda w: flows.benchmark_inputs(experiment),
     output:
         csv=report(
             "results/flow_benchmark.csv",
@@ -22,10 +22,10 @@ rule flow_benchmark:
         "results/logs/flow_benchmark.tsv"
     conda:
         "../../environment.yml"
-    threads: workflow.cores or 1
+    threads: 64
     params:
-        scene=lambda w: flow_benchmark_scene(),
-        sources=[sources_of("flow.benchmark"), sources_of("flow.benchmark.large_pair")],
+        scene=lambda w: flows.benchmark_options(experiment),
+        sources=sources_of("flow.benchmark", "flow.benchmark.large_pair"),
     shell:
         "python -m flow.benchmark {params.scene:q}"
         " --csv {output.csv:q} --tex {output.tex:q} --figure {output.figure:q}"

@@ -2,16 +2,16 @@
 # their seed only as one regime.
 rule regimes:
     input:
-        regime_inputs,
+        lambda w: rows.files_of(check.or_exit(regimes.scenes, experiment)),
     output:
         csv=report(
-            f"results/{REGIMES}.csv",
+            f"results/{regimes.name(experiment)}.csv",
             caption="../report/regimes.rst",
             category="regimes",
         ),
-        tex=f"results/{REGIMES}.tex",
+        tex=f"results/{regimes.name(experiment)}.tex",
         figure=report(
-            f"results/{REGIMES}.png",
+            f"results/{regimes.name(experiment)}.png",
             caption="../report/regimes.rst",
             category="regimes",
         ),
@@ -22,7 +22,7 @@ rule regimes:
     conda:
         "../../environment.yml"
     params:
-        rows=lambda w: as_json(regime_scenes()),
+        rows=lambda w: rows.as_json(regimes.scenes(experiment)),
         sources=sources_of("alignerf.tables.regimes"),
     shell:
         "python -m alignerf.tables.regimes --rows {params.rows:q} --csv {output.csv:q}"

@@ -1,7 +1,7 @@
 # What a reader looks at: the misalignment table and the figures of a scene.
 rule misalignment_table:
     input:
-        table_inputs,
+        lambda w: rows.files_of(rows.misalignment(experiment, w.scene)),
     output:
         csv=report(
             "results/{scene}/tables/misalignment.csv",
@@ -16,7 +16,7 @@ rule misalignment_table:
     conda:
         "../../environment.yml"
     params:
-        rows=lambda w: as_json(table_rows(w.scene)),
+        rows=lambda w: rows.as_json(rows.misalignment(experiment, w.scene)),
         sources=sources_of("alignerf.tables.misalignment"),
     shell:
         "python -m alignerf.tables.misalignment --rows {params.rows:q} --csv {output.csv:q}"
@@ -25,7 +25,7 @@ rule misalignment_table:
 
 rule round_times:
     input:
-        time_inputs,
+        lambda w: rows.files_of(rows.times(experiment, w.scene)),
     output:
         csv="results/{scene}/tables/round_times.csv",
         tex="results/{scene}/tables/round_times.tex",
@@ -36,7 +36,7 @@ rule round_times:
     conda:
         "../../environment.yml"
     params:
-        rows=lambda w: as_json(time_rows(w.scene)),
+        rows=lambda w: rows.as_json(rows.times(experiment, w.scene)),
         sources=sources_of("alignerf.tables.round_times"),
     shell:
         "python -m alignerf.tables.round_times --rows {params.rows:q} --csv {output.csv:q}"
@@ -46,7 +46,7 @@ rule round_times:
 # How much of the warped test set's gain is alignment.
 rule controls_table:
     input:
-        score_inputs,
+        lambda w: rows.files_of(rows.scores(experiment, w.scene)),
     output:
         csv=report(
             "results/{scene}/tables/controls.csv",
@@ -61,7 +61,7 @@ rule controls_table:
     conda:
         "../../environment.yml"
     params:
-        rows=lambda w: as_json(score_rows(w.scene)),
+        rows=lambda w: rows.as_json(rows.scores(experiment, w.scene)),
         sources=sources_of("alignerf.tables.controls"),
     shell:
         "python -m alignerf.tables.controls --rows {params.rows:q} --csv {output.csv:q}"
@@ -71,7 +71,7 @@ rule controls_table:
 # Whether the other test sets rank methods as the oracle does.
 rule ranking_table:
     input:
-        score_inputs,
+        lambda w: rows.files_of(rows.scores(experiment, w.scene)),
     output:
         csv=report(
             "results/{scene}/tables/ranking.csv",
@@ -86,7 +86,7 @@ rule ranking_table:
     conda:
         "../../environment.yml"
     params:
-        rows=lambda w: as_json(score_rows(w.scene)),
+        rows=lambda w: rows.as_json(rows.scores(experiment, w.scene)),
         sources=sources_of("alignerf.tables.ranking"),
     shell:
         "python -m alignerf.tables.ranking --rows {params.rows:q} --csv {output.csv:q}"
@@ -95,16 +95,12 @@ rule ranking_table:
 
 rule figures:
     input:
-        lambda w: [path for entry in figure_rounds(w.scene) for path in entry.values()],
+        lambda w: rows.files_of(rows.figure_rounds(experiment, w.scene)),
         images="results/{scene}/images",
         testset="results/{scene}/testset/displacement.csv",
-        reference=lambda w: figure_rounds(w.scene)[reference_round(w.scene)]["renders"],
-        parts=lambda w: f"{figure_folder(w.scene)}/parts/test",
-        curves=lambda w: [
-            row[key]
-            for row in displacement_rows(w.scene)
-            for key in ("stats", "metrics")
-        ],
+        reference=lambda w: f"{experiment.reference_folder(w.scene)}/renders/test",
+        parts=lambda w: f"{experiment.reference_folder(w.scene, 0)}/parts/test",
+        curves=lambda w: rows.files_of(rows.displacement(experiment, w.scene)),
     output:
         flow=report(
             "results/{scene}/figures/flow.png",
@@ -138,8 +134,8 @@ rule figures:
     conda:
         "../../environment.yml"
     params:
-        rounds=lambda w: as_json(figure_rounds(w.scene)),
-        curves=lambda w: as_json(displacement_rows(w.scene)),
+        rounds=lambda w: rows.as_json(rows.figure_rounds(experiment, w.scene)),
+        curves=lambda w: rows.as_json(rows.displacement(experiment, w.scene)),
         sources=sources_of("flow.figures.scene"),
     shell:
         "python -m flow.figures.scene --photos {input.images:q}"
@@ -154,11 +150,7 @@ rule figures:
 # The baseline and the staged methods side by side.
 rule crops:
     input:
-        lambda w: [
-            entry[key]
-            for entry in crop_methods(w.scene)
-            for key in ("renders", "flow")
-        ],
+        lambda w: rows.files_of(rows.crops(experiment, w.scene)),
         images="results/{scene}/images",
     output:
         report(
@@ -173,7 +165,7 @@ rule crops:
     conda:
         "../../environment.yml"
     params:
-        methods=lambda w: as_json(crop_methods(w.scene)),
+        methods=lambda w: rows.as_json(rows.crops(experiment, w.scene)),
         sources=sources_of("flow.figures.crops"),
     shell:
         "python -m flow.figures.crops --photos {input.images:q}"

@@ -25,7 +25,7 @@ rule shrink:
 
 use rule train as train_variant with:
     input:
-        unpack(photos_of_variant),
+        unpack(lambda w: sweep.photos_of_variant(experiment, w.scene, w.variant)),
     output:
         model="results/{scene}/tradeoff/{variant}/model.msgpack",
         timing="results/{scene}/tradeoff/{variant}/timing.json",
@@ -33,9 +33,9 @@ use rule train as train_variant with:
         "results/{scene}/tradeoff/{variant}/logs/train.log",
     benchmark:
         "results/{scene}/tradeoff/{variant}/logs/train.tsv"
-    threads: workflow.cores or 1
+    threads: 64
     params:
-        config=lambda w: variant_slice(w.variant),
+        config=lambda w: slices.of_variant(experiment, w.variant),
 
 
 use rule render_views as render_variant with:
@@ -49,14 +49,14 @@ use rule render_views as render_variant with:
         "results/{scene}/tradeoff/{variant}/logs/render_{split}.log",
     benchmark:
         "results/{scene}/tradeoff/{variant}/logs/render_{split}.tsv"
-    threads: workflow.cores or 1
+    threads: 64
     params:
-        config=lambda w: variant_slice(w.variant),
+        config=lambda w: slices.of_variant(experiment, w.variant),
 
 
 use rule evaluate as evaluate_variant with:
     input:
-        unpack(truth_of),
+        unpack(lambda w: rows.truth_of(experiment, w.scene)),
         renders="results/{scene}/tradeoff/{variant}/renders/test",
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
@@ -73,7 +73,7 @@ use rule evaluate as evaluate_variant with:
 
 rule tradeoff:
     input:
-        sweep_inputs,
+        lambda w: rows.files_of(check.or_exit(sweep.rows, experiment)),
     output:
         csv=report(
             "results/tradeoff.csv",
@@ -93,7 +93,7 @@ rule tradeoff:
     conda:
         "../../environment.yml"
     params:
-        rows=lambda w: as_json(sweep_rows()),
+        rows=lambda w: rows.as_json(sweep.rows(experiment)),
         sources=sources_of("alignerf.tables.tradeoff"),
     shell:
         "python -m alignerf.tables.tradeoff --rows {params.rows:q} --csv {output.csv:q}"

@@ -4,7 +4,7 @@
 # `output:`, which Snakemake deletes when a job is killed: a training resumes.
 rule train:
     input:
-        unpack(photos_of_round),
+        unpack(lambda w: rows.photos_of_round(experiment, w.scene, w.method, w.round)),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
     output:
@@ -15,15 +15,15 @@ rule train:
     benchmark:
         "results/{scene}/{method}/round{round}/logs/train.tsv"
     wildcard_constraints:
-        method=one_of(set(plain()) - set(warm())),
+        method=plan.one_of(experiment.from_scratch()),
     conda:
         "../../environment.yml"
     threads: 64
     params:
-        config=lambda w: method_slice(w.scene, w.method),
+        config=lambda w: slices.of_round(experiment, w.scene, w.method),
         scene=subpath(input.cameras, parent=True),
         initial=[],
-        valid=lambda w, input: option("valid", input.get("valid")),
+        valid=lambda w, input: flows.option("valid", input.get("valid")),
         checkpoints=subpath(output.model, parent=True),
         sources=sources_of("alignerf.train"),
     shell:
@@ -37,14 +37,14 @@ rule train:
 
 use rule train as train_warm with:
     input:
-        unpack(photos_of_round),
+        unpack(lambda w: rows.photos_of_round(experiment, w.scene, w.method, w.round)),
         initial=lambda w: "{}/model.msgpack".format(
-            trained(w.scene, w.method, int(w.round) - 1)
+            experiment.trained(w.scene, w.method, int(w.round) - 1)
         ),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
     wildcard_constraints:
-        method=one_of(warm()),
+        method=plan.one_of(experiment.warm()),
         round=r"[1-9]\d*",
     params:
         initial=lambda w, input: ["--initial", input.initial],
@@ -62,12 +62,12 @@ rule pretrain:
     benchmark:
         "results/{scene}/pretrain/{model}/logs/train.tsv"
     wildcard_constraints:
-        model=one_of(config["models"]),
+        model=plan.one_of(config["models"]),
     conda:
         "../../environment.yml"
     threads: 64
     params:
-        config=lambda w: pretrain_slice(w.scene, w.model),
+        config=lambda w: slices.of_pretraining(experiment, w.scene, w.model),
         checkpoints=subpath(output.model, parent=True),
         sources=sources_of("alignerf.train"),
     shell:
@@ -80,11 +80,11 @@ rule pretrain:
 
 rule finetune:
     input:
-        unpack(displacement_for_radius),
+        unpack(lambda w: rows.displacement_for_radius(experiment, w.scene, w.method)),
         initial=lambda w: "results/{}/pretrain/{}/model.msgpack".format(
-            w.scene, config["methods"][w.method]["model"]
+            w.scene, experiment.methods[w.method]["model"]
         ),
-        weights=lambda w: frequency_weights_of(w.method) or [],
+        weights=lambda w: slices.frequency_weights_of(experiment, w.method) or [],
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
     output:
@@ -95,13 +95,15 @@ rule finetune:
     benchmark:
         "results/{scene}/{method}/round0/logs/train.tsv"
     wildcard_constraints:
-        method=one_of(staged()),
+        method=plan.one_of(experiment.staged()),
     conda:
         "../../environment.yml"
     threads: 64
     params:
-        config=lambda w: method_slice(w.scene, w.method),
-        displacement=lambda w, input: option("displacement", input.get("displacement")),
+        config=lambda w: slices.of_round(experiment, w.scene, w.method),
+        displacement=lambda w, input: flows.option(
+            "displacement", input.get("displacement")
+        ),
         checkpoints=subpath(output.model, parent=True),
         sources=sources_of("alignerf.train"),
     shell:
@@ -128,8 +130,8 @@ rule render_views:
         "../../environment.yml"
     threads: 64
     params:
-        config=lambda w: method_slice(w.scene, w.method),
-        depth=lambda w, output: option("depth", output.get("depth")),
+        config=lambda w: slices.of_round(experiment, w.scene, w.method),
+        depth=lambda w, output: flows.option("depth", output.get("depth")),
         sources=sources_of("alignerf.render_views"),
     shell:
         "python -m alignerf.render_views --config {params.config:q}"

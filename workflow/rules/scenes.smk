@@ -2,7 +2,7 @@
 # Poses are computed once and kept: no later rule changes them.
 rule poses:
     input:
-        lambda w: config["scenes"][w.scene].get("path") or [],
+        lambda w: experiment.scenes[w.scene].get("path") or [],
     output:
         images=directory("results/{scene}/images"),
         cameras="results/{scene}/cameras.npz",
@@ -12,12 +12,12 @@ rule poses:
     benchmark:
         "results/{scene}/logs/poses.tsv"
     wildcard_constraints:
-        scene=one_of(with_truth(False)),
+        scene=plan.one_of(experiment.with_truth(False)),
     conda:
         "../../environment.yml"
     threads: 64
     params:
-        config=lambda w: scene_slice(w.scene),
+        config=lambda w: slices.of_scene(experiment, w.scene),
         sources=sources_of("alignerf.poses"),
     shell:
         "python -m alignerf.poses --config {params.config:q}"
@@ -31,7 +31,7 @@ use rule poses as poses_courtyard with:
         cameras="results/{scene}/cameras.npz",
         report="results/{scene}/poses.json",
     wildcard_constraints:
-        scene=one_of(with_truth(True)),
+        scene=plan.one_of(experiment.with_truth(True)),
 
 
 rule facts:

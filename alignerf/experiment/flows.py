@@ -1,0 +1,99 @@
+"""Settings of the flow as a command takes them, and what it is estimated of."""
+
+# Folders of flow.control_sets beside the warped test set.
+CONTROL_SETS = (
+    *("control", "placebo", "held_out"),
+    *("aligned", "leak", "leak_flow", "leak_held_out"),
+)
+
+
+def option(name, value):
+    """`--name value` for a shell line, nothing where there is no value."""
+    return [f"--{name}", str(value)] if value else []
+
+
+def lpips_options(experiment):
+    """Command line of the networks of LPIPS whose weights the config names."""
+    found = experiment.config["lpips"].items()
+    return [part for net, path in found for part in option(f"lpips-{net}", path)]
+
+
+def estimator_options(experiment):
+    """Command line of the estimator's settings, also for images that we make.
+
+    For those no flows are made elsewhere: then it is the default estimator.
+    """
+    flow = experiment.config["flow"]
+    blur = "--match-blur" if flow["match_blur"] else "--no-match-blur"
+    pairs = {"--kernel": flow["kernel"], "--tolerance-px": flow["tolerance_px"]}
+    if flow["method"] != "files":
+        pairs["--method"] = flow["method"]
+    return [blur, *(str(part) for pair in pairs.items() for part in pair)]
+
+
+def of_views(experiment, scene, method, round, split):
+    """Command line of the flow's settings, for the views that it is estimated of."""
+    flow, found = experiment.config["flow"], estimator_options(experiment)
+    if flow["method"] != "files":
+        return found
+    names = {"scene": scene, "method": method, "round": round, "split": split}
+    folder = flow["folder"].format(**names)
+    return [*found, "--method", "files", "--flows", folder]
+
+
+def of_reference(experiment, scene):
+    """The same for the warped test set."""
+    method = experiment.config["reference"]["method"]
+    round = experiment.reference_round(scene)
+    return of_views(experiment, scene, method, round, "test")
+
+
+def of_rounds(experiment, scene, method, round):
+    """The training views' flow after a round, and that of the round before."""
+    k, flow = int(round), "flow/train"
+    found = {"flow": f"{experiment.trained(scene, method, k)}/{flow}"}
+    if k > 0:
+        found["before_flow"] = f"{experiment.trained(scene, method, k - 1)}/{flow}"
+        # The decision is the method's own, also where it starts from another's round.
+        found["before"] = f"results/{scene}/{method}/round{k - 1}/decision.json"
+    return found
+
+
+def of_oracle(experiment, scene, method, round):
+    """The flow from render to oracle, where the scene's truth is known."""
+    if scene not in experiment.with_truth():
+        return {}
+    folder = experiment.trained(scene, method, round)
+    return {"model": f"{folder}/flow_oracle/test"}
+
+
+def benchmark_models(experiment, scene):
+    """<method>/round<k> of the reference method, before and after all warping."""
+    method = experiment.config["reference"]["method"]
+    rounds = sorted({0, experiment.last_round(scene, method)})
+    found = [experiment.trained(scene, method, k) for k in rounds]
+    return [folder.removeprefix(f"results/{scene}/") for folder in found]
+
+
+def benchmark_options(experiment):
+    """Command line of the scene with a truth, the config's first; or none."""
+    return [
+        part
+        for name in experiment.with_truth()[:1]
+        for part in (
+            *("--scene", f"results/{name}"),
+            *("--renders", *benchmark_models(experiment, name)),
+        )
+    ]
+
+
+def benchmark_inputs(experiment):
+    """Photos, truth and renders of that scene."""
+    return [
+        f"results/{name}/{path}"
+        for name in experiment.with_truth()[:1]
+        for path in (
+            *("images", "truth"),
+            *(f"{model}/renders/test" for model in benchmark_models(experiment, name)),
+        )
+    ]

@@ -1,0 +1,112 @@
+"""An experiment: its methods, their rounds, and the folder of each trained model.
+
+Notation: a method's round 0 trains on the photos as taken, round k on those that round
+k - 1 warped. *Staged* methods pre-train and fine-tune (AligNeRF), *plain* ones train
+in one go; *warm* plain ones go on from the weights of the round before.
+"""
+
+import json
+import re
+from pathlib import Path
+
+from alignerf.experiment import settings
+
+
+class Experiment:
+    """A config as `check.checked` returns it, and what follows from it.
+
+    decided(scene=, method=, round=) says whether a method with `rounds: auto` trains
+    another round after this one. It is asked only where nothing else says how many.
+    """
+
+    def __init__(self, config, decided):
+        self.config = config
+        self.decided = decided
+        self.methods = config["methods"]
+        self.scenes = config["scenes"]
+
+    def staged(self):
+        """Methods that pre-train and fine-tune."""
+        return [name for name, m in self.methods.items() if "alignerf" in m]
+
+    def plain(self):
+        """Methods trained in one go, on photos or warped photos."""
+        return [name for name in self.methods if name not in self.staged()]
+
+    def warm(self):
+        """Methods whose rounds go on from the weights of the round before."""
+        return [name for name, m in self.methods.items() if "warm_start" in m]
+
+    def from_scratch(self):
+        """Plain methods that train every round from scratch."""
+        return [name for name in self.plain() if name not in self.warm()]
+
+    def base_of(self, method):
+        """Whose round 0 a method is set against: its own, if it trains from scratch.
+
+        With a warm start, that of the method that it starts from; of a staged method,
+        the plain one's of its model, or its own where none has the model.
+        """
+        if method in self.warm():
+            return self.methods[method]["warm_start"]["from"]
+        if method in self.plain():
+            return method
+        model = self.methods[method]["model"]
+        scratch = self.from_scratch()
+        same = [name for name in scratch if self.methods[name]["model"] == model]
+        return same[0] if same else method
+
+    def trained(self, scene, method, round):
+        """Folder of a method's round; a warm start's round 0 is another method's."""
+        if method in self.warm() and int(round) == 0:
+            method = self.base_of(method)
+        return f"results/{scene}/{method}/round{round}"
+
+    def last_round(self, scene, method):
+        """A method's last round. With `rounds: auto`, what the rounds have shown."""
+        found = self.methods[method]
+        if found["rounds"] != "auto":
+            return found["rounds"]
+        for k in range(found.get("most_rounds", settings.MOST_ROUNDS)):
+            if not self.decided(scene=scene, method=method, round=k):
+                return k
+        return k + 1
+
+    def all_rounds(self, scene):
+        """(method, round) of every row of the tables, in the config's order."""
+        return [
+            (name, k)
+            for name in self.methods
+            for k in range(int(name in self.warm()), self.last_round(scene, name) + 1)
+        ]
+
+    def reference_round(self, scene):
+        """The round whose renders the warped test set is made from."""
+        reference = self.config["reference"]
+        if reference["round"] == "last":
+            return self.last_round(scene, reference["method"])
+        return reference["round"]
+
+    def reference_folder(self, scene, round=None):
+        """Folder of the reference model, or of another of its method's rounds."""
+        if round is None:
+            round = self.reference_round(scene)
+        return self.trained(scene, self.config["reference"]["method"], round)
+
+    def with_truth(self, known=True):
+        """Scenes whose truth is known (or not)."""
+        return [
+            name
+            for name, scene in self.scenes.items()
+            if settings.SOURCES[scene["source"]].has_truth == known
+        ]
+
+
+def goes_on(path):
+    """What `flow.rounds` decided, from its file."""
+    return json.loads(Path(path).read_text())["go_on"]
+
+
+def one_of(names):
+    """Regular expression of these names; of none, it matches nothing."""
+    return "|".join(map(re.escape, sorted(names))) or r"(?!)"

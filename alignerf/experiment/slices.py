@@ -1,0 +1,127 @@
+"""What each job depends on: its slice of the config, as JSON.
+
+A job reruns when, and only when, its slice changes. All are functions of the
+experiment and of the job's names.
+"""
+
+import copy
+import json
+
+# Ablations share the pre-training: only its length is part of the job.
+PRETRAIN_IGNORES = {
+    "finetune_share": 0.0,
+    "learning_rates": [0.0, 0.0],
+    "patches": 0,
+    "patch_px": 0,
+    "convolution": False,
+    "features": 3,
+    "matching": "patch",
+    "error": "squared",
+    "radius_px": 0,
+    "align_penalty": 0.0,
+    "frequency_weight": 0.0,
+    "frequency_weights": None,
+}
+
+
+def as_json(value):
+    """Canonical: equal values are equal text."""
+    return json.dumps(value, sort_keys=True)
+
+
+def of_scene(experiment, name):
+    """What the poses of a scene depend on: not how long it is trained."""
+    scene = {"seed": experiment.config["seed"]} | experiment.scenes[name]
+    return as_json({key: scene[key] for key in scene if key != "steps"})
+
+
+def of_round(experiment, scene, method):
+    """What the training of a method's last stage, and its renders, depend on."""
+    return as_json(round_job(experiment, scene, method))
+
+
+def round_job(experiment, scene, method):
+    """The same before it is text."""
+    if method in experiment.staged():
+        return job(experiment, scene, method, "finetune")
+    found = job(experiment, scene, method, "full")
+    if method not in experiment.warm():
+        return found
+    start, training = experiment.methods[method]["warm_start"], found["training"]
+    steps = max(1, round(start["share"] * training["steps"]))
+    training |= rescaled(training, steps)
+    training["learning_rates"] = start["learning_rates"]
+    return found | {"stage": "warm"}
+
+
+def of_pretraining(experiment, scene, model):
+    """What a model's pre-training depends on, which staged methods share."""
+    users = [m for m in experiment.staged() if experiment.methods[m]["model"] == model]
+    return as_json(job(experiment, scene, users[0], "pretrain"))
+
+
+def of_variant(experiment, name):
+    """What the training of a point of the sweep, and its renders, depend on."""
+    found = variant_of(experiment.config, name)
+    del found["downscale"]
+    return as_json(found | {"stage": "full", "alignerf": None})
+
+
+def job(experiment, scene, method, stage):
+    """Seed, stage, model, training and, of a staged one, AligNeRF's settings."""
+    config = experiment.config
+    found = None
+    if stage != "full":
+        found = copy.deepcopy(experiment.methods[method]["alignerf"])
+        found["frequency_weights"] = frequency_weights_of(experiment, method)
+        if found["radius_px"] == "auto":
+            found["radius_px"] = None
+    if stage == "pretrain":
+        found |= PRETRAIN_IGNORES
+    return {
+        "seed": experiment.scenes[scene].get("seed", config["seed"]),
+        "stage": stage,
+        "model": config["models"][experiment.methods[method]["model"]],
+        "training": training_of(config, scene),
+        "alignerf": found,
+    }
+
+
+def frequency_weights_of(experiment, method):
+    """The weights file, where the method's loss looks through it."""
+    weighs = experiment.methods[method]["alignerf"]["frequency_weight"] > 0
+    return experiment.config["frequency_weights"] if weighs else None
+
+
+def training_of(config, scene):
+    """The config's training, as long as the scene asks for."""
+    found = config["training"]
+    return found | rescaled(found, config["scenes"][scene].get("steps", found["steps"]))
+
+
+def rescaled(training, steps):
+    """Steps, and the warm-up that keeps its share of them."""
+    share = training["warmup_steps"] / training["steps"]
+    return {"steps": steps, "warmup_steps": round(share * steps)}
+
+
+def variant_of(config, name):
+    """A point of the sweep: seed, downscale, model and training.
+
+    `base` or a variant. A field of a kind is whole, one without changes keys of the
+    base's field; the warm-up keeps its share of the steps where it is not given.
+    """
+    sweep = config["tradeoff"]
+    change = {} if name == "base" else dict(sweep["variants"][name])
+    model = config["models"][sweep["model"]]
+    training = training_of(config, sweep["scene"])
+    for key in ("proposal", "field"):
+        if key in change and "kind" not in change[key]:
+            change[key] = model[key] | change[key]
+    if "steps" in change:
+        change = rescaled(training, change["steps"]) | change
+    seed = config["scenes"][sweep["scene"]].get("seed", config["seed"])
+    found = {"seed": seed, "downscale": 1}
+    found = {key: change.pop(key, value) for key, value in found.items()}
+    of_training = {key: change.pop(key) for key in set(change) & set(training)}
+    return found | {"model": model | change, "training": training | of_training}

@@ -1,0 +1,54 @@
+"""Which code a job runs: a change of it, or of the libraries' versions, reruns it."""
+
+import ast
+import functools
+import hashlib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+LOCK = "requirements.lock"
+
+
+@functools.cache
+def sources_of(*modules):
+    """SHA-256 of all that `python -m module` runs, for each of the modules.
+
+    Those are the module's own sources, what they import of this project, and the pins
+    of all libraries.
+    """
+    digest = hashlib.sha256()
+    for path in sorted({path for module in modules for path in reached(module)}):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def reached(module):
+    """Files of this project that a module imports, directly or not, and its own."""
+    todo, seen = [module, f"{module}.__main__"], set()
+    while todo:
+        path = file_of(todo.pop())
+        if path is None or path in seen:
+            continue
+        seen.add(path)
+        todo += imports(path)
+    return seen
+
+
+def file_of(module):
+    """The file of a module of this project; None of any other."""
+    path = ROOT / Path(*module.split("."))
+    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    return path if path.is_file() else None
+
+
+@functools.cache
+def imports(path):
+    """Names of the modules that a file imports, and of what it takes from them."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            found.append(node.module)
+            found += [f"{node.module}.{alias.name}" for alias in node.names]
+    return found

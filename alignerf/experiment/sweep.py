@@ -1,0 +1,46 @@
+"""The tradeoff's variants: their jobs and their rows."""
+
+from alignerf.experiment import slices
+
+
+def variants(experiment):
+    """(scene, {variant: what it changes}) from the base on.
+
+    Raises ValueError for a config without a tradeoff.
+    """
+    if "tradeoff" not in experiment.config:
+        raise ValueError("config: tradeoff: not there, see workflow/config/demo.yaml")
+    found = experiment.config["tradeoff"]
+    return found["scene"], {"base": {}} | found["variants"]
+
+
+def names(experiment):
+    """Names of the base and of all variants; none without a tradeoff."""
+    if "tradeoff" not in experiment.config:
+        return []
+    return list(variants(experiment)[1])
+
+
+def photos_of_variant(experiment, scene, variant):
+    """The scene's own photos and cameras, or those made smaller."""
+    folder = f"results/{scene}"
+    factor = slices.variant_of(experiment.config, variant)["downscale"]
+    if factor != 1:
+        folder = f"{folder}/tradeoff/downscale-{factor}"
+    return {"photos": f"{folder}/images", "cameras": f"{folder}/cameras.npz"}
+
+
+def rows(experiment):
+    """One entry per variant, with the files that its row comes from."""
+    scene, changes = variants(experiment)
+    folders = {name: f"results/{scene}/tradeoff/{name}" for name in changes}
+    return [
+        {
+            "variant": name,
+            "changes": changes[name],
+            "metrics": f"{folder}/metrics.csv",
+            "training": f"{folder}/timing.json",
+            "rendering": f"{folder}/render_test.json",
+        }
+        for name, folder in folders.items()
+    ]
