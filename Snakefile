@@ -12,10 +12,10 @@ sys.path.insert(0, workflow.basedir)
 
 from snakemake.utils import min_version
 
-from alignerf.experiment import check, flows, jobs, plan, regimes, rows, slices, sweep
-from alignerf.experiment import targets
-from alignerf.experiment.sources import sources_of
+from alignerf.experiment import check, flows, plan, regimes, rows, slices, sources
+from alignerf.experiment import sweep, targets
 
+sources_of = sources.sources_of
 min_version("9.0")
 
 
@@ -30,7 +30,7 @@ config = check.or_exit(check.checked, config, workflow.configfiles)
 experiment = plan.Experiment(
     config, lambda **place: plan.goes_on(checkpoints.decide.get(**place).output[0])
 )
-jobs.set_environment(workflow.basedir)
+sources.set_environment()
 
 
 wildcard_constraints:

@@ -15,52 +15,23 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.command import faults, whole
-from alignerf.experiment import settings
+from alignerf.experiment import check, jobs, schema, settings
 from alignerf.scenes import cameras, colmap, llff, prepare, transforms
 from alignerf.scenes.courtyard import scene as courtyard
 from alignerf.scenes.courtyard import truth
 
 log = logging.getLogger("alignerf.poses")
 
-DEFAULTS = {
-    "source": "courtyard",
-    "path": None,
-    "poses": None,
-    "downscale": 1,
-    "test_every": 8,
-    "perturb_px": 0.0,
-    "seed": 0,
-    "colmap": {"max_size_px": 1600, "camera_model": None},
-    "courtyard": {
-        "views": 48,
-        "width": 400,
-        "height": 300,
-        "motion": "uniform",
-        "motion_m": 0.02,
-        "moving": list(courtyard.MOVING),
-        "supersample": 2,
-        # Leaves as much near the highest frequency as a real photo made smaller has:
-        # unblurred textures lose ten times more than photos when they are resampled.
-        "lens_sigma_px": 1.4,
-    },
-}
-# Source -> the ways in which it can have poses, the default first.
-POSES = {
-    "courtyard": ("colmap", "truth"),
-    "photos": ("colmap",),
-    "transforms": ("given",),
-    "llff": ("given",),
-}
 PRODUCTS = ("images", "truth", "cameras.npz", "poses.json")
 
 
 def main(config, out):
     """Run one scene's slice of the config; `out` is the scene's folder of results."""
     started = time.monotonic()
-    config = check_config(config)
+    config = checked(config)
     out = Path(out)
     with whole.scratch_folder(out) as scratch:
-        views, report, scene = load_source(config, scratch)
+        views, report, scene = READERS[config["source"]](config, scratch)
         photo_size = views.width, views.height
         views = prepare.downscale(prepare.sort_by_name(views), config["downscale"])
         rng = np.random.default_rng([config["seed"], 1])
@@ -85,47 +56,40 @@ def main(config, out):
     log.info("%s: %d of %d views", out, report["registered"], report["total"])
 
 
-def check_config(config):
-    """The slice with every default filled; ValueError names what is wrong."""
-    config = faults.fill_defaults(config, DEFAULTS)
-    source = config["source"]
-    if source not in POSES:
-        raise ValueError(f"source: {source!r} is none of {', '.join(POSES)}")
-    config["poses"] = config["poses"] or POSES[source][0]
-    if config["poses"] not in POSES[source]:
-        raise ValueError(
-            f"poses: {config['poses']!r} is not possible for source {source!r}, "
-            f"only {' or '.join(POSES[source])}"
-        )
-    model = config["colmap"]["camera_model"]
-    if source == "courtyard" and model not in (None, "PINHOLE", "SIMPLE_PINHOLE"):
-        # Undoing a distortion that is not there would move photos off their true flow.
-        raise ValueError(f"colmap.camera_model: courtyard is a PINHOLE, not {model}")
-    if source != "courtyard" and not config["path"]:
-        raise ValueError(f"path: source {source!r} needs one")
-    least = {"downscale": 1, "test_every": 2, "perturb_px": 0, "seed": 0}
-    faults.check_least(config, least)
-    faults.check_least(config["colmap"], {"max_size_px": 1}, name="colmap.")
-    least = dict.fromkeys(("views", "width", "height", "supersample"), 1)
-    least |= {"lens_sigma_px": 0}
-    faults.check_least(config["courtyard"], least, name="courtyard.")
+def checked(values):
+    """A scene's slice of the config with its defaults; ValueError names a fault."""
+    schema.check(settings.Scene, values)
+    config = schema.filled(settings.Scene, values)
+    config["poses"] = config["poses"] or settings.SOURCES[config["source"]].poses[0]
+    config["seed"] = config["seed"] or 0
+    check.check_scene(config)
     return config
 
 
-def load_source(config, scratch):
-    """(views at full size, the report so far, the embedded scene or None)."""
-    if config["source"] == "transforms":
-        views, left_out = transforms.read(config["path"])
-        return views, registration(views.names, left_out), None
-    if config["source"] == "llff":
-        views = llff.read(config["path"])
-        return views, registration(views.names, []), None
-    if config["source"] == "photos":
-        views, report = pose_photos(
-            config["path"], scratch, config, camera_model="OPENCV"
-        )
-        return views, report, None
-    scene = truth.build_courtyard(**config["courtyard"], seed=config["seed"])
+def load_photos(config, scratch):
+    """Photos by COLMAP: (views at full size, the report so far, no truth)."""
+    views, report = pose_photos(config["path"], scratch, config, camera_model="OPENCV")
+    return views, report, None
+
+
+def load_transforms(config, scratch):
+    """The same of a transforms.json, with the poses that it gives."""
+    views, left_out = transforms.read(config["path"])
+    return views, registration(views.names, left_out), None
+
+
+def load_llff(config, scratch):
+    """The same of LLFF's poses_bounds.npy."""
+    views = llff.read(config["path"])
+    return views, registration(views.names, []), None
+
+
+def load_courtyard(config, scratch):
+    """The same of the embedded scene, which knows its truth: it comes last."""
+    made = config["courtyard"]
+    if made["moving"] is None:
+        made = made | {"moving": list(courtyard.MOVING)}
+    scene = truth.build_courtyard(**made, seed=config["seed"])
     folder = scratch / "photos"
     folder.mkdir()
     log.info("rendering %d photos of the courtyard", len(scene.names))
@@ -141,6 +105,15 @@ def load_source(config, scratch):
         load=lambda i: prepare.load_image(folder / f"{scene.names[i]}.png"),
     )
     return views, registration(scene.names, []), scene
+
+
+# Source, as settings.SOURCES has them -> its reader.
+READERS = {
+    "courtyard": load_courtyard,
+    "photos": load_photos,
+    "transforms": load_transforms,
+    "llff": load_llff,
+}
 
 
 def pose_photos(folder, scratch, config, *, camera_model, where=None):
@@ -230,4 +203,4 @@ if __name__ == "__main__":
     parser.add_argument("--config", required=True, help="JSON, or a file of it")
     parser.add_argument("--out", required=True, type=Path, help="results/SCENE")
     options = parser.parse_args()
-    faults.run(lambda: main(settings.read_config(options.config), options.out))
+    faults.run(lambda: main(jobs.read(options.config), options.out))

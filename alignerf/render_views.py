@@ -22,7 +22,7 @@ from PIL import Image
 
 from alignerf.command import faults, progress, whole
 from alignerf.contributions import strips
-from alignerf.experiment import settings
+from alignerf.experiment import jobs
 from alignerf.scenes import cameras, prepared
 from alignerf.training import checkpoint, compose, cores
 
@@ -48,9 +48,7 @@ def main(argv=None):
     start = time.perf_counter()
     loaded = prepared.load(args.scene)
     views = loaded.views(args.split)
-    method = compose.make_method(
-        settings.parse_job(settings.read_config(args.config)), to_train=False
-    )
+    method = compose.make_method(jobs.parse(jobs.read(args.config)), to_train=False)
     template = jax.eval_shape(method.init, jax.random.key(0))
     params = jax.tree.map(jnp.asarray, checkpoint.read_params(args.model, template))
     render = make_renderer(method, params, loaded.width, loaded.height)

@@ -17,7 +17,7 @@ import numpy as np
 
 from alignerf.command import faults, whole
 from alignerf.contributions import patch_conv, search_radius
-from alignerf.experiment import settings
+from alignerf.experiment import jobs
 from alignerf.scenes import prepared
 from alignerf.training import batches, checkpoint, compose, cores, loop, memory, program
 
@@ -37,9 +37,7 @@ def main(argv=None):
     parser.add_argument("--model", required=True, help="parameters, written")
     parser.add_argument("--timing", required=True, help="timing.json, written")
     args = parser.parse_args(argv)
-    job = with_radius(
-        settings.parse_job(settings.read_config(args.config)), args.displacement
-    )
+    job = with_radius(jobs.parse(jobs.read(args.config)), args.displacement)
     if job.model.field["kind"] == "grid":
         # An MLP gains little by it, and each device holds all its parameters.
         cores.use_as_devices()
@@ -68,7 +66,7 @@ def main(argv=None):
         path.write_text(json.dumps(timing, indent=1))
 
 
-def with_radius(job, displacement) -> settings.Job:
+def with_radius(job, displacement) -> jobs.Job:
     """The job with a search radius: its own, or from the measured misalignment."""
     if job.stage != "finetune" or job.alignerf.radius_px is not None:
         return job
@@ -134,7 +132,7 @@ def initial_params(job, method, initial):
     fresh = jax.jit(method.init)(key)
     if job.stage != "finetune":
         return fresh
-    pretrain = compose.make_method(settings.replace_stage(job, "pretrain"))
+    pretrain = compose.make_method(jobs.in_stage(job, "pretrain"))
     template = jax.eval_shape(pretrain.init, key)
     trained = checkpoint.read_params(initial, template)
     model = patch_conv.widen_values(trained["model"], job.alignerf.outputs, key)

@@ -1,151 +1,256 @@
 """The config's check, before anything is planned: a fault is one line with its key."""
 
-import sys
 from pathlib import Path
 
-import jsonschema
-import yaml
+from alignerf.command import faults, yaml_files
+from alignerf.experiment import schema, settings, slices
 
-from alignerf.experiment import slices, sources
-
-SCHEMA = sources.ROOT / "workflow/schemas/config.schema.yaml"
-
-
-def fault(message):
-    raise ValueError(message)
+# What the results' folder holds besides scenes, and a scene's besides methods.
+FILES = {
+    *("published", "logs", "bench", "README.md"),
+    *("tradeoff.csv", "tradeoff.tex", "tradeoff.png"),
+    *("flow_benchmark.csv", "flow_benchmark.tex", "flow_benchmark.png"),
+}
+FOLDERS = {
+    *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
+    *("facts", "poses", "cameras", "config", "tradeoff"),
+}
+# The Snakefile asks nothing but this package.
+or_exit = faults.or_exit
+# Courtyard's photos, eight bits a channel, all in memory at once.
+MOST_PHOTO_BYTES = 2**35
 
 
 def checked(config, files=()):
-    """Check against the schema, then what a schema cannot say."""
+    """The complete config: checked, and every key that it leaves out filled.
+
+    config: what YAML made of `files`, merged. Raises ValueError, naming the key or
+    the file.
+    """
     for path in files:
-        check_keys_once(yaml.compose(Path(path).read_text()), path)
+        yaml_files.check(path)
     check_names(config)
-    schema = yaml.safe_load(SCHEMA.read_text())
-    check_against(schema, config)
+    schema.check(settings.Config, config)
+    check_given(config)
+    config = completed(schema.filled(settings.Config, config))
     for name, model in config["models"].items():
         if model["near"] >= model["far"]:
-            fault(f"config: models.{name}: near must be smaller than far")
-    for name, method in config["methods"].items():
-        if method["model"] not in config["models"]:
-            fault(f"config: methods.{name}.model: no model {method['model']!r}")
-        if "warm_start" in method:
-            check_warm_start(config, name)
-        if method.get("alignerf", {}).get("radius_px") == "auto":
-            check_radius(config, name)
-        if "most_rounds" in method and method["rounds"] != "auto":
-            fault(f"config: methods.{name}.most_rounds: only with `rounds: auto`")
+            fault(f"models.{name}", "near must be smaller than far")
+    for name in config["methods"]:
+        check_method(config, name)
+    check_pretraining(config)
     check_reference(config)
     for name, scene in config["scenes"].items():
-        path = scene.get("path")
-        if scene["source"] != "courtyard" and not path:
-            fault(f"config: scenes.{name}.path: source {scene['source']!r} needs one")
-        if path and set(path) & set("{}"):
-            fault(
-                f"config: scenes.{name}.path: {path}: braces mean wildcards, rename it"
-            )
-        if path and not Path(path).exists():
-            fault(f"config: scenes.{name}.path: {path} does not exist")
-    check_flow_folder(config["flow"])
+        check_scene(scene, "scenes", name)
+        check_path(scene, name)
+    check_flow(config["flow"])
     check_weights(config)
-    if "tradeoff" in config:
-        check_tradeoff(schema, config)
+    if config["tradeoff"]:
+        check_tradeoff(config)
     return config
 
 
-def check_weights(config):
-    """Files of weights; of LPIPS, only the networks that have one are kept."""
-    config.setdefault("frequency_weights", None)
-    given = config.get("lpips") or {}
-    config["lpips"] = {net: path for net, path in given.items() if path}
-    files = {f"lpips.{net}": path for net, path in config["lpips"].items()}
-    for key, path in {
-        "frequency_weights": config["frequency_weights"],
-        **files,
-    }.items():
-        if path and not Path(path).is_file():
-            fault(f"config: {key}: {path} does not exist")
+def fault(where, what):
+    raise ValueError(f"config: {where}: {what}")
 
 
-def check_flow_folder(flow):
-    """The folder of flows made elsewhere, with the names that stand for renders."""
-    if "folder" not in flow:
+def completed(config):
+    """What a default takes from another key; `~` is the user's home."""
+    config["lpips"] = {net: p for net, p in (config["lpips"] or {}).items() if p}
+    config["lpips"] = {net: home(path) for net, path in config["lpips"].items()}
+    config["frequency_weights"] = home(config["frequency_weights"])
+    config["flow"]["folder"] = home(config["flow"]["folder"])
+    training = config["training"]
+    if training["warmup_steps"] is None:
+        training["warmup_steps"] = round(0.1 * training["steps"])
+    for scene in config["scenes"].values():
+        scene["path"] = home(scene["path"])
+        scene["poses"] = scene["poses"] or settings.SOURCES[scene["source"]].poses[0]
+        if scene["seed"] is None:
+            scene["seed"] = config["seed"]
+        scene["steps"] = scene["steps"] or training["steps"]
+    for method in config["methods"].values():
+        method["model"] = method["model"] or first(config["models"])
+    scratch = [n for n, m in config["methods"].items() if not is_derived(m)]
+    reference = config["reference"]
+    reference["method"] = reference["method"] or first([*scratch, *config["methods"]])
+    if sweep := config["tradeoff"]:
+        sweep["scene"] = sweep["scene"] or first(config["scenes"])
+        sweep["model"] = sweep["model"] or first(config["models"])
+    return config
+
+
+def home(path):
+    return path and str(Path(path).expanduser())
+
+
+def first(names):
+    return next(iter(names))
+
+
+def is_derived(method):
+    """Whether a method starts from what another has trained."""
+    return bool(method["warm_start"] or method["alignerf"])
+
+
+def check_given(config):
+    """What only the config as it was written can tell: keys that act on nothing."""
+    for name, method in (config.get("methods") or {}).items():
+        # Its default stands in every complete config.
+        default = settings.Method().most_rounds
+        given = method.get("most_rounds", default)
+        if given != default and method.get("rounds") != "auto":
+            fault(f"methods.{name}.most_rounds", "only with `rounds: auto`")
+
+
+def check_method(config, name):
+    """Its model, where it starts from, and what a staged training cannot have."""
+    method = config["methods"][name]
+    if method["model"] not in config["models"]:
+        fault(f"methods.{name}.model", f"no model {method['model']!r}")
+    if method["warm_start"]:
+        check_warm_start(config, name)
+    if not (found := method["alignerf"]):
         return
-    if flow["method"] != "files":
-        fault(f"config: flow.folder: method {flow['method']!r} reads none")
-    template = flow["folder"]
-    try:
-        template.format(scene="", method="", round="0", split="")
-    except (KeyError, IndexError, ValueError, AttributeError):
-        fault(
-            f"config: flow.folder: {template}: in braces only scene, method, round "
-            "and split have a meaning"
-        )
-
-
-def check_against(schema, value, *place):
-    """Stop at the key that breaks the schema; `place` are the keys above `value`."""
-    validator = jsonschema.Draft202012Validator(schema)
-    errors = sorted(validator.iter_errors(value), key=lambda e: list(map(str, e.path)))
-    if errors:
-        error = jsonschema.exceptions.best_match(errors)
-        where = ".".join(map(str, (*place, *error.absolute_path))) or "top level"
-        fault(f"config: {where}: {error.message}")
+    if method["rounds"] != 0:
+        fault(f"methods.{name}.rounds", "0 was expected: a staged training has none")
+    if found["matching"] == "pixel" and found["radius_px"] == 0:
+        fault(f"methods.{name}.alignerf.radius_px", "matching pixel needs 1 or more")
+    if found["radius_px"] == "auto":
+        check_radius(config, name)
 
 
 def check_warm_start(config, name):
     """It goes on from round 0 of a method that trains the same model from scratch."""
     method = config["methods"][name]
-    source = config["methods"].get(method["warm_start"]["from"], {})
-    if "alignerf" in method:
-        fault(f"config: methods.{name}.warm_start: not for a staged training")
-    where = f"config: methods.{name}.warm_start.from: "
-    if not source or {"warm_start", "alignerf"} & set(source):
-        fault(f"{where}no method {method['warm_start']['from']!r} from scratch")
+    start = method["warm_start"]["from"]
+    source = config["methods"].get(start)
+    where = f"methods.{name}.warm_start"
+    if method["alignerf"]:
+        fault(where, "not for a staged training")
+    if not source or is_derived(source):
+        fault(f"{where}.from", f"no method {start!r} from scratch")
     if source["model"] != method["model"]:
-        fault(f"{where}model {source['model']!r} instead of {method['model']!r}")
+        fault(
+            f"{where}.from", f"model {source['model']!r} instead of {method['model']!r}"
+        )
     if method["rounds"] == 0:
-        fault(f"config: methods.{name}.rounds: a warm start needs a round to start")
+        fault(f"methods.{name}.rounds", "a warm start needs a round to start")
 
 
 def check_radius(config, name):
     """`auto` measures the misalignment by a method that trains the model in one go."""
     model = config["methods"][name]["model"]
-    for other in config["methods"].values():
-        if other["model"] == model and not {"warm_start", "alignerf"} & set(other):
-            return
-    fault(
-        f"config: methods.{name}.alignerf.radius_px: auto needs a method of model "
-        f"{model!r} without alignerf"
-    )
+    methods = config["methods"].values()
+    if not any(m["model"] == model and not is_derived(m) for m in methods):
+        fault(
+            f"methods.{name}.alignerf.radius_px",
+            f"auto needs a method of model {model!r} without alignerf",
+        )
+
+
+def check_pretraining(config):
+    """Staged methods of a model share one pre-training, so they agree on its length."""
+    for model in config["models"]:
+        users = {
+            name: method["alignerf"]["pretrain_share"]
+            for name, method in config["methods"].items()
+            if method["alignerf"] and method["model"] == model
+        }
+        if len(set(users.values())) > 1:
+            fault(
+                f"methods {', '.join(users)}",
+                f"they disagree about {model}'s pretraining, see pretrain_share",
+            )
 
 
 def check_reference(config):
     """The reference's round is one that is trained, whatever the flow does."""
-    reference = config["reference"]
-    if reference["method"] not in config["methods"]:
-        fault(f"config: reference.method: no method {reference['method']!r}")
-    rounds = config["methods"][reference["method"]]["rounds"]
-    if reference["round"] == "last":
+    name, round = config["reference"]["method"], config["reference"]["round"]
+    if name not in config["methods"]:
+        fault("reference.method", f"no method {name!r}")
+    rounds = config["methods"][name]["rounds"]
+    if round == "last":
         return
-    if rounds == "auto" and reference["round"] > 1:
-        fault("config: reference.round: with rounds: auto it must be 0, 1 or last")
-    if rounds != "auto" and reference["round"] > rounds:
-        fault(f"config: reference.round: {reference['method']} has fewer rounds")
+    if rounds == "auto" and round > 1:
+        fault("reference.round", "with rounds: auto it must be 0, 1 or last")
+    if rounds != "auto" and round > rounds:
+        fault("reference.round", f"{name} has fewer rounds")
 
 
-def check_tradeoff(schema, config):
+def check_scene(scene, *place):
+    """What the keys of a scene ask of each other; `place` are the keys above them."""
+    where = "".join(f"{key}." for key in place)
+    source = settings.SOURCES[scene["source"]]
+    if scene["poses"] not in source.poses:
+        fault(
+            f"{where}poses",
+            f"{scene['poses']!r} is not possible for source {scene['source']!r}, only "
+            + " or ".join(source.poses),
+        )
+    if source.has_path and not scene["path"]:
+        fault(f"{where}path", f"source {scene['source']!r} needs one")
+    model = scene["colmap"]["camera_model"]
+    if source.has_truth and model not in (None, "PINHOLE", "SIMPLE_PINHOLE"):
+        # Undoing a distortion that is not there would move photos off their true flow.
+        fault(f"{where}colmap.camera_model", f"courtyard is a PINHOLE, not {model}")
+    views, width, height = (scene["courtyard"][k] for k in ("views", "width", "height"))
+    if source.has_truth and 3 * views * width * height > MOST_PHOTO_BYTES:
+        size = f"{views} photos of {width}x{height} are more than"
+        fault(f"{where}courtyard", f"{size} {MOST_PHOTO_BYTES / 2**30:g} GiB")
+
+
+def check_path(scene, name):
+    """The folder of a scene is there, and its name has no meaning for Snakemake."""
+    where, path = f"scenes.{name}.path", scene["path"]
+    if path and set(path) & set("{}"):
+        fault(where, f"{path}: braces mean wildcards, rename it")
+    if path and not Path(path).exists():
+        fault(where, f"{path} does not exist")
+
+
+def check_flow(flow):
+    """The folder of flows made elsewhere, with the names that stand for renders."""
+    template = flow["folder"]
+    if flow["estimator"] == "files" and not template:
+        fault("flow", "'folder' is a required property of estimator 'files'")
+    if template is None:
+        return
+    if flow["estimator"] != "files":
+        fault("flow.folder", f"estimator {flow['estimator']!r} reads none")
+    # Plain names: format specifications and attributes could ask for anything.
+    rest = template
+    for name in ("scene", "method", "round", "split"):
+        rest = rest.replace(f"{{{name}}}", "")
+    if set(rest) & set("{}"):
+        fault(
+            "flow.folder",
+            f"{template}: in braces only scene, method, round and split have a meaning",
+        )
+
+
+def check_weights(config):
+    """Files of weights are there."""
+    files = {f"lpips.{net}": path for net, path in config["lpips"].items()}
+    files["frequency_weights"] = config["frequency_weights"]
+    for key, path in files.items():
+        if path and not Path(path).is_file():
+            fault(key, f"{path} does not exist")
+
+
+def check_tradeoff(config):
     """The names that a sweep refers to, and each variant's model and training."""
     sweep = config["tradeoff"]
     for key, section in (("scene", "scenes"), ("model", "models")):
         if sweep[key] not in config[section]:
-            fault(f"config: tradeoff.{key}: no {key} {sweep[key]!r}")
+            fault(f"tradeoff.{key}", f"no {key} {sweep[key]!r}")
     if "base" in sweep["variants"]:
-        fault("config: tradeoff.variants.base: the model itself has this name")
+        fault("tradeoff.variants.base", "the model itself has this name")
     for name in sweep["variants"]:
-        for part, values in slices.variant_of(config, name).items():
-            if part in schema["$defs"]:
-                whole = {"$defs": schema["$defs"], "$ref": f"#/$defs/{part}"}
-                check_against(whole, values, "tradeoff", "variants", name)
+        found = slices.variant_of(config, name)
+        place = ("tradeoff", "variants", name)
+        schema.check(settings.Model, found["model"], *place)
+        schema.check(settings.Training, found["training"], *place)
 
 
 def check_names(config):
@@ -159,49 +264,12 @@ def check_names(config):
         entries = config.get(section)
         for name in entries if isinstance(entries, dict) else ():
             if not isinstance(name, str):
-                fault(f"config: {section}.{name}: a name must be text, quote it")
+                fault(f"{section}.{name}", "a name must be text, quote it")
             if name in names:
-                fault(f"config: {section}.{name}: {what} has this name, choose another")
-
-
-def check_keys_once(node, path):
-    """YAML takes the last of two equal keys without a word."""
-    if isinstance(node, yaml.MappingNode):
-        keys = [key.value for key, _ in node.value]
-        for (key, value), name in zip(node.value, keys):
-            if keys.count(name) > 1:
-                line = key.start_mark.line + 1
-                fault(f"{path}: key {name!r} stands twice, see line {line}")
-            check_keys_once(value, path)
-    elif isinstance(node, yaml.SequenceNode):
-        for value in node.value:
-            check_keys_once(value, path)
-
-
-FILES = {
-    *("published", "logs", "bench", "README.md"),
-    *("tradeoff.csv", "tradeoff.tex", "tradeoff.png"),
-    *("flow_benchmark.csv", "flow_benchmark.tex", "flow_benchmark.png"),
-}
-FOLDERS = {
-    *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
-    *("facts", "poses", "cameras", "tradeoff"),
-}
+                fault(f"{section}.{name}", f"{what} has this name, choose another")
 
 
 def check_free(scenes, rules):
     """Each scene is a target of its own: no rule may have its name."""
-    for name in set(scenes) & set(rules):
-        raise ValueError(f"config: scenes.{name}: a rule has this name, choose another")
-
-
-def or_exit(function, *arguments):
-    """function(*arguments); a fault of the config ends the process with one line.
-
-    A Snakefile that raises would end with a traceback of the workflow engine.
-    """
-    try:
-        return function(*arguments)
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(1)
+    for name in sorted(set(scenes) & set(rules)):
+        fault(f"scenes.{name}", "a rule has this name, choose another")

@@ -26,15 +26,15 @@ def estimator_options(experiment):
     flow = experiment.config["flow"]
     blur = "--match-blur" if flow["match_blur"] else "--no-match-blur"
     pairs = {"--kernel": flow["kernel"], "--tolerance-px": flow["tolerance_px"]}
-    if flow["method"] != "files":
-        pairs["--method"] = flow["method"]
+    if flow["estimator"] != "files":
+        pairs["--method"] = flow["estimator"]
     return [blur, *(str(part) for pair in pairs.items() for part in pair)]
 
 
 def of_views(experiment, scene, method, round, split):
     """Command line of the flow's settings, for the views that it is estimated of."""
     flow, found = experiment.config["flow"], estimator_options(experiment)
-    if flow["method"] != "files":
+    if flow["estimator"] != "files":
         return found
     names = {"scene": scene, "method": method, "round": round, "split": split}
     folder = flow["folder"].format(**names)

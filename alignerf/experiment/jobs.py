@@ -1,24 +1,150 @@
-"""The environment that the jobs of a run inherit."""
+"""A training job: its slice of the config as dataclasses, and what follows from it."""
 
-import os
-import sys
+import dataclasses
+import json
+import types
+import typing
 from pathlib import Path
+from typing import Literal
+
+from alignerf.experiment import schema, settings
+
+STAGES = ("full", "warm", "pretrain", "finetune")
 
 
-def set_environment(root):
-    """Let jobs find the sources in `root`, wherever the results go, and our Python.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Finetuning(settings.AligNeRF):
+    """The settings of one method, with the file that its loss looks through."""
 
-    That is the Python that runs Snakemake, also where its environment is not
-    activated. Compiled JAX programs are kept between jobs and runs.
-    """
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path("results/.jax_cache")))
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")
-    prepend("PYTHONPATH", root)
-    prepend("PATH", Path(sys.executable).parent)
+    # None: from the measured misalignment. 0 patches and px: a pre-training has none.
+    radius_px: int | None = settings.key(None, least=0, most=64)
+    finetune_share: float = settings.key(0.2, least=0, most=1)
+    learning_rates: list[float] = settings.key(
+        [0.003, 0.0003], least=0, most=10, length=(2, 2)
+    )
+    patches: int = settings.key(2, least=0, most=4096)
+    patch_px: int = settings.key(32, least=0, most=512)
+    frequency_weights: str | None = settings.key(None)
+
+    @property
+    def outputs(self):
+        """Values that the field gives: without a convolution they are colours."""
+        return self.features if self.convolution else 3
 
 
-def prepend(variable, folder):
-    """Put a folder first in a search path; once, however often this is called."""
-    rest = os.environ.get(variable, "").split(os.pathsep)
-    kept = [part for part in rest if part and part != str(folder)]
-    os.environ[variable] = os.pathsep.join([str(folder), *kept])
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Job:
+    """All that decides what a training computes, besides scene and threads."""
+
+    seed: int = settings.key(least=0, most=2**32 - 1)
+    stage: Literal[STAGES] = settings.key()
+    model: settings.Model = settings.key()
+    training: settings.Training = settings.key()
+    alignerf: Finetuning | None = settings.key()
+
+    @property
+    def steps(self):
+        """Steps of this stage."""
+        share = {
+            "full": 1.0,
+            "warm": 1.0,
+            "pretrain": self.alignerf and self.alignerf.pretrain_share,
+            "finetune": self.alignerf and self.alignerf.finetune_share,
+        }[self.stage]
+        return max(1, round(share * self.training.steps))
+
+    @property
+    def schedule_steps(self):
+        """Steps that the learning rate falls over: pre-training is a beginning."""
+        return self.steps if self.stage == "finetune" else self.training.steps
+
+    @property
+    def warmup_steps(self):
+        """Steps of warm-up: the same share of every stage's schedule."""
+        share = self.schedule_steps / self.training.steps
+        return round(share * self.training.warmup_steps)
+
+    @property
+    def learning_rates(self):
+        """First and last of this stage."""
+        stage = self.alignerf if self.stage == "finetune" else self.training
+        return stage.learning_rates
+
+    @property
+    def rays_per_step(self):
+        if self.stage == "finetune":
+            return self.alignerf.patches * self.alignerf.patch_px**2
+        return self.training.batch_rays
+
+
+def read(text):
+    """A stage's slice of the config: a JSON object, or the path of a file of one."""
+    if not text.lstrip().startswith("{"):
+        text = Path(text).read_text(encoding="utf-8")
+    try:
+        found = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise ValueError(f"--config is not JSON: {error}") from None
+    if not isinstance(found, dict):
+        raise ValueError("--config must be a JSON object")
+    return found
+
+
+def parse(values) -> Job:
+    """The job of a training or rendering, checked as a whole; defaults are filled."""
+    schema.check(Job, values)
+    job = instance(Job, schema.filled(Job, values))
+    if job.stage in ("pretrain", "finetune") and job.alignerf is None:
+        raise ValueError("config: alignerf: a staged training needs it")
+    if job.stage == "finetune":
+        check_finetuning(job.alignerf)
+    if job.model.near >= job.model.far:
+        raise ValueError("config: model: near must be smaller than far")
+    return job
+
+
+def check_finetuning(chosen: Finetuning):
+    """What a pre-training leaves at zero, since it is not its own."""
+    for key in ("patches", "patch_px", "finetune_share"):
+        if not getattr(chosen, key) > 0:
+            raise ValueError(f"config: alignerf.{key}: fine-tuning needs more than 0")
+    if not min(chosen.learning_rates) > 0:
+        raise ValueError("config: alignerf.learning_rates: must be more than 0")
+    if chosen.matching == "pixel" and chosen.radius_px == 0:
+        raise ValueError("config: alignerf.radius_px: matching pixel needs 1 or more")
+
+
+def instance(kind, values):
+    """A dataclass from a mapping that has all its keys; fields stay mappings."""
+    hints = typing.get_type_hints(kind)
+    return kind(
+        **{
+            field.name: typed(hints[field.name], values[schema.name_of(field)])
+            for field in dataclasses.fields(kind)
+        }
+    )
+
+
+def typed(hint, value):
+    """Numbers as their hint says, classes from mappings."""
+    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    options = [option for option in options if option is not type(None)]
+    if isinstance(value, dict) and len(options) == 1:
+        return instance(options[0], value)
+    if float in options and isinstance(value, int):
+        return float(value)
+    return value
+
+
+def in_stage(job: Job, stage) -> Job:
+    """The same job in another stage."""
+    return dataclasses.replace(job, stage=stage)
+
+
+# What a job refers to besides the settings.
+Job.PARTS = {"Finetuning": Finetuning}
+
+
+def as_dict(job: Job) -> dict:
+    """JSON-able content of a job."""
+    return dataclasses.asdict(job)

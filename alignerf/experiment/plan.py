@@ -27,7 +27,7 @@ class Experiment:
 
     def staged(self):
         """Methods that pre-train and fine-tune."""
-        return [name for name, m in self.methods.items() if "alignerf" in m]
+        return [name for name, m in self.methods.items() if m["alignerf"]]
 
     def plain(self):
         """Methods trained in one go, on photos or warped photos."""
@@ -35,7 +35,7 @@ class Experiment:
 
     def warm(self):
         """Methods whose rounds go on from the weights of the round before."""
-        return [name for name, m in self.methods.items() if "warm_start" in m]
+        return [name for name, m in self.methods.items() if m["warm_start"]]
 
     def from_scratch(self):
         """Plain methods that train every round from scratch."""
@@ -67,7 +67,7 @@ class Experiment:
         found = self.methods[method]
         if found["rounds"] != "auto":
             return found["rounds"]
-        for k in range(found.get("most_rounds", settings.MOST_ROUNDS)):
+        for k in range(found["most_rounds"]):
             if not self.decided(scene=scene, method=method, round=k):
                 return k
         return k + 1

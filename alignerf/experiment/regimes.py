@@ -5,7 +5,7 @@ from alignerf.experiment import rows, settings, slices
 
 def name(experiment):
     """What its files in results/ are called."""
-    return experiment.config.get("regimes", "alignerf_regimes")
+    return experiment.config["regimes"]
 
 
 def scenes(experiment):
@@ -55,14 +55,14 @@ def regime_of(experiment, name):
     scene = experiment.scenes[name]
     motion_m = None
     if settings.SOURCES[scene["source"]].has_truth:
-        motion = settings.COURTYARD_MOTION | scene.get("courtyard", {})
+        motion = scene["courtyard"]
         motion_m = (motion["motion"] != "none") * motion["motion_m"]
     return {
         "scene": name,
-        "seed": scene.get("seed", experiment.config["seed"]),
+        "seed": scene["seed"],
         # All that a regime is: scenes that have this in common differ in their seed.
         "alike": slices.as_json({key: scene[key] for key in scene if key != "seed"}),
-        "perturb_px": scene.get("perturb_px", 0),
+        "perturb_px": scene["perturb_px"],
         "motion_m": motion_m,
-        "steps": slices.training_of(experiment.config, name)["steps"],
+        "steps": scene["steps"],
     }

@@ -43,8 +43,8 @@ def trainings_of(experiment, scene, method, round):
 
 def measures_radius(experiment, method):
     """Whether a method's search radius comes from its base's displacement."""
-    settings = experiment.methods[method].get("alignerf", {})
-    return settings.get("radius_px") == "auto"
+    settings = experiment.methods[method]["alignerf"]
+    return bool(settings) and settings["radius_px"] == "auto"
 
 
 def displacement_for_radius(experiment, scene, method):
@@ -97,16 +97,14 @@ def of_method(experiment, scene, method, round):
 
 def misalignment(experiment, scene):
     """One entry per method and round, with the files that its row comes from."""
-    bases = {method: experiment.base_of(method) for method in experiment.methods}
-    return [
-        of_method(experiment, scene, method, round)
-        | {
-            "field": field_name(experiment, method),
-            "base": bases[method],
-            "base_metrics": f"{experiment.trained(scene, bases[method], 0)}/metrics.csv",
-        }
-        for method, round in experiment.all_rounds(scene)
-    ]
+    rows = []
+    for method, round in experiment.all_rounds(scene):
+        base = experiment.base_of(method)
+        row = of_method(experiment, scene, method, round)
+        row |= {"field": field_name(experiment, method), "base": base}
+        row["base_metrics"] = f"{experiment.trained(scene, base, 0)}/metrics.csv"
+        rows.append(row)
+    return rows
 
 
 def displacement(experiment, scene):

@@ -1,205 +1,409 @@
-"""A training job's slice of the config as dataclasses, and the method it names.
+"""Every key of a config: its default, its bounds and its meaning stand here, once.
 
-`workflow/schemas/config.schema.yaml` gives every key's unit, range and meaning; a
-test keeps both equal. Values arrive as JSON, already validated.
+`schema` turns these classes into the JSON schema that a config is checked with, and
+into `workflow/schemas/config.schema.yaml` for editors. A config says only what differs
+from the defaults. Numbers are finite; `least` and `most` bound them, `above` leaves the
+bound itself out. Units are in the names.
 """
 
 import dataclasses
-import json
-import types
 import typing
-from pathlib import Path
+from typing import Literal
 
-MOST_ROUNDS = 4
-COURTYARD_MOTION = {"motion": "uniform", "motion_m": 0.02}
+# Of a key that every config has to give.
+REQUIRED = dataclasses.MISSING
+
+
+def key(default=REQUIRED, what="", **bounds):
+    """A field of the classes below: its default, its meaning, its bounds."""
+    metadata = {"what": what, **bounds}
+    if default is REQUIRED:
+        return dataclasses.field(metadata=metadata)
+    if isinstance(default, list | dict) or dataclasses.is_dataclass(default):
+        return dataclasses.field(default_factory=lambda: default, metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def learning_rates(first, last):
+    what = "first and last, log-linear between"
+    return key([first, last], what, above=0, most=10, length=(2, 2))
 
 
 class Source(typing.NamedTuple):
-    """Where images and cameras come from."""
+    """Where images and cameras come from; `alignerf.scenes` reads them."""
 
     poses: tuple  # the ways in which it can have poses, the default first
     has_truth: bool = False
+    has_path: bool = True
 
 
 SOURCES = {
-    "courtyard": Source(("colmap", "truth"), has_truth=True),
+    "courtyard": Source(("colmap", "truth"), has_truth=True, has_path=False),
     "photos": Source(("colmap",)),
     "transforms": Source(("given",)),
     "llff": Source(("given",)),
 }
-STAGES = ("full", "warm", "pretrain", "finetune")
-MATCHINGS = ("patch", "pixel")
-ERRORS = ("squared", "charbonnier")
+CAMERA_MODELS = Literal[
+    "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"
+]
 
 
-@dataclasses.dataclass(frozen=True)
-class Model:
-    """A model: how rays are sampled, and the two fields."""
-
-    near: float
-    far: float
-    samples: list
-    proposal: dict
-    field: dict
-
-
-@dataclasses.dataclass(frozen=True)
-class Training:
-    """How the baseline is trained; the other stages start from it."""
-
-    steps: int
-    batch_rays: int
-    learning_rates: list
-    warmup_steps: int
-    adam_eps: float
-    gradient_norm: float | None
-    interlevel_weight: float
-    distortion_weight: float
-
-
-@dataclasses.dataclass(frozen=True)
-class AligNeRF:
-    """The three contributions and the two stages' shares of the steps."""
-
-    pretrain_share: float
-    finetune_share: float
-    learning_rates: list
-    patches: int
-    patch_px: int
-    convolution: bool
-    features: int
-    matching: str
-    error: str
-    radius_px: int | None  # None: from the measured misalignment
-    align_penalty: float
-    frequency_weight: float
-    frequency_weights: str | None
-
-    @property
-    def outputs(self):
-        """Values that the field gives: without a convolution they are colours."""
-        return self.features if self.convolution else 3
-
-
-@dataclasses.dataclass(frozen=True)
-class Job:
-    """All that decides what a training computes, besides scene and threads."""
-
-    seed: int
-    stage: str
-    model: Model
-    training: Training
-    alignerf: AligNeRF | None
-
-    @property
-    def steps(self):
-        """Steps of this stage."""
-        share = {
-            "full": 1.0,
-            "warm": 1.0,
-            "pretrain": self.alignerf and self.alignerf.pretrain_share,
-            "finetune": self.alignerf and self.alignerf.finetune_share,
-        }[self.stage]
-        return max(1, round(share * self.training.steps))
-
-    @property
-    def schedule_steps(self):
-        """Steps that the learning rate falls over: pre-training is a beginning."""
-        return self.steps if self.stage == "finetune" else self.training.steps
-
-    @property
-    def warmup_steps(self):
-        """Steps of warm-up: the same share of every stage's schedule."""
-        share = self.schedule_steps / self.training.steps
-        return round(share * self.training.warmup_steps)
-
-    @property
-    def learning_rates(self):
-        """First and last of this stage."""
-        stage = self.alignerf if self.stage == "finetune" else self.training
-        return stage.learning_rates
-
-    @property
-    def rays_per_step(self):
-        if self.stage == "finetune":
-            return self.alignerf.patches * self.alignerf.patch_px**2
-        return self.training.batch_rays
-
-
-def parse(kind, values, *, where="config"):
-    """A dataclass from a mapping: every key known, every value of its type."""
-    hints = typing.get_type_hints(kind)
-    if not isinstance(values, dict):
-        raise ValueError(f"{where}: must be a mapping, not {values!r}")
-    if unknown := values.keys() - hints.keys():
-        raise ValueError(f"{where}: unknown key {sorted(unknown)[0]!r}")
-    if missing := hints.keys() - values.keys():
-        raise ValueError(f"{where}: key {sorted(missing)[0]!r} is missing")
-    return kind(
-        **{
-            key: _typed(hint, values[key], f"{where}.{key}")
-            for key, hint in hints.items()
-        }
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Colmap:
+    max_size_px: int = key(
+        1600, "features are found on photos of at most this side", least=64, most=20000
+    )
+    camera_model: CAMERA_MODELS | None = key(
+        None, "null takes OPENCV for photos, SIMPLE_PINHOLE for courtyard"
     )
 
 
-def _typed(hint, value, where):
-    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
-    if value is None and type(None) in options:
-        return None
-    (kind,) = (option for option in options if option is not type(None))
-    if dataclasses.is_dataclass(kind):
-        return parse(kind, value, where=where)
-    accepted = (int, float) if kind is float else kind
-    if isinstance(value, bool) != (kind is bool) or not isinstance(value, accepted):
-        raise ValueError(f"{where}: must be {kind.__name__}, not {value!r}")
-    return float(value) if kind is float else value
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Courtyard:
+    views: int = key(48, "number of photos", least=4, most=10000)
+    width: int = key(400, "of a photo in px", least=32, most=16384)
+    height: int = key(300, "of a photo in px", least=32, most=16384)
+    motion: Literal["none", "uniform", "two_states"] = key(
+        "uniform",
+        "how objects move between photos: not, by a uniform displacement, or between "
+        "two states of probability 0.5 (the paper's moving arm)",
+    )
+    motion_m: float = key(0.02, "largest displacement in metres", least=0, most=10)
+    moving: list[str] | None = key(
+        None, "names of the objects that move; null means all that can"
+    )
+    # Leaves as much near the highest frequency as a real photo made smaller has:
+    # unblurred textures lose ten times more than photos when they are resampled.
+    lens_sigma_px: float = key(
+        1.4, "blur of the lens, in px of the photo", least=0, most=100
+    )
+    supersample: int = key(2, "rays a pixel and axis", least=1, most=16)
 
 
-def parse_job(values) -> Job:
-    """The job of a training or rendering, checked as a whole."""
-    job = parse(Job, values)
-    if job.stage not in STAGES:
-        raise ValueError(f"config.stage: {job.stage!r} is not one of {STAGES}")
-    if job.stage in ("pretrain", "finetune") and job.alignerf is None:
-        raise ValueError("config.alignerf: a staged training needs it")
-    if job.alignerf:
-        for key, known in (("matching", MATCHINGS), ("error", ERRORS)):
-            value = getattr(job.alignerf, key)
-            if value not in known:
-                raise ValueError(
-                    f"config.alignerf.{key}: {value!r} is not one of {known}"
-                )
-        if job.alignerf.matching == "pixel" and job.alignerf.radius_px == 0:
-            raise ValueError(
-                "config.alignerf.radius_px: matching pixel needs 1 or more"
-            )
-    if not 0 < job.model.near < job.model.far < float("inf"):
-        raise ValueError(
-            f"config.model: near {job.model.near} and far {job.model.far} must be "
-            "finite and 0 < near < far"
-        )
-    return job
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Scene:
+    source: Literal[tuple(SOURCES)] = key(
+        what="embedded scene, folder of photos, transforms.json, or LLFF's "
+        "poses_bounds.npy"
+    )
+    path: str | None = key(
+        None,
+        "folder of photos, of transforms.json, or of poses_bounds.npy and images or "
+        "images_<n>; none for courtyard",
+    )
+    poses: Literal["colmap", "truth", "given"] | None = key(
+        None,
+        "courtyard has colmap (default) or truth, photos colmap, transforms and llff "
+        "given",
+    )
+    downscale: int = key(
+        1, "photos are made smaller by this factor, by area averaging", least=1, most=64
+    )
+    test_every: int = key(8, "every n-th view by name is held out", least=2, most=10000)
+    seed: int | None = key(
+        None,
+        "of this scene, its poses and its trainings; null takes the config's",
+        least=0,
+        most=2**32 - 1,
+    )
+    steps: int | None = key(
+        None,
+        "of this scene's trainings; null takes the one under training",
+        least=1,
+        most=10**8,
+    )
+    perturb_px: float = key(
+        0.0,
+        "error added to the poses, in pixels (rms at the image's centre, after "
+        "downscale), so that a small image shows the misalignment of a large one",
+        least=0,
+        most=1000,
+    )
+    colmap: Colmap = key(Colmap())
+    courtyard: Courtyard = key(Courtyard())
 
 
-def replace_stage(job: Job, stage) -> Job:
-    """The same job in another stage."""
-    return dataclasses.replace(job, stage=stage)
+PRECISIONS = Literal["float32", "bfloat16"]
+PRECISION = (
+    "of the layers and what passes between them; positions, encodings, densities, "
+    "colours, parameters and all sums along a ray are float32"
+)
 
 
-def as_dict(job: Job) -> dict:
-    """JSON-able content of a job."""
-    return dataclasses.asdict(job)
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Grid:
+    """A hash grid; its defaults are those of `alignerf.fields.grid`."""
+
+    kind: Literal["grid"] = key("grid", "a hash grid, fast")
+    levels: int = key(8, "resolutions", least=1, most=32)
+    log2_entries: int = key(17, "log2 of the table's rows per level", least=4, most=26)
+    features: int = key(2, "numbers a row", least=1, most=64)
+    coarsest: int = key(16, "cells a side", least=2, most=2**20)
+    finest: int = key(1024, "cells a side", least=2, most=2**20)
+    width: int = key(64, "of the density layer", least=1, most=16384)
+    bottleneck: int = key(15, "numbers to the head", least=1, most=16384)
+    view_widths: list[int] = key(
+        [64], "widths of the head's layers", least=1, most=16384, length=(0, 16)
+    )
+    precision: PRECISIONS = key("float32", PRECISION)
 
 
-def read_config(text):
-    """A stage's slice of the config: a JSON object, or the path of a file of one."""
-    if not text.lstrip().startswith("{"):
-        text = Path(text).read_text(encoding="utf-8")
-    try:
-        config = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise ValueError(f"--config is not JSON: {error}") from None
-    if not isinstance(config, dict):
-        raise ValueError("--config must be a JSON object")
-    return config
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Mlp:
+    """The published field; its defaults are those of `alignerf.fields.mlp`."""
+
+    kind: Literal["mlp"] = key("mlp", "as published")
+    width: int = key(1024, "channels (the paper's c)", least=1, most=16384)
+    depth: int = key(8, "layers", least=1, most=64)
+    skip_every: int = key(4, "layers between skips", least=1, most=64)
+    degrees: int = key(12, "of the encoding", least=1, most=16)
+    bottleneck: int = key(256, "numbers to the head", least=1, most=16384)
+    view_width: int = key(128, "of the head's layer", least=1, most=16384)
+    precision: PRECISIONS = key("float32", PRECISION)
+
+
+FIELD = (
+    "with `kind` the defaults of that kind; without it, changes of the default field"
+)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Model:
+    """A mip-NeRF 360: how rays are sampled, and the two fields."""
+
+    near: float = key(
+        0.2,
+        "nearest distance, in units of the largest camera coordinate",
+        above=0,
+        most=1e6,
+    )
+    far: float = key(1e6, "farthest distance", above=0, most=1e18)
+    samples: list[int] = key(
+        [48, 24],
+        "samples a ray in each proposal round, and in the last round",
+        least=1,
+        most=4096,
+        length=(2, 8),
+    )
+    proposal: Grid | Mlp = key(
+        Grid(levels=5, log2_entries=15, finest=256, width=16), FIELD
+    )
+    field: Grid | Mlp = key(Grid(finest=2048), FIELD)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class WarmStart:
+    from_: str = key(what="method of the same model whose round 0 it starts from")
+    share: float = key(
+        0.3, "of training.steps, in each round of warping", above=0, most=1
+    )
+    learning_rates: list[float] = learning_rates(0.01, 0.001)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class AligNeRF:
+    """The three contributions and the two stages' shares of the steps."""
+
+    pretrain_share: float = key(
+        0.6, "of training.steps, as the baseline", above=0, most=1
+    )
+    finetune_share: float = key(0.2, "of training.steps, on patches", above=0, most=1)
+    learning_rates: list[float] = learning_rates(0.003, 0.0003)
+    patches: int = key(2, "patches a step", least=1, most=4096)
+    patch_px: int = key(32, "side of a patch", least=8, most=512)
+    convolution: bool = key(
+        True, "contribution 1, patch convolution; false shows the model's colours"
+    )
+    features: int = key(16, "N of the patch convolution", least=3, most=1024)
+    matching: Literal["patch", "pixel"] = key(
+        "patch",
+        "contribution 2, what moves over the photo: a whole patch (Eq. 4), or every "
+        "pixel on its own (contextual loss, which the paper compares with)",
+    )
+    error: Literal["squared", "charbonnier"] = key(
+        "squared",
+        "of the render and what it was matched with: squared (as printed), or "
+        "charbonnier (the baseline's)",
+    )
+    radius_px: int | Literal["auto"] = key(
+        8,
+        "largest offset searched; 0 searches none; auto takes it from the displacement "
+        "of the training views after the baseline's first round",
+        least=0,
+        most=64,
+    )
+    align_penalty: float = key(
+        0.01,
+        "weight of the offset's length in px: lambda of Eq. 4 against the error summed "
+        "over a patch; of a pixel against its mean squared error",
+        least=0,
+        most=1e6,
+    )
+    frequency_weight: float = key(
+        0.05,
+        "contribution 3, w of the high-frequency loss; 0 has none",
+        least=0,
+        most=1e6,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Method:
+    model: str | None = key(None, "a key of models; null takes the first")
+    rounds: int | Literal["auto"] = key(
+        0,
+        "warping rounds after the first training; auto goes on until the flow from "
+        "renders to the photos they were learnt from no longer falls, see "
+        "flow/rounds.py; decision.json of each round before most_rounds says why",
+        least=0,
+        most=16,
+    )
+    most_rounds: int = key(
+        4, "where `rounds: auto` ends, whatever the flow does", least=1, most=16
+    )
+    warm_start: WarmStart | None = key(
+        None,
+        "each warping round goes on from the weights of the one before, instead of "
+        "from scratch as in the paper",
+    )
+    alignerf: AligNeRF | None = key(
+        None, "staged training with the three contributions"
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Training:
+    """How the baseline is trained; the other stages start from it."""
+
+    steps: int = key(2000, "of the baseline", least=1, most=10**8)
+    batch_rays: int = key(1024, "rays a step", least=1, most=2**22)
+    learning_rates: list[float] = learning_rates(0.01, 0.001)
+    warmup_steps: int | None = key(
+        None, "sine from 1 %; null takes a tenth of the steps", least=0, most=10**8
+    )
+    adam_eps: float = key(1e-15, above=0, most=1)
+    gradient_norm: float | None = key(
+        None,
+        "largest norm of each network's gradient; null does not clip",
+        above=0,
+        most=1e9,
+    )
+    interlevel_weight: float = key(1.0, least=0, most=1e6)
+    distortion_weight: float = key(0.01, least=0, most=1e6)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Flow:
+    estimator: Literal[
+        "dis_ultrafast",
+        "dis_fast",
+        "dis_medium",
+        "dis_fine",
+        "dis_smooth",
+        "deepflow",
+        "farneback",
+        "tvl1",
+        "simpleflow",
+        "files",
+    ] = key(
+        "deepflow",
+        "see flow/estimation/estimators.py and `snakemake flow_benchmark`; files takes "
+        "flows made elsewhere from `folder`",
+    )
+    folder: str | None = key(
+        None,
+        "where estimator `files` finds <view>.flo or <view>.npz (render to photo) and, "
+        "if there is a check to be made, <view>.back.flo or .npz; {scene}, {method}, "
+        "{round} and {split} in it stand for the renders' own",
+    )
+    match_blur: bool = key(
+        True, "blur the photo like the render, for the estimate only"
+    )
+    kernel: Literal["lanczos", "cubic", "bilinear"] = key("lanczos", "of the warps")
+    tolerance_px: float = key(
+        1.0,
+        "largest forward-backward disagreement of a valid pixel",
+        above=0,
+        most=1000,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Reference:
+    method: str | None = key(
+        None, "a key of methods; null takes the first that trains from scratch"
+    )
+    round: int | Literal["last"] = key(
+        "last", "its warping round; `last` is the method's last one", least=0, most=16
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Lpips:
+    alex: str | None = key(None, "AlexNet")
+    squeeze: str | None = key(None, "SqueezeNet 1.1")
+    vgg: str | None = key(None, "VGG-16")
+
+
+# What a point of the sweep may change, of the model and of the training.
+VARIES = {
+    Model: ("samples", "proposal", "field"),
+    Training: (
+        *("steps", "batch_rays", "learning_rates", "warmup_steps"),
+        *("adam_eps", "gradient_norm"),
+    ),
+}
+
+
+class Variant:
+    """The keys in which a point of the sweep differs from the base; none is filled."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Tradeoff:
+    scene: str | None = key(None, "a key of scenes; null takes the first")
+    model: str | None = key(
+        None, "a key of models, the row `base`; null takes the first"
+    )
+    variants: dict[str, Variant] = key(
+        what="name -> the keys in which it differs from the base"
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Config:
+    """Every key of a config. Only `scenes` has to be there."""
+
+    seed: int = key(0, "of scene, poses and trainings", least=0, most=2**32 - 1)
+    scenes: dict[str, Scene] = key(
+        what="name -> where its images and cameras come from"
+    )
+    models: dict[str, Model] = key(
+        {"base": {}}, "name -> a mip-NeRF 360, with a field of a kind and a size"
+    )
+    methods: dict[str, Method] = key(
+        {"mipnerf360": {"rounds": 2}, "alignerf": {"alignerf": {}}},
+        "name -> what is trained and compared; in this order in the tables",
+    )
+    training: Training = key(Training())
+    flow: Flow = key(Flow())
+    reference: Reference = key(
+        Reference(), "the model whose renders the warped test set is made from"
+    )
+    regimes: str = key(
+        "alignerf_regimes",
+        "what `snakemake regimes` calls its files in results/",
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}\Z",
+    )
+    frequency_weights: str | None = key(
+        None,
+        ".npz of VGG-19's first block for the high-frequency loss; null takes a fixed "
+        "bank of oriented derivative filters, and the table says so",
+    )
+    lpips: Lpips | None = key(
+        Lpips(),
+        "network of LPIPS v0.1 -> .npz of its weights; null leaves a column empty",
+    )
+    tradeoff: Tradeoff | None = key(
+        None, "what `snakemake tradeoff` compares; needed by nothing else"
+    )

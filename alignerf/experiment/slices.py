@@ -31,8 +31,19 @@ def as_json(value):
 
 def of_scene(experiment, name):
     """What the poses of a scene depend on: not how long it is trained."""
-    scene = {"seed": experiment.config["seed"]} | experiment.scenes[name]
-    return as_json({key: scene[key] for key in scene if key != "steps"})
+    scene = experiment.scenes[name]
+    unused = {"steps"}
+    if scene["source"] != "courtyard":
+        unused.add("courtyard")
+    if scene["poses"] != "colmap":
+        unused.add("colmap")
+    return as_json({key: scene[key] for key in scene.keys() - unused})
+
+
+def complete(experiment, name):
+    """The whole config of a scene, as it could be run alone."""
+    found = experiment.config | {"scenes": {name: experiment.scenes[name]}}
+    return as_json(found | {"tradeoff": None})
 
 
 def of_round(experiment, scene, method):
@@ -79,7 +90,7 @@ def job(experiment, scene, method, stage):
     if stage == "pretrain":
         found |= PRETRAIN_IGNORES
     return {
-        "seed": experiment.scenes[scene].get("seed", config["seed"]),
+        "seed": experiment.scenes[scene]["seed"],
         "stage": stage,
         "model": config["models"][experiment.methods[method]["model"]],
         "training": training_of(config, scene),
@@ -96,7 +107,7 @@ def frequency_weights_of(experiment, method):
 def training_of(config, scene):
     """The config's training, as long as the scene asks for."""
     found = config["training"]
-    return found | rescaled(found, config["scenes"][scene].get("steps", found["steps"]))
+    return found | rescaled(found, config["scenes"][scene]["steps"])
 
 
 def rescaled(training, steps):
@@ -120,8 +131,7 @@ def variant_of(config, name):
             change[key] = model[key] | change[key]
     if "steps" in change:
         change = rescaled(training, change["steps"]) | change
-    seed = config["scenes"][sweep["scene"]].get("seed", config["seed"])
-    found = {"seed": seed, "downscale": 1}
+    found = {"seed": config["scenes"][sweep["scene"]]["seed"], "downscale": 1}
     found = {key: change.pop(key, value) for key, value in found.items()}
     of_training = {key: change.pop(key) for key in set(change) & set(training)}
     return found | {"model": model | change, "training": training | of_training}

@@ -1,8 +1,13 @@
-"""Which code a job runs: a change of it, or of the libraries' versions, reruns it."""
+"""Which code a job runs, and where it finds it.
+
+A change of the code, or of the libraries' versions, reruns the job.
+"""
 
 import ast
 import functools
 import hashlib
+import os
+import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -19,6 +24,8 @@ def sources_of(*modules):
     digest = hashlib.sha256()
     for path in sorted({path for module in modules for path in reached(module)}):
         digest.update(path.read_bytes())
+    if (ROOT / LOCK).is_file():
+        digest.update((ROOT / LOCK).read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -52,3 +59,22 @@ def imports(path):
             found.append(node.module)
             found += [f"{node.module}.{alias.name}" for alias in node.names]
     return found
+
+
+def set_environment():
+    """Let jobs find these sources, wherever the results go, and our Python.
+
+    That is the Python that runs Snakemake, also where its environment is not
+    activated. Compiled JAX programs are kept between jobs and runs.
+    """
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path("results/.jax_cache")))
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")
+    prepend("PYTHONPATH", ROOT)
+    prepend("PATH", Path(sys.executable).parent)
+
+
+def prepend(variable, folder):
+    """Put a folder first in a search path; once, however often this is called."""
+    rest = os.environ.get(variable, "").split(os.pathsep)
+    kept = [part for part in rest if part and part != str(folder)]
+    os.environ[variable] = os.pathsep.join([str(folder), *kept])

@@ -8,15 +8,15 @@ def variants(experiment):
 
     Raises ValueError for a config without a tradeoff.
     """
-    if "tradeoff" not in experiment.config:
-        raise ValueError("config: tradeoff: not there, see workflow/config/demo.yaml")
     found = experiment.config["tradeoff"]
+    if not found:
+        raise ValueError("config: tradeoff: not there, see workflow/config/demo.yaml")
     return found["scene"], {"base": {}} | found["variants"]
 
 
 def names(experiment):
     """Names of the base and of all variants; none without a tradeoff."""
-    if "tradeoff" not in experiment.config:
+    if not experiment.config["tradeoff"]:
         return []
     return list(variants(experiment)[1])
 

@@ -19,6 +19,7 @@ def of_scene(experiment, scene):
     """All files that `snakemake SCENE` makes."""
     folder = f"results/{scene}"
     return [
+        f"{folder}/config.yaml",
         f"{folder}/facts.json",
         *(
             f"{folder}/tables/{name}.{kind}"

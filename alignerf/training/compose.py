@@ -2,12 +2,12 @@
 
 from alignerf import fields
 from alignerf.contributions import frequency_loss
-from alignerf.experiment import settings
+from alignerf.experiment import jobs
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.training import methods
 
 
-def make_method(job: settings.Job, *, to_train=True) -> methods.Method:
+def make_method(job: jobs.Job, *, to_train=True) -> methods.Method:
     """The method of a job: baseline, or AligNeRF in its fine-tuning stage.
 
     to_train False leaves out what only its loss needs, the weights file.
@@ -43,7 +43,7 @@ def make_method(job: settings.Job, *, to_train=True) -> methods.Method:
     )
 
 
-def make_loss(chosen: settings.AligNeRF, *, to_train) -> methods.Loss:
+def make_loss(chosen: jobs.Finetuning, *, to_train) -> methods.Loss:
     """The loss of fine-tuning; without a radius yet (see `train`), one of 0."""
     return methods.Loss(
         matching=chosen.matching,
@@ -55,7 +55,7 @@ def make_loss(chosen: settings.AligNeRF, *, to_train) -> methods.Loss:
     )
 
 
-def frequency_features(chosen: settings.AligNeRF):
+def frequency_features(chosen: jobs.Finetuning):
     """VGG-19's first block, or the derivative bank; None where it weighs nothing."""
     if chosen.frequency_weight == 0:
         return None

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from alignerf.command import progress
-from alignerf.experiment import settings
+from alignerf.experiment import jobs
 from alignerf.training import checkpoint, diagnose, memory, program
 
 log = logging.getLogger("alignerf")
@@ -33,7 +33,7 @@ def fit(job, method, built, params, views, checkpoints, *, names, sources=""):
         "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)
     )
     identity = checkpoint.fingerprint(
-        settings.as_dict(job), checkpoint.digest((params, views)), sources
+        jobs.as_dict(job), checkpoint.digest((params, views)), sources
     )
     state = program.fresh_state(built.optimizer, params)
     state, spent_s, parts = resume(checkpoints, state, identity, job.steps)

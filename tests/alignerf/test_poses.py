@@ -13,7 +13,7 @@ from PIL import Image
 
 from alignerf import poses
 from alignerf.command import faults
-from alignerf.experiment import settings
+from alignerf.experiment import jobs
 from alignerf.scenes import cameras, prepare
 
 COURTYARD = {
@@ -237,9 +237,7 @@ def test_every_fault_is_one_line_and_leaves_nothing(tmp_path, capsys):
         text = config if isinstance(config, str) else json.dumps(config)
         out = tmp_path / "results" / "scene"
         with pytest.raises(SystemExit) as stopped:
-            faults.run(
-                lambda text=text, out=out: poses.main(settings.read_config(text), out)
-            )
+            faults.run(lambda text=text, out=out: poses.main(jobs.read(text), out))
         assert stopped.value.code == 1
         lines = [line for line in capsys.readouterr().err.splitlines() if line]
         errors = [line for line in lines if line.startswith("error: ")]

@@ -17,7 +17,7 @@ from PIL import Image
 from alignerf import train
 from alignerf.command import faults
 from alignerf.contributions import patch_conv
-from alignerf.experiment import settings
+from alignerf.experiment import jobs
 from alignerf.scenes import cameras
 from alignerf.training import checkpoint, compose, loop, memory
 
@@ -201,8 +201,7 @@ def test_fine_tuning_starts_from_the_pretrained_function(
     run(folder, tmp_path, of_both | {"stage": "pretrain"})
     pretrained = tmp_path / "model.msgpack"
     jobs = [
-        settings.parse_job(of_both | {"stage": stage})
-        for stage in ("pretrain", "finetune")
+        jobs.parse(of_both | {"stage": stage}) for stage in ("pretrain", "finetune")
     ]
     before, after = map(compose.make_method, jobs)
     template = jax.eval_shape(before.init, jax.random.key(0))

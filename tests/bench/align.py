@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 import yaml
 
-from alignerf.experiment import settings
+from alignerf.experiment import jobs
 from alignerf.training import methods
 from tests.bench import cases, measure, ours, searches
 
@@ -149,7 +149,7 @@ def settings_of(name):
 def share(name, model, chosen, repeats):
     """A row: the loss with its search and gradient, and the step, in turns."""
     training = cases.TRAINING | {"steps": 1000, "batch_rays": 1024}
-    job = settings.parse_job(
+    job = jobs.parse(
         {
             "seed": 0,
             "stage": "finetune",

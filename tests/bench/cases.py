@@ -9,7 +9,7 @@ import pathlib
 
 import numpy as np
 
-from alignerf.experiment import settings
+from alignerf.experiment import jobs
 from alignerf.scenes import cameras, prepare, prepared, transforms
 
 NEAR, FAR = 0.2, 1e6
@@ -77,10 +77,10 @@ def with_precision(model, precision):
 FIELDS = ("proposal", "field")
 
 
-def make_job(model, *, batch_rays, steps=250_000, **training) -> settings.Job:
+def make_job(model, *, batch_rays, steps=250_000, **training) -> jobs.Job:
     """A full training of a model; `training` changes keys of `TRAINING`."""
     training = TRAINING | training | {"steps": steps, "batch_rays": batch_rays}
-    return settings.parse_job(
+    return jobs.parse(
         {
             "seed": 0,
             "stage": "full",
@@ -93,7 +93,7 @@ def make_job(model, *, batch_rays, steps=250_000, **training) -> settings.Job:
 
 def as_json(job):
     """A job as the command line takes it."""
-    return json.dumps(settings.as_dict(job))
+    return json.dumps(jobs.as_dict(job))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -2,7 +2,7 @@
 # Poses are computed once and kept: no later rule changes them.
 rule poses:
     input:
-        lambda w: experiment.scenes[w.scene].get("path") or [],
+        lambda w: experiment.scenes[w.scene]["path"] or [],
     output:
         images=directory("results/{scene}/images"),
         cameras="results/{scene}/cameras.npz",
@@ -51,3 +51,21 @@ rule facts:
     shell:
         "python -m alignerf.facts --scene results/{wildcards.scene:q}"
         " --facts {output:q} 2>&1 | tee {log:q}"
+
+
+# What the config and the defaults come to, beside the results that they made.
+rule config:
+    output:
+        "results/{scene}/config.yaml",
+    log:
+        "results/{scene}/logs/config.log",
+    benchmark:
+        "results/{scene}/logs/config.tsv"
+    conda:
+        "../../environment.yml"
+    params:
+        config=lambda w: slices.complete(experiment, w.scene),
+        sources=sources_of("alignerf.config"),
+    shell:
+        "python -m alignerf.config --config {params.config:q} --out {output:q}"
+        " 2>&1 | tee {log:q}"

@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage
 
 from alignerf.contributions import frequency_loss, patch_conv
-from alignerf.experiment import settings
+from alignerf.experiment import jobs
 from alignerf.fields import shading
 from alignerf.training import compose
 from tests.bench import cases
@@ -76,7 +76,7 @@ def test_patch_convolution_refuses_what_cannot_be_reflected(rng):
 
 def test_published_size_of_the_contribution():
     """+0.5M at N = 128: three convolutions, the linear layer, a wider last layer."""
-    chosen = dict.fromkeys(settings.AligNeRF.__dataclass_fields__, 1) | {
+    chosen = dict.fromkeys(jobs.Finetuning.__dataclass_fields__, 1) | {
         "learning_rates": [0.002, 0.00002],
         "patch_px": 32,
         "convolution": True,
@@ -90,7 +90,7 @@ def test_published_size_of_the_contribution():
     for stage in ("pretrain", "finetune"):
         job = {"seed": 0, "stage": stage, "model": cases.PUBLISHED}
         job |= {"training": training, "alignerf": chosen}
-        method = compose.make_method(settings.parse_job(job))
+        method = compose.make_method(jobs.parse(job))
         shapes = jax.eval_shape(method.init, jax.random.key(0))
         sizes[stage] = sum(np.prod(leaf.shape) for leaf in jax.tree.leaves(shapes))
     assert sizes["pretrain"] == 9_007_493

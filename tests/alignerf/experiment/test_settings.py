@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from alignerf import fields, poses
-from alignerf.experiment import settings
+from alignerf.experiment import jobs
 from alignerf.scenes.courtyard import scene as courtyard
 from alignerf.training import compose
 from flow.estimation import estimate, given
@@ -66,18 +66,14 @@ def schema(root):
 
 
 def test_a_job_is_what_was_written(job):
-    parsed = settings.parse_job(job)
-    assert settings.as_dict(parsed) == job
-    assert (
-        settings.parse_job(json.loads(json.dumps(settings.as_dict(parsed)))) == parsed
-    )
+    parsed = jobs.parse(job)
+    assert jobs.as_dict(parsed) == job
+    assert jobs.parse(json.loads(json.dumps(jobs.as_dict(parsed)))) == parsed
     assert isinstance(parsed.training.interlevel_weight, float)
 
 
 def test_stages_share_the_steps_and_the_schedule(job):
-    found = {
-        stage: settings.parse_job(job | {"stage": stage}) for stage in settings.STAGES
-    }
+    found = {stage: jobs.parse(job | {"stage": stage}) for stage in jobs.STAGES}
     steps = {stage: job.steps for stage, job in found.items()}
     assert steps == {"full": 100, "warm": 100, "pretrain": 60, "finetune": 20}
     schedule = {stage: job.schedule_steps for stage, job in found.items()}
@@ -85,7 +81,7 @@ def test_stages_share_the_steps_and_the_schedule(job):
     rays = {stage: job.rays_per_step for stage, job in found.items()}
     assert rays == {"full": 64, "warm": 64, "pretrain": 64, "finetune": 2 * 16**2}
     job["training"]["steps"] = 1
-    assert settings.parse_job(job).steps == 1
+    assert jobs.parse(job).steps == 1
 
 
 def change(job, where, value=None):
@@ -125,14 +121,14 @@ def change(job, where, value=None):
 def test_faults_are_named(job, where, value, reason):
     change(job, where, value)
     with pytest.raises(ValueError, match=reason.replace(".", r"\.")):
-        settings.parse_job(job)
+        jobs.parse(job)
 
 
 def test_a_stage_needs_its_settings(job):
     job["alignerf"] = None
     with pytest.raises(ValueError, match=r"config\.alignerf: a staged training"):
-        settings.parse_job(job)
-    assert settings.parse_job(job | {"stage": "full"}).alignerf is None
+        jobs.parse(job)
+    assert jobs.parse(job | {"stage": "full"}).alignerf is None
 
 
 @pytest.mark.parametrize(
@@ -147,12 +143,12 @@ def test_a_stage_needs_its_settings(job):
 def test_faults_of_a_field_are_named(job, options, reason):
     job["model"]["field"] = options
     with pytest.raises(ValueError, match=reason):
-        compose.make_method(settings.parse_job(job))
+        compose.make_method(jobs.parse(job))
 
 
 def test_only_fine_tuning_has_the_patch_convolution(job):
-    for stage in settings.STAGES:
-        method = compose.make_method(settings.parse_job(job | {"stage": stage}))
+    for stage in jobs.STAGES:
+        method = compose.make_method(jobs.parse(job | {"stage": stage}))
         params = jax.eval_shape(method.init, jax.random.key(0))
         assert params.keys() == (
             {"model", "head"} if stage == "finetune" else {"model"}
@@ -175,7 +171,7 @@ def test_schema_and_dataclasses_have_the_same_keys(schema, name, kind):
 
 
 def test_schema_and_alignerf_have_the_same_keys(schema):
-    wanted = set(settings.AligNeRF.__dataclass_fields__)
+    wanted = set(jobs.Finetuning.__dataclass_fields__)
     # One file of weights serves all methods: it stands at the top of a config.
     assert keys(schema, "alignerf") | {"frequency_weights"} == wanted
     assert "frequency_weights" in schema["properties"]

@@ -1,0 +1,51 @@
+"""What YAML takes without a word: a key that stands twice, aliases without end."""
+
+from pathlib import Path
+
+import yaml
+
+# Values of a file with all its aliases written out: more is a mistake, or an attack.
+MOST_VALUES = 100_000
+
+
+def check(path):
+    """Raise ValueError, naming file and line, for what a reader would not notice."""
+    try:
+        node = yaml.compose(Path(path).read_text(), Loader=yaml.SafeLoader)
+        size = values_of(node, path, {})
+    except yaml.YAMLError as error:
+        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
+    except RecursionError:
+        raise ValueError(f"{path}: nested too deeply") from None
+    if size > MOST_VALUES:
+        raise ValueError(f"{path}: its aliases stand for over {MOST_VALUES} values")
+
+
+def values_of(node, path, known):
+    """How many values a YAML node stands for, aliases written out."""
+    if id(node) in known:
+        if known[id(node)] is None:
+            line = node.start_mark.line + 1
+            raise ValueError(f"{path}: an alias holds itself, see line {line}")
+        return known[id(node)]
+    known[id(node)] = None
+    size = 1
+    if isinstance(node, yaml.MappingNode):
+        check_keys_once(node, path)
+        size += sum(values_of(value, path, known) for _, value in node.value)
+    elif isinstance(node, yaml.SequenceNode):
+        size += sum(values_of(value, path, known) for value in node.value)
+    known[id(node)] = size
+    return size
+
+
+def check_keys_once(node, path):
+    """YAML takes the last of two equal keys without a word."""
+    seen = set()
+    for key, _ in node.value:
+        # `<<` may stand more than once, and keys may be lists.
+        if key.value in seen and isinstance(key.value, str):
+            line = key.start_mark.line + 1
+            raise ValueError(f"{path}: key {key.value!r} stands twice, see line {line}")
+        if isinstance(key.value, str):
+            seen.add(key.value)

@@ -1,0 +1,62 @@
+"""Write a scene's complete config: `python -m alignerf.config`.
+
+A config says only what differs from the defaults. This writes what they come to, so
+that results tell how they were made. `--check FILE` looks at a config without planning,
+`--schema` prints the schema that `workflow/schemas/config.schema.yaml` holds.
+"""
+
+import argparse
+import json
+import pathlib
+
+import yaml
+
+from alignerf.command import faults, whole, yaml_files
+from alignerf.experiment import check, schema, settings
+
+HEAD = "# Every key of a config, made by `python -m alignerf.config --schema`.\n"
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--config", help="JSON: the complete config of a scene")
+    parser.add_argument("--out", help="YAML, written")
+    parser.add_argument("--check", help="a config's file")
+    parser.add_argument("--schema", action="store_true", help="print it")
+    args = parser.parse_args(argv)
+    if args.schema:
+        print(schema_text(), end="")
+    if args.check:
+        yaml_files.check(args.check)
+        config = yaml.safe_load(pathlib.Path(args.check).read_text())
+        check.checked({} if config is None else config, [args.check])
+    if args.config:
+        text = as_yaml(json.loads(args.config))
+        with whole.replace_file(args.out) as path:
+            path.write_text(text)
+
+
+def schema_text():
+    """The schema as YAML, as editors read it."""
+    found = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "config",
+        "description": "A config says only what differs from the defaults.",
+    }
+    return HEAD + as_yaml(found | schema.root(settings.Config))
+
+
+def as_yaml(value):
+    """YAML without aliases, in the order of the keys."""
+
+    class Plain(yaml.SafeDumper):
+        def ignore_aliases(self, data):
+            return True
+
+    return yaml.dump(
+        value, Dumper=Plain, sort_keys=False, width=88, default_flow_style=None
+    )
+
+
+if __name__ == "__main__":
+    faults.run(main)

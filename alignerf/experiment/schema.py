@@ -1,0 +1,306 @@
+"""The JSON schema of the settings' classes, and the one validator that reads it."""
+
+import dataclasses
+import math
+import types
+import typing
+from typing import Literal
+
+import jsonschema
+
+from alignerf.experiment import settings
+
+# Of scenes, models, methods and variants: they become folders, and columns of tables.
+NAME = r"^[A-Za-z0-9][A-Za-z0-9_]{0,99}\Z"
+SCENE_NAME = r"^(?!.*\.\.)[A-Za-z0-9][A-Za-z0-9_.-]{0,99}\Z"
+TYPES = {int: "integer", float: "number", bool: "boolean", str: "string"}
+BOUNDS = {"least": "minimum", "most": "maximum", "above": "exclusiveMinimum"}
+
+
+def name_of(field):
+    """The key of a field; `from_` stands for a word that Python keeps for itself."""
+    return field.name.rstrip("_")
+
+
+def root(kind):
+    """The whole schema of a class, with those of all that it refers to."""
+    found, defs, todo = of_class(kind), {}, [kind]
+    while todo:
+        for name in refs_of(of_class(todo.pop())):
+            if name not in defs:
+                part = getattr(settings, name, None) or kind.PARTS[name]
+                defs[name] = of_class(part)
+                todo.append(part)
+    return found | {"$defs": dict(sorted(defs.items()))}
+
+
+def refs_of(found):
+    """Names of the classes that a schema refers to."""
+    if isinstance(found, dict):
+        for name, entry in found.items():
+            if name == "$ref":
+                yield entry.removeprefix("#/$defs/")
+            else:
+                yield from refs_of(entry)
+    elif isinstance(found, list):
+        for entry in found:
+            yield from refs_of(entry)
+
+
+def of_class(kind):
+    """Schema of a mapping with the fields of one of the settings' classes."""
+    if kind is settings.Variant:
+        return of_variant()
+    hints = typing.get_type_hints(kind)
+    fields = dataclasses.fields(kind)
+    found = {
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {name_of(f): of_field(f, hints[f.name]) for f in fields},
+    }
+    if required := [name_of(f) for f in fields if is_required(f)]:
+        found["required"] = required
+    return found
+
+
+def is_required(field):
+    both = (field.default, field.default_factory)
+    return both == (dataclasses.MISSING, dataclasses.MISSING)
+
+
+def of_variant():
+    """Some keys of models and trainings, seed and downscale; at least one."""
+    found = {}
+    for kind, names in settings.VARIES.items():
+        properties = of_class(kind)["properties"]
+        found |= {name: dict(properties[name]) for name in names}
+    for entry in found.values():
+        entry.pop("default")
+    scene = of_class(settings.Scene)["properties"]
+    found["seed"] = {key: scene["seed"][key] for key in ("minimum", "maximum")}
+    found["seed"] |= {"type": "integer", "description": "of its training"}
+    found["downscale"] = {
+        "description": "training photos are made smaller by this factor, by area "
+        "averaging; renders and scores keep the scene's size",
+        "type": "number",
+        "exclusiveMinimum": 1,
+        "maximum": 64,
+    }
+    return {
+        "type": "object",
+        "additionalProperties": False,
+        "minProperties": 1,
+        "properties": found,
+    }
+
+
+def of_field(field, hint):
+    """Schema of one key: its type's, its meaning, its bounds and its default."""
+    bounds = dict(field.metadata)
+    found = {"description": bounds.pop("what")} if field.metadata["what"] else {}
+    bounds.pop("what", None)
+    found |= of_type(hint, bounds)
+    if not is_required(field) and not is_default_of_its_class(field):
+        found["default"] = default_of(field)
+    return found
+
+
+def is_default_of_its_class(field):
+    """Whether a key's default is that of the class it refers to, said there."""
+    if field.default_factory is dataclasses.MISSING:
+        return False
+    found = field.default_factory()
+    return dataclasses.is_dataclass(found) and found == type(found)()
+
+
+def default_of(field):
+    """A field's default as it stands in a config."""
+    if field.default is not dataclasses.MISSING:
+        return field.default
+    found = field.default_factory()
+    return as_config(found) if dataclasses.is_dataclass(found) else found
+
+
+def as_config(instance):
+    """An instance of a settings' class as a mapping with the config's keys."""
+    return {
+        name_of(field): as_config(value) if dataclasses.is_dataclass(value) else value
+        for field in dataclasses.fields(instance)
+        for value in [getattr(instance, field.name)]
+    }
+
+
+def of_type(hint, bounds):
+    """Schema of a type: plain, list, mapping, class, or one of several."""
+    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else ()
+    options = options or (typing.get_args(hint) if is_union(hint) else ())
+    if options:
+        return of_union(options, bounds)
+    if typing.get_origin(hint) is Literal:
+        return {"enum": list(typing.get_args(hint))}
+    if typing.get_origin(hint) is list:
+        return of_list(*typing.get_args(hint), bounds)
+    if typing.get_origin(hint) is dict:
+        return of_names(typing.get_args(hint)[1])
+    if hint not in TYPES:
+        return {"$ref": f"#/$defs/{hint.__name__}"}
+    limits = {BOUNDS[key]: bounds[key] for key in BOUNDS if key in bounds}
+    pattern = {"pattern": bounds["pattern"]} if "pattern" in bounds else {}
+    return {"type": TYPES[hint], **limits, **pattern}
+
+
+def is_union(hint):
+    return typing.get_origin(hint) is typing.Union
+
+
+def of_list(item, bounds):
+    found = {"type": "array", "items": of_type(item, bounds)}
+    least, most = bounds.get("length", (0, 1000))
+    return found | {"minItems": least, "maxItems": most}
+
+
+def of_names(kind):
+    """A mapping from names to instances of a class."""
+    pattern = SCENE_NAME if kind is settings.Scene else NAME
+    return {
+        "type": "object",
+        "minProperties": 1,
+        "maxProperties": 10000,
+        "propertyNames": {"pattern": pattern},
+        "additionalProperties": {"$ref": f"#/$defs/{kind.__name__}"},
+    }
+
+
+def of_union(options, bounds):
+    """Null or a type; a number or a word; one kind of field or the other."""
+    kinds = [option for option in options if option is not type(None)]
+    if kinds == [settings.Grid, settings.Mlp]:
+        return of_field_kinds(kinds)
+    found = [of_type(option, bounds) for option in kinds]
+    if type(None) not in options:
+        return {"oneOf": found}
+    (only,) = found
+    if "enum" in only:
+        return {"enum": [*only["enum"], None]}
+    if "$ref" in only:
+        null = {"type": ["object", "null"]}
+        return null | {"if": {"type": "object"}, "then": only}
+    return only | {"type": [only["type"], "null"]}
+
+
+def of_field_kinds(kinds):
+    """By `kind`; without it, the keys of any."""
+    by_kind = kinds_by_name(kinds)
+    every = {
+        key: entry
+        for kind in kinds
+        for key, entry in of_class(kind)["properties"].items()
+    }
+    choice = {"kind": {"enum": list(by_kind)}}
+    cases = [
+        {
+            "if": {"required": ["kind"], "properties": {"kind": {"const": name}}},
+            "then": {"$ref": f"#/$defs/{kind.__name__}"},
+        }
+        for name, kind in by_kind.items()
+    ]
+    free = {"additionalProperties": False, "properties": every | choice}
+    return {
+        "type": "object",
+        "properties": choice,
+        "if": {"not": {"required": ["kind"]}},
+        "then": free,
+        "allOf": cases,
+    }
+
+
+def kinds_by_name(kinds):
+    """{`kind` as a config has it: class} of fields."""
+    return {kind.__dataclass_fields__["kind"].default: kind for kind in kinds}
+
+
+def check(kind, values, *place):
+    """ValueError for the first key of `values` that the class does not take.
+
+    place: the keys above `values`.
+    """
+    check_finite(values, place)
+    validator = jsonschema.Draft202012Validator(root(kind))
+    errors = sorted(validator.iter_errors(values), key=lambda e: list(map(str, e.path)))
+    if errors:
+        error = jsonschema.exceptions.best_match(errors)
+        raise ValueError(message(error, place))
+
+
+def message(error, place):
+    """One line: the key, what is wrong with it and, of YAML's traps, how to mend it."""
+    where = ".".join(map(str, (*place, *error.absolute_path))) or "top level"
+    value, hint = error.instance, ""
+    if error.validator == "type" and isinstance(value, str) and is_number(value):
+        hint = f" (YAML reads {value} as text: write {float(value):.1e})"
+    text = error.message if len(error.message) < 300 else error.message[:300] + "..."
+    return f"config: {where}: {text}{hint}"
+
+
+def is_number(text):
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def check_finite(value, place):
+    """No bound refuses NaN, which is neither above nor below it."""
+    if isinstance(value, dict):
+        for name, entry in value.items():
+            check_finite(entry, (*place, name))
+    elif isinstance(value, list):
+        for number, entry in enumerate(value):
+            check_finite(entry, (*place, number))
+    elif isinstance(value, float) and not math.isfinite(value):
+        where = ".".join(map(str, place))
+        raise ValueError(f"config: {where}: {value} is not a finite number")
+
+
+def filled(kind, values, base=None):
+    """The values of a config's mapping, and the default of every key that it leaves.
+
+    base: an instance whose values are the defaults, where those are not the class's.
+    """
+    hints = typing.get_type_hints(kind)
+    found = {}
+    for field in dataclasses.fields(kind):
+        key, default = name_of(field), None
+        if base is not None:
+            default = getattr(base, field.name)
+        elif not is_required(field):
+            default = default_of(field)
+            if field.default is dataclasses.MISSING:
+                default = field.default_factory()
+        value = values.get(key, default)
+        found[key] = filled_value(hints[field.name], value, default)
+    return found
+
+
+def filled_value(hint, value, default):
+    """A value whose mappings are filled in turn."""
+    if dataclasses.is_dataclass(value):
+        return as_config(value)
+    if not isinstance(value, dict):
+        return value
+    if typing.get_origin(hint) is dict:
+        kind = typing.get_args(hint)[1]
+        if kind is settings.Variant:
+            return value
+        return {name: filled(kind, entry) for name, entry in value.items()}
+    kinds = [k for k in typing.get_args(hint) or (hint,) if k is not type(None)]
+    if len(kinds) > 1 and "kind" in value:
+        kinds = [
+            k for k in kinds if k.__dataclass_fields__["kind"].default == value["kind"]
+        ]
+        default = None
+    elif len(kinds) > 1:
+        kinds = [type(default)]
+    return filled(
+        kinds[0], value, default if dataclasses.is_dataclass(default) else None
+    )
