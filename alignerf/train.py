@@ -38,7 +38,7 @@ def main(argv=None):
     parser.add_argument("--timing", required=True, help="timing.json, written")
     args = parser.parse_args(argv)
     job = with_radius(jobs.parse(jobs.read(args.config)), args.displacement)
-    if job.model.field["kind"] == "grid":
+    if job.model.field.kind == "grid":
         # An MLP gains little by it, and each device holds all its parameters.
         cores.use_as_devices()
     loaded = prepared.load(args.scene)

@@ -1,5 +1,6 @@
 """Shape checks on every typed function, and what the tests share."""
 
+import copy
 import os
 import pathlib
 import subprocess
@@ -15,6 +16,7 @@ jaxtyping.install_import_hook(["alignerf", "flow"], "beartype.beartype")
 import jax
 import numpy as np
 import pytest
+import yaml
 
 # One device in this process, whatever stage it calls first (see training/cores.py).
 jax.devices()
@@ -52,6 +54,23 @@ def peer():
 @pytest.fixture
 def rng():
     return np.random.default_rng(0)
+
+
+@pytest.fixture
+def demo():
+    """The default config, as it stands in its file."""
+    return yaml.safe_load((ROOT / "workflow/config/demo.yaml").read_text())
+
+
+@pytest.fixture(scope="session")
+def experiment_of():
+    """config -> the experiment that it means; no round has been decided on."""
+    from alignerf.experiment import check, plan
+
+    def make(config, decided=None):
+        return plan.Experiment(check.checked(copy.deepcopy(config)), decided)
+
+    return make
 
 
 @pytest.fixture(scope="session")

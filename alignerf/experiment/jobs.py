@@ -115,7 +115,7 @@ def check_finetuning(chosen: Finetuning):
 
 
 def instance(kind, values):
-    """A dataclass from a mapping that has all its keys; fields stay mappings."""
+    """A dataclass from a mapping that has all its keys."""
     hints = typing.get_type_hints(kind)
     return kind(
         **{
@@ -129,8 +129,10 @@ def typed(hint, value):
     """Numbers as their hint says, classes from mappings."""
     options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
     options = [option for option in options if option is not type(None)]
-    if isinstance(value, dict) and len(options) == 1:
-        return instance(options[0], value)
+    if isinstance(value, dict):
+        several = len(options) > 1
+        kind = schema.kinds_by_name(options)[value["kind"]] if several else options[0]
+        return instance(kind, value)
     if float in options and isinstance(value, int):
         return float(value)
     return value

@@ -12,6 +12,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 LOCK = "requirements.lock"
+# Threads of a job that shares the machine with no other: Snakemake lowers them to its
+# `--cores`, which it need not be given for a plan or a report.
+WHOLE_MACHINE = os.cpu_count() or 1
 
 
 @functools.cache

@@ -1,8 +1,10 @@
 """The method that a job names, composed of its model, its field and its losses."""
 
+import dataclasses
+
 from alignerf import fields
 from alignerf.contributions import frequency_loss
-from alignerf.experiment import jobs
+from alignerf.experiment import jobs, settings
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.training import methods
 
@@ -15,8 +17,8 @@ def make_method(job: jobs.Job, *, to_train=True) -> methods.Method:
     fine = job.stage == "finetune"
     outputs = {"outputs": job.alignerf.outputs} if fine else {}
     model = mipnerf360.Model(
-        proposal=make_field(job.model.proposal, "proposal"),
-        field=make_field({**job.model.field, **outputs}, "field"),
+        proposal=make_field(job.model.proposal),
+        field=make_field(job.model.field, **outputs),
         samples=tuple(job.model.samples),
         near=job.model.near,
         far=job.model.far,
@@ -64,13 +66,9 @@ def frequency_features(chosen: jobs.Finetuning):
     return frequency_loss.vgg_features(chosen.frequency_weights)
 
 
-def make_field(options, where):
-    """A field from its mapping: `kind` and the keywords of that kind."""
-    options = {
-        key: tuple(value) if isinstance(value, list) else value
-        for key, value in options.items()
-    }
-    try:
-        return fields.make(**options)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"config.model.{where}: {error}") from None
+def make_field(chosen: settings.Grid | settings.Mlp, **options):
+    """The field of these settings; options, as `outputs`, are added to them."""
+    found = dataclasses.asdict(chosen) | options
+    return fields.make(
+        **{k: tuple(v) if isinstance(v, list) else v for k, v in found.items()}
+    )

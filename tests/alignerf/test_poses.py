@@ -144,6 +144,7 @@ def test_runs_are_identical_and_replace_what_was_there(courtyard, tmp_path):
 def test_courtyard_through_colmap(tmp_path):
     """A small courtyard, photographed densely enough for COLMAP."""
     config = {
+        "source": "courtyard",
         "downscale": 2,
         # A sharper lens than the default, whose blur is for photos of 400 px.
         "courtyard": {
@@ -206,7 +207,7 @@ def bad_configs(tmp_path):
     photo_folder(tmp_path / "cut", truncated=True)
     (tmp_path / "transforms.json").write_text("{")
     photos, given = {"source": "photos"}, {"source": "transforms"}
-    small = {"views": 3, "width": 32, "height": 32}
+    small = {"views": 4, "width": 32, "height": 32}
     return [
         (photos | {"path": str(tmp_path / "empty")}, str(tmp_path / "empty")),
         (photos | {"path": str(tmp_path / "none")}, str(tmp_path / "none")),
@@ -221,11 +222,35 @@ def bad_configs(tmp_path):
         ({"source": "courtyard", "courtyard": {"views": 4.5}}, "views"),
         ({"source": "courtyard", "downscale": 0}, "downscale"),
         ({"source": "courtyard", "perturb_px": float("nan")}, "perturb_px"),
-        ({"poses": "truth", "courtyard": {"views": 0}}, "courtyard.views"),
-        ({"poses": "truth", "courtyard": {"motion": "fast"}}, "motion"),
-        ({"poses": "truth", "courtyard": {"moving": ["cat"]}}, "cat"),
-        ({"colmap": {"camera_model": "OPENCV"}, "courtyard": small}, "camera_model"),
-        ({"poses": "truth", "downscale": 8, "courtyard": small}, "downscale"),
+        (
+            {"source": "courtyard", "poses": "truth", "courtyard": {"views": 0}},
+            "courtyard.views",
+        ),
+        (
+            {"source": "courtyard", "poses": "truth", "courtyard": {"motion": "fast"}},
+            "motion",
+        ),
+        (
+            {"source": "courtyard", "poses": "truth", "courtyard": {"moving": ["cat"]}},
+            "cat",
+        ),
+        (
+            {
+                "source": "courtyard",
+                "colmap": {"camera_model": "OPENCV"},
+                "courtyard": small,
+            },
+            "camera_model",
+        ),
+        (
+            {
+                "source": "courtyard",
+                "poses": "truth",
+                "downscale": 8,
+                "courtyard": small,
+            },
+            "downscale",
+        ),
         ("{", "JSON"),
         (str(tmp_path / "no such file"), "no such file"),
     ]

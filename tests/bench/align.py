@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 import yaml
 
-from alignerf.experiment import jobs
+from alignerf.experiment import check, jobs
 from alignerf.training import methods
 from tests.bench import cases, measure, ours, searches
 
@@ -137,7 +137,7 @@ QUICK_SETTINGS = {"patch_px": QUICK_PX[0], "radius_px": QUICK_PX[1]}
 def read_config(name):
     """One of the configs that come with the program."""
     path = measure.ROOT / "workflow" / "config" / f"{name}.yaml"
-    return yaml.safe_load(path.read_text())
+    return check.checked(yaml.safe_load(path.read_text()))
 
 
 def settings_of(name):

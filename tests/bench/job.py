@@ -14,7 +14,7 @@ import tempfile
 
 from tests.bench import cases, measure
 
-# As workflow/rules/common.smk sets it; the folder is a fresh one here.
+# As alignerf.experiment.sources sets it; the folder is a fresh one here.
 CACHE = {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.5"}
 GOAL_S = 8.0
 

@@ -20,6 +20,7 @@ import tempfile
 import numpy as np
 import yaml
 
+from alignerf.experiment import check
 from alignerf.scenes import cameras
 from tests.bench import measure
 
@@ -37,6 +38,7 @@ FLOWS = {"flow": "images", "flow_oracle": "truth/oracle"}
 def run(options):
     """Four rows for each case: both parts, as they are and less the model's part."""
     demo = yaml.safe_load((ROOT / "workflow/config/demo.yaml").read_text())
+    demo = check.checked(demo)
     cases = {"both": CASES["both"]} if options.quick else CASES
     if options.quick:
         demo["training"] |= {"steps": 40, "warmup_steps": 4, "batch_rays": 128}
@@ -52,7 +54,7 @@ def run(options):
 
 def scene_of(demo, case, *, quick):
     """The demo's scene with the case's misalignment and otherwise true poses."""
-    scene = dict(demo["scenes"]["courtyard"], poses="truth", seed=demo["seed"])
+    scene = demo["scenes"]["courtyard"] | {"poses": "truth"}
     scene["perturb_px"] = case["perturb_px"]
     scene["courtyard"] = scene["courtyard"] | {"motion": case["motion"]}
     if quick:

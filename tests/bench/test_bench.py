@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 
+from alignerf.experiment import check, schema, settings, sources
 from alignerf.scenes import cameras
 from alignerf.training import compose
 from tests.bench import (
@@ -172,17 +173,15 @@ def test_flops_of_a_training_step_are_those_the_compiler_counts():
     assert 0.9 * counted < products < counted
 
 
-def test_jobs_compile_as_the_workflow_does_and_run_the_default_model(root):
-    rules = (root / "workflow/rules/common.smk").read_text()
-    for name, value in job.CACHE.items():
-        assert f'os.environ.setdefault("{name}", "{value}")' in rules
+def test_jobs_compile_as_the_workflow_does_and_run_the_default_model(root, monkeypatch):
+    for name in (*job.CACHE, "JAX_COMPILATION_CACHE_DIR", "PATH", "PYTHONPATH"):
+        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name)
+    sources.set_environment()
+    assert {name: os.environ[name] for name in job.CACHE} == job.CACHE
     demo = yaml.safe_load((root / "workflow/config/demo.yaml").read_text())
-    base = demo["models"]["base"]
-    for key in cases.FIELDS:
-        assert compose.make_field(base[key], key) == compose.make_field(
-            cases.GRID[key], key
-        )
-    assert base["samples"] == cases.GRID["samples"]
+    found = check.checked(demo)["models"]["base"]
+    assert schema.filled(settings.Model, cases.GRID) == found
 
 
 def test_a_missing_peer_is_named(tmp_path):

@@ -22,7 +22,7 @@ rule flow_benchmark:
         "results/logs/flow_benchmark.tsv"
     conda:
         "../../environment.yml"
-    threads: 64
+    threads: sources.WHOLE_MACHINE
     params:
         scene=lambda w: flows.benchmark_options(experiment),
         sources=sources_of("flow.benchmark", "flow.benchmark.large_pair"),

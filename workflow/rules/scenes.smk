@@ -15,7 +15,7 @@ rule poses:
         scene=plan.one_of(experiment.with_truth(False)),
     conda:
         "../../environment.yml"
-    threads: 64
+    threads: sources.WHOLE_MACHINE
     params:
         config=lambda w: slices.of_scene(experiment, w.scene),
         sources=sources_of("alignerf.poses"),

@@ -33,7 +33,7 @@ use rule train as train_variant with:
         "results/{scene}/tradeoff/{variant}/logs/train.log",
     benchmark:
         "results/{scene}/tradeoff/{variant}/logs/train.tsv"
-    threads: 64
+    threads: sources.WHOLE_MACHINE
     params:
         config=lambda w: slices.of_variant(experiment, w.variant),
 
@@ -49,7 +49,7 @@ use rule render_views as render_variant with:
         "results/{scene}/tradeoff/{variant}/logs/render_{split}.log",
     benchmark:
         "results/{scene}/tradeoff/{variant}/logs/render_{split}.tsv"
-    threads: 64
+    threads: sources.WHOLE_MACHINE
     params:
         config=lambda w: slices.of_variant(experiment, w.variant),
 

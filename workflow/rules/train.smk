@@ -18,7 +18,9 @@ rule train:
         method=plan.one_of(experiment.from_scratch()),
     conda:
         "../../environment.yml"
-    threads: 64
+    threads: sources.WHOLE_MACHINE
+    resources:
+        gpu=1,
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
         scene=subpath(input.cameras, parent=True),
@@ -65,7 +67,9 @@ rule pretrain:
         model=plan.one_of(config["models"]),
     conda:
         "../../environment.yml"
-    threads: 64
+    threads: sources.WHOLE_MACHINE
+    resources:
+        gpu=1,
     params:
         config=lambda w: slices.of_pretraining(experiment, w.scene, w.model),
         checkpoints=subpath(output.model, parent=True),
@@ -98,7 +102,9 @@ rule finetune:
         method=plan.one_of(experiment.staged()),
     conda:
         "../../environment.yml"
-    threads: 64
+    threads: sources.WHOLE_MACHINE
+    resources:
+        gpu=1,
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
         displacement=lambda w, input: flows.option(
@@ -128,7 +134,9 @@ rule render_views:
         "results/{scene}/{method}/round{round}/logs/render_{split}.tsv"
     conda:
         "../../environment.yml"
-    threads: 64
+    threads: sources.WHOLE_MACHINE
+    resources:
+        gpu=1,
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
         depth=lambda w, output: flows.option("depth", output.get("depth")),

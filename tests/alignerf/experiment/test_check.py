@@ -1,0 +1,198 @@
+"""Faults of a config: one line that names the key, or the file and its line."""
+
+import pytest
+import yaml
+
+from alignerf.command import faults, yaml_files
+from alignerf.experiment import check
+
+WARM = {"from": "mipnerf360", "share": 0.3, "learning_rates": [0.005, 0.001]}
+
+
+def edit(config, where, value):
+    """Set, or for value None delete, the key at the dotted path."""
+    *parents, last = where.split(".")
+    for key in parents:
+        config = config.setdefault(key, {})
+    # A dot of the key itself.
+    last = last.replace("@", ".")
+    if value is None:
+        del config[last]
+    else:
+        config[last] = value
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "reason"),
+    [
+        ("training.stpes", 5, "training: .*'stpes' was unexpected"),
+        ("models.base.field.levles", 5, r"models.base.field: .*'levles' was unexp"),
+        ("models.base.field.kind", "gird", r"field.kind: 'gird' is not one of"),
+        ("models.base.field.levels", "8", r"field.levels: '8' is not of type"),
+        ("seed", True, "seed: True is not of type 'integer'"),
+        ("training.learning_rates", ["1e-3", 1], r"learning_rates.0: '1e-3' .*1.0e-03"),
+        ("training.batch_rays", 0, "training.batch_rays: 0 is less than"),
+        ("flow.kernel", "sinc", "flow.kernel: 'sinc' is not one of"),
+        ("flow.estimator", "files", "flow: 'folder' is a required"),
+        ("flow.folder", "flows", "flow.folder: estimator 'deepflow' reads none"),
+        ("methods.mipnerf360.model", "huge", r"methods.mipnerf360.model: no model 'hu"),
+        ("methods.alignerf.rounds", 1, "methods.alignerf.rounds: 0 was expected"),
+        ("methods.pretrain", {"model": "base", "rounds": 0}, "methods.pretrain: a fo"),
+        ("methods.alignerf.alignerf.matching", "ray", "matching: 'ray' is not one of"),
+        ("methods.alignerf.alignerf.radius_px", -1, "radius_px: -1 is less than"),
+        ("regimes", "../x", "regimes: '../x' does not match"),
+        ("methods.images", {"model": "base", "rounds": 0}, "methods.images: a folder"),
+        ("models.base.near", 1e6, "models.base: near must be smaller than far"),
+        ("scenes.published", {"source": "courtyard"}, "scenes.published: a file of"),
+        ("scenes.mine", {"source": "photos", "path": "a{b}"}, "scenes.mine.path: a{b}"),
+        ("reference.method", "nerf", "reference.method: no method 'nerf'"),
+        ("reference.round", 3, "reference.round: mipnerf360_large has fewer"),
+        ("reference.round", "first", "reference.round: 'first' is not valid"),
+        ("methods.mipnerf360.rounds", "all", "mipnerf360.rounds: 'all' is not valid"),
+        ("methods.mipnerf360.warm_start", WARM, "warm_start.from: no method 'mipnerf3"),
+        ("methods.alignerf.warm_start", WARM, "alignerf.warm_start: not for a staged"),
+        (
+            "methods.warm",
+            {"model": "large", "rounds": 1, "warm_start": WARM},
+            "warm.warm_start.from: model 'base' instead of 'large'",
+        ),
+        ("methods.mipnerf360.most_rounds", 2, "most_rounds: only with `rounds: auto`"),
+        (
+            "methods.warm",
+            {"model": "base", "rounds": 0, "warm_start": WARM},
+            "warm.rounds: a warm start needs a round",
+        ),
+        ("scenes.a/b", {"source": "courtyard"}, "scenes: 'a/b' does not match"),
+        ("scenes.a\n", {"source": "courtyard"}, r"scenes: 'a\\n' does not match"),
+        ("scenes.mine", {"source": "photos"}, "scenes.mine.path: source 'photos'"),
+        ("frequency_weights", "no.npz", "frequency_weights: no.npz does not exist"),
+        ("lpips.vgg", "no.npz", "lpips.vgg: no.npz does not exist"),
+        ("lpips.vgg19", "no.npz", "lpips: .*'vgg19' was unexpected"),
+        ("lpips.alex", 3, "lpips.alex: 3 is not of type"),
+        ("scenes.tradeoff@csv", {"source": "courtyard"}, "tradeoff.csv: a file of"),
+        ("methods.tradeoff", {"model": "base", "rounds": 0}, "tradeoff: a folder"),
+        ("tradeoff.scene", "yard", "tradeoff.scene: no scene 'yard'"),
+        ("tradeoff.model", "huge", "tradeoff.model: no model 'huge'"),
+        ("tradeoff.variants", {}, "tradeoff.variants: {} .*non-empty"),
+        ("tradeoff.variants.fast", {}, "tradeoff.variants.fast: {} .*non-empty"),
+        ("tradeoff.variants.base", {"steps": 5}, "variants.base: the model itself"),
+        ("tradeoff.variants.a/b", {"steps": 5}, "tradeoff.variants: 'a/b' does not"),
+        ("tradeoff.variants.a", {"stpes": 5}, "variants.a: .*'stpes' was unexpected"),
+        ("tradeoff.variants.a", {"steps": 0}, "variants.a.steps: 0 is less than"),
+        ("tradeoff.variants.a", {"downscale": 1}, "variants.a.downscale: 1 is less"),
+        ("tradeoff.variants.a", {"samples": [8]}, r"variants.a.samples: \[8\] is too"),
+        (
+            "tradeoff.variants.a",
+            {"field": {"levles": 2}},
+            "variants.a.field: .*'levles",
+        ),
+        ("tradeoff.variants.a", {"field": {"kind": "gird"}}, "a.field.kind: 'gird' is"),
+        ("tradeoff.variants.a", {"field": {"levels": 0}}, "a.field.levels: 0 is less"),
+    ],
+)
+def test_a_bad_config_is_named(demo, where, value, reason):
+    edit(demo, where, value)
+    with pytest.raises(ValueError, match="^config: .*" + reason):
+        check.checked(demo)
+
+
+def test_what_the_reference_cannot_be(demo):
+    demo["methods"]["mipnerf360_large"]["rounds"] = "auto"
+    check.checked(demo)
+    demo["reference"] = {"round": 2}
+    with pytest.raises(ValueError, match=r"reference\.round: with rounds: auto it"):
+        check.checked(demo)
+
+
+def test_staged_methods_agree_about_their_pretraining(demo):
+    demo["methods"]["other"] = {"model": "base", "alignerf": {"patches": 1}}
+    check.checked(demo)
+    demo["methods"]["other"]["alignerf"]["pretrain_share"] = 0.5
+    reason = "methods alignerf, other: they disagree about base's pretraining"
+    with pytest.raises(ValueError, match=reason):
+        check.checked(demo)
+
+
+def test_a_name_that_yaml_reads_as_a_number_is_named(demo):
+    demo["scenes"][7] = {"source": "courtyard"}
+    with pytest.raises(ValueError, match=r"config: scenes\.7: a name must be text"):
+        check.checked(demo)
+
+
+def test_no_scene_can_have_the_name_of_a_rule():
+    check.check_free(["courtyard"], ["train", "poses"])
+    with pytest.raises(ValueError, match=r"scenes\.train: a rule has this name"):
+        check.check_free(["courtyard", "train"], ["train", "poses"])
+
+
+def test_a_fault_is_one_line_and_an_exit_code(capsys):
+    def fail():
+        raise ValueError("two\nlines")
+
+    with pytest.raises(SystemExit) as stopped:
+        faults.or_exit(fail)
+    assert stopped.value.code == 1
+    assert capsys.readouterr().err == "error: two lines\n"
+    assert faults.or_exit(lambda: 3) == 3
+
+
+TEMPLATE = "{scene}/{method}/{round}/{split}"
+
+
+@pytest.mark.parametrize(
+    "folder",
+    [
+        *("flows/{view}", "flows/{}", "flows/{scene", "{0}"),
+        *("{scene:>999999999}", "{scene.__class__}", "{scene!r}"),
+    ],
+)
+def test_the_folder_of_flows_knows_four_names(demo, folder):
+    demo["flow"] = {"estimator": "files", "folder": TEMPLATE}
+    assert check.checked(demo)["flow"]["folder"] == TEMPLATE
+    demo["flow"]["folder"] = folder
+    with pytest.raises(ValueError, match=r"config: flow\.folder: .*in braces only"):
+        check.checked(demo)
+
+
+def test_a_scene_larger_than_a_machine_is_named():
+    size = {"views": 10000, "width": 16384, "height": 16384}
+    config = {"scenes": {"a": {"source": "courtyard", "courtyard": size}}}
+    with pytest.raises(ValueError, match=r"scenes\.a\.courtyard: .* more than 32 GiB"):
+        check.checked(config)
+
+
+def bomb(item):
+    """Ten levels, each ten times the one before: 10^10 values in 500 letters."""
+    lines = [f"a0: &a0 {item}"]
+    for level in range(1, 11):
+        what = ", ".join([f"*a{level - 1}"] * 10)
+        lines.append(f"a{level}: &a{level} [{what}]")
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("seed: 1\nseed: 2", "key 'seed' stands twice, see line 2"),
+        ("scenes: {a: 1, a: 2}", "key 'a' stands twice, see line 1"),
+        ("scenes: &s\n  a: *s", "an alias holds itself"),
+        ("scenes: &s [*s]", "an alias holds itself"),
+        (bomb("x"), "its aliases stand for over 100000 values"),
+        (bomb("{a: 1}"), "its aliases stand for over 100000 values"),
+        ("[" * 5000 + "]" * 5000, "nested too deeply"),
+        ("scenes: [", "while parsing"),
+    ],
+)
+def test_what_yaml_takes_without_a_word_is_named(tmp_path, text, reason):
+    path = tmp_path / "my config.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=reason) as caught:
+        yaml_files.check(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_files_without_such_faults_pass(root):
+    for path in (root / "workflow/config").glob("*.yaml"):
+        yaml_files.check(path)
+        assert yaml.safe_load(path.read_text())

@@ -1,0 +1,151 @@
+"""A job's slice of the config: parsed strictly, complete, in its stages."""
+
+import copy
+import json
+
+import jax
+import pytest
+
+from alignerf.experiment import jobs
+from alignerf.training import compose
+
+GRID = {"kind": "grid", "levels": 2, "log2_entries": 8}
+JOB = {
+    "seed": 0,
+    "stage": "finetune",
+    "model": {
+        "near": 0.2,
+        "far": 1e6,
+        "samples": [8, 4],
+        "proposal": GRID,
+        "field": {"kind": "mlp", "width": 16, "depth": 2},
+    },
+    "training": {
+        "steps": 100,
+        "batch_rays": 64,
+        "learning_rates": [0.01, 0.001],
+        "warmup_steps": 3,
+        "adam_eps": 1e-15,
+        "gradient_norm": None,
+        "interlevel_weight": 1,
+        "distortion_weight": 0.01,
+    },
+    "alignerf": {
+        "pretrain_share": 0.6,
+        "finetune_share": 0.2,
+        "learning_rates": [0.003, 0.0003],
+        "patches": 2,
+        "patch_px": 16,
+        "convolution": True,
+        "features": 5,
+        "matching": "patch",
+        "error": "squared",
+        "radius_px": 2,
+        "align_penalty": 0.01,
+        "frequency_weight": 0.05,
+        "frequency_weights": None,
+    },
+}
+
+
+@pytest.fixture
+def job():
+    return copy.deepcopy(JOB)
+
+
+def test_a_job_is_what_was_written(job):
+    parsed = jobs.parse(job)
+    found = jobs.as_dict(parsed)
+    for field in ("proposal", "field"):
+        given = job["model"].pop(field)
+        assert found["model"].pop(field).items() >= given.items()
+    assert found == job
+    assert jobs.parse(json.loads(json.dumps(jobs.as_dict(parsed)))) == parsed
+    assert isinstance(parsed.training.interlevel_weight, float)
+
+
+def test_stages_share_the_steps_and_the_schedule(job):
+    found = {stage: jobs.parse(job | {"stage": stage}) for stage in jobs.STAGES}
+    steps = {stage: job.steps for stage, job in found.items()}
+    assert steps == {"full": 100, "warm": 100, "pretrain": 60, "finetune": 20}
+    schedule = {stage: job.schedule_steps for stage, job in found.items()}
+    assert schedule == {"full": 100, "warm": 100, "pretrain": 100, "finetune": 20}
+    rays = {stage: job.rays_per_step for stage, job in found.items()}
+    assert rays == {"full": 64, "warm": 64, "pretrain": 64, "finetune": 2 * 16**2}
+    job["training"]["steps"] = 1
+    assert jobs.parse(job).steps == 1
+
+
+def change(job, where, value=None):
+    *parents, last = where.split(".")
+    for key in parents:
+        job = job[key]
+    if value is None:
+        del job[last]
+    else:
+        job[last] = value
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "reason"),
+    [
+        ("seed", None, "config: top level: 'seed' is a required property"),
+        ("seed", -1, "seed: -1 is less than"),
+        ("seed", 2**32, "seed: 4294967296 is greater than"),
+        ("training.stpes", 1, "config: training: .*'stpes' was unexpected"),
+        ("training.steps", "100", "training.steps: '100' is not of type"),
+        ("training.steps", 1.5, "training.steps: 1.5 is not of type"),
+        ("training.steps", True, "training.steps: True is not of type"),
+        ("training.steps", 0, "training.steps: 0 is less than"),
+        ("training.steps", 10**30, "training.steps: 1000.* is greater than"),
+        ("training.batch_rays", 0, "training.batch_rays: 0 is less than"),
+        ("training.adam_eps", "1e-6", "adam_eps: '1e-6' .*write 1.0e-06"),
+        ("training.adam_eps", float("inf"), "training.adam_eps: inf is not a finite"),
+        ("training.learning_rates", [0.1, float("nan")], "learning_rates.1: nan is"),
+        ("model.samples", 8, "model.samples: 8 is not of type"),
+        ("model.samples", [], r"model.samples: \[\] "),
+        ("model.samples", [0, 4], "model.samples.0: 0 is less than"),
+        ("model.proposal.levels", 0, "model.proposal.levels: 0 is less than"),
+        ("model", [1], "config: model: .* is not of type 'object'"),
+        ("alignerf.frequency_weights", 3, "frequency_weights: 3 is not of type"),
+        ("stage", "half", "config: stage: 'half' is not one of"),
+        ("alignerf.convolution", 1, "alignerf.convolution: 1 is not of type"),
+        ("alignerf.matching", "ray", "alignerf.matching: 'ray' is not one of"),
+        ("alignerf.error", "L1", "alignerf.error: 'L1' is not one of"),
+        ("alignerf.patches", 0, "alignerf.patches: fine-tuning needs more than 0"),
+        ("model.far", 0.1, "config: model: near must be smaller than far"),
+        ("model.near", -1.0, "model.near: -1.0 is less than or equal to"),
+        ("model.far", float("inf"), "model.far: inf is not a finite"),
+        ("model.field", {"kind": "gird"}, "model.field.kind: 'gird' is not one of"),
+        ("model.field", {"kind": "grid", "levles": 3}, "model.field: .*'levles'"),
+        ("model.field", {"kind": "mlp", "levels": 3}, "model.field: .*'levels'"),
+    ],
+)
+def test_faults_are_named(job, where, value, reason):
+    change(job, where, value)
+    with pytest.raises(ValueError, match=reason):
+        jobs.parse(job)
+
+
+def test_a_stage_needs_its_settings(job):
+    job["alignerf"] = None
+    with pytest.raises(ValueError, match="config: alignerf: a staged training"):
+        jobs.parse(job)
+    assert jobs.parse(job | {"stage": "full"}).alignerf is None
+
+
+def test_what_a_slice_leaves_out_has_its_default(job):
+    del job["training"]["adam_eps"], job["model"]["far"], job["alignerf"]["patches"]
+    parsed = jobs.parse(job)
+    assert (parsed.training.adam_eps, parsed.model.far) == (1e-15, 1e6)
+    assert parsed.alignerf.patches == 2
+
+
+def test_only_fine_tuning_has_the_patch_convolution(job):
+    for stage in jobs.STAGES:
+        method = compose.make_method(jobs.parse(job | {"stage": stage}))
+        params = jax.eval_shape(method.init, jax.random.key(0))
+        assert params.keys() == (
+            {"model", "head"} if stage == "finetune" else {"model"}
+        )
+        assert params["model"].keys() == {"field", "proposal"}

@@ -1,0 +1,137 @@
+"""An experiment: which methods and rounds it has, and where they lie."""
+
+import pytest
+
+from alignerf.experiment import plan, rows, sources, targets
+
+WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
+AUTO = {"auto": {"model": "base", "rounds": "auto", "most_rounds": 3}}
+
+
+@pytest.mark.parametrize(
+    ("goes_on", "last"),
+    [([False], 0), ([True, True, False, True], 2), ([True] * 9, 3)],
+)
+def test_the_last_round_is_what_was_decided(demo, experiment_of, goes_on, last):
+    demo["methods"] = AUTO
+
+    def decided(*, scene, method, round):
+        assert (scene, method) == ("courtyard", "auto")
+        return goes_on[round]
+
+    experiment = experiment_of(demo, decided)
+    assert experiment.last_round("courtyard", "auto") == last
+    assert experiment.reference_round("courtyard") == last
+    rows_of = experiment.all_rounds("courtyard")
+    assert rows_of == [("auto", k) for k in range(last + 1)]
+
+
+def test_a_decision_is_read_from_its_file(tmp_path):
+    path = tmp_path / "decision.json"
+    for found in ("true", "false"):
+        path.write_text(f'{{"go_on": {found}}}')
+        assert plan.goes_on(path) == (found == "true")
+
+
+def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of):
+    demo["models"]["alone"] = demo["models"]["base"]
+    staged = demo["methods"]["alignerf"]
+    demo["methods"]["staged_alone"] = staged | {"model": "alone"}
+    warm = {"model": "base", "rounds": 1, "warm_start": WARM}
+    # Wherever it stands: what another starts from is no base of a staged method.
+    demo["methods"] = {"warm": warm} | demo["methods"]
+    experiment = experiment_of(demo)
+    assert experiment.staged() == ["alignerf", "staged_alone"]
+    assert experiment.warm() == ["warm"]
+    assert experiment.from_scratch() == ["mipnerf360_large", "mipnerf360"]
+    assert {m: experiment.base_of(m) for m in experiment.methods} == {
+        "warm": "mipnerf360",
+        "mipnerf360_large": "mipnerf360_large",
+        "mipnerf360": "mipnerf360",
+        "alignerf": "mipnerf360",
+        "staged_alone": "staged_alone",
+    }
+    # Round 0 of a warm start is the other method's: nothing is trained twice.
+    folder = "results/courtyard"
+    assert experiment.trained("courtyard", "warm", 0) == f"{folder}/mipnerf360/round0"
+    assert experiment.trained("courtyard", "warm", "1") == f"{folder}/warm/round1"
+    assert ("warm", 0) not in experiment.all_rounds("courtyard")
+    compared = [row["method"] for row in rows.crops(experiment, "courtyard")]
+    assert compared == ["mipnerf360", "staged_alone", "alignerf"]
+
+
+def test_the_truth_is_known_of_the_embedded_scene(demo, tmp_path, experiment_of):
+    demo["scenes"]["own"] = {"source": "photos", "path": str(tmp_path)}
+    experiment = experiment_of(demo)
+    assert experiment.with_truth() == ["courtyard"]
+    assert experiment.with_truth(False) == ["own"]
+    assert rows.truth_of(experiment, "own") == {}
+    truth = {"truth": "results/courtyard/truth"}
+    assert rows.truth_of(experiment, "courtyard") == truth
+    made = targets.of_scene(experiment, "courtyard")
+    own = targets.of_scene(experiment, "own")
+    assert "results/courtyard/tables/ranking.csv" in made
+    assert "results/own/tables/ranking.csv" not in own
+    assert len(made) == len(own) + 2
+    demo["methods"].pop("alignerf")
+    assert "results/courtyard/figures/crops.png" not in targets.of_scene(
+        experiment_of(demo), "courtyard"
+    )
+
+
+def test_names_become_a_pattern_that_matches_them_alone():
+    assert plan.one_of(["a.b", "c"]) == r"a\.b|c"
+    assert plan.one_of([]) == "(?!)"
+
+
+def test_a_change_of_code_or_of_versions_changes_a_job(tmp_path, monkeypatch):
+    for name, text in {
+        "alignerf/__init__.py": "",
+        "alignerf/stage.py": "from alignerf.part import thing\n",
+        "alignerf/part/__init__.py": "",
+        "alignerf/part/thing.py": "import json\n",
+        "alignerf/part/other.py": "",
+        "requirements.lock": "jax==1",
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.setattr(sources, "ROOT", tmp_path)
+
+    def hash_of(path=None, text=""):
+        sources.sources_of.cache_clear()
+        sources.imports.cache_clear()
+        if path:
+            (tmp_path / path).write_text(text)
+        return sources.sources_of("alignerf.stage")
+
+    first = hash_of()
+    assert hash_of("alignerf/part/other.py", "x = 1\n") == first
+    changed = {
+        hash_of("alignerf/part/thing.py", "import json\n\n"),
+        hash_of("alignerf/stage.py", "from alignerf.part import thing, other\n"),
+        hash_of("requirements.lock", "jax==2"),
+    }
+    assert len(changed | {first}) == 4
+    sources.sources_of.cache_clear()
+    sources.imports.cache_clear()
+
+
+def test_a_package_that_runs_is_its_main(root):
+    found = {path.name for path in sources.reached("flow.benchmark")}
+    assert {"__main__.py", "__init__.py", "pairs.py", "estimators.py"} <= found
+
+
+def test_jobs_find_the_sources_and_this_python(monkeypatch, root):
+    monkeypatch.setenv("PATH", "/somewhere")
+    monkeypatch.setenv("PYTHONPATH", "")
+    for name in ("DIR", "MIN_COMPILE_TIME_SECS"):
+        kind = "COMPILATION" if name == "DIR" else "PERSISTENT"
+        monkeypatch.setenv(f"JAX_{kind}_CACHE_{name}", "as it was")
+    for _ in range(2):
+        sources.set_environment()
+    import os
+
+    assert os.environ["PYTHONPATH"] == str(root)
+    assert os.environ["PATH"].endswith(f"{os.pathsep}/somewhere")
+    assert os.environ["PATH"].count(os.pathsep) == 1
+    assert os.environ["JAX_COMPILATION_CACHE_DIR"] == "as it was"

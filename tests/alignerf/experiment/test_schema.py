@@ -1,0 +1,157 @@
+"""The schema of the settings: one home for defaults, every number bounded."""
+
+import copy
+import dataclasses
+
+import jsonschema
+import pytest
+import yaml
+
+from alignerf import config as config_command
+from alignerf import fields, poses
+from alignerf.experiment import check, schema, settings
+from alignerf.scenes.courtyard import scene as courtyard
+from flow.estimation import estimate, given
+from flow.warping import warp
+
+
+def nodes(found, *place):
+    """(place, node) of every mapping in a schema."""
+    if isinstance(found, dict):
+        yield place, found
+        for key, entry in found.items():
+            if key != "default":
+                yield from nodes(entry, *place, key)
+    elif isinstance(found, list):
+        for number, entry in enumerate(found):
+            yield from nodes(entry, *place, number)
+
+
+def test_the_file_for_editors_is_the_schema(root):
+    text = (root / "workflow/schemas/config.schema.yaml").read_text()
+    assert text == config_command.schema_text()
+    jsonschema.Draft202012Validator.check_schema(yaml.safe_load(text))
+
+
+@pytest.mark.parametrize("kind", [settings.Config], ids=["config"])
+def test_the_defaults_of_the_schema_are_those_of_the_classes(kind, root):
+    found = yaml.safe_load((root / "workflow/schemas/config.schema.yaml").read_text())
+    compared = 0
+    for name, entry in found["$defs"].items():
+        made = getattr(settings, name)
+        if name == "Variant":
+            continue
+        for field in dataclasses.fields(made):
+            said = entry["properties"][schema.name_of(field)]
+            if "default" in said:
+                assert said["default"] == schema.default_of(field), (name, field.name)
+                compared += 1
+            elif not schema.is_required(field):
+                assert schema.is_default_of_its_class(field)
+    assert compared > 50
+
+
+def test_every_number_is_bounded_on_both_sides():
+    numbers = 0
+    for place, node in nodes(schema.root(settings.Config)):
+        kinds = node.get("type", [])
+        kinds = kinds if isinstance(kinds, list) else [kinds]
+        if {"integer", "number"} & set(kinds):
+            assert "maximum" in node, place
+            assert {"minimum", "exclusiveMinimum"} & node.keys(), place
+            numbers += 1
+        if "array" in kinds:
+            assert "maxItems" in node, place
+    assert numbers > 40
+
+
+def test_bounds_that_the_program_counts_on():
+    found = schema.root(settings.Config)
+    assert found["properties"]["seed"]["maximum"] < 2**32
+    rounds = found["$defs"]["Method"]["properties"]["rounds"]["oneOf"][0]
+    assert rounds["maximum"] == 16
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf"), -float("inf")])
+def test_numbers_that_are_not_finite_are_named(number):
+    config = {"scenes": {"a": {"source": "courtyard", "perturb_px": number}}}
+    with pytest.raises(ValueError, match=r"config: scenes\.a\.perturb_px: .* finite"):
+        check.checked(config)
+
+
+def test_fields_have_the_defaults_of_their_classes():
+    inherited = {"parent", "name", "outputs"}
+    for kind, made in {"grid": settings.Grid, "mlp": settings.Mlp}.items():
+        module = fields.KINDS[kind]
+        wanted = {
+            name: field.default
+            for name, field in module.__dataclass_fields__.items()
+            if name not in inherited
+        }
+        found = schema.as_config(made())
+        assert found.pop("kind") == kind
+        found = {k: tuple(v) if isinstance(v, list) else v for k, v in found.items()}
+        assert found == wanted
+
+
+def test_the_flow_and_the_sources_have_the_choices_of_their_modules():
+    defs = schema.root(settings.Config)["$defs"]
+    flow = defs["Flow"]["properties"]
+    assert flow["estimator"]["enum"] == [*estimate.METHODS, given.METHOD]
+    assert flow["kernel"]["enum"] == list(warp.KERNELS)
+    assert flow["estimator"]["default"] == estimate.DEFAULT
+    scene = defs["Scene"]["properties"]
+    assert set(scene["source"]["enum"]) == set(settings.SOURCES) == set(poses.READERS)
+    ways = {way for source in settings.SOURCES.values() for way in source.poses}
+    assert set(scene["poses"]["enum"]) == ways | {None}
+    for motion in defs["Courtyard"]["properties"]["motion"]["enum"]:
+        courtyard.draw_displacements(views=2, motion=motion)
+
+
+def test_three_words_are_a_complete_config(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_photos").mkdir()
+    text = "scenes: {my_photos: {source: photos, path: my_photos}}"
+    found = check.checked(yaml.safe_load(text))
+    assert found["methods"]["mipnerf360"]["rounds"] == 2
+    assert found["methods"]["alignerf"]["alignerf"]["features"] == 16
+    assert found["reference"] == {"method": "mipnerf360", "round": "last"}
+    scene = found["scenes"]["my_photos"]
+    assert (scene["poses"], scene["seed"], scene["steps"]) == ("colmap", 0, 2000)
+    assert found["training"]["warmup_steps"] == 200
+
+
+def test_a_complete_config_means_itself(demo):
+    found = check.checked(copy.deepcopy(demo))
+    again = check.checked(copy.deepcopy(found))
+    assert again == found
+
+
+def test_keys_without_a_kind_change_the_default_field():
+    fields_of = {
+        "same": {},
+        "smaller": {"field": {"log2_entries": 9}},
+        "whole": {"field": {"kind": "grid", "log2_entries": 9}},
+        "other": {"field": {"kind": "mlp", "width": 8}},
+    }
+    config = {"scenes": {"a": {"source": "courtyard"}}, "models": fields_of}
+    models = check.checked(config | {"methods": {"m": {}}})["models"]
+    assert models["same"]["field"]["finest"] == 2048
+    assert models["smaller"]["field"] == models["same"]["field"] | {"log2_entries": 9}
+    assert models["whole"]["field"]["finest"] == settings.Grid().finest == 1024
+    assert models["other"]["field"]["depth"] == settings.Mlp().depth
+
+
+def test_home_is_found(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "vgg.npz").touch()
+    config = {
+        "scenes": {"a": {"source": "photos", "path": "~/photos"}},
+        "frequency_weights": "~/vgg.npz",
+        "lpips": {"vgg": "~/vgg.npz", "alex": None},
+    }
+    found = check.checked(config)
+    assert found["scenes"]["a"]["path"] == str(tmp_path / "photos")
+    assert found["frequency_weights"] == str(tmp_path / "vgg.npz")
+    assert found["lpips"] == {"vgg": str(tmp_path / "vgg.npz")}

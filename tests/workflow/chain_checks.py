@@ -1,0 +1,233 @@
+"""What the files of the chain hold, for tests/workflow/test_chain.py."""
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from flow.warping import files, warp
+
+WIDTH, HEIGHT, VIEWS, EVERY = 48, 36, 10, 4
+TEST_VIEWS = [f"view_{i:03d}" for i in range(0, VIEWS, EVERY)]
+HEADER = (
+    "method,field,warping,test_set,psnr_db,ssim,lpips_alex,lpips_squeeze,lpips_vgg,"
+    "difference_to,difference_db,difference_low_db,difference_high_db,"
+    "train_time_s,data_time_s,total_time_s,params,steps,rays_seen"
+)
+CONTROLS = (
+    *("control", "placebo", "held_out"),
+    *("aligned", "leak", "leak_held_out"),
+)
+SWEEP_HEADER = (
+    "variant,changes,pareto,params,steps,rays_seen,train_time_s,compile_time_s,"
+    "rays_per_s,render_time_s,test_set,psnr_db,psnr_low_db,psnr_high_db,"
+    "difference_db,difference_low_db,difference_high_db,ssim,standard_psnr_db,device"
+)
+
+
+def read_csv(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def check_scene(scene):
+    report = json.loads((scene / "poses.json").read_text())
+    assert (report["registered"], report["total"]) == (VIEWS, VIEWS)
+    assert report["test_views"] == len(TEST_VIEWS)
+    facts = json.loads((scene / "facts.json").read_text())
+    assert (facts["width_px"], facts["height_px"]) == (WIDTH, HEIGHT)
+    assert facts["train_views"] + facts["test_views"] == facts["views"] == VIEWS
+    assert facts["photo_bytes"] == 3 * WIDTH * HEIGHT * VIEWS
+
+
+def check_table(scene):
+    path = scene / "tables" / "misalignment.csv"
+    assert path.read_text().splitlines()[0] == HEADER
+    table = read_csv(path)
+    sets = ["standard", "warped", "control", "oracle"]
+    lines = [("mipnerf360_large", "none"), ("mipnerf360_large", "once")]
+    lines += [("mipnerf360", "none"), ("mipnerf360", "once"), ("alignerf", "none")]
+    found = [(row["method"], row["warping"], row["test_set"]) for row in table]
+    assert found == [(*line, test_set) for line in lines for test_set in sets]
+    for row in table:
+        assert 10 < float(row["psnr_db"]) < 40
+        assert 0 < float(row["ssim"]) < 1
+        assert row["lpips_alex"] == ""
+        assert float(row["train_time_s"]) > 0
+        assert (float(row["data_time_s"]) > 0) == (row["warping"] == "once")
+        base = {"alignerf": "mipnerf360"}.get(row["method"], row["method"])
+        assert row["difference_to"] == base
+        keys = ("difference_low_db", "difference_db", "difference_high_db")
+        low, difference, high = (float(row[key]) for key in keys)
+        if (row["method"], row["warping"]) == (base, "none"):
+            assert low == difference == high == 0
+        else:
+            assert low < difference < high
+    by_line = {(row["method"], row["warping"]): row for row in table}
+    plain, warped = by_line["mipnerf360", "none"], by_line["mipnerf360", "once"]
+    staged, large = by_line["alignerf", "none"], by_line["mipnerf360_large", "none"]
+    assert (int(plain["steps"]), int(staged["steps"])) == (200, 160)
+    assert int(plain["rays_seen"]) == int(staged["rays_seen"]) == 200 * 256
+    assert int(warped["rays_seen"]) == 2 * int(plain["rays_seen"])
+    assert int(plain["params"]) < int(staged["params"]) < int(large["params"])
+    assert staged["field"] == plain["field"] + ", 4 features, aligned, derivative bank"
+
+
+def check_metrics(scene):
+    for path in scene.glob("*/round*/metrics.csv"):
+        rows = read_csv(path)
+        sets = ["standard", "standard_valid", "warped", *CONTROLS, "oracle"]
+        wanted = [(view, test_set) for view in TEST_VIEWS for test_set in sets]
+        assert [(row["view"], row["test_set"]) for row in rows] == wanted
+        for row in rows:
+            assert row["lpips_alex"] == ""
+            assert "lpips_squeeze, lpips_vgg: no weights given" in row["note"]
+            whole = row["test_set"] in ("standard", "control", "placebo", "oracle")
+            assert float(row["valid_share"]) <= 1
+            assert not whole or float(row["valid_share"]) == 1
+
+
+def check_latex(scene, folder):
+    tex = (scene / "tables" / "misalignment.tex").read_text()
+    for mark in (r"\toprule", r"\midrule", r"\bottomrule", r"\cellcolor[HTML]{FF9999}"):
+        assert mark in tex
+    assert tex.count(r"\begin{") == tex.count(r"\end{") == 1
+    body = tex.split(r"\midrule")[1].split(r"\bottomrule")[0].strip().splitlines()
+    assert len(body) == 5
+    columns = len(re.search(r"\\begin\{tabular\}\{(\w+)\}", tex)[1])
+    assert {line.count("&") for line in body} == {columns - 1}
+    if shutil.which("pdflatex") is None:
+        pytest.skip("pdflatex is not installed: table only checked by its structure")
+    (folder / "table.tex").write_text(
+        "\\documentclass{article}\\usepackage{booktabs,multirow}"
+        "\\usepackage[table]{xcolor}\\begin{document}" + tex + "\\end{document}"
+    )
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "table.tex"]
+    subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
+
+
+def check_parts(scene):
+    """Every method's and round's flow, and the parts that it is made of."""
+    table = read_csv(scene / "tables" / "displacement.csv")
+    found = [(row["method"], row["round"]) for row in table]
+    plain = [(name, k) for name in ("mipnerf360_large", "mipnerf360") for k in "01"]
+    assert found == [*plain, ("alignerf", "0")]
+    for row in table:
+        assert int(row["views"]) == len(TEST_VIEWS)
+        for part in ("flow", "model", "camera", "remainder"):
+            assert 0 < float(row[f"{part}_median_px"]) < float(row[f"{part}_p95_px"])
+    for method, k in found:
+        folder = scene / method / f"round{k}"
+        for view in TEST_VIEWS:
+            depth = np.load(folder / "depth" / "test" / f"{view}.npz")["depth"]
+            assert depth.shape == (HEIGHT, WIDTH)
+            assert depth.dtype == np.float32
+            assert (depth > 0).all()
+            flow_px, valid = files.read_flow(folder / "flow" / "test" / f"{view}.npz")
+            parts = np.load(folder / "parts" / "test" / f"{view}.npz")
+            whole = sum(
+                parts[f"{name}_px"] for name in ("model", "camera", "remainder")
+            )
+            np.testing.assert_allclose(whole, flow_px, atol=1e-4)
+            assert not (parts["valid"] & ~valid).any()
+
+
+def check_figures(scene):
+    for name in ("flow", "rounds", "views", "lengths", "curves"):
+        with Image.open(scene / "figures" / f"{name}.png") as figure:
+            figure.load()
+            assert min(figure.size) > 300
+            assert np.asarray(figure.convert("L")).std() > 10
+
+
+def check_warped_photos(scene):
+    """Always the original photo, warped by the flow of this very round."""
+    folders = [scene / "mipnerf360/round0/{}/train", scene / "testset/{}"]
+    for folder in map(str, folders):
+        paths = sorted((scene / folder.format("flow")).glob("*.npz"))
+        assert paths
+        for path in paths:
+            flow_px, valid = files.read_flow(path)
+            assert valid.any()
+            photo = files.read_image(scene / "images" / f"{path.stem}.png")
+            warped = scene / folder.format("warped") / f"{path.stem}.png"
+            np.testing.assert_array_equal(
+                files.read_image(warped), warp.warp(photo, flow_px)
+            )
+    for name in CONTROLS:
+        images = {path.name for path in (scene / "testset" / name).glob("*.png")}
+        assert images == {f"{view}.png" for view in TEST_VIEWS}
+
+
+def check_controls(scene):
+    """The gain and its parts, row by row, and what the oracle says of the ranking."""
+    table = read_csv(scene / "tables" / "controls.csv")
+    lines = list(dict.fromkeys((row["method"], row["warping"]) for row in table))
+    assert len(lines) == 5
+    for line in lines:
+        rows = [row for row in table if (row["method"], row["warping"]) == line]
+        db = {row["quantity"]: float(row["db"]) for row in rows}
+        parts = sum(db[key] for key in ("choice", "resampling", "leak", "remains"))
+        assert db["gain"] == pytest.approx(parts, abs=1e-4)
+        assert db["oracle_gain"] == pytest.approx(
+            db["oracle"] - db["standard"], abs=1e-4
+        )
+    ranking = read_csv(scene / "tables" / "ranking.csv")
+    sets = ["standard", "warped", "held_out", "control"]
+    assert [row["test_set"] for row in ranking] == sets
+    for row in ranking:
+        low, tau, high = (float(row[key]) for key in ("tau_low", "tau", "tau_high"))
+        assert -1 <= low <= tau <= high <= 1
+        assert (row["rows"], row["views"]) == ("5", str(len(TEST_VIEWS)))
+    leak = read_csv(scene / "testset" / "leak.csv")
+    assert [row["view"] for row in leak] == TEST_VIEWS
+    assert {row["aligned"] for row in leak} == {"oracle"}
+
+
+def shapes(folder):
+    """{view: shape} of the images in a folder."""
+    return {p.stem: files.read_image(p).shape for p in sorted(folder.glob("*.png"))}
+
+
+def check_tradeoff(results):
+    path = results / "tradeoff.csv"
+    assert path.read_text().splitlines()[0] == SWEEP_HEADER
+    base, fast = read_csv(path)
+    assert (base["variant"], fast["variant"]) == ("base", "fast")
+    changes = "downscale 1.125, field.log2_entries 8, steps 100"
+    assert (base["changes"], fast["changes"]) == ("", changes)
+    assert (base["rays_seen"], fast["rays_seen"]) == (f"{200 * 256}", f"{100 * 256}")
+    assert int(fast["params"]) < int(base["params"])
+    cheapest = min((base, fast), key=lambda row: float(row["train_time_s"]))
+    assert cheapest["pareto"] == "True"
+    for row in (base, fast):
+        keys = ("psnr_low_db", "psnr_db", "psnr_high_db", "standard_psnr_db")
+        low, mean, high, standard = (float(row[key]) for key in keys)
+        assert 10 < low < mean < high < 40
+        assert (row["test_set"], standard != mean) == ("oracle", True)
+        assert float(row["render_time_s"]) > 0
+        assert float(row["compile_time_s"]) > 0
+    difference = float(fast["psnr_db"]) - float(base["psnr_db"])
+    assert float(fast["difference_db"]) == pytest.approx(difference, abs=1e-3)
+    assert (base["difference_low_db"], base["difference_high_db"]) == ("0", "0")
+    photos = shapes(results / "tiny" / "tradeoff" / "downscale-1.125" / "images")
+    assert set(photos.values()) == {(32, 43, 3)}
+    renders = shapes(results / "tiny" / "tradeoff" / "fast" / "renders" / "test")
+    assert renders == dict.fromkeys(TEST_VIEWS, (HEIGHT, WIDTH, 3))
+    with Image.open(results / "tradeoff.png") as figure:
+        figure.load()
+        assert min(figure.size) > 500
+    check_logs(results / "logs")
+
+
+def check_logs(scene):
+    for path in scene.rglob("*.log"):
+        assert "Traceback" not in path.read_text()
+        assert "arning" not in path.read_text()
+    marks = {path.name for path in scene.rglob(".*")}
+    assert marks <= {".snakemake_timestamp"}, "a temporary file was left behind"

@@ -1,0 +1,112 @@
+"""Bad input to the whole workflow: one line that names it, nothing half-made."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import skimage.data
+import yaml
+from PIL import Image
+
+NOWHERE = {"source": "photos", "path": "no where"}
+TRAIN = {"scenes": {"train": {"source": "courtyard"}}, "tradeoff": None}
+
+
+def write(folder, config):
+    path = folder / "config.yaml"
+    path.write_text(yaml.safe_dump(config, sort_keys=False))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"training": {"stpes": 5}}, "'stpes'"),
+        (
+            {"scenes": {"train": {"source": "courtyard"}}, "tradeoff": None},
+            "a rule has",
+        ),
+        (
+            {"scenes": {"mine": {"source": "photos", "path": "no where"}}},
+            "no where does",
+        ),
+        ({"scenes": None}, "scenes: None is not of type"),
+    ],
+)
+def test_planning_stops_with_one_line(tmp_path, demo, snakemake, change, reason):
+    path = write(tmp_path, demo | change)
+    code, output = snakemake(tmp_path, "--configfile", path, "-n")
+    assert code == 1
+    assert output.startswith("error: config: ")
+    assert reason in output
+    assert len(output.splitlines()) == 1
+    assert not (tmp_path / "results").exists()
+
+
+def test_a_key_that_stands_twice_is_named(tmp_path, demo, snakemake):
+    path = write(tmp_path, demo)
+    with open(path, "a") as file:
+        file.write("seed: 3\nseed: 4\n")
+    code, output = snakemake(tmp_path, "--configfile", path, "-n")
+    assert code == 1
+    assert "key 'seed' stands twice" in output
+    assert len(output.splitlines()) == 1
+
+
+def test_a_target_that_the_config_has_not_is_named(tmp_path, demo, snakemake):
+    del demo["tradeoff"]
+    options = (tmp_path, "--configfile", write(tmp_path, demo), "-n")
+    assert snakemake(*options)[0] == 0
+    code, output = snakemake(*options, "tradeoff")
+    assert code == 1
+    assert output.splitlines()[-1].startswith("error: config: tradeoff: not there")
+
+
+def no_photos(folder):
+    """An empty folder of photos."""
+
+
+def broken_photo(folder):
+    three_apart(folder)
+    (folder / "b.jpg").write_bytes((folder / "b.jpg").read_bytes()[:2000])
+
+
+def three_apart(folder):
+    """Three photos of different things."""
+    for name, image in {
+        "a": skimage.data.astronaut(),
+        "b": skimage.data.coffee(),
+        "c": skimage.data.chelsea(),
+    }.items():
+        Image.fromarray(image[:240, :320]).save(folder / f"{name}.jpg", quality=90)
+
+
+def two_sizes(folder):
+    for name, size in {"a": 40, "b": 40, "odd one": 50}.items():
+        Image.fromarray(np.zeros((size, 64, 3), np.uint8)).save(folder / f"{name}.png")
+
+
+@pytest.mark.parametrize(
+    ("fill", "reason"),
+    [
+        (no_photos, "no images in my photos"),
+        (broken_photo, "cannot decode my photos/b.jpg"),
+        (three_apart, "my photos"),
+        (two_sizes, "my photos: .*odd one.png"),
+    ],
+)
+def test_bad_photos_end_in_one_line(tmp_path, snakemake, fill, reason):
+    (tmp_path / "my photos").mkdir()
+    fill(tmp_path / "my photos")
+    config = {"scenes": {"mine": {"source": "photos", "path": "my photos"}}}
+    options = ("--configfile", write(tmp_path, config), "--cores", "2")
+    code, output = snakemake(tmp_path, *options)
+    assert code == 1
+    assert "Traceback" not in output
+    (line,) = [line for line in output.splitlines() if line.startswith("error: ")]
+    assert re.search(reason, line)
+    made = [path for path in (tmp_path / "results").rglob("*") if path.is_file()]
+    names = {path.relative_to(tmp_path / "results") for path in made}
+    known = {"config.yaml", "logs/config.log", "logs/config.tsv", "logs/poses.log"}
+    assert names <= {Path("mine") / name for name in known}
