@@ -37,7 +37,7 @@ def fit(job, method, built, params, views, checkpoints, *, names, sources=""):
     )
     state = program.fresh_state(built.optimizer, params)
     state, spent_s, parts = resume(checkpoints, state, identity, job.steps)
-    built = as_resumed(built, parts, job, method, params, views)
+    built = with_parts(built, parts, job, method, params, views)
     program.log_memory(job, built, state, views)
     state, views = program.place((state, views), built.mesh)
     start = time.perf_counter()
@@ -74,24 +74,27 @@ def resume(checkpoints, state, identity, steps):
     return state, manifest["time_s"], manifest["parts"]
 
 
-def as_resumed(built, parts, job, method, params, views):
+def with_parts(built, parts, job, method, params, views):
     """The program in the micro-batches that the resumed training had, if they fit.
 
-    parts: how many; None where nothing is resumed.
+    parts: how many; None where nothing is resumed, which takes the usual ones.
     """
-    if parts in (None, built.parts):
-        return built
-    # A CPU takes the photos as they lie in memory.
-    on_cpu = jax.local_devices()[0].platform == "cpu"
-    to_come = 0 if on_cpu else memory.tree_bytes(views)
-    before_s = built.compile_time_s
-    built = program.build(job, method, params, views, parts=parts, to_come=to_come)
-    if built.parts != parts:
+    first = program.first_parts(job, method, built.mesh, parts)
+    if first != built.first_parts:
+        # Built for a checkpoint that turned out to be another job's. Only this case
+        # compiles twice: a new training begins with the usual ones, whatever lay there.
+        # A CPU takes the photos as they lie in memory.
+        on_cpu = jax.local_devices()[0].platform == "cpu"
+        to_come = 0 if on_cpu else memory.tree_bytes(views)
+        before_s = built.compile_time_s
+        built = program.build(job, method, params, views, parts=parts, to_come=to_come)
+        built = built._replace(compile_time_s=before_s + built.compile_time_s)
+    if parts not in (None, built.parts):
         log.warning(
             "resuming in %d micro-batches instead of %d: other rounding",
             *(built.parts, parts),
         )
-    return built._replace(compile_time_s=before_s + built.compile_time_s)
+    return built
 
 
 def check_finite(state):
