@@ -18,9 +18,8 @@ import time
 import jax
 import jax.numpy as jnp
 import numpy as np
-from PIL import Image
 
-from alignerf.command import faults, progress, whole
+from alignerf.command import faults, images, progress, whole
 from alignerf.contributions import strips
 from alignerf.experiment import settings
 from alignerf.scenes import cameras, prepared
@@ -63,7 +62,7 @@ def main(argv=None):
 
         def render_view(view):
             image, depth = render(loaded.pixtocams[view], loaded.camtoworlds[view])
-            Image.fromarray(image).save(folder / f"{loaded.names[view]}.png")
+            images.write(folder / f"{loaded.names[view]}.png", image)
             if depths is not None:
                 np.savez(depths / f"{loaded.names[view]}.npz", depth=depth)
 

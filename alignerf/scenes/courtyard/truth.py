@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from alignerf.command import images
 from alignerf.scenes import cameras, prepare
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard
@@ -68,7 +69,7 @@ def write_photos(folder, scene: Courtyard):
             supersample=scene.supersample,
             lens_sigma_px=scene.lens_sigma_px,
         )
-        prepare.save_image(folder / f"{name}.png", rendered.image)
+        images.write(folder / f"{name}.png", rendered.image)
 
 
 def select(scene: Courtyard, names) -> Courtyard:
@@ -99,7 +100,7 @@ def write_truth(folder, scene: Courtyard, given: prepare.PosedViews, *, split):
     lengths_px = []
     for i, name in enumerate(given.names):
         image, depth_m = render_oracle(scene, given, i)
-        prepare.save_image(folder / "oracle" / f"{name}.png", image)
+        images.write(folder / "oracle" / f"{name}.png", image)
         np.savez_compressed(folder / "depth" / f"{name}.npz", depth_m=depth_m)
         flow_px, valid = courtyard.true_flow(
             scene.world,
