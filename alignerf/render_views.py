@@ -55,6 +55,7 @@ def main(argv=None):
     render = make_renderer(method, params, loaded.width, loaded.height)
     bar = progress.Progress(f"render {args.split}", len(views), unit="view")
     with contextlib.ExitStack() as stack:
+        stack.enter_context(contextlib.closing(bar))
         folder = stack.enter_context(whole.replace_folder(args.renders))
         depths = None
         if args.depth:
@@ -75,7 +76,6 @@ def main(argv=None):
         for _ in cores.map_in_threads(render_view, views[1:]):
             bar.advance()
         rendered = time.perf_counter()
-    bar.close()
     timing = {
         "time_s": round(time.perf_counter() - start, 3),
         "views": len(views),

@@ -1,4 +1,4 @@
-"""What is installed is all that is here: a wheel's modules import from where it lies."""
+"""What is installed is all that is here: every module of a wheel, from its place."""
 
 import os
 import shutil

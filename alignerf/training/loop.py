@@ -3,6 +3,7 @@
 Nothing here knows what a method is made of, or where its photos came from.
 """
 
+import contextlib
 import logging
 import time
 
@@ -125,34 +126,34 @@ def run_steps(job, step, state, views, save, explain):
     it, for the first step that is not finite.
     """
     done = int(state.step)
-    bar = progress.Progress(job.stage, job.steps, done=done)
     pending, history = [], {}
     saved = fetched = time.perf_counter()
-    while done < job.steps:
-        state, stats = step(state, views)
-        pending.append(stats)
-        done += 1
-        if len(pending) < FETCH_EVERY and done < job.steps:
-            continue
-        numbers = jax.device_get(pending)
-        if not all(is_finite(stats) for stats in numbers):
-            raise ValueError(explain(state))
-        history = {
-            key: float(np.mean([stats[key] for stats in numbers])) for key in stats
-        }
-        now = time.perf_counter()
-        rays_per_s = len(pending) * job.rays_per_step / (now - fetched)
-        bar.advance(
-            len(pending),
-            loss=history["loss"],
-            psnr=history["psnr_db"],
-            **{"rays/s": rays_per_s},
-        )
-        fetched, pending = now, []
-        if now - saved > CHECKPOINT_EVERY_S or done == job.steps:
-            save(state)
-            saved = time.perf_counter()
-    bar.close()
+    bar = progress.Progress(job.stage, job.steps, done=done)
+    with contextlib.closing(bar):
+        while done < job.steps:
+            state, stats = step(state, views)
+            pending.append(stats)
+            done += 1
+            if len(pending) < FETCH_EVERY and done < job.steps:
+                continue
+            numbers = jax.device_get(pending)
+            if not all(is_finite(stats) for stats in numbers):
+                raise ValueError(explain(state))
+            history = {
+                key: float(np.mean([stats[key] for stats in numbers])) for key in stats
+            }
+            now = time.perf_counter()
+            rays_per_s = len(pending) * job.rays_per_step / (now - fetched)
+            bar.advance(
+                len(pending),
+                loss=history["loss"],
+                psnr=history["psnr_db"],
+                **{"rays/s": rays_per_s},
+            )
+            fetched, pending = now, []
+            if now - saved > CHECKPOINT_EVERY_S or done == job.steps:
+                save(state)
+                saved = time.perf_counter()
     return state, history
 
 
