@@ -93,7 +93,7 @@ def sort_by_name(views: PosedViews) -> PosedViews:
     )
 
 
-def downscale(views: PosedViews, factor: float) -> PosedViews:
+def downscale(views: PosedViews, factor: int | float) -> PosedViews:
     """Images made smaller by area averaging; intrinsics follow the true size ratio.
 
     Raises ValueError where the result would be too small to analyse.
