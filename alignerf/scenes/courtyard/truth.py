@@ -35,7 +35,7 @@ class Courtyard(NamedTuple):
 def build_courtyard(
     *, views, width, height, motion, motion_m, moving, supersample, lens_sigma_px, seed
 ) -> Courtyard:
-    """The courtyard of a seed; see `courtyard` for motion and its unit, metres."""
+    """The courtyard of a seed; motion as in `scene.draw_displacements`."""
     # The world comes last: it takes seconds, and the rest refuses faults at once.
     pixtocams, camtoworlds = courtyard.make_cameras(
         views=views, width=width, height=height, seed=seed
@@ -57,7 +57,7 @@ def build_courtyard(
 
 
 def write_photos(folder, scene: Courtyard):
-    """Write <folder>/<name>.png, the photos at full size; the folder must exist."""
+    """Write <folder>/<name>.png, the photos at full size."""
     for i, name in enumerate(scene.names):
         rendered = courtyard.render(
             scene.world,
@@ -152,9 +152,10 @@ def render_oracle(scene: Courtyard, given: prepare.PosedViews, i):
 
 
 def compare_cameras(estimated, true):
-    """How far estimated cameras are from the true ones, after alignment.
+    """How far estimated cameras are from the true ones, aligned to them before.
 
-    estimated, true: (pixtocams [n, 3, 3], camtoworlds [n, 3, 4]) in one frame.
+    estimated, true: (pixtocams [n, 3, 3], camtoworlds [n, 3, 4]) in one frame, and of
+    one image size.
     Relative to the cameras' mean distance from their centre, the mean error of
     their positions; the mean angle between their orientations; the mean focal
     length's relative error; and the correlation of all distances between two cameras,
