@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import faults, whole
+from alignerf.command import faults, images, whole
 from alignerf.experiment import check, jobs, schema, settings
 from alignerf.scenes import cameras, colmap, llff, prepare, transforms
 from alignerf.scenes.courtyard import scene as courtyard
@@ -102,7 +102,7 @@ def load_courtyard(config, scratch):
         camtoworlds=scene.camtoworlds,
         width=scene.width,
         height=scene.height,
-        load=lambda i: prepare.load_image(folder / f"{scene.names[i]}.png"),
+        load=lambda i: images.read(folder / f"{scene.names[i]}.png"),
     )
     return views, registration(scene.names, []), scene
 

@@ -18,9 +18,8 @@ import time
 import jax
 import jax.numpy as jnp
 import numpy as np
-from PIL import Image
 
-from alignerf.command import faults, progress, whole
+from alignerf.command import faults, images, progress, whole
 from alignerf.contributions import strips
 from alignerf.experiment import jobs
 from alignerf.scenes import cameras, prepared
@@ -54,6 +53,7 @@ def main(argv=None):
     render = make_renderer(method, params, loaded.width, loaded.height)
     bar = progress.Progress(f"render {args.split}", len(views), unit="view")
     with contextlib.ExitStack() as stack:
+        stack.enter_context(contextlib.closing(bar))
         folder = stack.enter_context(whole.replace_folder(args.renders))
         depths = None
         if args.depth:
@@ -61,7 +61,7 @@ def main(argv=None):
 
         def render_view(view):
             image, depth = render(loaded.pixtocams[view], loaded.camtoworlds[view])
-            Image.fromarray(image).save(folder / f"{loaded.names[view]}.png")
+            images.write(folder / f"{loaded.names[view]}.png", image)
             if depths is not None:
                 np.savez(depths / f"{loaded.names[view]}.npz", depth=depth)
 
@@ -74,7 +74,6 @@ def main(argv=None):
         for _ in cores.map_in_threads(render_view, views[1:]):
             bar.advance()
         rendered = time.perf_counter()
-    bar.close()
     timing = {
         "time_s": round(time.perf_counter() - start, 3),
         "views": len(views),

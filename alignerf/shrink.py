@@ -7,7 +7,7 @@ smaller photos can be rendered and scored at the scene's own size.
 import argparse
 import pathlib
 
-from alignerf.command import archives, faults, whole
+from alignerf.command import archives, faults, images, whole
 from alignerf.scenes import prepare, prepared
 
 
@@ -29,9 +29,7 @@ def main(argv=None):
         camtoworlds=stored["camtoworlds"],
         width=loaded.width,
         height=loaded.height,
-        load=lambda i: prepared.read_image(
-            paths[i], width=loaded.width, height=loaded.height
-        ),
+        load=lambda i: images.read(paths[i], size=(loaded.width, loaded.height)),
     )
     smaller = prepare.downscale(views, args.factor)
     out = pathlib.Path(args.out)

@@ -25,6 +25,20 @@ log = logging.getLogger("alignerf")
 
 
 def main(argv=None):
+    args = parse(argv)
+    job = with_radius(jobs.parse(jobs.read(args.config)), args.displacement)
+    # Before all that takes time: a second trainer is refused at once.
+    with checkpoint.lock(args.checkpoints):
+        params, timing = train(job, args)
+    if job.stage == "finetune":
+        timing["radius_px"] = job.alignerf.radius_px
+    checkpoint.write_params(args.model, params)
+    with whole.replace_file(args.timing) as path:
+        path.write_text(json.dumps(timing, indent=1))
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--config", required=True, help="job as JSON, or its file")
     parser.add_argument("--scene", required=True, help="prepared scene folder")
@@ -36,8 +50,11 @@ def main(argv=None):
     parser.add_argument("--checkpoints", required=True, help="folder to resume from")
     parser.add_argument("--model", required=True, help="parameters, written")
     parser.add_argument("--timing", required=True, help="timing.json, written")
-    args = parser.parse_args(argv)
-    job = with_radius(jobs.parse(jobs.read(args.config)), args.displacement)
+    return parser.parse_args(argv)
+
+
+def train(job, args):
+    """(parameters, timing) of the job, from its checkpoint or from the beginning."""
     if job.model.field.kind == "grid":
         # An MLP gains little by it, and each device holds all its parameters.
         cores.use_as_devices()
@@ -51,19 +68,15 @@ def main(argv=None):
     to_come = memory.tree_bytes(shapes)
     for free in (memory.free_host_bytes(), memory.free_bytes(jax.local_devices()[0])):
         memory.check(to_come, free, f"{photos}: training views")
-    built = program.build(job, method, params, shapes, to_come=to_come)
-    views = load_views(loaded, chosen, photos, args.valid)
-    with checkpoint.lock(args.checkpoints):
-        params, timing = loop.fit(
-            *(job, method, built, params, views, args.checkpoints),
-            names=[loaded.names[view] for view in chosen],
-            sources=args.sources + weights_digest(job),
-        )
-    if job.stage == "finetune":
-        timing["radius_px"] = job.alignerf.radius_px
-    checkpoint.write_params(args.model, params)
-    with whole.replace_file(args.timing) as path:
-        path.write_text(json.dumps(timing, indent=1))
+    # Whether the checkpoint is this job's shows when the photos are there.
+    parts = checkpoint.read_parts(args.checkpoints)
+    built = program.build(job, method, params, shapes, parts=parts, to_come=to_come)
+    return loop.fit(
+        *(job, method, built, params),
+        *(load_views(loaded, chosen, photos, args.valid), args.checkpoints),
+        names=[loaded.names[view] for view in chosen],
+        sources=args.sources + weights_digest(job),
+    )
 
 
 def with_radius(job, displacement) -> jobs.Job:

@@ -13,21 +13,21 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from alignerf.command import archives, faults, progress, whole
+from alignerf.command import archives, faults, images, progress, whole
 from flow.estimation import estimate, given, pairs
 from flow.warping import files, lengths, warp
 
 COLUMNS = ("view", *lengths.COLUMNS, "blur_sigma_px", "time_s")
 
 
-def main(renders, photos, targets, stats_out, *, views=None, **options):
+def main(renders, photos, targets, stats_out, **options):
     """Align every view of a folder; returns the rows of the statistics.
 
     renders, photos: folders of <view>.png. targets: {"flow": folder} and, for warped
-    photos, "warped". They and the CSV appear together or not at all. views: names,
-    else every render's. options: those of `align_view`. Raises ValueError or OSError.
+    photos, "warped". They and the CSV appear together or not at all. options: those
+    of `align_view`. Raises ValueError or OSError.
     """
-    found = pairs.find_pairs(Path(renders), Path(photos), views)
+    found = pairs.find_pairs(Path(renders), Path(photos))
     rows = []
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
@@ -37,7 +37,7 @@ def main(renders, photos, targets, stats_out, *, views=None, **options):
             folders[kind] = stack.enter_context(whole.replace_folder(target))
         for view, render_path, photo_path in progress.over(found, "flow"):
             started = time.perf_counter()
-            render, photo = files.read_image(render_path), files.read_image(photo_path)
+            render, photo = images.read(render_path), images.read(photo_path)
             row = align_view(view, render, photo, folders, **options)
             rows.append(row | {"time_s": round(time.perf_counter() - started, 4)})
         files.write_rows(stats_path, COLUMNS, rows)
@@ -62,7 +62,7 @@ def align_view(
     files.write_flow(folders["flow"] / f"{view}.npz", flow_px, valid)
     if "warped" in folders:
         warped = warp.warp(photo, flow_px, kernel=kernel)
-        files.write_image(folders["warped"] / f"{view}.png", warped)
+        images.write(folders["warped"] / f"{view}.png", warped)
     return {"view": view, **row, "blur_sigma_px": sigma_px}
 
 
@@ -111,11 +111,7 @@ def parse(arguments=None):
     parser.add_argument("--depth", type=Path, help="of the renders, for occlusions")
     parser.add_argument("--kernel", choices=warp.KERNELS, default="lanczos")
     parser.add_argument("--tolerance-px", type=float, default=1.0)
-    parser.add_argument("--views-file", type=Path, help="cameras.npz")
-    parser.add_argument("--split", choices=("train", "test"))
     options = parser.parse_args(arguments)
-    if (options.views_file is None) != (options.split is None):
-        parser.error("--views-file and --split go together")
     if (options.flows is None) == (options.method == given.METHOD):
         parser.error(f"--flows goes with --method {given.METHOD}, and it with --flows")
     return options
@@ -124,17 +120,9 @@ def parse(arguments=None):
 def run(arguments=None):
     """The command line; returns its exit code."""
     options = vars(parse(arguments))
-    views_file, split = options.pop("views_file"), options.pop("split")
     folders = {kind: options.pop(f"{kind}_out") for kind in ("flow", "warped")}
     targets = {kind: folder for kind, folder in folders.items() if folder}
-
-    def call():
-        views = (
-            None if views_file is None else list(files.read_split(views_file, split))
-        )
-        main(targets=targets, views=views, **options)
-
-    return faults.exit_code(call)
+    return faults.exit_code(main, targets=targets, **options)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from alignerf.command import faults, progress, whole
+from alignerf.command import faults, images, progress, whole
 from flow.estimation import estimate, pairs
 from flow.warping import controls, files, lengths, warp
 
@@ -50,11 +50,11 @@ def main(renders, photos, flow, out, *, truth=None, **options):
             folders[kind] = stack.enter_context(place)
         for view, *paths in progress.over(found, "controls"):
             started = time.perf_counter()
-            render, photo = map(files.read_image, paths)
+            render, photo = map(images.read, paths)
             flow_px, _ = files.read_flow(Path(flow) / f"{view}.npz")
             oracle = None
             if truth is not None:
-                oracle = files.read_image(Path(truth) / "oracle" / f"{view}.png")
+                oracle = images.read(Path(truth) / "oracle" / f"{view}.png")
             try:
                 row = write_view(
                     view, render, photo, flow_px, folders, oracle=oracle, **options
@@ -67,20 +67,32 @@ def main(renders, photos, flow, out, *, truth=None, **options):
 
 
 def write_view(
-    view, render, photo, flow_px, folders, *, oracle=None, kernel="lanczos", **options
+    view,
+    render,
+    photo,
+    flow_px,
+    folders,
+    *,
+    oracle=None,
+    kernel="lanczos",
+    tolerance_px=1.0,
+    **options,
 ):
     """Write one view's control sets; returns the statistics of the invented flow.
 
-    options: method, match_blur and tolerance_px of `pairs.flow_and_validity`.
+    tolerance_px: of `pairs.flow_and_validity`. options: method and match_blur, of it
+    and of `held_out_flow`.
     """
     placebo_px = controls.placebo_flow(*render.shape[:2], view=view)
     held_out_px = held_out_flow(render, photo, **options)
     aligned = oracle
     if aligned is None:
         aligned = controls.resharpened(render, photo, held_out_px)
-    leak_px, valid, sigma_px = pairs.flow_and_validity(render, aligned, **options)
+    leak_px, valid, sigma_px = pairs.flow_and_validity(
+        render, aligned, tolerance_px=tolerance_px, **options
+    )
     warped = functools.partial(warp.warp, kernel=kernel)
-    images = {
+    made = {
         "control": warp.round_trip(photo, flow_px, kernel=kernel),
         "placebo": warped(photo, placebo_px),
         "held_out": warped(photo, held_out_px),
@@ -88,8 +100,8 @@ def write_view(
         "leak": warped(aligned, leak_px),
         "leak_held_out": warped(aligned, held_out_flow(render, aligned, **options)),
     }
-    for kind, image in images.items():
-        files.write_image(folders[kind] / f"{view}.png", image)
+    for kind, image in made.items():
+        images.write(folders[kind] / f"{view}.png", image)
     files.write_flow(folders["leak_flow"] / f"{view}.npz", leak_px, valid)
     return {
         "view": view,
@@ -99,9 +111,7 @@ def write_view(
     }
 
 
-def held_out_flow(
-    render, photo, *, method=estimate.DEFAULT, match_blur=True, tolerance_px=None
-):
+def held_out_flow(render, photo, *, method=estimate.DEFAULT, match_blur=True):
     """`controls.held_out_flow` with the estimator and blur that the warped set has.
 
     One blur for the whole image: it is a single number, and says nothing of a pixel.

@@ -22,7 +22,7 @@ def replace_file(path):
     temporary = Path(name)
     try:
         yield temporary
-        os.chmod(temporary, 0o666 & ~_umask())
+        os.chmod(temporary, 0o666 & ~_UMASK)
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -76,3 +76,7 @@ def _umask():
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+# Read once: it is read by setting it, which other threads must not see.
+_UMASK = _umask()

@@ -4,10 +4,13 @@ Lengths are those of the flow from render to photo; `flow.align` writes their 95
 percentile for each view.
 """
 
+import logging
 import math
 
 import numpy as np
 import pandas as pd
+
+log = logging.getLogger("alignerf")
 
 # The photo around a patch of 32 px is then 64 px wide: four times the patch's area,
 # and (2 r + 1)^2 = 1089 offsets to compare.
@@ -21,11 +24,17 @@ def radius_from(lengths_px) -> int:
     Rounded up from the least length that 95 % of the views do not exceed (with fewer
     than 20 views their largest): 19 of 20 pixels are within reach in 19 of 20 views,
     and the few views whose flow failed do not decide. At least 1, because an offset
-    of 0 alone is no search. Raises ValueError for no length and for one that is
+    of 0 alone is no search. At most 16, and a warning says so: what lies further off
+    is out of the loss's reach. Raises ValueError for no length and for one that is
     negative or not finite.
     """
     lengths_px = check(lengths_px)
     reach_px = np.percentile(lengths_px, 95, method="inverted_cdf")
+    if reach_px > MOST_PX:
+        log.warning(
+            "search radius: %d px is the most, %.1f px were measured",
+            *(MOST_PX, reach_px),
+        )
     return min(max(math.ceil(reach_px), 1), MOST_PX)
 
 

@@ -36,11 +36,13 @@ def reached(module):
     """Files of this project that a module imports, directly or not, and its own."""
     todo, seen = [module, f"{module}.__main__"], set()
     while todo:
-        path = file_of(todo.pop())
+        name = todo.pop()
+        path = file_of(name)
         if path is None or path in seen:
             continue
         seen.add(path)
-        todo += imports(path)
+        # Importing a module runs the packages that it lies in.
+        todo += [*imports(path), *([name.rpartition(".")[0]] if "." in name else [])]
     return seen
 
 

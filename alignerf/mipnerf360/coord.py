@@ -117,12 +117,3 @@ def s_to_t(
     s = 1 the difference of 1 and 1 - near/far has no digits left in float32.
     """
     return near / ((1.0 - s) + s * (near / far))
-
-
-def t_to_s(
-    t: Float[Array, "*batch"],
-    near: float | Float[Array, "*#batch"],
-    far: float | Float[Array, "*#batch"],
-) -> Float[Array, "*batch"]:
-    """Inverse of `s_to_t`, in differences that are exact close to near."""
-    return (t - near) / (far - near) * (far / t)

@@ -13,7 +13,7 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float
 
-from alignerf.command import faults
+from alignerf.command import faults, images
 from alignerf.scenes import cameras, photos, prepare
 
 log = logging.getLogger(__name__)
@@ -135,7 +135,7 @@ def pose_folder(folder, work_folder, *, camera_model, max_size_px, seed, where):
         model.camtoworlds,
         width=taken.width,
         height=taken.height,
-        load=lambda i: prepare.load_image(ingested / f"{model.names[i]}.png"),
+        load=lambda i: images.read(ingested / f"{model.names[i]}.png"),
         where=where,
     )
     return views, model, focal_px
@@ -143,13 +143,13 @@ def pose_folder(folder, work_folder, *, camera_model, max_size_px, seed, where):
 
 def convert(model, names, *, models=()) -> Reconstruction:
     """A pycolmap reconstruction in our conventions, sorted by view name."""
-    images = {
+    posed = {
         image.name.removesuffix(".png"): image
         for image in model.images.values()
         if image.has_pose
     }
-    kept = sorted(images)
-    taken_by = [model.cameras[images[name].camera_id] for name in kept]
+    kept = sorted(posed)
+    taken_by = [model.cameras[posed[name].camera_id] for name in kept]
     lenses = [lens(camera.model.name, camera.params) for camera in taken_by]
     tracks = np.array([point.track.length() for point in model.points3D.values()])
     return Reconstruction(
@@ -157,7 +157,7 @@ def convert(model, names, *, models=()) -> Reconstruction:
         left_out=sorted(set(names) - set(kept)),
         camtopix=np.stack([camtopix for camtopix, _ in lenses]),
         distortion=np.stack([distortion for _, distortion in lenses]),
-        camtoworlds=np.stack([_pose(images[name]) for name in kept]),
+        camtoworlds=np.stack([_pose(posed[name]) for name in kept]),
         mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
         points=len(tracks),
         points_in_3_views=float((tracks >= 3).mean()) if len(tracks) else 0.0,

@@ -19,8 +19,7 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image, ImageOps
 
-from alignerf.command import faults
-from alignerf.scenes import prepare
+from alignerf.command import faults, images
 
 log = logging.getLogger(__name__)
 
@@ -107,7 +106,7 @@ def ingest(folder, work_folder) -> Photos:
         image, focal_px = decode(path)
         sizes.append((image.shape[1], image.shape[0]))
         focals_px.append(focal_px)
-        prepare.save_image(Path(work_folder) / f"{path.stem}.png", image)
+        images.write(Path(work_folder) / f"{path.stem}.png", image)
     width, height = one_size([path.name for path in paths], sizes, folder)
     return Photos(
         names=[path.stem for path in paths],

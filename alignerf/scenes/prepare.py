@@ -10,8 +10,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from jaxtyping import Float
-from PIL import Image
 
+from alignerf.command import images
 from alignerf.scenes import cameras, distortion
 
 # Under this no method of the analysis works: SSIM needs 11 pixels, flow more.
@@ -140,7 +140,7 @@ def write_views(folder, views: PosedViews, *, split):
     """Write images/<name>.png and cameras.npz into a folder of the caller's."""
     (folder / "images").mkdir(parents=True)
     for i, name in enumerate(views.names):
-        save_image(folder / "images" / f"{name}.png", views.load(i))
+        images.write(folder / "images" / f"{name}.png", views.load(i))
     write_cameras(folder / "cameras.npz", views, split=split)
 
 
@@ -157,12 +157,5 @@ def write_cameras(path, views: PosedViews, *, split):
     )
 
 
-def save_image(path, image):
-    """Write [h, w, 3] uint8 as PNG, fast rather than small."""
-    Image.fromarray(image).save(path, compress_level=2)
-
-
-def load_image(path):
-    """Read an 8-bit RGB PNG of our own writing as [h, w, 3] uint8."""
-    with Image.open(path) as image:
-        return np.asarray(image.convert("RGB"))
+# Names that `alignerf.poses` and its test still use.
+save_image, load_image = images.write, images.read

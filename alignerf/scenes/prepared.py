@@ -5,16 +5,13 @@
 """
 
 import concurrent.futures
-import contextlib
 import dataclasses
 import math
-import os
 import pathlib
 
 import numpy as np
-from PIL import Image
 
-from alignerf.command import archives
+from alignerf.command import archives, images, machine
 from alignerf.scenes import cameras
 
 SPLITS = ("train", "test")
@@ -87,34 +84,11 @@ def flatness(matrices):
     return np.abs(np.linalg.det(columns / np.maximum(lengths, 1e-30)))
 
 
-def read_image(path, *, width=None, height=None) -> np.ndarray:
-    """8-bit RGB image [h, w, 3]; a wrong size or kind or a broken file is named."""
-    with _opened(path, width, height) as image:
-        return np.asarray(image)
-
-
 def check_images(scene: Scene, views, folder):
     """Refuse now, by the file's head, most of what `read_images` refuses."""
     for view in views:
-        with _opened(_image_path(scene, view, folder), scene.width, scene.height):
-            pass
-
-
-@contextlib.contextmanager
-def _opened(path, width, height):
-    """A Pillow image whose pixels are yet to be read, of this size unless None."""
-    try:
-        with Image.open(path) as image:
-            if image.mode != "RGB":
-                raise ValueError(f"{path}: not 8-bit RGB but Pillow's {image.mode}")
-            if width is not None and image.size != (width, height):
-                raise ValueError(
-                    f"{path}: {image.width}x{image.height} pixels, "
-                    f"the scene has {width}x{height}"
-                )
-            yield image
-    except (OSError, SyntaxError) as error:
-        raise ValueError(f"{path}: not a readable image ({error})") from None
+        path = _image_path(scene, view, folder)
+        images.check(path, size=(scene.width, scene.height))
 
 
 def _image_path(scene, view, folder):
@@ -126,16 +100,16 @@ def read_images(scene: Scene, views, folder) -> np.ndarray:
 
     Decoded side by side, each straight to its place: one copy is in memory.
     """
-    images = empty_images((len(views), scene.height, scene.width, 3))
+    found = empty_images((len(views), scene.height, scene.width, 3))
 
     def read(slot):
         path = _image_path(scene, views[slot], folder)
-        images[slot] = read_image(path, width=scene.width, height=scene.height)
+        found[slot] = images.read(path, size=(scene.width, scene.height))
 
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+    with concurrent.futures.ThreadPoolExecutor(machine.cores()) as pool:
         for _ in pool.map(read, range(len(views))):
             pass
-    return images
+    return found
 
 
 def empty_images(shape):

@@ -78,6 +78,19 @@ def save(folder, state, *, identity, time_s, parts):
             old.unlink()
 
 
+def read_parts(folder) -> int | None:
+    """Micro-batches of the folder's checkpoint, whosever it is; None without one.
+
+    What is wrong with the manifest is left to `restore` to say.
+    """
+    try:
+        manifest = json.loads((pathlib.Path(folder) / "manifest.json").read_text())
+        parts = manifest["parts"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return parts if isinstance(parts, int) and parts > 0 else None
+
+
 def restore(folder, template, *, identity):
     """The newest state and its manifest, or None where none fits.
 

@@ -6,38 +6,43 @@ devices they train it 1.3 times as fast as one of two threads, an MLP 1.05 times
 """
 
 import concurrent.futures
-import contextlib
+import logging
 import os
 
 import jax
+
+from alignerf.command import machine
+
+log = logging.getLogger("alignerf")
 
 # Beyond these, further devices have less to do and more gradients to add up.
 MOST_DEVICES = 4
 
 
-def count() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def use_as_devices():
     """Let every core be a device of JAX, where there is no accelerator.
 
-    Only the first thing that a process does with JAX can: later, or where the user
-    has said how many in XLA_FLAGS, they stay as they are.
+    Only the first thing that a process does with JAX can: later they stay as they
+    are, which is said; so they do where the user has said how many in XLA_FLAGS.
     """
     if "xla_force_host_platform_device_count" in os.environ.get("XLA_FLAGS", ""):
         return
-    with contextlib.suppress(RuntimeError):
-        jax.config.update("jax_num_cpu_devices", min(count(), MOST_DEVICES))
+    wanted = min(machine.cores(), MOST_DEVICES)
+    try:
+        jax.config.update("jax_num_cpu_devices", wanted)
+    except RuntimeError:
+        devices = jax.local_devices()
+        if devices[0].platform == "cpu" and len(devices) != wanted:
+            log.warning(
+                "too late for a device each of %d cores: JAX has started with %d",
+                *(wanted, len(devices)),
+            )
 
 
 def map_in_threads(function, items):
     """Yield function(item) of all items in order, one thread for each core on a CPU."""
     on_cpu = jax.local_devices()[0].platform == "cpu"
-    threads = concurrent.futures.ThreadPoolExecutor(count() if on_cpu else 1)
+    threads = concurrent.futures.ThreadPoolExecutor(machine.cores() if on_cpu else 1)
     try:
         yield from threads.map(function, items)
     finally:

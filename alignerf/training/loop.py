@@ -3,6 +3,7 @@
 Nothing here knows what a method is made of, or where its photos came from.
 """
 
+import contextlib
 import logging
 import time
 
@@ -37,7 +38,7 @@ def fit(job, method, built, params, views, checkpoints, *, names, sources=""):
     )
     state = program.fresh_state(built.optimizer, params)
     state, spent_s, parts = resume(checkpoints, state, identity, job.steps)
-    built = as_resumed(built, parts, job, method, params, views)
+    built = with_parts(built, parts, job, method, params, views)
     program.log_memory(job, built, state, views)
     state, views = program.place((state, views), built.mesh)
     start = time.perf_counter()
@@ -74,24 +75,27 @@ def resume(checkpoints, state, identity, steps):
     return state, manifest["time_s"], manifest["parts"]
 
 
-def as_resumed(built, parts, job, method, params, views):
+def with_parts(built, parts, job, method, params, views):
     """The program in the micro-batches that the resumed training had, if they fit.
 
-    parts: how many; None where nothing is resumed.
+    parts: how many; None where nothing is resumed, which takes the usual ones.
     """
-    if parts in (None, built.parts):
-        return built
-    # A CPU takes the photos as they lie in memory.
-    on_cpu = jax.local_devices()[0].platform == "cpu"
-    to_come = 0 if on_cpu else memory.tree_bytes(views)
-    before_s = built.compile_time_s
-    built = program.build(job, method, params, views, parts=parts, to_come=to_come)
-    if built.parts != parts:
+    first = program.first_parts(job, method, built.mesh, parts)
+    if first != built.first_parts:
+        # Built for a checkpoint that turned out to be another job's. Only this case
+        # compiles twice: a new training begins with the usual ones, whatever lay there.
+        # A CPU takes the photos as they lie in memory.
+        on_cpu = jax.local_devices()[0].platform == "cpu"
+        to_come = 0 if on_cpu else memory.tree_bytes(views)
+        before_s = built.compile_time_s
+        built = program.build(job, method, params, views, parts=parts, to_come=to_come)
+        built = built._replace(compile_time_s=before_s + built.compile_time_s)
+    if parts not in (None, built.parts):
         log.warning(
             "resuming in %d micro-batches instead of %d: other rounding",
             *(built.parts, parts),
         )
-    return built._replace(compile_time_s=before_s + built.compile_time_s)
+    return built
 
 
 def check_finite(state):
@@ -122,34 +126,34 @@ def run_steps(job, step, state, views, save, explain):
     it, for the first step that is not finite.
     """
     done = int(state.step)
-    bar = progress.Progress(job.stage, job.steps, done=done)
     pending, history = [], {}
     saved = fetched = time.perf_counter()
-    while done < job.steps:
-        state, stats = step(state, views)
-        pending.append(stats)
-        done += 1
-        if len(pending) < FETCH_EVERY and done < job.steps:
-            continue
-        numbers = jax.device_get(pending)
-        if not all(is_finite(stats) for stats in numbers):
-            raise ValueError(explain(state))
-        history = {
-            key: float(np.mean([stats[key] for stats in numbers])) for key in stats
-        }
-        now = time.perf_counter()
-        rays_per_s = len(pending) * job.rays_per_step / (now - fetched)
-        bar.advance(
-            len(pending),
-            loss=history["loss"],
-            psnr=history["psnr_db"],
-            **{"rays/s": rays_per_s},
-        )
-        fetched, pending = now, []
-        if now - saved > CHECKPOINT_EVERY_S or done == job.steps:
-            save(state)
-            saved = time.perf_counter()
-    bar.close()
+    bar = progress.Progress(job.stage, job.steps, done=done)
+    with contextlib.closing(bar):
+        while done < job.steps:
+            state, stats = step(state, views)
+            pending.append(stats)
+            done += 1
+            if len(pending) < FETCH_EVERY and done < job.steps:
+                continue
+            numbers = jax.device_get(pending)
+            if not all(is_finite(stats) for stats in numbers):
+                raise ValueError(explain(state))
+            history = {
+                key: float(np.mean([stats[key] for stats in numbers])) for key in stats
+            }
+            now = time.perf_counter()
+            rays_per_s = len(pending) * job.rays_per_step / (now - fetched)
+            bar.advance(
+                len(pending),
+                loss=history["loss"],
+                psnr=history["psnr_db"],
+                **{"rays/s": rays_per_s},
+            )
+            fetched, pending = now, []
+            if now - saved > CHECKPOINT_EVERY_S or done == job.steps:
+                save(state)
+                saved = time.perf_counter()
     return state, history
 
 

@@ -18,10 +18,15 @@ log = logging.getLogger("alignerf")
 
 
 class Program(NamedTuple):
-    """A compiled step, in how many micro-batches, and over which devices."""
+    """A compiled step, in how many micro-batches, and over which devices.
+
+    first_parts: micro-batches that were tried first; where they did not fit, `parts`
+    are more.
+    """
 
     optimizer: Any
     step: Any
+    first_parts: int
     parts: int
     mesh: Any
     compile_time_s: float
@@ -32,6 +37,8 @@ def build(job, method, params, views, *, parts=None, to_come=0) -> Program:
 
     A compiler's memory can thus be given back before the photos are loaded, and a
     training that does not fit is refused before. `to_come` bytes will yet be taken.
+    parts: micro-batches of the training to go on with; None for those that suit the
+    device.
     """
     start = time.perf_counter()
     optimizer = make_optimizer(job)
@@ -44,12 +51,13 @@ def build(job, method, params, views, *, parts=None, to_come=0) -> Program:
     )
     # Adam's two moments are only shapes yet.
     to_come += memory.tree_bytes(shapes[0].optimizer)
+    first = first_parts(job, method, mesh, parts)
     step, parts = compile_step(
-        job, method, optimizer, *shapes, parts=parts, mesh=mesh, to_come=to_come
+        job, method, optimizer, *shapes, parts=first, mesh=mesh, to_come=to_come
     )
     memory.give_back()
     compile_time_s = round(time.perf_counter() - start, 3)
-    return Program(optimizer, step, parts, mesh, compile_time_s)
+    return Program(optimizer, step, first, parts, mesh, compile_time_s)
 
 
 def fresh_state(optimizer, params):
@@ -82,19 +90,27 @@ def place(tree, mesh):
     return jax.device_put(tree, everywhere(mesh))
 
 
-def compile_step(
-    job, method, optimizer, state, views, *, parts=None, mesh=None, to_come=0
-):
-    """(compiled step, micro-batches): `parts`, or more where the memory asks for it.
+def first_parts(job, method, mesh, parts=None) -> int:
+    """Micro-batches to try first: `parts`, or those that suit the device.
 
-    `parts` None begins with what suits the device.
+    Those of a checkpoint from other devices may not come out even.
     """
+    devices, units = share(method, mesh)
+    if parts is not None and units % parts == 0:
+        return parts
+    points = job.rays_per_step * sum(job.model.samples) // method.units
+    return gradients.parts_for_caches(units, points, devices[0])
+
+
+def share(method, mesh):
+    """(the devices of a mesh, or the only one; rays or patches that each takes)."""
     devices = mesh.devices.tolist() if mesh else jax.local_devices()[:1]
-    units = method.units // len(devices)
-    # Those of a checkpoint from other devices may not come out even.
-    if parts is None or units % parts:
-        points = job.rays_per_step * sum(job.model.samples) // method.units
-        parts = gradients.parts_for_caches(units, points, devices[0])
+    return devices, method.units // len(devices)
+
+
+def compile_step(job, method, optimizer, state, views, *, parts, mesh=None, to_come=0):
+    """(compiled step, micro-batches): `parts`, or more where the memory asks for it."""
+    devices, units = share(method, mesh)
 
     def compile_parts(parts):
         step = train_step.make_step(

@@ -7,11 +7,15 @@
 Data: Middlebury's sequences, scikit-image's stereo pair, photographs warped by smooth
 random flows and blurred on the render's side, and renders of trained models of a
 scene whose truth is known. What is not there is left out, which the log says.
+Middlebury's are those of --middlebury, else of $ALIGNERF_DATA/flow: a folder of
+<sequence>/{frame10.png, frame11.png, flow10.flo}.
 """
 
 import argparse
 import itertools
 import json
+import logging
+import os
 import subprocess
 import sys
 import time
@@ -26,7 +30,10 @@ from flow.benchmark import pairs as benchmark_pairs
 from flow.benchmark import tables as benchmark_tables
 from flow.estimation import estimate
 
-MIDDLEBURY = Path("../shared/data/flow")
+log = logging.getLogger("alignerf")
+
+# Names a folder of real data, which the sequences are in as `flow`.
+DATA = "ALIGNERF_DATA"
 WITHIN_PX = {"within_025": 0.25, "within_050": 0.5, "within_100": 1.0}
 SCORES = ("epe_px", *WITHIN_PX)
 COLUMNS = ("data", "method", "match_blur", "pairs", *SCORES, "mpx_per_s", "note")
@@ -57,21 +64,31 @@ def main(outputs, *, methods, middlebury=None, scene=None, renders=(), split="te
 
 def find_sources(middlebury, scene, renders, split):
     """Iterables of pairs; says what is left out, and why."""
-    if middlebury is not None:
-        yield benchmark_pairs.middlebury(middlebury)
-    elif MIDDLEBURY.is_dir():
-        yield benchmark_pairs.middlebury(MIDDLEBURY)
-    else:
-        print(f"left out: Middlebury, no folder {MIDDLEBURY}", file=sys.stderr)
+    if (folder := middlebury or middlebury_of_data()) is not None:
+        yield benchmark_pairs.middlebury(folder)
     try:
         yield list(benchmark_pairs.stereo())
     except (OSError, ImportError) as error:
-        print(f"left out: the stereo pair, {error}", file=sys.stderr)
+        log.info("left out: the stereo pair, %s", error)
     yield benchmark_pairs.synthetic()
     if scene is not None:
         yield benchmark_pairs.scene(scene, renders, split)
     else:
-        print("left out: renders of a scene, no --scene", file=sys.stderr)
+        log.info("left out: renders of a scene, no --scene")
+
+
+def middlebury_of_data():
+    """Middlebury's folder in that of the data; None, and a line, where none is."""
+    data = os.environ.get(DATA)
+    if data and (folder := Path(data) / "flow").is_dir():
+        return folder
+    why = f"{data} holds no folder flow" if data else f"{DATA} is not set"
+    log.warning(
+        "left out: Middlebury's sequences, %s (give --middlebury DIR, or %s: a folder "
+        "that holds flow/<sequence>)",
+        *(why, DATA),
+    )
+    return None
 
 
 def score_method(pairs, method, match_blur):
@@ -151,7 +168,7 @@ def parse(arguments=None):
     parser = argparse.ArgumentParser(prog="flow.benchmark", description=__doc__)
     for name in ("csv", "tex", "figure"):
         parser.add_argument(f"--{name}", type=Path, required=True, help="written")
-    parser.add_argument("--middlebury", type=Path, help=f"else {MIDDLEBURY}")
+    parser.add_argument("--middlebury", type=Path, help=f"else ${DATA}/flow")
     parser.add_argument("--scene", type=Path, help="with truth/ and renders")
     parser.add_argument(
         "--renders", nargs="+", default=[], help="METHOD/round<k> of the scene"

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import skimage.data
 
+from alignerf.command import images
 from flow.estimation import blur
 from flow.warping import files, warp
 
@@ -45,7 +46,7 @@ def middlebury(folder):
     if not found:
         raise ValueError(f"{folder}: no sequence (*/flow10.flo)")
     for path in found:
-        frames = [files.read_image(path / f"frame1{i}.png") for i in (0, 1)]
+        frames = [images.read(path / f"frame1{i}.png") for i in (0, 1)]
         truth = files.read_flo(path / "flow10.flo")
         yield Pair("middlebury", path.name, *frames, *truth)
 
@@ -111,12 +112,12 @@ def scene(folder, renders, split="test"):
         data = f"{folder.name} {Path(model).name}"
         for path in found:
             name = f"{model} {path.stem}"
-            render = files.read_image(path)
-            photo = files.read_image(folder / "images" / path.name)
+            render = images.read(path)
+            photo = images.read(folder / "images" / path.name)
             truth = folder / "truth"
             true_px, known = files.read_flow(truth / "flow" / f"{path.stem}.npz")
             known = known & warp.in_frame(true_px)
             yield Pair(data, name, render, photo, true_px, known)
-            oracle = files.read_image(truth / "oracle" / path.name)
+            oracle = images.read(truth / "oracle" / path.name)
             nowhere = np.zeros_like(true_px), np.ones_like(known)
             yield Pair(f"leak {data}", name, render, oracle, *nowhere)

@@ -72,7 +72,10 @@ def show(percent):
 
 
 def draw(table):
-    """Figure: error by kind of data, and error on renders (else all) over speed."""
+    """Figure: error by kind of data, and error on renders (else all) over speed.
+
+    A method without a number for some data has no mean: the note says why.
+    """
     order = list(dict.fromkeys(table["data"]))
     figure = matplotlib.figure.Figure(figsize=(13, 6), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[2, 1])
@@ -88,7 +91,8 @@ def draw(table):
         at = [order.index(data) + 0.03 * (number - 10) for data in rows["data"]]
         left.plot(at, rows["epe_px"], label=label, **look)
         chosen = rows[rows["data"].isin(aimed or order)]
-        right.plot(chosen["mpx_per_s"].median(), chosen["epe_px"].mean(), **look)
+        mean_px = chosen["epe_px"].mean(skipna=False)
+        right.plot(chosen["mpx_per_s"].median(), mean_px, **look)
     left.set_xticks(range(len(order)), order, rotation=60, ha="right", fontsize=8)
     left.set(yscale="log", ylabel="mean end-point error (px)")
     left.legend(fontsize=6, ncols=3)

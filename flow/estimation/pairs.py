@@ -8,23 +8,20 @@ from flow.estimation import estimate
 from flow.warping import warp
 
 
-def find_pairs(renders, photos, views=None):
-    """[(view, render's path, photo's path)], in the order of names.
+def find_pairs(renders, photos):
+    """[(view, render's path, photo's path)] of every render, in the order of names.
 
-    renders, photos: folders of <view>.png. views: names, else every render's. Raises
-    ValueError naming the first file that is missing.
+    renders, photos: folders of <view>.png. Raises ValueError naming the folder or the
+    photo that is missing.
     """
     for folder in (renders, photos):
         if not folder.is_dir():
             raise ValueError(f"{folder}: no such folder")
-    if views is None:
-        views = sorted(path.stem for path in renders.glob("*.png"))
+    views = sorted(path.stem for path in renders.glob("*.png"))
     if not views:
         raise ValueError(f"{renders}: no renders (*.png) to align")
     pairs = [(v, renders / f"{v}.png", photos / f"{v}.png") for v in views]
-    for view, render_path, photo_path in pairs:
-        if not render_path.is_file():
-            raise ValueError(f"{render_path}: no render for view {view}")
+    for _, render_path, photo_path in pairs:
         if not photo_path.is_file():
             raise ValueError(f"{photo_path}: no photo for render {render_path}")
     return pairs

@@ -20,8 +20,9 @@ import cv2
 import matplotlib.figure
 import matplotlib.patches
 import numpy as np
+import skimage.metrics
 
-from alignerf.command import faults
+from alignerf.command import faults, images
 from flow.figures import drawing
 from flow.warping import files
 
@@ -88,8 +89,8 @@ def choose_views(names):
 
 def psnr_db(image, photo):
     """Peak signal-to-noise ratio of 8-bit images; infinite where they are equal."""
-    mse = np.mean((image.astype(np.float64) - photo) ** 2)
-    return np.inf if mse == 0 else 10 * np.log10(255**2 / mse)
+    with np.errstate(divide="ignore"):
+        return skimage.metrics.peak_signal_noise_ratio(photo, image)
 
 
 class Row(NamedTuple):
@@ -104,12 +105,12 @@ class Row(NamedTuple):
 
 def read_row(view, photos, methods):
     """Raises ValueError, naming the file, for a render or flow of another size."""
-    photo = files.read_image(photos / f"{view}.png")
+    photo = images.read(photos / f"{view}.png")
     window = choose_window(photo)
     renders, flows = [], []
     for method in methods:
         path = Path(method["renders"]) / f"{view}.png"
-        render = files.read_image(path)
+        render = images.read(path)
         flow_path = Path(method["flow"]) / f"{view}.npz"
         flow_px, valid = files.read_flow(flow_path)
         for image, name in ((render, path), (flow_px, flow_path)):

@@ -4,13 +4,16 @@ Notation: `parts` {view: {part: flow_px [h, w, 2]}} with valid [h, w] among them
 lengths in pixels.
 """
 
+import logging
+
 import matplotlib.figure
 import numpy as np
 import pandas as pd
 
-from alignerf.command import archives
+from alignerf.command import archives, faults, images
 from flow.figures import drawing
-from flow.warping import files
+
+log = logging.getLogger("alignerf")
 
 # In the order of the columns; the model's part only where the truth is known.
 TITLES = {
@@ -77,16 +80,14 @@ def draw_views(parts, photos, renders, path):
     for number, (axes, (view, found)) in enumerate(
         zip(rows, parts.items(), strict=True)
     ):
-        images = [
-            files.read_image(folder / f"{view}.png") for folder in (photos, renders)
-        ]
+        shown = [images.read(folder / f"{view}.png") for folder in (photos, renders)]
         titles = [f"photo {view}", "render"]
         for name in names:
             flow = found[name], found["valid"]
-            images.append(drawing.coloured(flow, scale_px))
+            shown.append(drawing.coloured(flow, scale_px))
             heading = f"{TITLES[name]}\n" if number == 0 else ""
             titles.append(f"{heading}{drawing.median_px(flow):.2f} px")
-        for axis, image, title in zip(axes, images, titles, strict=True):
+        for axis, image, title in zip(axes, shown, titles, strict=True):
             axis.imshow(image)
             axis.set_title(title, fontsize=drawing.FONT_SIZE - 1)
     drawing.draw_legend(bottom, scale_px, NOTE)
@@ -122,7 +123,11 @@ def draw_lengths(parts, path):
 
 
 def read_rounds(rows):
-    """Means per method and round; rows: [{method, round, stats, metrics}], CSVs."""
+    """Means per method and round; rows: [{method, round, stats, metrics}], CSVs.
+
+    A view without a number leaves the mean empty rather than better, and the log says
+    which.
+    """
     found = []
     for row in rows:
         stats, metrics = pd.read_csv(row["stats"]), pd.read_csv(row["metrics"])
@@ -132,11 +137,20 @@ def read_rounds(rows):
         ):
             if column not in table or len(table) == 0:
                 raise ValueError(f"{path}: no {column} in it")
-        psnr_db = metrics.groupby("test_set")["psnr_db"].mean()
+            say_empty(path, table, column)
+        psnr_db = metrics.groupby("test_set")["psnr_db"].mean(skipna=False)
         labels = {"method": row["method"], "round": row["round"]}
-        median_px = stats["flow_median_px"].mean()
+        median_px = stats["flow_median_px"].mean(skipna=False)
         found.append({**labels, "median_px": median_px, **psnr_db})
     return pd.DataFrame(found)
+
+
+def say_empty(path, table, column):
+    """Log the views that have no number in a column."""
+    empty = table[table[column].isna()]
+    if len(empty):
+        views = faults.some_names(sorted(set(empty["view"].astype(str))))
+        log.warning("%s: no %s of %s: its mean is left empty", path, column, views)
 
 
 def draw_rounds(table, path):
@@ -154,7 +168,8 @@ def draw_rounds(table, path):
     for name in sets:
         right.plot([], [], color="gray", linestyle=TEST_SETS[name], label=name)
     left.set_ylabel("median flow to photo (px)")
-    left.set_ylim(0, 1.1 * table["median_px"].max() or 1)
+    highest_px = table["median_px"].max()
+    left.set_ylim(0, 1.1 * highest_px if highest_px > 0 else 1)
     right.set_ylabel("PSNR (dB)")
     for axes in (left, right):
         axes.set_xlabel("warping rounds")

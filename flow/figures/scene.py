@@ -3,9 +3,9 @@
 flow.png: for one test view photo, the reference model's render, and the flow between
 them. rounds.png: photo, the renders of each round above the flow that each round's
 render still has to the photo. Both with the colour wheel and its scale in pixels.
-Where asked, of the parts that `flow.decompose` found: views.png, every test view with
-its flow and the parts; lengths.png, their histogram; curves.png, misalignment and PSNR
-over the rounds.
+Of the parts that `flow.decompose` found: views.png, every test view with its flow and
+the parts; lengths.png, their histogram; curves.png, misalignment and PSNR over the
+rounds.
 """
 
 import argparse
@@ -16,44 +16,46 @@ from pathlib import Path
 
 import matplotlib.figure
 
-from alignerf.command import faults
+from alignerf.command import faults, images
 from flow.figures import drawing
 from flow.figures import parts as part_figures
 from flow.warping import files
 
-PART_FIGURES = ("views", "lengths", "curves")
+FIGURES = ("flow", "rounds", "views", "lengths", "curves")
 
 
-def main(photos, testset, reference, rounds, flow_figure, rounds_figure):
-    """Write both figures. Raises ValueError or OSError."""
+def main(photos, testset, reference, rounds, parts, curves, figures):
+    """Write all figures. Raises ValueError or OSError.
+
+    photos, reference: folders of images; testset: its folder; rounds: JSON list of
+    {renders, flow}; parts: folder of those of the first round's renders; curves: JSON
+    list of {method, round, stats, metrics}; figures: the path of each of FIGURES.
+    """
+    rounds = json.loads(rounds)
+    draw_middle_view(photos, testset, reference, rounds, figures)
+    found = part_figures.read_parts(parts)
+    renders = Path(rounds[0]["renders"])
+    part_figures.draw_views(found, photos, renders, figures["views"])
+    part_figures.draw_lengths(found, figures["lengths"])
+    table = part_figures.read_rounds(json.loads(curves))
+    part_figures.draw_rounds(table, figures["curves"])
+
+
+def draw_middle_view(photos, testset, reference, rounds, figures):
+    """The figures of one view: its flow, and its rounds."""
     view = middle_view(testset / "displacement.csv")
-    photo = files.read_image(photos / f"{view}.png")
-    render = files.read_image(reference / f"{view}.png")
+    photo = images.read(photos / f"{view}.png")
+    render = images.read(reference / f"{view}.png")
     flow = files.read_flow(testset / "flow" / f"{view}.npz")
-    draw_flow(view, photo, render, flow, flow_figure)
+    draw_flow(view, photo, render, flow, figures["flow"])
     steps = [
         (
-            files.read_image(Path(entry["renders"]) / f"{view}.png"),
+            images.read(Path(entry["renders"]) / f"{view}.png"),
             files.read_flow(Path(entry["flow"]) / f"{view}.npz"),
         )
-        for entry in json.loads(rounds)
+        for entry in rounds
     ]
-    draw_rounds(view, photo, steps, rounds_figure)
-
-
-def draw_parts(
-    photos, rounds, parts, curves, views_figure, lengths_figure, curves_figure
-):
-    """Figures of the parts, of the first round's renders. Raises ValueError or OSError.
-
-    curves: JSON list of {method, round, stats, metrics}.
-    """
-    found = part_figures.read_parts(parts)
-    renders = Path(json.loads(rounds)[0]["renders"])
-    part_figures.draw_views(found, photos, renders, views_figure)
-    part_figures.draw_lengths(found, lengths_figure)
-    table = part_figures.read_rounds(json.loads(curves))
-    part_figures.draw_rounds(table, curves_figure)
+    draw_rounds(view, photo, steps, figures["rounds"])
 
 
 def middle_view(path):
@@ -109,26 +111,14 @@ def run(arguments=None):
     parser.add_argument("--testset", type=Path, required=True, help="its folder")
     parser.add_argument("--reference", type=Path, required=True, help="its renders")
     parser.add_argument("--rounds", required=True, help="JSON: renders, flow folders")
-    parser.add_argument("--flow-figure", type=Path, required=True, help="PNG")
-    parser.add_argument("--rounds-figure", type=Path, required=True, help="PNG")
-    of_parts = parser.add_argument_group("parts", "all of these or none")
-    of_parts.add_argument("--parts", type=Path, help="of the first round")
-    of_parts.add_argument("--curves", help="JSON: method, round, stats, metrics")
-    for name in PART_FIGURES:
-        of_parts.add_argument(f"--{name}-figure", type=Path, help="PNG")
+    parser.add_argument("--parts", type=Path, required=True, help="of the first round")
+    curves = "JSON: method, round, stats, metrics"
+    parser.add_argument("--curves", required=True, help=curves)
+    for name in FIGURES:
+        parser.add_argument(f"--{name}-figure", type=Path, required=True, help="PNG")
     options = vars(parser.parse_args(arguments))
-    names = ("parts", "curves", *(f"{name}_figure" for name in PART_FIGURES))
-    chosen = {name: options.pop(name) for name in names}
-    asked = [value is not None for value in chosen.values()]
-    if any(asked) and not all(asked):
-        parser.error("all options of the parts go together")
-
-    def call():
-        main(**options)
-        if all(asked):
-            draw_parts(options["photos"], options["rounds"], **chosen)
-
-    return faults.exit_code(call)
+    figures = {name: options.pop(f"{name}_figure") for name in FIGURES}
+    return faults.exit_code(main, **options, figures=figures)
 
 
 if __name__ == "__main__":

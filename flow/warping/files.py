@@ -1,4 +1,4 @@
-"""Flow and image files. What exists is whole: written beside its target, renamed.
+"""Flow files. What exists is whole: written beside its target, then renamed.
 
 Notation: `flow_px` [h, w, 2] float32, x then y in pixels; `valid` [h, w] bool.
 """
@@ -6,35 +6,16 @@ Notation: `flow_px` [h, w, 2] float32, x then y in pixels; `valid` [h, w] bool.
 import csv
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from alignerf.command import archives, whole
+from alignerf.command import archives, images, whole
 from flow.warping import warp
 
 # Middlebury's mark for "unknown" is any component beyond this.
 UNKNOWN_FLOW_PX = 1e9
 
-
-def write_image(path, image):
-    """Write [h, w, 3] uint8 RGB as PNG."""
-    warp.check_image(image, str(path))
-    _, png = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
-    with whole.replace_file(path) as temporary:
-        temporary.write_bytes(png.tobytes())
-
-
-def read_image(path):
-    """Read an 8-bit RGB PNG as [h, w, 3] uint8; any other kind is a ValueError."""
-    encoded = np.frombuffer(Path(path).read_bytes(), dtype=np.uint8)
-    image = None
-    if encoded.size:
-        image = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise ValueError(f"{path}: not a readable image")
-    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-        raise ValueError(f"{path}: not an 8-bit RGB image")
-    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+# A name that tests of the workflow still use.
+read_image = images.read
 
 
 def write_rows(path, columns, rows):

@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from alignerf import evaluate
+from alignerf.command import images
 from alignerf.metrics import image as image_metrics
 from alignerf.metrics import lpips
 from alignerf.scenes import cameras
@@ -126,7 +127,7 @@ def folder(tmp_path, rng):
     for view in ("a", "c"):
         for kind in ("images", "renders", *(f"testset/{name}" for name in WARPED)):
             image = rng.integers(0, 256, (*SIZE, 3), dtype=np.uint8)
-            files.write_image(tmp_path / kind / f"{view}.png", image)
+            images.write(tmp_path / kind / f"{view}.png", image)
         for name in ("flow", "leak_flow"):
             valid = rng.uniform(size=SIZE) < 0.7
             flow_px = np.zeros((*SIZE, 2), np.float32)
@@ -147,7 +148,7 @@ def test_each_test_set_is_scored_against_its_own_images(folder):
     found = run(folder)
     assert list(found.index.unique("view")) == ["a", "c"]
     for view in ("a", "c"):
-        render = files.read_image(folder / "renders" / f"{view}.png")
+        render = images.read(folder / "renders" / f"{view}.png")
         valid, leak_valid = (
             files.read_flow(folder / "testset" / name / f"{view}.npz")[1]
             for name in ("flow", "leak_flow")
@@ -164,7 +165,7 @@ def test_each_test_set_is_scored_against_its_own_images(folder):
             "leak": ("testset/leak", leak_valid),
             "leak_held_out": ("testset/leak_held_out", leak_valid),
         }.items():
-            target = files.read_image(folder / kind / f"{view}.png")
+            target = images.read(folder / kind / f"{view}.png")
             row = found.loc[view, test_set]
             assert row["psnr_db"] == pytest.approx(
                 image_metrics.psnr_db(target, render, mask)
@@ -181,9 +182,9 @@ def test_the_oracle_where_the_truth_is_known(folder):
     (folder / "renders").rename(folder / "truth" / "oracle")
     for view in ("a", "c"):
         image = np.zeros((*SIZE, 3), np.uint8)
-        files.write_image(folder / "renders" / f"{view}.png", image)
+        images.write(folder / "renders" / f"{view}.png", image)
     found = run(folder, f"--truth={folder / 'truth'}")
-    oracle = files.read_image(folder / "truth" / "oracle" / "a.png")
+    oracle = images.read(folder / "truth" / "oracle" / "a.png")
     wanted = image_metrics.psnr_db(oracle, np.zeros_like(oracle), EVERYWHERE)
     assert found.loc["a", "oracle"]["psnr_db"] == pytest.approx(wanted)
 
@@ -223,7 +224,7 @@ def test_the_networks_whose_weights_are_given(folder, shared_data):
     assert set(found["note"]) == {"lpips_vgg: no weights given"}
     assert found["lpips_vgg"].isna().all()
     pair = [
-        files.read_image(folder / kind / "a.png")[None] / np.float32(255)
+        images.read(folder / kind / "a.png")[None] / np.float32(255)
         for kind in ("images", "renders")
     ]
     for net, path in zip(nets, paths, strict=True):

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from alignerf import poses
-from alignerf.command import faults
+from alignerf.command import faults, images
 from alignerf.experiment import jobs
 from alignerf.scenes import cameras, prepare
 
@@ -60,8 +60,8 @@ def test_products_of_the_courtyard(courtyard):
     assert list(stored["split"]) == ["test", "train", "train", "test"]
     assert list(stored["names"]) == sorted(stored["names"])
     for name in stored["names"]:
-        image = prepare.load_image(courtyard / "images" / f"{name}.png")
-        oracle = prepare.load_image(courtyard / "truth" / "oracle" / f"{name}.png")
+        image = images.read(courtyard / "images" / f"{name}.png")
+        oracle = images.read(courtyard / "truth" / "oracle" / f"{name}.png")
         assert image.shape == oracle.shape == (36, 48, 3)
         flow = load(courtyard / "truth" / "flow" / f"{name}.npz")
         assert flow["flow_px"].shape == (36, 48, 2)
@@ -96,8 +96,8 @@ def test_oracle_without_error_is_the_photo(tmp_path):
     config = COURTYARD | {"courtyard": COURTYARD["courtyard"] | {"motion": "none"}}
     poses.main(config, tmp_path)
     for path in (tmp_path / "images").iterdir():
-        photo = prepare.load_image(path).astype(float)
-        oracle = prepare.load_image(tmp_path / "truth" / "oracle" / path.name)
+        photo = images.read(path).astype(float)
+        oracle = images.read(tmp_path / "truth" / "oracle" / path.name)
         assert np.abs(photo - oracle).mean() < 0.5
         flow = load(tmp_path / "truth" / "flow" / f"{path.stem}.npz")
         assert np.abs(flow["flow_px"][flow["valid"]]).max() < 1e-3
@@ -114,8 +114,8 @@ def test_perturbed_poses_and_the_true_flow_that_undoes_them(tmp_path):
     before, after = [], []
     x, y = np.meshgrid(np.arange(48, dtype=np.float32), np.arange(36, dtype=np.float32))
     for name in given["names"]:
-        photo = prepare.load_image(tmp_path / "images" / f"{name}.png")
-        oracle = prepare.load_image(tmp_path / "truth" / "oracle" / f"{name}.png")
+        photo = images.read(tmp_path / "images" / f"{name}.png")
+        oracle = images.read(tmp_path / "truth" / "oracle" / f"{name}.png")
         flow = load(tmp_path / "truth" / "flow" / f"{name}.npz")
         warped = cv2.remap(
             photo,
@@ -300,7 +300,7 @@ def test_another_source_takes_the_truth_away(courtyard, tmp_path):
     frames = []
     for name in ("a", "b"):
         pixels = np.zeros((32, 40, 3), np.uint8)
-        prepare.save_image(tmp_path / "images" / f"{name}.png", pixels)
+        images.write(tmp_path / "images" / f"{name}.png", pixels)
         frames.append({"file_path": f"images/{name}", "transform_matrix": matrix})
     scene = {"camera_angle_x": 1.0, "frames": frames}
     (tmp_path / "transforms.json").write_text(json.dumps(scene))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from alignerf import shrink
+from alignerf.command import images
 from alignerf.scenes import cameras, prepared
-from flow.warping import files
 
 WIDTH, HEIGHT = 96, 70
 
@@ -26,7 +26,7 @@ def folder(tmp_path, rng):
     )
     for view in ("a b", "c", "d"):
         image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
-        files.write_image(tmp_path / "images" / f"{view}.png", image)
+        images.write(tmp_path / "images" / f"{view}.png", image)
     return tmp_path
 
 

@@ -15,7 +15,7 @@ import tempfile
 import numpy as np
 
 from alignerf import train
-from alignerf.scenes import prepare
+from alignerf.command import images
 from tests.bench import cases, measure
 
 GOAL = 1.3
@@ -58,7 +58,7 @@ def write_scene(folder, count, width, height):
     (folder / "images").mkdir(parents=True)
     names = [f"view{number:04d}" for number in range(count)]
     first = folder / "images" / f"{names[0]}.png"
-    prepare.save_image(first, cases.orbit(1, width, height).images[0])
+    images.write(first, cases.orbit(1, width, height).images[0])
     for name in names[1:]:
         os.link(first, folder / "images" / f"{name}.png")
     np.savez(

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from alignerf.command import images
 from flow import control_sets
 from flow.estimation import pairs
 from flow.warping import controls, files, lengths, warp
@@ -30,9 +31,9 @@ def scene(tmp_path):
         errors = cv2.GaussianBlur(rng.normal(size=oracle.shape), (0, 0), 1.5)
         render = cv2.GaussianBlur(oracle, (0, 0), 1.0) + 8 * errors / errors.std()
         render = np.clip(np.rint(render), 0, 255).astype(np.uint8)
-        files.write_image(tmp_path / "photos" / f"{view}.png", photo)
-        files.write_image(tmp_path / "renders" / f"{view}.png", render)
-        files.write_image(tmp_path / "truth" / "oracle" / f"{view}.png", oracle)
+        images.write(tmp_path / "photos" / f"{view}.png", photo)
+        images.write(tmp_path / "renders" / f"{view}.png", render)
+        images.write(tmp_path / "truth" / "oracle" / f"{view}.png", oracle)
         flow_px, valid, _ = pairs.flow_and_validity(render, photo)
         files.write_flow(tmp_path / "flow" / f"{view}.npz", flow_px, valid)
     return tmp_path
@@ -50,7 +51,7 @@ def with_truth(scene):
 
 
 def read(scene, kind, view):
-    return files.read_image(scene / kind / f"{view}.png")
+    return images.read(scene / kind / f"{view}.png")
 
 
 def rows(scene):
@@ -145,7 +146,7 @@ def lose_photo(scene):
 
 def resize_oracle(scene):
     image = read(scene, "truth/oracle", "b c")
-    files.write_image(scene / "truth" / "oracle" / "b c.png", image[:-1])
+    images.write(scene / "truth" / "oracle" / "b c.png", image[:-1])
 
 
 def resize_flow(scene):

@@ -244,10 +244,8 @@ def test_table_of_means_over_views(tmp_path, capsys):
     assert make_table(tmp_path, stats) == 1
     assert "other.csv: no column noise_px" in capsys.readouterr().err
     whole = (tmp_path / "t.csv").read_bytes()
-    for text, reason in (
-        ("", "not a table: No columns"),
-        (",".join(views) + "\n", "no row"),
-    ):
+    empty = ",".join(views) + "\n"
+    for text, reason in (("", "not a table: No columns"), (empty, "no row")):
         (tmp_path / "other.csv").write_text(text)
         assert make_table(tmp_path, stats) == 1
         assert f"other.csv: {reason}" in capsys.readouterr().err

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from alignerf.command import images
 from flow.warping import files, warp
 
 WIDTH, HEIGHT, VIEWS, EVERY = 48, 36, 10, 4
@@ -154,10 +155,10 @@ def check_warped_photos(scene):
         for path in paths:
             flow_px, valid = files.read_flow(path)
             assert valid.any()
-            photo = files.read_image(scene / "images" / f"{path.stem}.png")
+            photo = images.read(scene / "images" / f"{path.stem}.png")
             warped = scene / folder.format("warped") / f"{path.stem}.png"
             np.testing.assert_array_equal(
-                files.read_image(warped), warp.warp(photo, flow_px)
+                images.read(warped), warp.warp(photo, flow_px)
             )
     for name in CONTROLS:
         images = {path.name for path in (scene / "testset" / name).glob("*.png")}
@@ -191,7 +192,7 @@ def check_controls(scene):
 
 def shapes(folder):
     """{view: shape} of the images in a folder."""
-    return {p.stem: files.read_image(p).shape for p in sorted(folder.glob("*.png"))}
+    return {p.stem: images.read(p).shape for p in sorted(folder.glob("*.png"))}
 
 
 def check_tradeoff(results):

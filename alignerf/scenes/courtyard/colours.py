@@ -1,9 +1,9 @@
 """The colour that rays see where they meet a surface of the courtyard.
 
 Notation: M rays on one surface; u, v [M] fractions of a texture's width and height
-from its upper left corner; `footprint` [M] the width in metres of what one ray
-stands for; a pyramid's level is 0 at the finest texture and grows by one for each
-halving. Directions and depths as in `courtyard_rays`.
+from its upper left corner; a ray's footprint is the part of a surface that it stands
+for; a pyramid's level is 0 at the finest texture and grows by one for each halving.
+Directions and depths as in `rays`.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from alignerf.scenes.courtyard import world as courtyard_world
 
 
 class View(NamedTuple):
-    """M rays that meet one surface, in that surface's frame.
+    """M rays that meet one surface, moved back with it to where its object rests.
 
     directions 3 x [M] and slant [M], their length; depth t [M]; camera [3]; width
     [M] of a ray's footprint on a surface that faces it, in metres.
@@ -30,7 +30,7 @@ class View(NamedTuple):
 
 
 def sample(pyramid, u, v, level):
-    """Colours [M, 3] in 0..255 of a texture, trilinear."""
+    """Colours [M, 3] in 0..255 of a texture, bilinear in two levels and between."""
     colour = np.zeros((len(u), 3), np.float32)
     level = np.clip(level, 0, len(pyramid) - 1)
     for k in range(int(level.min()), int(np.ceil(level.max())) + 1):
@@ -58,21 +58,22 @@ def gather(texture, x, y):
 def level_of(view, across, texel_m):
     """Level whose texel is as wide as a ray's footprint.
 
-    across [M]: the directions' component along the normal. Footprints are ellipses;
-    the geometric mean of the axes is between aliasing and blur.
+    across [M]: the directions' component along the normal (of a ring, any horizontal
+    one counts). Footprints are ellipses; the geometric mean of the axes is between
+    aliasing and blur.
     """
     cosine = np.maximum(np.abs(across) / view.slant, 0.02)
     return np.log2(view.width / texel_m / np.sqrt(cosine) + 1e-9)
 
 
 def positions(view):
-    """Where the rays end, 3 x [M], in the surface's frame."""
+    """Where the rays end, 3 x [M], in the world with the object at rest."""
     centre = view.camera.astype(view.t.dtype)
     return [c + view.t * d for c, d in zip(centre, view.directions, strict=True)]
 
 
 def box_colours(box, view):
-    """Colours [M, 3] of rays that meet a box (camera relative to its place)."""
+    """Colours [M, 3] of rays that meet a box."""
     origin, along = courtyard_rays.to_box(box, 0.0, view.camera, view.directions)
     _, axis = courtyard_rays.hit_box(box, origin, along)
     local = [o + view.t * d for o, d in zip(origin, along, strict=True)]
@@ -94,7 +95,10 @@ def box_colours(box, view):
 
 
 def ground_colours(squares, view):
-    """Colours [M, 3] of rays that meet the ground: the smallest square holds."""
+    """Colours [M, 3] of rays that meet the ground.
+
+    Of the squares the smallest holds; the largest one's border goes on for ever.
+    """
     x, y, _ = positions(view)
     reach = np.maximum(np.abs(x), np.abs(y))
     colour = np.zeros((len(view.t), 3), np.float32)

@@ -26,8 +26,9 @@ POSTERS = (
 def ground_plan(seed):
     """How the ground varies: function of positions x, y [h, w] in metres.
 
-    Returns (signed distance to the gravel's edge in metres, tone about 0): the same
-    plan for every level of detail, so that levels agree where they meet.
+    It returns (distance along y to the edge of the gravel path in metres, negative on
+    the path; tone about 0): the same for squares of all sizes, so that they agree
+    where they meet.
     """
     rng = np.random.default_rng([seed, 1])
     grids = rng.standard_normal((3, 160, 160)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""What rays from a camera meet in the courtyard, and the colour they see there.
+"""What rays from a camera meet in the courtyard, and at what depth.
 
 Notation: image positions x_px, y_px [N] with pixel centres at +0.5. Directions have
 depth 1 along the optical axis, so that a ray's parameter t *is* the depth in metres;
@@ -36,7 +36,7 @@ def ray_directions(x_px, y_px, pixtocam, camtoworld):
 
 
 def box_candidates(box, shift, x_px, y_px, pixtocam, camtoworld):
-    """Indices of the rays inside the image rectangle that bounds a box."""
+    """Indices of the rays that may meet a box: in its bounding rectangle, if any."""
     signs = np.array(np.meshgrid(*[(-1, 1)] * 3)).reshape(3, 8)
     corners = (box.rotation @ (signs * box.half[:, None])).T + box.centre + shift
     corners_px, depth = cameras.project(corners, pixtocam, camtoworld)
@@ -50,7 +50,7 @@ def box_candidates(box, shift, x_px, y_px, pixtocam, camtoworld):
 
 
 def to_box(box, shift, camera, directions):
-    """Camera centre [3] and directions 3 x [N] along a box's own axes."""
+    """Camera centre [3], from the box's centre, and directions 3 x [N], on its axes."""
     dtype = directions[0].dtype
     origin = (box.rotation.T @ (camera - shift - box.centre)).astype(dtype)
     axes = box.rotation.T.astype(dtype)
@@ -59,7 +59,10 @@ def to_box(box, shift, camera, directions):
 
 
 def hit_box(box, origin, along):
-    """Depth [N] where rays enter a box (infinite where they miss), and the axis."""
+    """Depth [N] where rays enter a box, and the axis of the face that they enter by.
+
+    Infinite where they miss it or begin inside.
+    """
     near = np.full_like(along[0], 0)
     far = np.full_like(along[0], np.inf)
     axis = np.zeros(len(near), np.int8)
@@ -84,7 +87,7 @@ def azimuth(x, y):
 
 
 def hit_ring(ring, camera, directions):
-    """Depth [N] where rays meet a ring from inside, infinite above its top."""
+    """Depth [N] where rays meet a ring from inside; infinite above its top, below 0."""
     dx, dy, dz = directions
     x, y, z = camera.astype(dx.dtype)
     a = np.maximum(dx * dx + dy * dy, np.asarray(1e-12, dx.dtype))

@@ -62,8 +62,8 @@ def make_cameras(
 ) -> tuple[Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 3 4"]]:
     """True cameras: pixtocams [n, 3, 3] and camtoworlds [n, 3, 4].
 
-    An arc about the boxes, neighbours in order, radius 1.2 to 1.9 m, heights 0.35 to
-    0.85 m; all of one focal length, 60 degrees wide.
+    An arc of 220 degrees about the boxes, neighbours in order, radius 1.2 to 1.9 m,
+    heights 0.35 to 0.85 m; all of one focal length, 60 degrees wide.
     """
     if min(views, width, height) < 1:
         raise ValueError("courtyard: views, width and height must be at least 1")
@@ -190,7 +190,7 @@ def true_flow(
 
     oracle_camera sees the undisplaced scene, photo_camera the displaced one; each is
     (pixtocam, camtoworld). Valid is where the oracle's surface point is in the
-    photo's frame and nothing hides it there.
+    photo's frame and nothing hides it there; elsewhere the flow is 0.
     """
     x, y = pixel_centres(width, height)
     hits = courtyard_rays.cast(world, *oracle_camera, x, y, at_rest())

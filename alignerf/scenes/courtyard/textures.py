@@ -82,11 +82,11 @@ def fractal(shape, cell, rng, *, octaves=4):
 
 
 def quilt(name, shape, rng, *, scale=0.6, patch=144):
-    """Detail [h, w] of blended random crops of one photograph; nothing repeats.
+    """Detail [h, w] of blended random crops of one photograph, and a little noise.
 
-    scale: texels per photo pixel. Weights are divided by the root of their squares'
-    sum, not by their sum, so that contrast is the same in the middle of a crop and
-    where several overlap.
+    scale: texels per photo pixel, times 0.8 to 1.25 from crop to crop. Weights are
+    divided by the root of their squares' sum, not by their sum, so that contrast is
+    the same in the middle of a crop and where several overlap.
     """
     h, w = shape
     source = photograph_detail(name)
@@ -112,7 +112,10 @@ def quilt(name, shape, rng, *, scale=0.6, patch=144):
 
 
 def tint(value, dark, light):
-    """Colours [h, w, 3] between dark at value 0 and light at value 1."""
+    """Colours [h, w, 3] from dark at value 0 over light at 1 to what lies at 1.2.
+
+    Values outside 0..1.2 are cut off.
+    """
     matrix = np.column_stack([np.subtract(light, dark), dark]).astype(np.float32)
     return cv2.transform(np.clip(value, 0, 1.2, dtype=np.float32), matrix)
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from alignerf.command import images
 from alignerf.scenes import cameras, prepare
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard
@@ -34,7 +35,7 @@ class Courtyard(NamedTuple):
 def build_courtyard(
     *, views, width, height, motion, motion_m, moving, supersample, lens_sigma_px, seed
 ) -> Courtyard:
-    """The courtyard of a seed; see `courtyard` for motion and its unit, metres."""
+    """The courtyard of a seed; motion as in `scene.draw_displacements`."""
     # The world comes last: it takes seconds, and the rest refuses faults at once.
     pixtocams, camtoworlds = courtyard.make_cameras(
         views=views, width=width, height=height, seed=seed
@@ -56,7 +57,7 @@ def build_courtyard(
 
 
 def write_photos(folder, scene: Courtyard):
-    """Write <folder>/<name>.png, the photos at full size; the folder must exist."""
+    """Write <folder>/<name>.png, the photos at full size."""
     for i, name in enumerate(scene.names):
         rendered = courtyard.render(
             scene.world,
@@ -68,7 +69,7 @@ def write_photos(folder, scene: Courtyard):
             supersample=scene.supersample,
             lens_sigma_px=scene.lens_sigma_px,
         )
-        prepare.save_image(folder / f"{name}.png", rendered.image)
+        images.write(folder / f"{name}.png", rendered.image)
 
 
 def select(scene: Courtyard, names) -> Courtyard:
@@ -99,7 +100,7 @@ def write_truth(folder, scene: Courtyard, given: prepare.PosedViews, *, split):
     lengths_px = []
     for i, name in enumerate(given.names):
         image, depth_m = render_oracle(scene, given, i)
-        prepare.save_image(folder / "oracle" / f"{name}.png", image)
+        images.write(folder / "oracle" / f"{name}.png", image)
         np.savez_compressed(folder / "depth" / f"{name}.npz", depth_m=depth_m)
         flow_px, valid = courtyard.true_flow(
             scene.world,
@@ -151,9 +152,10 @@ def render_oracle(scene: Courtyard, given: prepare.PosedViews, i):
 
 
 def compare_cameras(estimated, true):
-    """How far estimated cameras are from the true ones, after alignment.
+    """How far estimated cameras are from the true ones, aligned to them before.
 
-    estimated, true: (pixtocams [n, 3, 3], camtoworlds [n, 3, 4]) in one frame.
+    estimated, true: (pixtocams [n, 3, 3], camtoworlds [n, 3, 4]) in one frame, and of
+    one image size.
     Relative to the cameras' mean distance from their centre, the mean error of
     their positions; the mean angle between their orientations; the mean focal
     length's relative error; and the correlation of all distances between two cameras,

@@ -21,8 +21,17 @@ from flow.warping import files, lengths
         ([500.0, 400.0], 16),
     ],
 )
-def test_radius_of_measured_lengths(lengths_px, wanted):
+def test_radius_of_measured_lengths(lengths_px, wanted, caplog):
     assert search_radius.radius_from(lengths_px) == wanted
+    assert bool(caplog.records) == (max(lengths_px) > 16 and wanted == 16)
+
+
+def test_a_reach_beyond_the_largest_radius_is_said(caplog):
+    assert search_radius.radius_from([3.0, 21.25]) == 16
+    (record,) = caplog.records
+    assert (record.name, record.levelname) == ("alignerf", "WARNING")
+    assert "16 px" in record.getMessage()
+    assert "21.2 px" in record.getMessage()
 
 
 def test_radius_reaches_nearly_every_pixel_and_no_further(rng):

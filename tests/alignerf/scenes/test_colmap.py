@@ -5,7 +5,8 @@ import pycolmap
 import pytest
 from PIL import Image
 
-from alignerf.scenes import cameras, colmap, distortion, prepare
+from alignerf.command import images
+from alignerf.scenes import cameras, colmap, distortion
 from alignerf.scenes.courtyard import scene as courtyard
 
 # Parameters of a camera of 1024x768 with noticeable, invertible distortion.
@@ -30,7 +31,7 @@ def photos(tmp_path_factory):
     for name, pixtocam, pose in zip(names, pixtocams, camtoworlds, strict=False):
         at_rest = courtyard.at_rest()
         rendered = courtyard.render(world, pixtocam, pose, 240, 180, at_rest)
-        prepare.save_image(folder / f"{name}.png", rendered.image)
+        images.write(folder / f"{name}.png", rendered.image)
     return folder, names, pixtocams[:7], camtoworlds[:7]
 
 
@@ -45,9 +46,9 @@ def test_converted_cameras_see_points_where_colmap_does(camera_model):
     assert found.names == sorted(names)
     assert found.left_out == ["another"]
     assert found.points == len(model.points3D)
-    images = {image.name: image for image in model.images.values()}
+    posed = {image.name: image for image in model.images.values()}
     for i, name in enumerate(found.names):
-        seen = [p for p in images[f"{name}.png"].points2D if p.has_point3D()]
+        seen = [p for p in posed[f"{name}.png"].points2D if p.has_point3D()]
         points = np.stack([model.points3D[p.point3D_id].xyz for p in seen])
         # A camera of identity intrinsics gives the normalised pinhole point.
         normalised, depth = cameras.project(points, np.eye(3), found.camtoworlds[i])
@@ -108,7 +109,7 @@ def test_photos_that_do_not_overlap(tmp_path):
     names = ["a", "b", "c"]
     for name in names:
         noise = rng.integers(0, 256, (12, 16, 3), dtype=np.uint8)
-        prepare.save_image(tmp_path / f"{name}.png", noise.repeat(8, 0).repeat(8, 1))
+        images.write(tmp_path / f"{name}.png", noise.repeat(8, 0).repeat(8, 1))
     with pytest.raises(ValueError, match=r"HERE: .* registered 0 of 3 images"):
         colmap.estimate_poses(tmp_path, tmp_path, names, where="HERE")
 

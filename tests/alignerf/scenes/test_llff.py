@@ -10,7 +10,8 @@ import pytest
 from PIL import Image
 
 from alignerf import poses
-from alignerf.scenes import distortion, llff, prepare
+from alignerf.command import images
+from alignerf.scenes import distortion, llff
 
 FULL = 192, 128
 SIMPLE_RADIAL, OPENCV_FISHEYE = 2, 5
@@ -66,7 +67,7 @@ def test_cameras_are_read_as_written(scene, caplog):
     for pixtocam in views.pixtocams:
         np.testing.assert_allclose(np.linalg.inv(pixtocam), camtopix, atol=1e-9)
     for i, name in enumerate(views.names):
-        stored = prepare.load_image(folder / "images_2" / f"{name}.png")
+        stored = images.read(folder / "images_2" / f"{name}.png")
         np.testing.assert_array_equal(views.load(i), stored)
     assert "photos from images_2" in caplog.text
     assert "cameras.bin not found" in caplog.text
@@ -95,7 +96,7 @@ def test_the_lens_of_colmap_is_undone(scene):
     lens = np.array([-0.1, 0, 0, 0, 0])
     pinhole = distortion.pinhole_camera(camtopix, lens, 96, 64)
     np.testing.assert_allclose(np.linalg.inv(views.pixtocams[3]), pinhole)
-    photo = prepare.load_image(folder / "images_2" / "c.png")
+    photo = images.read(folder / "images_2" / "c.png")
     wanted = distortion.undistort(photo, camtopix, lens, pinhole)
     np.testing.assert_array_equal(views.load(3), wanted)
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.scenes import photos, prepare
+from alignerf.command import images
+from alignerf.scenes import photos
 
 
 @pytest.fixture
@@ -139,8 +140,8 @@ def test_ingest_sorts_by_view_name_and_ignores_the_rest(tmp_path, pixels, caplog
     assert "notes.txt" in caplog.text
     assert "hidden" not in caplog.text
     for name in taken.names:
-        assert prepare.load_image(target / f"{name}.png").shape == pixels.shape
-    np.testing.assert_array_equal(prepare.load_image(target / "a.b.png"), pixels)
+        assert images.read(target / f"{name}.png").shape == pixels.shape
+    np.testing.assert_array_equal(images.read(target / "a.b.png"), pixels)
 
 
 def test_folders_that_cannot_be_used(tmp_path, pixels):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from alignerf.command import images
 from alignerf.scenes import distortion, prepare, transforms
 from tests import camera_twins
 
@@ -136,7 +137,7 @@ def test_cameras_are_read_as_written(scene, caplog):
     for i, frame in enumerate([1, 2, 0]):
         matrix = np.array(scene[1]["frames"][frame]["transform_matrix"])
         np.testing.assert_allclose(views.camtoworlds[i], matrix[:3], atol=1e-9)
-        stored = prepare.load_image(scene[0] / scene[1]["frames"][frame]["file_path"])
+        stored = images.read(scene[0] / scene[1]["frames"][frame]["file_path"])
         np.testing.assert_array_equal(views.load(i), stored)
 
 

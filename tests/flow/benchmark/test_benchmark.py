@@ -5,6 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from alignerf.command import images
 from flow.benchmark import __main__ as benchmark
 from flow.benchmark import large_pair
 from flow.benchmark import pairs as benchmark_pairs
@@ -35,8 +36,8 @@ def middlebury(tmp_path):
     """A sequence in Middlebury's layout."""
     render, photo, flow_px = cut()
     folder = tmp_path / "middlebury" / "Cut"
-    files.write_image(folder / "frame10.png", render)
-    files.write_image(folder / "frame11.png", photo)
+    images.write(folder / "frame10.png", render)
+    images.write(folder / "frame11.png", photo)
     size = np.array([84, 64], "<i4").tobytes()
     (folder / "flow10.flo").write_bytes(b"PIEH" + size + flow_px.tobytes())
     return folder.parent
@@ -47,12 +48,12 @@ def scene(tmp_path):
     """A scene with truth, one view, and a model that renders the oracle blurred."""
     folder = tmp_path / "yard"
     oracle, photo, flow_px = cut(1)
-    files.write_image(folder / "images" / "v.png", photo)
-    files.write_image(folder / "truth" / "oracle" / "v.png", oracle)
+    images.write(folder / "images" / "v.png", photo)
+    images.write(folder / "truth" / "oracle" / "v.png", oracle)
     valid = np.ones(flow_px.shape[:2], bool)
     files.write_flow(folder / "truth" / "flow" / "v.npz", flow_px, valid)
     render = cv2.GaussianBlur(oracle, (0, 0), 1.0)
-    files.write_image(folder / "nerf/round0/renders/test/v.png", render)
+    images.write(folder / "nerf/round0/renders/test/v.png", render)
     return folder
 
 
@@ -69,7 +70,7 @@ def few(monkeypatch):
 
     monkeypatch.setattr(benchmark_pairs, "synthetic", synthetic)
     monkeypatch.setattr(benchmark_pairs, "stereo", stereo)
-    monkeypatch.setattr(benchmark, "MIDDLEBURY", benchmark.Path("/nowhere"))
+    monkeypatch.delenv("ALIGNERF_DATA", raising=False)
 
 
 def residual(pair):
@@ -130,7 +131,8 @@ def arguments(out, *more):
 NAMES = {"csv": "b.csv", "tex": "b.tex", "figure": "b.png"}
 
 
-def test_the_whole_table(few, middlebury, scene, tmp_path, capsys):
+def test_the_whole_table(few, middlebury, scene, tmp_path, caplog):
+    caplog.set_level("INFO", "alignerf")
     models = ("--scene", str(scene), "--renders", "nerf/round0")
     where = ("--middlebury", str(middlebury), *models)
     assert benchmark.run(arguments(tmp_path / "out", *where)) == 0
@@ -155,17 +157,68 @@ def test_the_whole_table(few, middlebury, scene, tmp_path, capsys):
     assert r"dis\_fast" in tex
     assert r"\bfseries" in tex
     assert cv2.imread(str(tmp_path / "out" / "b.png")).shape[1] > 1000
-    said = capsys.readouterr().err
-    assert "left out: the stereo pair, no network" in said
-    assert "left out: Middlebury" not in said
+    assert "left out: the stereo pair, no network" in caplog.text
+    assert "left out: Middlebury" not in caplog.text
 
 
-def test_what_is_not_there_is_said(few, tmp_path, capsys):
+def test_what_is_not_there_is_said(few, tmp_path, caplog):
+    caplog.set_level("INFO", "alignerf")
     assert benchmark.run(arguments(tmp_path / "out")) == 0
-    said = capsys.readouterr().err
-    for what in ("Middlebury, no folder", "the stereo pair", "renders of a scene"):
-        assert f"left out: {what}" in said
+    said = [record.getMessage() for record in caplog.records]
+    for what in ("Middlebury's sequences", "the stereo pair", "renders of a scene"):
+        assert sum(line.startswith(f"left out: {what}") for line in said) == 1
     assert len(pd.read_csv(tmp_path / "out" / "b.csv")) == 3 * 4
+
+
+def sequences(monkeypatch, caplog, given=None):
+    """The names of Middlebury's pairs that are found, and what is said of them."""
+    monkeypatch.setattr(benchmark_pairs, "synthetic", list)
+    monkeypatch.setattr(benchmark_pairs, "stereo", list)
+    caplog.clear()
+    found = benchmark.find_sources(given, None, (), "test")
+    names = [pair.name for source in found for pair in source]
+    said = [text for *_, text in caplog.record_tuples]
+    return names, [text for text in said if "Middlebury" in text]
+
+
+def test_sequences_are_those_of_the_data_folder(middlebury, monkeypatch, caplog):
+    """What is given goes before; a missing folder takes one line to mend."""
+    data = middlebury.parent / "data"
+    monkeypatch.setenv("ALIGNERF_DATA", str(data))
+    names, (line,) = sequences(monkeypatch, caplog)
+    assert not names
+    assert line.startswith(f"left out: Middlebury's sequences, {data} holds no folder")
+    monkeypatch.delenv("ALIGNERF_DATA")
+    names, (line,) = sequences(monkeypatch, caplog)
+    assert not names
+    assert "sequences, ALIGNERF_DATA is not set (give --middlebury DIR, or" in line
+    assert sequences(monkeypatch, caplog, middlebury) == (["Cut"], [])
+    data.mkdir()
+    middlebury.rename(data / "flow")
+    monkeypatch.setenv("ALIGNERF_DATA", str(data))
+    assert sequences(monkeypatch, caplog) == (["Cut"], [])
+
+
+def test_no_path_leads_out_of_the_checkout(root):
+    """Where data lies is a user's to say."""
+    for package in ("alignerf", "flow"):
+        for path in (root / package).rglob("*.py"):
+            assert "../" not in path.read_text(), path
+
+
+def test_a_method_that_refuses_data_has_no_mean_in_the_figure(monkeypatch):
+    """The data that it takes may be the easier ones."""
+    rows = [
+        {"data": data, "method": method, "match_blur": False, "pairs": 1}
+        | dict.fromkeys((*benchmark.SCORES, "mpx_per_s"), 0.5)
+        for data in ("one", "two")
+        for method in ("tvl1", "simpleflow")
+    ]
+    table = pd.DataFrame(rows, columns=benchmark.COLUMNS)
+    table.loc[3, list(benchmark.SCORES)] = np.nan
+    _, right = benchmark_tables.draw(table).axes
+    means_px = [line.get_ydata()[0] for line in right.lines]
+    np.testing.assert_array_equal(means_px, [0.5, np.nan])
 
 
 def test_a_refusal_leaves_the_scores_empty_and_is_noted(tmp_path):

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from alignerf.command import images
 from flow.estimation import estimate, estimators
 from flow.warping import files, warp
 
@@ -263,7 +264,7 @@ def test_views_of_larger_arrays_are_read_rightly():
 @pytest.mark.parametrize("name", SEQUENCES)
 def test_middlebury(shared_data, name):
     folder = shared_data / "flow" / name
-    frames = [files.read_image(folder / f"frame1{i}.png") for i in (0, 1)]
+    frames = [images.read(folder / f"frame1{i}.png") for i in (0, 1)]
     true_px, known = files.read_flo(folder / "flow10.flo")
     for method, below_px in zip(FAST, SEQUENCES[name], strict=True):
         found_px = estimate.estimate(*frames, method=method)

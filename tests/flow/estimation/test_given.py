@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from alignerf.command import images
 from flow import align
 from flow.estimation import given
 from flow.warping import files, warp
@@ -134,8 +135,8 @@ def scene(tmp_path):
         noise = np.random.default_rng(seed).normal(size=(50, 66, 3))
         large = cv2.GaussianBlur(noise, (0, 0), 1.5)
         large = np.clip(127 + 40 * large / large.std(), 0, 255).astype(np.uint8)
-        files.write_image(tmp_path / "photos" / f"{view}.png", large[5:45, 5:61])
-        files.write_image(tmp_path / "renders" / f"{view}.png", large[4:44, 7:63])
+        images.write(tmp_path / "photos" / f"{view}.png", large[5:45, 5:61])
+        images.write(tmp_path / "renders" / f"{view}.png", large[4:44, 7:63])
         write_flo(tmp_path / "flows" / f"{view}.flo", shift_flow(2, -1))
     return tmp_path
 
@@ -163,10 +164,10 @@ def test_align_takes_them_as_they_are(scene):
         assert float(row["blur_sigma_px"]) == 0
         flow_px, valid = files.read_flow(scene / "out" / "flow" / f"{row['view']}.npz")
         np.testing.assert_array_equal(flow_px, shift_flow(2, -1))
-        render = files.read_image(scene / "renders" / f"{row['view']}.png")
-        warped = files.read_image(scene / "out" / "warped" / f"{row['view']}.png")
+        render = images.read(scene / "renders" / f"{row['view']}.png")
+        warped = images.read(scene / "out" / "warped" / f"{row['view']}.png")
         np.testing.assert_array_equal(warped[valid], render[valid])
-        photo = files.read_image(scene / "photos" / f"{row['view']}.png")
+        photo = images.read(scene / "photos" / f"{row['view']}.png")
         np.testing.assert_array_equal(warped, warp.warp(photo, flow_px))
 
 
@@ -180,8 +181,8 @@ def test_align_names_the_flow_that_is_missing_and_writes_nothing(scene, capsys):
 
 
 def test_align_refuses_photos_of_another_size_by_name(scene, capsys):
-    photo = files.read_image(scene / "photos" / "a.png")
-    files.write_image(scene / "photos" / "a.png", photo[:-1])
+    photo = images.read(scene / "photos" / "a.png")
+    images.write(scene / "photos" / "a.png", photo[:-1])
     assert run(scene, "--method", "files", "--flows", str(scene / "flows")) == 1
     assert "view a: render and photo differ in size" in capsys.readouterr().err
 

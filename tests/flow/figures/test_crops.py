@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from alignerf.command import images
 from flow.figures import crops
 from flow.warping import files
 
@@ -73,6 +74,9 @@ def test_psnr(rng):
     assert crops.psnr_db(photo, photo) == np.inf
     off = crops.psnr_db(photo + np.uint8(1), photo)
     assert off == pytest.approx(20 * np.log10(255))
+    other = rng.integers(0, 255, (8, 8, 3), dtype=np.uint8)
+    mse = np.mean((other.astype(np.float64) - photo) ** 2)
+    assert crops.psnr_db(other, photo) == 10 * np.log10(255**2 / mse)
 
 
 def make_scene(folder, rng, *, size=(40, 30), views=("a", "b"), methods=2, known=0.9):
@@ -81,12 +85,12 @@ def make_scene(folder, rng, *, size=(40, 30), views=("a", "b"), methods=2, known
     entries = []
     for view in views:
         image = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)
-        files.write_image(folder / "photos" / f"{view}.png", image)
+        images.write(folder / "photos" / f"{view}.png", image)
     for number in range(methods):
         place = folder / f"method_{number}"
         for view in views:
             image = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)
-            files.write_image(place / "renders" / f"{view}.png", image)
+            images.write(place / "renders" / f"{view}.png", image)
             flow_px = rng.normal(size=(height, width, 2)).astype(np.float32)
             valid = rng.uniform(size=(height, width)) < known
             files.write_flow(place / "flow" / f"{view}.npz", flow_px, valid)
@@ -151,7 +155,7 @@ def test_large_windows_keep_their_pixels(tmp_path, rng):
 
 def other_render(folder, rng):
     image = rng.integers(0, 256, (30, 41, 3), dtype=np.uint8)
-    files.write_image(folder / "method_1" / "renders" / "b.png", image)
+    images.write(folder / "method_1" / "renders" / "b.png", image)
 
 
 def other_flow(folder, rng):

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from alignerf.command import images
 from flow.figures import drawing
 from flow.figures import parts as part_figures
 from flow.figures import scene as scene_figures
@@ -18,7 +19,7 @@ def scene(tmp_path, rng):
     for view in ("a", "b c"):
         for folder in ("photos", "renders"):
             image = rng.integers(0, 256, (30, 40, 3), dtype=np.uint8)
-            files.write_image(tmp_path / folder / f"{view}.png", image)
+            images.write(tmp_path / folder / f"{view}.png", image)
         flow_px = rng.normal(size=(30, 40, 2)).astype(np.float32)
         valid = rng.uniform(size=(30, 40)) < 0.9
         files.write_flow(tmp_path / "testset" / "flow" / f"{view}.npz", flow_px, valid)
@@ -27,19 +28,47 @@ def scene(tmp_path, rng):
     return tmp_path
 
 
-def draw(scene, *extra, rounds=2):
-    """The figures of the scene, as if each round had rendered the same."""
+def write_parts(scene, rng, *, model=True, rounds=3):
+    """The parts of the views, and a method's rounds as JSON; files as of the chain."""
+    (scene / "parts").mkdir(exist_ok=True)
+    names = ["camera_px", "remainder_px", *(["model_px"] if model else [])]
+    for view in ("a", "b c"):
+        parts = {
+            name: rng.normal(size=(30, 40, 2)).astype(np.float32) for name in names
+        }
+        valid = rng.uniform(size=(30, 40)) < 0.9
+        np.savez(scene / "parts" / f"{view}.npz", valid=valid, **parts)
+    rows = []
+    for k in range(rounds):
+        stats, metrics = scene / f"stats{k}.csv", scene / f"metrics{k}.csv"
+        stats.write_text(f"view,flow_median_px\na,{2 - k}\nb c,{4 - k}\n")
+        metrics.write_text(
+            f"view,test_set,psnr_db\na,standard,{20 + k}\nb c,standard,{22 + k}\n"
+        )
+        row = {"method": "m", "round": k, "stats": str(stats), "metrics": str(metrics)}
+        rows.append(row)
+    return json.dumps(rows)
+
+
+def arguments(scene, curves, rounds=2):
+    """The command's, as if each round had rendered the same."""
     again = {"renders": str(scene / "renders"), "flow": str(scene / "testset" / "flow")}
-    return scene_figures.run(
-        [
-            *("--photos", str(scene / "photos"), "--testset", str(scene / "testset")),
-            *("--reference", str(scene / "renders")),
-            *("--rounds", json.dumps([again] * rounds)),
-            *("--flow-figure", str(scene / "figures" / "flow.png")),
-            *("--rounds-figure", str(scene / "figures" / "rounds.png")),
-            *extra,
-        ]
-    )
+    options = {
+        "photos": scene / "photos",
+        "testset": scene / "testset",
+        "reference": scene / "renders",
+        "rounds": json.dumps([again] * rounds),
+        "parts": scene / "parts",
+        "curves": curves,
+    }
+    for name in scene_figures.FIGURES:
+        options[f"{name}-figure"] = scene / "figures" / f"{name}.png"
+    return {f"--{name}": str(value) for name, value in options.items()}
+
+
+def draw(scene, curves, rounds=2):
+    options = arguments(scene, curves, rounds)
+    return scene_figures.run([part for option in options.items() for part in option])
 
 
 def size(path):
@@ -47,13 +76,15 @@ def size(path):
     return width, height
 
 
-def test_figures_of_a_scene(scene):
-    assert draw(scene) == 0
-    assert {p.name for p in (scene / "figures").iterdir()} == {"flow.png", "rounds.png"}
+def test_figures_of_a_scene(scene, rng):
+    curves = write_parts(scene, rng)
+    assert draw(scene, curves) == 0
+    found = {path.stem for path in (scene / "figures").iterdir()}
+    assert found == set(scene_figures.FIGURES)
     width, height = size(scene / "figures" / "flow.png")
     assert width > 3 * height > 900
     first = size(scene / "figures" / "rounds.png")
-    assert draw(scene, rounds=3) == 0
+    assert draw(scene, curves, rounds=3) == 0
     more = size(scene / "figures" / "rounds.png")
     assert more[1] == first[1] > 600
     assert more[0] == pytest.approx(4 / 3 * first[0], rel=0.01)
@@ -109,58 +140,27 @@ def cut_flow(scene):
         (lose_renders, "renders/"),
     ],
 )
-def test_no_figure_without_its_input(scene, capsys, damage, reason):
+def test_no_figure_without_its_input(scene, rng, capsys, damage, reason):
+    curves = write_parts(scene, rng)
     damage(scene)
-    assert draw(scene) == 1
+    assert draw(scene, curves) == 1
     error = capsys.readouterr().err.strip().splitlines()[-1]
     assert error.startswith("error: ")
     assert reason in error
     assert not list(scene.glob("figures/*"))
 
 
-PART_FIGURES = ("views", "lengths", "curves")
-
-
-def with_parts(scene, rng, *, model=True, rounds=3):
-    """The options of the figures of parts, and their files as the chain has them."""
-    (scene / "parts").mkdir(exist_ok=True)
-    names = ["camera_px", "remainder_px", *(["model_px"] if model else [])]
-    for view in ("a", "b c"):
-        parts = {
-            name: rng.normal(size=(30, 40, 2)).astype(np.float32) for name in names
-        }
-        valid = rng.uniform(size=(30, 40)) < 0.9
-        np.savez(scene / "parts" / f"{view}.npz", valid=valid, **parts)
-    rows = []
-    for k in range(rounds):
-        stats, metrics = scene / f"stats{k}.csv", scene / f"metrics{k}.csv"
-        stats.write_text(f"view,flow_median_px\na,{2 - k}\nb c,{4 - k}\n")
-        metrics.write_text(
-            f"view,test_set,psnr_db\na,standard,{20 + k}\nb c,standard,{22 + k}\n"
-        )
-        row = {"method": "m", "round": k, "stats": str(stats), "metrics": str(metrics)}
-        rows.append(row)
-    options = ["--parts", str(scene / "parts"), "--curves", json.dumps(rows)]
-    for name in PART_FIGURES:
-        options += [f"--{name}-figure", str(scene / "figures" / f"{name}.png")]
-    return options
-
-
 def test_figures_of_the_parts(scene, rng):
-    assert draw(scene, *with_parts(scene, rng)) == 0
-    found = {path.stem for path in (scene / "figures").iterdir()}
-    assert found == {"flow", "rounds", *PART_FIGURES}
     # At the width of a page, whatever the number of columns.
     for model in (True, False):
-        assert draw(scene, *with_parts(scene, rng, model=model)) == 0
+        assert draw(scene, write_parts(scene, rng, model=model)) == 0
         assert size(scene / "figures" / "views.png")[0] == 1080
-    sizes = {name: size(scene / "figures" / f"{name}.png") for name in PART_FIGURES}
-    assert sizes["lengths"] == (750, 450)
-    assert sizes["curves"] == (1080, 420)
+    assert size(scene / "figures" / "lengths.png") == (750, 450)
+    assert size(scene / "figures" / "curves.png") == (1080, 420)
 
 
 def test_parts_add_up_to_the_flow(scene, rng):
-    with_parts(scene, rng, model=True)
+    write_parts(scene, rng, model=True)
     parts = part_figures.read_parts(scene / "parts")
     assert list(parts) == ["a", "b c"]
     assert part_figures.present(parts) == list(part_figures.TITLES)
@@ -168,7 +168,7 @@ def test_parts_add_up_to_the_flow(scene, rng):
     np.testing.assert_allclose(
         view["flow_px"], view["camera_px"] + view["remainder_px"] + view["model_px"]
     )
-    with_parts(scene, rng, model=False)
+    write_parts(scene, rng, model=False)
     without = part_figures.read_parts(scene / "parts")
     assert "model_px" not in part_figures.present(without)
     # A part that some view lacks is not shown for the others.
@@ -177,12 +177,34 @@ def test_parts_add_up_to_the_flow(scene, rng):
 
 
 def test_curves_are_means_over_views(scene, rng):
-    options = with_parts(scene, rng)
-    rows = json.loads(options[options.index("--curves") + 1])
-    table = part_figures.read_rounds(rows)
+    table = part_figures.read_rounds(json.loads(write_parts(scene, rng)))
     assert table["median_px"].tolist() == [3, 2, 1]
     assert table["standard"].tolist() == [21, 22, 23]
     assert "oracle" not in table
+
+
+def test_a_view_without_a_number_leaves_the_mean_empty(scene, rng, caplog):
+    """The easier views that are left would flatter it."""
+    curves = write_parts(scene, rng)
+    rows = json.loads(curves)
+    assert not part_figures.read_rounds(rows).isna().any(axis=None)
+    assert not caplog.records
+    (scene / "stats1.csv").write_text("view,flow_median_px\na,1\nb c,\n")
+    scores = "a,standard,20\nb c,standard,\na,oracle,30\nb c,oracle,32\n"
+    (scene / "metrics1.csv").write_text("view,test_set,psnr_db\n" + scores)
+    table = part_figures.read_rounds(rows)
+    assert table["median_px"].isna().tolist() == [False, True, False]
+    assert table["standard"].isna().tolist() == [False, True, False]
+    assert table["oracle"][1] == 31
+    said = [record.getMessage() for record in caplog.records]
+    assert said == [
+        f"{scene / 'stats1.csv'}: no flow_median_px of b c: its mean is left empty",
+        f"{scene / 'metrics1.csv'}: no psnr_db of b c: its mean is left empty",
+    ]
+    assert draw(scene, curves) == 0
+    for k in range(3):
+        (scene / f"stats{k}.csv").write_text("view,flow_median_px\na,\n")
+    assert draw(scene, curves) == 0
 
 
 def lose_parts(scene):
@@ -208,14 +230,18 @@ def empty_metrics(scene):
     ],
 )
 def test_no_figure_of_broken_parts(scene, rng, capsys, damage, reason):
-    options = with_parts(scene, rng)
+    curves = write_parts(scene, rng)
     damage(scene)
-    assert draw(scene, *options) == 1
+    assert draw(scene, curves) == 1
     error = capsys.readouterr().err.strip().splitlines()[-1]
     assert error.startswith("error: ")
     assert reason in error
 
 
-def test_options_of_the_parts_go_together(scene, rng):
+@pytest.mark.parametrize("option", ["--parts", "--curves", "--lengths-figure"])
+def test_every_figure_is_drawn(scene, rng, capsys, option):
+    options = arguments(scene, write_parts(scene, rng))
+    del options[option]
     with pytest.raises(SystemExit):
-        draw(scene, *with_parts(scene, rng)[:2])
+        scene_figures.run([part for given in options.items() for part in given])
+    assert f"required: {option}" in capsys.readouterr().err

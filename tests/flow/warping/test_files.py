@@ -2,7 +2,6 @@
 
 import os
 
-import cv2
 import numpy as np
 import pytest
 
@@ -84,36 +83,27 @@ def test_flow_files_of_other_content_are_refused_by_name(tmp_path):
         files.read_flow(tmp_path / "none.npz")
 
 
-def test_image_round_trip_and_channel_order(tmp_path):
-    rng = np.random.default_rng(0)
-    image = rng.integers(0, 256, (13, 7, 3), dtype=np.uint8)
-    image[0, 0] = (255, 0, 0)
-    files.write_image(tmp_path / "deep" / "a b.png", image)
-    np.testing.assert_array_equal(
-        files.read_image(tmp_path / "deep" / "a b.png"), image
-    )
-    as_bgr = cv2.imread(str(tmp_path / "deep" / "a b.png"))
-    np.testing.assert_array_equal(as_bgr[0, 0], (0, 0, 255))
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ({"names": ["a"], "split": ["test"]}, "no view in split 'train'"),
+        ({"names": ["a"]}, "split"),
+        ({"names": ["a", "d"], "split": ["train"]}, "do not fit"),
+        ({"names": ["a"], "split": ["train"], "k": [1, 2]}, "do not fit"),
+    ],
+)
+def test_cameras_without_a_split_are_named(tmp_path, content, reason):
+    path = tmp_path / "cameras.npz"
+    np.savez(path, **{"k": np.zeros(len(content["names"]))} | content)
+    with pytest.raises(ValueError, match=rf"cameras\.npz: .*{reason}"):
+        files.read_split(path, "train", "k")
 
 
-def test_images_of_another_kind_are_refused_by_name(tmp_path):
-    rng = np.random.default_rng(0)
-    path = tmp_path / "a.png"
-    for shape, dtype in (
-        ((9, 9), np.uint8),
-        ((9, 9, 4), np.uint8),
-        ((9, 9, 3), np.uint16),
-    ):
-        cv2.imwrite(str(path), rng.integers(0, 256, shape).astype(dtype))
-        with pytest.raises(ValueError, match=r"a\.png: not an 8-bit RGB"):
-            files.read_image(path)
-    image = rng.integers(0, 256, (40, 40, 3), dtype=np.uint8)
-    files.write_image(path, image)
-    whole = path.read_bytes()
-    for cut in (0, 5, 60, len(whole) // 2):
-        path.write_bytes(whole[:cut])
-        with pytest.raises(ValueError, match=r"a\.png: not a readable image"):
-            files.read_image(path)
+def test_a_split_is_in_the_order_of_names(tmp_path):
+    path = tmp_path / "cameras.npz"
+    split = ["train", "test", "train"]
+    np.savez(path, names=["d", "b c", "a"], split=split, k=[1, 2, 3])
+    assert files.read_split(path, "train", "k") == {"a": [3], "d": [1]}
 
 
 def test_flo(tmp_path):

@@ -1,0 +1,107 @@
+"""The one progress bar: a bar on a terminal, lines in a log, closed in any case."""
+
+import io
+import re
+import sys
+
+import pytest
+
+from alignerf.command import progress
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is one."""
+
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """Each Progress that is made, with how often it was closed."""
+    found = []
+
+    class Noted(progress.Progress):
+        closed = 0
+
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            found.append(self)
+
+        def close(self):
+            self.closed += 1
+            super().close()
+
+    monkeypatch.setattr(progress, "Progress", Noted)
+    return found
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_over_yields_all_and_counts_what_is_done(opened, monkeypatch, terminal):
+    stream = Terminal() if terminal else io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    counts = []
+    for item in progress.over(iter("abc"), "letters", unit="letter"):
+        counts.append((item, opened[0].done))
+    assert counts == [("a", 0), ("b", 1), ("c", 2)]
+    (shown,) = opened
+    assert (shown.done, shown.total, shown.closed) == (3, 3, 1)
+    assert (shown.bar is not None) == terminal
+    assert "letters" in stream.getvalue()
+    assert "3/3" in stream.getvalue()
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_over_closes_where_its_loop_fails(opened, monkeypatch, terminal):
+    monkeypatch.setattr(sys, "stderr", Terminal() if terminal else io.StringIO())
+
+    def fail():
+        items = progress.over(range(5), "numbers")
+        for item in items:
+            if item == 2:
+                items.throw(RuntimeError("in the loop"))
+
+    with pytest.raises(RuntimeError, match="in the loop"):
+        fail()
+    (shown,) = opened
+    assert (shown.done, shown.closed) == (2, 1)
+    assert shown.bar is None or shown.bar.disable
+
+
+def test_over_closes_where_its_loop_is_left(opened):
+    items = progress.over(range(5), "numbers")
+    next(items)
+    items.close()
+    (shown,) = opened
+    assert (shown.done, shown.closed) == (0, 1)
+
+
+def test_over_nothing_shows_nothing(opened, capsys):
+    assert list(progress.over([], "numbers")) == []
+    assert opened[0].closed == 1
+    assert not capsys.readouterr().err
+
+
+def test_a_log_gets_a_line_now_and_then(capsys):
+    shown = progress.Progress("train", 8, done=2, log_every_s=0.0)
+    for _ in range(3):
+        shown.advance(2, loss=0.25)
+    lines = capsys.readouterr().err.splitlines()
+    assert [
+        re.search(r"step (\d)/8  loss 0.25  eta \d", line)[1] for line in lines
+    ] == [*"468"]
+    seldom = progress.Progress("train", 3, log_every_s=1e9)
+    for _ in range(3):
+        seldom.advance()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("train: step 3/3")
+
+
+def test_nothing_else_draws_bars(root):
+    found = {
+        path.relative_to(root).as_posix()
+        for package in ("alignerf", "flow")
+        for path in (root / package).rglob("*.py")
+        if "tqdm" in path.read_text()
+    }
+    assert found == {"alignerf/command/progress.py"}

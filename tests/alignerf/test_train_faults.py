@@ -1,0 +1,125 @@
+"""What a training refuses, in one line, and what it leaves behind."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+
+import filelock
+import jax.numpy as jnp
+import pytest
+
+from alignerf.scenes import prepared
+from alignerf.training import compose, loop, memory, program
+from tests import job_cases as cases
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_once(tmp_path_factory):
+    with cases.compiled_into(tmp_path_factory.mktemp("compiled")):
+        yield
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return cases.make_scene(tmp_path_factory.mktemp("scene"))
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("uninterrupted")
+    cases.run(folder, out)
+    return out
+
+
+def test_photos_that_do_not_fit_are_one_line(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(memory, "free_bytes", lambda device: 5_000)
+    line = cases.stops(capsys, lambda: cases.run(folder, tmp_path))
+    wanted = "training views of 7.2 kB do not fit into 5.0 kB of free memory"
+    assert line == f"error: {folder / 'images'}: {wanted}"
+
+
+def test_a_training_that_diverges_stops_with_the_step(folder, tmp_path, capsys):
+    wild = cases.TRAINING | {"learning_rates": [1e38, 1e38], "warmup_steps": 0}
+    job = cases.JOB | {"training": wild}
+    line = cases.stops(capsys, lambda: cases.run(folder, tmp_path, job))
+    assert re.search(r"training diverged at step \d+: not finite: \w+ loss, ", line)
+    assert re.search(r"; in rays of v1, v2, v3, all .* parameters reach \d", line)
+    assert {path.name for path in tmp_path.rglob("*")} <= {"checkpoints", "lock"}
+
+
+def test_the_first_fault_stops_the_job_and_keeps_its_checkpoint(
+    folder, tmp_path, monkeypatch, capsys
+):
+    """At the very step, though numbers are fetched later, and again when resumed."""
+    make_method = compose.make_method
+
+    def spoilt_method(job):
+        method = make_method(job)
+
+        def terms(params, batch, share):
+            values, shown = method.terms(params, batch, share)
+            bad = (share > 9.5 / (cases.STEPS - 1)) & jnp.any(batch.view == 1)
+            spoilt = values["distortion"] * jnp.where(bad, jnp.nan, 1.0)
+            return values | {"distortion": spoilt}, shown
+
+        return method._replace(terms=terms)
+
+    monkeypatch.setattr(compose, "make_method", spoilt_method)
+    monkeypatch.setattr(loop, "CHECKPOINT_EVERY_S", 0.0)
+    monkeypatch.setattr(loop, "FETCH_EVERY", 4)
+    for _ in range(2):
+        line = cases.stops(capsys, lambda: cases.run(folder, tmp_path))
+        wanted = "diverged at step 10: not finite: distortion loss; in rays of v2"
+        assert line == f"error: training {wanted}"
+        names = {path.name for path in (tmp_path / "checkpoints").iterdir()}
+        assert names - {"lock"} == {"manifest.json", "state-8.msgpack"}
+        assert not (tmp_path / "model.msgpack").exists()
+
+
+def test_fine_tuning_needs_pretrained_parameters(
+    folder, uninterrupted, tmp_path, capsys
+):
+    job = cases.JOB | {"stage": "finetune"}
+    assert "--initial" in cases.stops(capsys, lambda: cases.run(folder, tmp_path, job))
+    missing = ("--initial", str(tmp_path / "no.msgpack"))
+    line = cases.stops(capsys, lambda: cases.run(folder, tmp_path, job, *missing))
+    assert "no.msgpack: model file not found" in line
+    wider = cases.JOB["model"] | {"field": cases.GRID | {"view_widths": [9]}}
+    other = ("--initial", str(uninterrupted / "model.msgpack"))
+    line = cases.stops(
+        capsys, lambda: cases.run(folder, tmp_path, job | {"model": wider}, *other)
+    )
+    assert "model.msgpack: " in line
+    assert not list(tmp_path.rglob("*.json"))
+
+
+def test_a_second_trainer_is_refused_at_once(folder, tmp_path, capsys, monkeypatch):
+    """Before the scene is read and a step is compiled."""
+    monkeypatch.delattr(prepared, "load")
+    monkeypatch.delattr(program, "build")
+    (tmp_path / "checkpoints").mkdir()
+    with filelock.FileLock(tmp_path / "checkpoints" / "lock"):
+        line = cases.stops(capsys, lambda: cases.run(folder, tmp_path))
+    assert "checkpoints: another process is training here" in line
+
+
+def test_bad_input_as_a_process_is_one_line(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "scene")
+    path = tmp_path / "scene" / "images" / "v2.png"
+    path.write_bytes(path.read_bytes()[:-40])
+    options = ["--config", json.dumps(cases.JOB), "--scene", tmp_path / "scene"]
+    for name in ("checkpoints", "model", "timing"):
+        options += [f"--{name}", tmp_path / "out" / name]
+    done = subprocess.run(
+        [sys.executable, "-m", "alignerf.train", *options],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stderr.startswith("error: ")
+    assert "v2.png" in done.stderr
+    left = {path.name for path in (tmp_path / "out").rglob("*")}
+    assert left <= {"checkpoints", "lock"}

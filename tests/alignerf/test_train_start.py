@@ -1,0 +1,138 @@
+"""What a training begins with, and where its search radius comes from."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from alignerf import train
+from alignerf.contributions import patch_conv
+from alignerf.experiment import jobs
+from alignerf.scenes import cameras
+from alignerf.training import checkpoint, compose, loop
+from tests import job_cases as cases
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_once(tmp_path_factory):
+    with cases.compiled_into(tmp_path_factory.mktemp("compiled")):
+        yield
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return cases.make_scene(tmp_path_factory.mktemp("scene"))
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("uninterrupted")
+    cases.run(folder, out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def pretrained(folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("pretrained")
+    cases.run(folder, out, cases.JOB | {"stage": "pretrain"})
+    return out / "model.msgpack"
+
+
+MLP = cases.JOB["model"] | {"field": {"kind": "mlp", "width": 16, "depth": 2}}
+
+
+@pytest.mark.parametrize(
+    ("model", "parts"),
+    [
+        (cases.JOB["model"], {}),
+        (cases.JOB["model"], {"convolution": False}),
+        (cases.JOB["model"], {"features": 9}),
+        (MLP, {}),
+    ],
+    ids=["grid", "no convolution", "more features", "mlp"],
+)
+def test_fine_tuning_starts_from_the_pretrained_function(
+    folder, tmp_path, model, parts
+):
+    """Colours of a view, before the first step: equal to 1e-5."""
+    chosen = cases.ALIGNERF | parts
+    of_both = cases.JOB | {"model": model, "alignerf": chosen}
+    cases.run(folder, tmp_path, of_both | {"stage": "pretrain"})
+    pretrained = tmp_path / "model.msgpack"
+    jobs = [
+        jobs.parse(of_both | {"stage": stage}) for stage in ("pretrain", "finetune")
+    ]
+    before, after = map(compose.make_method, jobs)
+    template = jax.eval_shape(before.init, jax.random.key(0))
+    params = jax.tree.map(jnp.asarray, checkpoint.read_params(pretrained, template))
+    widened = train.initial_params(jobs[1], after, str(pretrained))
+    assert ("head" in widened) == chosen["convolution"]
+    rows, columns = jnp.mgrid[: cases.HEIGHT, : cases.WIDTH]
+    rays = cameras.pixels_to_rays(
+        columns.ravel(),
+        rows.ravel(),
+        jnp.asarray(cameras.intrinsics(30.0, cases.WIDTH, cases.HEIGHT), jnp.float32),
+        jnp.eye(3, 4),
+    )
+    widened = jax.tree.map(jnp.asarray, widened)
+    colours = before.render(params, rays).values.reshape(cases.HEIGHT, cases.WIDTH, 3)
+    assert jnp.ptp(colours) > 0.01
+    values = after.render(widened, rays).values.reshape(cases.HEIGHT, cases.WIDTH, -1)
+    found = after.colours(widened, patch_conv.pad(values) if after.halo else values)
+    np.testing.assert_allclose(found, colours, atol=1e-5)
+
+
+def test_a_search_radius_comes_from_the_displacement(
+    folder, pretrained, tmp_path, capsys, caplog
+):
+    job = cases.JOB | {
+        "stage": "finetune",
+        "alignerf": cases.ALIGNERF | {"radius_px": None},
+    }
+    more = ("--initial", str(pretrained))
+    assert "--displacement" in cases.stops(
+        capsys, lambda: cases.run(folder, tmp_path, job, *more)
+    )
+    measured = tmp_path / "displacement.csv"
+    measured.write_text("view,p95_px\na,1.2\nb,2.3\n")
+    more += ("--displacement", str(measured))
+    caplog.set_level("INFO", "alignerf")
+    found = cases.run(folder, tmp_path / "auto", job, *more)
+    assert "search radius: 3 px" in caplog.text
+    fixed = job | {"alignerf": cases.ALIGNERF | {"radius_px": 3}}
+    assert cases.run(folder, tmp_path / "fixed", fixed, *more[:2]) == found
+
+
+def test_a_warm_start_begins_with_the_parameters_given(
+    folder, uninterrupted, tmp_path, monkeypatch
+):
+    """Not with fresh ones; it resumes bit for bit, and wants them to fit."""
+    initial = str(uninterrupted / "model.msgpack")
+    warm = cases.JOB | {
+        "stage": "warm",
+        "training": cases.TRAINING | {"steps": 8},
+    }
+    more = ("--initial", initial)
+    begun = []
+    with monkeypatch.context() as patched:
+        run_steps = loop.run_steps
+
+        def first_state(job, step, state, *others):
+            begun.append(jax.tree.map(np.asarray, state.params))
+            return run_steps(job, step, state, *others)
+
+        patched.setattr(loop, "run_steps", first_state)
+        whole = cases.run(folder, tmp_path / "whole", warm, *more)
+        cases.kill_after_save(patched, 4)
+        with pytest.raises(cases.Killed):
+            cases.run(folder, tmp_path / "parts", warm, *more)
+    given = checkpoint.read_params(initial, begun[0])
+    jax.tree.map(np.testing.assert_array_equal, begun[0], given)
+    assert cases.run(folder, tmp_path / "parts", warm, *more) == whole
+    with pytest.raises(ValueError, match="--initial: stage 'warm' needs trained"):
+        cases.run(folder, tmp_path / "none", warm)
+    field = cases.GRID | {"view_widths": [16]}
+    other = warm | {"model": cases.JOB["model"] | {"field": field}}
+    with pytest.raises(ValueError, match=r"model\.msgpack"):
+        cases.run(folder, tmp_path / "other", other, *more)
+    assert not (tmp_path / "other" / "model.msgpack").exists()

@@ -1,0 +1,68 @@
+"""Every core a device: in time, or said that it is too late."""
+
+import subprocess
+import sys
+
+import jax
+import pytest
+
+from alignerf.command import machine
+from alignerf.training import cores
+
+EVERY_MODULE = """
+import importlib, pkgutil
+import alignerf, flow
+for package in (alignerf, flow):
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+"""
+
+
+def in_a_fresh_interpreter(root, code):
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def test_no_import_starts_jax(root):
+    """What an import started would leave a training one device."""
+    code = """
+from alignerf.command import machine
+from alignerf.training import cores
+import jax
+machine.cores = lambda: 3
+cores.use_as_devices()
+print(len(jax.local_devices()))
+"""
+    done = in_a_fresh_interpreter(root, EVERY_MODULE + code)
+    assert done.stdout.split() == ["3"]
+    assert not done.stderr
+
+
+def test_too_late_is_said(monkeypatch, caplog):
+    there = len(jax.local_devices())
+    monkeypatch.delenv("XLA_FLAGS", raising=False)
+    monkeypatch.setattr(machine, "cores", lambda: there + 1)
+    cores.use_as_devices()
+    (record,) = caplog.records
+    assert (record.name, record.levelname) == ("alignerf", "WARNING")
+    said = f"too late for a device each of {there + 1} cores: JAX has started with "
+    assert record.getMessage() == f"{said}{there}"
+    assert len(jax.local_devices()) == there
+
+
+@pytest.mark.parametrize("by_user", [True, False])
+def test_nothing_is_said_where_nothing_is_lost(monkeypatch, caplog, by_user):
+    flags = "--xla_force_host_platform_device_count=1" if by_user else ""
+    monkeypatch.setenv("XLA_FLAGS", flags)
+    there = len(jax.local_devices())
+    monkeypatch.setattr(machine, "cores", lambda: there + by_user)
+    cores.use_as_devices()
+    assert not caplog.records

@@ -1,0 +1,136 @@
+"""What the tests of training as a job share: a tiny scene, a job, how to run it."""
+
+import contextlib
+import json
+
+import jax
+import numpy as np
+import pytest
+from jax.experimental.compilation_cache import compilation_cache
+from PIL import Image
+
+from alignerf import train
+from alignerf.command import faults
+from alignerf.scenes import cameras
+from alignerf.training import checkpoint, loop
+
+WIDTH, HEIGHT, STEPS = 32, 24, 14
+GRID = {"kind": "grid", "levels": 2, "log2_entries": 8, "finest": 32, "width": 8}
+ALIGNERF = {
+    "pretrain_share": 0.6,
+    "finetune_share": 0.5,
+    "learning_rates": [0.01, 0.001],
+    "patches": 1,
+    "patch_px": 12,
+    "convolution": True,
+    "features": 4,
+    "matching": "patch",
+    "error": "squared",
+    "radius_px": 2,
+    "align_penalty": 0.01,
+    "frequency_weight": 0.05,
+    "frequency_weights": None,
+}
+TRAINING = {
+    "steps": STEPS,
+    "batch_rays": 64,
+    "learning_rates": [0.01, 0.001],
+    "warmup_steps": 3,
+    "adam_eps": 1e-15,
+    "gradient_norm": None,
+    "interlevel_weight": 1.0,
+    "distortion_weight": 0.01,
+}
+JOB = {
+    "seed": 3,
+    "stage": "full",
+    "model": {
+        "near": 0.2,
+        "far": 1e3,
+        "samples": [4, 4],
+        "proposal": GRID,
+        "field": GRID | {"view_widths": [8]},
+    },
+    "training": TRAINING,
+    "alignerf": ALIGNERF,
+}
+
+
+class Killed(BaseException):
+    """A process that ends in the middle, as far as files can tell."""
+
+
+@contextlib.contextmanager
+def compiled_into(folder):
+    """Programs compiled for one training serve its repetitions."""
+    options = {
+        "jax_compilation_cache_dir": str(folder),
+        "jax_persistent_cache_min_compile_time_secs": 0.1,
+    }
+    before = {name: getattr(jax.config, name) for name in options}
+    for name, value in options.items():
+        jax.config.update(name, value)
+    compilation_cache.reset_cache()
+    yield
+    for name, value in before.items():
+        jax.config.update(name, value)
+    compilation_cache.reset_cache()
+
+
+def make_scene(folder):
+    """A prepared scene: random photos seen by cameras that differ a little."""
+    (folder / "images").mkdir()
+    rng = np.random.default_rng(0)
+    names = [f"v{i}" for i in range(4)]
+    for name in names:
+        image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+        Image.fromarray(image).save(folder / "images" / f"{name}.png")
+    poses = np.repeat(np.eye(4)[None, :3], 4, axis=0)
+    poses[:, :, 3] = rng.normal(size=(4, 3))
+    np.savez(
+        folder / "cameras.npz",
+        pixtocams=np.stack([cameras.intrinsics(30.0, WIDTH, HEIGHT)] * 4),
+        camtoworlds=poses,
+        names=names,
+        width=WIDTH,
+        height=HEIGHT,
+        split=["test", "train", "train", "train"],
+    )
+    return folder
+
+
+def run(folder, out, job=JOB, *more):
+    """Train into `out`; returns the parameters' bytes."""
+    train.main(
+        [
+            *("--config", json.dumps(job), "--scene", str(folder)),
+            *("--checkpoints", str(out / "checkpoints")),
+            *("--model", str(out / "model.msgpack")),
+            *("--timing", str(out / "timing.json"), *more),
+        ]
+    )
+    return (out / "model.msgpack").read_bytes()
+
+
+def kill_after_save(monkeypatch, at_step):
+    """Let training stop for good once it has saved the step `at_step`."""
+    save = checkpoint.save
+
+    def save_and_die(folder, state, **options):
+        save(folder, state, **options)
+        if int(state.step) == at_step:
+            raise Killed
+
+    monkeypatch.setattr(checkpoint, "save", save_and_die)
+    monkeypatch.setattr(loop, "CHECKPOINT_EVERY_S", 0.0)
+    monkeypatch.setattr(loop, "FETCH_EVERY", 4)
+
+
+def stops(capsys, call):
+    """The one line that an entry point ends with."""
+    with pytest.raises(SystemExit) as stopped:
+        faults.run(call)
+    assert stopped.value.code == 1
+    line = capsys.readouterr().err.strip().splitlines()[-1]
+    assert line.startswith("error: ")
+    return line
