@@ -35,15 +35,7 @@ STRIP_PIXELS = 65536
 
 
 def main(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--config", required=True, help="job as JSON, or its file")
-    parser.add_argument("--scene", required=True, help="prepared scene folder")
-    parser.add_argument("--model", required=True, help="trained parameters")
-    parser.add_argument("--split", required=True, choices=prepared.SPLITS)
-    parser.add_argument("--renders", required=True, help="folder, written")
-    parser.add_argument("--depth", help="folder of the views' depth, written")
-    parser.add_argument("--timing", required=True, help="timing file, written")
-    args = parser.parse_args(argv)
+    args = parse(argv)
     start = time.perf_counter()
     loaded = prepared.load(args.scene)
     views = loaded.views(args.split)
@@ -81,6 +73,19 @@ def main(argv=None):
     }
     with whole.replace_file(args.timing) as path:
         path.write_text(json.dumps(timing))
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--config", required=True, help="job as JSON, or its file")
+    parser.add_argument("--scene", required=True, help="prepared scene folder")
+    parser.add_argument("--model", required=True, help="trained parameters")
+    parser.add_argument("--split", required=True, choices=prepared.SPLITS)
+    parser.add_argument("--renders", required=True, help="folder, written")
+    parser.add_argument("--depth", help="folder of the views' depth, written")
+    parser.add_argument("--timing", required=True, help="timing file, written")
+    return parser.parse_args(argv)
 
 
 def make_renderer(method, params, width, height):

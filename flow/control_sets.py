@@ -80,13 +80,10 @@ def write_view(
 ):
     """Write one view's control sets; returns the statistics of the invented flow.
 
-    tolerance_px: of `pairs.flow_and_validity`. options: method and match_blur, of it
-    and of `held_out_flow`.
+    options: method and match_blur, of both flows; tolerance_px: of what is valid.
     """
-    placebo_px = controls.placebo_flow(*render.shape[:2], view=view)
     held_out_px = held_out_flow(render, photo, **options)
-    aligned = oracle
-    if aligned is None:
+    if (aligned := oracle) is None:
         aligned = controls.resharpened(render, photo, held_out_px)
     leak_px, valid, sigma_px = pairs.flow_and_validity(
         render, aligned, tolerance_px=tolerance_px, **options
@@ -94,7 +91,7 @@ def write_view(
     warped = functools.partial(warp.warp, kernel=kernel)
     made = {
         "control": warp.round_trip(photo, flow_px, kernel=kernel),
-        "placebo": warped(photo, placebo_px),
+        "placebo": warped(photo, controls.placebo_flow(*render.shape[:2], view=view)),
         "held_out": warped(photo, held_out_px),
         "aligned": aligned,
         "leak": warped(aligned, leak_px),

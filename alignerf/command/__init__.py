@@ -1,1 +1,1 @@
-"""What every command shares: faults in one line, whole files, archives, progress."""
+"""What every command shares: faults in a line, whole files, images, cores, progress."""

@@ -161,8 +161,8 @@ def check_warped_photos(scene):
                 images.read(warped), warp.warp(photo, flow_px)
             )
     for name in CONTROLS:
-        images = {path.name for path in (scene / "testset" / name).glob("*.png")}
-        assert images == {f"{view}.png" for view in TEST_VIEWS}
+        names = {path.name for path in (scene / "testset" / name).glob("*.png")}
+        assert names == {f"{view}.png" for view in TEST_VIEWS}
 
 
 def check_controls(scene):
