@@ -1,6 +1,36 @@
 """What stands in the table of regimes (the paper's Table 4 is one of its blocks)."""
 
+from typing import NamedTuple
+
 from alignerf.experiment import rows, settings, slices
+
+
+class Method(NamedTuple):
+    """A method after a round, its scores, and what it took."""
+
+    method: str
+    round: int
+    # Its field, and the contributions that it has, in words.
+    parts: str
+    metrics: str
+    trainings: list[str]
+    data: list[str]
+
+
+class Regime(NamedTuple):
+    """What a scene is like and how long it is trained; its methods, the base first."""
+
+    scene: str
+    seed: int
+    # All but the seed: equal for scenes that are one regime.
+    alike: str
+    perturb_px: int | float
+    # None where the truth is not known.
+    motion_m: int | float | None
+    steps: int
+    # CSV of the warped test set's flow.
+    displacement: str
+    methods: list[Method]
 
 
 def name(experiment):
@@ -9,7 +39,7 @@ def name(experiment):
 
 
 def scenes(experiment):
-    """One entry per scene that has a baseline and what is set against it.
+    """One row per scene that has a baseline and what is set against it.
 
     Raises ValueError for a config without them.
     """
@@ -20,15 +50,18 @@ def scenes(experiment):
             "config: methods: regimes need methods with alignerf, and one without"
         )
     return [
-        regime_of(experiment, scene)
-        | {
-            "displacement": f"results/{scene}/testset/displacement.csv",
-            "methods": [
-                rows.of_method(experiment, scene, method, round)
-                | {"parts": rows.field_name(experiment, method)}
+        Regime(
+            scene=scene,
+            **like(experiment, scene),
+            displacement=f"results/{scene}/testset/displacement.csv",
+            methods=[
+                Method(
+                    parts=rows.field_name(experiment, method),
+                    **rows.of_method(experiment, scene, method, round),
+                )
                 for method, round in rounds(experiment, scene, *base)
             ],
-        }
+        )
         for scene in experiment.scenes
     ]
 
@@ -50,17 +83,15 @@ def rounds(experiment, scene, base):
     ]
 
 
-def regime_of(experiment, name):
-    """What a scene is like; of a real one only its name is known."""
+def like(experiment, name):
+    """What a scene is like; how its objects move is known of a made one only."""
     scene = experiment.scenes[name]
     motion_m = None
     if settings.SOURCES[scene["source"]].has_truth:
         motion = scene["courtyard"]
         motion_m = (motion["motion"] != "none") * motion["motion_m"]
     return {
-        "scene": name,
         "seed": scene["seed"],
-        # All that a regime is: scenes that have this in common differ in their seed.
         "alike": slices.as_json({key: scene[key] for key in scene if key != "seed"}),
         "perturb_px": scene["perturb_px"],
         "motion_m": motion_m,

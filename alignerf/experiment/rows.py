@@ -1,6 +1,74 @@
-"""The files that each row of a scene's tables and figures comes from."""
+"""The rows of a scene's tables and figures, and the files that each comes from."""
 
-from alignerf.experiment import slices
+import csv
+from typing import NamedTuple
+
+from alignerf.command import json_rows
+from alignerf.experiment import sources
+
+# Rules write rows and wait for their files; commands of tables read rows.
+as_json, files_of, read = json_rows.as_json, json_rows.files_of, json_rows.read
+PUBLISHED = sources.ROOT / "results" / "published"
+
+
+class Misalignment(NamedTuple):
+    """A method after a round, set against round 0 of a base."""
+
+    method: str
+    field: str
+    round: int
+    metrics: str
+    base: str
+    base_metrics: str
+    # timing.json of all stages and rounds that led here.
+    trainings: list[str]
+    # What renderings and warpings between the trainings took: timings and CSVs.
+    data: list[str]
+
+
+class Scores(NamedTuple):
+    """A method after a round, and the scores of its test views."""
+
+    method: str
+    round: int
+    metrics: str
+
+
+class Displacement(NamedTuple):
+    """A method after a round, and its test views' flow and the flow's parts."""
+
+    method: str
+    round: int
+    stats: str
+    # For the figure of curves: the table shows no score.
+    metrics: str | None = None
+
+
+class Walls(NamedTuple):
+    """Snakemake's benchmark of each process of a round; round 0 only trains."""
+
+    train: str
+    render: str | None = None
+    align: str | None = None
+
+
+class Times(NamedTuple):
+    """A method's round, and the files that tell its seconds."""
+
+    method: str
+    round: int
+    training: str
+    walls: Walls
+    rendering: str | None = None
+    alignment: str | None = None
+
+
+class Renders(NamedTuple):
+    """Test views of a round, or of a method beside others, and their flow."""
+
+    renders: str
+    flow: str
+    method: str | None = None
 
 
 def field_name(experiment, method):
@@ -85,7 +153,7 @@ def truth_of(experiment, scene):
 
 
 def of_method(experiment, scene, method, round):
-    """A method and round, its scores, and the files that tell what it took."""
+    """The fields that rows of several tables share: scores, and what they took."""
     return {
         "method": method,
         "round": round,
@@ -96,66 +164,65 @@ def of_method(experiment, scene, method, round):
 
 
 def misalignment(experiment, scene):
-    """One entry per method and round, with the files that its row comes from."""
+    """One row per method and round."""
     rows = []
     for method, round in experiment.all_rounds(scene):
         base = experiment.base_of(method)
-        row = of_method(experiment, scene, method, round)
-        row |= {"field": field_name(experiment, method), "base": base}
-        row["base_metrics"] = f"{experiment.trained(scene, base, 0)}/metrics.csv"
+        row = Misalignment(
+            **of_method(experiment, scene, method, round),
+            field=field_name(experiment, method),
+            base=base,
+            base_metrics=f"{experiment.trained(scene, base, 0)}/metrics.csv",
+        )
         rows.append(row)
     return rows
 
 
 def displacement(experiment, scene):
-    """One entry per method and round, with its test views' parts and metrics."""
+    """One row per method and round."""
     rows = []
     for method, round in experiment.all_rounds(scene):
         folder = experiment.trained(scene, method, round)
-        row = {"method": method, "round": round}
-        row["stats"] = f"{folder}/decomposition_test.csv"
-        rows.append(row | {"metrics": f"{folder}/metrics.csv"})
+        files = (f"{folder}/decomposition_test.csv", f"{folder}/metrics.csv")
+        rows.append(Displacement(method, round, *files))
     return rows
 
 
 def times(experiment, scene):
-    """One entry per method and round, with the files that tell its seconds."""
+    """One row per method and round."""
     rows = []
     for method, round in experiment.all_rounds(scene):
         folder = experiment.trained(scene, method, round)
-        row = {
-            "method": method,
-            "round": round,
-            "training": f"{folder}/timing.json",
-            "walls": {"train": f"{folder}/logs/train.tsv"},
-        }
+        walls = Walls(f"{folder}/logs/train.tsv")
+        row = Times(method, round, f"{folder}/timing.json", walls)
         if round > 0:
             before = experiment.trained(scene, method, round - 1)
-            row["rendering"] = f"{before}/render_train.json"
-            row["alignment"] = f"{before}/displacement_train.csv"
-            row["walls"]["render"] = f"{before}/logs/render_train.tsv"
-            row["walls"]["align"] = f"{before}/logs/align_train.tsv"
+            row = row._replace(
+                rendering=f"{before}/render_train.json",
+                alignment=f"{before}/displacement_train.csv",
+                walls=walls._replace(
+                    render=f"{before}/logs/render_train.tsv",
+                    align=f"{before}/logs/align_train.tsv",
+                ),
+            )
         rows.append(row)
     return rows
 
 
 def scores(experiment, scene):
-    """Method, round and metrics of every row."""
-    keys = ("method", "round", "metrics")
-    return [{key: row[key] for key in keys} for row in misalignment(experiment, scene)]
+    """One row per method and round."""
+    found = misalignment(experiment, scene)
+    return [Scores(row.method, row.round, row.metrics) for row in found]
 
 
 def figure_rounds(experiment, scene):
-    """Renders and flow of the test views, round by round, of the reference method."""
+    """Test views round by round, of the reference method."""
     method = experiment.config["reference"]["method"]
     folders = [
         experiment.trained(scene, method, k)
         for k in range(experiment.last_round(scene, method) + 1)
     ]
-    return [
-        {"renders": f"{folder}/renders/test", "flow": f"{folder}/flow/test"}
-        for folder in folders
-    ]
+    return [Renders(f"{f}/renders/test", f"{f}/flow/test") for f in folders]
 
 
 def crops(experiment, scene):
@@ -165,26 +232,17 @@ def crops(experiment, scene):
     rows = []
     for method in dict.fromkeys([*bases, *staged]):
         folder = experiment.trained(scene, method, 0)
-        row = {"method": method, "renders": f"{folder}/renders/test"}
-        rows.append(row | {"flow": f"{folder}/flow/test"})
+        files = (f"{folder}/renders/test", f"{folder}/flow/test")
+        rows.append(Renders(*files, method))
     return rows
 
 
-def files_of(rows):
-    """All files that rows name, sorted: whatever in them is a path in results/."""
-    found = set()
-    todo = list(rows)
-    while todo:
-        value = todo.pop()
-        if isinstance(value, dict):
-            todo += value.values()
-        elif isinstance(value, list):
-            todo += value
-        elif isinstance(value, str) and value.startswith("results/"):
-            found.add(value)
-    return sorted(found)
+def published(scene):
+    """Tables of papers, beside the sources, with a row of a scene of this name."""
+    return [str(path) for path in sorted(PUBLISHED.glob("*.csv")) if has(path, scene)]
 
 
-def as_json(rows):
-    """Rows as a command of a table takes them."""
-    return slices.as_json(rows)
+def has(path, scene):
+    """Whether a published table has a scene of this name; `mean` is of all."""
+    with open(path, newline="", encoding="utf-8") as file:
+        return scene in {row["scene"] for row in csv.DictReader(file)} - {"mean"}

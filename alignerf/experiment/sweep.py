@@ -1,6 +1,19 @@
 """The tradeoff's variants: their jobs and their rows."""
 
+from typing import NamedTuple
+
 from alignerf.experiment import slices
+
+
+class Point(NamedTuple):
+    """The base or a variant of it, and the files that its row comes from."""
+
+    variant: str
+    # Keys and values that differ from the base.
+    changes: dict
+    metrics: str
+    training: str
+    rendering: str
 
 
 def variants(experiment):
@@ -30,17 +43,23 @@ def photos_of_variant(experiment, scene, variant):
     return {"photos": f"{folder}/images", "cameras": f"{folder}/cameras.npz"}
 
 
+def configs(experiment):
+    """The complete config of the sweep's scene, as a file beside its results."""
+    scene, _ = variants(experiment)
+    return [f"results/{scene}/config.yaml"]
+
+
 def rows(experiment):
-    """One entry per variant, with the files that its row comes from."""
+    """One row per variant, the base first."""
     scene, changes = variants(experiment)
     folders = {name: f"results/{scene}/tradeoff/{name}" for name in changes}
     return [
-        {
-            "variant": name,
-            "changes": changes[name],
-            "metrics": f"{folder}/metrics.csv",
-            "training": f"{folder}/timing.json",
-            "rendering": f"{folder}/render_test.json",
-        }
+        Point(
+            variant=name,
+            changes=changes[name],
+            metrics=f"{folder}/metrics.csv",
+            training=f"{folder}/timing.json",
+            rendering=f"{folder}/render_test.json",
+        )
         for name, folder in folders.items()
     ]

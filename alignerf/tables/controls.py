@@ -10,6 +10,7 @@ the valid ones alone, is the measure of alignment, and `remains` its check.
 import pandas as pd
 
 from alignerf.command import faults
+from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 
@@ -48,19 +49,19 @@ HEADINGS = {
 
 
 def main(argv=None):
-    table_files.run(__doc__, argv, make_table, to_latex)
+    table_files.run(__doc__, argv, table_rows.Scores, make_table, to_latex)
 
 
-def make_table(entries):
-    """A row per method, round and quantity. entry: method, round, metrics (CSV)."""
-    rows = []
-    for entry in entries:
-        labels = {"method": entry["method"], "warping": scores.warping(entry["round"])}
-        psnr_db = scores.read_psnr(entry["metrics"], sorted(NEEDED))
+def make_table(rows):
+    """A line per method, round and quantity, of `rows.Scores`."""
+    lines = []
+    for row in rows:
+        labels = {"method": row.method, "warping": scores.warping(row.round)}
+        psnr_db = scores.read_psnr(row.metrics, sorted(NEEDED))
         for quantity, values in quantities_of(psnr_db).items():
             named = labels | {"quantity": quantity, "views": len(values)}
-            rows.append(named | scores.mean_and_interval(values))
-    return pd.DataFrame(rows, columns=COLUMNS)
+            lines.append(named | scores.mean_and_interval(values))
+    return pd.DataFrame(lines, columns=COLUMNS)
 
 
 def quantities_of(psnr_db):

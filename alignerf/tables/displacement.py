@@ -6,6 +6,7 @@ A row per method and round: means over the views of what `flow.decompose` wrote.
 import pandas as pd
 
 from alignerf.command import faults
+from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 
@@ -22,34 +23,34 @@ COLUMNS = (
 
 
 def main(argv=None):
-    table_files.run(__doc__, argv, make_table, to_latex)
+    table_files.run(__doc__, argv, table_rows.Displacement, make_table, to_latex)
 
 
-def make_table(entries):
-    """A row per method and round. entry: method, round, stats (CSV)."""
-    return pd.DataFrame([row_of(entry) for entry in entries])
+def make_table(rows):
+    """A line per method and round, of `rows.Displacement`."""
+    return pd.DataFrame([line_of(row) for row in rows])
 
 
-def row_of(entry):
+def line_of(row):
     """Means over views; a column that some view lacks stays empty."""
-    views = table_files.read_csv(entry["stats"], columns=COLUMNS)
-    labels = {"method": entry["method"], "round": entry["round"], "views": len(views)}
+    views = table_files.read_csv(row.stats, columns=COLUMNS)
+    labels = {"method": row.method, "round": row.round, "views": len(views)}
     return labels | {name: views[name].mean(skipna=False) for name in COLUMNS}
 
 
 def to_latex(table):
     """booktabs table: lengths of the parts in px, shares in per cent.
 
-    Without a model's part its columns are left out.
+    A part that no row has is left out: a model's part needs a truth.
     """
     columns = {
-        (f"{title} (px)", name): table[f"{part}_{length}"].map("{:.2f}".format)
+        (f"{title} (px)", name): texts(table[f"{part}_{length}"], ".2f")
         for part, title in PARTS.items()
-        if table[f"{part}_median_px"].notna().all()
+        if table[f"{part}_median_px"].notna().any()
         for length, name in LENGTHS.items()
     }
     columns |= {
-        ("Share (\\%)", name): (100 * table[key]).map("{:.0f}".format)
+        ("Share (\\%)", name): texts(100 * table[key], ".0f")
         for key, name in SHARES.items()
     }
     wide = pd.DataFrame(columns)
@@ -64,6 +65,11 @@ def to_latex(table):
         "% Length of the flow from render to photo, and of its parts: means over the\n"
         f"% test views.\n{tex}"
     )
+
+
+def texts(column, form):
+    """Numbers as text, `--` for one that is not there."""
+    return column.map(lambda value: scores.shown(value, form))
 
 
 if __name__ == "__main__":

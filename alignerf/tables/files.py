@@ -1,36 +1,68 @@
-"""What the commands that make a table share: arguments, costs read, CSV and LaTeX."""
+"""What the commands that make a table share: arguments, costs read, files written."""
 
 import argparse
+import contextlib
 import json
 import pathlib
 
 import pandas as pd
 
-from alignerf.command import whole
+from alignerf.command import provenance, whole
+from alignerf.experiment import rows as table_rows
+
+# What tells a table's rows apart, in provenance.
+LABELS = ("scene", "variant", "method", "round")
 
 
-def run(description, argv, make_table, to_latex, *, float_format="%.6g"):
-    """A whole command: make_table(entries) of --rows, written by `write`."""
+def run(description, argv, kind, make_table, to_latex, *, float_format="%.6g"):
+    """A whole command: make_table(rows of a kind) of --rows, written by `write`."""
     args = parser(description).parse_args(argv)
-    table = make_table(json.loads(args.rows))
-    write(table, to_latex, args.csv, args.tex, float_format=float_format)
+    rows = table_rows.read(kind, args.rows)
+    write(make_table(rows), to_latex, args, rows, float_format=float_format)
 
 
 def parser(description):
-    """Of the arguments --rows, --csv and --tex."""
+    """Of the arguments --rows, --configs, --csv and --tex."""
     found = argparse.ArgumentParser(description=description)
     found.add_argument("--rows", required=True, help="JSON: what stands in each row")
-    found.add_argument("--csv", required=True, help="table, written")
+    found.add_argument(
+        "--configs", nargs="*", default=[], help="YAML: the scenes' complete configs"
+    )
+    found.add_argument(
+        "--csv", required=True, help="table, written; its provenance beside it"
+    )
     found.add_argument("--tex", required=True, help="table, written")
     return found
 
 
-def write(table, to_latex, csv, tex, *, float_format="%.6g"):
-    """Write a table to the paths `csv` and, as to_latex has it, `tex`; or neither."""
+def write(table, to_latex, args, rows, *, seeds=(), float_format="%.6g"):
+    """Write a table as CSV and as to_latex has it, and its provenance; all or none.
+
+    args: of `parser`. seeds: those besides the ones of the configs.
+    """
     latex = to_latex(table)
-    with whole.replace_file(csv) as csv_path, whole.replace_file(tex) as tex_path:
-        table.to_csv(csv_path, index=False, float_format=float_format)
-        tex_path.write_text(latex)
+    found = provenance.describe(trainings_of(rows), args.configs, seeds=seeds)
+    beside = provenance.path_beside(args.csv)
+    with contextlib.ExitStack() as stack:
+        csv, tex, origin = (
+            stack.enter_context(whole.replace_file(path))
+            for path in (args.csv, args.tex, beside)
+        )
+        table.to_csv(csv, index=False, float_format=float_format)
+        tex.write_text(latex)
+        origin.write_text(provenance.as_json(found))
+
+
+def trainings_of(rows):
+    """Labels and trainings (none, one or several timing files) of each row."""
+    found = []
+    for row in rows:
+        for one in getattr(row, "methods", [row]):
+            fields = row._asdict() | one._asdict()
+            labels = {key: fields[key] for key in LABELS if key in fields}
+            paths = [fields["training"]] if "training" in fields else []
+            found.append(labels | {"trainings": fields.get("trainings", paths)})
+    return found
 
 
 def read_timing(path, *keys):
@@ -42,14 +74,14 @@ def read_timing(path, *keys):
         raise ValueError(f"{path}: not the timing that it should be: {error}") from None
 
 
-def costs_of(entry):
+def costs_of(row):
     """What a row took, from the photos on, and how large its model is.
 
-    entry: `trainings` and `data`, the files that tell how long each training, and
+    row: with `trainings` and `data`, the files that tell how long each training, and
     each rendering and warping between trainings, took.
     """
-    costs = training_costs(entry["trainings"])
-    costs["data_time_s"] = sum(data_time_s(path) for path in entry["data"])
+    costs = training_costs(row.trainings)
+    costs["data_time_s"] = sum(data_time_s(path) for path in row.data)
     costs["total_time_s"] = costs["train_time_s"] + costs["data_time_s"]
     return costs
 
@@ -83,5 +115,5 @@ def read_csv(path, *, columns=(), **options):
 
 
 def views_time_s(path):
-    """Seconds of all views of a CSV of displacements."""
-    return float(read_csv(path, columns=["time_s"])["time_s"].sum())
+    """Seconds of all views of a CSV of displacements; NaN where one view has none."""
+    return float(read_csv(path, columns=["time_s"])["time_s"].sum(skipna=False))

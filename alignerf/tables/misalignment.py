@@ -1,13 +1,15 @@
 """The paper's Table 1: `python -m alignerf.tables.misalignment`.
 
-Reads one folder per method and round; writes CSV and LaTeX. Costs are those of the
-whole way to a model: all rounds up to its own, and, for staged training, both
-stages. Differences are to round 0 of the row's base, paired by test view.
+Reads the scores and costs of every method and round; writes CSV and LaTeX. Costs are
+those of the whole way to a model: all rounds up to its own, and, for staged training,
+both stages. Differences are to round 0 of the row's base, paired by test view. What
+papers print for a scene of this name stands below, and is compared with nothing.
 """
 
 import pandas as pd
 
 from alignerf.command import faults
+from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 
@@ -20,12 +22,17 @@ METRICS = {
     "lpips_squeeze": False,
     "lpips_vgg": False,
 }
+# The network of the papers' LPIPS is not released: it compares with none of ours.
+PRINTED_ONLY = "lpips_published"
+PRINTED = ("psnr_db", "ssim", PRINTED_ONLY)
+COUNTS = ("params", "steps", "rays_seen")
 COLUMNS = (
     "method",
     "field",
     "warping",
     "test_set",
     *METRICS,
+    PRINTED_ONLY,
     "difference_to",
     "difference_db",
     "difference_low_db",
@@ -33,38 +40,56 @@ COLUMNS = (
     "train_time_s",
     "data_time_s",
     "total_time_s",
-    "params",
-    "steps",
-    "rays_seen",
+    *COUNTS,
+    # The paper of a published row; empty for ours.
+    "source",
 )
 # The paper's colours for the best, second and third of a column.
 COLOURS = ("#FF9999", "#FFCC99", "#FFFF99")
 
 
 def main(argv=None):
-    table_files.run(__doc__, argv, make_table, to_latex)
+    parser = table_files.parser(__doc__)
+    parser.add_argument("--scene-name", help="which rows of --published are shown")
+    parser.add_argument("--published", nargs="*", default=[], help="CSV, as printed")
+    args = parser.parse_args(argv)
+    rows = table_rows.read(table_rows.Misalignment, args.rows)
+    printed = [
+        line for path in args.published for line in published(path, args.scene_name)
+    ]
+    table_files.write(make_table(rows, printed), to_latex, args, rows)
 
 
-def make_table(entries):
-    """A row per method, round and test set; an entry is that of `rows_of`."""
-    rows = [row for entry in entries for row in rows_of(entry)]
-    return pd.DataFrame(rows, columns=COLUMNS)
+def make_table(rows, printed=()):
+    """A line per method, round and test set, of `rows.Misalignment`; then `printed`."""
+    lines = [line for row in rows for line in lines_of(row)]
+    table = pd.DataFrame([*lines, *printed], columns=COLUMNS)
+    # Whole numbers stay whole beside rows that lack them.
+    return table.astype(dict.fromkeys(COUNTS, "Int64"))
 
 
-def rows_of(entry):
-    """Rows of one method and round, one per test set that was scored.
+def published(path, scene):
+    """Lines of a table of results/published that are of a scene of this name."""
+    columns = ("source", "method", "scene", *PRINTED)
+    table = table_files.read_csv(path, columns=columns)
+    found = table[table["scene"] == scene]
+    if found["method"].duplicated().any():
+        raise ValueError(f"{path}: scene {scene}: a method stands twice")
+    for row in found.to_dict("records"):
+        labels = {"method": f"{row['method']}, published", "source": row["source"]}
+        labels |= {"warping": scores.warping(0), "test_set": "standard"}
+        yield labels | {key: row[key] for key in PRINTED}
 
-    entry: method, field, round, metrics (CSV), base and base_metrics (the method
-    whose round 0 it is set against, and that one's CSV), trainings and data (lists
-    of timing files of all that it took).
-    """
-    views = scores.read(entry["metrics"], METRICS)
-    base = scores.read(entry["base_metrics"], METRICS)
+
+def lines_of(row):
+    """Lines of one method and round, one per test set that was scored."""
+    views = scores.read(row.metrics, METRICS)
+    base = scores.read(row.base_metrics, METRICS)
     if not views.index.equals(base.index):
-        raise ValueError(f"{entry['metrics']}: not the views of {entry['base']}")
-    costs = table_files.costs_of(entry)
-    labels = {"method": entry["method"], "field": entry["field"]}
-    labels["warping"] = scores.warping(entry["round"])
+        raise ValueError(f"{row.metrics}: not the views of {row.base}")
+    costs = table_files.costs_of(row)
+    labels = {"method": row.method, "field": row.field}
+    labels["warping"] = scores.warping(row.round)
     for test_set in TEST_SETS:
         if test_set not in views:
             continue
@@ -73,7 +98,7 @@ def rows_of(entry):
         differences_db = views[test_set, "psnr_db"] - base[test_set, "psnr_db"]
         yield (
             labels
-            | {"test_set": test_set, "difference_to": entry["base"]}
+            | {"test_set": test_set, "difference_to": row.base}
             | means
             | scores.mean_and_interval(differences_db, "difference_")
             | costs
@@ -83,23 +108,13 @@ def rows_of(entry):
 def to_latex(table):
     """booktabs table: a row per method and warping, test sets side by side.
 
-    The best three of each column are coloured as in the paper. Needs booktabs,
-    multirow and xcolor with its `table` option.
+    The best three of each column are coloured as in the paper; published rows, below
+    a rule of their own, are not among them. Needs booktabs, multirow and xcolor with
+    its `table` option.
     """
     keys = ["method", "warping"]
-    shown = [key for key in METRICS if table[key].notna().any()]
-    sets = [name for name in TEST_SETS if name in set(table["test_set"])]
-    costs = table.drop_duplicates(keys).set_index(keys)
-    wide = table.set_index([*keys, "test_set"]).unstack()
-    columns = {(HEADINGS[key], name): wide[key, name] for key in shown for name in sets}
-    columns |= {(DIFFERENCE, name): differences(wide, name) for name in sets}
-    columns |= {
-        ("Cost", "train (min)"): costs["train_time_s"] / 60,
-        ("Cost", "data (min)"): costs["data_time_s"] / 60,
-        ("Cost", "total (min)"): costs["total_time_s"] / 60,
-        ("Cost", "params (M)"): costs["params"] / 1e6,
-    }
-    wide = pd.DataFrame(columns).reindex(costs.index)
+    wide = side_by_side(table)
+    ours = table.drop_duplicates(keys)["source"].isna().to_numpy()
     wide.index = pd.MultiIndex.from_tuples(
         [(scores.latex_name(method), warping) for method, warping in wide.index],
         names=("Method", "Warping"),
@@ -107,22 +122,62 @@ def to_latex(table):
     style = wide.style.format(precision=3, na_rep="--")
     short = [c for c in wide if c[0] in (HEADINGS["psnr_db"], "Cost")]
     style = style.format("{:.2f}", na_rep="--", subset=short)
-    for key in shown:
+    for key, higher in METRICS.items():
         chosen = [column for column in wide if column[0] == HEADINGS[key]]
-        style = style.apply(colour_best, subset=chosen, higher=METRICS[key])
-    left_out = "".join(
-        f"% No {key} column: some view or all lack it, see `note` in metrics.csv.\n"
-        for key in METRICS
-        if key not in shown
-    )
+        if chosen:
+            subset = (wide.index[ours], chosen)
+            style = style.apply(colour_best, subset=subset, higher=higher)
     tex = style.to_latex(hrules=True, convert_css=True, multicol_align="c")
     return (
         "% \\usepackage{booktabs,multirow} \\usepackage[table]{xcolor}\n"
         "% Costs are of all rounds and stages that lead to a row. Differences are to\n"
         "% the same model without warping, paired by view, with 95 % bootstrap\n"
         "% intervals; bold: the interval does not hold 0.\n"
-        f"{left_out}{tex}"
+        f"{notes(table)}{with_rule(tex, above=(~ours).sum())}"
     )
+
+
+def side_by_side(table):
+    """A row per method and warping: metrics and differences by test set, and costs."""
+    keys = ["method", "warping"]
+    shown = [key for key in HEADINGS if table[key].notna().any()]
+    sets = [name for name in TEST_SETS if name in set(table["test_set"])]
+    costs = table.drop_duplicates(keys).set_index(keys)
+    wide = table.set_index([*keys, "test_set"]).unstack()
+    columns = {
+        (HEADINGS[key], name): wide[key, name]
+        for key in shown
+        # Papers have no other test set.
+        for name in (sets if key in METRICS else ["standard"])
+    }
+    columns |= {(DIFFERENCE, name): differences(wide, name) for name in sets}
+    columns |= {
+        ("Cost", "train (min)"): costs["train_time_s"] / 60,
+        ("Cost", "data (min)"): costs["data_time_s"] / 60,
+        ("Cost", "total (min)"): costs["total_time_s"] / 60,
+        ("Cost", "params (M)"): costs["params"] / 1e6,
+    }
+    return pd.DataFrame(columns).reindex(costs.index)
+
+
+def notes(table):
+    """Comments: which metrics are left out, and whose the published rows are."""
+    lines = [
+        f"% No {key} column: some view or all lack it, see `note` in metrics.csv.\n"
+        for key in METRICS
+        if table[key].isna().all()
+    ]
+    printed = table[table["source"].notna()]
+    pairs = zip(printed["method"], printed["source"], strict=True)
+    return "".join([*lines, *(f"% {name}: as printed, {of}.\n" for name, of in pairs)])
+
+
+def with_rule(tex, *, above):
+    """A rule above the last rows, as many as `above` says."""
+    lines = tex.splitlines(keepends=True)
+    if above:
+        lines.insert(lines.index("\\bottomrule\n") - above, "\\midrule\n")
+    return "".join(lines)
 
 
 def differences(wide, test_set):
@@ -143,6 +198,7 @@ HEADINGS = {
     "lpips_alex": r"LPIPS (Alex) $\downarrow$",
     "lpips_squeeze": r"LPIPS (Squeeze) $\downarrow$",
     "lpips_vgg": r"LPIPS (VGG) $\downarrow$",
+    PRINTED_ONLY: r"LPIPS (published) $\downarrow$",
 }
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 import scipy.stats
 
 from alignerf.command import faults
+from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
 from alignerf.tables import intervals, scores
 
@@ -19,23 +20,23 @@ DRAWS = 1000
 
 
 def main(argv=None):
-    table_files.run(__doc__, argv, make_table, to_latex)
+    table_files.run(__doc__, argv, table_rows.Scores, make_table, to_latex)
 
 
-def make_table(entries):
-    """A row per test set. entry: metrics (CSV) of one method and round.
+def make_table(rows):
+    """A line per test set: how it ranks `rows.Scores`.
 
     Intervals are over views: how the ranking would agree on other views of the scene.
     """
     needed = ("oracle", *TEST_SETS)
-    found = [scores.read_psnr(entry["metrics"], needed) for entry in entries]
-    for entry, psnr_db in zip(entries, found, strict=True):
+    found = [scores.read_psnr(row.metrics, needed) for row in rows]
+    for row, psnr_db in zip(rows, found, strict=True):
         if not psnr_db.index.equals(found[0].index):
-            raise ValueError(f"{entry['metrics']}: not the views of the first row")
+            raise ValueError(f"{row.metrics}: not the views of the first row")
     oracle, *others = (np.stack([t[name] for t in found]) for name in needed)
     count, views = oracle.shape
     chosen = intervals.resamples(views, draws=DRAWS)
-    rows = []
+    lines = []
     for name, psnr_db in zip(TEST_SETS, others, strict=True):
         tau = tau_b(oracle.mean(axis=1), psnr_db.mean(axis=1))
         low = high = np.nan
@@ -45,8 +46,8 @@ def make_table(entries):
                 for draw in chosen
             ]
             low, high = intervals.from_draws(drawn, views)
-        rows.append((name, tau, low, high, count, views))
-    return pd.DataFrame(rows, columns=COLUMNS)
+        lines.append((name, tau, low, high, count, views))
+    return pd.DataFrame(lines, columns=COLUMNS)
 
 
 def tau_b(first, second):

@@ -1,21 +1,22 @@
 """When AligNeRF's parts pay (the paper's Table 4): `python -m alignerf.tables.regimes`.
 
-Rows are the baseline, the staged methods, and trainings on warped photos.
-
 A regime is what a scene is like and how long it is trained: pose error, motion,
-steps. Scenes that differ in their seed only are one regime, and are pooled. Writes
-CSV, LaTeX and a figure: per regime, method and test set the mean, the difference to
-the baseline and that to the row above, all paired by view, with 95 % intervals over
-views and, where there are several, seeds.
+steps. Scenes that differ in their seed only are one regime, and are pooled. Its rows
+are the baseline, the staged methods, and trainings on warped photos.
+
+Writes CSV, LaTeX and a figure. Per regime, method and test set: the mean, the
+difference to the baseline and that to the row above. Differences are paired by view;
+95 % intervals are over views and, where there are several, seeds.
 """
 
-import json
 import logging
 
 import numpy as np
 import pandas as pd
 
 from alignerf.command import faults, whole
+from alignerf.experiment import regimes as regime_rows
+from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
 from alignerf.tables import regimes_figure, scores
 
@@ -50,52 +51,47 @@ def main(argv=None):
     parser = table_files.parser(__doc__)
     parser.add_argument("--figure", required=True, help="PNG, written")
     args = parser.parse_args(argv)
-    table = make_table(json.loads(args.rows))
+    scenes = table_rows.read(regime_rows.Regime, args.rows)
+    table = make_table(scenes)
     with whole.replace_file(args.figure) as path:
         regimes_figure.draw(table, path)
-        table_files.write(table, to_latex, args.csv, args.tex)
+        table_files.write(table, to_latex, args, scenes)
 
 
 def make_table(scenes):
-    """Rows of all regimes, in the order of `scenes`.
-
-    scene: the keys of REGIME, `seed`, `alike` (equal for scenes that differ in their
-    seed only), `displacement` (CSV of the warped test set's flow), and `methods`, the
-    baseline first: method, round, parts, metrics (CSV), trainings and data (files
-    that tell times).
-    """
+    """Lines of all regimes, in the order of `scenes` (`regimes.Regime`)."""
     regimes = {}
     for scene in scenes:
-        same = regimes.setdefault(scene["alike"], {})
-        if (other := same.setdefault(scene["seed"], scene)) is not scene:
-            raise ValueError(f"{scene['scene']}: the same as {other['scene']}")
-    regimes = {alike: list(same.values()) for alike, same in regimes.items()}
-    rows = [row for group in regimes.values() for row in rows_of(group)]
-    return pd.DataFrame(rows, columns=COLUMNS)
+        same = regimes.setdefault(scene.alike, {})
+        if (other := same.setdefault(scene.seed, scene)) is not scene:
+            raise ValueError(f"{scene.scene}: the same as {other.scene}")
+    groups = [list(same.values()) for same in regimes.values()]
+    lines = [line for group in groups for line in lines_of(group)]
+    return pd.DataFrame(lines, columns=COLUMNS)
 
 
-def rows_of(group):
-    """Rows of one regime, a list of scenes that differ in their seed."""
+def lines_of(group):
+    """Lines of one regime, a list of scenes that differ in their seed."""
     group = with_shared_rows(group)
     read = [
-        [scores.read(m["metrics"], METRICS) for m in scene["methods"]]
+        [scores.read(method.metrics, METRICS) for method in scene.methods]
         for scene in group
     ]
     for scene, of_methods in zip(group, read, strict=True):
         check_views(scene, of_methods)
-    labels = {key: group[0][key] for key in REGIME} | {
+    labels = {key: getattr(group[0], key) for key in REGIME} | {
         "seeds": len(group),
         "views": sum(len(of_methods[0]) for of_methods in read),
-        "misalignment_px": np.mean([median_px(s["displacement"]) for s in group]),
+        "misalignment_px": np.mean([median_px(s.displacement) for s in group]),
     }
     of_all = [views for of_methods in read for views in of_methods]
     test_sets = [name for name in TEST_SETS if all(name in views for views in of_all)]
-    methods = group[0]["methods"]
+    methods = group[0].methods
     costs = [costs_of(group, place) for place in range(len(methods))]
     check_rays(group, costs)
     for place, method in enumerate(methods):
-        named = labels | {key: method[key] for key in ("method", "parts")}
-        named["warping"] = scores.warping(method["round"])
+        named = labels | {"method": method.method, "parts": method.parts}
+        named["warping"] = scores.warping(method.round)
         for test_set in test_sets:
             found = scores_of(read, place, test_set)
             yield named | {"test_set": test_set} | found | costs[place]
@@ -103,28 +99,25 @@ def rows_of(group):
 
 def with_shared_rows(group):
     """The scenes with those rows that all have: `rounds: auto` may end at any round."""
-    rows = [[(m["method"], m["round"]) for m in s["methods"]] for s in group]
+    rows = [[(m.method, m.round) for m in scene.methods] for scene in group]
     shared = set.intersection(*map(set, rows))
     for method, round in dict.fromkeys(row for of_one in rows for row in of_one):
         if (method, round) not in shared:
             name = scores.row_name(method, scores.warping(round))
-            log.warning("%s: not on all seeds, left out: %s", group[0]["scene"], name)
+            log.warning("%s: not on all seeds, left out: %s", group[0].scene, name)
     return [
-        scene
-        | {
-            "methods": [
-                m for m in scene["methods"] if (m["method"], m["round"]) in shared
-            ]
-        }
+        scene._replace(
+            methods=[m for m in scene.methods if (m.method, m.round) in shared]
+        )
         for scene in group
     ]
 
 
 def check_views(scene, of_methods):
     """All methods of a scene are scored on the same views."""
-    for method, views in zip(scene["methods"], of_methods, strict=True):
+    for method, views in zip(scene.methods, of_methods, strict=True):
         if not views.index.equals(of_methods[0].index):
-            raise ValueError(f"{method['metrics']}: not the views of the baseline")
+            raise ValueError(f"{method.metrics}: not the views of the baseline")
 
 
 def scores_of(read, place, test_set):
@@ -146,23 +139,27 @@ def scores_of(read, place, test_set):
 
 def costs_of(group, place):
     """What a method takes, means over seeds, and how large it is."""
-    costs = [table_files.costs_of(scene["methods"][place]) for scene in group]
+    costs = [table_files.costs_of(scene.methods[place]) for scene in group]
     means = {key: np.mean([of_scene[key] for of_scene in costs]) for key in COSTS}
     return means | {"params": costs[0]["params"]}
 
 
 def check_rays(group, costs):
     """Tell of methods without warping that saw more or fewer rays than the baseline."""
-    for method, found in zip(group[0]["methods"], costs, strict=True):
+    for method, found in zip(group[0].methods, costs, strict=True):
         ratio = found["rays_seen"] / costs[0]["rays_seen"]
-        if method["round"] == 0 and abs(ratio - 1) > 0.01:
+        if method.round == 0 and abs(ratio - 1) > 0.01:
             saw = f"{ratio:.2f} of the baseline's rays"
-            log.warning("%s: %s saw %s", group[0]["scene"], method["method"], saw)
+            log.warning("%s: %s saw %s", group[0].scene, method.method, saw)
 
 
 def median_px(path):
-    """The scene's misalignment: mean over test views of the flow's median length."""
-    return table_files.read_csv(path, columns=["median_px"])["median_px"].mean()
+    """The scene's misalignment: mean over test views of the flow's median length.
+
+    NaN where one view has none.
+    """
+    views = table_files.read_csv(path, columns=["median_px"])
+    return views["median_px"].mean(skipna=False)
 
 
 def to_latex(table):
@@ -208,7 +205,8 @@ def caption(rows):
         words += [
             f"motion {100 * row['motion_m']:g} cm" if row["motion_m"] else "still"
         ]
-    words += [f"{row['steps']} steps", f"flow {row['misalignment_px']:.2f} px"]
+    flow_px = scores.shown(row["misalignment_px"], ".2f")
+    words += [f"{row['steps']} steps", f"flow {flow_px} px"]
     return rf"\emph{{{', '.join(words)}; {row['seeds']} seed(s)}}"
 
 
@@ -223,9 +221,10 @@ def latex_row(row, sets, *, is_base):
         found = row.loc[name]
         ends = ("", "_low", "_high")
         difference = [found[f"difference{end}_db"] for end in ends]
-        cells.append(f"{found['psnr_db']:.2f}")
+        cells.append(scores.shown(found["psnr_db"], ".2f"))
         cells.append("" if is_base else scores.latex_difference(*difference))
-    cells += [f"{first[key]:.0f}" for key in ("train_time_s", "total_time_s")]
+    times = ("train_time_s", "total_time_s")
+    cells += [scores.shown(first[key], ".0f") for key in times]
     cells += [f"{first['params'] / 1e6:.2f}"]
     return " & ".join(cells) + r" \\"
 

@@ -8,7 +8,9 @@ its own work (start, import, loading, compiling, writing) is told apart.
 import pandas as pd
 
 from alignerf.command import faults
+from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
+from alignerf.tables import scores
 
 # Column -> heading of the LaTeX table, in seconds.
 PARTS = {
@@ -24,39 +26,38 @@ COLUMNS = ("method", "round", *PARTS, "total_time_s")
 
 
 def main(argv=None):
-    table_files.run(__doc__, argv, make_table, to_latex, float_format="%.3f")
+    kind = table_rows.Times
+    table_files.run(__doc__, argv, kind, make_table, to_latex, float_format="%.3f")
 
 
-def make_table(entries):
-    """A row per method and round; an entry is that of `row_of`."""
-    return pd.DataFrame([row_of(entry) for entry in entries], columns=COLUMNS)
+def make_table(rows):
+    """A line per method and round, of `rows.Times`."""
+    return pd.DataFrame([line_of(row) for row in rows], columns=COLUMNS)
 
 
-def row_of(entry):
-    """Seconds of one round.
-
-    entry: method, round, training and rendering (timing files), alignment (CSV of
-    displacements), and `walls`, each process's seconds as Snakemake measured them.
-    """
-    walls = {stage: wall_s(path) for stage, path in entry["walls"].items()}
+def line_of(row):
+    """Seconds of one round."""
     keys = ("train_time_s", "compile_time_s")
-    training = table_files.read_timing(entry["training"], *keys)
-    row = {
+    training = table_files.read_timing(row.training, *keys)
+    line = {
         "train_time_s": training["train_time_s"],
         "train_compile_time_s": training["compile_time_s"],
     }
-    row["train_rest_time_s"] = walls["train"] - sum(row.values())
-    if "render" in walls:
+    line["train_rest_time_s"] = wall_s(row.walls.train) - sum(line.values())
+    if row.rendering:
         keys = ("views", "view_time_s")
-        rendering = table_files.read_timing(entry["rendering"], *keys)
-        row["render_time_s"] = rendering["views"] * rendering["view_time_s"]
-        row["render_rest_time_s"] = walls["render"] - row["render_time_s"]
-        row["align_time_s"] = table_files.views_time_s(entry["alignment"])
-        row["align_rest_time_s"] = walls["align"] - row["align_time_s"]
-    labels = {key: entry[key] for key in ("method", "round")}
+        rendering = table_files.read_timing(row.rendering, *keys)
+        line["render_time_s"] = rendering["views"] * rendering["view_time_s"]
+        rest_s = wall_s(row.walls.render) - line["render_time_s"]
+        line["render_rest_time_s"] = rest_s
+        line["align_time_s"] = table_files.views_time_s(row.alignment)
+        rest_s = wall_s(row.walls.align) - line["align_time_s"]
+        line["align_rest_time_s"] = rest_s
     # A process that went on where another was stopped knows only its own seconds.
-    rests = {key: max(row[key], 0.0) for key in row if key.endswith("rest_time_s")}
-    return labels | row | rests | {"total_time_s": sum((row | rests).values())}
+    rests = {key: max(line[key], 0.0) for key in line if key.endswith("rest_time_s")}
+    line |= rests
+    labels = {"method": row.method, "round": row.round}
+    return labels | line | {"total_time_s": sum(line.values())}
 
 
 def wall_s(path):
@@ -70,7 +71,7 @@ def wall_s(path):
 def to_latex(table):
     """booktabs table of seconds, a row per method and round."""
     shown = table.rename(columns=PARTS | {"total_time_s": "all"})
-    shown["method"] = shown["method"].str.replace("_", r"\_")
+    shown["method"] = shown["method"].map(scores.latex_name)
     style = shown.style.format(precision=1, na_rep="--").hide(axis="index")
     columns = "lr" + "r" * (len(COLUMNS) - 2)
     tex = style.to_latex(hrules=True, column_format=columns)

@@ -84,5 +84,11 @@ def latex_difference(mean, low, high):
     return text if np.isnan(low) else rf"{text} {{\tiny [{low:+.2f}, {high:+.2f}]}}"
 
 
+def shown(value, form):
+    """A number in this form, `--` where there is none."""
+    return "--" if pd.isna(value) else f"{value:{form}}"
+
+
 def latex_name(name):
+    """A name as LaTeX takes it."""
     return name.replace("_", r"\_")

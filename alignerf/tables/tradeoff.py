@@ -12,6 +12,8 @@ import numpy as np
 import pandas as pd
 
 from alignerf.command import faults, whole
+from alignerf.experiment import rows as table_rows
+from alignerf.experiment import sweep
 from alignerf.tables import files as table_files
 from alignerf.tables import intervals, scores, tradeoff_figure
 
@@ -46,49 +48,48 @@ def main(argv=None):
     parser = table_files.parser(__doc__)
     parser.add_argument("--figure", required=True, help="PNG, written")
     args = parser.parse_args(argv)
-    entries = json.loads(args.rows)
-    table = make_table(entries)
+    points = table_rows.read(sweep.Point, args.rows)
+    table = make_table(points)
+    seeds = [p.changes["seed"] for p in points if "seed" in p.changes]
     with whole.replace_file(args.figure) as path:
-        tradeoff_figure.draw(table.assign(kind=kinds_of(entries)), path)
-        table_files.write(table, to_latex, args.csv, args.tex)
+        tradeoff_figure.draw(table.assign(kind=kinds_of(points)), path)
+        table_files.write(table, to_latex, args, points, seeds=seeds)
     front = table[table["pareto"]].sort_values("train_time_s")
     log.info("Pareto front: %s", ", ".join(front["variant"]))
 
 
-def make_table(entries):
-    """A row per variant, the base first as `entries` has it.
-
-    entry: variant, changes (keys and values that differ from the base), and the
-    paths metrics (CSV), training and rendering (JSON).
-    """
+def make_table(points):
+    """A line per `sweep.Point`; the base is among them."""
     needed = ("psnr_db", "ssim")
-    read = {e["variant"]: scores.read(e["metrics"], needed) for e in entries}
+    read = {point.variant: scores.read(point.metrics, needed) for point in points}
+    if BASE not in read:
+        raise ValueError(f"--rows: no variant {BASE!r}")
     base = read[BASE]
     # Where the truth is known, the photos are not what a model should show.
     test_set = "oracle" if "oracle" in base else "standard"
-    rows = []
-    for entry in entries:
-        score = read[entry["variant"]]
+    lines = []
+    for point in points:
+        score = read[point.variant]
         if not score.index.equals(base.index):
-            raise ValueError(f"{entry['metrics']}: not the views of the base")
-        rows.append(
-            {"variant": entry["variant"], "changes": describe(entry["changes"])}
-            | costs_of(entry)
+            raise ValueError(f"{point.metrics}: not the views of the base")
+        lines.append(
+            {"variant": point.variant, "changes": describe(point.changes)}
+            | costs_of(point)
             | {"test_set": test_set}
             | scores_of(score, base, test_set)
         )
-    table = pd.DataFrame(rows)
+    table = pd.DataFrame(lines)
     # Another seed shows the spread between runs: it is nothing to choose.
-    choices = table["train_time_s"].where(kinds_of(entries) != "seed")
+    choices = table["train_time_s"].where(kinds_of(points) != "seed")
     table["pareto"] = pareto_front(choices, table["psnr_db"])
     return table[list(COLUMNS)]
 
 
-def costs_of(entry):
+def costs_of(point):
     """What a variant is and takes; rendering in seconds a view."""
     keys = ("params", "steps", "rays_seen", "train_time_s", "compile_time_s", "device")
-    training = table_files.read_timing(entry["training"], *keys)
-    rendering = table_files.read_timing(entry["rendering"], "view_time_s")
+    training = table_files.read_timing(point.training, *keys)
+    rendering = table_files.read_timing(point.rendering, "view_time_s")
     return training | {
         "rays_per_s": training["rays_seen"] / training["train_time_s"],
         "render_time_s": rendering["view_time_s"],
@@ -141,12 +142,13 @@ def describe(changes):
     return ", ".join(f"{key} {value}" for key, value in found)
 
 
-def kinds_of(entries):
+def kinds_of(points):
     """What each variant turns: one key, a field's kind, or several at once."""
-    return np.array([kind_of(entry["changes"]) for entry in entries])
+    return np.array([kind_of(point.changes) for point in points])
 
 
 def kind_of(changes):
+    """The one key that a variant turns; `kind`, `several`, or the base."""
     keys = {key.split(".")[-1] for key, _ in leaves(changes)}
     if "kind" in keys:
         return "kind"
@@ -159,8 +161,8 @@ def to_latex(table):
     """booktabs table; what is on the Pareto front is bold. Needs booktabs."""
     wide = pd.DataFrame(
         {
-            "Variant": table["variant"].str.replace("_", r"\_"),
-            "Changes": table["changes"].str.replace("_", r"\_"),
+            "Variant": table["variant"].map(scores.latex_name),
+            "Changes": table["changes"].map(scores.latex_name),
             "Params (M)": table["params"] / 1e6,
             "Train (s)": table["train_time_s"],
             "Rays (k/s)": table["rays_per_s"] / 1e3,

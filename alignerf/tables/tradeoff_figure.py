@@ -1,14 +1,14 @@
 """The figure of a sweep: seconds against decibels, and each variant against the base.
 
 Left the means and the Pareto front; their intervals hold how unlike the views are,
-which all variants share. Right the paired differences, from which to judge.
-Boxes are [x0, y0, x1, y1] in pixels of the figure.
+which all variants share. Right the paired differences, from which to judge. A variant
+has the same number on both sides: its place by PSNR, the best is 1.
 """
 
 import itertools
 
-import matplotlib.backends.backend_agg
 import matplotlib.figure
+import matplotlib.patheffects
 import matplotlib.ticker
 import numpy as np
 
@@ -29,8 +29,9 @@ TITLES = {
 }
 SMALL_PT = 7.5
 LABEL_PT = 9
-RADIUS_PT = 4.0
-SIDES = [*((1, 0), (-1, 0), (0, 1), (0, -1)), *itertools.product((1, -1), repeat=2)]
+POINT_PT = 5.5
+# A number stands out from the lines that it crosses.
+HALO = matplotlib.patheffects.withStroke(linewidth=2, foreground="white")
 
 
 def draw(table, path):
@@ -38,17 +39,23 @@ def draw(table, path):
     known = table.dropna(subset=["train_time_s", "psnr_db"])
     if known.empty:
         raise ValueError("figure: no variant has a PSNR in every view")
-    kinds = dict.fromkeys(known["kind"])
+    known = known.sort_values("psnr_db", ascending=False, kind="stable")
+    known = known.assign(number=np.arange(1, len(known) + 1))
+    kinds = [
+        kind for kind in dict.fromkeys(table["kind"]) if kind in set(known["kind"])
+    ]
     looks = zip(itertools.cycle(COLOURS), itertools.cycle(MARKERS), strict=False)
     styles = dict(zip(kinds, looks, strict=False))
-    figure = matplotlib.figure.Figure(figsize=(11, 5), dpi=200, layout="constrained")
-    canvas = matplotlib.backends.backend_agg.FigureCanvasAgg(figure)
+    height = max(5.0, 2.0 + 0.17 * len(known))
+    figure = matplotlib.figure.Figure(
+        figsize=(11, height), dpi=200, layout="constrained"
+    )
     left, right = figure.subplots(1, 2, width_ratios=[1.6, 1])
     draw_costs(left, known, styles)
+    number_points(left, known)
     draw_differences(right, known, styles)
-    # Where a name finds room depends on the layout of all else.
-    figure.draw_without_rendering()
-    name_points(left, known, canvas.get_renderer())
+    # Beside the axes: inside, it would hide the costly and poor.
+    figure.legend(loc="outside lower center", ncols=5, fontsize=SMALL_PT)
     figure.savefig(path)
 
 
@@ -72,7 +79,7 @@ def draw_costs(axes, table, styles):
             *(x, y),
             c=colour,
             marker=marker,
-            s=(2 * RADIUS_PT) ** 2 / 2,
+            s=POINT_PT**2,
             edgecolors=np.where(points["pareto"], "black", "white"),
             linewidths=np.where(points["pareto"], 1.1, 0.6),
             label=TITLES.get(kind, kind),
@@ -81,6 +88,27 @@ def draw_costs(axes, table, styles):
     axes.set_xscale("log")
     axes.margins(x=0.12)
     label_costs(axes, table["test_set"].iloc[0])
+
+
+def number_points(axes, table):
+    """Each point's number: bold and above to the left on the front, else below.
+
+    There is room: above and to the left of the front lies nothing but another seed.
+    """
+    for row in table.itertuples():
+        side = -1 if row.pareto else 1
+        axes.annotate(
+            str(row.number),
+            (row.train_time_s, row.psnr_db),
+            xytext=(0.6 * side * POINT_PT, -0.3 * side * POINT_PT),
+            textcoords="offset points",
+            horizontalalignment="right" if row.pareto else "left",
+            verticalalignment="bottom" if row.pareto else "top",
+            fontsize=SMALL_PT,
+            fontweight="bold" if row.pareto else "normal",
+            path_effects=[HALO],
+            zorder=4,
+        )
 
 
 def label_costs(axes, test_set):
@@ -95,12 +123,11 @@ def label_costs(axes, test_set):
     axes.tick_params(labelsize=LABEL_PT)
     axes.grid(color="0.92", linewidth=0.6)
     axes.set_axisbelow(True)
-    axes.legend(loc="lower right", fontsize=SMALL_PT, framealpha=0.9)
 
 
 def draw_differences(axes, table, styles):
-    """Paired differences to the base, the best on top."""
-    order = table.sort_values("difference_db")
+    """Paired differences to the base, the best on top, each with number and name."""
+    order = table.iloc[::-1]
     places = np.arange(len(order))
     colours, markers = zip(*(styles[kind] for kind in order["kind"]), strict=True)
     low, high = order["difference_low_db"], order["difference_high_db"]
@@ -108,7 +135,8 @@ def draw_differences(axes, table, styles):
     axes.hlines(places, low, high, color=colours, linewidth=1.2)
     for place, x in zip(places, order["difference_db"], strict=True):
         axes.scatter(x, place, c=colours[place], marker=markers[place], s=26, zorder=3)
-    axes.set_yticks(places, order["variant"].str.replace("_", " "))
+    pairs = zip(order["variant"].str.replace("_", " "), order["number"], strict=True)
+    axes.set_yticks(places, [f"{name}   {number:2d}" for name, number in pairs])
     for label, on_front in zip(axes.get_yticklabels(), order["pareto"], strict=True):
         label.set_fontweight("bold" if on_front else "normal")
     axes.set_xlabel("difference to base (dB, paired, 95 % interval)", fontsize=LABEL_PT)
@@ -121,78 +149,3 @@ def front_of(table):
     """(seconds, dB) [n, 2] of the Pareto front, from cheap to dear."""
     front = table[table["pareto"]].sort_values("train_time_s")
     return front[["train_time_s", "psnr_db"]].to_numpy()
-
-
-def name_points(axes, table, renderer):
-    """Write each name near its point, where it covers least; the front's go first."""
-    # A leader that widened the axes would move all that has its place.
-    axes.set_autoscale_on(False)
-    pixel = axes.figure.dpi / 72
-    points = axes.transData.transform(table[["train_time_s", "psnr_db"]].to_numpy())
-    # So near to another point a name would seem to be that one's.
-    radius = 2 * RADIUS_PT * pixel
-    marks = [np.concatenate([p - radius, p + radius]) for p in points]
-    taken = [axes.get_legend().get_window_extent(renderer).extents]
-    taken += line_boxes(axes.transData.transform(front_of(table)), 2 * pixel)
-    inside = axes.get_window_extent(renderer).extents
-    back = axes.transData.inverted()
-    order = np.argsort(~table["pareto"].to_numpy(), kind="stable")
-    for own, row in zip(order, table.iloc[order].itertuples(), strict=True):
-        point, others = points[own], marks[:own] + marks[own + 1 :]
-        text = axes.annotate(
-            row.variant.replace("_", " "),
-            back.transform(point),
-            fontsize=SMALL_PT,
-            fontweight="bold" if row.pareto else "normal",
-            color="black" if row.pareto else "0.3",
-            verticalalignment="bottom",
-            in_layout=False,
-        )
-        extent = text.get_window_extent(renderer)
-        size = extent.size + 2 * pixel
-        far, best = place_name(point, size, others + taken, inside, pixel)
-        taken.append(best)
-        text.set_position(back.transform(best[:2] + pixel))
-        if far:
-            nearest = np.clip(point, best[:2], best[2:])
-            ends = back.transform([point, nearest])
-            axes.plot(*ends.T, color="0.6", linewidth=0.5, zorder=2)
-
-
-def line_boxes(corners, width):
-    """Boxes around a staircase through these corners [n, 2], right then up."""
-    turns = np.stack([corners[1:, 0], corners[:-1, 1]], axis=-1)
-    ends = [
-        *zip(corners[:-1], turns, strict=True),
-        *zip(turns, corners[1:], strict=True),
-    ]
-    return [np.concatenate([a - width, b + width]) for a, b in ends]
-
-
-def place_name(point, size, taken, inside, pixel):
-    """(cost of being far, box) of the place that costs and covers least."""
-    found = candidates(point, size, pixel)
-    return min(found, key=lambda place: place[0] + covered(place[1], taken, inside))
-
-
-def candidates(point, size, pixel):
-    """(cost of being far, box) of boxes [2] around a point, from near to far."""
-    for step, side in itertools.product(range(7), SIDES):
-        gap = (RADIUS_PT + 2 + 5 * step) * pixel
-        centre = point + np.array(side) * (gap + size / 2)
-        yield (
-            20 * step * pixel**2,
-            np.concatenate([centre - size / 2, centre + size / 2]),
-        )
-
-
-def covered(box, taken, inside):
-    """Area in square pixels that a box shares with others; outside counts tenfold."""
-    shared = [intersection(box, other) for other in taken]
-    return sum(shared) + 10 * (intersection(box, box) - intersection(box, inside))
-
-
-def intersection(a, b):
-    """Area that two boxes share."""
-    sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
-    return np.prod(np.maximum(sides, 0.0))

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 import matplotlib.figure
 import pandas as pd
 
-from alignerf.command import whole
+from alignerf.command import provenance, whole
 
 SHARES = ["within_025", "within_050", "within_100"]
 BOLD = "font-weight: bold"
@@ -13,8 +13,13 @@ BOLD = "font-weight: bold"
 MARKERS = "osD^v<>pP*Xh"
 
 
-def write(table, outputs):
-    """Write the files of `outputs` ("csv", "tex", "figure"), all of them or none."""
+def write(table, outputs, *, configs=()):
+    """Write the files of `outputs` ("csv", "tex", "figure"), all of them or none.
+
+    Beside the CSV, with them, its provenance. configs: that of the scene, if any.
+    """
+    found = provenance.describe([], configs, devices=[provenance.processor()])
+    outputs = outputs | {"provenance": provenance.path_beside(outputs["csv"])}
     with ExitStack() as stack:
         paths = {
             kind: stack.enter_context(whole.replace_file(path))
@@ -22,6 +27,7 @@ def write(table, outputs):
         }
         table.to_csv(paths["csv"], index=False, float_format="%.6g")
         paths["tex"].write_text(to_latex(table))
+        paths["provenance"].write_text(provenance.as_json(found))
         draw(table).savefig(paths["figure"], dpi=150, format="png")
 
 

@@ -49,7 +49,8 @@ rule decompose:
 
 rule displacement_table:
     input:
-        lambda w: [row["stats"] for row in rows.displacement(experiment, w.scene)],
+        lambda w: [row.stats for row in rows.displacement(experiment, w.scene)],
+        configs="results/{scene}/config.yaml",
     output:
         csv=report(
             "results/{scene}/tables/displacement.csv",
@@ -57,6 +58,7 @@ rule displacement_table:
             category="{scene}",
         ),
         tex="results/{scene}/tables/displacement.tex",
+        provenance="results/{scene}/tables/displacement.provenance.json",
     log:
         "results/{scene}/logs/displacement_table.log",
     benchmark:
@@ -67,5 +69,6 @@ rule displacement_table:
         rows=lambda w: rows.as_json(rows.displacement(experiment, w.scene)),
         sources=sources_of("alignerf.tables.displacement"),
     shell:
-        "python -m alignerf.tables.displacement --rows {params.rows:q} --csv {output.csv:q}"
-        " --tex {output.tex:q} 2>&1 | tee {log:q}"
+        "python -m alignerf.tables.displacement --rows {params.rows:q}"
+        " --configs {input.configs:q} --csv {output.csv:q} --tex {output.tex:q}"
+        " 2>&1 | tee {log:q}"

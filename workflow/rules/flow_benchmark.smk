@@ -11,6 +11,7 @@ rule flow_benchmark:
             category="flow estimators",
         ),
         tex="results/flow_benchmark.tex",
+        provenance="results/flow_benchmark.provenance.json",
         figure=report(
             "results/flow_benchmark.png",
             caption="../report/flow_benchmark.rst",

@@ -3,6 +3,7 @@
 rule regimes:
     input:
         lambda w: rows.files_of(check.or_exit(regimes.scenes, experiment)),
+        configs=expand("results/{scene}/config.yaml", scene=experiment.scenes),
     output:
         csv=report(
             f"results/{regimes.name(experiment)}.csv",
@@ -10,6 +11,7 @@ rule regimes:
             category="regimes",
         ),
         tex=f"results/{regimes.name(experiment)}.tex",
+        provenance=f"results/{regimes.name(experiment)}.provenance.json",
         figure=report(
             f"results/{regimes.name(experiment)}.png",
             caption="../report/regimes.rst",
@@ -25,5 +27,6 @@ rule regimes:
         rows=lambda w: rows.as_json(regimes.scenes(experiment)),
         sources=sources_of("alignerf.tables.regimes"),
     shell:
-        "python -m alignerf.tables.regimes --rows {params.rows:q} --csv {output.csv:q}"
-        " --tex {output.tex:q} --figure {output.figure:q} 2>&1 | tee {log:q}"
+        "python -m alignerf.tables.regimes --rows {params.rows:q}"
+        " --configs {input.configs:q} --csv {output.csv:q} --tex {output.tex:q}"
+        " --figure {output.figure:q} 2>&1 | tee {log:q}"

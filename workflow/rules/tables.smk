@@ -2,6 +2,8 @@
 rule misalignment_table:
     input:
         lambda w: rows.files_of(rows.misalignment(experiment, w.scene)),
+        configs="results/{scene}/config.yaml",
+        published=lambda w: rows.published(w.scene),
     output:
         csv=report(
             "results/{scene}/tables/misalignment.csv",
@@ -9,6 +11,7 @@ rule misalignment_table:
             category="{scene}",
         ),
         tex="results/{scene}/tables/misalignment.tex",
+        provenance="results/{scene}/tables/misalignment.provenance.json",
     log:
         "results/{scene}/logs/tables.log",
     benchmark:
@@ -19,16 +22,20 @@ rule misalignment_table:
         rows=lambda w: rows.as_json(rows.misalignment(experiment, w.scene)),
         sources=sources_of("alignerf.tables.misalignment"),
     shell:
-        "python -m alignerf.tables.misalignment --rows {params.rows:q} --csv {output.csv:q}"
-        " --tex {output.tex:q} 2>&1 | tee {log:q}"
+        "python -m alignerf.tables.misalignment --rows {params.rows:q}"
+        " --scene-name {wildcards.scene:q} --published {input.published:q}"
+        " --configs {input.configs:q} --csv {output.csv:q} --tex {output.tex:q}"
+        " 2>&1 | tee {log:q}"
 
 
 rule round_times:
     input:
         lambda w: rows.files_of(rows.times(experiment, w.scene)),
+        configs="results/{scene}/config.yaml",
     output:
         csv="results/{scene}/tables/round_times.csv",
         tex="results/{scene}/tables/round_times.tex",
+        provenance="results/{scene}/tables/round_times.provenance.json",
     log:
         "results/{scene}/logs/round_times.log",
     benchmark:
@@ -39,14 +46,16 @@ rule round_times:
         rows=lambda w: rows.as_json(rows.times(experiment, w.scene)),
         sources=sources_of("alignerf.tables.round_times"),
     shell:
-        "python -m alignerf.tables.round_times --rows {params.rows:q} --csv {output.csv:q}"
-        " --tex {output.tex:q} 2>&1 | tee {log:q}"
+        "python -m alignerf.tables.round_times --rows {params.rows:q}"
+        " --configs {input.configs:q} --csv {output.csv:q} --tex {output.tex:q}"
+        " 2>&1 | tee {log:q}"
 
 
 # How much of the warped test set's gain is alignment.
 rule controls_table:
     input:
         lambda w: rows.files_of(rows.scores(experiment, w.scene)),
+        configs="results/{scene}/config.yaml",
     output:
         csv=report(
             "results/{scene}/tables/controls.csv",
@@ -54,6 +63,7 @@ rule controls_table:
             category="{scene}",
         ),
         tex="results/{scene}/tables/controls.tex",
+        provenance="results/{scene}/tables/controls.provenance.json",
     log:
         "results/{scene}/logs/controls_table.log",
     benchmark:
@@ -64,14 +74,16 @@ rule controls_table:
         rows=lambda w: rows.as_json(rows.scores(experiment, w.scene)),
         sources=sources_of("alignerf.tables.controls"),
     shell:
-        "python -m alignerf.tables.controls --rows {params.rows:q} --csv {output.csv:q}"
-        " --tex {output.tex:q} 2>&1 | tee {log:q}"
+        "python -m alignerf.tables.controls --rows {params.rows:q}"
+        " --configs {input.configs:q} --csv {output.csv:q} --tex {output.tex:q}"
+        " 2>&1 | tee {log:q}"
 
 
 # Whether the other test sets rank methods as the oracle does.
 rule ranking_table:
     input:
         lambda w: rows.files_of(rows.scores(experiment, w.scene)),
+        configs="results/{scene}/config.yaml",
     output:
         csv=report(
             "results/{scene}/tables/ranking.csv",
@@ -79,6 +91,7 @@ rule ranking_table:
             category="{scene}",
         ),
         tex="results/{scene}/tables/ranking.tex",
+        provenance="results/{scene}/tables/ranking.provenance.json",
     log:
         "results/{scene}/logs/ranking_table.log",
     benchmark:
@@ -89,8 +102,9 @@ rule ranking_table:
         rows=lambda w: rows.as_json(rows.scores(experiment, w.scene)),
         sources=sources_of("alignerf.tables.ranking"),
     shell:
-        "python -m alignerf.tables.ranking --rows {params.rows:q} --csv {output.csv:q}"
-        " --tex {output.tex:q} 2>&1 | tee {log:q}"
+        "python -m alignerf.tables.ranking --rows {params.rows:q}"
+        " --configs {input.configs:q} --csv {output.csv:q} --tex {output.tex:q}"
+        " 2>&1 | tee {log:q}"
 
 
 rule figures:

@@ -74,6 +74,7 @@ use rule evaluate as evaluate_variant with:
 rule tradeoff:
     input:
         lambda w: rows.files_of(check.or_exit(sweep.rows, experiment)),
+        configs=lambda w: check.or_exit(sweep.configs, experiment),
     output:
         csv=report(
             "results/tradeoff.csv",
@@ -81,6 +82,7 @@ rule tradeoff:
             category="tradeoff",
         ),
         tex="results/tradeoff.tex",
+        provenance="results/tradeoff.provenance.json",
         figure=report(
             "results/tradeoff.png",
             caption="../report/tradeoff.rst",
@@ -96,5 +98,6 @@ rule tradeoff:
         rows=lambda w: rows.as_json(sweep.rows(experiment)),
         sources=sources_of("alignerf.tables.tradeoff"),
     shell:
-        "python -m alignerf.tables.tradeoff --rows {params.rows:q} --csv {output.csv:q}"
-        " --tex {output.tex:q} --figure {output.figure:q} 2>&1 | tee {log:q}"
+        "python -m alignerf.tables.tradeoff --rows {params.rows:q}"
+        " --configs {input.configs:q} --csv {output.csv:q} --tex {output.tex:q}"
+        " --figure {output.figure:q} 2>&1 | tee {log:q}"

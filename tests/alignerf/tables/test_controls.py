@@ -1,13 +1,13 @@
 """The tables of controls and of ranking, from hand-made scores."""
 
 import itertools
-import json
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from alignerf import show
+from alignerf.experiment import rows as table_rows
 from alignerf.tables import controls, intervals, ranking
 
 VIEWS = [f"view_{number}" for number in range(6)]
@@ -21,7 +21,7 @@ def entries(tmp_path, rng):
     for method, round in itertools.product(("plain_one", "other"), (0, 1)):
         path = tmp_path / f"{method}{round}.csv"
         write(path, {name: rng.uniform(15, 25, len(VIEWS)) for name in SETS})
-        found.append({"method": method, "round": round, "metrics": str(path)})
+        found.append(table_rows.Scores(method, round, str(path)))
     return found
 
 
@@ -36,7 +36,7 @@ def write(path, psnr_db):
 
 
 def psnr_of(entry):
-    scores = pd.read_csv(entry["metrics"])
+    scores = pd.read_csv(entry.metrics)
     return scores.pivot(index="view", columns="test_set", values="psnr_db")
 
 
@@ -75,7 +75,7 @@ def test_a_gain_is_the_sum_of_its_parts(entries):
 def test_intervals_are_of_differences_view_by_view(entries, rng):
     # A view that is 10 dB harder for both is no doubt about the difference.
     hard = rng.uniform(-10, 10, len(VIEWS))
-    path = entries[0]["metrics"]
+    path = entries[0].metrics
     write(path, {name: 20 + hard + (name == "warped") for name in SETS})
     rows = controls.make_table(entries[:1]).set_index("quantity")
     assert rows.loc["gain", ["db", "low_db", "high_db"]].tolist() == pytest.approx(
@@ -88,8 +88,8 @@ def test_intervals_are_of_differences_view_by_view(entries, rng):
 
 
 def test_without_an_oracle_its_columns_are_not_there(entries):
-    scores = pd.read_csv(entries[0]["metrics"])
-    scores[scores["test_set"] != "oracle"].to_csv(entries[0]["metrics"], index=False)
+    scores = pd.read_csv(entries[0].metrics)
+    scores[scores["test_set"] != "oracle"].to_csv(entries[0].metrics, index=False)
     table = controls.make_table(entries[:1])
     assert not {"oracle", "oracle_gain"} & set(table["quantity"])
     assert "oracle" not in controls.to_latex(table)
@@ -97,10 +97,10 @@ def test_without_an_oracle_its_columns_are_not_there(entries):
 
 
 def test_a_view_without_a_score_leaves_its_quantities_empty(entries):
-    scores = pd.read_csv(entries[0]["metrics"])
+    scores = pd.read_csv(entries[0].metrics)
     missing = (scores["view"] == VIEWS[2]) & (scores["test_set"] == "control")
     scores.loc[missing, "psnr_db"] = np.nan
-    scores.to_csv(entries[0]["metrics"], index=False)
+    scores.to_csv(entries[0].metrics, index=False)
     table = controls.make_table(entries[:1]).set_index("quantity")
     for quantity in ("resampling", "remains"):
         assert table.loc[quantity, ["db", "low_db", "high_db"]].isna().all()
@@ -127,7 +127,7 @@ def ranked(entries, oracle, other):
     for entry, of_oracle, of_other in zip(entries, oracle, other, strict=True):
         values = dict.fromkeys(SETS, np.full(len(VIEWS), of_other))
         values["oracle"] = np.full(len(VIEWS), of_oracle)
-        write(entry["metrics"], values)
+        write(entry.metrics, values)
     return ranking.make_table(entries).set_index("test_set")
 
 
@@ -150,7 +150,7 @@ def test_an_interval_of_tau_is_over_views(entries, rng):
     # Noise of single views is larger than what the methods differ in.
     for number, entry in enumerate(entries):
         noise = rng.normal(size=(len(SETS), len(VIEWS)))
-        write(entry["metrics"], dict(zip(SETS, 20 + 0.5 * number + noise, strict=True)))
+        write(entry.metrics, dict(zip(SETS, 20 + 0.5 * number + noise, strict=True)))
     table = ranking.make_table(entries)
     assert (table["rows"] == 4).all()
     assert (table["views"] == 6).all()
@@ -163,12 +163,13 @@ def test_an_interval_of_tau_is_over_views(entries, rng):
 @pytest.mark.parametrize("module", [controls, ranking])
 def test_as_commands(entries, tmp_path, module):
     out = [tmp_path / "tables" / name for name in ("t.csv", "t.tex")]
-    arguments = ["--rows", json.dumps(entries), "--csv", str(out[0])]
+    arguments = ["--rows", table_rows.as_json(entries), "--csv", str(out[0])]
     module.main([*arguments, "--tex", str(out[1])])
     assert tuple(pd.read_csv(out[0]).columns) == module.COLUMNS
     tex = out[1].read_text()
     assert tex.count(r"\begin{tabular}") == tex.count(r"\end{tabular}") == 1
-    assert sorted(path.name for path in out[0].parent.iterdir()) == ["t.csv", "t.tex"]
+    found = sorted(path.name for path in out[0].parent.iterdir())
+    assert found == ["t.csv", "t.provenance.json", "t.tex"]
 
 
 @pytest.mark.parametrize("module", [controls, ranking])
@@ -183,18 +184,18 @@ def test_as_commands(entries, tmp_path, module):
 def test_bad_scores_are_named_and_nothing_written(
     entries, tmp_path, module, damage, reason
 ):
-    path = entries[1]["metrics"]
+    path = entries[1].metrics
     damage(pd.read_csv(path)).to_csv(path, index=False)
     out = [tmp_path / "tables" / name for name in ("t.csv", "t.tex")]
-    arguments = ["--rows", json.dumps(entries), "--csv", str(out[0])]
+    arguments = ["--rows", table_rows.as_json(entries), "--csv", str(out[0])]
     with pytest.raises(ValueError, match=rf"plain_one1\.csv: {reason}"):
         module.main([*arguments, "--tex", str(out[1])])
     assert not (tmp_path / "tables").exists()
 
 
 def test_other_views_are_not_ranked_together(entries):
-    scores = pd.read_csv(entries[2]["metrics"])
-    scores[scores["view"] != VIEWS[0]].to_csv(entries[2]["metrics"], index=False)
+    scores = pd.read_csv(entries[2].metrics)
+    scores[scores["view"] != VIEWS[0]].to_csv(entries[2].metrics, index=False)
     with pytest.raises(ValueError, match=r"other0\.csv: not the views"):
         ranking.make_table(entries)
 

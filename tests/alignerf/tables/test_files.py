@@ -1,9 +1,12 @@
 """Commands that make tables: what no table can be made of is named, nothing is left."""
 
 import json
+import math
 
 import pytest
 
+from alignerf.experiment import rows as table_rows
+from alignerf.experiment import sweep
 from alignerf.tables import controls, misalignment, ranking, round_times, tradeoff
 from alignerf.tables import files as table_files
 
@@ -12,7 +15,7 @@ SCORES = "view,test_set,psnr_db,ssim,lpips_alex,lpips_squeeze,lpips_vgg\n"
 
 @pytest.fixture
 def entry(tmp_path):
-    """An entry that fits every table, with all its files whole."""
+    """What any table's row may name, with all its files whole."""
     sets = (*sorted(controls.NEEDED), "oracle")
     rows = [f"{view},{name},20,0.5,0.5,,\n" for view in "ab" for name in sets]
     timing = {key: 1.0 for key in ("train_time_s", "compile_time_s", "view_time_s")}
@@ -27,6 +30,7 @@ def entry(tmp_path):
         (tmp_path / name).write_text(text)
     metrics, timing, flow, wall = (str(tmp_path / name) for name in files)
     labels = {"method": "plain", "field": "mlp 8", "round": 1, "base": "plain"}
+    walls = table_rows.Walls(wall, wall, wall)
     return labels | {
         "variant": "base",
         "changes": {},
@@ -37,18 +41,34 @@ def entry(tmp_path):
         "training": timing,
         "rendering": timing,
         "alignment": flow,
-        "walls": dict.fromkeys(("train", "render", "align"), wall),
+        "walls": walls,
     }
 
 
-def make(module, entry, out):
+KINDS = {
+    misalignment: table_rows.Misalignment,
+    controls: table_rows.Scores,
+    ranking: table_rows.Scores,
+    round_times: table_rows.Times,
+    tradeoff: sweep.Point,
+}
+
+
+def row_of(module, entry):
+    """A row of the table that a module makes."""
+    kind = KINDS[module]
+    return kind(**{name: entry[name] for name in kind._fields})
+
+
+def make(module, entry, out, *more):
     """Run a table's command; `out` is the folder that it writes into."""
     paths = {"--csv": out / "t.csv", "--tex": out / "t.tex"}
     if module is tradeoff:
         paths["--figure"] = out / "t.png"
     options = [str(part) for pair in paths.items() for part in pair]
     entries = [entry, entry | {"method": "other", "variant": "other"}]
-    module.main(["--rows", json.dumps(entries), *options])
+    rows = table_rows.as_json([row_of(module, entry) for entry in entries])
+    module.main(["--rows", rows, *options, *more])
 
 
 @pytest.mark.parametrize(
@@ -73,9 +93,7 @@ def test_an_empty_file_is_named(tmp_path, entry, module, name):
         assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    "module", [misalignment, controls, ranking, round_times, tradeoff]
-)
+@pytest.mark.parametrize("module", KINDS)
 def test_a_table_without_its_latex_is_not_left(tmp_path, entry, module, monkeypatch):
     def fail(table):
         raise ValueError("no LaTeX")
@@ -92,3 +110,37 @@ def test_a_timing_that_is_none_is_named(tmp_path, text):
     path.write_text(text)
     with pytest.raises(ValueError, match=r"timing\.json: not the timing"):
         table_files.read_timing(path, "time_s")
+
+
+@pytest.mark.parametrize("module", KINDS)
+def test_where_a_table_comes_from_lies_beside_it(tmp_path, entry, module):
+    config = tmp_path / "config.yaml"
+    config.write_text("seed: 0\nscenes: {yard: {seed: 3}}\n")
+    make(module, entry, tmp_path / "out", "--configs", str(config))
+    found = json.loads((tmp_path / "out" / "t.provenance.json").read_text())
+    assert (found["seeds"], found["configs"]) == ([3], [str(config)])
+    assert len(found["rows"]) == 2
+    names_trainings = module not in (controls, ranking)
+    assert found["device"] == ["cpu"] * names_trainings
+    for row in found["rows"]:
+        assert len(row["trainings"]) == names_trainings
+        for training in row["trainings"]:
+            assert training["path"] == entry["training"]
+            assert (training["commit"], training["lock"]) == (None, None)
+
+
+@pytest.mark.parametrize("module", KINDS)
+def test_a_table_without_its_provenance_is_not_left(tmp_path, entry, module):
+    config = tmp_path / "config.yaml"
+    config.write_text("seed: 0\n")
+    with pytest.raises(ValueError, match=r"config\.yaml: not a scene's config"):
+        make(module, entry, tmp_path / "out", "--configs", str(config))
+    assert not [path for path in tmp_path.glob("out/*") if path.is_file()]
+
+
+def test_seconds_of_views_are_all_or_none(tmp_path):
+    path = tmp_path / "flow.csv"
+    path.write_text("view,time_s\na,0.5\nb,1\n")
+    assert table_files.views_time_s(path) == 1.5
+    path.write_text("view,time_s\na,0.5\nb,\n")
+    assert math.isnan(table_files.views_time_s(path))

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from alignerf import show
+from alignerf.experiment import rows as table_rows
 from alignerf.tables import intervals, misalignment
 
 VIEWS = ["a", "b", "c"]
@@ -16,7 +17,7 @@ NETS = ("alex", "squeeze", "vgg")
 
 @pytest.fixture
 def entry(tmp_path, rng):
-    """One method's entry after one warping round, with its files."""
+    """One method's row after one warping round, with its files."""
     write_scores(tmp_path / "base.csv", rng)
     write_scores(tmp_path / "metrics.csv", rng)
     for number, seconds in enumerate((10.0, 20.0)):
@@ -29,16 +30,16 @@ def entry(tmp_path, rng):
         (tmp_path / f"train{number}.json").write_text(json.dumps(timing))
     (tmp_path / "render.json").write_text(json.dumps({"time_s": 3.0, "views": 7}))
     (tmp_path / "flow.csv").write_text("view,time_s\na,0.5\nb,0.25\n")
-    return {
-        "method": "my_method",
-        "field": "grid 2^15",
-        "round": 1,
-        "metrics": str(tmp_path / "metrics.csv"),
-        "base": "plain",
-        "base_metrics": str(tmp_path / "base.csv"),
-        "trainings": [str(tmp_path / f"train{number}.json") for number in (0, 1)],
-        "data": [str(tmp_path / "render.json"), str(tmp_path / "flow.csv")],
-    }
+    return table_rows.Misalignment(
+        method="my_method",
+        field="grid 2^15",
+        round=1,
+        metrics=str(tmp_path / "metrics.csv"),
+        base="plain",
+        base_metrics=str(tmp_path / "base.csv"),
+        trainings=[str(tmp_path / f"train{number}.json") for number in (0, 1)],
+        data=[str(tmp_path / "render.json"), str(tmp_path / "flow.csv")],
+    )
 
 
 def write_scores(path, rng):
@@ -61,11 +62,11 @@ def psnr_of(path):
 
 
 def test_a_row_per_test_set_with_means_and_all_costs_so_far(entry):
-    rows = list(misalignment.rows_of(entry))
+    rows = list(misalignment.lines_of(entry))
     assert [row["test_set"] for row in rows] == ["standard", "warped", "control"]
-    scores = pd.read_csv(entry["metrics"])
+    scores = pd.read_csv(entry.metrics)
     for row in rows:
-        assert set(row) == set(misalignment.COLUMNS)
+        assert set(row) == set(misalignment.COLUMNS) - {"lpips_published", "source"}
         assert (row["method"], row["field"]) == ("my_method", "grid 2^15")
         assert row["warping"] == "once"
         assert (row["train_time_s"], row["data_time_s"]) == (30.0, 3.75)
@@ -77,8 +78,8 @@ def test_a_row_per_test_set_with_means_and_all_costs_so_far(entry):
 
 
 def test_differences_to_the_base_are_paired_by_view(entry):
-    psnr, base = (psnr_of(entry[key]) for key in ("metrics", "base_metrics"))
-    for row in misalignment.rows_of(entry):
+    psnr, base = (psnr_of(getattr(entry, key)) for key in ("metrics", "base_metrics"))
+    for row in misalignment.lines_of(entry):
         each = psnr[row["test_set"]] - base[row["test_set"]]
         assert row["difference_to"] == "plain"
         assert row["difference_db"] == pytest.approx(each.mean())
@@ -86,33 +87,33 @@ def test_differences_to_the_base_are_paired_by_view(entry):
         assert (row["difference_low_db"], row["difference_high_db"]) == (low, high)
         # What a view is hard for both does not widen it.
         assert high - low < np.ptp(each) + 1e-9
-    own = entry | {"base_metrics": entry["metrics"]}
+    own = entry._replace(base_metrics=entry.metrics)
     keys = ("difference_db", "difference_low_db", "difference_high_db")
-    for row in misalignment.rows_of(own):
+    for row in misalignment.lines_of(own):
         assert [row[key] for key in keys] == [0, 0, 0]
 
 
 def test_a_base_of_other_views_is_named(entry):
-    scores = pd.read_csv(entry["base_metrics"])
-    scores[scores["view"] != "b"].to_csv(entry["base_metrics"], index=False)
+    scores = pd.read_csv(entry.base_metrics)
+    scores[scores["view"] != "b"].to_csv(entry.base_metrics, index=False)
     with pytest.raises(ValueError, match=r"metrics\.csv: not the views of plain"):
-        list(misalignment.rows_of(entry))
+        list(misalignment.lines_of(entry))
 
 
 def test_warpings_have_the_names_of_the_paper(entry):
     names = {
-        number: next(misalignment.rows_of(entry | {"round": number}))["warping"]
+        number: next(misalignment.lines_of(entry._replace(round=number)))["warping"]
         for number in (0, 1, 2, 5)
     }
     assert names == {0: "none", 1: "once", 2: "twice", 5: "5 times"}
 
 
 def test_a_view_without_a_metric_leaves_the_mean_empty(entry):
-    scores = pd.read_csv(entry["metrics"])
+    scores = pd.read_csv(entry.metrics)
     missing = (scores["view"] == "b") & (scores["test_set"] == "warped")
     scores.loc[missing, "psnr_db"] = np.nan
-    scores.to_csv(entry["metrics"], index=False)
-    rows = {row["test_set"]: row for row in misalignment.rows_of(entry)}
+    scores.to_csv(entry.metrics, index=False)
+    rows = {row["test_set"]: row for row in misalignment.lines_of(entry)}
     assert np.isnan(rows["warped"]["psnr_db"])
     assert np.isnan(rows["warped"]["difference_db"])
     assert np.isnan(rows["warped"]["difference_low_db"])
@@ -227,11 +228,104 @@ def test_one_row():
 
 def test_as_a_command(entry, tmp_path):
     out = [tmp_path / "tables" / name for name in ("t.csv", "t.tex")]
-    rows = json.dumps([entry | {"method": name} for name in ("z_first", "a")])
+    rows = table_rows.as_json(
+        [entry._replace(method=name) for name in ("z_first", "a")]
+    )
     misalignment.main(["--rows", rows, "--csv", str(out[0]), "--tex", str(out[1])])
     table = pd.read_csv(out[0])
     assert tuple(table.columns) == misalignment.COLUMNS
     # In the order of the config, not of the alphabet.
     assert list(table["method"]) == ["z_first"] * 3 + ["a"] * 3
     assert [row[0] for row in cells(out[1].read_text())] == [r"z\_first", "a"]
-    assert sorted(path.name for path in out[0].parent.iterdir()) == ["t.csv", "t.tex"]
+    found = sorted(path.name for path in out[0].parent.iterdir())
+    assert found == ["t.csv", "t.provenance.json", "t.tex"]
+    # Whole numbers, however large.
+    assert out[0].read_text().splitlines()[1].endswith(",1,10,100,")
+
+
+def test_a_view_without_seconds_leaves_the_costs_empty(entry, tmp_path):
+    (tmp_path / "flow.csv").write_text("view,time_s\na,0.5\nb,\n")
+    table = misalignment.make_table([entry])
+    assert table[["data_time_s", "total_time_s"]].isna().all(axis=None)
+    assert table["train_time_s"].tolist() == [30.0] * 3
+    costs = [cell.split()[-1] for cell in cells(misalignment.to_latex(table))[0][-4:]]
+    assert costs[:3] == ["0.50", "--", "--"]
+
+
+@pytest.fixture
+def printed(tmp_path):
+    """A table as papers print it."""
+    path = tmp_path / "means.csv"
+    path.write_text(
+        "source,method,scene,psnr_db,ssim,lpips_published\n"
+        "arXiv 1,mip-NeRF 360,garden,99,0.813,0.17\n"
+        "arXiv 1,mip-NeRF 360,mean,24.47,0.691,0.283\n"
+        "arXiv 2,mip_NeRF,garden,26,0.8,0.2\n"
+    )
+    return path
+
+
+def run(entry, folder, *more):
+    """The command's CSV and LaTeX for one row."""
+    out = [folder / name for name in ("t.csv", "t.tex")]
+    rows = ["--rows", table_rows.as_json([entry])]
+    misalignment.main([*rows, "--csv", str(out[0]), "--tex", str(out[1]), *more])
+    return pd.read_csv(out[0]), out[1].read_text()
+
+
+def test_published_rows_stand_below_and_compare_with_nothing(entry, tmp_path, printed):
+    alone, tex_alone = run(entry, tmp_path)
+    more = ("--published", str(printed), "--scene-name", "garden")
+    table, tex = run(entry, tmp_path, *more)
+    pd.testing.assert_frame_equal(table[:3], alone, check_dtype=False)
+    rows = table[3:].set_index("method")
+    names = ["mip-NeRF 360, published", "mip_NeRF, published"]
+    assert list(rows.index) == names
+    assert list(rows["source"]) == ["arXiv 1", "arXiv 2"]
+    assert list(rows["test_set"]) == ["standard"] * 2
+    assert list(rows["psnr_db"]) == [99, 26]
+    assert list(rows["lpips_published"]) == [0.17, 0.2]
+    empty = [*misalignment.COUNTS, "total_time_s", "lpips_alex", "difference_db"]
+    assert rows[empty].isna().all(axis=None)
+    above, below = tex.split(r"\bottomrule")[0].split(r"\midrule")[1:]
+    # The 99 dB are not the best: they are nobody's of these.
+    assert r"\cellcolor[HTML]{FF9999}" in above
+    assert "cellcolor" not in below
+    assert "99.00" in below
+    assert r"mip\_NeRF, published" in below
+    assert "0.170" in below
+    assert "% mip-NeRF 360, published: as printed, arXiv 1." in tex
+    assert "LPIPS (published)" in tex
+    assert "nan" not in tex.lower()
+    assert "published" not in tex_alone
+    assert tex_alone.count(r"\midrule") == 1
+
+
+def test_of_other_scenes_nothing_is_printed(entry, tmp_path, printed):
+    more = ("--published", str(printed), "--scene-name", "fox")
+    table, tex = run(entry, tmp_path, *more)
+    alone, tex_alone = run(entry, tmp_path)
+    pd.testing.assert_frame_equal(table, alone)
+    assert tex == tex_alone
+
+
+def test_a_published_table_that_is_none_is_named(entry, tmp_path, printed):
+    more = ("--published", str(printed), "--scene-name", "garden")
+    text = printed.read_text()
+    printed.write_text(text.replace("mip_NeRF", "mip-NeRF 360"))
+    with pytest.raises(ValueError, match=r"means\.csv: scene garden: a method stands"):
+        run(entry, tmp_path, *more)
+    printed.write_text(text.replace("ssim", "SSIM"))
+    with pytest.raises(ValueError, match=r"means\.csv: no column ssim"):
+        run(entry, tmp_path, *more)
+    assert not (tmp_path / "t.csv").exists()
+
+
+def test_scenes_of_the_papers_are_known_by_their_names(root):
+    for scene in ("bicycle", "flowers", "garden", "stump", "treehill"):
+        (path,) = table_rows.published(scene)
+        assert path == str(root / "results/published/images_4_means.csv")
+        (line,) = misalignment.published(path, scene)
+        assert line["method"] == "mip-NeRF 360, published"
+    # A row over all scenes is none of them.
+    assert table_rows.published("mean") == table_rows.published("fox") == []

@@ -1,14 +1,13 @@
 """alignerf.tables.regimes: pooled over seeds, paired by view."""
 
-import ast
 import json
-import re
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf import poses
+from alignerf.experiment import regimes as regime_rows
+from alignerf.experiment import rows as table_rows
 from alignerf.tables import intervals, regimes, regimes_figure
 
 ROWS = [("mipnerf360", 0), ("convolution", 0), ("alignment", 0), ("mipnerf360", 1)]
@@ -31,13 +30,14 @@ def scene_of(tmp_path):
             methods.append(write_row(tmp_path, name, place, views))
         displacement = tmp_path / f"{name}.csv"
         pd.DataFrame({"median_px": [1.0, 2.0]}).to_csv(displacement, index=False)
-        return regime | {
-            "scene": name,
-            "seed": seed,
-            "alike": json.dumps(regime),
-            "displacement": str(displacement),
-            "methods": methods,
-        }
+        return regime_rows.Regime(
+            **regime,
+            scene=name,
+            seed=seed,
+            alike=json.dumps(regime),
+            displacement=str(displacement),
+            methods=methods,
+        )
 
     return write
 
@@ -53,14 +53,14 @@ def write_row(folder, scene, place, views):
     costs = {"train_time_s": 10 + place, "steps": 1, "rays_seen": 7, "params": place}
     timing.write_text(json.dumps(costs))
     data.write_text(json.dumps({"time_s": 3.0}))
-    return {
-        "method": method,
-        "round": round,
-        "parts": method,
-        "metrics": str(metrics),
-        "trainings": [str(timing)] * (1 + (place > 0)),
-        "data": [str(data)] * round,
-    }
+    return regime_rows.Method(
+        method=method,
+        round=round,
+        parts=method,
+        metrics=str(metrics),
+        trainings=[str(timing)] * (1 + (place > 0)),
+        data=[str(data)] * round,
+    )
 
 
 def regime(perturb_px=1.0, motion_m=0.0, steps=100):
@@ -137,7 +137,7 @@ def test_how_unlike_views_are_is_no_part_of_the_interval(scene_of):
 def test_other_views_are_refused_by_name(scene_of):
     scene = scene_of("a", (0.2, 0.3), regime=regime())
     other = scene_of("b", (0.2, 0.3), regime=regime(), view_db=(20.0, 21.0))
-    scene["methods"][1]["metrics"] = other["methods"][1]["metrics"]
+    scene.methods[1] = other.methods[1]
     with pytest.raises(ValueError, match=r"b_convolution\.csv: not the views"):
         regimes.make_table([scene])
 
@@ -150,10 +150,10 @@ def test_the_same_scene_twice_is_refused_by_name(scene_of):
 
 def test_what_is_missing_is_named(scene_of):
     scene = scene_of("a", (0.5, 1.5), regime=regime())
-    pd.DataFrame({"view": ["v"]}).to_csv(scene["displacement"], index=False)
+    pd.DataFrame({"view": ["v"]}).to_csv(scene.displacement, index=False)
     with pytest.raises(ValueError, match=r"a\.csv: no column median_px"):
         regimes.make_table([scene])
-    metrics = scene["methods"][1]["metrics"]
+    metrics = scene.methods[1].metrics
     pd.read_csv(metrics).drop(columns="psnr_db").to_csv(metrics, index=False)
     with pytest.raises(ValueError, match=r"a_convolution\.csv: no column psnr_db"):
         regimes.make_table([scene])
@@ -161,7 +161,7 @@ def test_what_is_missing_is_named(scene_of):
 
 def test_a_test_set_that_one_method_lacks_is_left_out(scene_of):
     scene = scene_of("a", (0.5, 1.5), regime=regime())
-    metrics = scene["methods"][2]["metrics"]
+    metrics = scene.methods[2].metrics
     rows = pd.read_csv(metrics)
     rows[rows["test_set"] == "standard"].to_csv(metrics, index=False)
     assert set(regimes.make_table([scene])["test_set"]) == {"standard"}
@@ -200,13 +200,13 @@ def test_files_are_written_and_latex_has_a_block_a_regime(scene_of, tmp_path):
         for k, (p, m, s) in enumerate([*chosen, (2, 0.02, 200)])
     ]
     fox = scene_of("fox", (0.1, 0.2), regime=regime(0, None, 300))
-    for method in fox["methods"]:
-        rows = pd.read_csv(method["metrics"])
-        rows[rows["test_set"] == "standard"].to_csv(method["metrics"], index=False)
+    for method in fox.methods:
+        rows = pd.read_csv(method.metrics)
+        rows[rows["test_set"] == "standard"].to_csv(method.metrics, index=False)
     scenes.append(fox)
     paths = [tmp_path / f"out.{end}" for end in ("csv", "tex", "png")]
     regimes.main(
-        ["--rows", json.dumps(scenes)]
+        ["--rows", table_rows.as_json(scenes)]
         + [
             f"{o}={p}"
             for o, p in zip(("--csv", "--tex", "--figure"), paths, strict=True)
@@ -228,10 +228,39 @@ def test_files_are_written_and_latex_has_a_block_a_regime(scene_of, tmp_path):
     assert "poses off by 2 px, still, 100 steps" in text
     assert "fox, 300 steps" in text
     assert png.read_bytes().startswith(b"\x89PNG")
+    origin = json.loads((tmp_path / "out.provenance.json").read_text())
+    labels = [(row["scene"], row["method"]) for row in origin["rows"]]
+    assert labels == [(s.scene, m.method) for s in scenes for m in s.methods]
+    assert len(origin["rows"][1]["trainings"]) == 2
 
 
-def test_workflow_and_poses_agree_about_motion(root):
-    text = (root / "workflow/rules/regime_rows.smk").read_text()
-    (found,) = re.findall(r"COURTYARD_MOTION = (\{.*\})", text)
-    defaults = poses.DEFAULTS["courtyard"]
-    assert ast.literal_eval(found) == {k: defaults[k] for k in ("motion", "motion_m")}
+def test_a_view_without_a_length_leaves_the_misalignment_empty(scene_of):
+    scenes = [
+        scene_of("a", (0.5, 1.5), regime=regime()),
+        scene_of("b", (0.5, 1.5), regime=regime(), seed=1),
+    ]
+    lengths = pd.DataFrame({"median_px": [1.0, np.nan]})
+    lengths.to_csv(scenes[1].displacement, index=False)
+    table = regimes.make_table(scenes)
+    assert table["misalignment_px"].isna().all()
+    assert table["psnr_db"].notna().all()
+    assert "flow -- px" in regimes.to_latex(table)
+
+
+def test_a_view_without_a_score_leaves_its_test_set_empty(scene_of):
+    scene = scene_of("a", (0.5, 1.5), regime=regime())
+    metrics = scene.methods[1].metrics
+    views = pd.read_csv(metrics)
+    views.loc[(views["view"] == "v1") & (views["test_set"] == "oracle"), "psnr_db"] = (
+        np.nan
+    )
+    views.to_csv(metrics, index=False)
+    table = regimes.make_table([scene])
+    row = one(table, method="convolution", test_set="oracle")
+    assert np.isnan([row["psnr_db"], row["difference_db"], row["step_db"]]).all()
+    assert np.isfinite(one(table, method="convolution", test_set="standard")["psnr_db"])
+    # What stands below it has lost what it is set against.
+    assert np.isnan(one(table, method="alignment", test_set="oracle")["step_db"])
+    (line,) = [x for x in regimes.to_latex(table).splitlines() if "convolution" in x]
+    assert "& -- & -- &" in line
+    assert "nan" not in regimes.to_latex(table)

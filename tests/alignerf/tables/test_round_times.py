@@ -5,11 +5,12 @@ import json
 import pandas as pd
 import pytest
 
+from alignerf.experiment import rows as table_rows
 from alignerf.tables import round_times
 
 
 def write_round(folder, walls):
-    """Files of one round; returns its entry."""
+    """Files of one round; returns its row."""
     folder.mkdir()
     (folder / "timing.json").write_text(
         json.dumps({"train_time_s": 20.0, "compile_time_s": 5.0})
@@ -20,14 +21,18 @@ def write_round(folder, walls):
     (folder / "displacement_train.csv").write_text("view,time_s\na,0.25\nb,0.5\n")
     for stage, wall_s in walls.items():
         (folder / f"{stage}.tsv").write_text(f"s\th:m:s\tmax_rss\n{wall_s}\t0\t1.5\n")
-    return {
-        "method": "a_b",
-        "round": len(walls) // 2,
-        "training": str(folder / "timing.json"),
-        "rendering": str(folder / "render_train.json"),
-        "alignment": str(folder / "displacement_train.csv"),
-        "walls": {stage: str(folder / f"{stage}.tsv") for stage in walls},
-    }
+    row = table_rows.Times(
+        method="a_b",
+        round=len(walls) // 2,
+        training=str(folder / "timing.json"),
+        walls=table_rows.Walls(**{k: str(folder / f"{k}.tsv") for k in walls}),
+    )
+    if row.round == 0:
+        return row
+    return row._replace(
+        rendering=str(folder / "render_train.json"),
+        alignment=str(folder / "displacement_train.csv"),
+    )
 
 
 def test_parts_add_up_to_the_processes(tmp_path):
@@ -36,7 +41,7 @@ def test_parts_add_up_to_the_processes(tmp_path):
         tmp_path / "later", {"train": 30.0, "render": 6.0, "align": 2.0}
     )
     out = {name: tmp_path / f"times.{name}" for name in ("csv", "tex")}
-    rows = json.dumps([first, later])
+    rows = table_rows.as_json([first, later])
     round_times.main(
         ["--rows", rows, "--csv", str(out["csv"]), "--tex", str(out["tex"])]
     )
@@ -52,7 +57,7 @@ def test_parts_add_up_to_the_processes(tmp_path):
 
 def test_a_training_that_went_on_has_no_negative_rest(tmp_path):
     """The process knows its own seconds, timing.json those of all before it too."""
-    row = round_times.row_of(write_round(tmp_path / "first", {"train": 12.0}))
+    row = round_times.line_of(write_round(tmp_path / "first", {"train": 12.0}))
     assert row["train_rest_time_s"] == 0.0
     assert row["total_time_s"] == 25.0
 
@@ -62,3 +67,24 @@ def test_a_benchmark_that_is_none_is_named(tmp_path):
     path.write_text("h:m:s\n0:00:01\n")
     with pytest.raises(ValueError, match=r"train\.tsv: not the benchmark of one run"):
         round_times.wall_s(path)
+
+
+def test_a_view_without_seconds_leaves_the_round_s_empty(tmp_path):
+    walls = {"train": 30.0, "render": 6.0, "align": 2.0}
+    row = write_round(tmp_path / "later", walls)
+    (tmp_path / "later/displacement_train.csv").write_text("view,time_s\na,0.25\nb,\n")
+    table = round_times.make_table([row])
+    empty = ["align_time_s", "align_rest_time_s", "total_time_s"]
+    assert list(table.columns[table.isna().any()]) == empty
+    assert round_times.to_latex(table).count("--") == len(empty)
+
+
+def test_a_round_without_its_files_is_refused(tmp_path):
+    walls = {"train": 30.0, "render": 6.0, "align": 2.0}
+    row = write_round(tmp_path / "later", walls)
+    for broken in (
+        row._replace(alignment=None),
+        row._replace(walls=row.walls._replace(render=None)),
+    ):
+        with pytest.raises(ValueError, match="not a table"):
+            round_times.line_of(broken)

@@ -5,11 +5,14 @@ import json
 import pathlib
 import re
 
+import matplotlib.figure
 import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
 
+from alignerf.experiment import rows as table_rows
+from alignerf.experiment import sweep
 from alignerf.tables import intervals, tradeoff, tradeoff_figure
 
 VIEWS = ["a", "b", "c", "d", "e", "f"]
@@ -25,7 +28,7 @@ SETS = ("standard", "oracle")
 
 
 def make_entry(folder, name, changes, rng, sets=SETS):
-    """A variant's entry, with its files."""
+    """A variant's row, with its files."""
     paths = {key: str(folder / f"{name}_{key}") for key in ("metrics", "training")}
     paths["rendering"] = str(folder / f"{name}_rendering")
     rows = [
@@ -44,7 +47,7 @@ def make_entry(folder, name, changes, rng, sets=SETS):
     (folder / f"{name}_training").write_text(json.dumps(timing))
     rendering = {"time_s": 9.0, "views": 6, "view_time_s": 0.25}
     (folder / f"{name}_rendering").write_text(json.dumps(rendering))
-    return {"variant": name, "changes": changes} | paths
+    return sweep.Point(variant=name, changes=changes, **paths)
 
 
 @pytest.fixture
@@ -57,7 +60,7 @@ def read_json(path):
 
 
 def scores(entry, test_set):
-    rows = pd.read_csv(entry["metrics"]).set_index("view")
+    rows = pd.read_csv(entry.metrics).set_index("view")
     return rows[rows["test_set"] == test_set]["psnr_db"]
 
 
@@ -66,7 +69,7 @@ def test_a_row_per_variant_with_its_costs_and_paired_differences(entries):
     assert tuple(table.columns) == tradeoff.COLUMNS
     assert list(table["variant"]) == list(CHANGES)
     for entry, row in zip(entries, table.itertuples(), strict=True):
-        timing = read_json(entry["training"])
+        timing = read_json(entry.training)
         assert row.train_time_s == timing["train_time_s"]
         assert row.rays_per_s == pytest.approx(500 / row.train_time_s)
         assert (row.compile_time_s, row.render_time_s) == (2.5, 0.25)
@@ -115,16 +118,16 @@ def test_without_a_truth_the_photos_are_the_measure(tmp_path, rng):
 
 
 def test_views_that_are_not_the_base_s_are_named(entries):
-    rows = pd.read_csv(entries[2]["metrics"])
-    rows[rows["view"] != "c"].to_csv(entries[2]["metrics"], index=False)
+    rows = pd.read_csv(entries[2].metrics)
+    rows[rows["view"] != "c"].to_csv(entries[2].metrics, index=False)
     with pytest.raises(ValueError, match="table_4_metrics: not the views of the base"):
         tradeoff.make_table(entries)
 
 
 def test_a_view_without_a_metric_leaves_row_and_front(entries, tmp_path):
-    rows = pd.read_csv(entries[1]["metrics"])
+    rows = pd.read_csv(entries[1].metrics)
     rows.loc[rows["view"] == "b", "psnr_db"] = np.nan
-    rows.to_csv(entries[1]["metrics"], index=False)
+    rows.to_csv(entries[1].metrics, index=False)
     table = tradeoff.make_table(entries)
     row = table.iloc[1]
     assert np.isnan(
@@ -152,8 +155,8 @@ def test_few_variants_make_a_figure(entries, tmp_path, count):
 
 
 def test_another_seed_is_nothing_to_choose(entries):
-    timing = read_json(entries[3]["training"]) | {"train_time_s": 1e-3}
-    pathlib.Path(entries[3]["training"]).write_text(json.dumps(timing))
+    timing = read_json(entries[3].training) | {"train_time_s": 1e-3}
+    pathlib.Path(entries[3].training).write_text(json.dumps(timing))
     table = tradeoff.make_table(entries).set_index("variant")
     assert not table["pareto"]["other_seed"]
     assert table["pareto"][table["train_time_s"].drop("other_seed").idxmin()]
@@ -219,7 +222,7 @@ def test_as_a_command(entries, tmp_path):
     out = {key: tmp_path / "out" / f"t.{key}" for key in ("csv", "tex", "png")}
     options = {"--csv": "csv", "--tex": "tex", "--figure": "png"}
     paths = [str(part) for key, end in options.items() for part in (key, out[end])]
-    tradeoff.main(["--rows", json.dumps(entries), *paths])
+    tradeoff.main(["--rows", table_rows.as_json(entries), *paths])
     table = pd.read_csv(out["csv"])
     assert tuple(table.columns) == tradeoff.COLUMNS
     assert list(table["variant"]) == list(CHANGES)
@@ -229,33 +232,46 @@ def test_as_a_command(entries, tmp_path):
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
         "t.csv",
         "t.png",
+        "t.provenance.json",
         "t.tex",
     ]
 
 
-def test_names_cover_no_point_and_no_other_name(rng):
-    """As far as there is room: here the points are few."""
-    size, pixel = np.array([60.0, 10.0]), 1.0
-    inside = np.array([0.0, 0.0, 400.0, 300.0])
-    points = rng.uniform([20, 20], [380, 280], (12, 2))
-    radius = tradeoff_figure.RADIUS_PT
-    marks = [np.concatenate([p - radius, p + radius]) for p in points]
-    names = []
-    for point in points:
-        found = tradeoff_figure.place_name(point, size, [*marks, *names], inside, pixel)
-        names.append(found[1])
-    for first, second in itertools.combinations(names, 2):
-        assert tradeoff_figure.intersection(first, second) == 0
-    for name, mark in itertools.product(names, marks):
-        assert tradeoff_figure.intersection(name, mark) == 0
-    for name in names:
-        np.testing.assert_allclose(name[2:] - name[:2], size)
-        assert tradeoff_figure.intersection(name, inside) == pytest.approx(600)
+def test_the_seed_of_a_variant_is_told_too(entries, tmp_path):
+    config = tmp_path / "config.yaml"
+    config.write_text("scenes: {yard: {seed: 7}}\n")
+    outputs = [f"--{key}={tmp_path / name}" for key, name in NAMES.items()]
+    rows = ["--rows", table_rows.as_json(entries)]
+    tradeoff.main([*rows, "--configs", str(config), *outputs])
+    found = read_json(tmp_path / "t.provenance.json")
+    assert found["seeds"] == [1, 7]
+    assert found["device"] == ["cpu"]
+    assert [row["variant"] for row in found["rows"]] == list(CHANGES)
+    paths = [[one["path"] for one in row["trainings"]] for row in found["rows"]]
+    assert paths == [[entry.training] for entry in entries]
 
 
-def test_shared_area_of_boxes():
-    box = np.array([0.0, 0.0, 2.0, 3.0])
-    assert tradeoff_figure.intersection(box, box) == 6
-    assert tradeoff_figure.intersection(box, box + 1) == 2
-    assert tradeoff_figure.intersection(box, box + np.array([2, 0, 2, 0])) == 0
-    assert tradeoff_figure.intersection(box, box + 10) == 0
+NAMES = {"csv": "t.csv", "tex": "t.tex", "figure": "t.png"}
+
+
+def test_without_a_base_there_is_nothing_to_compare_with(entries):
+    with pytest.raises(ValueError, match="no variant 'base'"):
+        tradeoff.make_table(entries[1:])
+
+
+def test_each_number_stands_at_its_point_and_at_its_name(entries):
+    table = tradeoff.make_table(entries).assign(kind="steps")
+    table = table.sort_values("psnr_db", ascending=False)
+    table = table.assign(number=range(1, len(table) + 1))
+    left, right = matplotlib.figure.Figure().subplots(1, 2)
+    tradeoff_figure.number_points(left, table)
+    places = {text.get_text(): tuple(text.xy) for text in left.texts}
+    styles = {"steps": ("black", "o")}
+    tradeoff_figure.draw_differences(right, table, styles)
+    names = [label.get_text() for label in right.get_yticklabels()]
+    # The best on top.
+    assert [int(name.split()[-1]) for name in names] == list(range(len(table), 0, -1))
+    for row in table.itertuples():
+        assert places[str(row.number)] == (row.train_time_s, row.psnr_db)
+        name = row.variant.replace("_", " ")
+        assert f"{name}   {row.number:2d}" in names

@@ -1,0 +1,128 @@
+"""Where a table comes from: commit, libraries, device, seeds, configs, trainings.
+
+It lies beside the table, in `<stem>.provenance.json`. What is not known is null: the
+commit where the sources are no git checkout, the lock where they were installed.
+"""
+
+import functools
+import hashlib
+import json
+import os
+import platform
+import re
+import subprocess
+from pathlib import Path
+
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+LOCK = "requirements.lock"
+# What a training's timing.json tells of it.
+KEYS = ("commit", "lock", "device")
+CHANGES = ("status", "--porcelain", "--untracked-files=no")
+
+
+def path_beside(table):
+    """The file of a table's provenance."""
+    return Path(table).with_suffix(".provenance.json")
+
+
+def as_json(found):
+    """The content of that file."""
+    return json.dumps(found, indent=2) + "\n"
+
+
+def describe(rows, configs, *, seeds=(), devices=()):
+    """The provenance of a table, as JSON can have it.
+
+    rows: mappings of a row's labels and `trainings`, paths of their timing.json.
+    configs: a scene's complete config each. seeds, devices: those besides the ones
+    that configs and trainings name. Raises ValueError naming a file that is damaged.
+    """
+    rows = [row | {"trainings": list(map(training, row["trainings"]))} for row in rows]
+    found = {one["device"] for row in rows for one in row["trainings"]}
+    return facts() | {
+        "device": sorted({*devices, *found} - {None}),
+        "seeds": sorted({*seeds, *(s for path in configs for s in seeds_of(path))}),
+        "configs": [str(path) for path in configs],
+        "rows": rows,
+    }
+
+
+def facts():
+    """Commit and lock of the sources that run."""
+    return {"commit": commit(), "lock": lock()}
+
+
+@functools.cache
+def commit():
+    """Git's commit of these sources, `-dirty` where files differ; or None."""
+    # A package installed below another project's checkout is no part of that.
+    if git("ls-files", "--error-unmatch", "--", str(Path(__file__).resolve())) is None:
+        return None
+    head, changes = git("rev-parse", "HEAD"), git(*CHANGES)
+    if head is None or changes is None:
+        return None
+    return head + ("-dirty" if changes else "")
+
+
+def git(*arguments):
+    """What git prints of the sources' folder; None where it fails or is not there."""
+    # A hook's variables would name another repository.
+    ours = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
+    environment = {key: value for key, value in os.environ.items() if key not in ours}
+    try:
+        done = subprocess.run(
+            ["git", "--no-optional-locks", "-C", str(ROOT), *arguments],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=60,
+            env=environment,
+        )
+    except (OSError, ValueError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()
+
+
+@functools.cache
+def lock():
+    """Which versions of the libraries are pinned: of SHA-256 16 digits; or None."""
+    try:
+        content = (ROOT / LOCK).read_bytes()
+    except OSError:
+        return None
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+def processor():
+    """The name of this machine's processor."""
+    try:
+        found = re.search(r"model name\s*: (.+)", Path("/proc/cpuinfo").read_text())
+    except (OSError, UnicodeDecodeError):
+        found = None
+    return found[1].strip() if found else platform.processor() or platform.machine()
+
+
+def training(path):
+    """A training's path and KEYS, None for those that its timing.json lacks."""
+    try:
+        timing = json.loads(Path(path).read_text())
+        found = {key: timing.get(key) for key in KEYS}
+    except (AttributeError, RecursionError, ValueError) as error:
+        raise ValueError(f"{path}: not the timing that it should be: {error}") from None
+    for key, value in found.items():
+        if not isinstance(value, str | None):
+            raise ValueError(f"{path}: {key} is {value!r:.60} instead of text")
+    return {"path": str(path)} | found
+
+
+def seeds_of(path):
+    """Seeds of a complete config's scenes."""
+    try:
+        config = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        found = [int(scene["seed"]) for scene in config["scenes"].values()]
+    except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
+        message = " ".join(str(error).split())
+        raise ValueError(f"{path}: not a scene's config: {message}") from None
+    return found

@@ -1,0 +1,96 @@
+"""Rows as JSON: what a rule writes is what a command reads, or is refused by name."""
+
+import json
+from typing import NamedTuple
+
+import pytest
+
+from alignerf.command import json_rows
+from alignerf.experiment import regimes, rows, sweep
+
+
+class Part(NamedTuple):
+    path: str
+    size: int | float | None
+
+
+class Row(NamedTuple):
+    name: str
+    parts: list[Part]
+    first: Part
+    texts: list[str]
+    options: dict
+    more: str | None = None
+
+
+WHOLE = Row("a", [Part("x", 1), Part("y", None)], Part("z", 2.5), ["t"], {"k": [1]})
+
+
+@pytest.mark.parametrize(
+    ("kind", "row"),
+    [
+        (Row, WHOLE),
+        (Row, WHOLE._replace(more="m", parts=[])),
+        (rows.Times, rows.Times("m", 0, "t", rows.Walls("w"))),
+        (rows.Times, rows.Times("m", 1, "t", rows.Walls("w", "v", "u"), "r", "a")),
+        (rows.Renders, rows.Renders("r", "f")),
+        (sweep.Point, sweep.Point("base", {"a": {"b": None}}, "m", "t", "r")),
+        (
+            regimes.Regime,
+            regimes.Regime(
+                *("yard", 0, "{}", 1, None, 5, "d.csv"),
+                [regimes.Method("m", 0, "grid", "m.csv", ["t"], [])],
+            ),
+        ),
+    ],
+)
+def test_what_is_written_is_read(kind, row):
+    text = json_rows.as_json([row, row])
+    assert json_rows.read(kind, text) == [row, row]
+    assert all(type(found) is kind for found in json_rows.read(kind, text))
+
+
+def test_a_key_is_left_out_only_where_it_has_its_default():
+    (found,) = json.loads(json_rows.as_json([WHOLE]))
+    assert "more" not in found
+    assert found["parts"][1] == {"path": "y", "size": None}
+    (found,) = json.loads(json_rows.as_json([rows.Times("m", 0, "t", rows.Walls("w"))]))
+    assert found == {
+        "method": "m",
+        "round": 0,
+        "training": "t",
+        "walls": {"train": "w"},
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"other": 1}, r"--rows\[0\]: unknown key 'other'"),
+        ({"name": None}, r"--rows\[0\]\.name: str was expected, not None"),
+        ({"parts": [{"path": "x"}]}, r"--rows\[0\]\.parts\[0\]: no key 'size'"),
+        ({"parts": {}}, r"--rows\[0\]\.parts: list was expected"),
+        ({"first": []}, r"--rows\[0\]\.first: a mapping was expected"),
+        ({"texts": [1]}, r"--rows\[0\]\.texts\[0\]: str was expected"),
+        ({"more": 1}, r"--rows\[0\]\.more: str \| None was expected"),
+        ({"options": []}, r"--rows\[0\]\.options: dict was expected"),
+    ],
+)
+def test_other_keys_and_values_are_refused_by_name(change, reason):
+    (whole,) = json.loads(json_rows.as_json([WHOLE]))
+    with pytest.raises(ValueError, match=reason):
+        json_rows.read(Row, json.dumps([whole | change]))
+
+
+def test_a_missing_key_is_named():
+    (whole,) = json.loads(json_rows.as_json([WHOLE]))
+    del whole["texts"]
+    with pytest.raises(ValueError, match=r"--rows\[0\]: no key 'texts'"):
+        json_rows.read(Row, json.dumps([whole]))
+
+
+@pytest.mark.parametrize("text", ["", "{", "[" * 100_000, "{}", "3", "[3]", "[]"])
+def test_what_is_no_list_of_rows_is_refused(text):
+    with pytest.raises(ValueError, match="--rows") as refused:
+        json_rows.read(Row, text)
+    assert "\n" not in str(refused.value)
