@@ -46,7 +46,9 @@ def pivot(table):
     costs = table.drop_duplicates(keys).set_index(keys)
     psnr = psnr.reindex(costs.index)[list(dict.fromkeys(table["test_set"]))]
     psnr.columns = [f"{name} dB" for name in psnr.columns]
-    cost = costs[["train_time_s", "total_time_s", "params"]].round(0).astype(int)
+    cost = costs[["train_time_s", "total_time_s", "params"]]
+    # Published rows have none.
+    cost = cost.map(lambda value: scores.shown(value, ".0f"))
     return psnr.join(cost)
 
 

@@ -8,8 +8,9 @@ from alignerf.experiment import schema, settings, slices
 # What the results' folder holds besides scenes, and a scene's besides methods.
 FILES = {
     *("published", "logs", "bench", "README.md"),
-    *("tradeoff.csv", "tradeoff.tex", "tradeoff.png"),
+    *("tradeoff.csv", "tradeoff.tex", "tradeoff.png", "tradeoff.provenance.json"),
     *("flow_benchmark.csv", "flow_benchmark.tex", "flow_benchmark.png"),
+    "flow_benchmark.provenance.json",
 }
 FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),

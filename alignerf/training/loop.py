@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.command import progress
+from alignerf.command import progress, provenance
 from alignerf.experiment import jobs
 from alignerf.training import checkpoint, diagnose, memory, program
 
@@ -115,6 +115,7 @@ def describe(job, params):
         "rays_seen": job.steps * job.rays_per_step,
         "params": sum(leaf.size for leaf in jax.tree.leaves(params)),
         "device": jax.devices()[0].device_kind,
+        **provenance.facts(),
     }
 
 

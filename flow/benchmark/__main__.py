@@ -41,12 +41,22 @@ COLUMNS = ("data", "method", "match_blur", "pairs", *SCORES, "mpx_per_s", "note"
 LARGE_PX = (2560, 1680)
 
 
-def main(outputs, *, methods, middlebury=None, scene=None, renders=(), split="test"):
+def main(
+    outputs,
+    *,
+    methods,
+    middlebury=None,
+    scene=None,
+    renders=(),
+    split="test",
+    configs=(),
+):
     """Score methods with and without blur matching; returns the table.
 
     outputs: {"csv", "tex", "figure"}: paths, written together. methods: names.
     middlebury, scene: folders, or None; renders: the scene's, see
-    `benchmark_pairs.scene`. Raises ValueError or OSError.
+    `benchmark_pairs.scene`. configs: the scene's, for the table's provenance. Raises
+    ValueError or OSError.
     """
     sources = find_sources(middlebury, scene, renders, split)
     pairs = list(itertools.chain.from_iterable(sources))
@@ -58,7 +68,7 @@ def main(outputs, *, methods, middlebury=None, scene=None, renders=(), split="te
     table = pd.DataFrame(rows, columns=COLUMNS)
     order = {data: i for i, data in enumerate(dict.fromkeys(p.data for p in pairs))}
     table = table.sort_values("data", key=lambda c: c.map(order), kind="stable")
-    benchmark_tables.write(table, outputs)
+    benchmark_tables.write(table, outputs, configs=configs)
     return table
 
 
@@ -172,6 +182,9 @@ def parse(arguments=None):
     parser.add_argument("--scene", type=Path, help="with truth/ and renders")
     parser.add_argument(
         "--renders", nargs="+", default=[], help="METHOD/round<k> of the scene"
+    )
+    parser.add_argument(
+        "--configs", nargs="*", default=[], help="YAML: the scene's complete config"
     )
     parser.add_argument("--split", choices=("train", "test"), default="test")
     names = list(estimate.METHODS)

@@ -4,6 +4,7 @@
 rule flow_benchmark:
     input:
         lambda w: flows.benchmark_inputs(experiment),
+        configs=expand("results/{scene}/config.yaml", scene=experiment.with_truth()[:1]),
     output:
         csv=report(
             "results/flow_benchmark.csv",
@@ -28,6 +29,6 @@ rule flow_benchmark:
         scene=lambda w: flows.benchmark_options(experiment),
         sources=sources_of("flow.benchmark", "flow.benchmark.large_pair"),
     shell:
-        "python -m flow.benchmark {params.scene:q}"
+        "python -m flow.benchmark {params.scene:q} --configs {input.configs:q}"
         " --csv {output.csv:q} --tex {output.tex:q} --figure {output.figure:q}"
         " 2>&1 | tee {log:q}"
