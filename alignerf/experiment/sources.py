@@ -10,8 +10,9 @@ import os
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-LOCK = "requirements.lock"
+from alignerf.command import provenance
+
+ROOT, LOCK = provenance.ROOT, provenance.LOCK
 # Threads of a job that shares the machine with no other: Snakemake lowers them to its
 # `--cores`, which it need not be given for a plan or a report.
 WHOLE_MACHINE = os.cpu_count() or 1

@@ -155,7 +155,3 @@ def write_cameras(path, views: PosedViews, *, split):
         height=views.height,
         split=split,
     )
-
-
-# Names that `alignerf.poses` and its test still use.
-save_image, load_image = images.write, images.read

@@ -8,14 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import archives, images, whole
+from alignerf.command import archives, whole
 from flow.warping import warp
 
 # Middlebury's mark for "unknown" is any component beyond this.
 UNKNOWN_FLOW_PX = 1e9
-
-# A name that tests of the workflow still use.
-read_image = images.read
 
 
 def write_rows(path, columns, rows):
