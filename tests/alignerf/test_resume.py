@@ -110,15 +110,23 @@ def test_micro_batches_where_memory_is_short(folder, tmp_path, monkeypatch, capl
     assert timing["micro_batches"] == 4
 
 
-@pytest.fixture
-def in_four(folder, tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def stopped_in_four(folder, tmp_path_factory):
     """Where a training stopped that had too little memory for its whole batch."""
-    with monkeypatch.context() as patched:
+    place = tmp_path_factory.mktemp("in four")
+    with pytest.MonkeyPatch.context() as patched:
         patched.setattr(memory, "free_bytes", lambda device: 120_000)
         cases.kill_after_save(patched, 8)
         with pytest.raises(cases.Killed):
-            cases.run(folder, tmp_path)
-    return tmp_path
+            cases.run(folder, place)
+    return place
+
+
+@pytest.fixture
+def in_four(stopped_in_four, tmp_path):
+    """A copy of that folder."""
+    shutil.copytree(stopped_in_four, tmp_path / "in four")
+    return tmp_path / "in four"
 
 
 @pytest.fixture
@@ -155,20 +163,15 @@ def test_micro_batches_that_no_longer_fit_are_said(
     assert f"resuming in {more} micro-batches instead of 4: other" in caplog.text
 
 
-@pytest.mark.parametrize("usual", [True, False])
 def test_another_job_begins_in_the_usual_micro_batches(
-    folder, uninterrupted, in_four, compiled, tmp_path, usual
+    folder, in_four, compiled, tmp_path
 ):
     """Bit for bit as in an empty folder; compiled again only where they differ."""
     job = cases.JOB | {"seed": 5}
     fresh = cases.run(folder, tmp_path / "fresh", job)
     compiled.clear()
-    place = in_four
-    if usual:
-        place = tmp_path / "usual"
-        shutil.copytree(uninterrupted / "checkpoints", place / "checkpoints")
-    assert cases.run(folder, place, job) == fresh
-    assert compiled == ([1] if usual else [4, 1])
+    assert cases.run(folder, in_four, job) == fresh
+    assert compiled == [4, 1]
 
 
 @pytest.mark.parametrize("manifest", ["", "[]", '{"parts": 0}', '{"parts": "2"}'])

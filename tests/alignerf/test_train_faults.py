@@ -1,5 +1,6 @@
 """What a training refuses, in one line, and what it leaves behind."""
 
+import dataclasses
 import json
 import re
 import shutil
@@ -10,6 +11,7 @@ import filelock
 import jax.numpy as jnp
 import pytest
 
+from alignerf.experiment import jobs
 from alignerf.scenes import prepared
 from alignerf.training import compose, loop, memory, program
 from tests import job_cases as cases
@@ -40,10 +42,19 @@ def test_photos_that_do_not_fit_are_one_line(folder, tmp_path, monkeypatch, caps
     assert line == f"error: {folder / 'images'}: {wanted}"
 
 
-def test_a_training_that_diverges_stops_with_the_step(folder, tmp_path, capsys):
-    wild = cases.TRAINING | {"learning_rates": [1e38, 1e38], "warmup_steps": 0}
-    job = cases.JOB | {"training": wild}
-    line = cases.stops(capsys, lambda: cases.run(folder, tmp_path, job))
+def test_a_training_that_diverges_stops_with_the_step(
+    folder, tmp_path, capsys, monkeypatch
+):
+    def beyond_bounds(values):
+        """A rate that no config may have."""
+        job = parse(values)
+        wild = {"learning_rates": [1e38, 1e38], "warmup_steps": 0}
+        training = dataclasses.replace(job.training, **wild)
+        return dataclasses.replace(job, training=training)
+
+    parse = jobs.parse
+    monkeypatch.setattr(jobs, "parse", beyond_bounds)
+    line = cases.stops(capsys, lambda: cases.run(folder, tmp_path))
     assert re.search(r"training diverged at step \d+: not finite: \w+ loss, ", line)
     assert re.search(r"; in rays of v1, v2, v3, all .* parameters reach \d", line)
     assert {path.name for path in tmp_path.rglob("*")} <= {"checkpoints", "lock"}

@@ -59,13 +59,13 @@ def test_fine_tuning_starts_from_the_pretrained_function(
     of_both = cases.JOB | {"model": model, "alignerf": chosen}
     cases.run(folder, tmp_path, of_both | {"stage": "pretrain"})
     pretrained = tmp_path / "model.msgpack"
-    jobs = [
+    stages = [
         jobs.parse(of_both | {"stage": stage}) for stage in ("pretrain", "finetune")
     ]
-    before, after = map(compose.make_method, jobs)
+    before, after = map(compose.make_method, stages)
     template = jax.eval_shape(before.init, jax.random.key(0))
     params = jax.tree.map(jnp.asarray, checkpoint.read_params(pretrained, template))
-    widened = train.initial_params(jobs[1], after, str(pretrained))
+    widened = train.initial_params(stages[1], after, str(pretrained))
     assert ("head" in widened) == chosen["convolution"]
     rows, columns = jnp.mgrid[: cases.HEIGHT, : cases.WIDTH]
     rays = cameras.pixels_to_rays(

@@ -50,7 +50,7 @@ tradeoff:
 
 
 # First in its kind: what else runs follows from these.
-EVERYTHING = {"poses_courtyard"}
+EVERYTHING = {"poses_courtyard", "config"}
 
 
 def check_reruns(plan, root, config):

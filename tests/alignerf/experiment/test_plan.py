@@ -56,7 +56,7 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
     assert experiment.trained("courtyard", "warm", 0) == f"{folder}/mipnerf360/round0"
     assert experiment.trained("courtyard", "warm", "1") == f"{folder}/warm/round1"
     assert ("warm", 0) not in experiment.all_rounds("courtyard")
-    compared = [row["method"] for row in rows.crops(experiment, "courtyard")]
+    compared = [row.method for row in rows.crops(experiment, "courtyard")]
     assert compared == ["mipnerf360", "staged_alone", "alignerf"]
 
 

@@ -131,16 +131,14 @@ def test_regimes_have_the_baseline_first_and_warped_photos_last(demo, experiment
         ("mipnerf360", 2),
         ("warm", 1),
     ]
-    found = [regimes.regime_of(experiment, name) for name in experiment.scenes]
-    assert len(json.loads(rows.as_json(regimes.scenes(experiment)))) == 2
-
-    def value(entry, key):
-        return entry[key] if isinstance(entry, dict) else getattr(entry, key)
-
-    assert [value(entry, "seed") for entry in found] == [0, 1]
-    assert len({value(entry, "alike") for entry in found}) == 1
-    keys = ("perturb_px", "motion_m", "steps")
-    assert {tuple(value(e, k) for k in keys) for e in found} == {(1.5, 0.02, 1000)}
+    found = regimes.scenes(experiment)
+    assert [(m.method, m.round) for m in found[1].methods] == names
+    assert [regime.seed for regime in found] == [0, 1]
+    assert found[0].alike == found[1].alike
+    known = {(r.perturb_px, r.motion_m, r.steps) for r in found}
+    assert known == {(1.5, 0.02, 1000)}
+    rendered = "results/again/mipnerf360/round0/render_train.json"
+    assert rendered in found[1].methods[2].data
     demo["methods"].pop("alignerf")
     with pytest.raises(ValueError, match="regimes need methods with alignerf"):
         regimes.scenes(experiment_of(demo))

@@ -131,13 +131,16 @@ def test_annealing_is_for_a_start_from_scratch(views):
             loss_weights=cases.WEIGHTS,
             annealed=annealed,
         )
-        params = method.init(jax.random.key(1))
-        batch = method.draw(jax.random.key(2), views)
+        params = jax.jit(method.init)(jax.random.key(1))
+        batch = jax.jit(method.draw)(jax.random.key(2), views)
+        terms_at = jax.jit(method.terms)
         for share in (0.0, 1.0):
-            terms, _ = method.terms(params, batch, share)
+            terms, _ = terms_at(params, batch, share)
             losses[annealed, share] = float(sum(terms.values()))
-    assert losses[False, 0.0] == losses[False, 1.0] == losses[True, 1.0]
-    assert losses[True, 0.0] != losses[True, 1.0]
+    assert losses[False, 0.0] == losses[False, 1.0]
+    # Two programs, so to rounding; annealed, it differs by far more.
+    assert losses[True, 1.0] == pytest.approx(losses[False, 1.0], rel=1e-5)
+    assert losses[True, 0.0] != pytest.approx(losses[True, 1.0], rel=1e-3)
 
 
 def test_alignerf_takes_a_step_on_every_network(tuning, views):
@@ -158,7 +161,7 @@ def test_aligned_and_frequency_loss_keep_the_printed_ratio(views):
     """Eq. 4 sums over the patch, Eq. 5 averages; one divisor for both."""
     method = cases.alignerf(loss=cases.make_loss(radius_px=0, align_penalty=0.0))
     params = jax.jit(method.init)(jax.random.key(0))
-    batch = method.draw(jax.random.key(4), views._replace(valid=None))
+    batch = jax.jit(method.draw)(jax.random.key(4), views._replace(valid=None))
     terms, _ = jax.jit(method.terms)(params, batch, 1.0)
     photo = batch.photo
     rays, jitter = jax.tree.map(
@@ -199,7 +202,7 @@ def test_without_its_parts_the_method_is_the_baseline_on_patches(views):
     )
     params = jax.jit(method.init)(jax.random.key(0))
     assert params.keys() == {"model"}
-    batch = method.draw(jax.random.key(4), views._replace(valid=None))
+    batch = jax.jit(method.draw)(jax.random.key(4), views._replace(valid=None))
     terms, shown = jax.jit(method.terms)(params, batch, 1.0)
     assert terms.keys() == {"data", "interlevel", "distortion"}
     wanted = charbonnier_at_rest(method, batch, params)
@@ -216,7 +219,7 @@ def test_pixels_match_better_than_a_patch_and_both_than_none(views):
         )
         method = cases.alignerf(loss=loss)
         params = jax.jit(method.init)(jax.random.key(0))
-        batch = method.draw(jax.random.key(4), views._replace(valid=None))
+        batch = jax.jit(method.draw)(jax.random.key(4), views._replace(valid=None))
         # Each radius draws as much photo around the patches as it needs.
         terms, shown = jax.jit(method.terms)(params, batch, 1.0)
         grads = jax.jit(
