@@ -66,9 +66,8 @@ def test_all_imports_are_asked_for():
     modules |= {"skimage": "scikit-image", "yaml": "pyyaml"}
     text = "\n".join(
         path.read_text()
-        for pattern in ("alignerf/**/*.py", "flow/**/*.py", "workflow/**/*.*")
+        for pattern in ("alignerf/**/*.py", "flow/**/*.py", "Snakefile")
         for path in ROOT.glob(pattern)
-        if path.suffix in (".py", ".smk")
     )
     pattern = r"^(?:import|from) (\w+)[\w.]*(?: import .*| as \w+)?$"
     found = set(re.findall(pattern, text, re.MULTILINE))

@@ -2,7 +2,6 @@
 
 import ast
 import graphlib
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -186,12 +185,13 @@ def test_nothing_is_unpickled_evaluated_or_repaired_in_silence(name):
             assert node.type is not None, "a bare except hides faults"
 
 
-def test_the_workflow_imports_the_experiment_only_and_calls_commands():
-    files = [ROOT / "Snakefile", *ROOT.glob("workflow/rules/*.smk")]
-    for path in files:
-        text = path.read_text()
-        for module in re.findall(r"^\s*(?:from|import) ((?:alignerf|flow)\S*)", text):
-            assert module.startswith("alignerf.experiment")
-        assert not re.search(r"^\s*(script|run|notebook):", text, re.MULTILINE)
-        for module in re.findall(r'"python -m (\S+)', text):
-            assert is_entry(module if module in SOURCES else f"{module}.__main__")
+def test_the_workflow_imports_the_experiment_only():
+    """And the Snakefile alone: rules are forms, whose commands `test_plans` runs."""
+    for path in [ROOT / "Snakefile", *ROOT.glob("workflow/rules/*.smk")]:
+        words = [line.split() for line in path.read_text().splitlines()]
+        heads = [
+            line for line in words if line and line[0] in ("import", "from", "def")
+        ]
+        assert not heads or path.name == "Snakefile", path
+        for line in heads:
+            assert line[1].startswith(("alignerf.experiment", "snakemake", "sys")), line

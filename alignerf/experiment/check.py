@@ -1,5 +1,6 @@
 """The config's check, before anything is planned: a fault is one line with its key."""
 
+import os
 from pathlib import Path
 
 from alignerf.command import faults, yaml_files
@@ -18,6 +19,8 @@ FOLDERS = {
 }
 # The Snakefile asks nothing but this package.
 or_exit = faults.or_exit
+# Where real scenes and weights lie, unless ALIGNERF_DATA says otherwise.
+DATA = "../shared/data"
 # Courtyard's photos, eight bits a channel, all in memory at once.
 MOST_PHOTO_BYTES = 2**35
 
@@ -82,7 +85,18 @@ def completed(config):
 
 
 def home(path):
-    return path and str(Path(path).expanduser())
+    """A path with `~` and $ALIGNERF_DATA, the folder of real data, written out."""
+    if path is None:
+        return None
+    data = os.environ.get("ALIGNERF_DATA", DATA)
+    return str(Path(path.replace("$ALIGNERF_DATA", data)).expanduser())
+
+
+def missing(path):
+    """What to say of a path that is not there."""
+    data = os.environ.get("ALIGNERF_DATA", DATA)
+    hint = "; set ALIGNERF_DATA to where the real data is" if data in path else ""
+    return f"{path} does not exist{hint}"
 
 
 def first(names):
@@ -207,7 +221,7 @@ def check_path(scene, name):
     if path and set(path) & set("{}"):
         fault(where, f"{path}: braces mean wildcards, rename it")
     if path and not Path(path).exists():
-        fault(where, f"{path} does not exist")
+        fault(where, missing(path))
 
 
 def check_flow(flow):
@@ -236,7 +250,7 @@ def check_weights(config):
     files["frequency_weights"] = config["frequency_weights"]
     for key, path in files.items():
         if path and not Path(path).is_file():
-            fault(key, f"{path} does not exist")
+            fault(key, missing(path))
 
 
 def check_tradeoff(config):

@@ -135,6 +135,10 @@ def test_the_whole_chain(tmp_path, root, snakemake, subtests):
         chain.check_tradeoff(tmp_path / "results")
     with subtests.test("logs"):
         chain.check_logs(scene)
+    with subtests.test("report"):
+        code, output = snakemake(*options, "--report", "report.html", root=project)
+        assert code == 0, output
+        assert "misalignment.csv" in (tmp_path / "report.html").read_text()
     with subtests.test("reruns"):
         check_reruns(
             lambda: snakemake(*options, "-n", root=project)[1], project, config

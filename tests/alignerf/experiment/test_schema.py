@@ -155,3 +155,17 @@ def test_home_is_found(tmp_path, monkeypatch):
     assert found["scenes"]["a"]["path"] == str(tmp_path / "photos")
     assert found["frequency_weights"] == str(tmp_path / "vgg.npz")
     assert found["lpips"] == {"vgg": str(tmp_path / "vgg.npz")}
+
+
+def test_real_data_is_where_the_environment_says(tmp_path, monkeypatch):
+    config = {"scenes": {"fox": {"source": "photos", "path": "$ALIGNERF_DATA/fox"}}}
+    monkeypatch.setenv("ALIGNERF_DATA", str(tmp_path))
+    with pytest.raises(ValueError, match="does not exist; set ALIGNERF_DATA to where"):
+        check.checked(copy.deepcopy(config))
+    (tmp_path / "fox").mkdir()
+    found = check.checked(copy.deepcopy(config))["scenes"]["fox"]["path"]
+    assert found == str(tmp_path / "fox")
+    monkeypatch.delenv("ALIGNERF_DATA")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match=r"fox\.path: \.\./shared/data/fox does not"):
+        check.checked(config)
