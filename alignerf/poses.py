@@ -1,8 +1,8 @@
 """Images and cameras of a scene: `python -m alignerf.poses --config JSON --out DIR`.
 
 Writes images/<view>.png (undistorted, at the resolution of training), cameras.npz,
-poses.json and, for the embedded courtyard, truth/. All of them appear together, once
-everything has succeeded.
+poses.json and, for the embedded courtyard, truth/. Nothing appears before everything
+has succeeded; poses.json comes last, and says that the rest is whole.
 """
 
 import argparse
@@ -172,7 +172,7 @@ def registration(names, left_out):
 
 
 def describe_views(views, photo_size, split, config):
-    """The part of the report about what training reads."""
+    """The part of the report about source, sizes, focal length and split."""
     camtopix = np.linalg.inv(views.pixtocams)
     return {
         "source": config["source"],

@@ -4,5 +4,8 @@
 whose poses `colmap` estimates; `transforms` reads an instant-ngp or nerfstudio
 json, `llff` the poses_bounds.npy of LLFF. `prepare` holds what they hand over,
 undistorted pinhole views, and brings it to the resolution of training; `distortion`
-is what makes views pinhole.
+is what makes views pinhole. `prepared` is the scene on disk, as all later stages read
+it, and `cameras` the geometry that all share. Which sources there are, and which of
+them knows its truth, says `alignerf.experiment.settings.SOURCES`: a plan needs that
+without importing any of these.
 """

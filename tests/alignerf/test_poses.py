@@ -14,7 +14,7 @@ from PIL import Image
 from alignerf import poses
 from alignerf.command import faults, images
 from alignerf.experiment import jobs
-from alignerf.scenes import cameras, prepare
+from alignerf.scenes import cameras
 
 COURTYARD = {
     "source": "courtyard",
@@ -167,25 +167,6 @@ def test_courtyard_through_colmap(tmp_path):
     assert abs(compared["focal_error_relative"]) < 0.05
     assert report["true_misalignment_px"] < 2
     assert len(list((tmp_path / "images").iterdir())) == report["registered"]
-
-
-def test_downscaling_follows_the_true_ratio():
-    pixels = np.random.default_rng(0).integers(0, 256, (135, 201, 3), dtype=np.uint8)
-    views = prepare.PosedViews(
-        names=["a"],
-        pixtocams=cameras.intrinsics(80.0, 201, 135)[None],
-        camtoworlds=np.eye(4)[None, :3],
-        width=201,
-        height=135,
-        load=lambda i: pixels,
-    )
-    small = prepare.downscale(views, 4)
-    assert (small.width, small.height) == (50, 34)
-    corner = small.pixtocams[0] @ [50, 34, 1]
-    np.testing.assert_allclose(corner, views.pixtocams[0] @ [201, 135, 1])
-    np.testing.assert_allclose(small.load(0).mean(), pixels.mean(), atol=0.5)
-    with pytest.raises(ValueError, match="downscale: 5"):
-        prepare.downscale(views, 5)
 
 
 def photo_folder(folder, *, truncated=False):

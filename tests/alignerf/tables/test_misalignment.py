@@ -1,6 +1,5 @@
 """The misalignment table: means, costs, colours, from hand-made files."""
 
-import json
 import re
 
 import numpy as np
@@ -10,51 +9,6 @@ import pytest
 from alignerf import show
 from alignerf.experiment import rows as table_rows
 from alignerf.tables import intervals, misalignment
-
-VIEWS = ["a", "b", "c"]
-NETS = ("alex", "squeeze", "vgg")
-
-
-@pytest.fixture
-def entry(tmp_path, rng):
-    """One method's row after one warping round, with its files."""
-    write_scores(tmp_path / "base.csv", rng)
-    write_scores(tmp_path / "metrics.csv", rng)
-    for number, seconds in enumerate((10.0, 20.0)):
-        timing = {
-            "train_time_s": seconds,
-            "steps": 5,
-            "rays_seen": 50,
-            "params": number,
-        }
-        (tmp_path / f"train{number}.json").write_text(json.dumps(timing))
-    (tmp_path / "render.json").write_text(json.dumps({"time_s": 3.0, "views": 7}))
-    (tmp_path / "flow.csv").write_text("view,time_s\na,0.5\nb,0.25\n")
-    return table_rows.Misalignment(
-        method="my_method",
-        field="grid 2^15",
-        round=1,
-        metrics=str(tmp_path / "metrics.csv"),
-        base="plain",
-        base_metrics=str(tmp_path / "base.csv"),
-        trainings=[str(tmp_path / f"train{number}.json") for number in (0, 1)],
-        data=[str(tmp_path / "render.json"), str(tmp_path / "flow.csv")],
-    )
-
-
-def write_scores(path, rng):
-    rows = [
-        {
-            "view": view,
-            "test_set": test_set,
-            "psnr_db": rng.uniform(15, 25),
-            "ssim": rng.uniform(),
-            **{f"lpips_{net}": rng.uniform() for net in NETS},
-        }
-        for view in VIEWS
-        for test_set in ("standard", "standard_valid", "warped", "control")
-    ]
-    pd.DataFrame(rows).to_csv(path, index=False)
 
 
 def psnr_of(path):
@@ -250,82 +204,3 @@ def test_a_view_without_seconds_leaves_the_costs_empty(entry, tmp_path):
     assert table["train_time_s"].tolist() == [30.0] * 3
     costs = [cell.split()[-1] for cell in cells(misalignment.to_latex(table))[0][-4:]]
     assert costs[:3] == ["0.50", "--", "--"]
-
-
-@pytest.fixture
-def printed(tmp_path):
-    """A table as papers print it."""
-    path = tmp_path / "means.csv"
-    path.write_text(
-        "source,method,scene,psnr_db,ssim,lpips_published\n"
-        "arXiv 1,mip-NeRF 360,garden,99,0.813,0.17\n"
-        "arXiv 1,mip-NeRF 360,mean,24.47,0.691,0.283\n"
-        "arXiv 2,mip_NeRF,garden,26,0.8,0.2\n"
-    )
-    return path
-
-
-def run(entry, folder, *more):
-    """The command's CSV and LaTeX for one row."""
-    out = [folder / name for name in ("t.csv", "t.tex")]
-    rows = ["--rows", table_rows.as_json([entry])]
-    misalignment.main([*rows, "--csv", str(out[0]), "--tex", str(out[1]), *more])
-    return pd.read_csv(out[0]), out[1].read_text()
-
-
-def test_published_rows_stand_below_and_compare_with_nothing(entry, tmp_path, printed):
-    alone, tex_alone = run(entry, tmp_path)
-    more = ("--published", str(printed), "--scene-name", "garden")
-    table, tex = run(entry, tmp_path, *more)
-    pd.testing.assert_frame_equal(table[:3], alone, check_dtype=False)
-    rows = table[3:].set_index("method")
-    names = ["mip-NeRF 360, published", "mip_NeRF, published"]
-    assert list(rows.index) == names
-    assert list(rows["source"]) == ["arXiv 1", "arXiv 2"]
-    assert list(rows["test_set"]) == ["standard"] * 2
-    assert list(rows["psnr_db"]) == [99, 26]
-    assert list(rows["lpips_published"]) == [0.17, 0.2]
-    empty = [*misalignment.COUNTS, "total_time_s", "lpips_alex", "difference_db"]
-    assert rows[empty].isna().all(axis=None)
-    above, below = tex.split(r"\bottomrule")[0].split(r"\midrule")[1:]
-    # The 99 dB are not the best: they are nobody's of these.
-    assert r"\cellcolor[HTML]{FF9999}" in above
-    assert "cellcolor" not in below
-    assert "99.00" in below
-    assert r"mip\_NeRF, published" in below
-    assert "0.170" in below
-    assert "% mip-NeRF 360, published: as printed, arXiv 1." in tex
-    assert "LPIPS (published)" in tex
-    assert "nan" not in tex.lower()
-    assert "published" not in tex_alone
-    assert tex_alone.count(r"\midrule") == 1
-
-
-def test_of_other_scenes_nothing_is_printed(entry, tmp_path, printed):
-    more = ("--published", str(printed), "--scene-name", "fox")
-    table, tex = run(entry, tmp_path, *more)
-    alone, tex_alone = run(entry, tmp_path)
-    pd.testing.assert_frame_equal(table, alone)
-    assert tex == tex_alone
-
-
-def test_a_published_table_that_is_none_is_named(entry, tmp_path, printed):
-    more = ("--published", str(printed), "--scene-name", "garden")
-    text = printed.read_text()
-    printed.write_text(text.replace("mip_NeRF", "mip-NeRF 360"))
-    with pytest.raises(ValueError, match=r"means\.csv: scene garden: a method stands"):
-        run(entry, tmp_path, *more)
-    printed.write_text(text.replace("ssim", "SSIM"))
-    with pytest.raises(ValueError, match=r"means\.csv: no column ssim"):
-        run(entry, tmp_path, *more)
-    assert not (tmp_path / "t.csv").exists()
-
-
-def test_scenes_of_the_papers_are_known_by_their_names(root):
-    for scene in ("bicycle", "flowers", "garden", "stump", "treehill"):
-        (path,) = table_rows.published(scene)
-        assert path == str(root / "results/published/images_4_means.csv")
-        (line,) = misalignment.published(path, scene)
-        assert line["method"] == "mip-NeRF 360, published"
-    # A row over all scenes is none of them.
-    assert table_rows.published("mean") == table_rows.published("fox") == []
