@@ -1,4 +1,4 @@
-# The misalignment analysis of AligNeRF (CVPR 2023), from photos to tables.
+# AligNeRF (CVPR 2023): its misalignment analysis and its method, from photos to tables.
 #
 #   snakemake --cores N                    everything of the default config
 #   snakemake --cores N courtyard          one scene of the config
@@ -19,14 +19,15 @@ sources_of = sources.sources_of
 min_version("9.0")
 
 
-# Not merged with a config of the user's: that one must be complete, or stop.
+# Not merged with a config of the user's: that one differs from the defaults, not from
+# the demo.
 if not workflow.overwrite_configfiles:
 
     configfile: workflow.source_path("workflow/config/demo.yaml")
 
 
 config = check.or_exit(check.checked, config, workflow.configfiles)
-# With `rounds: auto` it is known once `decide` has run.
+# Whether a method with `rounds: auto` goes on is known once rule `decide` has run.
 experiment = plan.Experiment(
     config, lambda **place: plan.goes_on(checkpoints.decide.get(**place).output[0])
 )

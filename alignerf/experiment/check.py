@@ -59,7 +59,7 @@ def fault(where, what):
 
 
 def completed(config):
-    """What a default takes from another key; `~` is the user's home."""
+    """Fills the defaults that depend on other keys, and writes out paths."""
     config["lpips"] = {net: p for net, p in (config["lpips"] or {}).items() if p}
     config["lpips"] = {net: home(path) for net, path in config["lpips"].items()}
     config["frequency_weights"] = home(config["frequency_weights"])

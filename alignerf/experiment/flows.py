@@ -1,4 +1,4 @@
-"""Settings of the flow as a command takes them, and what it is estimated of."""
+"""Command-line options of the flow's settings, and the files that it reads."""
 
 # Folders of flow.control_sets beside the warped test set.
 CONTROL_SETS = (
@@ -19,9 +19,10 @@ def lpips_options(experiment):
 
 
 def estimator_options(experiment):
-    """Command line of the estimator's settings, also for images that we make.
+    """Command line of the estimator's settings, without the name of `files`.
 
-    For those no flows are made elsewhere: then it is the default estimator.
+    Images that the run itself makes have no flows from elsewhere: with estimator
+    `files`, theirs are estimated by the default one.
     """
     flow = experiment.config["flow"]
     blur = "--match-blur" if flow["match_blur"] else "--no-match-blur"
@@ -51,9 +52,9 @@ def of_reference(experiment, scene):
 def of_rounds(experiment, scene, method, round):
     """The training views' flow after a round, and that of the round before."""
     k, flow = int(round), "flow/train"
-    found = {"flow": f"{experiment.trained(scene, method, k)}/{flow}"}
+    found = {"flow": f"{experiment.folder(scene, method, k)}/{flow}"}
     if k > 0:
-        found["before_flow"] = f"{experiment.trained(scene, method, k - 1)}/{flow}"
+        found["before_flow"] = f"{experiment.folder(scene, method, k - 1)}/{flow}"
         # The decision is the method's own, also where it starts from another's round.
         found["before"] = f"results/{scene}/{method}/round{k - 1}/decision.json"
     return found
@@ -63,7 +64,7 @@ def of_oracle(experiment, scene, method, round):
     """The flow from render to oracle, where the scene's truth is known."""
     if scene not in experiment.with_truth():
         return {}
-    folder = experiment.trained(scene, method, round)
+    folder = experiment.folder(scene, method, round)
     return {"model": f"{folder}/flow_oracle/test"}
 
 
@@ -71,7 +72,7 @@ def benchmark_models(experiment, scene):
     """<method>/round<k> of the reference method, before and after all warping."""
     method = experiment.config["reference"]["method"]
     rounds = sorted({0, experiment.last_round(scene, method)})
-    found = [experiment.trained(scene, method, k) for k in rounds]
+    found = [experiment.folder(scene, method, k) for k in rounds]
     return [folder.removeprefix(f"results/{scene}/") for folder in found]
 
 

@@ -12,19 +12,32 @@ from alignerf.experiment import schema, settings
 STAGES = ("full", "warm", "pretrain", "finetune")
 
 
+def from_zero(name):
+    """A key of settings.AligNeRF with its default, and bounds that begin with 0."""
+    field = settings.AligNeRF.__dataclass_fields__[name]
+    metadata = {k: v for k, v in field.metadata.items() if k not in ("least", "above")}
+    return dataclasses.field(
+        default=field.default,
+        default_factory=field.default_factory,
+        metadata={**metadata, "least": 0},
+    )
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Finetuning(settings.AligNeRF):
     """The settings of one method, with the file that its loss looks through."""
 
-    # None: from the measured misalignment. 0 patches and px: a pre-training has none.
-    radius_px: int | None = settings.key(None, least=0, most=64)
-    finetune_share: float = settings.key(0.2, least=0, most=1)
-    learning_rates: list[float] = settings.key(
-        [0.003, 0.0003], least=0, most=10, length=(2, 2)
+    radius_px: int | None = settings.key(
+        None, "null takes it from the measured misalignment", least=0, most=64
     )
-    patches: int = settings.key(2, least=0, most=4096)
-    patch_px: int = settings.key(32, least=0, most=512)
-    frequency_weights: str | None = settings.key(None)
+    # A pre-training's slice has 0 for what is not its own.
+    finetune_share: float = from_zero("finetune_share")
+    learning_rates: list[float] = from_zero("learning_rates")
+    patches: int = from_zero("patches")
+    patch_px: int = from_zero("patch_px")
+    frequency_weights: str | None = settings.key(
+        None, "file that the loss looks through"
+    )
 
     @property
     def outputs(self):

@@ -56,7 +56,7 @@ class Experiment:
         same = [name for name in scratch if self.methods[name]["model"] == model]
         return same[0] if same else method
 
-    def trained(self, scene, method, round):
+    def folder(self, scene, method, round):
         """Folder of a method's round; a warm start's round 0 is another method's."""
         if method in self.warm() and int(round) == 0:
             method = self.base_of(method)
@@ -91,7 +91,7 @@ class Experiment:
         """Folder of the reference model, or of another of its method's rounds."""
         if round is None:
             round = self.reference_round(scene)
-        return self.trained(scene, self.config["reference"]["method"], round)
+        return self.folder(scene, self.config["reference"]["method"], round)
 
     def with_truth(self, known=True):
         """Scenes whose truth is known (or not)."""

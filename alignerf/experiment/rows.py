@@ -102,9 +102,9 @@ def trainings_of(experiment, scene, method, round):
     if method in experiment.staged():
         model = experiment.methods[method]["model"]
         first = f"results/{scene}/pretrain/{model}/timing.json"
-        return [first, f"{experiment.trained(scene, method, round)}/timing.json"]
+        return [first, f"{experiment.folder(scene, method, round)}/timing.json"]
     return [
-        f"{experiment.trained(scene, method, k)}/timing.json"
+        f"{experiment.folder(scene, method, k)}/timing.json"
         for k in range(int(round) + 1)
     ]
 
@@ -119,7 +119,7 @@ def displacement_for_radius(experiment, scene, method):
     """With `radius_px: auto`, how far the baseline's training views are off."""
     if not measures_radius(experiment, method):
         return {}
-    folder = experiment.trained(scene, experiment.base_of(method), 0)
+    folder = experiment.folder(scene, experiment.base_of(method), 0)
     return {"displacement": f"{folder}/displacement_train.csv"}
 
 
@@ -128,9 +128,9 @@ def data_of(experiment, scene, method, round):
 
     The baseline's training, whose renders a radius is measured on, is its own row.
     """
-    folders = [experiment.trained(scene, method, k) for k in range(int(round))]
+    folders = [experiment.folder(scene, method, k) for k in range(int(round))]
     if measures_radius(experiment, method):
-        folders.append(experiment.trained(scene, experiment.base_of(method), 0))
+        folders.append(experiment.folder(scene, experiment.base_of(method), 0))
     return [
         f"{folder}/{name}"
         for folder in folders
@@ -142,7 +142,7 @@ def photos_of_round(experiment, scene, method, round):
     """What round k learns from: the photos, or those warped onto round k - 1."""
     if int(round) == 0:
         return {"photos": f"results/{scene}/images"}
-    before = experiment.trained(scene, method, int(round) - 1)
+    before = experiment.folder(scene, method, int(round) - 1)
     return {"photos": f"{before}/warped/train", "valid": f"{before}/flow/train"}
 
 
@@ -157,7 +157,7 @@ def of_method(experiment, scene, method, round):
     return {
         "method": method,
         "round": round,
-        "metrics": f"{experiment.trained(scene, method, round)}/metrics.csv",
+        "metrics": f"{experiment.folder(scene, method, round)}/metrics.csv",
         "trainings": trainings_of(experiment, scene, method, round),
         "data": data_of(experiment, scene, method, round),
     }
@@ -172,7 +172,7 @@ def misalignment(experiment, scene):
             **of_method(experiment, scene, method, round),
             field=field_name(experiment, method),
             base=base,
-            base_metrics=f"{experiment.trained(scene, base, 0)}/metrics.csv",
+            base_metrics=f"{experiment.folder(scene, base, 0)}/metrics.csv",
         )
         rows.append(row)
     return rows
@@ -182,7 +182,7 @@ def displacement(experiment, scene):
     """One row per method and round."""
     rows = []
     for method, round in experiment.all_rounds(scene):
-        folder = experiment.trained(scene, method, round)
+        folder = experiment.folder(scene, method, round)
         files = (f"{folder}/decomposition_test.csv", f"{folder}/metrics.csv")
         rows.append(Displacement(method, round, *files))
     return rows
@@ -192,11 +192,11 @@ def times(experiment, scene):
     """One row per method and round."""
     rows = []
     for method, round in experiment.all_rounds(scene):
-        folder = experiment.trained(scene, method, round)
+        folder = experiment.folder(scene, method, round)
         walls = Walls(f"{folder}/logs/train.tsv")
         row = Times(method, round, f"{folder}/timing.json", walls)
         if round > 0:
-            before = experiment.trained(scene, method, round - 1)
+            before = experiment.folder(scene, method, round - 1)
             row = row._replace(
                 rendering=f"{before}/render_train.json",
                 alignment=f"{before}/displacement_train.csv",
@@ -219,7 +219,7 @@ def figure_rounds(experiment, scene):
     """Test views round by round, of the reference method."""
     method = experiment.config["reference"]["method"]
     folders = [
-        experiment.trained(scene, method, k)
+        experiment.folder(scene, method, k)
         for k in range(experiment.last_round(scene, method) + 1)
     ]
     return [Renders(f"{f}/renders/test", f"{f}/flow/test") for f in folders]
@@ -231,7 +231,7 @@ def crops(experiment, scene):
     bases = [experiment.base_of(method) for method in staged]
     rows = []
     for method in dict.fromkeys([*bases, *staged]):
-        folder = experiment.trained(scene, method, 0)
+        folder = experiment.folder(scene, method, 0)
         files = (f"{folder}/renders/test", f"{folder}/flow/test")
         rows.append(Renders(*files, method))
     return rows

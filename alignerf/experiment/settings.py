@@ -1,8 +1,9 @@
-"""Every key of a config: its default, its bounds and its meaning stand here, once.
+"""Every key of a config: its default, its bounds and its meaning.
 
 `schema` turns these classes into the JSON schema that a config is checked with, and
 into `workflow/schemas/config.schema.yaml` for editors. A config says only what differs
-from the defaults. Numbers are finite; `least` and `most` bound them, `above` leaves the
+from the defaults. Where a module has the same default for its own callers, a test holds
+both equal. Numbers are finite; `least` and `most` bound them, `above` leaves the
 bound itself out. Units are in the names.
 """
 
@@ -253,7 +254,7 @@ class Method:
     rounds: int | Literal["auto"] = key(
         0,
         "warping rounds after the first training; auto goes on until the flow from "
-        "renders to the photos they were learnt from no longer falls, see "
+        "renders to the photos they were learnt from falls by less than a tenth, see "
         "flow/rounds.py; decision.json of each round before most_rounds says why",
         least=0,
         most=16,

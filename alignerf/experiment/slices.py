@@ -1,14 +1,17 @@
 """What each job depends on: its slice of the config, as JSON.
 
-A job reruns when, and only when, its slice changes. All are functions of the
-experiment and of the job's names.
+Of all that a config says, a job reruns for a change of its slice alone; for code and
+libraries see `sources`. All are functions of the experiment and of the job's names.
 """
 
 import copy
 import json
 
-# Ablations share the pre-training: only its length is part of the job.
-PRETRAIN_IGNORES = {
+from alignerf.experiment import settings
+
+# Ablations share the pre-training: only its length is part of the job. What is nothing
+# to it is written over with these.
+PRETRAIN_HAS_NONE = {
     "finetune_share": 0.0,
     "learning_rates": [0.0, 0.0],
     "patches": 0,
@@ -33,7 +36,7 @@ def of_scene(experiment, name):
     """What the poses of a scene depend on: not how long it is trained."""
     scene = experiment.scenes[name]
     unused = {"steps"}
-    if scene["source"] != "courtyard":
+    if not settings.SOURCES[scene["source"]].has_truth:
         unused.add("courtyard")
     if scene["poses"] != "colmap":
         unused.add("colmap")
@@ -88,7 +91,7 @@ def job(experiment, scene, method, stage):
         if found["radius_px"] == "auto":
             found["radius_px"] = None
     if stage == "pretrain":
-        found |= PRETRAIN_IGNORES
+        found |= PRETRAIN_HAS_NONE
     return {
         "seed": experiment.scenes[scene]["seed"],
         "stage": stage,

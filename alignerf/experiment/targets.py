@@ -16,7 +16,7 @@ def figures(experiment, scene):
 
 
 def of_scene(experiment, scene):
-    """All files that `snakemake SCENE` makes."""
+    """What `snakemake SCENE` is run for; what leads there is made too."""
     folder = f"results/{scene}"
     return [
         f"{folder}/config.yaml",

@@ -10,24 +10,6 @@ from alignerf.training import loop, memory
 from tests import job_cases as cases
 
 
-@pytest.fixture(scope="module", autouse=True)
-def compiled_once(tmp_path_factory):
-    with cases.compiled_into(tmp_path_factory.mktemp("compiled")):
-        yield
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return cases.make_scene(tmp_path_factory.mktemp("scene"))
-
-
-@pytest.fixture(scope="module")
-def uninterrupted(folder, tmp_path_factory):
-    out = tmp_path_factory.mktemp("uninterrupted")
-    cases.run(folder, out)
-    return out
-
-
 @pytest.mark.parametrize("at_step", [4, 12])
 def test_resumes_bit_for_bit(
     folder, uninterrupted, tmp_path, monkeypatch, caplog, at_step

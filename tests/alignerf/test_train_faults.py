@@ -9,30 +9,11 @@ import sys
 
 import filelock
 import jax.numpy as jnp
-import pytest
 
 from alignerf.experiment import jobs
 from alignerf.scenes import prepared
 from alignerf.training import compose, loop, memory, program
 from tests import job_cases as cases
-
-
-@pytest.fixture(scope="module", autouse=True)
-def compiled_once(tmp_path_factory):
-    with cases.compiled_into(tmp_path_factory.mktemp("compiled")):
-        yield
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return cases.make_scene(tmp_path_factory.mktemp("scene"))
-
-
-@pytest.fixture(scope="module")
-def uninterrupted(folder, tmp_path_factory):
-    out = tmp_path_factory.mktemp("uninterrupted")
-    cases.run(folder, out)
-    return out
 
 
 def test_photos_that_do_not_fit_are_one_line(folder, tmp_path, monkeypatch, capsys):

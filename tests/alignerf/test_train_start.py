@@ -13,24 +13,6 @@ from alignerf.training import checkpoint, compose, loop
 from tests import job_cases as cases
 
 
-@pytest.fixture(scope="module", autouse=True)
-def compiled_once(tmp_path_factory):
-    with cases.compiled_into(tmp_path_factory.mktemp("compiled")):
-        yield
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return cases.make_scene(tmp_path_factory.mktemp("scene"))
-
-
-@pytest.fixture(scope="module")
-def uninterrupted(folder, tmp_path_factory):
-    out = tmp_path_factory.mktemp("uninterrupted")
-    cases.run(folder, out)
-    return out
-
-
 @pytest.fixture(scope="module")
 def pretrained(folder, tmp_path_factory):
     out = tmp_path_factory.mktemp("pretrained")

@@ -41,7 +41,7 @@ use rule train as train_warm with:
     input:
         unpack(lambda w: rows.photos_of_round(experiment, w.scene, w.method, w.round)),
         initial=lambda w: "{}/model.msgpack".format(
-            experiment.trained(w.scene, w.method, int(w.round) - 1)
+            experiment.folder(w.scene, w.method, int(w.round) - 1)
         ),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",

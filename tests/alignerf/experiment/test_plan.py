@@ -53,8 +53,8 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
     }
     # Round 0 of a warm start is the other method's: nothing is trained twice.
     folder = "results/courtyard"
-    assert experiment.trained("courtyard", "warm", 0) == f"{folder}/mipnerf360/round0"
-    assert experiment.trained("courtyard", "warm", "1") == f"{folder}/warm/round1"
+    assert experiment.folder("courtyard", "warm", 0) == f"{folder}/mipnerf360/round0"
+    assert experiment.folder("courtyard", "warm", "1") == f"{folder}/warm/round1"
     assert ("warm", 0) not in experiment.all_rounds("courtyard")
     compared = [row.method for row in rows.crops(experiment, "courtyard")]
     assert compared == ["mipnerf360", "staged_alone", "alignerf"]
