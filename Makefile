@@ -1,4 +1,4 @@
-# make run    the default experiment, from nothing to the misalignment table
+# make run    the default experiment, from nothing to tables and figures
 # make test   the whole test suite
 # make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
 # make docs   tables of docs/ from the CSVs in docs/measured/
