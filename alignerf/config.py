@@ -6,13 +6,12 @@ that results tell how they were made. `--check FILE` looks at a config without p
 """
 
 import argparse
-import json
-import pathlib
+import copy
 
 import yaml
 
 from alignerf.command import faults, whole, yaml_files
-from alignerf.experiment import check, schema, settings
+from alignerf.experiment import check, jobs, schema, settings
 
 HEAD = "# Every key of a config, made by `python -m alignerf.config --schema`.\n"
 
@@ -24,16 +23,20 @@ def main(argv=None):
     parser.add_argument("--check", help="a config's file")
     parser.add_argument("--schema", action="store_true", help="print it")
     args = parser.parse_args(argv)
+    if (args.config is None) != (args.out is None):
+        parser.error("--config and --out go together")
+    if not (args.config or args.check or args.schema):
+        parser.error("nothing to do: --config with --out, --check or --schema")
     if args.schema:
         print(schema_text(), end="")
     if args.check:
-        yaml_files.check(args.check)
-        config = yaml.safe_load(pathlib.Path(args.check).read_text())
+        config = yaml_files.read(args.check)
         check.checked({} if config is None else config, [args.check])
     if args.config:
-        text = as_yaml(json.loads(args.config))
+        config = jobs.read(args.config)
+        check.checked(copy.deepcopy(config))
         with whole.replace_file(args.out) as path:
-            path.write_text(text)
+            path.write_text(as_yaml(config))
 
 
 def schema_text():

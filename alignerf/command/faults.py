@@ -20,7 +20,7 @@ def or_exit(function, *arguments):
     """
     try:
         return function(*arguments)
-    except ValueError as error:
+    except (ValueError, OSError) as error:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(1)
 

@@ -44,7 +44,7 @@ def describe(rows, configs, *, seeds=(), devices=()):
     return facts() | {
         "device": sorted({*devices, *found} - {None}),
         "seeds": sorted({*seeds, *(s for path in configs for s in seeds_of(path))}),
-        "configs": [str(path) for path in configs],
+        "configs": {str(path): config_of(path) for path in configs},
         "rows": rows,
     }
 
@@ -117,12 +117,20 @@ def training(path):
     return {"path": str(path)} | found
 
 
+def config_of(path):
+    """A scene's complete config: its file may be another experiment's later."""
+    try:
+        config = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (ValueError, yaml.YAMLError) as error:
+        message = " ".join(str(error).split())
+        raise ValueError(f"{path}: not a scene's config: {message}") from None
+    return config
+
+
 def seeds_of(path):
     """Seeds of a complete config's scenes."""
     try:
-        config = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-        found = [int(scene["seed"]) for scene in config["scenes"].values()]
-    except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
-        message = " ".join(str(error).split())
-        raise ValueError(f"{path}: not a scene's config: {message}") from None
-    return found
+        scenes = config_of(path)["scenes"].values()
+        return [int(scene["seed"]) for scene in scenes]
+    except (AttributeError, KeyError, OverflowError, TypeError) as error:
+        raise ValueError(f"{path}: not a scene's config: {error}") from None

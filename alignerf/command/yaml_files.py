@@ -1,5 +1,6 @@
 """What YAML takes without a word: a key that stands twice, aliases without end."""
 
+import contextlib
 from pathlib import Path
 
 import yaml
@@ -8,17 +9,37 @@ import yaml
 MOST_VALUES = 100_000
 
 
+def read(path):
+    """What a file says, after `check`; ValueError names the file."""
+    check(path)
+    with _faults_of(path):
+        return yaml.safe_load(Path(path).read_text())
+
+
 def check(path):
     """Raise ValueError, naming file and line, for what a reader would not notice."""
-    try:
+    with _faults_of(path):
         node = yaml.compose(Path(path).read_text(), Loader=yaml.SafeLoader)
-        size = values_of(node, path, {})
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
-    except RecursionError:
-        raise ValueError(f"{path}: nested too deeply") from None
+        size = 0 if node is None else values_of(node, path, {})
     if size > MOST_VALUES:
         raise ValueError(f"{path}: its aliases stand for over {MOST_VALUES} values")
+
+
+class Fault(ValueError):
+    """One of ours, which names its file already."""
+
+
+@contextlib.contextmanager
+def _faults_of(path):
+    """Whatever is wrong with a file is a ValueError that names it, in one line."""
+    try:
+        yield
+    except Fault:
+        raise
+    except RecursionError:
+        raise ValueError(f"{path}: nested too deeply") from None
+    except (yaml.YAMLError, TypeError, ValueError) as error:
+        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
 
 
 def values_of(node, path, known):
@@ -26,7 +47,7 @@ def values_of(node, path, known):
     if id(node) in known:
         if known[id(node)] is None:
             line = node.start_mark.line + 1
-            raise ValueError(f"{path}: an alias holds itself, see line {line}")
+            raise Fault(f"{path}: an alias holds itself, see line {line}")
         return known[id(node)]
     known[id(node)] = None
     size = 1
@@ -46,6 +67,6 @@ def check_keys_once(node, path):
         # `<<` may stand more than once, and keys may be lists.
         if key.value in seen and isinstance(key.value, str):
             line = key.start_mark.line + 1
-            raise ValueError(f"{path}: key {key.value!r} stands twice, see line {line}")
+            raise Fault(f"{path}: key {key.value!r} stands twice, see line {line}")
         if isinstance(key.value, str):
             seen.add(key.value)

@@ -1,17 +1,17 @@
 """The config's check, before anything is planned: a fault is one line with its key."""
 
 import os
+import re
 from pathlib import Path
 
 from alignerf.command import faults, yaml_files
 from alignerf.experiment import schema, settings, slices
 
 # What the results' folder holds besides scenes, and a scene's besides methods.
+SUFFIXES = (".csv", ".tex", ".png", ".provenance.json")
 FILES = {
     *("published", "logs", "bench", "README.md"),
-    *("tradeoff.csv", "tradeoff.tex", "tradeoff.png", "tradeoff.provenance.json"),
-    *("flow_benchmark.csv", "flow_benchmark.tex", "flow_benchmark.png"),
-    "flow_benchmark.provenance.json",
+    *(f"{name}{end}" for name in ("tradeoff", "flow_benchmark") for end in SUFFIXES),
 }
 FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
@@ -21,7 +21,9 @@ FOLDERS = {
 or_exit = faults.or_exit
 # Where real scenes and weights lie, unless ALIGNERF_DATA says otherwise.
 DATA = "../shared/data"
-# Courtyard's photos, eight bits a channel, all in memory at once.
+# What no machine is asked for: parameters and all of their training, or courtyard's
+# photos, eight bits a channel.
+MOST_BYTES = 2**38
 MOST_PHOTO_BYTES = 2**35
 
 
@@ -33,13 +35,14 @@ def checked(config, files=()):
     """
     for path in files:
         yaml_files.check(path)
+    if not isinstance(config, dict):
+        fault("top level", "a config is a mapping of keys")
     check_names(config)
     schema.check(settings.Config, config)
     check_given(config)
     config = completed(schema.filled(settings.Config, config))
     for name, model in config["models"].items():
-        if model["near"] >= model["far"]:
-            fault(f"models.{name}", "near must be smaller than far")
+        check_model(model, name)
     for name in config["methods"]:
         check_method(config, name)
     check_pretraining(config)
@@ -65,8 +68,7 @@ def completed(config):
     config["frequency_weights"] = home(config["frequency_weights"])
     config["flow"]["folder"] = home(config["flow"]["folder"])
     training = config["training"]
-    if training["warmup_steps"] is None:
-        training["warmup_steps"] = round(0.1 * training["steps"])
+    training |= settings.warmup(training)
     for scene in config["scenes"].values():
         scene["path"] = home(scene["path"])
         scene["poses"] = scene["poses"] or settings.SOURCES[scene["source"]].poses[0]
@@ -88,15 +90,29 @@ def home(path):
     """A path with `~` and $ALIGNERF_DATA, the folder of real data, written out."""
     if path is None:
         return None
-    data = os.environ.get("ALIGNERF_DATA", DATA)
-    return str(Path(path.replace("$ALIGNERF_DATA", data)).expanduser())
+    path = re.sub(r"\$ALIGNERF_DATA(?=/|$)", lambda _: data_folder(), path)
+    try:
+        return str(Path(path).expanduser())
+    except RuntimeError:
+        raise ValueError(f"config: {path}: no such user's home") from None
+
+
+def data_folder():
+    return os.environ.get("ALIGNERF_DATA") or DATA
+
+
+def is_there(path, *, of_kind=Path.exists):
+    """Whether a path exists; one that no file can have does not."""
+    try:
+        return of_kind(Path(path))
+    except OSError:
+        return False
 
 
 def missing(path):
     """What to say of a path that is not there."""
-    data = os.environ.get("ALIGNERF_DATA", DATA)
-    hint = "; set ALIGNERF_DATA to where the real data is" if data in path else ""
-    return f"{path} does not exist{hint}"
+    hint = "; set ALIGNERF_DATA to where the real data is"
+    return f"{path} does not exist{hint if data_folder() in path else ''}"
 
 
 def first(names):
@@ -116,6 +132,22 @@ def check_given(config):
         given = method.get("most_rounds", default)
         if given != default and method.get("rounds") != "auto":
             fault(f"methods.{name}.most_rounds", "only with `rounds: auto`")
+
+
+def check_model(model, name):
+    """Its depths are in order, and its fields' parameters fit into a machine."""
+    if model["near"] >= model["far"]:
+        fault(f"models.{name}", "near must be smaller than far")
+    for key in ("proposal", "field"):
+        field = model[key]
+        if field["kind"] == "grid":
+            values = field["levels"] * field["features"] * 2 ** field["log2_entries"]
+        else:
+            values = field["depth"] * field["width"] ** 2
+        # Besides the parameters, their gradients and the two moments of Adam.
+        if 16 * values > MOST_BYTES:
+            size = f"{16 * values / 2**30:.0f} GiB to train are more than"
+            fault(f"models.{name}.{key}", f"{size} {MOST_BYTES / 2**30:g} GiB")
 
 
 def check_method(config, name):
@@ -220,7 +252,7 @@ def check_path(scene, name):
     where, path = f"scenes.{name}.path", scene["path"]
     if path and set(path) & set("{}"):
         fault(where, f"{path}: braces mean wildcards, rename it")
-    if path and not Path(path).exists():
+    if path and not is_there(path):
         fault(where, missing(path))
 
 
@@ -249,7 +281,7 @@ def check_weights(config):
     files = {f"lpips.{net}": path for net, path in config["lpips"].items()}
     files["frequency_weights"] = config["frequency_weights"]
     for key, path in files.items():
-        if path and not Path(path).is_file():
+        if path and not is_there(path, of_kind=Path.is_file):
             fault(key, missing(path))
 
 
@@ -270,8 +302,12 @@ def check_tradeoff(config):
 
 def check_names(config):
     """Names become rules and folders: text, and none that is taken."""
+    regimes = config.get("regimes", settings.Config.regimes)
+    if regimes in ("tradeoff", "flow_benchmark"):
+        fault("regimes", f"{regimes} has files of its own, choose another name")
+    files = {f"{regimes}{suffix}" for suffix in SUFFIXES}
     taken = {
-        "scenes": (FILES, "a file of the results"),
+        "scenes": (FILES | files, "a file of the results"),
         "methods": (FOLDERS, "a folder of every scene"),
         "models": (set(), ""),
     }

@@ -106,7 +106,9 @@ def read(text):
 def parse(values) -> Job:
     """The job of a training or rendering, checked as a whole; defaults are filled."""
     schema.check(Job, values)
-    job = instance(Job, schema.filled(Job, values))
+    values = schema.filled(Job, values)
+    values["training"] |= settings.warmup(values["training"])
+    job = instance(Job, values)
     if job.stage in ("pretrain", "finetune") and job.alignerf is None:
         raise ValueError("config: alignerf: a staged training needs it")
     if job.stage == "finetune":

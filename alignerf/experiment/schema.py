@@ -123,11 +123,14 @@ def default_of(field):
 
 def as_config(instance):
     """An instance of a settings' class as a mapping with the config's keys."""
-    return {
-        name_of(field): as_config(value) if dataclasses.is_dataclass(value) else value
-        for field in dataclasses.fields(instance)
-        for value in [getattr(instance, field.name)]
-    }
+    found = {}
+    for field in dataclasses.fields(instance):
+        value = getattr(instance, field.name)
+        if dataclasses.is_dataclass(value):
+            value = as_config(value)
+        # A list of its own: another config's changes are not this one's.
+        found[name_of(field)] = list(value) if isinstance(value, list) else value
+    return found
 
 
 def of_type(hint, bounds):
@@ -219,13 +222,27 @@ def kinds_by_name(kinds):
     return {kind.__dataclass_fields__["kind"].default: kind for kind in kinds}
 
 
+def is_whole(checker, value):
+    """A whole number that is written as one: 2.0 steps would fail only later."""
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+# As Draft 2020-12, which calls 2.0 an integer.
+Validator = jsonschema.validators.extend(
+    jsonschema.Draft202012Validator,
+    type_checker=jsonschema.Draft202012Validator.TYPE_CHECKER.redefine(
+        "integer", is_whole
+    ),
+)
+
+
 def check(kind, values, *place):
     """ValueError for the first key of `values` that the class does not take.
 
     place: the keys above `values`.
     """
     check_finite(values, place)
-    validator = jsonschema.Draft202012Validator(root(kind))
+    validator = Validator(root(kind))
     errors = sorted(validator.iter_errors(values), key=lambda e: list(map(str, e.path)))
     if errors:
         error = jsonschema.exceptions.best_match(errors)
@@ -236,7 +253,8 @@ def message(error, place):
     """One line: the key, what is wrong with it and, of YAML's traps, how to mend it."""
     where = ".".join(map(str, (*place, *error.absolute_path))) or "top level"
     value, hint = error.instance, ""
-    if error.validator == "type" and isinstance(value, str) and is_number(value):
+    is_text = error.validator == "type" and isinstance(value, str) and value.isascii()
+    if is_text and is_number(value):
         hint = f" (YAML reads {value} as text: write {float(value):.1e})"
     text = error.message if len(error.message) < 300 else error.message[:300] + "..."
     return f"config: {where}: {text}{hint}"
@@ -286,6 +304,8 @@ def filled_value(hint, value, default):
     """A value whose mappings are filled in turn."""
     if dataclasses.is_dataclass(value):
         return as_config(value)
+    if isinstance(value, list):
+        return list(value)
     if not isinstance(value, dict):
         return value
     if typing.get_origin(hint) is dict:

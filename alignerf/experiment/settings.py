@@ -293,6 +293,13 @@ class Training:
     distortion_weight: float = key(0.01, least=0, most=1e6)
 
 
+def warmup(training):
+    """The warm-up of a training, as a mapping, that may leave it to its steps."""
+    given = training["warmup_steps"]
+    tenth = round(0.1 * training["steps"])
+    return {"warmup_steps": tenth if given is None else given}
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Flow:
     estimator: Literal[

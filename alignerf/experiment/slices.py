@@ -46,7 +46,10 @@ def of_scene(experiment, name):
 def complete(experiment, name):
     """The whole config of a scene, as it could be run alone."""
     found = experiment.config | {"scenes": {name: experiment.scenes[name]}}
-    return as_json(found | {"tradeoff": None})
+    if found["tradeoff"] and found["tradeoff"]["scene"] != name:
+        found["tradeoff"] = None
+    # The order of models and methods has a meaning: tables and defaults follow it.
+    return json.dumps(found)
 
 
 def of_round(experiment, scene, method):

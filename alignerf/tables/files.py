@@ -69,9 +69,17 @@ def read_timing(path, *keys):
     """These entries of a timing file as a dict; ValueError names one without them."""
     try:
         timing = json.loads(pathlib.Path(path).read_text())
-        return {key: timing[key] for key in keys}
+        return {key: entry(timing, key) for key in keys}
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path}: not the timing that it should be: {error}") from None
+
+
+def entry(timing, key):
+    """An entry of a timing file: a number, but for the device's name."""
+    kinds = str if key == "device" else int | float
+    if isinstance(timing[key], bool) or not isinstance(timing[key], kinds):
+        raise ValueError(f"{key} is {timing[key]!r:.60}")
+    return timing[key]
 
 
 def costs_of(row):
@@ -96,6 +104,8 @@ def data_time_s(path):
 def training_costs(paths):
     """Seconds, steps and rays of all stages of a training, parameters of the last."""
     summed = ("train_time_s", "steps", "rays_seen")
+    if not paths:
+        raise ValueError("--rows: a row without trainings")
     stages = [read_timing(path, *summed, "params") for path in paths]
     costs = {key: sum(timing[key] for timing in stages) for key in summed}
     return costs | {"params": stages[-1]["params"]}

@@ -125,7 +125,7 @@ def compile_step(job, method, optimizer, state, views, *, parts, mesh=None, to_c
         compiled = step.lower(state, views).compile()
         return compiled, memory.step_bytes(compiled, devices)
 
-    free = memory.free_bytes(devices[0]) - to_come
+    free = max(0, memory.free_bytes(devices[0]) - to_come)
     return memory.compile_to_fit(compile_parts, units, free, parts=parts)
 
 

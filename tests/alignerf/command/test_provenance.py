@@ -99,7 +99,9 @@ def test_trainings_seeds_and_devices_are_gathered(checkout, tmp_path):
     assert found == json.loads(provenance.as_json(found))
     assert found["device"] == ["H200", "a cpu", "cpu"]
     assert found["seeds"] == [3, 5, 8]
-    assert found["configs"] == [str(path) for path in configs]
+    assert list(found["configs"]) == [str(path) for path in configs]
+    # What the files said then: they may be another experiment's later.
+    assert found["configs"][str(configs[0])]["scenes"] == {"yard": {"seed": 5}}
     assert (found["commit"], found["lock"]) == (None, None)
     first, second = found["rows"]
     unknown = {"path": str(old), "commit": None, "lock": None, "device": "cpu"}

@@ -170,6 +170,78 @@ def bomb(item):
     return "\n".join(lines)
 
 
+COURTYARD = {"a": {"source": "courtyard"}}
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"seed": 1.0}, "seed: 1.0 is not of type 'integer'"),
+        ({"methods": {"m": {"rounds": 2.0}}}, "methods.m.rounds: 2.0 is not valid"),
+        ({"models": {"m": {"samples": [32.0, 16]}}}, "samples.0: 32.0 is not of type"),
+        ({"training": None}, "training: None is not of type"),
+        ({"methods": {"m": None}}, "methods.m: None is not of type"),
+        ({"scenes": {"a" * 300: {"source": "courtyard"}}}, "scenes: 'aaa"),
+        ({"regimes": "tradeoff"}, "regimes: tradeoff has files of its own"),
+        (
+            {"scenes": {"alignerf_regimes.csv": {"source": "courtyard"}}},
+            "scenes.alignerf_regimes.csv: a file of the results",
+        ),
+        (
+            {"scenes": {"a": {"source": "photos", "path": "x" * 300}}},
+            "scenes.a.path: x+ does not exist",
+        ),
+        (
+            {"scenes": {"a": {"source": "photos", "path": "~nobody123/x"}}},
+            "~nobody123/x: no such user's home",
+        ),
+        (
+            {"models": {"m": {"field": {"log2_entries": 26, "features": 64}}}},
+            "models.m.field: .* GiB to train are more than 256 GiB",
+        ),
+    ],
+)
+def test_what_would_fail_later_is_named_now(change, reason):
+    with pytest.raises(ValueError, match="^config: .*" + reason):
+        check.checked({"scenes": COURTYARD} | change)
+
+
+@pytest.mark.parametrize("config", [[1, 2], "hello", 5])
+def test_a_config_is_a_mapping(config):
+    with pytest.raises(ValueError, match="config: top level: a config is a mapping"):
+        check.checked(config)
+
+
+def test_configs_share_no_values():
+    config = {"scenes": COURTYARD, "models": {"m": {}}}
+    first = check.checked(config)
+    first["models"]["m"]["samples"].append(7)
+    first["training"]["learning_rates"].append(7)
+    again = check.checked(config)
+    assert again["models"]["m"]["samples"] == [48, 24]
+    assert again["training"]["learning_rates"] == [0.01, 0.001]
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("? [1, 2]\n: 3", "unhashable|not a hashable|unacceptable key"),
+        ("training: {<<: 5}", "expected a mapping"),
+        ("seed: !foo 3", "could not determine a constructor"),
+        ("seed: !!python/object/apply:os.getcwd []", "could not determine a const"),
+        (b"\xff\xfe\xff", "can.t decode|unacceptable character"),
+        ("seed: " + "9" * 5000, "4300 digits"),
+    ],
+)
+def test_what_cannot_be_read_is_named_with_its_file(tmp_path, text, reason):
+    path = tmp_path / "a.yaml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ValueError, match=reason) as caught:
+        yaml_files.read(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [

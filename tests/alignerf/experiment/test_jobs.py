@@ -95,6 +95,7 @@ def change(job, where, value=None):
         ("training.stpes", 1, "config: training: .*'stpes' was unexpected"),
         ("training.steps", "100", "training.steps: '100' is not of type"),
         ("training.steps", 1.5, "training.steps: 1.5 is not of type"),
+        ("training.steps", 2.0, "training.steps: 2.0 is not of type"),
         ("training.steps", True, "training.steps: True is not of type"),
         ("training.steps", 0, "training.steps: 0 is less than"),
         ("training.steps", 10**30, "training.steps: 1000.* is greater than"),
@@ -136,9 +137,11 @@ def test_a_stage_needs_its_settings(job):
 
 def test_what_a_slice_leaves_out_has_its_default(job):
     del job["training"]["adam_eps"], job["model"]["far"], job["alignerf"]["patches"]
+    del job["training"]["warmup_steps"]
     parsed = jobs.parse(job)
     assert (parsed.training.adam_eps, parsed.model.far) == (1e-15, 1e6)
     assert parsed.alignerf.patches == 2
+    assert parsed.training.warmup_steps == 10
 
 
 def test_only_fine_tuning_has_the_patch_convolution(job):

@@ -230,3 +230,9 @@ def test_a_scenes_complete_config_is_a_config(demo, experiment_of):
         assert slices.of_round(again, "again", method) == job
     poses = slices.of_scene(experiment, "again")
     assert slices.of_scene(again, "again") == poses
+    # Tables follow the config's order, and what a method is set against.
+    assert again.all_rounds("again") == experiment.all_rounds("again")
+    table = rows.as_json(rows.misalignment(experiment, "again"))
+    assert rows.as_json(rows.misalignment(again, "again")) == table
+    assert alone["tradeoff"] is None
+    assert json.loads(slices.complete(experiment, "courtyard"))["tradeoff"]

@@ -118,7 +118,7 @@ def test_where_a_table_comes_from_lies_beside_it(tmp_path, entry, module):
     config.write_text("seed: 0\nscenes: {yard: {seed: 3}}\n")
     make(module, entry, tmp_path / "out", "--configs", str(config))
     found = json.loads((tmp_path / "out" / "t.provenance.json").read_text())
-    assert (found["seeds"], found["configs"]) == ([3], [str(config)])
+    assert (found["seeds"], list(found["configs"])) == ([3], [str(config)])
     assert len(found["rows"]) == 2
     names_trainings = module not in (controls, ranking)
     assert found["device"] == ["cpu"] * names_trainings
