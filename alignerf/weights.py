@@ -21,8 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.command import faults, progress, whole
-from alignerf.contributions import frequency_loss
-from alignerf.metrics import lpips, torch_files
+from alignerf.metrics import lpips, torch_files, vgg19
 
 BLOCK_BYTES = 1 << 20
 TIMEOUT_S = 60
@@ -133,7 +132,7 @@ def main(argv=None):
 def layers_of(what, path):
     """{array: kernel (HWIO) or bias} of torchvision's backbone in a .pth."""
     net = what.removeprefix("lpips_")
-    layers = lpips.NETS[net].layers if net in lpips.NETS else frequency_loss.VGG_LAYERS
+    layers = lpips.NETS[net].layers if net in lpips.NETS else vgg19.LAYERS
     places = {
         name: f"features.{place}"
         for name, place in zip(layers, PLACES[what], strict=True)

@@ -3,7 +3,7 @@
     w ||F(G_i) - F(R)||^2 / (C W H),  w = 0.05
 
 Notation: F maps an RGB patch [..., h, w, 3] in [0, 1] to C feature maps. F is
-VGG-19 up to relu1_2, before its max-pool, from a weights file; without one, a
+VGG-19 up to relu1_2, before its max-pool (`metrics.vgg19`); without weights for it, a
 fixed bank of oriented derivative filters, which the tables then name.
 """
 
@@ -14,25 +14,8 @@ import numpy as np
 
 from alignerf.metrics import convnet
 
-# VGG-19's first block: {layer: (kernel's side, channels in, out)}.
-VGG_LAYERS = {"conv1_1": (3, 3, 64), "conv1_2": (3, 64, 64)}
-VGG_SHAPES = convnet.layer_shapes(VGG_LAYERS) | {"mean": (3,), "std": (3,)}
 BANK_SIGMAS_PX = (0.7, 1.4)
 BANK_ANGLES = 4
-
-
-def vgg_features(path) -> Callable:
-    """F = relu1_2 of VGG-19; `path` an .npz of conv1_1, conv1_2, mean and std."""
-    weights = convnet.read_weights(path, VGG_SHAPES)
-
-    def features(rgb):
-        mean, std = (weights[key][None, None, None] for key in ("mean", "std"))
-        x = (rgb - mean) / std
-        for name in VGG_LAYERS:
-            x = convnet.layer(x, weights, name, padding=1)
-        return x
-
-    return features
 
 
 def bank_features(rgb):

@@ -19,8 +19,7 @@ FOLDERS = {
 }
 # The Snakefile asks nothing but this package.
 or_exit = faults.or_exit
-# Where real scenes and weights lie, unless ALIGNERF_DATA says otherwise.
-DATA = "../shared/data"
+DATA = re.compile(r"\$\{ALIGNERF_DATA:-([^{}]*)\}")
 # What no machine is asked for: parameters and all of their training, or courtyard's
 # photos, eight bits a channel.
 MOST_BYTES = 2**38
@@ -87,18 +86,18 @@ def completed(config):
 
 
 def home(path):
-    """A path with `~` and $ALIGNERF_DATA, the folder of real data, written out."""
+    """A path with `~` and ${ALIGNERF_DATA:-default} written out, as a shell does it.
+
+    The variable names the folder of real data, the default stands in the config.
+    """
     if path is None:
         return None
-    path = re.sub(r"\$ALIGNERF_DATA(?=/|$)", lambda _: data_folder(), path)
+    given = os.environ.get("ALIGNERF_DATA")
+    path = DATA.sub(lambda found: given or found[1], path)
     try:
         return str(Path(path).expanduser())
     except RuntimeError:
         raise ValueError(f"config: {path}: no such user's home") from None
-
-
-def data_folder():
-    return os.environ.get("ALIGNERF_DATA") or DATA
 
 
 def is_there(path, *, of_kind=Path.exists):
@@ -107,12 +106,6 @@ def is_there(path, *, of_kind=Path.exists):
         return of_kind(Path(path))
     except OSError:
         return False
-
-
-def missing(path):
-    """What to say of a path that is not there."""
-    hint = "; set ALIGNERF_DATA to where the real data is"
-    return f"{path} does not exist{hint if data_folder() in path else ''}"
 
 
 def first(names):
@@ -253,7 +246,7 @@ def check_path(scene, name):
     if path and set(path) & set("{}"):
         fault(where, f"{path}: braces mean wildcards, rename it")
     if path and not is_there(path):
-        fault(where, missing(path))
+        fault(where, f"{path} does not exist")
 
 
 def check_flow(flow):
@@ -282,7 +275,7 @@ def check_weights(config):
     files["frequency_weights"] = config["frequency_weights"]
     for key, path in files.items():
         if path and not is_there(path, of_kind=Path.is_file):
-            fault(key, missing(path))
+            fault(key, f"{path} does not exist")
 
 
 def check_tradeoff(config):

@@ -5,6 +5,7 @@ import dataclasses
 from alignerf import fields
 from alignerf.contributions import frequency_loss
 from alignerf.experiment import jobs, settings
+from alignerf.metrics import vgg19
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.training import methods
 
@@ -63,7 +64,7 @@ def frequency_features(chosen: jobs.Finetuning):
         return None
     if chosen.frequency_weights is None:
         return frequency_loss.bank_features
-    return frequency_loss.vgg_features(chosen.frequency_weights)
+    return vgg19.features(chosen.frequency_weights)
 
 
 def make_field(chosen: settings.Grid | settings.Mlp, **options):

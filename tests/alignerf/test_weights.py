@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from alignerf import weights
-from alignerf.contributions import frequency_loss
-from alignerf.metrics import lpips
+from alignerf.metrics import lpips, vgg19
 from tests import torch_writer
 
 FIRES = dict(zip(range(2, 10), (3, 4, 6, 7, 9, 10, 11, 12), strict=True))
@@ -64,7 +63,7 @@ def load(path):
 @pytest.fixture
 def vgg(tmp_path, rng):
     """Arrays of VGG-19's first block, and the file that they are in."""
-    arrays = random_arrays(frequency_loss.VGG_SHAPES, rng)
+    arrays = random_arrays(vgg19.SHAPES, rng)
     arrays |= {"mean": np.float32(weights.MEAN), "std": np.float32(weights.STD)}
     path = tmp_path / "vgg19.pth"
     path.write_bytes(torch_writer.legacy(backbone_of(arrays)))
@@ -79,7 +78,7 @@ def test_the_first_block_of_vgg(vgg, tmp_path, rng):
     assert found.keys() == arrays.keys()
     for name, array in arrays.items():
         np.testing.assert_array_equal(found[name], array)
-    assert frequency_loss.vgg_features(out)(np.zeros((1, 8, 8, 3))).shape[-1] == 64
+    assert vgg19.features(out)(np.zeros((1, 8, 8, 3))).shape[-1] == 64
     assert [path.name for path in out.parent.iterdir()] == ["vgg.npz"]
 
 

@@ -4,7 +4,9 @@
 rule flow_benchmark:
     input:
         lambda w: flows.benchmark_inputs(experiment),
-        configs=expand("results/{scene}/config.yaml", scene=experiment.with_truth()[:1]),
+        configs=ancient(
+            expand("results/{scene}/config.yaml", scene=experiment.with_truth()[:1])
+        ),
     output:
         csv=report(
             "results/flow_benchmark.csv",

@@ -9,6 +9,7 @@ from scipy import ndimage
 from alignerf.contributions import frequency_loss, patch_conv
 from alignerf.experiment import jobs
 from alignerf.fields import shading
+from alignerf.metrics import vgg19
 from alignerf.training import compose
 from tests.bench import cases
 
@@ -163,7 +164,7 @@ def test_vgg_features_equal_a_float64_twin(shared_data, rng):
         windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), axis=(0, 1))
         x = np.einsum("hwcij,ijco->hwo", windows, w[f"{layer}_w"]) + w[f"{layer}_b"]
         x = np.maximum(x, 0)
-    found = frequency_loss.vgg_features(path)(jnp.asarray(rgb, jnp.float32))
+    found = vgg19.features(path)(jnp.asarray(rgb, jnp.float32))
     np.testing.assert_allclose(found[0], x, rtol=1e-4, atol=1e-4)
 
 
@@ -175,4 +176,4 @@ def test_bad_weights_are_named(tmp_path, content):
     elif content:
         np.savez(path, something=np.zeros(3))
     with pytest.raises(ValueError, match=r"vgg\.npz"):
-        frequency_loss.vgg_features(path)
+        vgg19.features(path)

@@ -158,14 +158,15 @@ def test_home_is_found(tmp_path, monkeypatch):
 
 
 def test_real_data_is_where_the_environment_says(tmp_path, monkeypatch):
-    config = {"scenes": {"fox": {"source": "photos", "path": "$ALIGNERF_DATA/fox"}}}
-    monkeypatch.setenv("ALIGNERF_DATA", str(tmp_path))
-    with pytest.raises(ValueError, match="does not exist; set ALIGNERF_DATA to where"):
-        check.checked(copy.deepcopy(config))
-    (tmp_path / "fox").mkdir()
-    found = check.checked(copy.deepcopy(config))["scenes"]["fox"]["path"]
-    assert found == str(tmp_path / "fox")
-    monkeypatch.delenv("ALIGNERF_DATA")
+    path = "${ALIGNERF_DATA:-real data}/fox"
+    config = {"scenes": {"fox": {"source": "photos", "path": path}}}
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ValueError, match=r"fox\.path: \.\./shared/data/fox does not"):
+    monkeypatch.delenv("ALIGNERF_DATA", raising=False)
+    with pytest.raises(ValueError, match=r"fox\.path: real data/fox does not exist"):
+        check.checked(copy.deepcopy(config))
+    (tmp_path / "real data" / "fox").mkdir(parents=True)
+    found = check.checked(copy.deepcopy(config))["scenes"]["fox"]["path"]
+    assert found == "real data/fox"
+    monkeypatch.setenv("ALIGNERF_DATA", str(tmp_path / "elsewhere"))
+    with pytest.raises(ValueError, match="elsewhere/fox does not exist"):
         check.checked(config)
