@@ -50,7 +50,7 @@ rule decompose:
 rule displacement_table:
     input:
         lambda w: [row.stats for row in rows.displacement(experiment, w.scene)],
-        configs=ancient("results/{scene}/config.yaml"),
+        configs="results/{scene}/config.yaml",
     output:
         csv=report(
             "results/{scene}/tables/displacement.csv",

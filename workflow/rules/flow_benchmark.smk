@@ -4,9 +4,7 @@
 rule flow_benchmark:
     input:
         lambda w: flows.benchmark_inputs(experiment),
-        configs=ancient(
-            expand("results/{scene}/config.yaml", scene=experiment.with_truth()[:1])
-        ),
+        configs=expand("results/{scene}/config.yaml", scene=experiment.with_truth()[:1]),
     output:
         csv=report(
             "results/flow_benchmark.csv",

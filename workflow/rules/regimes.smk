@@ -3,7 +3,7 @@
 rule regimes:
     input:
         lambda w: rows.files_of(check.or_exit(regimes.scenes, experiment)),
-        configs=ancient(expand("results/{scene}/config.yaml", scene=experiment.scenes)),
+        configs=expand("results/{scene}/config.yaml", scene=experiment.scenes),
     output:
         csv=report(
             f"results/{regimes.name(experiment)}.csv",

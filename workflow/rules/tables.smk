@@ -2,7 +2,7 @@
 rule misalignment_table:
     input:
         lambda w: rows.files_of(rows.misalignment(experiment, w.scene)),
-        configs=ancient("results/{scene}/config.yaml"),
+        configs="results/{scene}/config.yaml",
         published=lambda w: rows.published(w.scene),
     output:
         csv=report(
@@ -31,7 +31,7 @@ rule misalignment_table:
 rule round_times:
     input:
         lambda w: rows.files_of(rows.times(experiment, w.scene)),
-        configs=ancient("results/{scene}/config.yaml"),
+        configs="results/{scene}/config.yaml",
     output:
         csv="results/{scene}/tables/round_times.csv",
         tex="results/{scene}/tables/round_times.tex",
@@ -55,7 +55,7 @@ rule round_times:
 rule controls_table:
     input:
         lambda w: rows.files_of(rows.scores(experiment, w.scene)),
-        configs=ancient("results/{scene}/config.yaml"),
+        configs="results/{scene}/config.yaml",
     output:
         csv=report(
             "results/{scene}/tables/controls.csv",
@@ -83,7 +83,7 @@ rule controls_table:
 rule ranking_table:
     input:
         lambda w: rows.files_of(rows.scores(experiment, w.scene)),
-        configs=ancient("results/{scene}/config.yaml"),
+        configs="results/{scene}/config.yaml",
     output:
         csv=report(
             "results/{scene}/tables/ranking.csv",

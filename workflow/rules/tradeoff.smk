@@ -74,7 +74,7 @@ use rule evaluate as evaluate_variant with:
 rule tradeoff:
     input:
         lambda w: rows.files_of(check.or_exit(sweep.rows, experiment)),
-        configs=ancient(lambda w: check.or_exit(sweep.configs, experiment)),
+        configs=lambda w: check.or_exit(sweep.configs, experiment),
     output:
         csv=report(
             "results/tradeoff.csv",
