@@ -60,7 +60,7 @@ def checked(values):
     """A scene's slice of the config with its defaults; ValueError names a fault."""
     schema.check(settings.Scene, values)
     config = schema.filled(settings.Scene, values)
-    config["poses"] = config["poses"] or settings.SOURCES[config["source"]].poses[0]
+    config["poses"] = settings.poses_of(config)
     config["seed"] = config["seed"] or 0
     check.check_scene(config)
     return config

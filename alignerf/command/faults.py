@@ -21,7 +21,7 @@ def or_exit(function, *arguments):
     try:
         return function(*arguments)
     except (ValueError, OSError) as error:
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+        say(error)
         sys.exit(1)
 
 
@@ -37,12 +37,17 @@ def exit_code(main, *arguments, **options) -> int:
     try:
         main(*arguments, **options)
     except (ValueError, OSError) as error:
-        if os.environ.get("ALIGNERF_DEBUG"):
-            raise
-        message = " ".join(str(error).split()) or type(error).__name__
-        print(f"error: {message}", file=sys.stderr)
+        say(error)
         return 1
     return 0
+
+
+def say(error):
+    """Print a fault in one line; for developers, who ask for it, raise it again."""
+    if os.environ.get("ALIGNERF_DEBUG"):
+        raise error
+    message = " ".join(str(error).split()) or type(error).__name__
+    print(f"error: {message}", file=sys.stderr)
 
 
 def some_names(names, *, at_most=3):

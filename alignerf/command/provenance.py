@@ -41,10 +41,14 @@ def describe(rows, configs, *, seeds=(), devices=()):
     """
     rows = [row | {"trainings": list(map(training, row["trainings"]))} for row in rows]
     found = {one["device"] for row in rows for one in row["trainings"]}
+    contents = {str(path): config_of(path) for path in configs}
+    of_configs = [
+        s for path, config in contents.items() for s in seeds_of(path, config)
+    ]
     return facts() | {
         "device": sorted({*devices, *found} - {None}),
-        "seeds": sorted({*seeds, *(s for path in configs for s in seeds_of(path))}),
-        "configs": {str(path): config_of(path) for path in configs},
+        "seeds": sorted({*seeds, *of_configs}),
+        "configs": contents,
         "rows": rows,
     }
 
@@ -120,17 +124,15 @@ def training(path):
 def config_of(path):
     """A scene's complete config: its file may be another experiment's later."""
     try:
-        config = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except (ValueError, yaml.YAMLError) as error:
         message = " ".join(str(error).split())
         raise ValueError(f"{path}: not a scene's config: {message}") from None
-    return config
 
 
-def seeds_of(path):
-    """Seeds of a complete config's scenes."""
+def seeds_of(path, config):
+    """Seeds of the scenes of a complete config, which was read from the path."""
     try:
-        scenes = config_of(path)["scenes"].values()
-        return [int(scene["seed"]) for scene in scenes]
+        return [int(scene["seed"]) for scene in config["scenes"].values()]
     except (AttributeError, KeyError, OverflowError, TypeError) as error:
         raise ValueError(f"{path}: not a scene's config: {error}") from None

@@ -62,15 +62,15 @@ def fault(where, what):
 
 def completed(config):
     """Fills the defaults that depend on other keys, and writes out paths."""
-    config["lpips"] = {net: p for net, p in (config["lpips"] or {}).items() if p}
-    config["lpips"] = {net: home(path) for net, path in config["lpips"].items()}
+    given = (config["lpips"] or {}).items()
+    config["lpips"] = {net: home(path) for net, path in given if path}
     config["frequency_weights"] = home(config["frequency_weights"])
     config["flow"]["folder"] = home(config["flow"]["folder"])
     training = config["training"]
     training |= settings.warmup(training)
     for scene in config["scenes"].values():
         scene["path"] = home(scene["path"])
-        scene["poses"] = scene["poses"] or settings.SOURCES[scene["source"]].poses[0]
+        scene["poses"] = settings.poses_of(scene)
         if scene["seed"] is None:
             scene["seed"] = config["seed"]
         scene["steps"] = scene["steps"] or training["steps"]

@@ -1,6 +1,7 @@
 """The JSON schema of the settings' classes, and the one validator that reads it."""
 
 import dataclasses
+import functools
 import math
 import types
 import typing
@@ -107,18 +108,21 @@ def of_field(field, hint):
 
 def is_default_of_its_class(field):
     """Whether a key's default is that of the class it refers to, said there."""
-    if field.default_factory is dataclasses.MISSING:
-        return False
-    found = field.default_factory()
+    found = raw_default(field)
     return dataclasses.is_dataclass(found) and found == type(found)()
 
 
 def default_of(field):
     """A field's default as it stands in a config."""
-    if field.default is not dataclasses.MISSING:
-        return field.default
-    found = field.default_factory()
+    found = raw_default(field)
     return as_config(found) if dataclasses.is_dataclass(found) else found
+
+
+def raw_default(field):
+    """A field's default as its class has it."""
+    if field.default_factory is dataclasses.MISSING:
+        return field.default
+    return field.default_factory()
 
 
 def as_config(instance):
@@ -135,10 +139,8 @@ def as_config(instance):
 
 def of_type(hint, bounds):
     """Schema of a type: plain, list, mapping, class, or one of several."""
-    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else ()
-    options = options or (typing.get_args(hint) if is_union(hint) else ())
-    if options:
-        return of_union(options, bounds)
+    if typing.get_origin(hint) in (types.UnionType, typing.Union):
+        return of_union(typing.get_args(hint), bounds)
     if typing.get_origin(hint) is Literal:
         return {"enum": list(typing.get_args(hint))}
     if typing.get_origin(hint) is list:
@@ -150,10 +152,6 @@ def of_type(hint, bounds):
     limits = {BOUNDS[key]: bounds[key] for key in BOUNDS if key in bounds}
     pattern = {"pattern": bounds["pattern"]} if "pattern" in bounds else {}
     return {"type": TYPES[hint], **limits, **pattern}
-
-
-def is_union(hint):
-    return typing.get_origin(hint) is typing.Union
 
 
 def of_list(item, bounds):
@@ -236,14 +234,19 @@ Validator = jsonschema.validators.extend(
 )
 
 
+@functools.cache
+def validator_of(kind):
+    return Validator(root(kind))
+
+
 def check(kind, values, *place):
     """ValueError for the first key of `values` that the class does not take.
 
     place: the keys above `values`.
     """
     check_finite(values, place)
-    validator = Validator(root(kind))
-    errors = sorted(validator.iter_errors(values), key=lambda e: list(map(str, e.path)))
+    errors = validator_of(kind).iter_errors(values)
+    errors = sorted(errors, key=lambda e: list(map(str, e.path)))
     if errors:
         error = jsonschema.exceptions.best_match(errors)
         raise ValueError(message(error, place))
@@ -288,15 +291,13 @@ def filled(kind, values, base=None):
     hints = typing.get_type_hints(kind)
     found = {}
     for field in dataclasses.fields(kind):
-        key, default = name_of(field), None
+        default = None
         if base is not None:
             default = getattr(base, field.name)
         elif not is_required(field):
-            default = default_of(field)
-            if field.default is dataclasses.MISSING:
-                default = field.default_factory()
-        value = values.get(key, default)
-        found[key] = filled_value(hints[field.name], value, default)
+            default = raw_default(field)
+        value = values.get(name_of(field), default)
+        found[name_of(field)] = filled_value(hints[field.name], value, default)
     return found
 
 
@@ -315,12 +316,8 @@ def filled_value(hint, value, default):
         return {name: filled(kind, entry) for name, entry in value.items()}
     kinds = [k for k in typing.get_args(hint) or (hint,) if k is not type(None)]
     if len(kinds) > 1 and "kind" in value:
-        kinds = [
-            k for k in kinds if k.__dataclass_fields__["kind"].default == value["kind"]
-        ]
-        default = None
+        kinds, default = [kinds_by_name(kinds)[value["kind"]]], None
     elif len(kinds) > 1:
         kinds = [type(default)]
-    return filled(
-        kinds[0], value, default if dataclasses.is_dataclass(default) else None
-    )
+    base = default if dataclasses.is_dataclass(default) else None
+    return filled(kinds[0], value, base)

@@ -44,6 +44,13 @@ SOURCES = {
     "transforms": Source(("given",)),
     "llff": Source(("given",)),
 }
+
+
+def poses_of(scene):
+    """The way in which a scene, as a mapping, has poses: its own or its source's."""
+    return scene["poses"] or SOURCES[scene["source"]].poses[0]
+
+
 CAMERA_MODELS = Literal[
     "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"
 ]

@@ -10,12 +10,12 @@ import os
 import sys
 from pathlib import Path
 
-from alignerf.command import provenance
+from alignerf.command import machine, provenance
 
 ROOT, LOCK = provenance.ROOT, provenance.LOCK
 # Threads of a job that shares the machine with no other: Snakemake lowers them to its
 # `--cores`, which it need not be given for a plan or a report.
-WHOLE_MACHINE = os.cpu_count() or 1
+WHOLE_MACHINE = machine.cores()
 
 
 @functools.cache
