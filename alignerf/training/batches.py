@@ -12,6 +12,11 @@ import numpy as np
 from alignerf.scenes import cameras
 
 
+# Rounds of the Feistel network, two additions each: after two, pixels of a step are
+# spread evenly; one more is cheap.
+SHUFFLES = 3
+
+
 class Views(NamedTuple):
     """Training views in memory."""
 
@@ -54,14 +59,16 @@ def is_valid(views: Views, view, y, x):
     return (bits & 1).astype(jnp.float32)
 
 
-def draw_rays(key, views: Views, count, rounds) -> RayBatch:
-    """Pixels drawn uniformly from all views."""
+def draw_rays(key, step, views: Views, count, rounds) -> RayBatch:
+    """The pixels of a step, from all views: no pixel comes twice before all have come.
+
+    `key` is the training's; with `step`, from 0, it decides all that is drawn.
+    """
     n, h, w, _ = views.photos.shape
-    key_view, key_y, key_x, key_jitter = jax.random.split(key, 4)
-    view = jax.random.randint(key_view, (count,), 0, n)
-    y = jax.random.randint(key_y, (count,), 0, h)
-    x = jax.random.randint(key_x, (count,), 0, w)
+    row, x = shuffled_pixels(key, step, n * h, w, count)
+    view, y = row // h, row % h
     weight = is_valid(views, view, y, x)
+    key_jitter = jax.random.fold_in(key, step)
     return RayBatch(
         view=view,
         rays=cameras.pixels_to_rays(
@@ -73,10 +80,40 @@ def draw_rays(key, views: Views, count, rounds) -> RayBatch:
     )
 
 
-def draw_patches(key, views: Views, count, size, radius, rounds) -> PatchBatch:
+def shuffled_pixels(key, step, rows, columns, count):
+    """(row [count], column [count]) of step's share of all pixels in a random order.
+
+    Every pass over the pixels has an order of its own; the pixels left at its end,
+    fewer than `count`, are skipped. Nothing is stored: place i of the order is found
+    by a Feistel network on (row, column), which is a bijection whatever it adds.
+    """
+    # Places are 32-bit numbers: of more pixels than that, each pass sees a part.
+    steps_a_pass = max(1, min(rows * columns, 2**31) // count)
+    words = jax.random.bits(
+        jax.random.fold_in(key, step // steps_a_pass), (SHUFFLES, 2), jnp.uint32
+    )
+    place = (step % steps_a_pass) * count + jnp.arange(count)
+    place = place.astype(jnp.uint32)
+    row, column = place // columns % rows, place % columns
+    for of_row, of_column in words:
+        row = (row + scrambled(column ^ of_row) % rows) % rows
+        column = (column + scrambled(row ^ of_column) % columns) % columns
+    return row.astype(jnp.int32), column.astype(jnp.int32)
+
+
+def scrambled(x):
+    """A hash of 32-bit numbers (the finaliser of MurmurHash3)."""
+    for shift, factor in ((16, 0x85EBCA6B), (13, 0xC2B2AE35)):
+        x = (x ^ (x >> shift)) * jnp.uint32(factor)
+    return x ^ (x >> 16)
+
+
+def draw_patches(key, step, views: Views, count, size, radius, rounds) -> PatchBatch:
     """Patches drawn uniformly from all views, size p, with q = p + 2 radius."""
     n, h, w, _ = views.photos.shape
-    key_view, key_y, key_x, key_jitter = jax.random.split(key, 4)
+    key_view, key_y, key_x, key_jitter = jax.random.split(
+        jax.random.fold_in(key, step), 4
+    )
     view = jax.random.randint(key_view, (count,), 0, n)
     top = jax.random.randint(key_y, (count,), 0, h - size + 1)
     left = jax.random.randint(key_x, (count,), 0, w - size + 1)

@@ -34,7 +34,7 @@ class Method(NamedTuple):
 
     units: int
     init: Callable  # key -> params
-    draw: Callable  # (key, views) -> batch
+    draw: Callable  # (key of the training, step, views) -> batch
     terms: Callable  # (params, batch, share) -> ({term: mean}, {number: mean})
     render: Callable  # (params, rays [n]) -> model.Rendering
     colours: Callable  # (params, values [h + 2 halo, w + 2 halo, c]) -> RGB [h, w, 3]
@@ -79,8 +79,8 @@ def mipnerf360(model, *, batch_rays, loss_weights, annealed=True) -> Method:
     return Method(
         units=batch_rays,
         init=lambda key: {"model": model.init(key, _some_rays())["params"]},
-        draw=lambda key, views: batches.draw_rays(
-            key, views, batch_rays, len(model.samples)
+        draw=lambda key, step, views: batches.draw_rays(
+            key, step, views, batch_rays, len(model.samples)
         ),
         terms=terms,
         render=lambda params, rays: model.apply({"params": params["model"]}, rays),
@@ -187,8 +187,8 @@ def alignerf(
     return Method(
         units=patches,
         init=init,
-        draw=lambda key, views: batches.draw_patches(
-            key, views, patches, patch_px, loss.radius_px, len(model.samples)
+        draw=lambda key, step, views: batches.draw_patches(
+            key, step, views, patches, patch_px, loss.radius_px, len(model.samples)
         ),
         terms=terms,
         render=lambda params, rays: model.apply({"params": params["model"]}, rays),

@@ -79,12 +79,11 @@ def networks(params):
 def draw(method, views, step, *, steps, seed):
     """What a step learns from: (batch, share of the training that has passed).
 
-    All is folded from the seed and the step's number, so that a resumed run draws
-    what an uninterrupted one would have drawn.
+    All follows from the seed and the step's number, so that a resumed run draws what
+    an uninterrupted one would have drawn.
     """
-    key = jax.random.fold_in(jax.random.key(seed), step)
     share = jnp.clip(step / max(steps - 1, 1), 0.0, 1.0)
-    return method.draw(key, views), share
+    return method.draw(jax.random.key(seed), step, views), share
 
 
 def make_step(method, optimizer, *, steps, gradient_norm, seed, parts=1, mesh=None):

@@ -84,7 +84,7 @@ SCENES = {
 @pytest.mark.parametrize("photos", SCENES.values(), ids=SCENES.keys())
 def test_loss_and_gradient(learner, photos):
     method, params, gradient = learner
-    batch = jax.jit(method.draw)(jax.random.key(0), scene(photos))
+    batch = jax.jit(method.draw)(jax.random.key(0), 0, scene(photos))
     np.testing.assert_allclose(batch.photo, photos.max() / 255, rtol=1e-6)
     length = jnp.linalg.norm(batch.rays.viewdirs, axis=-1)
     np.testing.assert_allclose(length, 1.0, rtol=1e-6)
@@ -137,7 +137,9 @@ def test_bfloat16_is_that_of_the_layers_products(kind):
     of bfloat16 are two radians at degree 8 and twenty at degree 11.
     """
     method = baseline(kind, "bfloat16")
-    batch = jax.eval_shape(method.draw, jax.random.key(0), scene(SCENES["white views"]))
+    batch = jax.eval_shape(
+        method.draw, jax.random.key(0), 0, scene(SCENES["white views"])
+    )
     params = jax.eval_shape(method.init, jax.random.key(1))
     gradient = jax.value_and_grad(functools.partial(loss, method=method))
     program = jax.make_jaxpr(gradient)(params, batch, 1.0)

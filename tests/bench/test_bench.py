@@ -167,7 +167,7 @@ def test_flops_of_a_training_step_are_those_the_compiler_counts():
         return jax.grad(loss)(params)
 
     views = ours.as_views(cases.orbit(2, 8, 8))
-    batch = jax.eval_shape(method.draw, jax.random.key(0), views)
+    batch = jax.eval_shape(method.draw, jax.random.key(0), 0, views)
     counted = jax.jit(gradient).lower(params, batch).cost_analysis()["flops"]
     products = 32 * speed.training_flops(params, model["samples"])
     assert 0.9 * counted < products < counted

@@ -21,7 +21,7 @@ def test_micro_batches_give_the_gradient_of_the_batch(kind):
     make = {"mipnerf360": cases.baseline, "alignerf": cases.alignerf}[kind]
     method = make(**({"patches": 4} if kind == "alignerf" else {}))
     params = jax.jit(method.init)(jax.random.key(0))
-    batch = jax.jit(method.draw)(jax.random.key(1), cases.make_views())
+    batch = jax.jit(method.draw)(jax.random.key(1), 0, cases.make_views())
     if kind == "mipnerf360":
         weight = batch.weight.at[:24].set(0.0)
         batch = batch._replace(weight=weight / jnp.mean(weight))

@@ -29,7 +29,7 @@ def pixel_of(rays, width=cases.WIDTH, height=cases.HEIGHT):
 
 
 def test_drawn_rays_show_their_pixels(views):
-    batch = batches.draw_rays(jax.random.key(0), views, 500, 2)
+    batch = batches.draw_rays(jax.random.key(0), 3, views, 500, 2)
     x, y = pixel_of(batch.rays)
     photo = np.asarray(views.photos)[batch.view, y, x] / 255.0
     np.testing.assert_allclose(photo, batch.photo, atol=1e-6)
@@ -42,7 +42,7 @@ def test_drawn_rays_show_their_pixels(views):
 
 
 def test_drawn_patches_show_their_pixels_and_nothing_beyond_the_border(views):
-    batch = batches.draw_patches(jax.random.key(1), views, 40, 12, 5, 2)
+    batch = batches.draw_patches(jax.random.key(1), 0, views, 40, 12, 5, 2)
     x, y = (v.reshape(40, 12, 12) for v in pixel_of(batch.rays))
     photos = np.asarray(views.photos)[batch.view[:, None, None], y, x] / 255.0
     np.testing.assert_allclose(photos, batch.photo[:, 5:-5, 5:-5], atol=1e-6)
@@ -80,9 +80,9 @@ def test_pixels_beyond_two_thousand_million_are_found():
         pixtocams=jnp.tile(camera.pixtocams, (n, 1, 1)),
         camtoworlds=jnp.tile(camera.camtoworlds, (n, 1, 1)),
     )
-    draw = jax.jit(lambda key, views: batches.draw_rays(key, views, 3000, 2))
+    draw = jax.jit(lambda key, views: batches.draw_rays(key, 0, views, 3000, 2))
     rays = draw(jax.random.key(0), views)
-    draw = jax.jit(lambda key, views: batches.draw_patches(key, views, 600, 4, 1, 2))
+    draw = jax.jit(lambda key, views: batches.draw_patches(key, 0, views, 600, 4, 1, 2))
     patches = draw(jax.random.key(1), views)
     assert np.all(np.asarray(rays.weight) == 1.0)
     for batch, inner in ((rays, rays.photo), (patches, patches.photo[:, 1:-1, 1:-1])):
@@ -132,7 +132,7 @@ def test_annealing_is_for_a_start_from_scratch(views):
             annealed=annealed,
         )
         params = jax.jit(method.init)(jax.random.key(1))
-        batch = jax.jit(method.draw)(jax.random.key(2), views)
+        batch = jax.jit(method.draw)(jax.random.key(2), 0, views)
         terms_at = jax.jit(method.terms)
         for share in (0.0, 1.0):
             terms, _ = terms_at(params, batch, share)
@@ -161,7 +161,7 @@ def test_aligned_and_frequency_loss_keep_the_printed_ratio(views):
     """Eq. 4 sums over the patch, Eq. 5 averages; one divisor for both."""
     method = cases.alignerf(loss=cases.make_loss(radius_px=0, align_penalty=0.0))
     params = jax.jit(method.init)(jax.random.key(0))
-    batch = jax.jit(method.draw)(jax.random.key(4), views._replace(valid=None))
+    batch = jax.jit(method.draw)(jax.random.key(4), 0, views._replace(valid=None))
     terms, _ = jax.jit(method.terms)(params, batch, 1.0)
     photo = batch.photo
     rays, jitter = jax.tree.map(
@@ -202,7 +202,7 @@ def test_without_its_parts_the_method_is_the_baseline_on_patches(views):
     )
     params = jax.jit(method.init)(jax.random.key(0))
     assert params.keys() == {"model"}
-    batch = jax.jit(method.draw)(jax.random.key(4), views._replace(valid=None))
+    batch = jax.jit(method.draw)(jax.random.key(4), 0, views._replace(valid=None))
     terms, shown = jax.jit(method.terms)(params, batch, 1.0)
     assert terms.keys() == {"data", "interlevel", "distortion"}
     wanted = charbonnier_at_rest(method, batch, params)
@@ -219,7 +219,7 @@ def test_pixels_match_better_than_a_patch_and_both_than_none(views):
         )
         method = cases.alignerf(loss=loss)
         params = jax.jit(method.init)(jax.random.key(0))
-        batch = jax.jit(method.draw)(jax.random.key(4), views._replace(valid=None))
+        batch = jax.jit(method.draw)(jax.random.key(4), 0, views._replace(valid=None))
         # Each radius draws as much photo around the patches as it needs.
         terms, shown = jax.jit(method.terms)(params, batch, 1.0)
         grads = jax.jit(
