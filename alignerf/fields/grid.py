@@ -41,31 +41,46 @@ class Levels(NamedTuple):
         return np.concatenate([[0], np.cumsum(self.entries)])[:-1]
 
 
-def corners_of(points, levels: Levels):
-    """For each of 8 corners: (rows [levels, n] of the table, weights [levels, n]).
+# Of a cell: which end along x, y and z.
+CORNERS = np.array(list(itertools.product((0, 1), repeat=3)), np.int32)
 
-    points [3, n] in [0, 1]. One pair of arrays a corner, in 32-bit signed
-    integers: with an [n, 8] index array, or unsigned ones, XLA's CPU code does
-    not vectorise and takes ten times as long.
+
+def cells_of(points, levels: Levels):
+    """Both ends of each point's cell, along each axis: (parts of a row, weights).
+
+    points [3, n] in [0, 1]; both as 3 arrays [2, levels, n]. Rows are 32-bit signed
+    integers: with an [n, 8] index array, or unsigned ones, XLA's CPU code does not
+    vectorise and takes ten times as long.
     """
     resolution = np.array(levels.resolutions, np.float32)[:, None]
-    entries = np.array(levels.entries, np.int32)[:, None]
-    side = np.array(levels.resolutions, np.int64)[:, None] + 1
-    dense = side**3 <= entries
-    offsets = levels.offsets.astype(np.int32)[:, None]
-    shares, ends = [], []
+    dense, side, _ = layout(levels)
+    parts, weights = [], []
     for axis, value in enumerate(points):
         stride = np.where(dense, side**axis, PRIMES[axis])
         stride = stride.astype(np.uint32).view(np.int32)
         scaled = value[None] * resolution
         cell = jnp.clip(scaled.astype(jnp.int32), 0, resolution.astype(np.int32) - 1)
         share = scaled - cell.astype(jnp.float32)
-        shares.append((1.0 - share, share))
-        ends.append((cell * stride, cell * stride + stride))
-    for i, j, k in itertools.product((0, 1), repeat=3):
-        x, y, z = ends[0][i], ends[1][j], ends[2][k]
-        row = jnp.where(dense, x + y + z, (x ^ y ^ z) & (entries - 1)) + offsets
-        yield row, shares[0][i] * shares[1][j] * shares[2][k]
+        parts.append(jnp.stack((cell * stride, cell * stride + stride)))
+        weights.append(jnp.stack((1.0 - share, share)))
+    return parts, weights
+
+
+def layout(levels: Levels):
+    """Of each level [levels, 1]: whether it is dense, corners a side, entries."""
+    entries = np.array(levels.entries, np.int32)[:, None]
+    side = np.array(levels.resolutions, np.int64)[:, None] + 1
+    return side**3 <= entries, side, entries
+
+
+def corner_of(cells, ends, levels: Levels):
+    """(rows of the table, weights), both [levels, n], of one corner of each cell."""
+    parts, weights = cells
+    x, y, z = (part[end] for part, end in zip(parts, ends, strict=True))
+    a, b, c = (weight[end] for weight, end in zip(weights, ends, strict=True))
+    dense, _, entries = layout(levels)
+    row = jnp.where(dense, x + y + z, (x ^ y ^ z) & (entries - 1))
+    return row + levels.offsets.astype(np.int32)[:, None], a * b * c
 
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(2,))
@@ -75,8 +90,9 @@ def look_up(table, points, levels: Levels):
     Differentiable in the table alone: positions along a ray carry no gradient
     (the sampling is not differentiated).
     """
-    found = 0.0
-    for row, weight in corners_of(points, levels):
+    cells, found = cells_of(points, levels), 0.0
+    for ends in CORNERS:
+        row, weight = corner_of(cells, ends, levels)
         found = found + weight[..., None] * table.at[row].get(mode="promise_in_bounds")
     return found
 
@@ -88,16 +104,17 @@ def _look_up_forward(table, points, levels):
 def _look_up_backward(levels, residuals, found_grad):
     # One buffer takes every corner's updates in place. Autodiff would write a zero
     # table for each corner and their sum; an unrolled loop would compute the rows
-    # inside the scatter, one by one: both are four times slower on a CPU.
+    # inside the scatter, one by one: both are four times slower on a CPU. All corners'
+    # rows made before the loop leave its caches: a third slower.
     points, shape = residuals
-    rows, weights = map(jnp.stack, zip(*corners_of(points, levels), strict=True))
+    cells = cells_of(points, levels)
 
-    def add(grad, corner):
-        row, weight = corner
+    def add(grad, ends):
+        row, weight = corner_of(cells, ends, levels)
         update = (weight[..., None] * found_grad).reshape(-1, shape[1])
         return grad.at[row.reshape(-1)].add(update, mode="promise_in_bounds"), None
 
-    grad, _ = jax.lax.scan(add, jnp.zeros(shape, found_grad.dtype), (rows, weights))
+    grad, _ = jax.lax.scan(add, jnp.zeros(shape, found_grad.dtype), CORNERS)
     return grad, None
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from alignerf.scenes import cameras
 
-
 # Rounds of the Feistel network, two additions each: after two, pixels of a step are
 # spread evenly; one more is cheap.
 SHUFFLES = 3

@@ -25,7 +25,7 @@ def passes(rows, columns, count, steps, seed=0):
 
 
 @pytest.mark.parametrize(
-    "rows,columns,count", [(6300, 200, 512), (3, 1, 1), (1, 7, 7), (36, 40, 97)]
+    ("rows", "columns", "count"), [(6300, 200, 512), (3, 1, 1), (1, 7, 7), (36, 40, 97)]
 )
 def test_every_pixel_is_drawn_once_before_any_is_drawn_twice(rows, columns, count):
     steps = rows * columns // count
