@@ -16,13 +16,29 @@ Scalar = float | Float[Array, ""]
 EPS = jnp.finfo(jnp.float32).eps
 
 
+# Edges up to which comparing with each in turn beats bisection, and its compile time.
+FEW_EDGES = 160
+
+
 def count_below(
     t: Float[Array, "*batch edges"], x: Float[Array, "*batch n"], *, or_equal=False
 ) -> Int[Array, "*batch n"]:
     """How many t, non-decreasing, are below each x (or equal to it).
 
-    By bisection: comparing all pairs takes ten times as long at 65 edges.
+    One edge after the other against all x: four times as fast as bisection at 33 to 65
+    edges on a CPU, since nothing is gathered.
     """
+    if t.shape[-1] > FEW_EDGES:
+        return bisect(t, x, or_equal=or_equal)
+    below = jnp.less_equal if or_equal else jnp.less
+    count = jnp.zeros(jnp.broadcast_shapes(t[..., :1].shape, x.shape), jnp.int32)
+    for edge in range(t.shape[-1]):
+        count = count + below(t[..., edge, None], x).astype(jnp.int32)
+    return count
+
+
+def bisect(t, x, *, or_equal):
+    """The same by bisection, for many edges."""
     search = functools.partial(
         jnp.searchsorted,
         side="right" if or_equal else "left",
