@@ -18,13 +18,13 @@ def losses(method, views, *, parts, devices):
     mesh = gradients.make_mesh(method.units, devices)
     state, step = cases.start(method, parts=parts, mesh=mesh)
     state, views = program.place((state, views), mesh)
-    compiled = step.lower(state, views).compile()
+    compiled = step.func.lower(state, views, **step.keywords).compile()
     collectives = re.findall(
         r" (all-\w+|collective-\w+|reduce-scatter)\(", compiled.as_text()
     )
     found = []
     for _ in range(STEPS):
-        state, stats = compiled(state, views)
+        state, stats = compiled(state, views, **step.keywords)
         found.append(float(stats["loss"]))
     copies = [np.asarray(x.data) for x in jax.tree.leaves(state)[-1].addressable_shards]
     assert all(np.array_equal(copies[0], copy) for copy in copies)

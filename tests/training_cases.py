@@ -1,5 +1,7 @@
 """What the tests of training share: tiny methods, and views that need no files."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -70,11 +72,13 @@ def make_views(count=3, height=HEIGHT, width=WIDTH, valid_share=0.7):
 
 
 def start(method, steps=50, **options):
-    """(fresh state, step) of a method."""
+    """(fresh state, step of the state and the views) of a method."""
     optimizer = train_step.make_optimizer(
         learning_rates=(1e-2, 1e-3), steps=steps, warmup_steps=5, eps=1e-15
     )
     params = jax.jit(method.init)(jax.random.key(0))
     state = train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))
     options = {"gradient_norm": None, "seed": 0} | options
-    return state, train_step.make_step(method, optimizer, steps=steps, **options)
+    step = train_step.make_step(method, lambda schedule: optimizer, **options)
+    schedule = train_step.Schedule(jnp.int32(steps), jnp.int32(5))
+    return state, functools.partial(step, schedule=schedule)

@@ -67,13 +67,14 @@ def completed(config):
     config["frequency_weights"] = home(config["frequency_weights"])
     config["flow"]["folder"] = home(config["flow"]["folder"])
     training = config["training"]
-    training |= settings.warmup(training)
+    training |= settings.length(training)
     for scene in config["scenes"].values():
         scene["path"] = home(scene["path"])
         scene["poses"] = settings.poses_of(scene)
         if scene["seed"] is None:
             scene["seed"] = config["seed"]
-        scene["steps"] = scene["steps"] or training["steps"]
+        if not (scene["steps"] or scene["budget_min"]):
+            scene |= settings.length(training)
     for method in config["methods"].values():
         method["model"] = method["model"] or first(config["models"])
     scratch = [n for n, m in config["methods"].items() if not is_derived(m)]
@@ -119,6 +120,13 @@ def is_derived(method):
 
 def check_given(config):
     """What only the config as it was written can tell: keys that act on nothing."""
+    settings.check_length(config.get("training", {}), "training")
+    settings.check_length(config.get("training", {}), "training")
+    for name, scene in config["scenes"].items():
+        settings.check_length(scene, f"scenes.{name}")
+    variants = (config.get("tradeoff") or {}).get("variants", {})
+    for name, variant in variants.items():
+        settings.check_length(variant, f"tradeoff.variants.{name}")
     for name, method in (config.get("methods") or {}).items():
         # Its default stands in every complete config.
         default = settings.Method().most_rounds

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import types
 import typing
 from pathlib import Path
@@ -10,6 +11,8 @@ from typing import Literal
 from alignerf.experiment import schema, settings
 
 STAGES = ("full", "warm", "pretrain", "finetune")
+# Of a stage with a budget, however small that is; of a whole training, however large.
+LEAST_STEPS, MOST_STEPS = 10, 10**8
 
 
 def from_zero(name):
@@ -56,15 +59,25 @@ class Job:
     alignerf: Finetuning | None = settings.key()
 
     @property
-    def steps(self):
-        """Steps of this stage."""
-        share = {
+    def share(self):
+        """Of the training's length that this stage has."""
+        return {
             "full": 1.0,
             "warm": 1.0,
             "pretrain": self.alignerf and self.alignerf.pretrain_share,
             "finetune": self.alignerf and self.alignerf.finetune_share,
         }[self.stage]
-        return max(1, round(share * self.training.steps))
+
+    @property
+    def budget_min(self):
+        """Minutes of this stage; None where steps are given."""
+        whole = self.training.budget_min
+        return None if whole is None else self.share * whole
+
+    @property
+    def steps(self):
+        """Steps of this stage; with a budget they are known `with_steps`."""
+        return max(1, round(self.share * self.training.steps))
 
     @property
     def schedule_steps(self):
@@ -106,7 +119,9 @@ def read(text):
 def parse(values) -> Job:
     """The job of a training or rendering, checked as a whole; defaults are filled."""
     schema.check(Job, values)
+    settings.check_length(values["training"], "training")
     values = schema.filled(Job, values)
+    values["training"] |= settings.length(values["training"])
     values["training"] |= settings.warmup(values["training"])
     job = instance(Job, values)
     if job.stage in ("pretrain", "finetune") and job.alignerf is None:
@@ -156,6 +171,21 @@ def typed(hint, value):
 def in_stage(job: Job, stage) -> Job:
     """The same job in another stage."""
     return dataclasses.replace(job, stage=stage)
+
+
+def steps_in(job: Job, step_time_s) -> int:
+    """Steps that the whole training's budget holds, at this stage's seconds a step."""
+    fitting = round(60 * job.training.budget_min / step_time_s)
+    least = math.ceil(LEAST_STEPS / job.share)
+    return min(max(fitting, least), MOST_STEPS)
+
+
+def with_steps(job: Job, steps) -> Job:
+    """The job of a budget as one whose whole training has this many steps."""
+    training = dataclasses.asdict(job.training) | {"steps": steps}
+    warmup_steps = min(settings.warmup(training)["warmup_steps"], steps)
+    found = {"steps": steps, "warmup_steps": warmup_steps}
+    return dataclasses.replace(job, training=dataclasses.replace(job.training, **found))
 
 
 # What a job refers to besides the settings.

@@ -27,7 +27,8 @@ class Regime(NamedTuple):
     perturb_px: int | float
     # None where the truth is not known.
     motion_m: int | float | None
-    steps: int
+    # Of the baseline; None where it has minutes.
+    steps: int | None
     # CSV of the warped test set's flow.
     displacement: str
     methods: list[Method]

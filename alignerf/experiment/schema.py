@@ -77,6 +77,9 @@ def of_variant():
         found |= {name: dict(properties[name]) for name in names}
     for entry in found.values():
         entry.pop("default")
+    for name in ("steps", "budget_min"):
+        # A change to null says nothing.
+        found[name]["type"], _ = found[name]["type"]
     scene = of_class(settings.Scene)["properties"]
     found["seed"] = {key: scene["seed"][key] for key in ("minimum", "maximum")}
     found["seed"] |= {"type": "integer", "description": "of its training"}

@@ -30,6 +30,10 @@ def learning_rates(first, last):
     return key([first, last], what, above=0, most=10, length=(2, 2))
 
 
+def budget(what):
+    return key(None, what, above=0, most=14400)
+
+
 class Source(typing.NamedTuple):
     """Where images and cameras come from; `alignerf.scenes` reads them."""
 
@@ -119,6 +123,9 @@ class Scene:
         "of this scene's trainings; null takes the one under training",
         least=1,
         most=10**8,
+    )
+    budget_min: float | None = budget(
+        "of this scene's trainings instead of steps; null takes the one under training"
     )
     perturb_px: float = key(
         0.0,
@@ -283,7 +290,13 @@ class Method:
 class Training:
     """How the baseline is trained; the other stages start from it."""
 
-    steps: int = key(2000, "of the baseline", least=1, most=10**8)
+    steps: int | None = key(
+        2000, "of the baseline; null with a budget_min", least=1, most=10**8
+    )
+    budget_min: float | None = budget(
+        "minutes of the baseline's training, instead of steps: as many as the machine, "
+        "timed at the start, does in them; each stage takes its share of the minutes"
+    )
     batch_rays: int = key(1024, "rays a step", least=1, most=2**22)
     learning_rates: list[float] = learning_rates(0.01, 0.001)
     warmup_steps: int | None = key(
@@ -301,10 +314,29 @@ class Training:
 
 
 def warmup(training):
-    """The warm-up of a training, as a mapping, that may leave it to its steps."""
-    given = training["warmup_steps"]
-    tenth = round(0.1 * training["steps"])
-    return {"warmup_steps": tenth if given is None else given}
+    """The warm-up of a training, as a mapping, that may leave it to its steps.
+
+    Null as long as its steps are not known.
+    """
+    given, steps = training["warmup_steps"], training["steps"]
+    if given is None and steps is not None:
+        given = round(0.1 * steps)
+    return {"warmup_steps": given}
+
+
+def check_length(given, where):
+    """ValueError where a mapping as it was written has steps and a budget."""
+    if given.get("steps") is not None and given.get("budget_min") is not None:
+        raise ValueError(f"config: {where}.budget_min: not beside steps, choose one")
+
+
+def length(training):
+    """What decides how long a training is, of a mapping with defaults: one is null."""
+    steps, budget_min = training["steps"], training["budget_min"]
+    if steps is None and budget_min is None:
+        raise ValueError("config: training.steps: null is only for a budget_min")
+    steps = steps if budget_min is None else None
+    return {"steps": steps, "budget_min": budget_min}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -364,7 +396,7 @@ class Lpips:
 VARIES = {
     Model: ("samples", "proposal", "field"),
     Training: (
-        *("steps", "batch_rays", "learning_rates", "warmup_steps"),
+        *("steps", "budget_min", "batch_rays", "learning_rates", "warmup_steps"),
         *("adam_eps", "gradient_norm"),
     ),
 }

@@ -35,7 +35,7 @@ def as_json(value):
 def of_scene(experiment, name):
     """What the poses of a scene depend on: not how long it is trained."""
     scene = experiment.scenes[name]
-    unused = {"steps"}
+    unused = {"steps", "budget_min"}
     if not settings.SOURCES[scene["source"]].has_truth:
         unused.add("courtyard")
     if scene["poses"] != "colmap":
@@ -65,8 +65,7 @@ def round_job(experiment, scene, method):
     if method not in experiment.warm():
         return found
     start, training = experiment.methods[method]["warm_start"], found["training"]
-    steps = max(1, round(start["share"] * training["steps"]))
-    training |= rescaled(training, steps)
+    training |= part_of(training, start["share"])
     training["learning_rates"] = start["learning_rates"]
     return found | {"stage": "warm"}
 
@@ -112,21 +111,34 @@ def frequency_weights_of(experiment, method):
 
 def training_of(config, scene):
     """The config's training, as long as the scene asks for."""
-    found = config["training"]
-    return found | rescaled(found, config["scenes"][scene]["steps"])
+    found, chosen = config["training"], config["scenes"][scene]
+    return found | retimed(found, chosen["steps"], chosen["budget_min"])
 
 
-def rescaled(training, steps):
-    """Steps, and the warm-up that keeps its share of them."""
-    share = training["warmup_steps"] / training["steps"]
-    return {"steps": steps, "warmup_steps": round(share * steps)}
+def retimed(training, steps, budget_min=None):
+    """Another length; a given warm-up keeps its share of the steps, where known."""
+    warmup_steps = training["warmup_steps"]
+    if warmup_steps and steps and training["steps"]:
+        warmup_steps = round(warmup_steps / training["steps"] * steps)
+    return {"steps": steps, "budget_min": budget_min, "warmup_steps": warmup_steps}
+
+
+def part_of(training, share):
+    """A share of the length, and of a given warm-up."""
+    if training["budget_min"] is None:
+        return retimed(training, max(1, round(share * training["steps"])))
+    warmup_steps = training["warmup_steps"]
+    return {
+        "budget_min": share * training["budget_min"],
+        "warmup_steps": warmup_steps and round(share * warmup_steps),
+    }
 
 
 def variant_of(config, name):
     """A point of the sweep: seed, downscale, model and training.
 
     `base` or a variant. A field of a kind is whole, one without changes keys of the
-    base's field; the warm-up keeps its share of the steps where it is not given.
+    base's field; the base's warm-up keeps its share of the steps.
     """
     sweep = config["tradeoff"]
     change = {} if name == "base" else dict(sweep["variants"][name])
@@ -135,8 +147,9 @@ def variant_of(config, name):
     for key in ("proposal", "field"):
         if key in change and "kind" not in change[key]:
             change[key] = model[key] | change[key]
-    if "steps" in change:
-        change = rescaled(training, change["steps"]) | change
+    length = change.get("steps"), change.get("budget_min")
+    if any(length):
+        change = retimed(training, *length) | change
     found = {"seed": config["scenes"][sweep["scene"]]["seed"], "downscale": 1}
     found = {key: change.pop(key, value) for key, value in found.items()}
     of_training = {key: change.pop(key) for key in set(change) & set(training)}

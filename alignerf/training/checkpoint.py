@@ -4,6 +4,8 @@ A folder of checkpoints holds `state-<step>.msgpack` and `manifest.json`, which
 names the newest one with its SHA-256, the job's fingerprint, the time spent and the
 number of micro-batches.
 The manifest is replaced last, so a killed writer leaves the previous state.
+With a budget of minutes `budget.json` says how many steps they are; it is written
+before the first one.
 """
 
 import contextlib
@@ -89,6 +91,31 @@ def read_parts(folder) -> int | None:
     except (OSError, ValueError, KeyError, TypeError):
         return None
     return parts if isinstance(parts, int) and parts > 0 else None
+
+
+def save_budget(folder, *, identity, steps, steps_per_s):
+    """Write down how many steps a job's budget holds, and the speed that says so."""
+    found = {"identity": identity, "steps": steps, "steps_per_s": steps_per_s}
+    _write(pathlib.Path(folder) / "budget.json", json.dumps(found, indent=1).encode())
+
+
+def read_budget(folder, *, identity) -> dict | None:
+    """{steps, steps_per_s} of this very job's budget; None where none was written."""
+    path = pathlib.Path(folder) / "budget.json"
+    try:
+        found = json.loads(path.read_text())
+        if found.pop("identity") != identity:
+            log.info("%s: of another configuration, timing anew", path)
+            return None
+        steps, steps_per_s = int(found["steps"]), float(found["steps_per_s"])
+        if steps < 1:
+            raise ValueError
+    except FileNotFoundError:
+        return None
+    except (KeyError, TypeError, ValueError, AttributeError):
+        log.warning("%s: not readable, timing anew", path)
+        return None
+    return {"steps": steps, "steps_per_s": steps_per_s}
 
 
 def restore(folder, template, *, identity):

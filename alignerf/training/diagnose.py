@@ -17,7 +17,7 @@ from alignerf.training import step as train_step
 PARTS = 32
 VIEWS = 256
 
-draw = jax.jit(train_step.draw, static_argnames=("method", "steps", "seed"))
+draw = jax.jit(train_step.draw, static_argnames=("method", "seed"))
 
 
 def explain(method, state, views, names, *, steps, seed, parts=1) -> str:

@@ -1,5 +1,7 @@
 """The training loop: resume, step, look at the numbers, save.
 
+A budget of minutes becomes a number of steps before the first one, once and for all.
+
 Nothing here knows what a method is made of, or where its photos came from.
 """
 
@@ -13,13 +15,15 @@ import numpy as np
 
 from alignerf.command import progress, provenance
 from alignerf.experiment import jobs
-from alignerf.training import checkpoint, diagnose, memory, program
+from alignerf.training import checkpoint, diagnose, memory, program, speed
 
 log = logging.getLogger("alignerf")
 
 CHECKPOINT_EVERY_S = 60.0
 # Numbers are fetched from the device for this many steps at once.
 FETCH_EVERY = 10
+# A budget's steps are timed for a share of it, and not for longer than this.
+TIMING_SHARE, TIMING_S = 0.05, 5.0
 
 
 def fit(job, method, built, params, views, checkpoints, *, names, sources=""):
@@ -29,12 +33,12 @@ def fit(job, method, built, params, views, checkpoints, *, names, sources=""):
     other code, config or data is not resumed. Compilation is timed apart: a cache
     often saves it.
     """
-    facts = describe(job, params)
+    data = checkpoint.digest((params, views)), sources
+    job, built, facts = in_budget(job, method, built, params, views, checkpoints, data)
+    identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
+    facts |= describe(job, params)
     log.info(
         "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)
-    )
-    identity = checkpoint.fingerprint(
-        jobs.as_dict(job), checkpoint.digest((params, views)), sources
     )
     state = program.fresh_state(built.optimizer, params)
     state, spent_s, parts = resume(checkpoints, state, identity, job.steps)
@@ -55,13 +59,57 @@ def fit(job, method, built, params, views, checkpoints, *, names, sources=""):
         options = {"steps": job.schedule_steps, "seed": job.seed, "parts": built.parts}
         return diagnose.explain(method, state, views, names, **options)
 
-    state, numbers = run_steps(job, built.step, state, views, save, explain)
+    schedule = program.schedule_of(job, built.mesh)
+
+    def step(state, views):
+        return built.step(state, views, schedule)
+
+    state, numbers = run_steps(job, step, state, views, save, explain)
     return state.params, facts | {
         "train_time_s": time_s(),
         "compile_time_s": built.compile_time_s,
         "micro_batches": built.parts,
         "final": numbers,
     }
+
+
+def in_budget(job, method, built, params, views, checkpoints, data):
+    """(job with its steps, program, what a table says of the budget, if there is one).
+
+    The steps that the budget holds are those written down, or as timed now. `data`
+    identifies what the job starts from.
+    """
+    if job.budget_min is None:
+        return job, built, {}
+    identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
+    found = checkpoint.read_budget(checkpoints, identity=identity)
+    if found is None:
+        # A new training begins in the usual micro-batches.
+        built = with_parts(built, None, job, method, params, views)
+        found = time_budget(job, built, params, views)
+        checkpoint.save_budget(checkpoints, identity=identity, **found)
+    minutes, job = job.budget_min, jobs.with_steps(job, found["steps"])
+    speed_text = f"{found['steps_per_s']:.3g} steps/s"
+    log.info("budget %g min: %d steps at %s", minutes, job.steps, speed_text)
+    return job, built, {"budget_min": minutes, "steps_per_s": found["steps_per_s"]}
+
+
+def time_budget(job, built, params, views):
+    """{steps, steps_per_s} of the whole training's budget, at this stage's speed.
+
+    The steps that are timed change a copy of the parameters, which is thrown away.
+    """
+    state = program.fresh_state(built.optimizer, jax.tree.map(jnp.copy, params))
+    state, views = program.place((state, views), built.mesh)
+    schedule = program.schedule_of(jobs.with_steps(job, jobs.MOST_STEPS), built.mesh)
+    step_time_s = speed.step_time_s(
+        lambda state: built.step(state, views, schedule),
+        state,
+        most_s=min(TIMING_S, TIMING_SHARE * 60 * job.budget_min),
+        at_once=FETCH_EVERY,
+    )
+    steps = jobs.steps_in(job, step_time_s)
+    return {"steps": steps, "steps_per_s": round(1 / step_time_s, 4)}
 
 
 def resume(checkpoints, state, identity, steps):

@@ -3,6 +3,7 @@
 Micro-batches and devices change the rounding of a step alone (see gradients.py).
 """
 
+import functools
 import logging
 import time
 from typing import Any, NamedTuple
@@ -16,10 +17,13 @@ from alignerf.training import step as train_step
 
 log = logging.getLogger("alignerf")
 
+SCALARS = train_step.Schedule(*[jax.ShapeDtypeStruct((), jnp.int32)] * 2)
+
 
 class Program(NamedTuple):
     """A compiled step, in how many micro-batches, and over which devices.
 
+    How long a training is, is one of the step's inputs: (state, views, Schedule).
     first_parts: micro-batches that were tried first; where they did not fit, `parts`
     are more.
     """
@@ -41,19 +45,21 @@ def build(job, method, params, views, *, parts=None, to_come=0) -> Program:
     device.
     """
     start = time.perf_counter()
-    optimizer = make_optimizer(job)
+    optimizer_of = functools.partial(make_optimizer, job)
+    # What it keeps does not depend on how long a training is.
+    optimizer = optimizer_of(train_step.Schedule(1, 0))
     mesh = gradients.make_mesh(method.units, jax.local_devices())
     shapes = jax.tree.map(
         lambda leaf: jax.ShapeDtypeStruct(
             leaf.shape, leaf.dtype, sharding=everywhere(mesh)
         ),
-        (jax.eval_shape(lambda p: fresh_state(optimizer, p), params), views),
+        (jax.eval_shape(lambda p: fresh_state(optimizer, p), params), views, SCALARS),
     )
     # Adam's two moments are only shapes yet.
     to_come += memory.tree_bytes(shapes[0].optimizer)
     first = first_parts(job, method, mesh, parts)
     step, parts = compile_step(
-        job, method, optimizer, *shapes, parts=first, mesh=mesh, to_come=to_come
+        job, method, optimizer_of, *shapes, parts=first, mesh=mesh, to_come=to_come
     )
     memory.give_back()
     compile_time_s = round(time.perf_counter() - start, 3)
@@ -65,14 +71,19 @@ def fresh_state(optimizer, params):
     return train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))
 
 
-def make_optimizer(job):
-    """Adam on the schedule of the job's stage."""
+def make_optimizer(job, schedule):
+    """Adam on the learning rates of the job's stage."""
     return train_step.make_optimizer(
         learning_rates=job.learning_rates,
-        steps=job.schedule_steps,
-        warmup_steps=job.warmup_steps,
+        **schedule._asdict(),
         eps=job.training.adam_eps,
     )
+
+
+def schedule_of(job, mesh=None) -> train_step.Schedule:
+    """The schedule of a job whose steps are known, placed as a step takes it."""
+    schedule = train_step.Schedule(job.schedule_steps, job.warmup_steps)
+    return place(train_step.Schedule(*map(jnp.int32, schedule)), mesh)
 
 
 def everywhere(mesh):
@@ -108,21 +119,23 @@ def share(method, mesh):
     return devices, method.units // len(devices)
 
 
-def compile_step(job, method, optimizer, state, views, *, parts, mesh=None, to_come=0):
-    """(compiled step, micro-batches): `parts`, or more where the memory asks for it."""
+def compile_step(job, method, optimizer_of, *inputs, parts, mesh=None, to_come=0):
+    """(compiled step, micro-batches): `parts`, or more where the memory asks for it.
+
+    inputs: shapes of the state, the views and the schedule.
+    """
     devices, units = share(method, mesh)
 
     def compile_parts(parts):
         step = train_step.make_step(
             method,
-            optimizer,
-            steps=job.schedule_steps,
+            optimizer_of,
             gradient_norm=job.training.gradient_norm,
             seed=job.seed,
             parts=parts,
             mesh=mesh,
         )
-        compiled = step.lower(state, views).compile()
+        compiled = step.lower(*inputs).compile()
         return compiled, memory.step_bytes(compiled, devices)
 
     free = max(0, memory.free_bytes(devices[0]) - to_come)

@@ -22,16 +22,34 @@ class State(NamedTuple):
     optimizer: Any
 
 
+class Schedule(NamedTuple):
+    """How long a training is: an input of the compiled step, int32 scalars.
+
+    With a budget it is known only when the compiled step has been timed.
+    """
+
+    steps: Any
+    warmup_steps: Any
+
+
+def inverse(count) -> jax.Array:
+    """1 / count as float32.
+
+    A product with it is what a division by a constant is compiled to: trainings have
+    the same bits whether their length is compiled in or not.
+    """
+    return 1.0 / jnp.asarray(count, jnp.float32)
+
+
 def learning_rate(
     step, *, first, last, steps, warmup_steps, warmup_share=0.01
 ) -> jax.Array:
     """Log-linear from `first` to `last`, times a sine from warmup_share to 1."""
-    progress = jnp.clip(step / steps, 0.0, 1.0)
+    progress = jnp.clip(step * inverse(steps), 0.0, 1.0)
     rate = jnp.exp((1 - progress) * jnp.log(first) + progress * jnp.log(last))
-    if warmup_steps == 0:
-        return rate
-    ramp = jnp.sin(0.5 * jnp.pi * jnp.clip(step / warmup_steps, 0.0, 1.0))
-    return rate * (warmup_share + (1 - warmup_share) * ramp)
+    warmed = jnp.clip(step * inverse(jnp.maximum(warmup_steps, 1)), 0.0, 1.0)
+    ramp = warmup_share + (1 - warmup_share) * jnp.sin(0.5 * jnp.pi * warmed)
+    return rate * jnp.where(warmup_steps == 0, 1.0, ramp)
 
 
 def make_optimizer(*, learning_rates, steps, warmup_steps, eps) -> Any:
@@ -82,19 +100,19 @@ def draw(method, views, step, *, steps, seed):
     All follows from the seed and the step's number, so that a resumed run draws what
     an uninterrupted one would have drawn.
     """
-    share = jnp.clip(step / max(steps - 1, 1), 0.0, 1.0)
-    return method.draw(jax.random.key(seed), step, views), share
+    share = jnp.clip(step * inverse(jnp.maximum(steps - 1, 1)), 0.0, 1.0)
 
 
-def make_step(method, optimizer, *, steps, gradient_norm, seed, parts=1, mesh=None):
-    """The jitted step: (state, views) -> (state, numbers to show).
+def make_step(method, optimizer_of, *, gradient_norm, seed, parts=1, mesh=None):
+    """The jitted step: (state, views, Schedule) -> (state, numbers to show).
 
+    optimizer_of(Schedule) is the optimizer; what it keeps does not depend on that.
     Where the loss or the gradient is not finite, the state stays as it was, so that
     whoever looks at the numbers later still holds what failed.
     """
 
-    def step(state, views):
-        drawn = draw(method, views, state.step, steps=steps, seed=seed)
+    def step(state, views, schedule):
+        drawn = draw(method, views, state.step, steps=schedule.steps, seed=seed)
         (loss, shown), grads = gradients.mean(
             method.terms, state.params, *drawn, parts=parts, mesh=mesh
         )
@@ -102,6 +120,7 @@ def make_step(method, optimizer, *, steps, gradient_norm, seed, parts=1, mesh=No
         nonfinite = count_nonfinite_squares(grads)
 
         def update(state):
+            optimizer = optimizer_of(schedule)
             updates, adam = optimizer.update(grads, state.optimizer, state.params)
             params = optax.apply_updates(state.params, updates)
             return State(state.step + 1, params, adam)

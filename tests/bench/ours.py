@@ -22,9 +22,10 @@ class Training:
         state = program.fresh_state(built.optimizer, params)
         self._state, self._views = program.place((state, views), built.mesh)
         self._step, self.compile_s = built.step, built.compile_time_s
+        self._schedule = program.schedule_of(job, built.mesh)
 
     def __call__(self):
-        self._state, stats = self._step(self._state, self._views)
+        self._state, stats = self._step(self._state, self._views, self._schedule)
         return self._state, stats
 
     @property
