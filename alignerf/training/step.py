@@ -101,6 +101,7 @@ def draw(method, views, step, *, steps, seed):
     an uninterrupted one would have drawn.
     """
     share = jnp.clip(step * inverse(jnp.maximum(steps - 1, 1)), 0.0, 1.0)
+    return method.draw(jax.random.key(seed), step, views), share
 
 
 def make_step(method, optimizer_of, *, gradient_norm, seed, parts=1, mesh=None):
