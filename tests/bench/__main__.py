@@ -14,13 +14,15 @@ from alignerf.command import faults
 from tests.bench import cases, report
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-NAMES = ("speed", "quality", "grid", "job", "memory", "scale", "split", "align")
+USUAL = ("speed", "quality", "grid", "job", "memory", "scale", "split", "align")
+# It takes hours: only where it is asked for.
+LONG = ("sooner",)
 
 
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--peer", help="checkout of google-research/multinerf")
-    parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES)
+    parser.add_argument("--only", nargs="+", choices=USUAL + LONG, default=USUAL)
     parser.add_argument("--repeats", type=int, default=7, help="odd: a median of")
     parser.add_argument("--quick", action="store_true", help="tiny sizes: does it run")
     parser.add_argument("--data", type=pathlib.Path, default=_data())
@@ -28,11 +30,24 @@ def main(argv=None):
         "--limit-s", type=float, default=900.0, help="training time to quality, at most"
     )
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "results" / "bench")
+    parser.add_argument(
+        "--scenes",
+        nargs="+",
+        choices=cases.SCENES,
+        default=cases.SCENES,
+        help="of sooner, which takes at most 3 repeats, one a seed",
+    )
     args = parser.parse_args(argv)
     if args.repeats < 1:
         raise ValueError(f"--repeats: {args.repeats} is less than 1")
     options = cases.Options(
-        args.peer, args.repeats, args.quick, args.data, args.limit_s
+        peer=args.peer,
+        repeats=args.repeats,
+        quick=args.quick,
+        data=args.data,
+        limit_s=args.limit_s,
+        out=args.out,
+        scenes=tuple(args.scenes),
     )
     header = report.hardware()
     print(" | ".join(f"{key} {value}" for key, value in header.items()), flush=True)

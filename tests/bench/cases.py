@@ -14,6 +14,8 @@ from alignerf.scenes import cameras, prepare, prepared, transforms
 
 NEAR, FAR = 0.2, 1e6
 SAMPLES = [64, 64, 32]
+# Of the benchmark `sooner`.
+SCENES = ("courtyard", "fox", "treehill")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,6 +27,8 @@ class Options:
     quick: bool
     data: pathlib.Path
     limit_s: float
+    out: pathlib.Path
+    scenes: tuple[str, ...]
 
 
 def mlp_model(*, width, depth, proposal_width, proposal_depth, samples=None):
