@@ -74,7 +74,11 @@ def make_views(count=3, height=HEIGHT, width=WIDTH, valid_share=0.7):
 def start(method, steps=50, **options):
     """(fresh state, step of the state and the views) of a method."""
     optimizer = train_step.make_optimizer(
-        learning_rates=(1e-2, 1e-3), steps=steps, warmup_steps=5, eps=1e-15
+        learning_rates=(1e-2, 1e-3),
+        betas=(0.9, 0.999),
+        eps=1e-15,
+        steps=steps,
+        warmup_steps=5,
     )
     params = jax.jit(method.init)(jax.random.key(0))
     state = train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))

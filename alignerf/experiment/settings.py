@@ -302,6 +302,15 @@ class Training:
     warmup_steps: int | None = key(
         None, "sine from 1 %; null takes a tenth of the steps", least=0, most=10**8
     )
+    hold_share: float = key(
+        0.5,
+        "of the steps before the learning rate falls; 0 as published",
+        least=0,
+        most=0.99,
+    )
+    adam_betas: list[float] = key(
+        [0.9, 0.99], "0.9 and 0.999 as published", least=0, most=0.999999, length=(2, 2)
+    )
     adam_eps: float = key(1e-15, above=0, most=1)
     gradient_norm: float | None = key(
         None,
@@ -397,7 +406,7 @@ VARIES = {
     Model: ("samples", "proposal", "field"),
     Training: (
         *("steps", "budget_min", "batch_rays", "learning_rates", "warmup_steps"),
-        *("adam_eps", "gradient_norm"),
+        *("hold_share", "adam_betas", "adam_eps", "gradient_norm"),
     ),
 }
 

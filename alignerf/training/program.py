@@ -75,8 +75,10 @@ def make_optimizer(job, schedule):
     """Adam on the learning rates of the job's stage."""
     return train_step.make_optimizer(
         learning_rates=job.learning_rates,
-        **schedule._asdict(),
+        betas=job.training.adam_betas,
         eps=job.training.adam_eps,
+        hold_share=job.training.hold_share,
+        **schedule._asdict(),
     )
 
 

@@ -42,27 +42,63 @@ def inverse(count) -> jax.Array:
 
 
 def learning_rate(
-    step, *, first, last, steps, warmup_steps, warmup_share=0.01
+    step, *, first, last, steps, warmup_steps, hold_share=0.0, warmup_share=0.01
 ) -> jax.Array:
-    """Log-linear from `first` to `last`, times a sine from warmup_share to 1."""
-    progress = jnp.clip(step * inverse(steps), 0.0, 1.0)
+    """`first` for a share of the steps, then log-linear to `last`; at the start a sine.
+
+    The sine rises from warmup_share to 1. As published nothing is held.
+    """
+    passed = step * inverse(steps)
+    progress = jnp.clip((passed - hold_share) / (1.0 - hold_share), 0.0, 1.0)
     rate = jnp.exp((1 - progress) * jnp.log(first) + progress * jnp.log(last))
     warmed = jnp.clip(step * inverse(jnp.maximum(warmup_steps, 1)), 0.0, 1.0)
     ramp = warmup_share + (1 - warmup_share) * jnp.sin(0.5 * jnp.pi * warmed)
     return rate * jnp.where(warmup_steps == 0, 1.0, ramp)
 
 
-def make_optimizer(*, learning_rates, steps, warmup_steps, eps) -> Any:
-    """Adam (0.9, 0.999, eps) on the schedule above."""
+def make_optimizer(*, learning_rates, betas, eps, **schedule) -> Any:
+    """Adam on the schedule above, whose other arguments are `schedule`'s."""
     first, last = learning_rates
-    return optax.adam(
-        lambda step: learning_rate(
-            step, first=first, last=last, steps=steps, warmup_steps=warmup_steps
-        ),
-        b1=0.9,
-        b2=0.999,
-        eps=eps,
+    return resting(
+        optax.adam(
+            lambda step: learning_rate(step, first=first, last=last, **schedule),
+            *betas,
+            eps=eps,
+        )
     )
+
+
+def resting(adam) -> optax.GradientTransformation:
+    """Adam, but an entry of a grid's table rests where its gradient is zero.
+
+    No ray has touched it: what it has learnt, and how sure that is, stay as they were
+    (as in instant-ngp). Left to Adam it would drift on after its last ray, and forget
+    the size of its gradients.
+    """
+
+    def update(grads, state, params=None):
+        updates, after = adam.update(grads, state, params)
+
+        def keep(new, old):
+            return jax.tree_util.tree_map_with_path(
+                lambda path, grad, n, o: (
+                    jnp.where(grad == 0, o, n) if is_table(path) else n
+                ),
+                *(grads, new, old),
+            )
+
+        (moments, *rest), before = after, state[0]
+        moments = moments._replace(
+            mu=keep(moments.mu, before.mu), nu=keep(moments.nu, before.nu)
+        )
+        return keep(updates, jax.tree.map(jnp.zeros_like, updates)), (moments, *rest)
+
+    return optax.GradientTransformation(adam.init, update)
+
+
+def is_table(path) -> bool:
+    """Whether the path of a parameter is that of a hash grid's table."""
+    return getattr(path[-1], "key", None) == "table"
 
 
 def clip_per_network(grads, max_norm):

@@ -65,6 +65,8 @@ GRID = {
 TRAINING = {
     "learning_rates": [0.002, 0.00002],
     "warmup_steps": 512,
+    "hold_share": 0.0,
+    "adam_betas": [0.9, 0.999],
     "adam_eps": 1e-6,
     "gradient_norm": 0.001,
     "interlevel_weight": 1.0,

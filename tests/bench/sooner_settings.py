@@ -39,6 +39,8 @@ def job_of(samples, proposal, field, **training):
         "training": {
             "batch_rays": 1024,
             "learning_rates": [0.01, 0.001],
+            "hold_share": 0.0,
+            "adam_betas": [0.9, 0.999],
             "adam_eps": 1e-15,
             "gradient_norm": None,
             "interlevel_weight": 1.0,

@@ -23,7 +23,11 @@ def state(rng):
         "head": {"kernel": jnp.asarray(rng.normal(size=5), jnp.float32)},
     }
     optimizer = train_step.make_optimizer(
-        learning_rates=(1e-2, 1e-3), steps=10, warmup_steps=0, eps=1e-8
+        learning_rates=(1e-2, 1e-3),
+        betas=(0.9, 0.999),
+        eps=1e-8,
+        steps=10,
+        warmup_steps=0,
     )
     step = jnp.asarray(7, jnp.int32)
     return train_step.State(step, params, optimizer.init(params))

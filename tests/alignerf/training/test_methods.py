@@ -1,6 +1,5 @@
 """Training's parts: rays and patches drawn, one step, clipping, schedule."""
 
-import functools
 
 import jax
 import jax.numpy as jnp
@@ -255,22 +254,6 @@ def test_clipping_is_per_network_and_keeps_direction(rng):
             twins.assert_close(flat, wanted, scale=np.abs(wanted).max())
     zero = train_step.clip_per_network({"model": {"field": jnp.zeros(2)}}, 1e-3)
     np.testing.assert_array_equal(zero["model"]["field"], 0.0)
-
-
-def test_the_schedule_is_the_published_one(rng):
-    steps = np.concatenate([np.arange(600), rng.integers(0, 250_001, 1000), [250_000]])
-    for first, last, warmup in ((2e-3, 2e-5, 512), (1e-2, 1e-3, 30_000)):
-        rate = jax.vmap(
-            functools.partial(
-                train_step.learning_rate,
-                first=first,
-                last=last,
-                steps=250_000,
-                warmup_steps=warmup,
-            )
-        )
-        wanted = twins.learning_rate(steps, first, last, 250_000, warmup)
-        twins.assert_close(rate(steps), wanted)
 
 
 def test_entries_that_adam_cannot_square_are_counted():
