@@ -318,6 +318,13 @@ class Training:
         above=0,
         most=1e9,
     )
+    proposal_share: float = key(
+        0.25,
+        "of a step's rays teach the proposal field, for whom the others are samples "
+        "only; 1 as published",
+        above=0,
+        most=1,
+    )
     interlevel_weight: float = key(1.0, least=0, most=1e6)
     distortion_weight: float = key(0.01, least=0, most=1e6)
 
@@ -406,7 +413,7 @@ VARIES = {
     Model: ("samples", "proposal", "field"),
     Training: (
         *("steps", "budget_min", "batch_rays", "learning_rates", "warmup_steps"),
-        *("hold_share", "adam_betas", "adam_eps", "gradient_norm"),
+        *("hold_share", "adam_betas", "adam_eps", "gradient_norm", "proposal_share"),
     ),
 }
 

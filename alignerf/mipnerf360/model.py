@@ -37,10 +37,13 @@ class Model(nn.Module):
     near: float
     far: float
 
-    def __call__(self, rays, *, jitter=None, train_share=1.0) -> Rendering:
+    def __call__(
+        self, rays, *, jitter=None, train_share=1.0, proposal_share=1.0
+    ) -> Rendering:
         """Render rays [n]; `jitter` [n, rounds] in [0, 1) moves their samples.
 
         `train_share` in [0, 1] anneals the resampling weights early in training.
+        `proposal_share` of the rays, the first ones, carry a gradient to the proposals.
         """
         sdist = jnp.broadcast_to(jnp.array([0.0, 1.0]), (len(rays.origins), 2))
         weights = jnp.ones((len(rays.origins), 1))
@@ -62,11 +65,10 @@ class Model(nn.Module):
             gaussians = render.cast_cones(
                 tdist, rays.origins, rays.directions, rays.radii
             )
-            density, values = (
-                self.field(gaussians, rays.viewdirs)
-                if last
-                else self.proposal(gaussians, None)
-            )
+            if last:
+                density, values = self.field(gaussians, rays.viewdirs)
+            else:
+                density = self.propose(gaussians, proposal_share)
             weights = render.alpha_weights(density, tdist, rays.directions)
             histograms.append((sdist, weights))
         return Rendering(
@@ -74,3 +76,19 @@ class Model(nn.Module):
             depth=render.median_distance(weights, tdist),
             histograms=histograms,
         )
+
+    def propose(self, gaussians, share):
+        """Density [rays, bins] by the proposal; a share of the rays teaches it."""
+        rays = len(gaussians.mean)
+        teaching = max(1, round(share * rays))
+        if teaching == rays:
+            return self.proposal(gaussians, None)[0]
+        first, rest = (
+            self.proposal(part, None)[0]
+            for part in (
+                jax.tree.map(lambda x: x[:teaching], gaussians),
+                jax.tree.map(lambda x: x[teaching:], gaussians),
+            )
+        )
+        # Its gradient is not computed at all, which is most of the proposal's cost.
+        return jnp.concatenate([first, jax.lax.stop_gradient(rest)])

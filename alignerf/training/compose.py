@@ -24,16 +24,19 @@ def make_method(job: jobs.Job, *, to_train=True) -> methods.Method:
         near=job.model.near,
         far=job.model.far,
     )
-    loss_weights = {
-        "interlevel": job.training.interlevel_weight,
-        "distortion": job.training.distortion_weight,
+    shared = {
+        "loss_weights": {
+            "interlevel": job.training.interlevel_weight,
+            "distortion": job.training.distortion_weight,
+        },
+        "proposal_share": job.training.proposal_share,
     }
     if not fine:
         return methods.mipnerf360(
             model,
             batch_rays=job.training.batch_rays,
-            loss_weights=loss_weights,
             annealed=job.stage != "warm",
+            **shared,
         )
     chosen = job.alignerf
     return methods.alignerf(
@@ -42,7 +45,7 @@ def make_method(job: jobs.Job, *, to_train=True) -> methods.Method:
         patch_px=chosen.patch_px,
         convolution=chosen.convolution,
         loss=make_loss(chosen, to_train=to_train),
-        loss_weights=loss_weights,
+        **shared,
     )
 
 

@@ -54,9 +54,12 @@ def _regularisers(histograms, weights):
     }
 
 
-def mipnerf360(model, *, batch_rays, loss_weights, annealed=True) -> Method:
+def mipnerf360(
+    model, *, batch_rays, loss_weights, proposal_share=1.0, annealed=True
+) -> Method:
     """The baseline: single rays, Charbonnier loss (arXiv 2111.12077).
 
+    proposal_share: of the rays, as many teach the proposals; as published all do.
     annealed: early in training samples spread beyond where the proposals put them;
     not so for a training that begins with trained proposals.
     """
@@ -67,6 +70,7 @@ def mipnerf360(model, *, batch_rays, loss_weights, annealed=True) -> Method:
             batch.rays,
             jitter=batch.jitter,
             train_share=share if annealed else 1.0,
+            proposal_share=proposal_share,
         )
         error = jnp.mean((rendering.values - batch.photo) ** 2, axis=-1)
         # A part of the batch counts by the weight that it holds of the whole.
@@ -145,7 +149,14 @@ def match_pixels(rgb, photo, exists, penalty):
 
 
 def alignerf(
-    model, *, patches, patch_px, convolution, loss: Loss, loss_weights
+    model,
+    *,
+    patches,
+    patch_px,
+    convolution,
+    loss: Loss,
+    loss_weights,
+    proposal_share=1.0,
 ) -> Method:
     """AligNeRF: patches of rays, patch convolution, aligned and frequency losses.
 
@@ -163,7 +174,12 @@ def alignerf(
         rays, jitter = jax.tree.map(
             lambda x: x.reshape(-1, x.shape[-1]), (batch.rays, batch.jitter)
         )
-        rendering = model.apply({"params": params["model"]}, rays, jitter=jitter)
+        rendering = model.apply(
+            {"params": params["model"]},
+            rays,
+            jitter=jitter,
+            proposal_share=proposal_share,
+        )
         values = rendering.values.reshape(-1, patch_px, patch_px, model.field.outputs)
         rgb = colours(params, values)
         patch, data, shown = data_loss(rgb, batch.photo, batch.exists, loss)

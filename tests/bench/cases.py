@@ -69,6 +69,7 @@ TRAINING = {
     "adam_betas": [0.9, 0.999],
     "adam_eps": 1e-6,
     "gradient_norm": 0.001,
+    "proposal_share": 1.0,
     "interlevel_weight": 1.0,
     "distortion_weight": 0.01,
 }

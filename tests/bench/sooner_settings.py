@@ -43,6 +43,7 @@ def job_of(samples, proposal, field, **training):
             "adam_betas": [0.9, 0.999],
             "adam_eps": 1e-15,
             "gradient_norm": None,
+            "proposal_share": 1.0,
             "interlevel_weight": 1.0,
             "distortion_weight": 0.01,
         }

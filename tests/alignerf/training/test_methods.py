@@ -1,6 +1,5 @@
 """Training's parts: rays and patches drawn, one step, clipping, schedule."""
 
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -140,6 +139,35 @@ def test_annealing_is_for_a_start_from_scratch(views):
     # Two programs, so to rounding; annealed, it differs by far more.
     assert losses[True, 1.0] == pytest.approx(losses[False, 1.0], rel=1e-5)
     assert losses[True, 0.0] != pytest.approx(losses[True, 1.0], rel=1e-3)
+
+
+def test_a_share_of_the_rays_teaches_the_proposal(views):
+    """Loss and field see all rays; the proposal's gradient is that of the first."""
+    options = {"batch_rays": 96, "loss_weights": cases.WEIGHTS}
+    gradients, losses = {}, {}
+    for share in (1.0, 0.25):
+        method = methods.mipnerf360(cases.tiny_model(), proposal_share=share, **options)
+        params = jax.jit(method.init)(jax.random.key(1))
+        batch = jax.jit(method.draw)(jax.random.key(2), 0, views._replace(valid=None))
+
+        def loss(params, batch, method=method):
+            return sum(method.terms(params, batch, 0.5)[0].values())
+
+        of = jax.jit(jax.value_and_grad(loss))
+        losses[share], found = of(params, batch)
+        gradients[share] = found["model"]
+        if share == 1.0:
+            _, alone = of(params, jax.tree.map(lambda x: x[:24], batch))
+    assert float(losses[1.0]) == pytest.approx(float(losses[0.25]), rel=1e-5)
+    for name, wanted, factor in (
+        ("field", gradients[1.0]["field"], 1.0),
+        ("proposal", alone["model"]["proposal"], 0.25),
+    ):
+        pairs = zip(*map(jax.tree.leaves, (gradients[0.25][name], wanted)), strict=True)
+        for part, other in pairs:
+            scale = factor * np.abs(other).max()
+            assert scale > 0
+            np.testing.assert_allclose(part, factor * other, atol=1e-5 * scale)
 
 
 def test_alignerf_takes_a_step_on_every_network(tuning, views):
