@@ -150,9 +150,9 @@ class Grid:
     """A hash grid; its defaults are those of `alignerf.fields.grid`."""
 
     kind: Literal["grid"] = key("grid", "a hash grid, fast")
-    levels: int = key(8, "resolutions", least=1, most=32)
+    levels: int = key(6, "resolutions", least=1, most=32)
     log2_entries: int = key(17, "log2 of the table's rows per level", least=4, most=26)
-    features: int = key(2, "numbers a row", least=1, most=64)
+    features: int = key(4, "numbers a row", least=1, most=64)
     coarsest: int = key(16, "cells a side", least=2, most=2**20)
     finest: int = key(1024, "cells a side", least=2, most=2**20)
     width: int = key(64, "of the density layer", least=1, most=16384)
@@ -194,14 +194,14 @@ class Model:
     )
     far: float = key(1e6, "farthest distance", above=0, most=1e18)
     samples: list[int] = key(
-        [48, 24],
+        [32, 16, 12],
         "samples a ray in each proposal round, and in the last round",
         least=1,
         most=4096,
         length=(2, 8),
     )
     proposal: Grid | Mlp = key(
-        Grid(levels=5, log2_entries=15, finest=256, width=16), FIELD
+        Grid(levels=4, log2_entries=15, features=2, finest=256, width=16), FIELD
     )
     field: Grid | Mlp = key(Grid(finest=2048), FIELD)
 
@@ -291,14 +291,14 @@ class Training:
     """How the baseline is trained; the other stages start from it."""
 
     steps: int | None = key(
-        2000, "of the baseline; null with a budget_min", least=1, most=10**8
+        4000, "of the baseline; null with a budget_min", least=1, most=10**8
     )
     budget_min: float | None = budget(
         "minutes of the baseline's training, instead of steps: as many as the machine, "
         "timed at the start, does in them; each stage takes its share of the minutes"
     )
-    batch_rays: int = key(1024, "rays a step", least=1, most=2**22)
-    learning_rates: list[float] = learning_rates(0.01, 0.001)
+    batch_rays: int = key(512, "rays a step", least=1, most=2**22)
+    learning_rates: list[float] = learning_rates(0.03, 0.003)
     warmup_steps: int | None = key(
         None, "sine from 1 %; null takes a tenth of the steps", least=0, most=10**8
     )

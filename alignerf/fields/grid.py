@@ -132,9 +132,9 @@ class Grid(nn.Module):
     `entries` per level is a power of two given by its logarithm.
     """
 
-    levels: int = 8
+    levels: int = 6
     log2_entries: int = 17
-    features: int = 2
+    features: int = 4
     coarsest: int = 16
     finest: int = 1024
     width: int = 64
