@@ -123,6 +123,8 @@ def parse(values) -> Job:
     values = schema.filled(Job, values)
     values["training"] |= settings.length(values["training"])
     values["training"] |= settings.warmup(values["training"])
+    field = values["model"]["field"]
+    values["training"] |= settings.rates(values["training"], field)
     job = instance(Job, values)
     if job.stage in ("pretrain", "finetune") and job.alignerf is None:
         raise ValueError("config: alignerf: a staged training needs it")

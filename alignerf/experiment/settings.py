@@ -286,6 +286,10 @@ class Method:
     )
 
 
+# Chosen on courtyard, seed 1.
+RATES = {"grid": (0.03, 0.003), "mlp": (0.01, 0.001)}
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Training:
     """How the baseline is trained; the other stages start from it."""
@@ -298,7 +302,16 @@ class Training:
         "timed at the start, does in them; each stage takes its share of the minutes"
     )
     batch_rays: int = key(512, "rays a step", least=1, most=2**22)
-    learning_rates: list[float] = learning_rates(0.03, 0.003)
+    learning_rates: list[float] | None = key(
+        None,
+        "first and last; null takes what suits the field's kind: "
+        + ", ".join(
+            f"{first} and {last} for {kind}" for kind, (first, last) in RATES.items()
+        ),
+        above=0,
+        most=10,
+        length=(2, 2),
+    )
     warmup_steps: int | None = key(
         None, "sine from 1 %; null takes a tenth of the steps", least=0, most=10**8
     )
@@ -338,6 +351,14 @@ def warmup(training):
     if given is None and steps is not None:
         given = round(0.1 * steps)
     return {"warmup_steps": given}
+
+
+def rates(training, field):
+    """The learning rates of a training, as a mapping, that may leave them to the field.
+
+    field: the model's, as a mapping.
+    """
+    return {"learning_rates": training["learning_rates"] or list(RATES[field["kind"]])}
 
 
 def check_length(given, where):
