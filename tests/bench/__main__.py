@@ -37,6 +37,18 @@ def main(argv=None):
         default=cases.SCENES,
         help="of sooner, which takes at most 3 repeats, one a seed",
     )
+    parser.add_argument(
+        "--budgets",
+        nargs="+",
+        type=float,
+        default=(0.25, 1, 4),
+        help="of sooner: each so many times a setting's own steps",
+    )
+    parser.add_argument(
+        "--before",
+        type=pathlib.Path,
+        help="of sooner: a checkout that trains the old settings",
+    )
     args = parser.parse_args(argv)
     if args.repeats < 1:
         raise ValueError(f"--repeats: {args.repeats} is less than 1")
@@ -48,6 +60,8 @@ def main(argv=None):
         limit_s=args.limit_s,
         out=args.out,
         scenes=tuple(args.scenes),
+        before=args.before and args.before.resolve(),
+        budgets=tuple(args.budgets),
     )
     header = report.hardware()
     print(" | ".join(f"{key} {value}" for key, value in header.items()), flush=True)

@@ -29,6 +29,8 @@ class Options:
     limit_s: float
     out: pathlib.Path
     scenes: tuple[str, ...]
+    before: pathlib.Path | None
+    budgets: tuple[float, ...]
 
 
 def mlp_model(*, width, depth, proposal_width, proposal_depth, samples=None):
@@ -50,11 +52,12 @@ PUBLISHED = mlp_model(width=1024, depth=8, proposal_width=256, proposal_depth=4)
 GRID = {
     "near": NEAR,
     "far": FAR,
-    "samples": [32, 16],
+    "samples": [32, 16, 12],
     "proposal": {
         "kind": "grid",
-        "levels": 4,
-        "log2_entries": 14,
+        "levels": 3,
+        "log2_entries": 15,
+        "features": 2,
         "finest": 128,
         "width": 16,
     },

@@ -6,6 +6,10 @@ budget. Seconds are those of the training's steps; compilation, which no cache
 shortens, stands apart. Beside the rows: sooner_curves.csv, written anew after each
 training, and sooner.png.
 
+With --before, a checkout of the program at an older commit (the defaults changed after
+6aa0b72), the old settings are trained by its code; else by today's, with the old
+numbers.
+
 Poses are made once and kept in scenes/ beside the results. After a change of how they
 are made, remove the scene's folder there.
 """
@@ -24,7 +28,6 @@ from alignerf.scenes import prepared
 from tests.bench import cases, curves, measure, report, sooner_settings, split
 
 SEEDS = (0, 2, 3)
-BUDGETS = (0.25, 1, 4)
 QUICK_BUDGETS = (1,)
 PAIRS = (("old", "new"), ("mlp_old", "mlp_new"))
 # What the old defaults come to on fox.
@@ -83,11 +86,12 @@ def trainings(name, options, scratch):
             folder = posed(name, seed, experiment, options.out.resolve())
             jobs = sooner_settings.jobs_of(name, experiment, seed)
             test_set = sooner_settings.CASES[name].test_set
-        for budget in QUICK_BUDGETS if options.quick else BUDGETS:
+        for budget in QUICK_BUDGETS if options.quick else options.budgets:
             for setting, job in jobs.items():
                 place = {"scene": name, "setting": setting, "seed": seed}
                 job = sooner_settings.with_budget(job, budget)
-                found = train(job, folder, test_set)
+                root = root_of(setting, options)
+                found = train(root, job, folder, test_set)
                 yield curves.Point(**place, budget=budget, test_set=test_set, **found)
 
 
@@ -101,11 +105,20 @@ def posed(name, seed, experiment, out):
     return folder
 
 
-def train(job, scene, test_set):
+def root_of(setting, options):
+    """The checkout that trains a setting: for the old ones that of --before."""
+    return options.before if "old" in setting and options.before else measure.ROOT
+
+
+def train(root, job, scene, test_set):
     """What a training took, and the PSNR of its renders of the test views."""
+    if root != measure.ROOT:
+        training = job["training"]
+        known = training.keys() - sooner_settings.NEW_KEYS
+        job = job | {"training": {key: training[key] for key in known}}
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        shared = {"config": json.dumps(job), "scene": scene}
+        shared = {"root": root, "config": json.dumps(job), "scene": scene.resolve()}
         shared["model"] = folder / "model.msgpack"
         split.stage(
             "alignerf.train",

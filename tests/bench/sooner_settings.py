@@ -14,6 +14,8 @@ from tests.bench import measure
 CONFIGS = measure.ROOT / "workflow" / "config"
 # Of the configs' methods, the one that is trained in one go with their first model.
 METHOD = "mipnerf360"
+# Of a training, what an older checkout does not know; it does as the old settings say.
+NEW_KEYS = {"budget_min", "hold_share", "adam_betas", "proposal_share"}
 
 
 def job_of(samples, proposal, field, **training):
@@ -80,10 +82,14 @@ MLP = {
 }
 MLP_OLD = job_of(DEMO_SAMPLES, DEMO_PROPOSAL, MLP, steps=500, warmup_steps=50)
 MLP_NEW = job_of(
-    *(DEMO_SAMPLES, DEMO_PROPOSAL, MLP),
+    [32, 16, 12],
+    DEMO_PROPOSAL | {"levels": 3, "log2_entries": 15},
+    MLP,
     steps=1000,
     batch_rays=512,
-    learning_rates=[0.01, 0.001],
+    hold_share=0.5,
+    adam_betas=[0.9, 0.99],
+    proposal_share=0.25,
     warmup_steps=100,
 )
 

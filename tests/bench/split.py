@@ -103,15 +103,15 @@ def make(folder, demo, case, *, quick):
         )
 
 
-def stage(module, **options):
-    """Run a stage of the chain as its rule does."""
+def stage(module, *, root=ROOT, **options):
+    """Run a stage of the chain as its rule does; root: the checkout to run."""
     words = [
         str(word)
         for name, value in options.items()
         for word in (f"--{name.replace('_', '-')}", value)
     ]
     done = subprocess.run(
-        [sys.executable, "-m", module, *words], cwd=ROOT, capture_output=True, text=True
+        [sys.executable, "-m", module, *words], cwd=root, capture_output=True, text=True
     )
     if done.returncode != 0:
         raise RuntimeError(f"{module} failed: {done.stderr.strip()[-300:]}")

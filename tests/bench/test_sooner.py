@@ -29,7 +29,7 @@ def budgets(setting, curve, **place):
     """The points of a curve, with the budgets of the benchmark."""
     return [
         point(setting, budget, *found, **place)
-        for budget, found in zip(sooner.BUDGETS, curve, strict=True)
+        for budget, found in zip((0.25, 1, 4), curve, strict=True)
     ]
 
 
