@@ -61,6 +61,9 @@ class Times(NamedTuple):
     walls: Walls
     rendering: str | None = None
     alignment: str | None = None
+    # What the same processes did for the test views, which is no part of a round.
+    test_rendering: str | None = None
+    test_alignment: str | None = None
 
 
 class Renders(NamedTuple):
@@ -201,9 +204,11 @@ def times(experiment, scene):
                 rendering=f"{before}/render_train.json",
                 alignment=f"{before}/displacement_train.csv",
                 walls=walls._replace(
-                    render=f"{before}/logs/render_train.tsv",
-                    align=f"{before}/logs/align_train.tsv",
+                    render=f"{before}/logs/render.tsv",
+                    align=f"{before}/logs/align.tsv",
                 ),
+                test_rendering=f"{before}/render_test.json",
+                test_alignment=f"{before}/displacement_test.csv",
             )
         rows.append(row)
     return rows

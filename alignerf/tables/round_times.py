@@ -2,7 +2,8 @@
 
 A round renders the training views of the one before, aligns the photos with them, and
 trains; round 0 only trains. Each of the three is a process; what it spends besides
-its own work (start, import, loading, compiling, writing) is told apart.
+its own work (start, import, loading, compiling, writing) is told apart. What it did
+for the test views is no part of a round.
 """
 
 import pandas as pd
@@ -48,10 +49,12 @@ def line_of(row):
         keys = ("views", "view_time_s")
         rendering = table_files.read_timing(row.rendering, *keys)
         line["render_time_s"] = rendering["views"] * rendering["view_time_s"]
-        rest_s = wall_s(row.walls.render) - line["render_time_s"]
+        besides_s = table_files.data_time_s(row.test_rendering)
+        rest_s = wall_s(row.walls.render) - besides_s - line["render_time_s"]
         line["render_rest_time_s"] = rest_s
         line["align_time_s"] = table_files.views_time_s(row.alignment)
-        rest_s = wall_s(row.walls.align) - line["align_time_s"]
+        besides_s = table_files.data_time_s(row.test_alignment)
+        rest_s = wall_s(row.walls.align) - besides_s - line["align_time_s"]
         line["align_rest_time_s"] = rest_s
     # A process that went on where another was stopped knows only its own seconds.
     rests = {key: max(line[key], 0.0) for key in line if key.endswith("rest_time_s")}
