@@ -14,8 +14,8 @@ import sys
 from pathlib import Path
 
 from alignerf.command import faults, split_paths
+from flow.estimation import arguments as arguments_of_flow
 from flow.estimation import estimate, folders, given
-from flow.warping import warp
 
 
 def main(*, splits, flow_out, stats_out, warped_out=None, **options):
@@ -43,18 +43,9 @@ def parse(arguments=None):
     for name in ("renders", "photos", "flow-out", "stats-out"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--warped-out", type=Path, help="folder of warped photos")
-    methods = (*estimate.METHODS, given.METHOD)
-    parser.add_argument("--method", choices=methods, default=estimate.DEFAULT)
+    arguments_of_flow.add(parser, (*estimate.METHODS, given.METHOD))
     parser.add_argument("--flows", type=Path, help="folder of flows made elsewhere")
-    parser.add_argument(
-        "--match-blur",
-        action=argparse.BooleanOptionalAction,
-        default=True,
-        help="blur the photo as the render is, for the flow only",
-    )
     parser.add_argument("--depth", type=Path, help="of the renders, for occlusions")
-    parser.add_argument("--kernel", choices=warp.KERNELS, default="lanczos")
-    parser.add_argument("--tolerance-px", type=float, default=1.0)
     splits = {"nargs": "+", "choices": ("train", "test"), "default": ()}
     parser.add_argument("--splits", **splits, help="what {split} stands for")
     options = parser.parse_args(arguments)

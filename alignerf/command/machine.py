@@ -1,5 +1,6 @@
 """What a command may use of the machine that it runs on."""
 
+import concurrent.futures
 import os
 from pathlib import Path
 
@@ -29,6 +30,18 @@ def limit(threads: int | None):
         raise ValueError(f"--threads: {threads} is not a number of threads")
     _limit = threads
     os.environ["PJRT_NPROC"] = str(threads)
+
+
+def map_in_threads(function, items, *, threads=None):
+    """Yield function(item) of all items in order, from a thread for each core.
+
+    A failure is raised in its item's turn, and what has not begun is left.
+    """
+    pool = concurrent.futures.ThreadPoolExecutor(threads or cores())
+    try:
+        yield from pool.map(function, items)
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def has_accelerator(devices=Path("/dev")) -> bool:

@@ -69,12 +69,15 @@ def of_rounds(experiment, scene, method, round):
     return found
 
 
-def of_oracle(experiment, scene, method, round):
-    """The flow from render to oracle, where the scene's truth is known."""
-    if scene not in experiment.with_truth():
-        return {}
-    folder = experiment.folder(scene, method, round)
-    return {"model": f"{folder}/flow_oracle/test"}
+def of_oracle(experiment, input, output):
+    """Command line of the flow from render to oracle, and of where it is written."""
+    return [
+        *estimator_options(experiment),
+        *option("oracle", f"{input.truth}/oracle"),
+        *option("renders", input.renders),
+        *option("model-flow", output.model),
+        *option("model-stats", output.model_stats),
+    ]
 
 
 def benchmark_models(experiment, scene):

@@ -220,6 +220,28 @@ def scores(experiment, scene):
     return [Scores(row.method, row.round, row.metrics) for row in found]
 
 
+def tables(experiment, scene):
+    """{table: its rows}; rankings need a truth to be compared with."""
+    found = {
+        "misalignment": misalignment(experiment, scene),
+        "round_times": times(experiment, scene),
+        "controls": scores(experiment, scene),
+        "displacement": displacement(experiment, scene),
+    }
+    if scene in experiment.with_truth():
+        found["ranking"] = scores(experiment, scene)
+    return found
+
+
+def options_of(tables):
+    """Command line of tables' rows, of `tables`."""
+    return [
+        part
+        for name, found in tables.items()
+        for part in ("--rows", name, as_json(found))
+    ]
+
+
 def figure_rounds(experiment, scene):
     """Test views round by round, of the reference method."""
     method = experiment.config["reference"]["method"]
@@ -240,6 +262,12 @@ def crops(experiment, scene):
         files = (f"{folder}/renders/test", f"{folder}/flow/test")
         rows.append(Renders(*files, method))
     return rows
+
+
+def crops_option(experiment, scene):
+    """Command line of the crops; none without a staged method."""
+    found = crops(experiment, scene)
+    return ["--crops", as_json(found)] if found else []
 
 
 def published(scene):

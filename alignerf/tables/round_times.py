@@ -1,4 +1,4 @@
-"""Where the time of a round goes: `python -m alignerf.tables.round_times`.
+"""Where the time of a round goes: `tables/round_times.csv`.
 
 A round renders the training views of the one before, aligns the photos with them, and
 trains; round 0 only trains. Each of the three is a process; what it spends besides
@@ -8,8 +8,6 @@ for the test views is no part of a round.
 
 import pandas as pd
 
-from alignerf.command import faults
-from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 
@@ -24,11 +22,6 @@ PARTS = {
     "align_rest_time_s": "its rest",
 }
 COLUMNS = ("method", "round", *PARTS, "total_time_s")
-
-
-def main(argv=None):
-    kind = table_rows.Times
-    table_files.run(__doc__, argv, kind, make_table, to_latex, float_format="%.3f")
 
 
 def make_table(rows):
@@ -79,7 +72,3 @@ def to_latex(table):
     columns = "lr" + "r" * (len(COLUMNS) - 2)
     tex = style.to_latex(hrules=True, column_format=columns)
     return f"% \\usepackage{{booktabs}}\n% Seconds of each round, by its parts.\n{tex}"
-
-
-if __name__ == "__main__":
-    faults.run(main)
