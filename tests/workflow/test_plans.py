@@ -120,9 +120,9 @@ def test_what_trains_has_the_accelerator_alone_or_half_of_the_cores(
         for cores, wanted in ((1, 1), (2, 1), (5, 2), (64, 4)):
             monkeypatch.setattr(machine, "cores", lambda cores=cores: cores)
             importlib.reload(sources)
-            assert sources.WHOLE_MACHINE == cores
-            assert sources.OF_TRAINING == (cores if accelerator else wanted)
-            assert sources.ACCELERATORS == accelerator
+            assert cores == sources.WHOLE_MACHINE
+            assert (cores if accelerator else wanted) == sources.OF_TRAINING
+            assert accelerator == sources.ACCELERATORS
     finally:
         monkeypatch.undo()
         importlib.reload(sources)
