@@ -1,8 +1,8 @@
 """AligNeRF (CVPR 2023) and its baseline mip-NeRF 360 in JAX.
 
 The files here are the stages, commands that one rule of the workflow or several run:
-`config`, `poses`, `facts`, `shrink`, `train`, `render_views`, `evaluate`; and two for
-users, `weights` and `show`.
+`config`, `poses`, `facts`, `shrink`, `train`, `render_views`, `evaluate`, `tabulate`;
+and two for users, `weights` and `show`.
 
 The paper's parts -> folders:
 

@@ -20,18 +20,19 @@ cannot be had is empty, and `note` says why; LPIPS needs weights, for each netwo
 """
 
 import argparse
+import dataclasses
 import pathlib
 
-import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 
 from alignerf.command import faults, whole
+from alignerf.experiment import settings
 from alignerf.metrics import image as image_metrics
-from alignerf.metrics import lpips
 from alignerf.scenes import prepared
 
-METRICS = ("psnr_db", "ssim", *(f"lpips_{net}" for net in lpips.NETS))
+NETS = [field.name for field in dataclasses.fields(settings.Lpips)]
+METRICS = ("psnr_db", "ssim", *(f"lpips_{net}" for net in NETS))
 COLUMNS = ("view", "test_set", *METRICS, "valid_share", "note")
 
 
@@ -41,13 +42,13 @@ def main(argv=None):
     parser.add_argument("--renders", required=True, help="renders of the test views")
     parser.add_argument("--testset", help="folder of the warped test set")
     parser.add_argument("--truth", help="folder of the oracle, where it is known")
-    for net in lpips.NETS:
+    for net in NETS:
         parser.add_argument(f"--lpips-{net}", help="weights of this LPIPS, .npz")
     parser.add_argument("--metrics", required=True, help="CSV, written")
     args = parser.parse_args(argv)
     loaded = prepared.load(args.scene)
     views = loaded.views("test")
-    paths = {net: getattr(args, f"lpips_{net}") for net in lpips.NETS}
+    paths = {net: getattr(args, f"lpips_{net}") for net in NETS}
     learned = {f"lpips_{net}": load_lpips(net, p) for net, p in paths.items() if p}
     missing = ", ".join(f"lpips_{net}" for net, path in paths.items() if not path)
     missing = missing and f"{missing}: no weights given"
@@ -96,6 +97,11 @@ def targets_of(loaded, view, testset, truth):
 
 def load_lpips(net, path):
     """The metric of a network: (target, render, valid) to its LPIPS."""
+    # JAX takes longer to import than all other scores to calculate.
+    import jax.numpy as jnp
+
+    from alignerf.metrics import lpips
+
     weights = lpips.read(net, path)
 
     def metric(target, render, valid):

@@ -1,9 +1,10 @@
-"""Render the views of a split: `python -m alignerf.render_views`.
+"""Render the views of one split or of both: `python -m alignerf.render_views`.
 
 One process for all views, so that code is compiled once; on a CPU each core renders
 a view. Features become colours strip by strip: at 2560x1680 with N = 128 a view takes
 0.4 GB besides the model, where its features alone would take 2.2. Writes <view>.png,
-where asked <view>.npz with its depth, and a timing file.
+where asked <view>.npz with its depth, and a timing file, each where its path says,
+in which `{split}` stands for the split.
 
 depth [h, w] float32: along the optical axis (z-depth, not along the ray), in units
 of the normalised scene (max |t| = 1), where half of a ray's weight is passed: the
@@ -19,7 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.command import faults, images, progress, whole
+from alignerf.command import faults, images, machine, progress, split_paths, whole
 from alignerf.contributions import strips
 from alignerf.experiment import jobs
 from alignerf.scenes import cameras, prepared
@@ -36,26 +37,41 @@ STRIP_PIXELS = 65536
 
 def main(argv=None):
     args = parse(argv)
+    machine.limit(args.threads)
+    split_paths.check(args.splits, (args.renders, args.depth, args.timing))
     start = time.perf_counter()
     loaded = prepared.load(args.scene)
-    views = loaded.views(args.split)
     method = compose.make_method(jobs.parse(jobs.read(args.config)), to_train=False)
     template = jax.eval_shape(method.init, jax.random.key(0))
     params = jax.tree.map(jnp.asarray, checkpoint.read_params(args.model, template))
     render = make_renderer(method, params, loaded.width, loaded.height)
-    bar = progress.Progress(f"render {args.split}", len(views), unit="view")
+    for split in args.splits:
+        # What comes before the first view is counted with the first split.
+        folders = [split_paths.of(path, split) for path in (args.renders, args.depth)]
+        rendered = render_split(loaded, split, render, *folders)
+        now = time.perf_counter()
+        timing = {"time_s": round(now - start, 3), **rendered}
+        start = now
+        with whole.replace_file(split_paths.of(args.timing, split)) as path:
+            path.write_text(json.dumps(timing))
+
+
+def render_split(loaded: prepared.Scene, split, render, renders, depth=None):
+    """Write images and, where it has a folder, depth; returns what a view took."""
+    views = loaded.views(split)
+    bar = progress.Progress(f"render {split}", len(views), unit="view")
     with contextlib.ExitStack() as stack:
         stack.enter_context(contextlib.closing(bar))
-        folder = stack.enter_context(whole.replace_folder(args.renders))
-        depths = None
-        if args.depth:
-            depths = stack.enter_context(whole.replace_folder(args.depth))
+        folder, depths = (
+            path and stack.enter_context(whole.replace_folder(path))
+            for path in (renders, depth)
+        )
 
         def render_view(view):
-            image, depth = render(loaded.pixtocams[view], loaded.camtoworlds[view])
+            image, found = render(loaded.pixtocams[view], loaded.camtoworlds[view])
             images.write(folder / f"{loaded.names[view]}.png", image)
             if depths is not None:
-                np.savez(depths / f"{loaded.names[view]}.npz", depth=depth)
+                np.savez(depths / f"{loaded.names[view]}.npz", depth=found)
 
         begun = time.perf_counter()
         # The first one alone: it compiles, which counts only if there is no other.
@@ -66,13 +82,8 @@ def main(argv=None):
         for _ in cores.map_in_threads(render_view, views[1:]):
             bar.advance()
         rendered = time.perf_counter()
-    timing = {
-        "time_s": round(time.perf_counter() - start, 3),
-        "views": len(views),
-        "view_time_s": round((rendered - begun) / max(len(views) - 1, 1), 4),
-    }
-    with whole.replace_file(args.timing) as path:
-        path.write_text(json.dumps(timing))
+    view_time_s = round((rendered - begun) / max(len(views) - 1, 1), 4)
+    return {"views": len(views), "view_time_s": view_time_s}
 
 
 def parse(argv=None):
@@ -81,10 +92,11 @@ def parse(argv=None):
     parser.add_argument("--config", required=True, help="job as JSON, or its file")
     parser.add_argument("--scene", required=True, help="prepared scene folder")
     parser.add_argument("--model", required=True, help="trained parameters")
-    parser.add_argument("--split", required=True, choices=prepared.SPLITS)
+    parser.add_argument("--splits", nargs="+", required=True, choices=prepared.SPLITS)
     parser.add_argument("--renders", required=True, help="folder, written")
     parser.add_argument("--depth", help="folder of the views' depth, written")
     parser.add_argument("--timing", required=True, help="timing file, written")
+    parser.add_argument("--threads", type=int, help="at most (default: every core)")
     return parser.parse_args(argv)
 
 

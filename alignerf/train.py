@@ -15,7 +15,7 @@ import logging
 import jax
 import numpy as np
 
-from alignerf.command import faults, whole
+from alignerf.command import faults, machine, whole
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.experiment import jobs
 from alignerf.scenes import prepared
@@ -26,6 +26,7 @@ log = logging.getLogger("alignerf")
 
 def main(argv=None):
     args = parse(argv)
+    machine.limit(args.threads)
     job = with_radius(jobs.parse(jobs.read(args.config)), args.displacement)
     # Before all that takes time: a second trainer is refused at once.
     with checkpoint.lock(args.checkpoints):
@@ -46,6 +47,7 @@ def parse(argv=None):
     parser.add_argument("--valid", help="folder of <view>.npz with valid pixels")
     parser.add_argument("--initial", help="parameters to fine-tune or go on from")
     parser.add_argument("--displacement", help="CSV to take the search radius from")
+    parser.add_argument("--threads", type=int, help="at most (default: every core)")
     parser.add_argument("--sources", default="", help="hash: other code starts anew")
     parser.add_argument("--checkpoints", required=True, help="folder to resume from")
     parser.add_argument("--model", required=True, help="parameters, written")

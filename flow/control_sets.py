@@ -23,7 +23,8 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from alignerf.command import faults, images, progress, whole
+from alignerf.command import faults, images, machine, progress, whole
+from flow.estimation import arguments as arguments_of_flow
 from flow.estimation import estimate, pairs
 from flow.warping import controls, files, lengths, warp
 
@@ -40,7 +41,6 @@ def main(renders, photos, flow, out, *, truth=None, **options):
     ValueError or OSError.
     """
     found = pairs.find_pairs(Path(renders), Path(photos))
-    rows = []
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
         table = stack.enter_context(whole.replace_file(Path(out) / "leak.csv"))
@@ -48,7 +48,9 @@ def main(renders, photos, flow, out, *, truth=None, **options):
         for kind in (*IMAGES, "leak_flow"):
             place = whole.replace_folder(Path(out) / kind)
             folders[kind] = stack.enter_context(place)
-        for view, *paths in progress.over(found, "controls"):
+
+        def row_of(one):
+            view, *paths = one
             started = time.perf_counter()
             render, photo = map(images.read, paths)
             flow_px, _ = files.read_flow(Path(flow) / f"{view}.npz")
@@ -61,7 +63,14 @@ def main(renders, photos, flow, out, *, truth=None, **options):
                 )
             except ValueError as error:
                 raise ValueError(f"view {view}: {error}") from error
-            rows.append(row | {"time_s": round(time.perf_counter() - started, 4)})
+            return row | {"time_s": round(time.perf_counter() - started, 4)}
+
+        bar = progress.Progress("controls", len(found), unit="view")
+        stack.callback(bar.close)
+        rows = []
+        for row in machine.map_in_threads(row_of, found):
+            rows.append(row)
+            bar.advance()
         files.write_rows(table, COLUMNS, rows)
     return rows
 
@@ -129,12 +138,7 @@ def parse(arguments=None):
     for name in ("renders", "photos", "flow", "out"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--truth", type=Path, help="folder with the oracle's images")
-    parser.add_argument("--method", choices=estimate.METHODS, default=estimate.DEFAULT)
-    parser.add_argument(
-        "--match-blur", action=argparse.BooleanOptionalAction, default=True
-    )
-    parser.add_argument("--kernel", choices=warp.KERNELS, default="lanczos")
-    parser.add_argument("--tolerance-px", type=float, default=1.0)
+    arguments_of_flow.add(parser)
     return parser.parse_args(arguments)
 
 

@@ -7,7 +7,11 @@ truth is known, the model's part, the flow from the render to the oracle of the 
 view, is taken off first. Writes <view>.npz with the parts, and statistics.
 
     python -m flow.decompose --renders-depth DIR --flow DIR --cameras cameras.npz
-        --split test --out-flow DIR --stats-out CSV [--model-flow DIR]
+        --split test --out-flow DIR --stats-out CSV
+        [--model-flow DIR [--oracle DIR --renders DIR --model-stats CSV]]
+
+With the oracle's images, the model's flow and its lengths are estimated and written
+first; else they are read.
 """
 
 import argparse
@@ -20,6 +24,8 @@ import numpy as np
 
 from alignerf.command import archives, faults, whole
 from flow.camera import fit as camera_fit
+from flow.estimation import arguments as arguments_of_flow
+from flow.estimation import folders
 from flow.warping import files
 
 # Lengths beyond this percentile of the flow's count as that: a single wild vector
@@ -43,7 +49,19 @@ COLUMNS = (
 )
 
 
-def main(renders_depth, flow, cameras, split, out_flow, stats_out, model_flow=None):
+def main(*, model_flow=None, oracle=None, renders=None, model_stats=None, **options):
+    """`write`; where there is an oracle, `folders.align` of the model's part first.
+
+    options: of `write`, and `settings`, the options of `folders.align`.
+    """
+    settings = options.pop("settings", {})
+    if oracle is not None:
+        target = {"flow": model_flow}
+        folders.align(renders, oracle, target, model_stats, **settings)
+    write(**options, model_flow=model_flow)
+
+
+def write(renders_depth, flow, cameras, split, out_flow, stats_out, model_flow=None):
     """Decompose the flow of every view of a split; returns the statistics' rows.
 
     renders_depth: folder of <view>.npz {depth}; flow: of {flow_px, valid}, and so
@@ -169,14 +187,27 @@ def write_parts(path, found: camera_fit.Fit, model_px):
         np.savez(file, **parts)
 
 
-def run(arguments=None):
-    """The command line; returns its exit code."""
+def parse(arguments=None):
+    """Arguments of the command line; `settings` are those of the model's flow."""
     parser = argparse.ArgumentParser(prog="flow.decompose", description=__doc__)
     for name in ("renders-depth", "flow", "cameras", "out-flow", "stats-out"):
         parser.add_argument(f"--{name}", type=Path, required=True)
-    parser.add_argument("--model-flow", type=Path, help="render to oracle")
     parser.add_argument("--split", choices=("train", "test"), required=True)
-    return faults.exit_code(main, **vars(parser.parse_args(arguments)))
+    parser.add_argument("--model-flow", type=Path, help="render to oracle")
+    for name in ("oracle", "renders", "model-stats"):
+        parser.add_argument(f"--{name}", type=Path, help="to estimate --model-flow")
+    arguments_of_flow.add(parser)
+    options = vars(parser.parse_args(arguments))
+    made = [options[key] for key in ("oracle", "renders", "model_stats")]
+    if any(made) and not all([*made, options["model_flow"]]):
+        parser.error("--oracle, --renders, --model-stats and --model-flow go together")
+    keys = ("method", "match_blur", "kernel", "tolerance_px")
+    return options | {"settings": {key: options.pop(key) for key in keys}}
+
+
+def run(arguments=None):
+    """The command line; returns its exit code."""
+    return faults.exit_code(main, **parse(arguments))
 
 
 if __name__ == "__main__":

@@ -1,10 +1,49 @@
 """What a command may use of the machine that it runs on."""
 
+import concurrent.futures
 import os
+from pathlib import Path
+
+# Device files of NVIDIA's and AMD's drivers, and of Google's TPUs.
+ACCELERATORS = ("nvidia[0-9]*", "kfd", "accel[0-9]*")
+_limit = None
 
 
 def cores() -> int:
     """Cores that this process may use: fewer than there are in a container, say."""
     if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+        found = len(os.sched_getaffinity(0))
+    else:
+        found = os.cpu_count() or 1
+    return min(found, _limit or found)
+
+
+def limit(threads: int | None):
+    """Let this process use no more cores than `threads`; None is no limit.
+
+    JAX reads the variable when it starts: on a CPU it computes in as many threads.
+    """
+    global _limit
+    if threads is None:
+        return
+    if threads < 1:
+        raise ValueError(f"--threads: {threads} is not a number of threads")
+    _limit = threads
+    os.environ["PJRT_NPROC"] = str(threads)
+
+
+def map_in_threads(function, items, *, threads=None):
+    """Yield function(item) of all items in order, from a thread for each core.
+
+    A failure is raised in its item's turn, and what has not begun is left.
+    """
+    pool = concurrent.futures.ThreadPoolExecutor(threads or cores())
+    try:
+        yield from pool.map(function, items)
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def has_accelerator(devices=Path("/dev")) -> bool:
+    """Whether there is a GPU or a TPU, as far as the folder of devices tells."""
+    return any(next(devices.glob(name), None) for name in ACCELERATORS)

@@ -1,5 +1,9 @@
 """Command-line options of the flow's settings, and the files that it reads."""
 
+from pathlib import PurePath
+
+from alignerf.command import split_paths
+
 # Folders of flow.control_sets beside the warped test set.
 CONTROL_SETS = (
     *("control", "placebo", "held_out"),
@@ -10,6 +14,11 @@ CONTROL_SETS = (
 def option(name, value):
     """`--name value` for a shell line, nothing where there is no value."""
     return [f"--{name}", str(value)] if value else []
+
+
+def with_split(name, path):
+    """The same for a folder in one that is named like its split: `{split}` is that."""
+    return option(name, path and str(PurePath(path).parent / split_paths.MARK))
 
 
 def lpips_options(experiment):
@@ -32,7 +41,7 @@ def estimator_options(experiment):
     return [blur, *(str(part) for pair in pairs.items() for part in pair)]
 
 
-def of_views(experiment, scene, method, round, split):
+def of_views(experiment, scene, method, round, split=split_paths.MARK):
     """Command line of the flow's settings, for the views that it is estimated of."""
     flow, found = experiment.config["flow"], estimator_options(experiment)
     if flow["estimator"] != "files":
@@ -60,12 +69,15 @@ def of_rounds(experiment, scene, method, round):
     return found
 
 
-def of_oracle(experiment, scene, method, round):
-    """The flow from render to oracle, where the scene's truth is known."""
-    if scene not in experiment.with_truth():
-        return {}
-    folder = experiment.folder(scene, method, round)
-    return {"model": f"{folder}/flow_oracle/test"}
+def of_oracle(experiment, input, output):
+    """Command line of the flow from render to oracle, and of where it is written."""
+    return [
+        *estimator_options(experiment),
+        *option("oracle", f"{input.truth}/oracle"),
+        *option("renders", input.renders),
+        *option("model-flow", output.model),
+        *option("model-stats", output.model_stats),
+    ]
 
 
 def benchmark_models(experiment, scene):

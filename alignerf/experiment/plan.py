@@ -80,6 +80,21 @@ class Experiment:
             for k in range(int(name in self.warm()), self.last_round(scene, name) + 1)
         ]
 
+    def followed(self):
+        """{method: its rounds whose training views are rendered and aligned}.
+
+        Another round trains on these, or a search radius comes from them.
+        """
+        found = {name: set() for name in self.methods}
+        for name, method in self.methods.items():
+            auto = method["rounds"] == "auto"
+            last = method["most_rounds"] if auto else method["rounds"]
+            for k in range(last):
+                found[self.base_of(name) if k == 0 else name].add(k)
+            if method["alignerf"] and method["alignerf"]["radius_px"] == "auto":
+                found[self.base_of(name)].add(0)
+        return found
+
     def reference_round(self, scene):
         """The round whose renders the warped test set is made from."""
         reference = self.config["reference"]
@@ -105,6 +120,19 @@ class Experiment:
 def goes_on(path):
     """What `flow.rounds` decided, from its file."""
     return json.loads(Path(path).read_text())["go_on"]
+
+
+def at_rounds(found, *, others=False):
+    """Regular expression of a method at one of its rounds, or at any other round.
+
+    found: {method: rounds}. Of a path's `{method}/round{round}/` it takes the method
+    and looks ahead at the round, since a wildcard's expression knows no other wildcard.
+    """
+    ahead = "?!" if others else "?="
+    return "|".join(
+        f"{re.escape(name)}({ahead}/round(?:{one_of(map(str, rounds))})/)"
+        for name, rounds in sorted(found.items())
+    )
 
 
 def one_of(names):

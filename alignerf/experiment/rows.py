@@ -61,6 +61,9 @@ class Times(NamedTuple):
     walls: Walls
     rendering: str | None = None
     alignment: str | None = None
+    # What the same processes did for the test views, which is no part of a round.
+    test_rendering: str | None = None
+    test_alignment: str | None = None
 
 
 class Renders(NamedTuple):
@@ -201,9 +204,11 @@ def times(experiment, scene):
                 rendering=f"{before}/render_train.json",
                 alignment=f"{before}/displacement_train.csv",
                 walls=walls._replace(
-                    render=f"{before}/logs/render_train.tsv",
-                    align=f"{before}/logs/align_train.tsv",
+                    render=f"{before}/logs/render.tsv",
+                    align=f"{before}/logs/align.tsv",
                 ),
+                test_rendering=f"{before}/render_test.json",
+                test_alignment=f"{before}/displacement_test.csv",
             )
         rows.append(row)
     return rows
@@ -213,6 +218,28 @@ def scores(experiment, scene):
     """One row per method and round."""
     found = misalignment(experiment, scene)
     return [Scores(row.method, row.round, row.metrics) for row in found]
+
+
+def tables(experiment, scene):
+    """{table: its rows}; rankings need a truth to be compared with."""
+    found = {
+        "misalignment": misalignment(experiment, scene),
+        "round_times": times(experiment, scene),
+        "controls": scores(experiment, scene),
+        "displacement": displacement(experiment, scene),
+    }
+    if scene in experiment.with_truth():
+        found["ranking"] = scores(experiment, scene)
+    return found
+
+
+def options_of(tables):
+    """Command line of tables' rows, of `tables`."""
+    return [
+        part
+        for name, found in tables.items()
+        for part in ("--rows", name, as_json(found))
+    ]
 
 
 def figure_rounds(experiment, scene):
@@ -235,6 +262,12 @@ def crops(experiment, scene):
         files = (f"{folder}/renders/test", f"{folder}/flow/test")
         rows.append(Renders(*files, method))
     return rows
+
+
+def crops_option(experiment, scene):
+    """Command line of the crops; none without a staged method."""
+    found = crops(experiment, scene)
+    return ["--crops", as_json(found)] if found else []
 
 
 def published(scene):

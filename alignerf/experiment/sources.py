@@ -16,6 +16,13 @@ ROOT, LOCK = provenance.ROOT, provenance.LOCK
 # Threads of a job that shares the machine with no other: Snakemake lowers them to its
 # `--cores`, which it need not be given for a plan or a report.
 WHOLE_MACHINE = machine.cores()
+# A training or a rendering takes an accelerator, where there is one, and all that
+# feeds it.
+ACCELERATORS = int(machine.has_accelerator())
+# Without one it takes half of the cores: operations of small models are too short to
+# share, so that trainings side by side see more rays than one after the other. Over 4
+# cores one training gains little from more (see alignerf/training/cores.py).
+OF_TRAINING = WHOLE_MACHINE if ACCELERATORS else min(max(WHOLE_MACHINE // 2, 1), 4)
 
 
 @functools.cache

@@ -1,16 +1,34 @@
 """What `snakemake SCENE` makes."""
 
 TABLES = ("misalignment", "round_times", "controls", "displacement")
+# Not in Snakemake's report.
+UNREPORTED = ("round_times",)
 FIGURES = ("flow", "rounds", "views", "lengths", "curves")
 
 
-def tables(experiment, scene):
+def tables(known):
     """Where the truth is known, also whether other test sets rank as it does."""
-    known = scene in experiment.with_truth()
     return (*TABLES, "ranking") if known else TABLES
 
 
-def figures(experiment, scene):
+def reported(known):
+    """Those that Snakemake's report shows."""
+    return [name for name in tables(known) if name not in UNREPORTED]
+
+
+def beside(known):
+    """Files of a scene's tables beside those: in LaTeX, and where they come from."""
+    return [
+        *(f"results/{{scene}}/tables/{name}.csv" for name in UNREPORTED),
+        *(
+            f"results/{{scene}}/tables/{name}.{kind}"
+            for name in tables(known)
+            for kind in ("tex", "provenance.json")
+        ),
+    ]
+
+
+def figures(experiment):
     """Only staged methods have something to be compared with side by side."""
     return (*FIGURES, "crops") if experiment.staged() else FIGURES
 
@@ -23,8 +41,8 @@ def of_scene(experiment, scene):
         f"{folder}/facts.json",
         *(
             f"{folder}/tables/{name}.{kind}"
-            for name in tables(experiment, scene)
+            for name in tables(scene in experiment.with_truth())
             for kind in ("csv", "tex")
         ),
-        *(f"{folder}/figures/{name}.png" for name in figures(experiment, scene)),
+        *(f"{folder}/figures/{name}.png" for name in figures(experiment)),
     ]

@@ -6,12 +6,12 @@ with OpenGL axes (x right, y up, z backwards); pixel (x, y) has its centre at
 `_px` in pixels. Functions work on NumPy and on JAX arrays alike.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
-Array = np.ndarray | jax.Array
+# Of NumPy or of JAX, which most users of cameras need not wait for.
+Array = Any
 
 # OpenCV axes (x right, y down, z forwards) from OpenGL axes, and back.
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])

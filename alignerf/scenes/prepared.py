@@ -4,7 +4,6 @@
 [n, 3, 4], names [n], width, height, split [n] ('train' or 'test').
 """
 
-import concurrent.futures
 import dataclasses
 import math
 import pathlib
@@ -106,9 +105,8 @@ def read_images(scene: Scene, views, folder) -> np.ndarray:
         path = _image_path(scene, views[slot], folder)
         found[slot] = images.read(path, size=(scene.width, scene.height))
 
-    with concurrent.futures.ThreadPoolExecutor(machine.cores()) as pool:
-        for _ in pool.map(read, range(len(views))):
-            pass
+    for _ in machine.map_in_threads(read, range(len(views))):
+        pass
     return found
 
 

@@ -1,4 +1,4 @@
-"""What a warped test set's gain is made of: `python -m alignerf.tables.controls`.
+"""What a warped test set's gain is made of: `tables/controls.csv`.
 
 Reads the scores of every method and round; writes CSV and LaTeX. All are means over
 test views of differences in PSNR, paired by view, both sides on the same pixels but
@@ -9,9 +9,6 @@ the valid ones alone, is the measure of alignment, and `remains` its check.
 
 import pandas as pd
 
-from alignerf.command import faults
-from alignerf.experiment import rows as table_rows
-from alignerf.tables import files as table_files
 from alignerf.tables import scores
 
 # What is measured, and the two test sets whose difference it is (or one's score).
@@ -46,10 +43,6 @@ HEADINGS = {
     "oracle": "oracle",
     "oracle_gain": "oracle gain",
 }
-
-
-def main(argv=None):
-    table_files.run(__doc__, argv, table_rows.Scores, make_table, to_latex)
 
 
 def make_table(rows):
@@ -112,7 +105,3 @@ def cell(quantity, mean, low, high):
     if QUANTITIES.get(quantity, ("", ""))[1] is None:
         return scores.with_interval(mean, float("nan"), float("nan"))
     return scores.latex_difference(mean, low, high)
-
-
-if __name__ == "__main__":
-    faults.run(main)

@@ -1,12 +1,10 @@
-"""How misaligned, and by what: `python -m alignerf.tables.displacement`.
+"""How misaligned, and by what: `tables/displacement.csv`.
 
 A row per method and round: means over the views of what `flow.decompose` wrote.
 """
 
 import pandas as pd
 
-from alignerf.command import faults
-from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 
@@ -20,10 +18,6 @@ COLUMNS = (
     "noise_px",
     "valid_share",
 )
-
-
-def main(argv=None):
-    table_files.run(__doc__, argv, table_rows.Displacement, make_table, to_latex)
 
 
 def make_table(rows):
@@ -70,7 +64,3 @@ def to_latex(table):
 def texts(column, form):
     """Numbers as text, `--` for one that is not there."""
     return column.map(lambda value: scores.shown(value, form))
-
-
-if __name__ == "__main__":
-    faults.run(main)

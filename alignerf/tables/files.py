@@ -8,17 +8,9 @@ import pathlib
 import pandas as pd
 
 from alignerf.command import provenance, whole
-from alignerf.experiment import rows as table_rows
 
 # What tells a table's rows apart, in provenance.
 LABELS = ("scene", "variant", "method", "round")
-
-
-def run(description, argv, kind, make_table, to_latex, *, float_format="%.6g"):
-    """A whole command: make_table(rows of a kind) of --rows, written by `write`."""
-    args = parser(description).parse_args(argv)
-    rows = table_rows.read(kind, args.rows)
-    write(make_table(rows), to_latex, args, rows, float_format=float_format)
 
 
 def parser(description):
@@ -35,18 +27,23 @@ def parser(description):
     return found
 
 
-def write(table, to_latex, args, rows, *, seeds=(), float_format="%.6g"):
+def places(args):
+    """Of the arguments of `parser`, those of `write`."""
+    return {"csv": args.csv, "tex": args.tex, "configs": args.configs}
+
+
+def write(table, to_latex, *, csv, tex, rows, configs, seeds=(), float_format="%.6g"):
     """Write a table as CSV and as to_latex has it, and its provenance; all or none.
 
-    args: of `parser`. seeds: those besides the ones of the configs.
+    rows: what it was made of. configs: the scenes' complete configs. seeds: those
+    besides the ones of the configs.
     """
     latex = to_latex(table)
-    found = provenance.describe(trainings_of(rows), args.configs, seeds=seeds)
-    beside = provenance.path_beside(args.csv)
+    found = provenance.describe(trainings_of(rows), configs, seeds=seeds)
+    beside = provenance.path_beside(csv)
     with contextlib.ExitStack() as stack:
         csv, tex, origin = (
-            stack.enter_context(whole.replace_file(path))
-            for path in (args.csv, args.tex, beside)
+            stack.enter_context(whole.replace_file(path)) for path in (csv, tex, beside)
         )
         table.to_csv(csv, index=False, float_format=float_format)
         tex.write_text(latex)

@@ -1,4 +1,4 @@
-"""The paper's Table 1: `python -m alignerf.tables.misalignment`.
+"""The paper's Table 1: `tables/misalignment.csv`.
 
 Reads the scores and costs of every method and round; writes CSV and LaTeX. Costs are
 those of the whole way to a model: all rounds up to its own, and, for staged training,
@@ -8,8 +8,6 @@ papers print for a scene of this name stands below, and is compared with nothing
 
 import pandas as pd
 
-from alignerf.command import faults
-from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 
@@ -46,18 +44,6 @@ COLUMNS = (
 )
 # The paper's colours for the best, second and third of a column.
 COLOURS = ("#FF9999", "#FFCC99", "#FFFF99")
-
-
-def main(argv=None):
-    parser = table_files.parser(__doc__)
-    parser.add_argument("--scene-name", help="which rows of --published are shown")
-    parser.add_argument("--published", nargs="*", default=[], help="CSV, as printed")
-    args = parser.parse_args(argv)
-    rows = table_rows.read(table_rows.Misalignment, args.rows)
-    printed = [
-        line for path in args.published for line in published(path, args.scene_name)
-    ]
-    table_files.write(make_table(rows, printed), to_latex, args, rows)
 
 
 def make_table(rows, printed=()):
@@ -210,7 +196,3 @@ def colour_best(column, *, higher):
         f"background-color: {colours[rank]}" if rank in colours else ""
         for rank in ranks
     ]
-
-
-if __name__ == "__main__":
-    faults.run(main)

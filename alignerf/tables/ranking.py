@@ -1,4 +1,4 @@
-"""Does a test set rank methods as the oracle does: `python -m alignerf.tables.ranking`.
+"""Does a test set rank methods as the oracle does: `tables/ranking.csv`.
 
 Kendall's tau-b between the mean PSNR of all methods and rounds on the oracle and on
 another test set; writes CSV and LaTeX.
@@ -8,19 +8,12 @@ import numpy as np
 import pandas as pd
 import scipy.stats
 
-from alignerf.command import faults
-from alignerf.experiment import rows as table_rows
-from alignerf.tables import files as table_files
 from alignerf.tables import intervals, scores
 
 TEST_SETS = ("standard", "warped", "held_out", "control")
 COLUMNS = ("test_set", "tau", "tau_low", "tau_high", "rows", "views")
 # Each draw ranks all rows for each test set: 0.2 ms a piece.
 DRAWS = 1000
-
-
-def main(argv=None):
-    table_files.run(__doc__, argv, table_rows.Scores, make_table, to_latex)
 
 
 def make_table(rows):
@@ -74,7 +67,3 @@ def to_latex(table):
         f"% their mean PSNR; 95 % bootstrap intervals over {table['views'][0]} views.\n"
         f"{tex}"
     )
-
-
-if __name__ == "__main__":
-    faults.run(main)

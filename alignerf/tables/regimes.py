@@ -55,7 +55,7 @@ def main(argv=None):
     table = make_table(scenes)
     with whole.replace_file(args.figure) as path:
         regimes_figure.draw(table, path)
-        table_files.write(table, to_latex, args, scenes)
+        table_files.write(table, to_latex, rows=scenes, **table_files.places(args))
 
 
 def make_table(scenes):

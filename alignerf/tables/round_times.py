@@ -1,14 +1,13 @@
-"""Where the time of a round goes: `python -m alignerf.tables.round_times`.
+"""Where the time of a round goes: `tables/round_times.csv`.
 
 A round renders the training views of the one before, aligns the photos with them, and
 trains; round 0 only trains. Each of the three is a process; what it spends besides
-its own work (start, import, loading, compiling, writing) is told apart.
+its own work (start, import, loading, compiling, writing) is told apart. What it did
+for the test views is no part of a round.
 """
 
 import pandas as pd
 
-from alignerf.command import faults
-from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 
@@ -23,11 +22,6 @@ PARTS = {
     "align_rest_time_s": "its rest",
 }
 COLUMNS = ("method", "round", *PARTS, "total_time_s")
-
-
-def main(argv=None):
-    kind = table_rows.Times
-    table_files.run(__doc__, argv, kind, make_table, to_latex, float_format="%.3f")
 
 
 def make_table(rows):
@@ -48,10 +42,12 @@ def line_of(row):
         keys = ("views", "view_time_s")
         rendering = table_files.read_timing(row.rendering, *keys)
         line["render_time_s"] = rendering["views"] * rendering["view_time_s"]
-        rest_s = wall_s(row.walls.render) - line["render_time_s"]
+        besides_s = table_files.data_time_s(row.test_rendering)
+        rest_s = wall_s(row.walls.render) - besides_s - line["render_time_s"]
         line["render_rest_time_s"] = rest_s
         line["align_time_s"] = table_files.views_time_s(row.alignment)
-        rest_s = wall_s(row.walls.align) - line["align_time_s"]
+        besides_s = table_files.data_time_s(row.test_alignment)
+        rest_s = wall_s(row.walls.align) - besides_s - line["align_time_s"]
         line["align_rest_time_s"] = rest_s
     # A process that went on where another was stopped knows only its own seconds.
     rests = {key: max(line[key], 0.0) for key in line if key.endswith("rest_time_s")}
@@ -76,7 +72,3 @@ def to_latex(table):
     columns = "lr" + "r" * (len(COLUMNS) - 2)
     tex = style.to_latex(hrules=True, column_format=columns)
     return f"% \\usepackage{{booktabs}}\n% Seconds of each round, by its parts.\n{tex}"
-
-
-if __name__ == "__main__":
-    faults.run(main)

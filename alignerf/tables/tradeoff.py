@@ -53,7 +53,8 @@ def main(argv=None):
     seeds = [p.changes["seed"] for p in points if "seed" in p.changes]
     with whole.replace_file(args.figure) as path:
         tradeoff_figure.draw(table.assign(kind=kinds_of(points)), path)
-        table_files.write(table, to_latex, args, points, seeds=seeds)
+        places = table_files.places(args)
+        table_files.write(table, to_latex, rows=points, seeds=seeds, **places)
     front = table[table["pareto"]].sort_values("train_time_s")
     log.info("Pareto front: %s", ", ".join(front["variant"]))
 

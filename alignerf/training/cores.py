@@ -5,7 +5,6 @@ threads on two cores render a hash grid 1.9 times as fast as one does, and as tw
 devices they train it 1.3 times as fast as one of two threads, an MLP 1.05 times.
 """
 
-import concurrent.futures
 import logging
 import os
 
@@ -40,10 +39,6 @@ def use_as_devices():
 
 
 def map_in_threads(function, items):
-    """Yield function(item) of all items in order, one thread for each core on a CPU."""
+    """`machine.map_in_threads` on a CPU; an accelerator takes one at a time."""
     on_cpu = jax.local_devices()[0].platform == "cpu"
-    threads = concurrent.futures.ThreadPoolExecutor(machine.cores() if on_cpu else 1)
-    try:
-        yield from threads.map(function, items)
-    finally:
-        threads.shutdown(cancel_futures=True)
+    return machine.map_in_threads(function, items, threads=None if on_cpu else 1)

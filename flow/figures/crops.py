@@ -1,4 +1,4 @@
-"""Crops side by side, as in the paper's teaser: `python -m flow.figures.crops`.
+"""Crops side by side, as in the paper's teaser: `figures/crops.png`.
 
 A row for each of a few test views: the photo with a window marked; the window of the
 photo and of each method's render, with its PSNR in dB; then of each render's flow to
@@ -9,9 +9,6 @@ spaced among the test views by name, and of each the square window of a quarter 
 the photo's width that holds most of the photo's high frequencies.
 """
 
-import argparse
-import json
-import sys
 import textwrap
 from pathlib import Path
 from typing import NamedTuple
@@ -22,7 +19,7 @@ import matplotlib.patches
 import numpy as np
 import skimage.metrics
 
-from alignerf.command import faults, images
+from alignerf.command import images
 from flow.figures import drawing
 from flow.warping import files
 
@@ -121,18 +118,17 @@ def read_row(view, photos, methods):
     return Row(view, photo, window, renders, flows)
 
 
-def main(photos, methods, figure):
+def draw_methods(photos, methods, path):
     """Draw the figure. Raises ValueError or OSError.
 
-    methods: JSON list of {method, renders, flow}, two folders of the test views.
+    photos: a folder. methods: [{method, renders, flow}], two folders of test views.
     """
-    methods = json.loads(methods)
     folder = Path(methods[0]["renders"])
     names = sorted(path.stem for path in folder.glob("*.png"))
     if not names:
         raise ValueError(f"{folder}: no renders (*.png)")
     rows = [read_row(view, photos, methods) for view in choose_views(names)]
-    draw(rows, [method["method"] for method in methods], figure)
+    draw(rows, [method["method"] for method in methods], path)
 
 
 def draw(rows, methods, path):
@@ -192,16 +188,3 @@ def write_below(axes, text):
     # A dollar in a photo's name is no formula.
     style = {"fontsize": drawing.FONT_SIZE, "parse_math": False}
     axes.text(0.5, -0.03, text, **where, **style)
-
-
-def run(arguments=None):
-    """The command line; returns its exit code."""
-    parser = argparse.ArgumentParser(prog="flow.figures.crops", description=__doc__)
-    parser.add_argument("--photos", type=Path, required=True, help="folder")
-    parser.add_argument("--methods", required=True, help="JSON: method, renders, flow")
-    parser.add_argument("--figure", type=Path, required=True, help="PNG, written")
-    return faults.exit_code(main, **vars(parser.parse_args(arguments)))
-
-
-if __name__ == "__main__":
-    sys.exit(run())

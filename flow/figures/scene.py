@@ -5,7 +5,7 @@ them. rounds.png: photo, the renders of each round above the flow that each roun
 render still has to the photo. Both with the colour wheel and its scale in pixels.
 Of the parts that `flow.decompose` found: views.png, every test view with its flow and
 the parts; lengths.png, their histogram; curves.png, misalignment and PSNR over the
-rounds.
+rounds. Where there are staged methods, crops.png: see `crops`.
 """
 
 import argparse
@@ -17,6 +17,7 @@ from pathlib import Path
 import matplotlib.figure
 
 from alignerf.command import faults, images
+from flow.figures import crops as crop_figure
 from flow.figures import drawing
 from flow.figures import parts as part_figures
 from flow.warping import files
@@ -24,13 +25,14 @@ from flow.warping import files
 FIGURES = ("flow", "rounds", "views", "lengths", "curves")
 
 
-def main(photos, testset, reference, rounds, parts, curves, figures):
-    """Write all figures. Raises ValueError or OSError.
+def main(photos, testset, reference, rounds, parts, curves, out, crops=None):
+    """Write all figures into the folder `out`. Raises ValueError or OSError.
 
     photos, reference: folders of images; testset: its folder; rounds: JSON list of
     {renders, flow}; parts: folder of those of the first round's renders; curves: JSON
-    list of {method, round, stats, metrics}; figures: the path of each of FIGURES.
+    list of {method, round, stats, metrics}; crops: of {method, renders, flow}.
     """
+    figures = {name: out / f"{name}.png" for name in FIGURES}
     rounds = json.loads(rounds)
     draw_middle_view(photos, testset, reference, rounds, figures)
     found = part_figures.read_parts(parts)
@@ -39,6 +41,8 @@ def main(photos, testset, reference, rounds, parts, curves, figures):
     part_figures.draw_lengths(found, figures["lengths"])
     table = part_figures.read_rounds(json.loads(curves))
     part_figures.draw_rounds(table, figures["curves"])
+    if crops is not None:
+        crop_figure.draw_methods(photos, json.loads(crops), out / "crops.png")
 
 
 def draw_middle_view(photos, testset, reference, rounds, figures):
@@ -114,11 +118,9 @@ def run(arguments=None):
     parser.add_argument("--parts", type=Path, required=True, help="of the first round")
     curves = "JSON: method, round, stats, metrics"
     parser.add_argument("--curves", required=True, help=curves)
-    for name in FIGURES:
-        parser.add_argument(f"--{name}-figure", type=Path, required=True, help="PNG")
-    options = vars(parser.parse_args(arguments))
-    figures = {name: options.pop(f"{name}_figure") for name in FIGURES}
-    return faults.exit_code(main, **options, figures=figures)
+    parser.add_argument("--crops", help="JSON: method, renders, flow")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the PNGs")
+    return faults.exit_code(main, **vars(parser.parse_args(arguments)))
 
 
 if __name__ == "__main__":

@@ -206,12 +206,48 @@ def test_without_a_folder_for_them_no_photos_are_warped(scene):
     np.testing.assert_array_equal(again_px, flow_px)
 
 
-@pytest.mark.parametrize("option", ["--views-file", "--split"])
-def test_every_render_is_aligned(scene, capsys, option):
-    """There is no option to leave some out, which no rule asks for."""
+def test_there_is_no_option_to_leave_renders_out(scene, capsys):
     with pytest.raises(SystemExit):
-        align.run(arguments(scene, option, "train"))
-    assert option in capsys.readouterr().err
+        align.run(arguments(scene, "--views-file", "train"))
+    assert "--views-file" in capsys.readouterr().err
+
+
+def test_both_splits_are_aligned_as_each_alone(scene):
+    assert align.run(arguments(scene)) == 0
+    (scene / "renders").rename(scene / "train")
+    (scene / "renders").mkdir()
+    (scene / "train").rename(scene / "renders" / "train")
+    shutil.copytree(scene / "renders" / "train", scene / "renders" / "test")
+    (scene / "renders" / "test" / "b c.png").unlink()
+    outs = {"flow": "flow/{split}", "warped": "warped/{split}", "stats": "{split}.csv"}
+    both = scene / "both"
+    options = [
+        *("--splits", "train", "test", "--photos", str(scene / "photos")),
+        *("--renders", str(scene / "renders" / "{split}")),
+        *(f"--{name}-out={both / path}" for name, path in outs.items()),
+    ]
+    assert align.run(options) == 0
+    for split, views in {"train": ["a", "b c", "d"], "test": ["a", "d"]}.items():
+        for kind in ("flow", "warped"):
+            found = {p.stem: p for p in (both / kind / split).iterdir()}
+            assert sorted(found) == views
+            for view, path in found.items():
+                alone = scene / "out" / kind / path.name
+                if kind == "warped":
+                    assert path.read_bytes() == alone.read_bytes(), view
+                else:
+                    pair = files.read_flow(path), files.read_flow(alone)
+                    for one, other in zip(*pair, strict=True):
+                        np.testing.assert_array_equal(one, other)
+        with open(both / f"{split}.csv", newline="") as file:
+            assert [row["view"] for row in csv.DictReader(file)] == views
+
+
+def test_splits_that_would_share_a_path_are_refused(scene, capsys):
+    more = ("--splits", "train", "test")
+    assert align.run(arguments(scene, *more)) == 1
+    assert "{split} must be in it, for train, test" in capsys.readouterr().err
+    assert not (scene / "out").exists()
 
 
 def test_as_a_process_without_traceback(scene):

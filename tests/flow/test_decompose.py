@@ -1,19 +1,20 @@
 """flow.decompose and its table: the split is right where the truth is known."""
 
 import csv
-import json
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.command import faults
+from alignerf.command import faults, images
+from alignerf.experiment import rows as table_rows
 from alignerf.scenes import cameras
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard
-from alignerf.tables import displacement
-from flow import decompose
+from flow import align, decompose
 from flow.warping import files
+from tests import table_cases
 
 SIZE = WIDTH, HEIGHT = 80, 60
 VIEWS = 4
@@ -133,6 +134,40 @@ def test_what_the_model_bent_is_taken_off_first(views, tmp_path, rng):
         assert "model_px" in np.load(tmp_path / "parts" / f"{view}.npz")
 
 
+def test_the_model_s_part_is_found_as_the_images_have_it(tmp_path, rng):
+    """Estimated in the same process, it is what `flow.align` finds of these images."""
+    small(tmp_path)
+    for view in ("a", "b c"):
+        image = cv2.GaussianBlur(rng.uniform(0, 255, (40, 50, 3)), (0, 0), 2.0)
+        image = np.uint8(255 * (image - image.min()) / np.ptp(image))
+        images.write(tmp_path / "renders" / f"{view}.png", image)
+        images.write(tmp_path / "oracle" / f"{view}.png", np.roll(image, 1, axis=1))
+    flow = {"renders": tmp_path / "renders", "method": "dis_fine"}
+    model = {"model_flow": tmp_path / "model", "model_stats": tmp_path / "model.csv"}
+    made = flow | model | {"oracle": tmp_path / "oracle"}
+    assert decompose.run(command(tmp_path, **made)) == 0
+    aligned = {
+        "renders": tmp_path / "renders",
+        "photos": tmp_path / "oracle",
+        "flow-out": tmp_path / "alone",
+        "stats-out": tmp_path / "alone.csv",
+        "method": "dis_fine",
+    }
+    options = [str(part) for name, p in aligned.items() for part in (f"--{name}", p)]
+    assert align.run(options) == 0
+    for path in (tmp_path / "alone").iterdir():
+        found = files.read_flow(tmp_path / "model" / path.name)
+        for one, other in zip(found, files.read_flow(path), strict=True):
+            np.testing.assert_array_equal(one, other)
+        parts = np.load(tmp_path / "parts" / path.name)
+        np.testing.assert_array_equal(parts["model_px"], found[0])
+    keys = ["view", "median_px", "blur_sigma_px"]
+    tables = [pd.read_csv(tmp_path / f"{n}.csv")[keys] for n in ("model", "alone")]
+    pd.testing.assert_frame_equal(*tables)
+    with pytest.raises(SystemExit):
+        decompose.run(command(tmp_path, **flow))
+
+
 def test_explained_share():
     flow_px = np.array([3.0, 4.0, 5.0])
     assert decompose.explained(flow_px, 0 * flow_px) == 1
@@ -217,9 +252,8 @@ def test_bad_input_is_one_line_and_nothing_is_written(tmp_path, capsys, damage, 
 
 
 def make_table(folder, stats):
-    rows = [{"method": "a_b", "round": k, "stats": str(p)} for k, p in enumerate(stats)]
-    paths = ("--csv", str(folder / "t.csv"), "--tex", str(folder / "t.tex"))
-    return faults.exit_code(displacement.main, ["--rows", json.dumps(rows), *paths])
+    rows = [table_rows.Displacement("a_b", k, str(p)) for k, p in enumerate(stats)]
+    return faults.exit_code(table_cases.make, "displacement", rows, folder)
 
 
 def test_table_of_means_over_views(tmp_path, capsys):
@@ -230,23 +264,23 @@ def test_table_of_means_over_views(tmp_path, capsys):
     views.to_csv(tmp_path / "other.csv", index=False)
     stats = [tmp_path / "decomposition.csv", tmp_path / "other.csv"]
     assert make_table(tmp_path, stats) == 0
-    table = pd.read_csv(tmp_path / "t.csv")
+    table = pd.read_csv(tmp_path / "displacement.csv")
     assert table["round"].tolist() == [0, 1]
     assert table["views"].tolist() == [2, 2]
     assert table["flow_median_px"].tolist() == pytest.approx([2**0.5, 2.0], rel=1e-5)
     assert table["camera_share"][0] == pytest.approx(1, abs=1e-3)
     assert table["model_mean_px"].isna().all()
-    tex = (tmp_path / "t.tex").read_text()
+    tex = (tmp_path / "displacement.tex").read_text()
     assert "1.41" in tex
     assert r"a\_b" in tex
     assert "Model" not in tex
     views.drop(columns="noise_px").to_csv(tmp_path / "other.csv", index=False)
     assert make_table(tmp_path, stats) == 1
     assert "other.csv: no column noise_px" in capsys.readouterr().err
-    whole = (tmp_path / "t.csv").read_bytes()
+    whole = (tmp_path / "displacement.csv").read_bytes()
     empty = ",".join(views) + "\n"
     for text, reason in (("", "not a table: No columns"), (empty, "no row")):
         (tmp_path / "other.csv").write_text(text)
         assert make_table(tmp_path, stats) == 1
         assert f"other.csv: {reason}" in capsys.readouterr().err
-    assert (tmp_path / "t.csv").read_bytes() == whole
+    assert (tmp_path / "displacement.csv").read_bytes() == whole

@@ -1,12 +1,13 @@
 """Plans of every config, and targets by name."""
 
-import os
+import importlib
 import re
 from pathlib import Path
 
 import pytest
 import yaml
 
+from alignerf.command import machine
 from alignerf.experiment import sources
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,18 +45,14 @@ def expected_jobs(config):
         "evaluate": scenes * (rows + len(staged)),
         "testset": scenes,
         "control_sets": scenes,
-        "controls_table": scenes,
-        "ranking_table": sum(
-            scene["source"] == "courtyard" for scene in config["scenes"].values()
-        ),
         "facts": scenes,
         "config": scenes,
-        "misalignment_table": scenes,
-        "displacement_table": scenes,
-        "decompose": scenes * (rows + len(staged)),
         "figures": scenes,
-        "crops": scenes * bool(staged),
     }
+    known = sum(scene["source"] == "courtyard" for scene in config["scenes"].values())
+    for suffix, count in {"": scenes - known, "_courtyard": known}.items():
+        jobs[f"tables{suffix}"] = count
+        jobs[f"decompose{suffix}"] = count * (rows + len(staged))
     return {rule: count for rule, count in jobs.items() if count}
 
 
@@ -101,19 +98,47 @@ def test_a_scene_or_a_file_by_name(tmp_path, demo, snakemake):
     assert one.pop("my-yard.1") == both.pop("all") == 1
     assert both == {rule: 2 * count for rule, count in one.items()}
     file = "results/my-yard.1/mipnerf360/round1/timing.json"
-    jobs = {"poses_courtyard": 1, "train": 2, "render_views": 1, "align": 1}
+    jobs = {"poses_courtyard": 1, "train": 2, "render_all_views": 1, "align_all": 1}
     output = snakemake(*options, file, "--cores", "200")[1]
     assert jobs_of(output) == jobs
-    # However many cores there are, what trains or renders has the accelerator alone,
-    # and all of this machine.
-    assert len(re.findall(r"resources: .*gpu=1", output)) == 3
+    # However many cores there are, poses have all of this machine.
     threads = re.findall(r"threads: (\d+)", output)
-    assert threads.count(str(sources.WHOLE_MACHINE)) >= 4 * (os.cpu_count() > 1)
+    assert str(sources.WHOLE_MACHINE) in [*threads, "1"]
     code, output = snakemake(
         *options, "results/courtyard/mipnerf360/round01/timing.json"
     )
     assert code == 1
     assert "Traceback" not in output
+
+
+@pytest.mark.parametrize("accelerator", [False, True])
+def test_what_trains_has_the_accelerator_alone_or_half_of_the_cores(
+    tmp_path, monkeypatch, accelerator
+):
+    monkeypatch.setattr(machine, "has_accelerator", lambda: accelerator)
+    try:
+        for cores, wanted in ((1, 1), (2, 1), (5, 2), (64, 4)):
+            monkeypatch.setattr(machine, "cores", lambda cores=cores: cores)
+            importlib.reload(sources)
+            assert cores == sources.WHOLE_MACHINE
+            assert (cores if accelerator else wanted) == sources.OF_TRAINING
+            assert accelerator == sources.ACCELERATORS
+    finally:
+        monkeypatch.undo()
+        importlib.reload(sources)
+
+
+def test_both_splits_are_rendered_where_something_follows(tmp_path, demo, snakemake):
+    """Round 2 is the last: its training views are nobody's."""
+    options = (tmp_path, "--configfile", write(tmp_path, demo), "-n")
+    folder = "results/courtyard/mipnerf360/round{}/displacement_{}.csv"
+    for k, rule in ((1, "align_all"), (2, "align")):
+        jobs = jobs_of(snakemake(*options, folder.format(k, "test"))[1])
+        assert jobs[rule] == (2 if k == 1 else 1)
+    assert snakemake(*options, folder.format(1, "train"))[0] == 0
+    code, output = snakemake(*options, folder.format(2, "train"))
+    assert code == 1
+    assert "MissingRuleException" in output
 
 
 def test_a_sweep_and_the_regimes_make_their_own_jobs_and_no_others(
@@ -133,11 +158,11 @@ def test_a_sweep_and_the_regimes_make_their_own_jobs_and_no_others(
             "tradeoff": 1,
         }.items()
     )
-    assert not {"train", "figures", "misalignment_table"} & jobs.keys()
+    assert not {"train", "figures", "tables_courtyard"} & jobs.keys()
     jobs = jobs_of(snakemake(*options, "regimes")[1])
     # Unwarped, the method, warped once and twice; and the reference's other model.
     assert (jobs["regimes"], jobs["evaluate"], jobs["train"]) == (1, 4, 3 + 3)
-    assert not {"misalignment_table", "figures", "decompose"} & jobs.keys()
+    assert not {"tables_courtyard", "figures", "decompose_courtyard"} & jobs.keys()
 
 
 def test_what_the_readme_prints_needs_no_number_of_cores(tmp_path, snakemake):

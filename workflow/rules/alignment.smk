@@ -2,28 +2,53 @@
 # from the original photo, so that nothing compounds over the rounds.
 rule align:
     input:
-        renders="results/{scene}/{method}/round{round}/renders/{split}",
-        depth="results/{scene}/{method}/round{round}/depth/{split}",
+        renders="results/{scene}/{method}/round{round}/renders/test",
+        depth="results/{scene}/{method}/round{round}/depth/test",
         photos="results/{scene}/images",
     output:
-        flow=directory("results/{scene}/{method}/round{round}/flow/{split}"),
-        warped=directory("results/{scene}/{method}/round{round}/warped/{split}"),
-        stats="results/{scene}/{method}/round{round}/displacement_{split}.csv",
+        flow=directory("results/{scene}/{method}/round{round}/flow/test"),
+        warped=directory("results/{scene}/{method}/round{round}/warped/test"),
+        stats="results/{scene}/{method}/round{round}/displacement_test.csv",
     log:
-        "results/{scene}/{method}/round{round}/logs/align_{split}.log",
+        "results/{scene}/{method}/round{round}/logs/align.log",
     benchmark:
-        "results/{scene}/{method}/round{round}/logs/align_{split}.tsv"
+        "results/{scene}/{method}/round{round}/logs/align.tsv"
+    wildcard_constraints:
+        method=plan.at_rounds(experiment.followed(), others=True),
     conda:
         "../../environment.yml"
     params:
-        flow=lambda w: flows.of_views(experiment, w.scene, w.method, w.round, w.split),
+        flow=lambda w: flows.of_views(experiment, w.scene, w.method, w.round),
+        splits=["test"],
+        folder=subpath(output.stats, parent=True),
         sources=sources_of("flow.align"),
     shell:
-        "python -m flow.align {params.flow:q} --renders {input.renders:q}"
-        " --depth {input.depth:q}"
-        " --photos {input.photos:q} --flow-out {output.flow:q}"
-        " --warped-out {output.warped:q} --stats-out {output.stats:q}"
-        " 2>&1 | tee {log:q}"
+        "python -m flow.align {params.flow:q} --splits {params.splits}"
+        " --renders {params.folder:q}/renders/{{split}}"
+        " --depth {params.folder:q}/depth/{{split}} --photos {input.photos:q}"
+        " --flow-out {params.folder:q}/flow/{{split}}"
+        " --warped-out {params.folder:q}/warped/{{split}}"
+        " --stats-out {params.folder:q}/displacement_{{split}}.csv 2>&1 | tee {log:q}"
+
+
+use rule align as align_all with:
+    input:
+        train_renders="results/{scene}/{method}/round{round}/renders/train",
+        train_depth="results/{scene}/{method}/round{round}/depth/train",
+        renders="results/{scene}/{method}/round{round}/renders/test",
+        depth="results/{scene}/{method}/round{round}/depth/test",
+        photos="results/{scene}/images",
+    output:
+        train_flow=directory("results/{scene}/{method}/round{round}/flow/train"),
+        train_warped=directory("results/{scene}/{method}/round{round}/warped/train"),
+        train_stats="results/{scene}/{method}/round{round}/displacement_train.csv",
+        flow=directory("results/{scene}/{method}/round{round}/flow/test"),
+        warped=directory("results/{scene}/{method}/round{round}/warped/test"),
+        stats="results/{scene}/{method}/round{round}/displacement_test.csv",
+    wildcard_constraints:
+        method=plan.at_rounds(experiment.followed()),
+    params:
+        splits=["train", "test"],
 
 
 # The warped test set: made once, by the reference model, for all methods.

@@ -43,12 +43,14 @@ use rule render_views as render_variant with:
         model="results/{scene}/tradeoff/{variant}/model.msgpack",
         cameras="results/{scene}/cameras.npz",
     output:
-        renders=directory("results/{scene}/tradeoff/{variant}/renders/{split}"),
-        timing="results/{scene}/tradeoff/{variant}/render_{split}.json",
+        renders=directory("results/{scene}/tradeoff/{variant}/renders/test"),
+        timing="results/{scene}/tradeoff/{variant}/render_test.json",
     log:
-        "results/{scene}/tradeoff/{variant}/logs/render_{split}.log",
+        "results/{scene}/tradeoff/{variant}/logs/render.log",
     benchmark:
-        "results/{scene}/tradeoff/{variant}/logs/render_{split}.tsv"
+        "results/{scene}/tradeoff/{variant}/logs/render.tsv"
+    wildcard_constraints:
+        variant=plan.one_of(sweep.names(experiment)),
     threads: sources.WHOLE_MACHINE
     params:
         config=lambda w: slices.of_variant(experiment, w.variant),

@@ -18,9 +18,9 @@ rule train:
         method=plan.one_of(experiment.from_scratch()),
     conda:
         "../../environment.yml"
-    threads: sources.WHOLE_MACHINE
+    threads: sources.OF_TRAINING
     resources:
-        gpu=1,
+        gpu=sources.ACCELERATORS,
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
         scene=subpath(input.cameras, parent=True),
@@ -34,7 +34,7 @@ rule train:
         " {params.valid:q} {params.initial:q}"
         " --checkpoints {params.checkpoints:q}/checkpoints"
         " --sources {params.sources} --model {output.model:q}"
-        " --timing {output.timing:q} 2>&1 | tee {log:q}"
+        " --timing {output.timing:q} --threads {threads} 2>&1 | tee {log:q}"
 
 
 use rule train as train_warm with:
@@ -67,9 +67,9 @@ rule pretrain:
         model=plan.one_of(config["models"]),
     conda:
         "../../environment.yml"
-    threads: sources.WHOLE_MACHINE
+    threads: sources.OF_TRAINING
     resources:
-        gpu=1,
+        gpu=sources.ACCELERATORS,
     params:
         config=lambda w: slices.of_pretraining(experiment, w.scene, w.model),
         checkpoints=subpath(output.model, parent=True),
@@ -79,7 +79,7 @@ rule pretrain:
         " --scene results/{wildcards.scene:q} --photos {input.images:q}"
         " --checkpoints {params.checkpoints:q}/checkpoints"
         " --sources {params.sources} --model {output.model:q}"
-        " --timing {output.timing:q} 2>&1 | tee {log:q}"
+        " --timing {output.timing:q} --threads {threads} 2>&1 | tee {log:q}"
 
 
 rule finetune:
@@ -102,9 +102,9 @@ rule finetune:
         method=plan.one_of(experiment.staged()),
     conda:
         "../../environment.yml"
-    threads: sources.WHOLE_MACHINE
+    threads: sources.OF_TRAINING
     resources:
-        gpu=1,
+        gpu=sources.ACCELERATORS,
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
         displacement=lambda w, input: flows.option(
@@ -117,7 +117,7 @@ rule finetune:
         " --scene results/{wildcards.scene:q} --photos {input.images:q}"
         " --initial {input.initial:q} {params.displacement:q} --checkpoints {params.checkpoints:q}/checkpoints"
         " --sources {params.sources} --model {output.model:q}"
-        " --timing {output.timing:q} 2>&1 | tee {log:q}"
+        " --timing {output.timing:q} --threads {threads} 2>&1 | tee {log:q}"
 
 
 rule render_views:
@@ -125,24 +125,44 @@ rule render_views:
         model="results/{scene}/{method}/round{round}/model.msgpack",
         cameras="results/{scene}/cameras.npz",
     output:
-        renders=directory("results/{scene}/{method}/round{round}/renders/{split}"),
-        depth=directory("results/{scene}/{method}/round{round}/depth/{split}"),
-        timing="results/{scene}/{method}/round{round}/render_{split}.json",
+        renders=directory("results/{scene}/{method}/round{round}/renders/test"),
+        depth=directory("results/{scene}/{method}/round{round}/depth/test"),
+        timing="results/{scene}/{method}/round{round}/render_test.json",
     log:
-        "results/{scene}/{method}/round{round}/logs/render_{split}.log",
+        "results/{scene}/{method}/round{round}/logs/render.log",
     benchmark:
-        "results/{scene}/{method}/round{round}/logs/render_{split}.tsv"
+        "results/{scene}/{method}/round{round}/logs/render.tsv"
+    wildcard_constraints:
+        method=plan.at_rounds(experiment.followed(), others=True),
     conda:
         "../../environment.yml"
-    threads: sources.WHOLE_MACHINE
+    threads: sources.OF_TRAINING
     resources:
-        gpu=1,
+        gpu=sources.ACCELERATORS,
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
-        depth=lambda w, output: flows.option("depth", output.get("depth")),
+        splits=["test"],
+        folder=subpath(output.timing, parent=True),
+        depth=lambda w, output: flows.with_split("depth", output.get("depth")),
         sources=sources_of("alignerf.render_views"),
     shell:
         "python -m alignerf.render_views --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --model {input.model:q}"
-        " --split {wildcards.split:q} --renders {output.renders:q}"
-        " {params.depth:q} --timing {output.timing:q} 2>&1 | tee {log:q}"
+        " --splits {params.splits} --renders {params.folder:q}/renders/{{split}}"
+        " {params.depth:q} --timing {params.folder:q}/render_{{split}}.json"
+        " --threads {threads} 2>&1 | tee {log:q}"
+
+
+# The training views too, where another round, or a search radius, comes from them.
+use rule render_views as render_all_views with:
+    output:
+        train_renders=directory("results/{scene}/{method}/round{round}/renders/train"),
+        train_depth=directory("results/{scene}/{method}/round{round}/depth/train"),
+        train_timing="results/{scene}/{method}/round{round}/render_train.json",
+        renders=directory("results/{scene}/{method}/round{round}/renders/test"),
+        depth=directory("results/{scene}/{method}/round{round}/depth/test"),
+        timing="results/{scene}/{method}/round{round}/render_test.json",
+    wildcard_constraints:
+        method=plan.at_rounds(experiment.followed()),
+    params:
+        splits=["train", "test"],

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from alignerf.command import images
+from alignerf.command import images, machine
 from alignerf.scenes import cameras, prepare
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard
@@ -58,7 +58,8 @@ def build_courtyard(
 
 def write_photos(folder, scene: Courtyard):
     """Write <folder>/<name>.png, the photos at full size."""
-    for i, name in enumerate(scene.names):
+
+    def write(i):
         rendered = courtyard.render(
             scene.world,
             scene.pixtocams[i],
@@ -69,7 +70,10 @@ def write_photos(folder, scene: Courtyard):
             supersample=scene.supersample,
             lens_sigma_px=scene.lens_sigma_px,
         )
-        images.write(folder / f"{name}.png", rendered.image)
+        images.write(folder / f"{scene.names[i]}.png", rendered.image)
+
+    for _ in machine.map_in_threads(write, range(len(scene.names))):
+        pass
 
 
 def select(scene: Courtyard, names) -> Courtyard:
@@ -97,8 +101,9 @@ def write_truth(folder, scene: Courtyard, given: prepare.PosedViews, *, split):
     )
     for kind in ("oracle", "depth", "flow"):
         (folder / kind).mkdir(parents=True)
-    lengths_px = []
-    for i, name in enumerate(given.names):
+
+    def write(i):
+        name = given.names[i]
         image, depth_m = render_oracle(scene, given, i)
         images.write(folder / "oracle" / f"{name}.png", image)
         np.savez_compressed(folder / "depth" / f"{name}.npz", depth_m=depth_m)
@@ -115,7 +120,9 @@ def write_truth(folder, scene: Courtyard, given: prepare.PosedViews, *, split):
             flow_px=flow_px.astype(np.float32),
             valid=valid,
         )
-        lengths_px.append(np.linalg.norm(flow_px, axis=-1)[valid])
+        return np.linalg.norm(flow_px, axis=-1)[valid]
+
+    lengths_px = list(machine.map_in_threads(write, range(len(given.names))))
     prepare.write_cameras(folder / "cameras.npz", true, split=split)
     return float(np.concatenate(lengths_px).mean())
 

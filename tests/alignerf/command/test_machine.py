@@ -25,6 +25,35 @@ def test_a_share_of_the_machine(three_of_many, monkeypatch):
     assert machine.cores() == 1
 
 
+def test_a_limit_bounds_cores_and_the_threads_of_jax(three_of_many, monkeypatch):
+    monkeypatch.setattr(machine, "_limit", None)
+    monkeypatch.setenv("PJRT_NPROC", "as it was")
+    machine.limit(None)
+    assert (machine.cores(), os.environ["PJRT_NPROC"]) == (3, "as it was")
+    machine.limit(2)
+    assert (machine.cores(), os.environ["PJRT_NPROC"]) == (2, "2")
+    machine.limit(9)
+    assert machine.cores() == 3
+    with pytest.raises(ValueError, match="--threads: 0"):
+        machine.limit(0)
+
+
+@pytest.mark.parametrize(
+    ("files", "found"),
+    [
+        ([], False),
+        (["nvidiactl", "null"], False),
+        (["nvidia0"], True),
+        (["kfd"], True),
+        (["accel3"], True),
+    ],
+)
+def test_an_accelerator_shows_in_its_device_file(tmp_path, files, found):
+    for name in files:
+        (tmp_path / name).touch()
+    assert machine.has_accelerator(tmp_path) == found
+
+
 def test_photos_are_decoded_by_as_many_threads(three_of_many, tmp_path, monkeypatch):
     (tmp_path / "images").mkdir()
     Image.fromarray(np.zeros((3, 4, 3), np.uint8)).save(tmp_path / "images" / "a.png")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from alignerf.contributions import search_radius
-from flow import align
+from flow.estimation import folders
 from flow.warping import files, lengths
 
 
@@ -57,7 +57,7 @@ def test_lengths_are_read_from_what_the_alignment_writes(tmp_path):
         found = lengths.statistics(flow_px, valid, view=view)
         rows.append({"view": view, **found, "blur_sigma_px": 0.0, "time_s": 1.0})
     path = tmp_path / "displacement_train.csv"
-    files.write_rows(path, align.COLUMNS, rows)
+    files.write_rows(path, folders.COLUMNS, rows)
     assert search_radius.read_lengths_px(path).tolist() == [2.0, 5.5]
 
 

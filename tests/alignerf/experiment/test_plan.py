@@ -1,5 +1,7 @@
 """An experiment: which methods and rounds it has, and where they lie."""
 
+import re
+
 import pytest
 
 from alignerf.experiment import plan, rows, sources, targets
@@ -58,6 +60,37 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
     assert ("warm", 0) not in experiment.all_rounds("courtyard")
     compared = [row.method for row in rows.crops(experiment, "courtyard")]
     assert compared == ["mipnerf360", "staged_alone", "alignerf"]
+
+
+def test_training_views_are_followed_where_something_comes_from_them(
+    demo, experiment_of
+):
+    demo["methods"] = {
+        "large": {"model": "large", "rounds": "auto", "most_rounds": 2},
+        "base": {"model": "base", "rounds": 0},
+        "warm": {"model": "base", "rounds": 2, "warm_start": WARM | {"from": "base"}},
+        "fixed": {"model": "base", "alignerf": {"radius_px": 2}},
+    }
+    demo["reference"] = {"method": "large"}
+    found = experiment_of(demo).followed()
+    assert found == {"large": {0, 1}, "base": {0}, "warm": {1}, "fixed": set()}
+    del demo["methods"]["warm"]
+    assert experiment_of(demo).followed()["base"] == set()
+    demo["methods"]["fixed"]["alignerf"]["radius_px"] = "auto"
+    assert experiment_of(demo).followed()["base"] == {0}
+
+
+def test_rounds_become_a_pattern_of_the_method_before_them():
+    found = {"a.b": {0, 11}, "c": set()}
+    at, others = (plan.at_rounds(found, others=others) for others in (False, True))
+    for method, round, followed in (
+        *(("a.b", 0, True), ("a.b", 11, True), ("a.b", 1, False)),
+        *(("c", 0, False), ("c", 110, False), ("a.b", 110, False)),
+    ):
+        path = f"{method}/round{round}/renders"
+        assert bool(re.match(at, path)) == followed
+        assert bool(re.match(others, path)) != followed
+    assert not re.match(others, "axb/round7/renders")
 
 
 def test_the_truth_is_known_of_the_embedded_scene(demo, tmp_path, experiment_of):

@@ -9,6 +9,7 @@ import pytest
 from alignerf import show
 from alignerf.experiment import rows as table_rows
 from alignerf.tables import controls, intervals, ranking
+from tests import table_cases
 
 VIEWS = [f"view_{number}" for number in range(6)]
 SETS = (*sorted(controls.NEEDED), "oracle")
@@ -162,14 +163,13 @@ def test_an_interval_of_tau_is_over_views(entries, rng):
 
 @pytest.mark.parametrize("module", [controls, ranking])
 def test_as_commands(entries, tmp_path, module):
-    out = [tmp_path / "tables" / name for name in ("t.csv", "t.tex")]
-    arguments = ["--rows", table_rows.as_json(entries), "--csv", str(out[0])]
-    module.main([*arguments, "--tex", str(out[1])])
-    assert tuple(pd.read_csv(out[0]).columns) == module.COLUMNS
-    tex = out[1].read_text()
+    name = module.__name__.rpartition(".")[2]
+    csv, tex = table_cases.make(name, entries, tmp_path / "tables")
+    assert tuple(pd.read_csv(csv).columns) == module.COLUMNS
+    tex = tex.read_text()
     assert tex.count(r"\begin{tabular}") == tex.count(r"\end{tabular}") == 1
-    found = sorted(path.name for path in out[0].parent.iterdir())
-    assert found == ["t.csv", "t.provenance.json", "t.tex"]
+    found = sorted(path.name for path in csv.parent.iterdir())
+    assert found == [f"{name}.{kind}" for kind in ("csv", "provenance.json", "tex")]
 
 
 @pytest.mark.parametrize("module", [controls, ranking])
@@ -186,10 +186,9 @@ def test_bad_scores_are_named_and_nothing_written(
 ):
     path = entries[1].metrics
     damage(pd.read_csv(path)).to_csv(path, index=False)
-    out = [tmp_path / "tables" / name for name in ("t.csv", "t.tex")]
-    arguments = ["--rows", table_rows.as_json(entries), "--csv", str(out[0])]
+    name = module.__name__.rpartition(".")[2]
     with pytest.raises(ValueError, match=rf"plain_one1\.csv: {reason}"):
-        module.main([*arguments, "--tex", str(out[1])])
+        table_cases.make(name, entries, tmp_path / "tables")
     assert not (tmp_path / "tables").exists()
 
 

@@ -5,10 +5,12 @@ import math
 
 import pytest
 
+from alignerf import tabulate
 from alignerf.experiment import rows as table_rows
 from alignerf.experiment import sweep
 from alignerf.tables import controls, misalignment, ranking, round_times, tradeoff
 from alignerf.tables import files as table_files
+from tests import table_cases
 
 SCORES = "view,test_set,psnr_db,ssim,lpips_alex,lpips_squeeze,lpips_vgg\n"
 
@@ -18,7 +20,7 @@ def entry(tmp_path):
     """What any table's row may name, with all its files whole."""
     sets = (*sorted(controls.NEEDED), "oracle")
     rows = [f"{view},{name},20,0.5,0.5,,\n" for view in "ab" for name in sets]
-    timing = {key: 1.0 for key in ("train_time_s", "compile_time_s", "view_time_s")}
+    timing = {f"{key}time_s": 1.0 for key in ("train_", "compile_", "view_", "")}
     timing |= {"params": 1, "steps": 1, "rays_seen": 1, "views": 2, "device": "cpu"}
     files = {
         "metrics.csv": SCORES + "".join(rows),
@@ -41,6 +43,8 @@ def entry(tmp_path):
         "training": timing,
         "rendering": timing,
         "alignment": flow,
+        "test_rendering": timing,
+        "test_alignment": flow,
         "walls": walls,
     }
 
@@ -61,14 +65,17 @@ def row_of(module, entry):
 
 
 def make(module, entry, out, *more):
-    """Run a table's command; `out` is the folder that it writes into."""
-    paths = {"--csv": out / "t.csv", "--tex": out / "t.tex"}
-    if module is tradeoff:
-        paths["--figure"] = out / "t.png"
-    options = [str(part) for pair in paths.items() for part in pair]
+    """Write a table into the folder `out`; returns its name."""
+    name = module.__name__.rpartition(".")[2]
     entries = [entry, entry | {"method": "other", "variant": "other"}]
-    rows = table_rows.as_json([row_of(module, entry) for entry in entries])
-    module.main(["--rows", rows, *options, *more])
+    rows = [row_of(module, entry) for entry in entries]
+    if module is not tradeoff:
+        table_cases.make(name, rows, out, *more)
+        return name
+    paths = {f"--{kind}": str(out / f"{name}.{kind}") for kind in ("csv", "tex")}
+    paths |= {"--rows": table_rows.as_json(rows), "--figure": str(out / "t.png")}
+    module.main([*(part for pair in paths.items() for part in pair), *more])
+    return name
 
 
 @pytest.mark.parametrize(
@@ -104,6 +111,24 @@ def test_a_table_without_its_latex_is_not_left(tmp_path, entry, module, monkeypa
     assert not [path for path in tmp_path.glob("out/*") if path.is_file()]
 
 
+def test_a_table_that_fails_leaves_none_of_the_others(tmp_path, entry):
+    """What is whole is not mistaken for what belongs together."""
+    rows = {
+        "controls": [row_of(controls, entry)],
+        "round_times": [row_of(round_times, entry)._replace(training="nowhere.json")],
+    }
+    options = table_rows.options_of(rows)
+    with pytest.raises(OSError, match="nowhere"):
+        tabulate.main([*options, "--out", str(tmp_path / "out")])
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_table_that_is_not_known_is_named(tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        tabulate.main(["--rows", "scores", "[]", "--out", str(tmp_path)])
+    assert "no table 'scores'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("text", ["", "[1]", "{}", "3"])
 def test_a_timing_that_is_none_is_named(tmp_path, text):
     path = tmp_path / "timing.json"
@@ -116,8 +141,8 @@ def test_a_timing_that_is_none_is_named(tmp_path, text):
 def test_where_a_table_comes_from_lies_beside_it(tmp_path, entry, module):
     config = tmp_path / "config.yaml"
     config.write_text("seed: 0\nscenes: {yard: {seed: 3}}\n")
-    make(module, entry, tmp_path / "out", "--configs", str(config))
-    found = json.loads((tmp_path / "out" / "t.provenance.json").read_text())
+    name = make(module, entry, tmp_path / "out", "--configs", str(config))
+    found = json.loads((tmp_path / "out" / f"{name}.provenance.json").read_text())
     assert (found["seeds"], list(found["configs"])) == ([3], [str(config)])
     assert len(found["rows"]) == 2
     names_trainings = module not in (controls, ranking)

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from alignerf import show
-from alignerf.experiment import rows as table_rows
 from alignerf.tables import intervals, misalignment
+from tests import table_cases
 
 
 def psnr_of(path):
@@ -181,18 +181,16 @@ def test_one_row():
 
 
 def test_as_a_command(entry, tmp_path):
-    out = [tmp_path / "tables" / name for name in ("t.csv", "t.tex")]
-    rows = table_rows.as_json(
-        [entry._replace(method=name) for name in ("z_first", "a")]
-    )
-    misalignment.main(["--rows", rows, "--csv", str(out[0]), "--tex", str(out[1])])
+    rows = [entry._replace(method=name) for name in ("z_first", "a")]
+    out = table_cases.make("misalignment", rows, tmp_path / "tables")
     table = pd.read_csv(out[0])
     assert tuple(table.columns) == misalignment.COLUMNS
     # In the order of the config, not of the alphabet.
     assert list(table["method"]) == ["z_first"] * 3 + ["a"] * 3
     assert [row[0] for row in cells(out[1].read_text())] == [r"z\_first", "a"]
     found = sorted(path.name for path in out[0].parent.iterdir())
-    assert found == ["t.csv", "t.provenance.json", "t.tex"]
+    kinds = ("csv", "provenance.json", "tex")
+    assert found == [f"misalignment.{kind}" for kind in kinds]
     # Whole numbers, however large.
     assert out[0].read_text().splitlines()[1].endswith(",1,10,100,")
 

@@ -5,6 +5,7 @@ import pytest
 
 from alignerf.experiment import rows as table_rows
 from alignerf.tables import misalignment
+from tests import table_cases
 
 
 def cells(tex):
@@ -30,10 +31,8 @@ def printed(tmp_path):
 
 def run(entry, folder, *more):
     """The command's CSV and LaTeX for one row."""
-    out = [folder / name for name in ("t.csv", "t.tex")]
-    rows = ["--rows", table_rows.as_json([entry])]
-    misalignment.main([*rows, "--csv", str(out[0]), "--tex", str(out[1]), *more])
-    return pd.read_csv(out[0]), out[1].read_text()
+    csv, tex = table_cases.make("misalignment", [entry], folder, *more)
+    return pd.read_csv(csv), tex.read_text()
 
 
 def test_published_rows_stand_below_and_compare_with_nothing(entry, tmp_path, printed):
@@ -81,7 +80,7 @@ def test_a_published_table_that_is_none_is_named(entry, tmp_path, printed):
     printed.write_text(text.replace("ssim", "SSIM"))
     with pytest.raises(ValueError, match=r"means\.csv: no column ssim"):
         run(entry, tmp_path, *more)
-    assert not (tmp_path / "t.csv").exists()
+    assert not (tmp_path / "misalignment.csv").exists()
 
 
 def test_scenes_of_the_papers_are_known_by_their_names(root):

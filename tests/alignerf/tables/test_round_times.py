@@ -7,6 +7,7 @@ import pytest
 
 from alignerf.experiment import rows as table_rows
 from alignerf.tables import round_times
+from tests import table_cases
 
 
 def write_round(folder, walls):
@@ -19,6 +20,8 @@ def write_round(folder, walls):
         json.dumps({"views": 4, "view_time_s": 0.5, "time_s": 3.0})
     )
     (folder / "displacement_train.csv").write_text("view,time_s\na,0.25\nb,0.5\n")
+    (folder / "render_test.json").write_text(json.dumps({"time_s": 1.5}))
+    (folder / "displacement_test.csv").write_text("view,time_s\nc,0.125\n")
     for stage, wall_s in walls.items():
         (folder / f"{stage}.tsv").write_text(f"s\th:m:s\tmax_rss\n{wall_s}\t0\t1.5\n")
     row = table_rows.Times(
@@ -32,6 +35,8 @@ def write_round(folder, walls):
     return row._replace(
         rendering=str(folder / "render_train.json"),
         alignment=str(folder / "displacement_train.csv"),
+        test_rendering=str(folder / "render_test.json"),
+        test_alignment=str(folder / "displacement_test.csv"),
     )
 
 
@@ -40,18 +45,15 @@ def test_parts_add_up_to_the_processes(tmp_path):
     later = write_round(
         tmp_path / "later", {"train": 30.0, "render": 6.0, "align": 2.0}
     )
-    out = {name: tmp_path / f"times.{name}" for name in ("csv", "tex")}
-    rows = table_rows.as_json([first, later])
-    round_times.main(
-        ["--rows", rows, "--csv", str(out["csv"]), "--tex", str(out["tex"])]
-    )
-    table = pd.read_csv(out["csv"])
+    csv, tex = table_cases.make("round_times", [first, later], tmp_path)
+    table = pd.read_csv(csv)
     parts = table[list(round_times.PARTS)]
-    assert table["total_time_s"].tolist() == [28.0, 38.0]
-    assert parts.sum(axis=1).tolist() == [28.0, 38.0]
-    assert parts.iloc[1].tolist() == [20.0, 5.0, 5.0, 2.0, 4.0, 0.75, 1.25]
+    # All but the seconds of the test views, which the same processes took.
+    assert table["total_time_s"].tolist() == [28.0, 36.375]
+    assert parts.sum(axis=1).tolist() == [28.0, 36.375]
+    assert parts.iloc[1].tolist() == [20.0, 5.0, 5.0, 2.0, 2.5, 0.75, 1.125]
     assert parts.iloc[0].isna().tolist() == [False] * 3 + [True] * 4
-    tex = out["tex"].read_text()
+    tex = tex.read_text()
     assert r"a\_b & 0 & 20.0 & 5.0 & 3.0 & -- & -- & -- & -- & 28.0 \\" in tex
 
 

@@ -1,5 +1,6 @@
 """Every core a device: in time, or said that it is too late."""
 
+import pathlib
 import subprocess
 import sys
 
@@ -44,6 +45,24 @@ print(len(jax.local_devices()))
     done = in_a_fresh_interpreter(root, EVERY_MODULE + code)
     assert done.stdout.split() == ["3"]
     assert not done.stderr
+
+
+def test_a_limit_is_all_that_jax_takes(root):
+    """One device, and one thread in JAX's pool, however many cores there are."""
+    code = """
+from pathlib import Path
+from alignerf.command import machine
+from alignerf.training import cores
+machine.limit(1)
+cores.use_as_devices()
+import jax
+jax.jit(lambda x: x @ x)(jax.numpy.ones((64, 64))).block_until_ready()
+tasks = [p.read_text().strip() for p in Path("/proc/self/task").glob("*/comm")]
+print(len(jax.local_devices()), tasks.count("tf_XLAEigen"))
+"""
+    if not pathlib.Path("/proc/self/task").is_dir():
+        pytest.skip("no list of threads")
+    assert in_a_fresh_interpreter(root, code).stdout.split() == ["1", "1"]
 
 
 def test_too_late_is_said(monkeypatch, caplog):

@@ -1,12 +1,10 @@
 """flow.figures.crops: which window it shows, and that it draws what there is."""
 
-import json
-
 import cv2
 import numpy as np
 import pytest
 
-from alignerf.command import images
+from alignerf.command import faults, images
 from flow.figures import crops
 from flow.warping import files
 
@@ -102,8 +100,7 @@ def make_scene(folder, rng, *, size=(40, 30), views=("a", "b"), methods=2, known
 def draw(folder, methods):
     """(exit code, width, height) of the figure; zeros where there is none."""
     figure = folder / "figures" / "crops.png"
-    options = ("--photos", str(folder / "photos"), "--figure", str(figure))
-    code = crops.run([*options, "--methods", json.dumps(methods)])
+    code = faults.exit_code(crops.draw_methods, folder / "photos", methods, figure)
     height, width = cv2.imread(str(figure)).shape[:2] if figure.exists() else (0, 0)
     return code, width, height
 

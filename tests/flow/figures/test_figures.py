@@ -60,14 +60,13 @@ def arguments(scene, curves, rounds=2):
         "rounds": json.dumps([again] * rounds),
         "parts": scene / "parts",
         "curves": curves,
+        "out": scene / "figures",
     }
-    for name in scene_figures.FIGURES:
-        options[f"{name}-figure"] = scene / "figures" / f"{name}.png"
     return {f"--{name}": str(value) for name, value in options.items()}
 
 
-def draw(scene, curves, rounds=2):
-    options = arguments(scene, curves, rounds)
+def draw(scene, curves, rounds=2, **more):
+    options = arguments(scene, curves, rounds) | more
     return scene_figures.run([part for option in options.items() for part in option])
 
 
@@ -88,6 +87,15 @@ def test_figures_of_a_scene(scene, rng):
     more = size(scene / "figures" / "rounds.png")
     assert more[1] == first[1] > 600
     assert more[0] == pytest.approx(4 / 3 * first[0], rel=0.01)
+
+
+def test_crops_come_with_the_methods_that_they_show(scene, rng):
+    method = {"method": "m", "renders": str(scene / "renders")}
+    method["flow"] = str(scene / "testset" / "flow")
+    crops = {"--crops": json.dumps([method])}
+    assert draw(scene, write_parts(scene, rng), **crops) == 0
+    found = {path.stem for path in (scene / "figures").iterdir()}
+    assert found == {*scene_figures.FIGURES, "crops"}
 
 
 def test_the_view_of_middle_misalignment_is_shown(tmp_path):
@@ -238,7 +246,7 @@ def test_no_figure_of_broken_parts(scene, rng, capsys, damage, reason):
     assert reason in error
 
 
-@pytest.mark.parametrize("option", ["--parts", "--curves", "--lengths-figure"])
+@pytest.mark.parametrize("option", ["--parts", "--curves", "--out"])
 def test_every_figure_is_drawn(scene, rng, capsys, option):
     options = arguments(scene, write_parts(scene, rng))
     del options[option]

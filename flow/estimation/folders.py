@@ -1,0 +1,88 @@
+"""Flow and warped photos of all views of a folder, and how long the flow is.
+
+Notation: images [h, w, 3] uint8 RGB; `flow_px` [h, w, 2] float32 from render to
+photo, x then y in pixels; `valid` [h, w].
+"""
+
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from alignerf.command import archives, images, progress, whole
+from flow.estimation import estimate, given, pairs
+from flow.warping import files, lengths, warp
+
+COLUMNS = ("view", *lengths.COLUMNS, "blur_sigma_px", "time_s")
+
+
+def align(renders, photos, targets, stats_out, **options):
+    """Align every view of a folder; returns the rows of the statistics.
+
+    renders, photos: folders of <view>.png. targets: {"flow": folder} and, for warped
+    photos, "warped". They and the CSV appear together or not at all. options: those
+    of `align_view`. Raises ValueError or OSError.
+    """
+    found = pairs.find_pairs(Path(renders), Path(photos))
+    rows = []
+    with ExitStack() as stack:
+        # Entered first, so in place last: the CSV says that the folders are whole.
+        stats_path = stack.enter_context(whole.replace_file(stats_out))
+        folders = {}
+        for kind, target in targets.items():
+            folders[kind] = stack.enter_context(whole.replace_folder(target))
+        for view, render_path, photo_path in progress.over(found, "flow"):
+            started = time.perf_counter()
+            render, photo = images.read(render_path), images.read(photo_path)
+            row = align_view(view, render, photo, folders, **options)
+            rows.append(row | {"time_s": round(time.perf_counter() - started, 4)})
+        files.write_rows(stats_path, COLUMNS, rows)
+    return rows
+
+
+def align_view(
+    view, render, photo, folders, *, kernel="lanczos", depth=None, **options
+):
+    """Write one view's flow and, where `folders` has one for it, its warped photo.
+
+    Returns its statistics. depth: folder of <view>.npz, of the render: what is hidden
+    in the photo is not valid. options: those of `flow_of_view`.
+    """
+    try:
+        flow_px, valid, sigma_px = flow_of_view(view, render, photo, **options)
+        if (found := read_depth(depth, view)) is not None:
+            valid &= warp.unoccluded(flow_px, found)
+    except ValueError as error:
+        raise ValueError(f"view {view}: {error}") from error
+    row = lengths.statistics(flow_px, valid, view=view)
+    files.write_flow(folders["flow"] / f"{view}.npz", flow_px, valid)
+    if "warped" in folders:
+        warped = warp.warp(photo, flow_px, kernel=kernel)
+        images.write(folders["warped"] / f"{view}.png", warped)
+    return {"view": view, **row, "blur_sigma_px": sigma_px}
+
+
+def read_depth(folder, view):
+    """Depth [h, w] of a render from <view>.npz of a folder; None without a folder."""
+    if folder is None:
+        return None
+    return archives.read(Path(folder) / f"{view}.npz", ["depth"])["depth"]
+
+
+def flow_of_view(
+    view,
+    render,
+    photo,
+    *,
+    flows=None,
+    method=estimate.DEFAULT,
+    tolerance_px=1.0,
+    **options,
+):
+    """`pairs.flow_and_validity`, or what the folder `flows` has for method `files`."""
+    if method != given.METHOD:
+        options |= {"method": method, "tolerance_px": tolerance_px}
+        return pairs.flow_and_validity(render, photo, **options)
+    estimate.check_pair(render, photo)
+    size = render.shape[:2]
+    found = given.flow_and_validity(flows, view, size, tolerance_px=tolerance_px)
+    return *found, 0.0
