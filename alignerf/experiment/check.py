@@ -121,7 +121,6 @@ def is_derived(method):
 def check_given(config):
     """What only the config as it was written can tell: keys that act on nothing."""
     settings.check_length(config.get("training", {}), "training")
-    settings.check_length(config.get("training", {}), "training")
     for name, scene in config["scenes"].items():
         settings.check_length(scene, f"scenes.{name}")
     variants = (config.get("tradeoff") or {}).get("variants", {})

@@ -80,6 +80,7 @@ def lines_of(group):
     for scene, of_methods in zip(group, read, strict=True):
         check_views(scene, of_methods)
     labels = {key: getattr(group[0], key) for key in REGIME} | {
+        "steps": steps_of(group[0]),
         "seeds": len(group),
         "views": sum(len(of_methods[0]) for of_methods in read),
         "misalignment_px": np.mean([median_px(s.displacement) for s in group]),
@@ -95,6 +96,13 @@ def lines_of(group):
         for test_set in test_sets:
             found = scores_of(read, place, test_set)
             yield named | {"test_set": test_set} | found | costs[place]
+
+
+def steps_of(scene):
+    """Steps of the baseline: those given, or those that its minutes came to."""
+    if scene.steps is not None:
+        return scene.steps
+    return table_files.training_costs(scene.methods[0].trainings)["steps"]
 
 
 def with_shared_rows(group):

@@ -81,6 +81,23 @@ def edit(config, where, value):
         ("tradeoff.variants.a", {"steps": 0}, "variants.a.steps: 0 is less than"),
         ("tradeoff.variants.a", {"downscale": 1}, "variants.a.downscale: 1 is less"),
         ("tradeoff.variants.a", {"samples": [8]}, r"variants.a.samples: \[8\] is too"),
+        ("tradeoff.variants.a", {"steps": None}, "variants.a.steps: None is not of"),
+        (
+            "tradeoff.variants.a",
+            {"steps": 5, "budget_min": 1},
+            "tradeoff.variants.a.budget_min: not beside steps",
+        ),
+        ("training.budget_min", 2, "training.budget_min: not beside steps, choose one"),
+        (
+            "scenes.mine",
+            {"source": "courtyard", "steps": 5, "budget_min": 2},
+            "scenes.mine.budget_min: not beside steps",
+        ),
+        ("training", {"budget_min": 0}, "training.budget_min: 0 is less than or equal"),
+        ("training", {"budget_min": 14401}, "budget_min: 14401 is greater than"),
+        ("training", {"budget_min": "2 min"}, "budget_min: '2 min' is not of type"),
+        ("training", {"steps": None}, "training.steps: null is only for a budget_min"),
+        ("scenes.courtyard.budget_min", -1, "courtyard.budget_min: -1 is less than"),
         (
             "tradeoff.variants.a",
             {"field": {"levles": 2}},

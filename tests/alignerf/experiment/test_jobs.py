@@ -59,6 +59,7 @@ def test_a_job_is_what_was_written(job):
     for field in ("proposal", "field"):
         given = job["model"].pop(field)
         assert found["model"].pop(field).items() >= given.items()
+    assert found["training"].pop("budget_min") is None
     assert found == job
     assert jobs.parse(json.loads(json.dumps(jobs.as_dict(parsed)))) == parsed
     assert isinstance(parsed.training.interlevel_weight, float)
@@ -74,6 +75,47 @@ def test_stages_share_the_steps_and_the_schedule(job):
     assert rays == {"full": 64, "warm": 64, "pretrain": 64, "finetune": 2 * 16**2}
     job["training"]["steps"] = 1
     assert jobs.parse(job).steps == 1
+
+
+@pytest.fixture
+def timed(job):
+    """The job with two minutes instead of its steps."""
+    del job["training"]["steps"]
+    job["training"] |= {"budget_min": 2, "warmup_steps": None}
+    return job
+
+
+def test_a_budget_becomes_the_steps_of_every_stage(timed):
+    """2400 steps of 0.05 s in two minutes, of which stages take their shares."""
+    found = {}
+    for stage in jobs.STAGES:
+        job = jobs.parse(timed | {"stage": stage})
+        assert job.training.steps is job.training.warmup_steps is None
+        steps = jobs.steps_in(job, 0.05)
+        known = jobs.with_steps(job, steps)
+        assert steps == 2400
+        assert known.budget_min == job.budget_min == 2.0 * job.share
+        found[stage] = known.steps, known.schedule_steps, known.warmup_steps
+    assert found == {
+        "full": (2400, 2400, 240),
+        "warm": (2400, 2400, 240),
+        "pretrain": (1440, 2400, 240),
+        "finetune": (480, 480, 48),
+    }
+
+
+def test_a_budget_has_ten_steps_at_least(timed):
+    for stage in jobs.STAGES:
+        job = jobs.parse(timed | {"stage": stage})
+        assert jobs.with_steps(job, jobs.steps_in(job, 1e6)).steps == 10
+    assert jobs.steps_in(job, 1e-9) == 10**8
+
+
+def test_a_given_warm_up_stays_within_a_budget(timed):
+    timed["training"]["warmup_steps"] = 300
+    job = jobs.parse(timed | {"stage": "full"})
+    assert jobs.with_steps(job, 2400).warmup_steps == 300
+    assert jobs.with_steps(job, 120).warmup_steps == 120
 
 
 def change(job, where, value=None):
@@ -99,6 +141,7 @@ def change(job, where, value=None):
         ("training.steps", True, "training.steps: True is not of type"),
         ("training.steps", 0, "training.steps: 0 is less than"),
         ("training.steps", 10**30, "training.steps: 1000.* is greater than"),
+        ("training.budget_min", 2.0, "training.budget_min: not beside steps"),
         ("training.batch_rays", 0, "training.batch_rays: 0 is less than"),
         ("training.adam_eps", "1e-6", "adam_eps: '1e-6' .*write 1.0e-06"),
         ("training.adam_eps", float("inf"), "training.adam_eps: inf is not a finite"),

@@ -6,7 +6,7 @@ import json
 import pytest
 import yaml
 
-from alignerf.experiment import check, flows, regimes, rows, slices, sweep
+from alignerf.experiment import check, flows, jobs, regimes, rows, slices, sweep
 
 WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
 
@@ -56,11 +56,59 @@ def test_a_scene_has_its_own_seed_and_steps(demo, experiment_of):
     assert poses["seed"] == 5
     # How long it is trained is nothing to its poses.
     assert "steps" not in poses
-    jobs = [slices.of_round(experiment, "other", m) for m in experiment.methods]
-    jobs += [slices.of_variant(experiment, "base")]
-    for job in map(json.loads, jobs):
-        found = job["training"]["steps"], job["training"]["warmup_steps"]
-        assert (job["seed"], found) == (5, (70, 7))
+    found = [slices.of_round(experiment, "other", m) for m in experiment.methods]
+    found += [slices.of_variant(experiment, "base")]
+    parsed = [jobs.parse(json.loads(text)) for text in found]
+    for job in parsed:
+        found = job.training.steps, job.training.warmup_steps
+        assert (job.seed, found) == (5, (70, 7))
+
+
+def test_minutes_reach_the_jobs_instead_of_steps(demo, experiment_of):
+    """Of the config or of a scene, whose own word counts; a warm start has a share."""
+    courtyard = demo["scenes"]["courtyard"]
+    demo["scenes"] = {
+        "minutes": courtyard | {"budget_min": 3},
+        "steps": courtyard | {"steps": 70},
+        "neither": courtyard,
+    }
+    demo["methods"]["warm"] = {"model": "base", "rounds": 1, "warm_start": WARM}
+    demo["tradeoff"]["variants"] = {"b": {"budget_min": 5}, "s": {"steps": 50}}
+    demo["training"] = {"budget_min": 2.0, "warmup_steps": 40}
+    experiment = experiment_of(demo)
+
+    def length(text):
+        found = jobs.parse(json.loads(text)).training
+        return found.steps, found.budget_min, found.warmup_steps
+
+    def of(scene, method="mipnerf360"):
+        return length(slices.of_round(experiment, scene, method))
+
+    assert of("minutes") == (None, 3.0, 40)
+    assert of("neither") == of("neither", "alignerf") == (None, 2.0, 40)
+    assert of("steps") == (70, None, 40)
+    assert of("minutes", "warm") == (None, pytest.approx(0.9), 12)
+    assert of("steps", "warm") == (21, None, 12)
+    assert length(slices.of_pretraining(experiment, "minutes", "base"))[1] == 3.0
+    assert length(slices.of_variant(experiment, "base")) == of("minutes")
+    assert length(slices.of_variant(experiment, "b")) == (None, 5.0, 40)
+    assert length(slices.of_variant(experiment, "s")) == (50, None, 40)
+    poses = [slices.of_scene(experiment, scene) for scene in experiment.scenes]
+    assert len(set(poses)) == 1
+    # As it stands beside the results, it means the same.
+    alone = experiment_of(json.loads(slices.complete(experiment, "minutes")))
+    again = slices.of_round(alone, "minutes", "warm")
+    assert again == slices.of_round(experiment, "minutes", "warm")
+
+
+def test_minutes_of_a_scene_replace_the_steps_of_the_config(demo, experiment_of):
+    demo["scenes"]["courtyard"]["budget_min"] = 3
+    experiment = experiment_of(demo)
+    job = slices.round_job(experiment, "courtyard", "mipnerf360")
+    found = jobs.parse(job).training
+    # A tenth of steps that are not known yet.
+    assert (found.steps, found.budget_min, found.warmup_steps) == (None, 3.0, None)
+    assert regimes.scenes(experiment)[0].steps is None
 
 
 def test_a_scene_depends_on_its_own_source_only(demo, tmp_path, experiment_of):
@@ -93,9 +141,9 @@ def test_a_warm_start_goes_on_from_the_round_before(demo, experiment_of):
     experiment = experiment_of(demo)
     job = slices.round_job(experiment, "courtyard", "warm")
     assert job["stage"] == "warm"
-    found = job["training"]
-    assert (found["steps"], found["warmup_steps"]) == (300, 30)
-    assert found["learning_rates"] == [0.005, 0.001]
+    found = jobs.parse(job).training
+    assert (found.steps, found.warmup_steps) == (300, 30)
+    assert found.learning_rates == [0.005, 0.001]
     first, second = (
         rows.photos_of_round(experiment, "courtyard", "warm", str(k)) for k in (1, 2)
     )
@@ -167,6 +215,7 @@ def test_a_sweep_trains_on_photos_made_smaller(demo, experiment_of):
 
 def test_a_variant_is_the_base_with_its_keys(demo):
     mlp = {"kind": "mlp", "width": 32}
+    demo["training"]["warmup_steps"] = 100
     demo["tradeoff"]["variants"] = variants = {
         "steps": {"steps": 50},
         "warm": {"steps": 50, "warmup_steps": 7},

@@ -73,6 +73,11 @@ def one(table, **keys):
     return row
 
 
+def test_minutes_show_the_steps_that_they_came_to(scene_of):
+    table = regimes.make_table([scene_of("a", (0, 0, 0), regime=regime(steps=None))])
+    assert set(table["steps"]) == {1}
+
+
 def test_seeds_are_pooled_and_regimes_are_not(scene_of):
     scenes = [
         scene_of("a", (0.5, 1.5), regime=regime()),

@@ -98,6 +98,30 @@ def test_an_unreadable_manifest_starts_anew(tmp_path, state, content):
     assert restore(tmp_path, state) is None
 
 
+def test_the_steps_of_a_budget_are_those_of_this_very_job(tmp_path, caplog):
+    assert checkpoint.read_budget(tmp_path, identity="job") is None
+    said = {"steps": 4321, "steps_per_s": 36.25}
+    checkpoint.save_budget(tmp_path, identity="job", **said)
+    assert checkpoint.read_budget(tmp_path, identity="job") == said
+    caplog.set_level("INFO", "alignerf")
+    assert checkpoint.read_budget(tmp_path, identity="other") is None
+    assert "budget.json: of another configuration, timing anew" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        *("", "[]", "{}", '{"identity": "job"}'),
+        '{"identity": "job", "steps": 0, "steps_per_s": 1}',
+        '{"identity": "job", "steps": null, "steps_per_s": 1}',
+    ],
+)
+def test_an_unreadable_budget_is_timed_anew(tmp_path, content, caplog):
+    (tmp_path / "budget.json").write_text(content)
+    assert checkpoint.read_budget(tmp_path, identity="job") is None
+    assert "budget.json: not readable, timing anew" in caplog.text
+
+
 class Killed(BaseException):
     """A writer that ends in the middle."""
 
