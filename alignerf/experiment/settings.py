@@ -224,8 +224,8 @@ class AligNeRF:
     )
     finetune_share: float = key(0.2, "of training.steps, on patches", above=0, most=1)
     learning_rates: list[float] = learning_rates(0.003, 0.0003)
-    patches: int = key(2, "patches a step", least=1, most=4096)
-    patch_px: int = key(32, "side of a patch", least=8, most=512)
+    patches: int = key(4, "patches a step", least=1, most=4096)
+    patch_px: int = key(16, "side of a patch", least=8, most=512)
     convolution: bool = key(
         True, "contribution 1, patch convolution; false shows the model's colours"
     )
