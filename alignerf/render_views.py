@@ -28,8 +28,9 @@ from alignerf.training import checkpoint, compose, cores
 
 # Rays at once: large enough to fill the machine, small enough for its memory.
 CHUNK_RAYS = 4096
-# Of these as many at a time on a CPU, so that what they need stays in its caches.
-CACHED_RAYS = 128
+# Of these as many at a time on a CPU, so that what they need stays in its caches: a
+# hash grid takes a quarter less time than with 128, an MLP no more.
+CACHED_RAYS = 32
 # Pixels whose features become colours at once, but at least a row of the image. The
 # halo's rows, convolved once more with each strip, are 8 % of these at 2560 x 1680.
 STRIP_PIXELS = 65536
