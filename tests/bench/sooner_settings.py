@@ -39,6 +39,7 @@ def job_of(samples, proposal, field, **training):
             "field": field if "kind" in field else grid | field,
         },
         "training": {
+            "budget_min": None,
             "batch_rays": 1024,
             "learning_rates": [0.01, 0.001],
             "hold_share": 0.0,

@@ -233,10 +233,10 @@ def test_configs_share_no_values():
     config = {"scenes": COURTYARD, "models": {"m": {}}}
     first = check.checked(config)
     first["models"]["m"]["samples"].append(7)
-    first["training"]["learning_rates"].append(7)
+    first["training"]["adam_betas"].append(7)
     again = check.checked(config)
-    assert again["models"]["m"]["samples"] == [48, 24]
-    assert again["training"]["learning_rates"] == [0.01, 0.001]
+    assert again["models"]["m"]["samples"] == [32, 16, 12]
+    assert again["training"]["adam_betas"] == [0.9, 0.99]
 
 
 @pytest.mark.parametrize(

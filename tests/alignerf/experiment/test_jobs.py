@@ -25,8 +25,11 @@ JOB = {
         "batch_rays": 64,
         "learning_rates": [0.01, 0.001],
         "warmup_steps": 3,
+        "hold_share": 0,
+        "adam_betas": [0.9, 0.999],
         "adam_eps": 1e-15,
         "gradient_norm": None,
+        "proposal_share": 1,
         "interlevel_weight": 1,
         "distortion_weight": 0.01,
     },
@@ -183,7 +186,7 @@ def test_what_a_slice_leaves_out_has_its_default(job):
     del job["training"]["warmup_steps"]
     parsed = jobs.parse(job)
     assert (parsed.training.adam_eps, parsed.model.far) == (1e-15, 1e6)
-    assert parsed.alignerf.patches == 2
+    assert parsed.alignerf.patches == 4
     assert parsed.training.warmup_steps == 10
 
 

@@ -117,10 +117,10 @@ def test_three_words_are_a_complete_config(tmp_path, monkeypatch):
     assert found["methods"]["alignerf"]["alignerf"]["features"] == 16
     assert found["reference"] == {"method": "mipnerf360", "round": "last"}
     scene = found["scenes"]["my_photos"]
-    assert (scene["poses"], scene["seed"], scene["steps"]) == ("colmap", 0, 2000)
+    assert (scene["poses"], scene["seed"], scene["steps"]) == ("colmap", 0, 4000)
     training = found["training"]
     assert (training["budget_min"], training["warmup_steps"]) == (None, None)
-    assert settings.warmup(training) == {"warmup_steps": 200}
+    assert settings.warmup(training) == {"warmup_steps": 400}
 
 
 def test_a_complete_config_means_itself(demo):

@@ -142,7 +142,7 @@ def test_a_warm_start_goes_on_from_the_round_before(demo, experiment_of):
     job = slices.round_job(experiment, "courtyard", "warm")
     assert job["stage"] == "warm"
     found = jobs.parse(job).training
-    assert (found.steps, found.warmup_steps) == (300, 30)
+    assert (found.steps, found.warmup_steps) == (600, 60)
     assert found.learning_rates == [0.005, 0.001]
     first, second = (
         rows.photos_of_round(experiment, "courtyard", "warm", str(k)) for k in (1, 2)
@@ -184,7 +184,7 @@ def test_regimes_have_the_baseline_first_and_warped_photos_last(demo, experiment
     assert [regime.seed for regime in found] == [0, 1]
     assert found[0].alike == found[1].alike
     known = {(r.perturb_px, r.motion_m, r.steps) for r in found}
-    assert known == {(1.5, 0.02, 1000)}
+    assert known == {(1.5, 0.02, 2000)}
     rendered = "results/again/mipnerf360/round0/render_train.json"
     assert rendered in found[1].methods[2].data
     demo["methods"].pop("alignerf")
@@ -215,7 +215,7 @@ def test_a_sweep_trains_on_photos_made_smaller(demo, experiment_of):
 
 def test_a_variant_is_the_base_with_its_keys(demo):
     mlp = {"kind": "mlp", "width": 32}
-    demo["training"]["warmup_steps"] = 100
+    demo["training"]["warmup_steps"] = 200
     demo["tradeoff"]["variants"] = variants = {
         "steps": {"steps": 50},
         "warm": {"steps": 50, "warmup_steps": 7},
@@ -230,7 +230,7 @@ def test_a_variant_is_the_base_with_its_keys(demo):
     wanted = {"seed": 0, "downscale": 1, "model": model, "training": training}
     assert base == wanted
     found = {name: slices.variant_of(demo, name) for name in variants}
-    # The warm-up keeps its share of the steps: 100 of 1000.
+    # The warm-up keeps its share of the steps: 200 of 2000.
     shorter = {"training": training | {"steps": 50, "warmup_steps": 5}}
     assert found["steps"] == base | shorter
     assert found["warm"]["training"]["warmup_steps"] == 7
