@@ -15,7 +15,14 @@ from alignerf.scenes import cameras
 from alignerf.training import checkpoint, loop
 
 WIDTH, HEIGHT, STEPS = 32, 24, 14
-GRID = {"kind": "grid", "levels": 2, "log2_entries": 8, "finest": 32, "width": 8}
+GRID = {
+    "kind": "grid",
+    "levels": 2,
+    "log2_entries": 8,
+    "features": 2,
+    "finest": 32,
+    "width": 8,
+}
 ALIGNERF = {
     "pretrain_share": 0.6,
     "finetune_share": 0.5,

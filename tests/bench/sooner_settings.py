@@ -166,7 +166,7 @@ def with_budget(job, budget):
     """The job with so many times its steps, and a schedule that ends there."""
     training = job["training"]
     steps = max(1, round(budget * training["steps"]))
-    return job | {"training": training | slices.rescaled(training, steps)}
+    return job | {"training": training | slices.retimed(training, steps)}
 
 
 def quick_jobs():

@@ -35,7 +35,7 @@ methods:
   mipnerf360: {{ model: base, rounds: 1 }}
   alignerf:
     model: base
-    alignerf: {{ patch_px: 16, radius_px: 2, features: 4 }}
+    alignerf: {{ patches: 2, patch_px: 16, radius_px: 2, features: 4 }}
 training:
   steps: 200
   batch_rays: 256
