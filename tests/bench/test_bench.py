@@ -4,8 +4,6 @@ import csv
 import json
 import math
 import os
-import subprocess
-import sys
 import time
 
 import jax
@@ -32,28 +30,10 @@ BENCHMARKS = ["speed", "quality", "grid", "job", "memory", "scale", "split", "al
 
 
 @pytest.fixture(scope="module")
-def quick(root, tmp_path_factory):
-    """Folder of all that `--quick` writes; its programs are not optimised."""
+def quick(run_quick, tmp_path_factory):
+    """Folder of all that `--quick` writes, and what it prints."""
     folder = tmp_path_factory.mktemp("bench")
-    arguments = ["--quick", "--repeats", "1", "--out", folder, "--only", *BENCHMARKS]
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.bench", *arguments],
-        cwd=root,
-        env=os.environ | {"JAX_DISABLE_MOST_OPTIMIZATIONS": "1"},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    return folder, done.stdout
-
-
-@pytest.fixture(scope="module")
-def peer():
-    """The peer's modules; ALIGNERF_MULTINERF names a checkout of it."""
-    path = os.environ.get("ALIGNERF_MULTINERF")
-    if path is None:
-        pytest.skip("no checkout of multinerf (set ALIGNERF_MULTINERF)")
-    return multinerf.load(path)
+    return folder, run_quick(folder, BENCHMARKS, "--repeats", "1")
 
 
 @pytest.mark.parametrize("name", BENCHMARKS)

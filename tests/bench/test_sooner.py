@@ -2,9 +2,6 @@
 
 import csv
 import json
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -34,19 +31,10 @@ def budgets(setting, curve, **place):
 
 
 @pytest.fixture(scope="module")
-def quick(root, tmp_path_factory):
+def quick(run_quick, tmp_path_factory):
     """Folder of all that `--quick` writes, and what it prints."""
     folder = tmp_path_factory.mktemp("sooner")
-    arguments = ["--quick", "--out", folder, "--only", "sooner"]
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.bench", *arguments],
-        cwd=root,
-        env=os.environ | {"JAX_DISABLE_MOST_OPTIMIZATIONS": "1"},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    return folder, done.stdout
+    return folder, run_quick(folder, ["sooner"])
 
 
 def test_quality_is_linear_in_the_logarithm_of_the_seconds():
