@@ -66,7 +66,7 @@ def train(job, args):
     prepared.check_images(loaded, chosen, photos)
     method = compose.make_method(job)
     params = initial_params(job, method, args.initial)
-    shapes = view_shapes(loaded, chosen, args.valid)
+    shapes = view_shapes(loaded, chosen)
     to_come = memory.tree_bytes(shapes)
     for free in (memory.free_host_bytes(), memory.free_bytes(jax.local_devices()[0])):
         memory.check(to_come, free, f"{photos}: training views")
@@ -112,12 +112,12 @@ def check_patches(job, loaded: prepared.Scene):
         )
 
 
-def view_shapes(loaded: prepared.Scene, chosen, valid) -> batches.Views:
+def view_shapes(loaded: prepared.Scene, chosen) -> batches.Views:
     """Shapes of the training views, before they are loaded."""
     n, h, w = len(chosen), loaded.height, loaded.width
     return batches.Views(
         photos=jax.ShapeDtypeStruct((n, h, w, 3), np.uint8),
-        valid=valid and jax.ShapeDtypeStruct((n, h, -(-w // 8)), np.uint8),
+        valid=jax.ShapeDtypeStruct((n, h, -(-w // 8)), np.uint8),
         pixtocams=jax.ShapeDtypeStruct((n, 3, 3), np.float32),
         camtoworlds=jax.ShapeDtypeStruct((n, 3, 4), np.float32),
     )
@@ -125,13 +125,15 @@ def view_shapes(loaded: prepared.Scene, chosen, valid) -> batches.Views:
 
 def load_views(loaded: prepared.Scene, chosen, photos, valid) -> batches.Views:
     """The training views in the host's memory, with what says which pixels count."""
-    packed = valid and [
-        batches.pack_valid(prepared.read_validity(loaded, [view], valid))
-        for view in chosen
-    ]
+    packed = [batches.all_valid(len(chosen), loaded.height, loaded.width)]
+    if valid:
+        packed = [
+            batches.pack_valid(prepared.read_validity(loaded, [view], valid))
+            for view in chosen
+        ]
     return batches.Views(
         photos=prepared.read_images(loaded, chosen, photos),
-        valid=packed and np.concatenate(packed),
+        valid=np.concatenate(packed),
         pixtocams=loaded.pixtocams[chosen].astype(np.float32),
         camtoworlds=loaded.camtoworlds[chosen].astype(np.float32),
     )

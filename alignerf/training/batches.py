@@ -20,7 +20,7 @@ class Views(NamedTuple):
     """Training views in memory."""
 
     photos: Any  # [n, h, w, 3] uint8
-    valid: Any  # [n, h, ceil(w / 8)] uint8, from pack_valid; None: every pixel counts
+    valid: Any  # [n, h, ceil(w / 8)] uint8, from pack_valid
     pixtocams: Any  # [n, 3, 3]
     camtoworlds: Any  # [n, 3, 4]
 
@@ -50,10 +50,16 @@ def pack_valid(mask):
     return np.packbits(mask, axis=-1)
 
 
+def all_valid(n, h, w):
+    """As `pack_valid` of n photos in which every pixel counts.
+
+    A training has a mask even so: its rounds then share one compiled program.
+    """
+    return np.full((n, h, -(-w // 8)), 255, np.uint8)
+
+
 def is_valid(views: Views, view, y, x):
     """One where a pixel counts, else zero, as float32."""
-    if views.valid is None:
-        return jnp.ones(view.shape)
     bits = views.valid[view, y, x // 8] >> (7 - x % 8).astype(jnp.uint8)
     return (bits & 1).astype(jnp.float32)
 

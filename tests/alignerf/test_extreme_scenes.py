@@ -44,7 +44,7 @@ def scene(photos):
     pixtocams = np.repeat(cameras.intrinsics(30.0, width, height)[None], n, axis=0)
     return batches.Views(
         photos=jnp.asarray(photos, jnp.uint8),
-        valid=None,
+        valid=batches.all_valid(n, height, width),
         pixtocams=jnp.asarray(pixtocams, jnp.float32),
         camtoworlds=jnp.asarray(poses, jnp.float32),
     )

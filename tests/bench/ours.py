@@ -51,7 +51,7 @@ def as_views(photos):
     """The training views as `train` loads them."""
     return batches.Views(
         photos=photos.images,
-        valid=None,
+        valid=batches.all_valid(*photos.images.shape[:3]),
         pixtocams=photos.pixtocams.astype(np.float32),
         camtoworlds=photos.camtoworlds.astype(np.float32),
     )

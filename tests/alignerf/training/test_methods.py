@@ -19,6 +19,11 @@ def views():
     return cases.make_views()
 
 
+def everywhere(views):
+    """The views with a mask in which every pixel counts."""
+    return views._replace(valid=jnp.asarray(batches.all_valid(*views.photos.shape[:3])))
+
+
 def pixel_of(rays, width=cases.WIDTH, height=cases.HEIGHT):
     """(x, y) of rays of the cases' cameras, which look down -z without turning."""
     x = np.asarray(rays.directions[..., 0]) * cases.FOCAL_PX + width / 2 - 0.5
@@ -74,7 +79,7 @@ def test_pixels_beyond_two_thousand_million_are_found():
     camera = cases.make_views(1, h, w)
     views = batches.Views(
         photos=jax.device_put(photos),
-        valid=None,
+        valid=batches.all_valid(n, h, w),
         pixtocams=jnp.tile(camera.pixtocams, (n, 1, 1)),
         camtoworlds=jnp.tile(camera.camtoworlds, (n, 1, 1)),
     )
@@ -152,7 +157,7 @@ def test_a_share_of_the_rays_teaches_the_proposal(views):
             lambda x: x + jnp.sin(7.0 * jnp.arange(x.size)).reshape(x.shape),
             jax.jit(method.init)(jax.random.key(1)),
         )
-        batch = jax.jit(method.draw)(jax.random.key(2), 0, views._replace(valid=None))
+        batch = jax.jit(method.draw)(jax.random.key(2), 0, everywhere(views))
 
         def loss(params, batch, method=method):
             return sum(method.terms(params, batch, 0.5)[0].values())
@@ -192,7 +197,7 @@ def test_aligned_and_frequency_loss_keep_the_printed_ratio(views):
     """Eq. 4 sums over the patch, Eq. 5 averages; one divisor for both."""
     method = cases.alignerf(loss=cases.make_loss(radius_px=0, align_penalty=0.0))
     params = jax.jit(method.init)(jax.random.key(0))
-    batch = jax.jit(method.draw)(jax.random.key(4), 0, views._replace(valid=None))
+    batch = jax.jit(method.draw)(jax.random.key(4), 0, everywhere(views))
     terms, _ = jax.jit(method.terms)(params, batch, 1.0)
     photo = batch.photo
     rays, jitter = jax.tree.map(
@@ -233,7 +238,7 @@ def test_without_its_parts_the_method_is_the_baseline_on_patches(views):
     )
     params = jax.jit(method.init)(jax.random.key(0))
     assert params.keys() == {"model"}
-    batch = jax.jit(method.draw)(jax.random.key(4), 0, views._replace(valid=None))
+    batch = jax.jit(method.draw)(jax.random.key(4), 0, everywhere(views))
     terms, shown = jax.jit(method.terms)(params, batch, 1.0)
     assert terms.keys() == {"data", "interlevel", "distortion"}
     wanted = charbonnier_at_rest(method, batch, params)
@@ -250,7 +255,7 @@ def test_pixels_match_better_than_a_patch_and_both_than_none(views):
         )
         method = cases.alignerf(loss=loss)
         params = jax.jit(method.init)(jax.random.key(0))
-        batch = jax.jit(method.draw)(jax.random.key(4), 0, views._replace(valid=None))
+        batch = jax.jit(method.draw)(jax.random.key(4), 0, everywhere(views))
         # Each radius draws as much photo around the patches as it needs.
         terms, shown = jax.jit(method.terms)(params, batch, 1.0)
         grads = jax.jit(
