@@ -176,6 +176,17 @@ def test_on_the_screen(capsys, tmp_path):
     assert found["method_2"][5] == "90"
 
 
+def test_who_stays_below_the_baseline_is_told_why():
+    table = make_table([20, 19.7, 21, 18])
+    lines = list(show.below_baseline(table))
+    # Only beyond chance: method_1 is 0.30 dB below, give or take 0.50.
+    assert len(lines) == 1
+    assert lines[0].startswith("method_3 is 2.00 dB below method_0 (standard): ")
+    # Rounds of warping are measured against the method's own.
+    table["difference_to"] = table["method"]
+    assert not list(show.below_baseline(table))
+
+
 def test_one_row():
     assert len(cells(misalignment.to_latex(make_table([20.0])))) == 1
 
