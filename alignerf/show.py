@@ -65,8 +65,9 @@ def below_baseline(table):
     for row in others[others["test_set"] == test_set].itertuples():
         if row.difference_high_db < 0:
             yield (
-                f"{row.method} is {-row.difference_db:.2f} dB below {row.difference_to} "
-                f"({test_set}): {row.steps:.0f} steps are too few for it.\n"
+                f"{row.method} is {-row.difference_db:.2f} dB below "
+                f"{row.difference_to} ({test_set}): {row.steps:.0f} steps are too few "
+                "for it.\n"
                 "  Rays of a patch teach less than rays from everywhere. On courtyard "
                 "the method pays from 8000 steps on: docs/method.md"
             )

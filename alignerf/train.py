@@ -43,6 +43,7 @@ def parse(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--config", required=True, help="job as JSON, or its file")
     parser.add_argument("--scene", required=True, help="prepared scene folder")
+    parser.add_argument("--cameras", help="cameras.npz (default: the scene's)")
     parser.add_argument("--photos", help="folder of photos (default: the scene's)")
     parser.add_argument("--valid", help="folder of <view>.npz with valid pixels")
     parser.add_argument("--initial", help="parameters to fine-tune or go on from")
@@ -60,7 +61,7 @@ def train(job, args):
     if job.model.field.kind == "grid":
         # An MLP gains little by it, and each device holds all its parameters.
         cores.use_as_devices()
-    loaded = prepared.load(args.scene)
+    loaded = prepared.load(args.scene, args.cameras)
     check_patches(job, loaded)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
     prepared.check_images(loaded, chosen, photos)

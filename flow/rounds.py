@@ -1,10 +1,13 @@
-"""Whether another warping round is worth its training: `python -m flow.rounds`.
+"""Whether another round is worth its training: `python -m flow.rounds`.
 
-What remains after a round is the flow from its renders to the photos that it learnt
-from: those were warped by the flow of the round before, so it is the difference of
-the two flows (of round 0, the flow itself). Where its median no longer falls, another
-round would repeat this one. The flow to the photos as taken cannot tell: sharper
-renders show more of a misalignment that stays, and that flow grows.
+What remains after a round of warping is the flow from its renders to the photos that it
+learnt from: those were warped by the flow of the round before, so it is the difference
+of the two flows (of round 0, the flow itself). Where its median no longer falls,
+another round would repeat this one. The flow to the photos as taken cannot tell:
+sharper renders show more of a misalignment that stays, and that flow grows.
+
+What remains after a round that put cameras right is the correction that another such
+round would train with.
 """
 
 import argparse
@@ -58,18 +61,21 @@ def decide(now_px, before_px=None, *, least_fall=LEAST_FALL):
     )
 
 
-def read_decision(path):
-    """remaining_px of an earlier decision."""
+def read_number(path, key):
+    """A number of a JSON file. Raises ValueError naming the file."""
     try:
-        return float(json.loads(Path(path).read_text())["remaining_px"])
+        return float(json.loads(Path(path).read_text())[key])
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: not a decision of flow.rounds ({error})") from None
+        raise ValueError(f"{path}: no number {key} in it ({error})") from None
 
 
-def main(flow, out, *, before_flow=None, before=None):
+def main(out, *, flow=None, before_flow=None, corrections=None, before=None):
     """Write {go_on, reason, remaining_px} as JSON. Raises ValueError or OSError."""
-    now_px = remaining_px(flow, before_flow)
-    goes_on, reason = decide(now_px, before and read_decision(before))
+    if corrections:
+        now_px = read_number(corrections, "correction_px")
+    else:
+        now_px = remaining_px(flow, before_flow)
+    goes_on, reason = decide(now_px, before and read_number(before, "remaining_px"))
     found = {"go_on": goes_on, "reason": reason, "remaining_px": now_px}
     with whole.replace_file(out) as path:
         path.write_text(json.dumps(found) + "\n")
@@ -78,12 +84,15 @@ def main(flow, out, *, before_flow=None, before=None):
 def run(arguments=None):
     """The command line; returns its exit code."""
     parser = argparse.ArgumentParser(prog="flow.rounds", description=__doc__)
-    parser.add_argument("--flow", type=Path, required=True, help="of this round")
+    parser.add_argument("--flow", type=Path, help="of this round")
+    parser.add_argument("--corrections", type=Path, help="poses_corrected.json")
     parser.add_argument("--before-flow", type=Path, help="of the round before")
     parser.add_argument("--before", type=Path, help="that one's decision")
     parser.add_argument("--out", type=Path, required=True, help="JSON, written")
     options = parser.parse_args(arguments)
-    if (options.before is None) != (options.before_flow is None):
+    if (options.flow is None) == (options.corrections is None):
+        parser.error("either --flow or --corrections")
+    if options.flow and (options.before is None) != (options.before_flow is None):
         parser.error("--before and --before-flow go together")
     return faults.exit_code(main, **vars(options))
 

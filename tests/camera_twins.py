@@ -43,6 +43,20 @@ def ray_radius(x, y, pixtocam, pose):
     return (right + below) / 2 * 2 / np.sqrt(12)
 
 
+def reprojection_flow(depth, camera, other):
+    """By how much [h, w, 2] another camera sees the points of a depth map aside.
+
+    camera, other: (pixtocam, pose); depth [h, w] along the first one's optical axis.
+    """
+    y, x = np.indices(depth.shape)
+    points = camera[1][:, 3] + depth[..., None] * pixel_ray(x, y, *camera)
+    seen = (points - other[1][:, 3]) @ other[1][:, :3] * [1, -1, -1]
+    pixel = seen @ np.linalg.inv(other[0]).T
+    assert (pixel[..., 2] > 0).all()
+    pixel = pixel[..., :2] / pixel[..., 2:]
+    return pixel - np.stack([x + 0.5, y + 0.5], axis=-1)
+
+
 def distorted(x, y, k1, k2, p1, p2, k3):
     """OpenCV's polynomial model of a lens, normalised coordinates."""
     r = np.hypot(x, y)

@@ -157,6 +157,7 @@ def check_method(config, name):
         fault(f"methods.{name}.model", f"no model {method['model']!r}")
     if method["warm_start"]:
         check_warm_start(config, name)
+    check_changes(method, f"methods.{name}.changes")
     if not (found := method["alignerf"]):
         return
     if method["rounds"] != 0:
@@ -165,6 +166,15 @@ def check_method(config, name):
         fault(f"methods.{name}.alignerf.radius_px", "matching pixel needs 1 or more")
     if found["radius_px"] == "auto":
         check_radius(config, name)
+
+
+def check_changes(method, where):
+    """There are the rounds that change the cameras, and one for the photos."""
+    changes, rounds = method["changes"], method["rounds"]
+    if changes == "cameras" and rounds == 0:
+        fault(where, "cameras need a round to be put right for")
+    if changes == "cameras_then_photos" and (rounds == "auto" or rounds < 2):
+        fault(where, "cameras_then_photos needs a number of rounds, 2 or more")
 
 
 def check_warm_start(config, name):

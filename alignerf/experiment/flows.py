@@ -3,6 +3,7 @@
 from pathlib import PurePath
 
 from alignerf.command import split_paths
+from alignerf.experiment import plan
 
 # Folders of flow.control_sets beside the warped test set.
 CONTROL_SETS = (
@@ -59,14 +60,29 @@ def of_reference(experiment, scene):
 
 
 def of_rounds(experiment, scene, method, round):
-    """The training views' flow after a round, and that of the round before."""
+    """What says whether to go on: the training views' flow after a round, and before.
+
+    Of cameras, the correction that another round would train with.
+    """
     k, flow = int(round), "flow/train"
+    if experiment.change_of(scene, method, k + 1) == "cameras":
+        folder = plan.corrected_folder(scene, method, k + 1)
+        found = {"corrections": f"{folder}/poses_corrected.json"}
+        if k > 0:
+            found["before"] = f"results/{scene}/{method}/round{k - 1}/decision.json"
+        return found
     found = {"flow": f"{experiment.folder(scene, method, k)}/{flow}"}
     if k > 0:
         found["before_flow"] = f"{experiment.folder(scene, method, k - 1)}/{flow}"
         # The decision is the method's own, also where it starts from another's round.
         found["before"] = f"results/{scene}/{method}/round{k - 1}/decision.json"
     return found
+
+
+def before(experiment, wildcards, name):
+    """A folder of the round before a rule's."""
+    w = wildcards
+    return f"{experiment.folder(w.scene, w.method, int(w.round) - 1)}/{name}"
 
 
 def of_oracle(experiment, input, output):

@@ -80,6 +80,21 @@ class Experiment:
             for k in range(int(name in self.warm()), self.last_round(scene, name) + 1)
         ]
 
+    def change_of(self, scene, method, round):
+        """What a round after the first changes: `photos` or `cameras`."""
+        changes = self.methods[method]["changes"]
+        if changes == "cameras_then_photos":
+            last = int(round) == self.last_round(scene, method)
+            return "photos" if last else "cameras"
+        return changes
+
+    def cameras_of(self, scene, method, round):
+        """The cameras.npz that a round is trained with: as given, or put right."""
+        for k in range(int(round), 0, -1):
+            if self.change_of(scene, method, k) == "cameras":
+                return f"{corrected_folder(scene, method, k)}/cameras.npz"
+        return f"results/{scene}/cameras.npz"
+
     def followed(self):
         """{method: its rounds whose training views are rendered and aligned}.
 
@@ -115,6 +130,11 @@ class Experiment:
             for name, scene in self.scenes.items()
             if settings.SOURCES[scene["source"]].has_truth == known
         ]
+
+
+def corrected_folder(scene, method, round):
+    """Where the cameras of a round lie that were put right for it."""
+    return f"results/{scene}/{method}/round{round}/corrected"
 
 
 def goes_on(path):

@@ -4,7 +4,7 @@ import csv
 from typing import NamedTuple
 
 from alignerf.command import json_rows
-from alignerf.experiment import sources
+from alignerf.experiment import plan, sources
 
 # Rules write rows and wait for their files; commands of tables read rows.
 as_json, files_of, read = json_rows.as_json, json_rows.files_of, json_rows.read
@@ -135,15 +135,28 @@ def data_of(experiment, scene, method, round):
     if measures_radius(experiment, method):
         folders.append(experiment.folder(scene, experiment.base_of(method), 0))
     return [
-        f"{folder}/{name}"
-        for folder in folders
-        for name in ("render_train.json", "displacement_train.csv")
+        *(
+            f"{folder}/{name}"
+            for folder in folders
+            for name in ("render_train.json", "displacement_train.csv")
+        ),
+        *corrections_of(experiment, scene, method, round),
+    ]
+
+
+def corrections_of(experiment, scene, method, round):
+    """The report of each correction of cameras that a round needed."""
+    return [
+        f"{plan.corrected_folder(scene, method, k)}/poses_corrected.json"
+        for k in range(1, int(round) + 1)
+        if experiment.change_of(scene, method, k) == "cameras"
     ]
 
 
 def photos_of_round(experiment, scene, method, round):
     """What round k learns from: the photos, or those warped onto round k - 1."""
-    if int(round) == 0:
+    k = int(round)
+    if k == 0 or experiment.change_of(scene, method, k) == "cameras":
         return {"photos": f"results/{scene}/images"}
     before = experiment.folder(scene, method, int(round) - 1)
     return {"photos": f"{before}/warped/train", "valid": f"{before}/flow/train"}

@@ -276,6 +276,12 @@ class Method:
     most_rounds: int = key(
         4, "where `rounds: auto` ends, whatever the flow does", least=1, most=16
     )
+    changes: Literal["photos", "cameras", "cameras_then_photos"] = key(
+        "photos",
+        "what a round changes by the flow: photos are warped, as in the paper, or the "
+        "training views' cameras are put right; cameras_then_photos warps photos in "
+        "the last round only",
+    )
     warm_start: WarmStart | None = key(
         None,
         "each warping round goes on from the weights of the one before, instead of "

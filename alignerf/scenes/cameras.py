@@ -91,13 +91,38 @@ def project(points, pixtocam, camtoworld):
     return pixel[..., :2] / safe[..., None], depth
 
 
-def normalize_poses(camtoworlds):
-    """Centre, PCA-rotate and scale all poses so that max |t| = 1.
+class Frame(NamedTuple):
+    """The normalised frame of a scene, in terms of the given one."""
 
-    Returns poses [n, 3, 4] and the similarity [4, 4] that takes points of the
-    given frame to the normalised one (mip-NeRF 360, arXiv 2111.12077; the z axis
-    is the direction of least spread, "up"). One pose, or several at one place,
-    have no scale: it stays 1.
+    mean: np.ndarray  # [3] of the camera centres
+    rotation: np.ndarray  # [3, 3], to the normalised frame
+    scale: float  # normalised units of length in one of the given frame
+
+    def normalised(self, camtoworlds):
+        """Poses [n, 3, 4] of the given frame in the normalised one."""
+        rotated = np.einsum("ij,njk->nik", self.rotation, camtoworlds[:, :, :3])
+        moved = (camtoworlds[:, :, 3] - self.mean) @ self.rotation.T
+        return np.concatenate([rotated, self.scale * moved[..., None]], axis=-1)
+
+    def given(self, camtoworlds):
+        """Poses [n, 3, 4] of the normalised frame in the given one."""
+        rotated = np.einsum("ji,njk->nik", self.rotation, camtoworlds[:, :, :3])
+        moved = camtoworlds[:, :, 3] @ self.rotation / self.scale + self.mean
+        return np.concatenate([rotated, moved[..., None]], axis=-1)
+
+    def transform(self):
+        """The similarity [4, 4] that takes points to the normalised frame."""
+        found = np.eye(4)
+        found[:3, :3] = self.scale * self.rotation
+        found[:3, 3] = -self.scale * (self.rotation @ self.mean)
+        return found
+
+
+def frame_of(camtoworlds) -> Frame:
+    """The frame in which poses are centred, PCA-rotated and scaled to max |t| = 1.
+
+    As mip-NeRF 360 (arXiv 2111.12077); the z axis is the direction of least spread,
+    "up". One pose, or several at one place, have no scale: it stays 1.
     """
     centres = camtoworlds[:, :3, 3]
     mean = centres.mean(axis=0)
@@ -108,14 +133,14 @@ def normalize_poses(camtoworlds):
     # The cameras' mean "up" must point up, else the world stands on its head.
     if (rotation @ camtoworlds[:, :3, 1].mean(axis=0))[2] < 0:
         rotation = np.diag([1.0, -1.0, -1.0]) @ rotation
-    rotated = np.einsum("ij,njk->nik", rotation, camtoworlds[:, :3, :3])
-    moved = (centres - mean) @ rotation.T
-    extent = np.abs(moved).max()
-    scale = 1.0 / extent if extent > 1e-9 else 1.0
-    transform = np.eye(4)
-    transform[:3, :3] = scale * rotation
-    transform[:3, 3] = -scale * (rotation @ mean)
-    return np.concatenate([rotated, scale * moved[..., None]], axis=-1), transform
+    extent = np.abs((centres - mean) @ rotation.T).max()
+    return Frame(mean, rotation, 1.0 / extent if extent > 1e-9 else 1.0)
+
+
+def normalize_poses(camtoworlds):
+    """Poses [n, 3, 4] in their `frame_of`, and the similarity [4, 4] to it."""
+    frame = frame_of(camtoworlds)
+    return frame.normalised(camtoworlds), frame.transform()
 
 
 def align_similarity(source, target):

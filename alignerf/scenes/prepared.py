@@ -40,25 +40,42 @@ class Scene:
         return chosen
 
 
-def load(folder) -> Scene:
-    """Read and check a scene's cameras; poses come out normalised."""
-    path = pathlib.Path(folder) / "cameras.npz"
+def load(folder, cameras_path=None) -> Scene:
+    """Read and check a scene's cameras; poses come out normalised.
+
+    cameras_path: other cameras of the same views, in the given frame (see
+    `alignerf.correct_poses`). They come out in the frame of the scene's own, so that
+    what was learnt with one is where the other sees it.
+    """
+    own = pathlib.Path(folder) / "cameras.npz"
+    path = pathlib.Path(cameras_path or own)
+    data = read_cameras(path)
+    given = data if path == own else read_cameras(own)
+    for key in ("names", "split", "width", "height"):
+        if not np.array_equal(data[key], given[key]):
+            raise ValueError(f"{path}: {key} differ from those of {own}")
+    frame = cameras.frame_of(given["camtoworlds"])
+    return Scene(
+        folder=pathlib.Path(folder),
+        names=data["names"].tolist(),
+        split=data["split"],
+        pixtocams=data["pixtocams"],
+        camtoworlds=frame.normalised(data["camtoworlds"]),
+        width=int(data["width"]),
+        height=int(data["height"]),
+    )
+
+
+def read_cameras(path):
+    """The arrays of a cameras.npz, checked; poses are in the given frame."""
+    path = pathlib.Path(path)
     data = archives.read(
         path, ("pixtocams", "camtoworlds", "names", "width", "height", "split")
     )
     check_cameras(path, data)
     if bad := set(data["split"].tolist()) - set(SPLITS):
         raise ValueError(f"{path}: split holds {sorted(bad)[0]!r}")
-    camtoworlds, _ = cameras.normalize_poses(data["camtoworlds"])
-    return Scene(
-        folder=pathlib.Path(folder),
-        names=data["names"].tolist(),
-        split=data["split"],
-        pixtocams=data["pixtocams"],
-        camtoworlds=camtoworlds,
-        width=int(data["width"]),
-        height=int(data["height"]),
-    )
+    return data
 
 
 def check_cameras(path, data):

@@ -17,9 +17,10 @@ from jax.sharding import Mesh, PartitionSpec
 log = logging.getLogger("alignerf")
 
 AXIS = "units"
-# Points of a micro-batch on a CPU: few enough for their activations to stay in its
-# caches. The published field then takes half the time; more parts bring no more.
-CACHED_POINTS = 12288
+# Points of a micro-batch on a CPU, by the field's kind: few enough for their activations
+# to stay in its caches. The published MLP then takes half the time; more parts bring no
+# more. A grid's activations are small, and each part adds up a table of gradients.
+CACHED_POINTS = {"mlp": 12288, "grid": 49152}
 
 
 def make_mesh(units, devices):
@@ -35,11 +36,11 @@ def make_mesh(units, devices):
     return None if count == 1 else Mesh(np.array(devices[:count]), (AXIS,))
 
 
-def parts_for_caches(units, points_a_unit, device):
+def parts_for_caches(units, points_a_unit, device, kind):
     """Micro-batches to begin with: one, but on a CPU as many as its caches ask for."""
     if device.platform != "cpu":
         return 1
-    fitting = max(1, CACHED_POINTS // points_a_unit)
+    fitting = max(1, CACHED_POINTS[kind] // points_a_unit)
     return next(
         n for n in range(1, units + 1) if units % n == 0 and units <= n * fitting
     )

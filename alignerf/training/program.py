@@ -112,7 +112,7 @@ def first_parts(job, method, mesh, parts=None) -> int:
     if parts is not None and units % parts == 0:
         return parts
     points = job.rays_per_step * sum(job.model.samples) // method.units
-    return gradients.parts_for_caches(units, points, devices[0])
+    return gradients.parts_for_caches(units, points, devices[0], job.model.field.kind)
 
 
 def share(method, mesh):

@@ -56,22 +56,23 @@ class Fit(NamedTuple):
     pixels: int
 
 
-def split(flow_px, valid, pixtocam, depth=None) -> Fit:
+def split(flow_px, valid, pixtocam, depth=None, *, log_focal=None) -> Fit:
     """Split a flow [h, w, 2] into what a moved camera explains, and the rest.
 
     depth [h, w]: not positive or NaN is unknown, infinite is far away; None:
-    everything is far away, and only a turn and a zoom are fitted. Always finite;
-    raises ValueError where shapes do not fit or pixtocam is singular.
+    everything is far away, and only a turn and a zoom are fitted. log_focal: a zoom
+    that is known, and not fitted. Always finite; raises ValueError where shapes do not
+    fit or pixtocam is singular.
     """
     valid, depth = _checked(flow_px, valid, pixtocam, depth)
     points = camera_motion.points_of(pixtocam, depth)
     sample = _sample(valid)
     pixels = int(sample.sum())
-    motion = camera_motion.STILL
+    motion = camera_motion.STILL._replace(log_focal=log_focal or 0.0)
     if pixels >= MIN_PIXELS:
         chosen = points._replace(rays=points.rays[sample], rho=points.rho[sample])
         target_px = np.asarray(flow_px, dtype=np.float64)[sample]
-        motion = fit(target_px, chosen)
+        motion = fit(target_px, chosen, log_focal=log_focal)
     camera_px = camera_motion.flow(motion, points)
     remainder_px = flow_px - camera_px
     length_px = np.linalg.norm(remainder_px, axis=-1)
@@ -111,10 +112,12 @@ def _sample(usable):
     return chosen
 
 
-def fit(flow_px, points):
-    """The motion that most pixels agree on: flow_px [n, 2]."""
+def fit(flow_px, points, *, log_focal=None):
+    """The motion that most pixels agree on: flow_px [n, 2]; see `split`."""
     unit = _units(points)
     motion = camera_motion.STILL
+    if log_focal is not None:
+        motion, unit[-1] = motion._replace(log_focal=log_focal), 0.0
     length_px = _misses(motion, flow_px, points)
     width_px = max(2 * np.percentile(length_px, 95), OUTLIER_SIGMAS * LEAST_NOISE_PX)
     for number in range(MOST_STEPS):

@@ -17,6 +17,10 @@ from scipy.spatial.transform import Rotation
 # its view; without a bound they would be anywhere.
 LEAST_Q_Z = 0.05
 LEAST_DEPTH = 1e-12
+# Axes of poses (x right, y up, z backwards) from those of a motion, and back.
+OPENGL = np.diag([1.0, -1.0, -1.0])
+# Places along each side of an image at which a motion's length is looked at.
+GRID = 16
 
 
 class Motion(NamedTuple):
@@ -87,6 +91,44 @@ def moved(motion: Motion, change) -> Motion:
         centre=motion.centre + turn.apply(change[3:6]),
         log_focal=float(motion.log_focal + change[6]),
     )
+
+
+def apply(motion: Motion, pixtocam, camtoworld):
+    """(pixtocam [3, 3], camtoworld [3, 4]) of the moved camera.
+
+    camtoworld has OpenGL axes, and its unit of length is that of the depth.
+    """
+    turn = OPENGL @ Rotation.from_rotvec(motion.rotation).as_matrix() @ OPENGL
+    moved = np.array(camtoworld, dtype=np.float64)
+    moved[:, :3] = camtoworld[:, :3] @ turn
+    moved[:, 3] += camtoworld[:, :3] @ (OPENGL @ motion.centre)
+    zoom = np.exp(-motion.log_focal)
+    return np.diag([zoom, zoom, 1.0]) @ pixtocam, moved
+
+
+def between(first, second) -> Motion:
+    """The motion that takes one camera, (pixtocam, camtoworld), to another.
+
+    Their focal lengths may differ, not their principal points.
+    """
+    (pixtocam, camtoworld), (other_pixtocam, other) = first, second
+    axes = camtoworld[:, :3] @ OPENGL
+    turn = axes.T @ other[:, :3] @ OPENGL
+    return Motion(
+        rotation=Rotation.from_matrix(turn).as_rotvec(),
+        centre=axes.T @ (other[:, 3] - camtoworld[:, 3]),
+        log_focal=float(np.log(pixtocam[0, 0] / other_pixtocam[0, 0])),
+    )
+
+
+def length_px(motion: Motion, pixtocam, size, depth):
+    """Median length over an image of (width, height) px of what it does at a depth."""
+    steps = [(np.arange(GRID) + 0.5) * side / GRID for side in size]
+    x, y = np.meshgrid(*steps)
+    rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ np.asarray(pixtocam).T
+    rho = np.full(x.shape, 1 / depth)
+    points = Points(rays / rays[..., 2:], rho, np.linalg.inv(pixtocam))
+    return float(np.median(np.linalg.norm(flow(motion, points), axis=-1)))
 
 
 def _directions(motion, points):

@@ -89,14 +89,32 @@ def test_each_decision_builds_on_the_one_before(tmp_path):
     )
 
 
+def test_cameras_go_on_until_their_corrections_no_longer_shrink(tmp_path, capsys):
+    found = []
+    for k, px in enumerate([1.2, 0.4, 0.39]):
+        report, out = tmp_path / f"report{k}.json", tmp_path / f"{k}.json"
+        report.write_text(json.dumps({"correction_px": px}))
+        more = ["--before", str(tmp_path / f"{k - 1}.json")] if k else []
+        arguments = ["--corrections", str(report), "--out", str(out), *more]
+        assert rounds.run(arguments) == 0
+        found.append(json.loads(out.read_text()))
+    assert [f["go_on"] for f in found] == [True, True, False]
+    assert [f["remaining_px"] for f in found] == [1.2, 0.4, 0.39]
+    report.write_text("{}")
+    assert rounds.run(arguments) == 1
+    assert "report2.json: no number correction_px" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        rounds.run(["--out", str(out)])
+
+
 @pytest.mark.parametrize(
     ("break_it", "reason"),
     [
         (lambda f: (f / "flow" / "a.npz").unlink(), "flow: no flow"),
         (lambda f: (f / "flow" / "a.npz").write_bytes(b"PK"), r"a.npz: not the .npz"),
         (lambda f: (f / "before" / "a.npz").unlink(), "before/a.npz"),
-        (lambda f: (f / "before.json").write_text("{}"), "before.json: not a decision"),
-        (lambda f: (f / "before.json").write_text("["), "before.json: not a decision"),
+        (lambda f: (f / "before.json").write_text("{}"), "before.json: no number remaining_px"),
+        (lambda f: (f / "before.json").write_text("["), "before.json: no number remaining_px"),
         (lambda f: (f / "before.json").unlink(), "before.json"),
     ],
 )

@@ -117,11 +117,43 @@ checkpoint decide:
     conda:
         "../../environment.yml"
     params:
-        before_flow=lambda w, input: flows.option(
-            "before-flow", input.get("before_flow")
-        ),
+        found=lambda w, input: [
+            part
+            for name in ("flow", "before_flow", "corrections")
+            for part in flows.option(name.replace("_", "-"), input.get(name))
+        ],
         before=lambda w, input: flows.option("before", input.get("before")),
         sources=sources_of("flow.rounds"),
     shell:
-        "python -m flow.rounds --flow {input.flow:q} {params.before_flow:q}"
+        "python -m flow.rounds {params.found:q}"
         " {params.before:q} --out {output:q} 2>&1 | tee {log:q}"
+
+
+# Cameras instead of photos: for the next round they are put right by what their motion
+# explains of the flow.
+rule correct_poses:
+    input:
+        unpack(lambda w: rows.truth_of(experiment, w.scene)),
+        flow=lambda w: flows.before(experiment, w, "flow/train"),
+        depth=lambda w: flows.before(experiment, w, "depth/train"),
+        used=lambda w: experiment.cameras_of(w.scene, w.method, int(w.round) - 1),
+        cameras="results/{scene}/cameras.npz",
+    output:
+        cameras="results/{scene}/{method}/round{round}/corrected/cameras.npz",
+        report="results/{scene}/{method}/round{round}/corrected/poses_corrected.json",
+    log:
+        "results/{scene}/{method}/round{round}/logs/correct_poses.log",
+    benchmark:
+        "results/{scene}/{method}/round{round}/logs/correct_poses.tsv"
+    wildcard_constraints:
+        round=r"[1-9]\d*",
+    conda:
+        "../../environment.yml"
+    params:
+        truth=lambda w, input: flows.option("truth", input.get("truth")),
+        sources=sources_of("alignerf.correct_poses"),
+    shell:
+        "python -m alignerf.correct_poses --scene results/{wildcards.scene:q}"
+        " --cameras {input.used:q} --flow {input.flow:q} --depth {input.depth:q}"
+        " {params.truth:q} --out {output.cameras:q} --report {output.report:q}"
+        " 2>&1 | tee {log:q}"

@@ -1,5 +1,5 @@
-# Trainings. Round 0 trains on the photos, round k on those that round k - 1 warped,
-# from scratch, or from the weights of round k - 1;
+# Trainings. Round 0 trains on the photos, round k on those that round k - 1 warped, or
+# with the cameras that were put right by its flow; from scratch, or from the weights of round k - 1;
 # staged methods pre-train once a model, then fine-tune. Checkpoints lie outside of
 # `output:`, which Snakemake deletes when a job is killed: a training resumes.
 rule train:
@@ -7,6 +7,7 @@ rule train:
         unpack(lambda w: rows.photos_of_round(experiment, w.scene, w.method, w.round)),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
+        used=lambda w: experiment.cameras_of(w.scene, w.method, w.round),
     output:
         model="results/{scene}/{method}/round{round}/model.msgpack",
         timing="results/{scene}/{method}/round{round}/timing.json",
@@ -31,7 +32,7 @@ rule train:
     shell:
         "python -m alignerf.train --config {params.config:q}"
         " --scene {params.scene:q} --photos {input.photos:q}"
-        " {params.valid:q} {params.initial:q}"
+        " --cameras {input.used:q} {params.valid:q} {params.initial:q}"
         " --checkpoints {params.checkpoints:q}/checkpoints"
         " --sources {params.sources} --model {output.model:q}"
         " --timing {output.timing:q} --threads {threads} 2>&1 | tee {log:q}"
@@ -45,6 +46,7 @@ use rule train as train_warm with:
         ),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
+        used=lambda w: experiment.cameras_of(w.scene, w.method, w.round),
     wildcard_constraints:
         method=plan.one_of(experiment.warm()),
         round=r"[1-9]\d*",
@@ -124,6 +126,7 @@ rule render_views:
     input:
         model="results/{scene}/{method}/round{round}/model.msgpack",
         cameras="results/{scene}/cameras.npz",
+        used=lambda w: experiment.cameras_of(w.scene, w.method, w.round),
     output:
         renders=directory("results/{scene}/{method}/round{round}/renders/test"),
         depth=directory("results/{scene}/{method}/round{round}/depth/test"),
@@ -148,6 +151,7 @@ rule render_views:
     shell:
         "python -m alignerf.render_views --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --model {input.model:q}"
+        " --cameras {input.used:q}"
         " --splits {params.splits} --renders {params.folder:q}/renders/{{split}}"
         " {params.depth:q} --timing {params.folder:q}/render_{{split}}.json"
         " --threads {threads} 2>&1 | tee {log:q}"

@@ -28,6 +28,34 @@ def test_the_last_round_is_what_was_decided(demo, experiment_of, goes_on, last):
     assert rows_of == [("auto", k) for k in range(last + 1)]
 
 
+def test_a_round_changes_photos_or_cameras(demo, experiment_of):
+    demo["methods"] = {
+        "warped": {"model": "base", "rounds": 2},
+        "moved": {"model": "base", "rounds": 2, "changes": "cameras"},
+        "both": {"model": "base", "rounds": 3, "changes": "cameras_then_photos"},
+    }
+    experiment = experiment_of(demo)
+    given, photos = "results/courtyard/cameras.npz", "results/courtyard/images"
+
+    def of(method, round):
+        found = rows.photos_of_round(experiment, "courtyard", method, round)
+        place = ("courtyard", method, round)
+        reports = rows.data_of(experiment, *place)
+        cameras = experiment.cameras_of(*place).removeprefix("results/courtyard/")
+        corrected = [path for path in reports if "corrected" in path]
+        return cameras, found["photos"] == photos, "valid" in found, len(corrected)
+
+    assert experiment.cameras_of("courtyard", "moved", 0) == given
+    assert of("warped", 2) == ("cameras.npz", False, True, 0)
+    assert of("moved", 0) == ("cameras.npz", True, False, 0)
+    assert of("moved", 2) == ("moved/round2/corrected/cameras.npz", True, False, 2)
+    assert of("both", 1) == ("both/round1/corrected/cameras.npz", True, False, 1)
+    # The last round warps photos onto what the cameras put right have seen.
+    assert of("both", 3) == ("both/round2/corrected/cameras.npz", False, True, 2)
+    found = rows.photos_of_round(experiment, "courtyard", "both", 3)
+    assert found["photos"] == "results/courtyard/both/round2/warped/train"
+
+
 def test_a_decision_is_read_from_its_file(tmp_path):
     path = tmp_path / "decision.json"
     for found in ("true", "false"):

@@ -1,0 +1,179 @@
+"""Put the cameras of the training views right: `python -m alignerf.correct_poses`.
+
+A round's renders, seen by its cameras, and the flow from them to the photos say how
+each camera must move so that its render falls onto its photo (see
+`flow.camera.correct`). Writes the cameras for the next round, and what was done to
+each.
+
+What all corrections have in common (a turn, a shift and a scale of the world) cannot
+be seen in any photo. It is taken out, against the given poses, so that the frame of
+the test views, which stay as they are, does not drift from that of the training views.
+"""
+
+import argparse
+import dataclasses
+import json
+import logging
+import time
+
+import numpy as np
+
+from alignerf.command import archives, faults, whole
+from alignerf.scenes import cameras, prepared
+from flow.camera import correct
+from flow.camera import motion as camera_motion
+from flow.warping import files
+
+log = logging.getLogger("alignerf")
+
+
+def main(argv=None):
+    args = parse(argv)
+    started = time.monotonic()
+    given = prepared.load(args.scene)
+    before = prepared.load(args.scene, args.cameras)
+    train = before.views("train")
+    found = correct.corrections(lambda: views_of(before, train, args))
+    after = corrected(given, before, train, found)
+    report = {
+        "views": len(train),
+        "left_alone": sum(bool(correction.left_alone) for correction in found),
+        "correction_px": float(np.median([c.length_px for c in found])),
+        "focal_ratio": float(np.exp(max((c.motion.log_focal for c in found), key=abs))),
+    }
+    if args.truth:
+        true = prepared.read_cameras(f"{args.truth}/cameras.npz")
+        states = {"given": given, "before": before, "after": after}
+        report["pose_error_px"] = {
+            name: error_px(state, true, train, found) for name, state in states.items()
+        }
+    report["time_s"] = round(time.monotonic() - started, 3)
+    report["of_views"] = [
+        row(given, after, view, correction)
+        for view, correction in zip(train, found, strict=True)
+    ]
+    # Entered first, so in place last: the report says that the cameras are whole.
+    with (
+        whole.replace_file(args.report) as report_path,
+        whole.replace_file(args.out) as path,
+    ):
+        write(path, args, after, train)
+        report_path.write_text(json.dumps(report, indent=1) + "\n")
+    for line in report["of_views"]:
+        if line["left_alone"]:
+            log.warning("view %s stays: %s", line["view"], line["left_alone"])
+    log.info("cameras moved by %.3f px in the median", report["correction_px"])
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scene", required=True, help="prepared scene folder")
+    parser.add_argument("--cameras", required=True, help="of the renders")
+    parser.add_argument("--flow", required=True, help="folder of <view>.npz, to photos")
+    parser.add_argument("--depth", required=True, help="folder of the renders' depth")
+    parser.add_argument("--truth", help="the scene's truth folder, to be compared with")
+    parser.add_argument("--out", required=True, help="cameras.npz, written")
+    parser.add_argument("--report", required=True, help="what was done, written")
+    return parser.parse_args(argv)
+
+
+def views_of(before: prepared.Scene, train, args):
+    """What the flow says of each view."""
+    for view in train:
+        name = f"{before.names[view]}.npz"
+        flow_px, valid = files.read_flow(f"{args.flow}/{name}")
+        depth = archives.read(f"{args.depth}/{name}", ["depth"])["depth"]
+        size = before.height, before.width
+        for folder, found in ((args.flow, valid), (args.depth, depth)):
+            if found.shape != size:
+                raise ValueError(f"{folder}/{name}: {found.shape}, not {size} px")
+        yield correct.View(flow_px, valid, before.pixtocams[view], depth)
+
+
+def corrected(given: prepared.Scene, before, train, found) -> prepared.Scene:
+    """The scene with its cameras moved, and the frame where it was."""
+    pixtocams, camtoworlds = before.pixtocams.copy(), before.camtoworlds.copy()
+    moved = []
+    for view, correction in zip(train, found, strict=True):
+        if correction.left_alone:
+            continue
+        moved.append(view)
+        pixtocams[view], camtoworlds[view] = camera_motion.apply(
+            correction.motion, pixtocams[view], camtoworlds[view]
+        )
+    camtoworlds[moved] = without_gauge(camtoworlds[moved], given.camtoworlds[moved])
+    return _with(before, pixtocams, camtoworlds)
+
+
+def without_gauge(camtoworlds, given):
+    """Poses [n, 3, 4] moved by the similarity that brings them nearest to the given."""
+    spread = np.ptp(given[:, :, 3], axis=0).max() if len(given) else 0.0
+    if len(given) < 2 or spread < 1e-9:
+        return given.copy() if len(given) == 1 else camtoworlds
+    similarity = cameras.align_similarity(camtoworlds, given)
+    return cameras.apply_similarity(camtoworlds, *similarity)
+
+
+def _with(scene: prepared.Scene, pixtocams, camtoworlds):
+    return dataclasses.replace(scene, pixtocams=pixtocams, camtoworlds=camtoworlds)
+
+
+def row(given: prepared.Scene, after: prepared.Scene, view, correction):
+    """What was done to a view's camera in all, against the given one."""
+    moved = camera_motion.between(camera_of(given, view), camera_of(after, view))
+    return {
+        "view": given.names[view],
+        "rotation_deg": float(np.degrees(np.linalg.norm(moved.rotation))),
+        "centre": float(np.linalg.norm(moved.centre)),
+        "length_px": length_px(given, view, moved, correction.depth),
+        "this_round_px": correction.length_px,
+        "noise_px": correction.noise_px,
+        "valid_share": correction.valid_share,
+        "depth": correction.depth,
+        "left_alone": correction.left_alone,
+    }
+
+
+def error_px(state: prepared.Scene, true, train, found):
+    """Median over the training views of how far their cameras are from the true ones.
+
+    In px at a view's median depth, after the similarity that brings the cameras
+    nearest to the true ones: a frame cannot be seen.
+    """
+    poses = true["camtoworlds"][train]
+    scale, *moved = cameras.align_similarity(poses, state.camtoworlds[train])
+    poses = cameras.apply_similarity(poses, scale, *moved)
+    errors = []
+    for pose, view, correction in zip(poses, train, found, strict=True):
+        camera = true["pixtocams"][view], pose
+        motion = camera_motion.between(camera_of(state, view), camera)
+        errors.append(length_px(state, view, motion, correction.depth))
+    return float(np.median(errors))
+
+
+def camera_of(scene: prepared.Scene, view):
+    return scene.pixtocams[view], scene.camtoworlds[view]
+
+
+def length_px(scene: prepared.Scene, view, motion, depth):
+    size = scene.width, scene.height
+    return camera_motion.length_px(motion, scene.pixtocams[view], size, depth)
+
+
+def write(path, args, after: prepared.Scene, train):
+    """cameras.npz in the given frame; what did not move is as it was, to the bit."""
+    stored = prepared.read_cameras(args.cameras)
+    own = prepared.read_cameras(f"{args.scene}/cameras.npz")
+    frame = cameras.frame_of(own["camtoworlds"])
+    found = {key: stored[key].copy() for key in ("pixtocams", "camtoworlds")}
+    before = frame.normalised(stored["camtoworlds"])
+    moved = [v for v in train if not np.array_equal(after.camtoworlds[v], before[v])]
+    found["pixtocams"][moved] = after.pixtocams[moved]
+    found["camtoworlds"][moved] = frame.given(after.camtoworlds[moved])
+    with open(path, "wb") as file:
+        np.savez(file, **stored | found)
+
+
+if __name__ == "__main__":
+    faults.run(main)

@@ -1,0 +1,134 @@
+"""Which cameras a scene's flows put right, and by how much.
+
+Each view's flow, from a render to its photo, says how its camera moves (see `fit`).
+Of all views together it shows which of these motions can be trusted, and whether the
+focal length, which the views share, is wrong. A view that cannot be trusted stays
+where it is.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flow.camera import fit as camera_fit
+from flow.camera import motion as camera_motion
+
+# A view with a flow on less of its pixels says too little.
+LEAST_VALID_SHARE = 0.05
+# A flow that no camera explains: so many times noisier than the views are, and by this
+# standard deviation in pixels at least.
+NOISE_RATIO, LEAST_NOISE_PX = 4.0, 0.5
+# A motion unlike the others': so many times longer than theirs, and by this at least.
+LENGTH_RATIO, LEAST_LENGTH_PX = 10.0, 3.0
+# The focal length moves where the views' median zoom is beyond so many of its standard
+# errors: what the views do not agree on is no property of their lens.
+ZOOM_ERRORS = 4.0
+# Standard deviations in a median absolute deviation, and of a median in a mean's.
+MAD_SIGMAS, MEDIAN_ERRORS = 1.4826, 1.2533
+# Fewer views agree by chance.
+LEAST_VIEWS = 3
+
+
+class View(NamedTuple):
+    """What a view's flow says of its camera.
+
+    flow_px [h, w, 2], valid [h, w]: from its render to its photo; pixtocam [3, 3];
+    depth [h, w] of the render along the optical axis.
+    """
+
+    flow_px: np.ndarray
+    valid: np.ndarray
+    pixtocam: np.ndarray
+    depth: np.ndarray
+
+
+class Correction(NamedTuple):
+    """How a camera moves, in its own frame and in units of the depth.
+
+    length_px: median over the pixels that were fitted of what the motion does to them.
+    depth: their median depth, 1 where there is none. left_alone: why the camera stays
+    where it is (motion is then none); else empty.
+    """
+
+    motion: camera_motion.Motion
+    length_px: float
+    noise_px: float
+    valid_share: float
+    depth: float
+    left_alone: str
+
+
+def corrections(views) -> list[Correction]:
+    """The correction of each view, in their order; views is read one at a time, twice.
+
+    views: a function that gives an iterator of `View`. All motions that are not none
+    share one log_focal. Raises ValueError where a view's arrays do not fit each other.
+    """
+    fits = [_fitted(view, log_focal=None) for view in views()]
+    log_focal = shared_zoom(
+        [fit.motion.log_focal for fit in fits if not fit.left_alone]
+    )
+    found = [_fitted(view, log_focal=log_focal) for view in views()]
+    return [
+        correction if correction.left_alone else _with_others(correction, found)
+        for correction in found
+    ]
+
+
+def shared_zoom(log_focals):
+    """The zoom that all views agree on; 0 where they do not, or are too few."""
+    if len(log_focals) < LEAST_VIEWS:
+        return 0.0
+    median = float(np.median(log_focals))
+    spread = MAD_SIGMAS * np.median(np.abs(np.asarray(log_focals) - median))
+    error = MEDIAN_ERRORS * spread / np.sqrt(len(log_focals))
+    return median if abs(median) > ZOOM_ERRORS * error else 0.0
+
+
+def _fitted(view: View, *, log_focal) -> Correction:
+    """What a view says by itself."""
+    fit = camera_fit.split(
+        view.flow_px, view.valid, view.pixtocam, view.depth, log_focal=log_focal
+    )
+    lengths_px = np.linalg.norm(fit.camera_px[fit.valid], axis=-1)
+    share = float(fit.valid.mean())
+    near = view.depth[fit.valid & np.isfinite(view.depth)]
+    reason = ""
+    if fit.pixels == 0:
+        reason = f"only {fit.valid.sum()} pixels have a flow and a depth"
+    elif share < LEAST_VALID_SHARE:
+        reason = f"only {share:.1%} of its pixels have a flow and a depth"
+    found = Correction(
+        motion=fit.motion,
+        length_px=float(np.median(lengths_px)) if len(lengths_px) else 0.0,
+        noise_px=fit.noise_px,
+        valid_share=share,
+        depth=float(np.median(near)) if len(near) else 1.0,
+        left_alone=reason,
+    )
+    return _left_alone(found, reason) if reason else found
+
+
+def _with_others(found: Correction, all_found) -> Correction:
+    """The correction, or none where it is unlike those of the others."""
+    noise_px, length_px = (
+        np.median([getattr(other, name) for other in all_found if not other.left_alone])
+        for name in ("noise_px", "length_px")
+    )
+    if found.noise_px > max(LEAST_NOISE_PX, NOISE_RATIO * noise_px):
+        return _left_alone(
+            found,
+            f"no camera explains its flow: {found.noise_px:.2f} px remain, "
+            f"{noise_px:.2f} px in the median view",
+        )
+    if found.length_px > max(LEAST_LENGTH_PX, LENGTH_RATIO * length_px):
+        return _left_alone(
+            found,
+            f"it would move by {found.length_px:.1f} px, the median view by "
+            f"{length_px:.2f} px",
+        )
+    return found
+
+
+def _left_alone(found: Correction, reason) -> Correction:
+    return found._replace(motion=camera_motion.STILL, length_px=0.0, left_alone=reason)
