@@ -57,11 +57,12 @@ def pivot(table):
 def below_baseline(table):
     """A line for each method that stays below its baseline beyond chance, and why.
 
-    Against the oracle, or without a truth on the standard test set. A method that is
-    its own baseline, like one of warping rounds, gets none.
+    Against the oracle, or without a truth on the standard test set. Only a staged
+    method has a round 0 that is set against another method's.
     """
     test_set = "oracle" if "oracle" in set(table["test_set"]) else "standard"
     others = table[table["method"] != table["difference_to"]]
+    others = others[others["warping"] == scores.warping(0)]
     for row in others[others["test_set"] == test_set].itertuples():
         if row.difference_high_db < 0:
             yield (

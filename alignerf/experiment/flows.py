@@ -3,7 +3,6 @@
 from pathlib import PurePath
 
 from alignerf.command import split_paths
-from alignerf.experiment import plan
 
 # Folders of flow.control_sets beside the warped test set.
 CONTROL_SETS = (
@@ -65,8 +64,8 @@ def of_rounds(experiment, scene, method, round):
     Of cameras, the correction that another round would train with.
     """
     k, flow = int(round), "flow/train"
-    if experiment.change_of(scene, method, k + 1) == "cameras":
-        folder = plan.corrected_folder(scene, method, k + 1)
+    if experiment.change_of(method, k + 1) == "cameras":
+        folder = experiment.corrected_folder(scene, method, k + 1)
         found = {"corrections": f"{folder}/poses_corrected.json"}
         if k > 0:
             found["before"] = f"results/{scene}/{method}/round{k - 1}/decision.json"

@@ -42,25 +42,50 @@ class Experiment:
         return [name for name in self.plain() if name not in self.warm()]
 
     def base_of(self, method):
-        """Whose round 0 a method is set against: its own, if it trains from scratch.
+        """Whose round 0 a method is set against, and a plain one begins with.
 
-        With a warm start, that of the method that it starts from; of a staged method,
-        the plain one's of its model, or its own where none has the model.
+        With a warm start, that of the method that it starts from; else the first's
+        that trains the same model from scratch, which may be the method itself. A
+        staged method has its own where no other has the model.
         """
         if method in self.warm():
             return self.methods[method]["warm_start"]["from"]
-        if method in self.plain():
-            return method
         model = self.methods[method]["model"]
         scratch = self.from_scratch()
         same = [name for name in scratch if self.methods[name]["model"] == model]
         return same[0] if same else method
 
+    def owner_of(self, method, round):
+        """Under whose name a method's round is trained: the first that does the same.
+
+        Plain methods of a model do the same as long as their rounds change the same.
+        """
+        k = int(round)
+        if method in self.warm():
+            return self.base_of(method) if k == 0 else method
+        if method in self.staged():
+            return method
+        model, done = self.methods[method]["model"], self.changes(method)[:k]
+        return next(
+            name
+            for name in self.from_scratch()
+            if self.methods[name]["model"] == model and self.changes(name)[:k] == done
+        )
+
     def folder(self, scene, method, round):
-        """Folder of a method's round; a warm start's round 0 is another method's."""
-        if method in self.warm() and int(round) == 0:
-            method = self.base_of(method)
-        return f"results/{scene}/{method}/round{round}"
+        """Folder of a method's round, which may be another method's (`owner_of`)."""
+        return f"results/{scene}/{self.owner_of(method, round)}/round{round}"
+
+    def changes(self, method):
+        """What each round after the first changes: `photos` or `cameras`.
+
+        With `rounds: auto`, of all rounds that there may be.
+        """
+        found = self.methods[method]
+        last = found["rounds"] if found["rounds"] != "auto" else found["most_rounds"]
+        if found["changes"] == "cameras_then_photos":
+            return ["cameras"] * (last - 1) + ["photos"]
+        return [found["changes"]] * last
 
     def last_round(self, scene, method):
         """A method's last round. With `rounds: auto`, what the rounds have shown."""
@@ -77,23 +102,24 @@ class Experiment:
         return [
             (name, k)
             for name in self.methods
-            for k in range(int(name in self.warm()), self.last_round(scene, name) + 1)
+            for k in range(self.last_round(scene, name) + 1)
+            if self.owner_of(name, k) == name
         ]
 
-    def change_of(self, scene, method, round):
-        """What a round after the first changes: `photos` or `cameras`."""
-        changes = self.methods[method]["changes"]
-        if changes == "cameras_then_photos":
-            last = int(round) == self.last_round(scene, method)
-            return "photos" if last else "cameras"
-        return changes
+    def change_of(self, method, round):
+        """What a round changes; round 0, nothing."""
+        return self.changes(method)[int(round) - 1] if int(round) > 0 else None
 
     def cameras_of(self, scene, method, round):
         """The cameras.npz that a round is trained with: as given, or put right."""
         for k in range(int(round), 0, -1):
-            if self.change_of(scene, method, k) == "cameras":
-                return f"{corrected_folder(scene, method, k)}/cameras.npz"
+            if self.change_of(method, k) == "cameras":
+                return f"{self.corrected_folder(scene, method, k)}/cameras.npz"
         return f"results/{scene}/cameras.npz"
+
+    def corrected_folder(self, scene, method, round):
+        """Where the cameras of a round lie that were put right for it."""
+        return f"{self.folder(scene, method, round)}/corrected"
 
     def followed(self):
         """{method: its rounds whose training views are rendered and aligned}.
@@ -102,10 +128,8 @@ class Experiment:
         """
         found = {name: set() for name in self.methods}
         for name, method in self.methods.items():
-            auto = method["rounds"] == "auto"
-            last = method["most_rounds"] if auto else method["rounds"]
-            for k in range(last):
-                found[self.base_of(name) if k == 0 else name].add(k)
+            for k in range(len(self.changes(name))):
+                found[self.owner_of(name, k)].add(k)
             if method["alignerf"] and method["alignerf"]["radius_px"] == "auto":
                 found[self.base_of(name)].add(0)
         return found
@@ -130,11 +154,6 @@ class Experiment:
             for name, scene in self.scenes.items()
             if settings.SOURCES[scene["source"]].has_truth == known
         ]
-
-
-def corrected_folder(scene, method, round):
-    """Where the cameras of a round lie that were put right for it."""
-    return f"results/{scene}/{method}/round{round}/corrected"
 
 
 def goes_on(path):

@@ -4,7 +4,7 @@ import csv
 from typing import NamedTuple
 
 from alignerf.command import json_rows
-from alignerf.experiment import plan, sources
+from alignerf.experiment import sources
 
 # Rules write rows and wait for their files; commands of tables read rows.
 as_json, files_of, read = json_rows.as_json, json_rows.files_of, json_rows.read
@@ -80,6 +80,10 @@ def field_name(experiment, method):
     field = experiment.config["models"][model]["field"]
     size = field["width"] if field["kind"] == "mlp" else f"2^{field['log2_entries']}"
     name = f"{field['kind']} {size}"
+    changes = experiment.methods[method]["changes"]
+    if changes != "photos":
+        then = ", then photos" if changes == "cameras_then_photos" else ""
+        return f"{name}, cameras put right{then}"
     if method not in experiment.staged():
         return name
     return ", ".join([name, *parts_of(experiment, method)])
@@ -147,16 +151,15 @@ def data_of(experiment, scene, method, round):
 def corrections_of(experiment, scene, method, round):
     """The report of each correction of cameras that a round needed."""
     return [
-        f"{plan.corrected_folder(scene, method, k)}/poses_corrected.json"
+        f"{experiment.corrected_folder(scene, method, k)}/poses_corrected.json"
         for k in range(1, int(round) + 1)
-        if experiment.change_of(scene, method, k) == "cameras"
+        if experiment.change_of(method, k) == "cameras"
     ]
 
 
 def photos_of_round(experiment, scene, method, round):
     """What round k learns from: the photos, or those warped onto round k - 1."""
-    k = int(round)
-    if k == 0 or experiment.change_of(scene, method, k) == "cameras":
+    if experiment.change_of(method, round) != "photos":
         return {"photos": f"results/{scene}/images"}
     before = experiment.folder(scene, method, int(round) - 1)
     return {"photos": f"{before}/warped/train", "valid": f"{before}/flow/train"}

@@ -17,9 +17,9 @@ from jax.sharding import Mesh, PartitionSpec
 log = logging.getLogger("alignerf")
 
 AXIS = "units"
-# Points of a micro-batch on a CPU, by the field's kind: few enough for their activations
+# Points of a micro-batch on a CPU, by the field's kind: few enough for what they need
 # to stay in its caches. The published MLP then takes half the time; more parts bring no
-# more. A grid's activations are small, and each part adds up a table of gradients.
+# more. A grid needs little for a point, and each part adds up a table of gradients.
 CACHED_POINTS = {"mlp": 12288, "grid": 49152}
 
 

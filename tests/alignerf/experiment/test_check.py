@@ -62,6 +62,17 @@ def edit(config, where, value):
             {"model": "base", "rounds": 0, "warm_start": WARM},
             "warm.rounds: a warm start needs a round",
         ),
+        (
+            "methods.moved",
+            {"model": "base", "rounds": 0, "changes": "cameras"},
+            "methods.moved.changes: cameras need a round",
+        ),
+        (
+            "methods.moved",
+            {"model": "base", "rounds": "auto", "changes": "cameras_then_photos"},
+            "methods.moved.changes: cameras_then_photos needs a number of rounds",
+        ),
+        ("methods.alignerf.changes", "cameras", "alignerf.changes: cameras need a rou"),
         ("scenes.a/b", {"source": "courtyard"}, "scenes: 'a/b' does not match"),
         ("scenes.a\n", {"source": "courtyard"}, r"scenes: 'a\\n' does not match"),
         ("scenes.mine", {"source": "photos"}, "scenes.mine.path: source 'photos'"),

@@ -46,14 +46,21 @@ def test_a_round_changes_photos_or_cameras(demo, experiment_of):
         return cameras, found["photos"] == photos, "valid" in found, len(corrected)
 
     assert experiment.cameras_of("courtyard", "moved", 0) == given
+    # What is the same is trained once, under the first one's name.
+    assert experiment.all_rounds("courtyard") == [
+        *(("warped", k) for k in range(3)),
+        *(("moved", 1), ("moved", 2), ("both", 3)),
+    ]
+    assert experiment.folder("courtyard", "both", 2) == "results/courtyard/moved/round2"
+    assert experiment.followed() == {"warped": {0, 1}, "moved": {1, 2}, "both": set()}
     assert of("warped", 2) == ("cameras.npz", False, True, 0)
     assert of("moved", 0) == ("cameras.npz", True, False, 0)
     assert of("moved", 2) == ("moved/round2/corrected/cameras.npz", True, False, 2)
-    assert of("both", 1) == ("both/round1/corrected/cameras.npz", True, False, 1)
+    assert of("both", 1) == ("moved/round1/corrected/cameras.npz", True, False, 1)
     # The last round warps photos onto what the cameras put right have seen.
-    assert of("both", 3) == ("both/round2/corrected/cameras.npz", False, True, 2)
+    assert of("both", 3) == ("moved/round2/corrected/cameras.npz", False, True, 2)
     found = rows.photos_of_round(experiment, "courtyard", "both", 3)
-    assert found["photos"] == "results/courtyard/both/round2/warped/train"
+    assert found["photos"] == "results/courtyard/moved/round2/warped/train"
 
 
 def test_a_decision_is_read_from_its_file(tmp_path):
