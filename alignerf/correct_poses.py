@@ -57,7 +57,8 @@ def main(argv=None):
         whole.replace_file(args.report) as report_path,
         whole.replace_file(args.out) as path,
     ):
-        write(path, args, after, train)
+        moved = [v for v, c in zip(train, found, strict=True) if not c.left_alone]
+        prepared.write_cameras(path, after, args.cameras, moved)
         report_path.write_text(json.dumps(report, indent=1) + "\n")
     for line in report["of_views"]:
         if line["left_alone"]:
@@ -159,20 +160,6 @@ def camera_of(scene: prepared.Scene, view):
 def length_px(scene: prepared.Scene, view, motion, depth):
     size = scene.width, scene.height
     return camera_motion.length_px(motion, scene.pixtocams[view], size, depth)
-
-
-def write(path, args, after: prepared.Scene, train):
-    """cameras.npz in the given frame; what did not move is as it was, to the bit."""
-    stored = prepared.read_cameras(args.cameras)
-    own = prepared.read_cameras(f"{args.scene}/cameras.npz")
-    frame = cameras.frame_of(own["camtoworlds"])
-    found = {key: stored[key].copy() for key in ("pixtocams", "camtoworlds")}
-    before = frame.normalised(stored["camtoworlds"])
-    moved = [v for v in train if not np.array_equal(after.camtoworlds[v], before[v])]
-    found["pixtocams"][moved] = after.pixtocams[moved]
-    found["camtoworlds"][moved] = frame.given(after.camtoworlds[moved])
-    with open(path, "wb") as file:
-        np.savez(file, **stored | found)
 
 
 if __name__ == "__main__":

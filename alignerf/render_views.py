@@ -13,6 +13,7 @@ middle of that interval, so its error is that interval's length at best.
 
 import argparse
 import contextlib
+import functools
 import json
 import time
 
@@ -24,7 +25,7 @@ from alignerf.command import faults, images, machine, progress, split_paths, who
 from alignerf.contributions import strips
 from alignerf.experiment import jobs
 from alignerf.scenes import cameras, prepared
-from alignerf.training import checkpoint, compose, cores
+from alignerf.training import checkpoint, compose, cores, refine
 
 # Rays at once: large enough to fill the machine, small enough for its memory.
 CHUNK_RAYS = 4096
@@ -42,7 +43,9 @@ def main(argv=None):
     split_paths.check(args.splits, (args.renders, args.depth, args.timing))
     start = time.perf_counter()
     loaded = prepared.load(args.scene, args.cameras)
-    method = compose.make_method(jobs.parse(jobs.read(args.config)), to_train=False)
+    job = jobs.parse(jobs.read(args.config))
+    views = functools.partial(refine.views_of, loaded)
+    method = compose.make_method(job, views, to_train=False)
     template = jax.eval_shape(method.init, jax.random.key(0))
     params = jax.tree.map(jnp.asarray, checkpoint.read_params(args.model, template))
     render = make_renderer(method, params, loaded.width, loaded.height)

@@ -19,7 +19,16 @@ from alignerf.command import faults, machine, whole
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.experiment import jobs
 from alignerf.scenes import prepared
-from alignerf.training import batches, checkpoint, compose, cores, loop, memory, program
+from alignerf.training import (
+    batches,
+    checkpoint,
+    compose,
+    cores,
+    loop,
+    memory,
+    program,
+    refine,
+)
 
 log = logging.getLogger("alignerf")
 
@@ -28,11 +37,18 @@ def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
     job = with_radius(jobs.parse(jobs.read(args.config)), args.displacement)
+    if (job.refine is None) != (args.cameras_out is None):
+        raise ValueError("--cameras-out: for a job that learns cameras, and only there")
     # Before all that takes time: a second trainer is refused at once.
     with checkpoint.lock(args.checkpoints):
         params, timing = train(job, args)
     if job.stage == "finetune":
         timing["radius_px"] = job.alignerf.radius_px
+    if job.refine:
+        loaded = prepared.load(args.scene, args.cameras)
+        learnt = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
+        with whole.replace_file(args.cameras_out) as path:
+            prepared.write_cameras(path, learnt, args.cameras)
     checkpoint.write_params(args.model, params)
     with whole.replace_file(args.timing) as path:
         path.write_text(json.dumps(timing, indent=1))
@@ -52,6 +68,7 @@ def parse(argv=None):
     parser.add_argument("--sources", default="", help="hash: other code starts anew")
     parser.add_argument("--checkpoints", required=True, help="folder to resume from")
     parser.add_argument("--model", required=True, help="parameters, written")
+    parser.add_argument("--cameras-out", help="cameras.npz that a job learns, written")
     parser.add_argument("--timing", required=True, help="timing.json, written")
     return parser.parse_args(argv)
 
@@ -65,7 +82,7 @@ def train(job, args):
     check_patches(job, loaded)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
     prepared.check_images(loaded, chosen, photos)
-    method = compose.make_method(job)
+    method = compose.make_method(job, lambda: refine.views_of(loaded))
     params = initial_params(job, method, args.initial)
     shapes = view_shapes(loaded, chosen)
     to_come = memory.tree_bytes(shapes)

@@ -115,7 +115,7 @@ def first(names):
 
 def is_derived(method):
     """Whether a method starts from what another has trained."""
-    return bool(method["warm_start"] or method["alignerf"])
+    return bool(method["warm_start"] or method["alignerf"] or method["refine"])
 
 
 def check_given(config):
@@ -158,6 +158,10 @@ def check_method(config, name):
     if method["warm_start"]:
         check_warm_start(config, name)
     check_changes(method, f"methods.{name}.changes")
+    if method["refine"] and (
+        method["alignerf"] or method["warm_start"] or method["rounds"] != 0
+    ):
+        fault(f"methods.{name}.refine", "not beside rounds, warm_start or alignerf")
     if not (found := method["alignerf"]):
         return
     if method["rounds"] != 0:

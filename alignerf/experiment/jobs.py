@@ -57,6 +57,7 @@ class Job:
     model: settings.Model = settings.key()
     training: settings.Training = settings.key()
     alignerf: Finetuning | None = settings.key()
+    refine: settings.Refine | None = settings.key(None, "learns cameras too")
 
     @property
     def share(self):

@@ -39,14 +39,16 @@ class Experiment:
 
     def from_scratch(self):
         """Plain methods that train every round from scratch."""
-        return [name for name in self.plain() if name not in self.warm()]
+        others = {*self.warm(), *self.refining()}
+        return [name for name in self.plain() if name not in others]
 
     def base_of(self, method):
         """Whose round 0 a method is set against, and a plain one begins with.
 
         With a warm start, that of the method that it starts from; else the first's
         that trains the same model from scratch, which may be the method itself. A
-        staged method has its own where no other has the model.
+        method that is staged, or learns cameras, has its own where no other has the
+        model.
         """
         if method in self.warm():
             return self.methods[method]["warm_start"]["from"]
@@ -63,7 +65,7 @@ class Experiment:
         k = int(round)
         if method in self.warm():
             return self.base_of(method) if k == 0 else method
-        if method in self.staged():
+        if method in (*self.staged(), *self.refining()):
             return method
         model, done = self.methods[method]["model"], self.changes(method)[:k]
         return next(
@@ -71,6 +73,10 @@ class Experiment:
             for name in self.from_scratch()
             if self.methods[name]["model"] == model and self.changes(name)[:k] == done
         )
+
+    def refining(self):
+        """Methods that learn the cameras with the scene."""
+        return [name for name, m in self.methods.items() if m["refine"]]
 
     def folder(self, scene, method, round):
         """Folder of a method's round, which may be another method's (`owner_of`)."""
@@ -116,6 +122,12 @@ class Experiment:
             if self.change_of(method, k) == "cameras":
                 return f"{self.corrected_folder(scene, method, k)}/cameras.npz"
         return f"results/{scene}/cameras.npz"
+
+    def rendered_with(self, scene, method, round):
+        """The cameras.npz of a round's renders: trained with, or learnt."""
+        if method in self.refining():
+            return f"{self.folder(scene, method, round)}/refined/cameras.npz"
+        return self.cameras_of(scene, method, round)
 
     def corrected_folder(self, scene, method, round):
         """Where the cameras of a round lie that were put right for it."""

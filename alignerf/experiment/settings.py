@@ -263,6 +263,19 @@ class AligNeRF:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Refine:
+    """Cameras learnt with the scene, as BARF and CamP do."""
+
+    learning_rates: list[float] = learning_rates(0.001, 0.00001)
+    delay_share: float = key(
+        0.1, "of the steps before the cameras may move", least=0, most=0.99
+    )
+    preconditioned: bool = key(
+        True, "turns and steps in units that move pixels alike, as CamP"
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Method:
     model: str | None = key(None, "a key of models; null takes the first")
     rounds: int | Literal["auto"] = key(
@@ -289,6 +302,9 @@ class Method:
     )
     alignerf: AligNeRF | None = key(
         None, "staged training with the three contributions"
+    )
+    refine: Refine | None = key(
+        None, "the training views' cameras are learnt with the scene, without flow"
     )
 
 

@@ -83,12 +83,25 @@ def corner_of(cells, ends, levels: Levels):
     return row + levels.offsets.astype(np.int32)[:, None], a * b * c
 
 
-@functools.partial(jax.custom_vjp, nondiff_argnums=(2,))
-def look_up(table, points, levels: Levels):
+def slopes_of(cells, ends, levels: Levels):
+    """Derivatives [3, levels, n] of a corner's weight by the point's position."""
+    _, weights = cells
+    weights = [weight[end] for weight, end in zip(weights, ends, strict=True)]
+    resolution = np.array(levels.resolutions, np.float32)[:, None]
+    found = []
+    for axis, end in enumerate(ends):
+        a, b = (weight for other, weight in enumerate(weights) if other != axis)
+        found.append((2 * end - 1) * resolution * a * b)
+    return jnp.stack(found)
+
+
+@functools.partial(jax.custom_vjp, nondiff_argnums=(2, 3))
+def look_up(table, points, levels: Levels, moving=False):
     """Trilinear interpolation [levels, n, features] of table [rows, features].
 
-    Differentiable in the table alone: positions along a ray carry no gradient
-    (the sampling is not differentiated).
+    Differentiable in the table and, where the points are `moving`, in these: only
+    cameras that are learnt need it, and it costs the table's rows once more. Without,
+    their gradient is zero (the sampling along a ray is not differentiated).
     """
     cells, found = cells_of(points, levels), 0.0
     for ends in CORNERS:
@@ -97,25 +110,35 @@ def look_up(table, points, levels: Levels):
     return found
 
 
-def _look_up_forward(table, points, levels):
-    return look_up(table, points, levels), (points, table.shape)
+def _look_up_forward(table, points, levels, moving):
+    found = look_up(table, points, levels, moving)
+    return found, (points, table if moving else table.shape)
 
 
-def _look_up_backward(levels, residuals, found_grad):
+def _look_up_backward(levels, moving, residuals, found_grad):
     # One buffer takes every corner's updates in place. Autodiff would write a zero
     # table for each corner and their sum; an unrolled loop would compute the rows
     # inside the scatter, one by one: both are four times slower on a CPU. All corners'
     # rows made before the loop leave its caches: a third slower.
-    points, shape = residuals
+    points, table = residuals
+    shape = table.shape if moving else table
     cells = cells_of(points, levels)
 
-    def add(grad, ends):
+    def add(grads, ends):
+        grad, of_points = grads
         row, weight = corner_of(cells, ends, levels)
         update = (weight[..., None] * found_grad).reshape(-1, shape[1])
-        return grad.at[row.reshape(-1)].add(update, mode="promise_in_bounds"), None
+        grad = grad.at[row.reshape(-1)].add(update, mode="promise_in_bounds")
+        if moving:
+            value = table.at[row].get(mode="promise_in_bounds")
+            along = jnp.sum(value * found_grad, axis=-1)
+            slopes = slopes_of(cells, ends, levels)
+            of_points = of_points + jnp.sum(slopes * along[None], axis=1)
+        return (grad, of_points), None
 
-    grad, _ = jax.lax.scan(add, jnp.zeros(shape, found_grad.dtype), CORNERS)
-    return grad, None
+    still = jnp.zeros(shape, found_grad.dtype)
+    grads, _ = jax.lax.scan(add, (still, 0.0 * points if moving else None), CORNERS)
+    return grads
 
 
 look_up.defvjp(_look_up_forward, _look_up_backward)
@@ -142,6 +165,8 @@ class Grid(nn.Module):
     view_widths: tuple[int, ...] = (64,)
     outputs: int = 3
     precision: str = "float32"
+    # Whether the points have a gradient, see `look_up`.
+    moving: bool = False
 
     @nn.compact
     def __call__(self, gaussians, viewdirs=None):
@@ -152,7 +177,7 @@ class Grid(nn.Module):
         points = mean.reshape(-1, 3).T / (2 * EXTENT) + 0.5
         sigma = radius.reshape(-1) / (2 * EXTENT)
         table = self.param("table", table_init, (sum(levels.entries), self.features))
-        found = look_up(table, points, levels)
+        found = look_up(table, points, levels, self.moving)
         # A cell much smaller than the Gaussian tells it nothing.
         cells = sigma[None] * np.array(levels.resolutions, np.float32)[:, None]
         share = jax.scipy.special.erf(1 / (np.float32(np.sqrt(8)) * cells))

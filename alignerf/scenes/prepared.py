@@ -66,6 +66,23 @@ def load(folder, cameras_path=None) -> Scene:
     )
 
 
+def write_cameras(path, scene: Scene, cameras_path=None, views=slice(None)):
+    """Write a cameras.npz like another, with the scene's cameras for these views.
+
+    cameras_path: the other one, as in `load`. Views that are not named stay as they
+    are there, to the bit.
+    """
+    own = scene.folder / "cameras.npz"
+    frame = cameras.frame_of(read_cameras(own)["camtoworlds"])
+    found = read_cameras(cameras_path or own)
+    for key in ("pixtocams", "camtoworlds"):
+        found[key] = found[key].copy()
+    found["pixtocams"][views] = scene.pixtocams[views]
+    found["camtoworlds"][views] = frame.given(scene.camtoworlds[views])
+    with open(path, "wb") as file:
+        np.savez(file, **found)
+
+
 def read_cameras(path):
     """The arrays of a cameras.npz, checked; poses are in the given frame."""
     path = pathlib.Path(path)

@@ -7,19 +7,30 @@ from alignerf.contributions import frequency_loss
 from alignerf.experiment import jobs, settings
 from alignerf.metrics import vgg19
 from alignerf.mipnerf360 import model as mipnerf360
-from alignerf.training import methods
+from alignerf.training import methods, refine
 
 
-def make_method(job: jobs.Job, *, to_train=True) -> methods.Method:
+def make_method(job: jobs.Job, views=None, *, to_train=True) -> methods.Method:
     """The method of a job: baseline, or AligNeRF in its fine-tuning stage.
 
-    to_train False leaves out what only its loss needs, the weights file.
+    views: a function that gives the training views' cameras (`refine.Views`); asked
+    where they are learnt too. to_train False leaves out what only its loss needs, the
+    weights file.
     """
+    method = without_cameras(job, to_train=to_train)
+    if job.refine is None:
+        return method
+    return refine.refined(method, refine.scales_of(views(), job.refine.preconditioned))
+
+
+def without_cameras(job: jobs.Job, *, to_train) -> methods.Method:
+    """The same without the learning of cameras."""
     fine = job.stage == "finetune"
     outputs = {"outputs": job.alignerf.outputs} if fine else {}
+    moving = {"moving": True} if job.refine and job.model.field.kind == "grid" else {}
     model = mipnerf360.Model(
         proposal=make_field(job.model.proposal),
-        field=make_field(job.model.field, **outputs),
+        field=make_field(job.model.field, **outputs, **moving),
         samples=tuple(job.model.samples),
         near=job.model.near,
         far=job.model.far,

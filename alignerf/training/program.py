@@ -78,6 +78,7 @@ def make_optimizer(job, schedule):
         betas=job.training.adam_betas,
         eps=job.training.adam_eps,
         hold_share=job.training.hold_share,
+        cameras=job.refine,
         **schedule._asdict(),
     )
 

@@ -56,15 +56,33 @@ def learning_rate(
     return rate * jnp.where(warmup_steps == 0, 1.0, ramp)
 
 
-def make_optimizer(*, learning_rates, betas, eps, **schedule) -> Any:
-    """Adam on the schedule above, whose other arguments are `schedule`'s."""
+def make_optimizer(*, learning_rates, betas, eps, cameras=None, **schedule) -> Any:
+    """Adam on the schedule above, whose other arguments are `schedule`'s.
+
+    cameras: settings.Refine where the parameters `cameras` are learnt too; they have a
+    schedule of their own and Adam's usual constants.
+    """
     first, last = learning_rates
-    return resting(
+    fields = resting(
         optax.adam(
             lambda step: learning_rate(step, first=first, last=last, **schedule),
             *betas,
             eps=eps,
         )
+    )
+    if cameras is None:
+        return fields
+
+    def delayed(step):
+        first, last = cameras.learning_rates
+        late = step * inverse(schedule["steps"]) >= cameras.delay_share
+        rates = {"first": first, "last": last, "warmup_steps": 0}
+        hold = {"hold_share": cameras.delay_share, "steps": schedule["steps"]}
+        return jnp.where(late, learning_rate(step, **rates, **hold), 0.0)
+
+    return optax.multi_transform(
+        {"cameras": optax.adam(delayed), "fields": fields},
+        lambda params: {n: "cameras" if n == "cameras" else "fields" for n in params},
     )
 
 

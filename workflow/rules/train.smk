@@ -25,14 +25,14 @@ rule train:
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
         scene=subpath(input.cameras, parent=True),
-        initial=[],
+        more=[],
         valid=lambda w, input: flows.option("valid", input.get("valid")),
         checkpoints=subpath(output.model, parent=True),
         sources=sources_of("alignerf.train"),
     shell:
         "python -m alignerf.train --config {params.config:q}"
         " --scene {params.scene:q} --photos {input.photos:q}"
-        " --cameras {input.used:q} {params.valid:q} {params.initial:q}"
+        " --cameras {input.used:q} {params.valid:q} {params.more:q}"
         " --checkpoints {params.checkpoints:q}/checkpoints"
         " --sources {params.sources} --model {output.model:q}"
         " --timing {output.timing:q} --threads {threads} 2>&1 | tee {log:q}"
@@ -51,7 +51,19 @@ use rule train as train_warm with:
         method=plan.one_of(experiment.warm()),
         round=r"[1-9]\d*",
     params:
-        initial=lambda w, input: ["--initial", input.initial],
+        more=lambda w, input: ["--initial", input.initial],
+
+
+# Cameras learnt with the scene: its renders are made with these.
+use rule train as train_refining with:
+    output:
+        model="results/{scene}/{method}/round{round}/model.msgpack",
+        timing="results/{scene}/{method}/round{round}/timing.json",
+        cameras="results/{scene}/{method}/round{round}/refined/cameras.npz",
+    wildcard_constraints:
+        method=plan.one_of(experiment.refining()),
+    params:
+        more=lambda w, output: ["--cameras-out", output.cameras],
 
 
 rule pretrain:
@@ -126,7 +138,7 @@ rule render_views:
     input:
         model="results/{scene}/{method}/round{round}/model.msgpack",
         cameras="results/{scene}/cameras.npz",
-        used=lambda w: experiment.cameras_of(w.scene, w.method, w.round),
+        used=lambda w: experiment.rendered_with(w.scene, w.method, w.round),
     output:
         renders=directory("results/{scene}/{method}/round{round}/renders/test"),
         depth=directory("results/{scene}/{method}/round{round}/depth/test"),

@@ -80,6 +80,41 @@ def test_look_up_equals_the_slow_twin(rng, levels):
     np.testing.assert_allclose(found, np.stack(wanted, axis=1), atol=2e-4)
 
 
+def test_moving_points_have_the_slope_of_finite_differences(rng, levels):
+    """In a cell the look-up is linear along each axis: differences are exact."""
+    table = rng.normal(size=(sum(levels.entries), 3)).astype("f4")
+    points = rng.uniform(0.02, 0.98, size=(3, 200))
+    step = 1e-4
+    # Both ends of a difference lie in one cell of every level.
+    faces = points[None] * np.array(levels.resolutions)[:, None, None] % 1
+    sides = np.array(levels.resolutions)[:, None, None] * step
+    inside = ((faces > 2 * sides) & (faces < 1 - 2 * sides)).all(axis=(0, 1))
+    points = points[:, inside]
+    assert points.shape[1] > 50
+    weights = rng.normal(size=(len(levels.resolutions), points.shape[1], 3))
+
+    def value(points):
+        found = [slow_look_up(table, point, levels) for point in points.T]
+        return (np.stack(found, axis=1) * weights).sum(axis=(0, 2))
+
+    def loss(table, points, moving):
+        found = grid.look_up(table, points, levels, moving)
+        return jnp.sum(found * weights.astype("f4"))
+
+    arguments = jnp.asarray(table), jnp.asarray(points, jnp.float32)
+    both = jax.grad(loss, argnums=(0, 1))(*arguments, True)
+    for axis in range(3):
+        shift = np.zeros((3, 1))
+        shift[axis] = step
+        wanted = (value(points + shift) - value(points - shift)) / (2 * step)
+        scale = np.abs(wanted).max()
+        np.testing.assert_allclose(both[1][axis], wanted, atol=1e-4 * scale)
+    # The table's gradient is the same, and points at rest have none.
+    still = jax.grad(loss, argnums=(0, 1))(*arguments, False)
+    np.testing.assert_array_equal(both[0], still[0])
+    assert not np.any(still[1])
+
+
 def test_look_ups_gradient_is_its_transpose(rng, levels):
     table, other = rng.normal(size=(2, sum(levels.entries), 2)).astype("f4")
     points = jnp.asarray(rng.uniform(size=(3, 200)), jnp.float32)

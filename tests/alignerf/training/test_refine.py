@@ -1,0 +1,183 @@
+"""Cameras learnt with the scene: rays move as cameras do, and gradients are right."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from alignerf import fields
+from alignerf.experiment import settings
+from alignerf.scenes import cameras, prepared
+from alignerf.training import methods, refine
+from alignerf.training import step as train_step
+from tests import training_cases as cases
+
+SIZE = WIDTH, HEIGHT = 64, 48
+COUNT = 5
+
+
+@pytest.fixture
+def views(rng):
+    poses = np.zeros((COUNT, 3, 4))
+    poses[:, :, :3] = Rotation.random(COUNT, rng=4).as_matrix()
+    poses[:, :, 3] = 0.5 * rng.normal(size=(COUNT, 3))
+    pixtocams = np.stack([cameras.intrinsics(55.0, *SIZE)] * COUNT)
+    return refine.Views(pixtocams, poses, SIZE)
+
+
+def random_twists(rng, size):
+    return size * rng.normal(size=(COUNT, 6))
+
+
+def rays_of(views, poses):
+    x, y = np.array([3, 60, 31, 10, 50]), np.array([2, 40, 24, 44, 5])
+    found = cameras.pixels_to_rays(x, y, views.pixtocams, poses)
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), found)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-5, 0.01, 1.0])
+def test_rays_move_as_their_cameras_do(rng, views, size):
+    twist = random_twists(rng, size)
+    given = rays_of(views, views.camtoworlds)
+    found = refine.move(given, jnp.asarray(twist, jnp.float32))
+    wanted = rays_of(views, refine.moved_cameras(views.camtoworlds, twist))
+    for ours, theirs in zip(found, wanted, strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=2e-6 * max(1, size))
+    if size == 0.0:
+        np.testing.assert_array_equal(found.directions, given.directions)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-8, 1e-4, 0.5])
+def test_the_gradient_of_a_turn_is_that_of_its_formula(rng, size):
+    turn = size * rng.normal(size=(1, 3))
+    vector = rng.normal(size=(1, 3)).astype("f4")
+
+    def rotated(turn):
+        return refine.rotated(jnp.asarray(vector), turn[None])[0]
+
+    found = jax.jacrev(rotated)(jnp.asarray(turn[0], jnp.float32))
+    step, wanted = 1e-5, np.zeros((3, 3))
+    for axis in range(3):
+        shift = step * np.eye(3)[axis]
+        ends = [Rotation.from_rotvec(turn[0] + s * shift) for s in (1, -1)]
+        wanted[:, axis] = np.subtract(*(e.apply(vector[0]) for e in ends)) / (2 * step)
+    np.testing.assert_allclose(found, wanted, atol=2e-4)
+
+
+def test_pixels_move_as_the_jacobian_says(rng, views):
+    points = rng.uniform(-1, 1, size=(7, 3)) + np.array([0, 0, 4])
+    pixtocam, pose = views.pixtocams[0], views.camtoworlds[0]
+    world = points @ cameras.OPENGL_FROM_OPENCV @ pose[:, :3].T + pose[:, 3]
+    found = refine.pixel_jacobian(points, pixtocam, pose)
+    step = 1e-6
+    for axis in range(6):
+        twist = step * np.eye(6)[axis : axis + 1]
+        ends = [
+            cameras.project(world, pixtocam, refine.moved_cameras(pose[None], t)[0])[0]
+            for t in (twist, -twist)
+        ]
+        wanted = ((ends[0] - ends[1]) / (2 * step)).ravel()
+        np.testing.assert_allclose(found[:, axis], wanted, rtol=1e-5, atol=1e-4)
+
+
+def test_preconditioned_parameters_move_pixels_alike(views):
+    scales = refine.scales_of(views, preconditioned=True)
+    rng = np.random.default_rng(9)
+    at = rng.uniform(size=(400, 2)) * SIZE
+    rays = np.concatenate([at, np.ones((400, 1))], axis=-1) @ views.pixtocams[1].T
+    points = rays / rng.uniform(1e-3, 2.5, size=(400, 1))
+    jacobian = refine.pixel_jacobian(points, views.pixtocams[1], views.camtoworlds[1])
+    spread = []
+    for scale in (np.eye(6), scales[1]):
+        square = (jacobian @ scale).T @ (jacobian @ scale)
+        values = np.linalg.eigvalsh(square)
+        spread.append(values[-1] / values[0])
+    assert spread[1] < 5 < spread[0]
+    assert np.abs(scales).max() == pytest.approx(1)
+    np.testing.assert_array_equal(refine.scales_of(views, False)[0], np.eye(6))
+
+
+FIELDS = {
+    "grid": {"levels": 2, "log2_entries": 12, "finest": 16, "width": 8, "moving": True},
+    "mlp": {"width": 16, "depth": 2, "degrees": 3, "bottleneck": 8, "view_width": 8},
+}
+
+
+@pytest.mark.parametrize("kind", FIELDS)
+def test_learning_turns_a_wrong_camera_towards_its_photo(kind):
+    """Of the loss by a camera's twist, autodiff agrees with differences."""
+    model = cases.tiny_model().clone(field=fields.make(kind, **FIELDS[kind]))
+    method = methods.mipnerf360(model, batch_rays=96, loss_weights=cases.WEIGHTS)
+    photos = cases.make_views(3)
+    cameras_of = refine.Views(
+        np.asarray(photos.pixtocams), np.asarray(photos.camtoworlds), (40, 24)
+    )
+    scales = refine.scales_of(cameras_of, preconditioned=False)
+    learning = refine.refined(method, scales)
+    params = jax.jit(learning.init)(jax.random.key(1))
+    assert params["cameras"].shape == (3, 6)
+    assert not params["cameras"].any()
+    # Fields that say something: fresh ones are flat.
+    params["model"] = jax.tree.map(
+        lambda x: x + 0.3 * jnp.sin(7.0 * jnp.arange(x.size)).reshape(x.shape),
+        params["model"],
+    )
+    batch = jax.jit(learning.draw)(jax.random.key(2), 0, photos)
+
+    @jax.jit
+    def loss(twists):
+        return learning.terms({**params, "cameras": twists}, batch, 1.0)[0]["data"]
+
+    here = 0.003 * jnp.sin(jnp.arange(18.0)).reshape(3, 6)
+    found = np.asarray(jax.grad(loss)(here))
+    assert np.abs(found).max() > 1e-4
+    direction = jnp.asarray(found / np.linalg.norm(found))
+    steps = [1e-3, 2e-3]
+    slopes = [
+        float(loss(here + s * direction) - loss(here - s * direction)) / (2 * s)
+        for s in steps
+    ]
+    assert np.mean(slopes) == pytest.approx(np.linalg.norm(found), rel=0.15)
+
+
+def test_cameras_wait_and_have_their_own_rates():
+    chosen = settings.Refine(learning_rates=[0.01, 0.001], delay_share=0.5)
+    optimizer = train_step.make_optimizer(
+        learning_rates=[0.1, 0.1],
+        betas=[0.9, 0.99],
+        eps=1e-15,
+        cameras=chosen,
+        steps=10,
+        warmup_steps=0,
+    )
+    params = {"model": {"field": {"w": jnp.ones(2)}}, "cameras": jnp.zeros((2, 6))}
+    state, lengths = optimizer.init(params), []
+    for _ in range(10):
+        grads = jax.tree.map(jnp.ones_like, params)
+        updates, state = optimizer.update(grads, state, params)
+        lengths.append(float(jnp.abs(updates["cameras"]).max()))
+        np.testing.assert_allclose(updates["model"]["field"]["w"], -0.1, rtol=1e-3)
+    assert lengths[:5] == [0.0] * 5
+    np.testing.assert_allclose(lengths[5], 0.01, rtol=1e-3)
+    assert lengths[-1] < 0.002
+
+
+def test_other_views_come_along_with_the_frame(rng, tmp_path, views):
+    scene = prepared.Scene(
+        folder=tmp_path,
+        names=list("abcde"),
+        split=np.array(["test", *["train"] * 4]),
+        pixtocams=views.pixtocams,
+        camtoworlds=views.camtoworlds,
+        width=WIDTH,
+        height=HEIGHT,
+    )
+    shift = np.tile([0, 0, 0, 0.1, -0.2, 0.3], (4, 1))
+    found = refine.learnt(scene, jnp.asarray(shift, jnp.float32), False)
+    wanted = scene.camtoworlds.copy()
+    wanted[:, :, 3] += np.array([0.1, -0.2, 0.3])
+    np.testing.assert_allclose(found.camtoworlds, wanted, atol=1e-6)
+    still = refine.learnt(scene, jnp.zeros((4, 6)), True)
+    np.testing.assert_allclose(still.camtoworlds, scene.camtoworlds, atol=1e-9)
+    np.testing.assert_array_equal(still.pixtocams, scene.pixtocams)
