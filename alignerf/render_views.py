@@ -25,7 +25,8 @@ from alignerf.command import faults, images, machine, progress, split_paths, who
 from alignerf.contributions import strips
 from alignerf.experiment import jobs
 from alignerf.scenes import cameras, prepared
-from alignerf.training import checkpoint, compose, cores, refine
+from alignerf.systems import refine
+from alignerf.training import checkpoint, compose, cores
 
 # Rays at once: large enough to fill the machine, small enough for its memory.
 CHUNK_RAYS = 4096

@@ -5,7 +5,7 @@ import pathlib
 
 import pandas as pd
 
-from alignerf.command import faults
+from alignerf.command import faults, yaml_files
 from alignerf.tables import scores
 
 # Columns of controls.csv that are shown.
@@ -26,7 +26,7 @@ def main(argv=None):
         print(f"\n{path.parent.parent.name}")
         print(pivot(pd.read_csv(path)).to_string(na_rep="--"))
         print("difference to the same model without warping; *: beyond chance (95 %)")
-        for line in below_baseline(pd.read_csv(path)):
+        for line in below_baseline(pd.read_csv(path), staged_of(path.parent.parent)):
             print(line)
         controls = path.with_name("controls.csv")
         if controls.is_file():
@@ -54,16 +54,21 @@ def pivot(table):
     return psnr.join(cost)
 
 
-def below_baseline(table):
-    """A line for each method that stays below its baseline beyond chance, and why.
+def staged_of(folder):
+    """The methods of a scene's folder that fine-tune on patches."""
+    path = folder / "config.yaml"
+    methods = yaml_files.read(path)["methods"] if path.is_file() else {}
+    return [name for name, method in methods.items() if method["alignerf"]]
 
-    Against the oracle, or without a truth on the standard test set. Only a staged
-    method has a round 0 that is set against another method's.
+
+def below_baseline(table, staged):
+    """A line for each staged method below its baseline beyond chance, and why.
+
+    Against the oracle, or without a truth on the standard test set.
     """
     test_set = "oracle" if "oracle" in set(table["test_set"]) else "standard"
-    others = table[table["method"] != table["difference_to"]]
-    others = others[others["warping"] == scores.warping(0)]
-    for row in others[others["test_set"] == test_set].itertuples():
+    others = table[table["method"].isin(staged) & (table["test_set"] == test_set)]
+    for row in others.itertuples():
         if row.difference_high_db < 0:
             yield (
                 f"{row.method} is {-row.difference_db:.2f} dB below "

@@ -19,16 +19,8 @@ from alignerf.command import faults, machine, whole
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.experiment import jobs
 from alignerf.scenes import prepared
-from alignerf.training import (
-    batches,
-    checkpoint,
-    compose,
-    cores,
-    loop,
-    memory,
-    program,
-    refine,
-)
+from alignerf.systems import refine
+from alignerf.training import batches, checkpoint, compose, cores, loop, memory, program
 
 log = logging.getLogger("alignerf")
 

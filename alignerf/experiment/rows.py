@@ -80,6 +80,8 @@ def field_name(experiment, method):
     field = experiment.config["models"][model]["field"]
     size = field["width"] if field["kind"] == "mlp" else f"2^{field['log2_entries']}"
     name = f"{field['kind']} {size}"
+    if method in experiment.refining():
+        return f"{name}, cameras learnt"
     changes = experiment.methods[method]["changes"]
     if changes != "photos":
         then = ", then photos" if changes == "cameras_then_photos" else ""

@@ -7,7 +7,8 @@ from alignerf.contributions import frequency_loss
 from alignerf.experiment import jobs, settings
 from alignerf.metrics import vgg19
 from alignerf.mipnerf360 import model as mipnerf360
-from alignerf.training import methods, refine
+from alignerf.systems import refine
+from alignerf.training import methods
 
 
 def make_method(job: jobs.Job, views=None, *, to_train=True) -> methods.Method:

@@ -1,5 +1,6 @@
 """The misalignment table: means, costs, colours, from hand-made files."""
 
+import json
 import re
 
 import numpy as np
@@ -176,15 +177,18 @@ def test_on_the_screen(capsys, tmp_path):
     assert found["method_2"][5] == "90"
 
 
-def test_who_stays_below_the_baseline_is_told_why():
+def test_who_stays_below_the_baseline_is_told_why(tmp_path):
     table = make_table([20, 19.7, 21, 18])
-    lines = list(show.below_baseline(table))
+    staged = ["method_1", "method_2", "method_3"]
+    lines = list(show.below_baseline(table, staged))
     # Only beyond chance: method_1 is 0.30 dB below, give or take 0.50.
     assert len(lines) == 1
     assert lines[0].startswith("method_3 is 2.00 dB below method_0 (standard): ")
-    # Rounds of warping are measured against the method's own.
-    table["difference_to"] = table["method"]
-    assert not list(show.below_baseline(table))
+    assert not list(show.below_baseline(table, staged[:2]))
+    config = {"methods": {"a": {"alignerf": None}, "b": {"alignerf": {"patches": 4}}}}
+    assert show.staged_of(tmp_path) == []
+    (tmp_path / "config.yaml").write_text(json.dumps(config))
+    assert show.staged_of(tmp_path) == ["b"]
 
 
 def test_one_row():

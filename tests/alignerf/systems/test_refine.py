@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from alignerf import fields
 from alignerf.experiment import settings
 from alignerf.scenes import cameras, prepared
-from alignerf.training import methods, refine
+from alignerf.systems import refine
+from alignerf.training import methods
 from alignerf.training import step as train_step
 from tests import training_cases as cases
 

@@ -16,7 +16,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignerf.scenes import cameras, prepared
-from alignerf.training import methods
 
 # CamP's constants: points seen by a camera, between these depths in units of the
 # normalised scene, say how far a twist moves its pixels; the diagonal is padded by so
@@ -49,8 +48,8 @@ def scales_of(views: Views, preconditioned):
     return np.broadcast_to(np.eye(6), (len(views.pixtocams), 6, 6))
 
 
-def refined(method: methods.Method, scales) -> methods.Method:
-    """The method with cameras of its own; scales [views, 6, 6], see `scales_of`.
+def refined(method, scales):
+    """The `methods.Method` with cameras of its own; scales as of `scales_of`.
 
     Its parameters `cameras` [views, 6] are zero at first. Twists are scales times them.
     """

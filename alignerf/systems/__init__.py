@@ -1,0 +1,1 @@
+"""Systems of other papers, composed of the same parts: refine (BARF, CamP)."""
