@@ -46,3 +46,21 @@ def of_scene(experiment, scene):
         ),
         *(f"{folder}/figures/{name}.png" for name in figures(experiment)),
     ]
+
+
+def exports(experiment):
+    """Folders for other programs: what the last round of each method was trained on.
+
+    Its cameras with the photos as taken and, where it learnt from warped photos, with
+    these.
+    """
+    found = []
+    for scene in experiment.scenes:
+        for method in experiment.methods:
+            last = experiment.last_round(scene, method)
+            folder = f"results/{scene}/{method}/export"
+            if last > 0 or method in experiment.refining():
+                found.append(f"{folder}/cameras")
+            if experiment.change_of(method, last) == "photos":
+                found.append(f"{folder}/photos")
+    return found

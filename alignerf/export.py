@@ -1,0 +1,54 @@
+"""Write cameras and photos for other programs: `python -m alignerf.export`.
+
+One folder with images/, transforms.json (nerfstudio, instant-ngp) and sparse/0 (COLMAP,
+Gaussian splatting). With warped photos the training views are these, and masks/ says
+which of their pixels are valid; the other views keep the photos as taken.
+"""
+
+import argparse
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from alignerf.command import faults, images, whole
+from alignerf.scenes import exported, prepared
+
+
+def main(argv=None):
+    args = parse(argv)
+    if (args.warped is None) != (args.valid is None):
+        raise ValueError("--warped and --valid go together")
+    loaded = prepared.load(args.scene, args.cameras)
+    found = prepared.read_cameras(args.cameras or loaded.folder / "cameras.npz")
+    warped = loaded.views("train") if args.warped else np.zeros(0, int)
+    with whole.replace_folder(args.out) as folder:
+        (folder / "images").mkdir()
+        for view, name in enumerate(loaded.names):
+            source = args.warped if view in warped else loaded.folder / "images"
+            # Whole, and of the scene's size, before it is handed on.
+            prepared.read_images(loaded, [view], source)
+            shutil.copyfile(Path(source) / f"{name}.png", folder / f"images/{name}.png")
+        for view in warped:
+            (mask,) = prepared.read_validity(loaded, [view], args.valid)
+            (folder / "masks").mkdir(exist_ok=True)
+            shown = np.repeat(255 * mask[..., None].astype(np.uint8), 3, axis=-1)
+            images.write(folder / f"masks/{loaded.names[view]}.png", shown)
+        masks = [loaded.names[view] for view in warped]
+        exported.write_transforms(folder / "transforms.json", found, masks=masks)
+        exported.write_colmap(folder / "sparse" / "0", found)
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scene", required=True, help="prepared scene folder")
+    parser.add_argument("--cameras", help="cameras.npz (default: the scene's)")
+    parser.add_argument("--warped", help="folder of warped photos of training views")
+    parser.add_argument("--valid", help="folder of <view>.npz with their valid pixels")
+    parser.add_argument("--out", required=True, help="folder, written")
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    faults.run(main)

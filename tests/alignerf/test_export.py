@@ -1,0 +1,119 @@
+"""What other programs are given: read back by our own sources and by pycolmap."""
+
+import json
+
+import numpy as np
+import pycolmap
+import pytest
+from PIL import Image
+
+from alignerf import export
+from alignerf.command import faults
+from alignerf.scenes import cameras, colmap, prepared, transforms
+from tests.bench import cases
+
+
+@pytest.fixture
+def scene(tmp_path):
+    cases.write_scene(tmp_path / "scene", cases.orbit(width=24, height=16))
+    return tmp_path / "scene"
+
+
+@pytest.fixture
+def moved(scene, rng):
+    """Cameras of their own: other poses, and a lens that differs in one view."""
+    found = prepared.read_cameras(scene / "cameras.npz")
+    found["camtoworlds"][:, :, 3] += 0.01 * rng.normal(size=(len(found["names"]), 3))
+    found["pixtocams"][2] = cameras.intrinsics(33.0, 24, 16)
+    np.savez(scene.parent / "moved.npz", **found)
+    return scene.parent / "moved.npz"
+
+
+def run(scene, *more):
+    out = scene.parent / "out"
+    arguments = ["--scene", scene, "--out", out, *more]
+    return faults.exit_code(export.main, [str(part) for part in arguments]), out
+
+
+def test_cameras_come_back_from_transforms_and_from_colmap(scene, moved):
+    code, out = run(scene, "--cameras", moved)
+    assert code == 0
+    wanted = prepared.read_cameras(moved)
+    views, left_out = transforms.read(out)
+    assert left_out == []
+    assert list(views.names) == wanted["names"].tolist()
+    np.testing.assert_allclose(views.pixtocams, wanted["pixtocams"], atol=1e-6)
+    np.testing.assert_allclose(views.camtoworlds, wanted["camtoworlds"], atol=1e-6)
+    model = pycolmap.Reconstruction(out / "sparse" / "0")
+    assert len(model.cameras) == 2
+    found = colmap.convert(model, wanted["names"].tolist())
+    assert found.names == wanted["names"].tolist()
+    np.testing.assert_allclose(
+        np.linalg.inv(found.camtopix), wanted["pixtocams"], atol=1e-6
+    )
+    np.testing.assert_allclose(found.camtoworlds, wanted["camtoworlds"], atol=1e-6)
+    assert not found.distortion.any()
+
+
+def test_photos_are_handed_on_byte_by_byte(scene):
+    _, out = run(scene)
+    for path in (scene / "images").iterdir():
+        assert (out / "images" / path.name).read_bytes() == path.read_bytes()
+    assert not (out / "masks").exists()
+    found = json.loads((out / "transforms.json").read_text())
+    splits = prepared.read_cameras(scene / "cameras.npz")["split"]
+    assert len(found["train_filenames"]) == (splits == "train").sum()
+    assert found["val_filenames"] == found["test_filenames"]
+    assert not any("mask_path" in frame for frame in found["frames"])
+
+
+def test_warped_photos_bring_their_masks(scene, rng):
+    loaded = prepared.load(scene)
+    warped, valid = scene.parent / "warped", scene.parent / "flow"
+    warped.mkdir()
+    valid.mkdir()
+    masks = {}
+    for view in loaded.views("train"):
+        name = loaded.names[view]
+        image = rng.integers(0, 256, (16, 24, 3), dtype=np.uint8)
+        Image.fromarray(image).save(warped / f"{name}.png")
+        masks[name] = rng.uniform(size=(16, 24)) < 0.5
+        np.savez(valid / f"{name}.npz", flow_px=np.zeros(2), valid=masks[name])
+    code, out = run(scene, "--warped", warped, "--valid", valid)
+    assert code == 0
+    found = json.loads((out / "transforms.json").read_text())
+    for frame, view in zip(found["frames"], range(len(loaded.names)), strict=True):
+        name = loaded.names[view]
+        source = warped if name in masks else scene / "images"
+        image = out / frame["file_path"]
+        assert image.read_bytes() == (source / f"{name}.png").read_bytes()
+        if name in masks:
+            mask = np.asarray(Image.open(out / frame["mask_path"]))
+            np.testing.assert_array_equal(mask[..., 0] == 255, masks[name])
+            assert set(np.unique(mask)) <= {0, 255}
+        else:
+            assert "mask_path" not in frame
+
+
+@pytest.mark.parametrize(
+    ("break_it", "more", "reason"),
+    [
+        (lambda f: None, ["--warped", "here"], "--warped and --valid go together"),
+        (
+            lambda f: next((f / "images").iterdir()).write_bytes(b"PNG"),
+            [],
+            "images/view",
+        ),
+        (lambda f: (f / "cameras.npz").unlink(), [], "cameras.npz"),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_written(
+    scene, capsys, break_it, more, reason
+):
+    break_it(scene)
+    code, out = run(scene, *more)
+    assert code == 1
+    error = capsys.readouterr().err
+    assert reason in error
+    assert error.count("\n") == 1
+    assert not out.exists()
