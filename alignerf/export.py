@@ -2,7 +2,8 @@
 
 One folder with images/, transforms.json (nerfstudio, instant-ngp) and sparse/0 (COLMAP,
 Gaussian splatting). With warped photos the training views are these, and masks/ says
-which of their pixels are valid; the other views keep the photos as taken.
+which of their pixels are valid; the other views keep the photos as taken. The points
+that COLMAP found when it made the poses come with them.
 """
 
 import argparse
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import faults, images, whole
+from alignerf.command import archives, faults, images, whole
 from alignerf.scenes import exported, prepared
 
 
@@ -35,8 +36,11 @@ def main(argv=None):
             shown = np.repeat(255 * mask[..., None].astype(np.uint8), 3, axis=-1)
             images.write(folder / f"masks/{loaded.names[view]}.png", shown)
         masks = [loaded.names[view] for view in warped]
-        exported.write_transforms(folder / "transforms.json", found, masks=masks)
+        points = loaded.folder / "points.npz"
+        if points.is_file():
+            found |= archives.read(points, ("points", "colours"))
         exported.write_colmap(folder / "sparse" / "0", found)
+        exported.write_transforms(folder / "transforms.json", found, masks=masks)
 
 
 def parse(argv=None):

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import faults, images, whole
+from alignerf.command import archives, faults, images, whole
 from alignerf.experiment import check, jobs, schema, settings
 from alignerf.scenes import cameras, colmap, llff, prepare, transforms
 from alignerf.scenes.courtyard import scene as courtyard
@@ -22,7 +22,9 @@ from alignerf.scenes.courtyard import truth
 
 log = logging.getLogger("alignerf.poses")
 
-PRODUCTS = ("images", "truth", "cameras.npz", "poses.json")
+# What COLMAP has triangulated, in the given frame: `points` and `colours` [m, 3].
+POINTS = "points.npz"
+PRODUCTS = ("images", "truth", POINTS, "cameras.npz", "poses.json")
 
 
 def main(config, out):
@@ -43,6 +45,8 @@ def main(config, out):
         split = prepare.split_views(len(views.names), test_every=config["test_every"])
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
+        if (scratch / POINTS).exists():
+            whole.move(scratch / POINTS, fresh / POINTS)
         if scene is not None:
             log.info("rendering the truth of %d views", len(views.names))
             scene = truth.select(scene, views.names)
@@ -126,9 +130,10 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
         seed=config["seed"],
         where=where or str(folder),
     )
+    np.savez(scratch / POINTS, points=model.points, colours=model.colours)
     report = registration(model.names, model.left_out) | {
         "mean_reprojection_error_px": model.mean_reprojection_error_px,
-        "points": model.points,
+        "points": len(model.points),
         "points_in_3_views": model.points_in_3_views,
         "models": model.models,
         "exif_focal_px": focal_px,
@@ -153,6 +158,10 @@ def pose_courtyard(folder, scratch, scene, config):
     views = views._replace(
         camtoworlds=cameras.apply_similarity(views.camtoworlds, *similarity)
     )
+    scale, rotation, translation = similarity
+    found = archives.read(scratch / POINTS, ("points", "colours"))
+    found["points"] = scale * found["points"] @ rotation.T + translation
+    np.savez(scratch / POINTS, **found)
     report["compared_to_truth"] = truth.compare_cameras(
         (views.pixtocams, views.camtoworlds), (true.pixtocams, true.camtoworlds)
     )
@@ -195,7 +204,10 @@ def publish(fresh, out):
             whole.move(fresh / name, out / name)
         elif (out / name).exists():
             # Left by another source of the same scene name, and no longer true.
-            shutil.rmtree(out / name)
+            if (out / name).is_dir():
+                shutil.rmtree(out / name)
+            else:
+                (out / name).unlink()
 
 
 if __name__ == "__main__":

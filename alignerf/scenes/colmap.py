@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pycolmap
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 from alignerf.command import faults, images
 from alignerf.scenes import cameras, photos, prepare
@@ -39,7 +39,8 @@ class Reconstruction(NamedTuple):
     distortion: Float[np.ndarray, "n 5"]
     camtoworlds: Float[np.ndarray, "n 3 4"]
     mean_reprojection_error_px: float
-    points: int
+    points: Float[np.ndarray, "m 3"]
+    colours: UInt8[np.ndarray, "m 3"]
     points_in_3_views: float
     """Share of the points that three views or more see."""
     models: list[int]
@@ -151,7 +152,8 @@ def convert(model, names, *, models=()) -> Reconstruction:
     kept = sorted(posed)
     taken_by = [model.cameras[posed[name].camera_id] for name in kept]
     lenses = [lens(camera.model.name, camera.params) for camera in taken_by]
-    tracks = np.array([point.track.length() for point in model.points3D.values()])
+    points = list(model.points3D.values())
+    tracks = np.array([point.track.length() for point in points])
     return Reconstruction(
         names=kept,
         left_out=sorted(set(names) - set(kept)),
@@ -159,7 +161,8 @@ def convert(model, names, *, models=()) -> Reconstruction:
         distortion=np.stack([distortion for _, distortion in lenses]),
         camtoworlds=np.stack([_pose(posed[name]) for name in kept]),
         mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
-        points=len(tracks),
+        points=np.array([point.xyz for point in points]).reshape(-1, 3),
+        colours=np.array([point.color for point in points], np.uint8).reshape(-1, 3),
         points_in_3_views=float((tracks >= 3).mean()) if len(tracks) else 0.0,
         models=list(models) or [len(kept)],
     )

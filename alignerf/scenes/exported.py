@@ -13,12 +13,15 @@ import pycolmap
 
 from alignerf.scenes import cameras
 
+POINTS = "points.ply"
+
 
 def write_transforms(path, found, *, masks=()):
     """Write transforms.json of cameras as `prepared.read_cameras` has them.
 
-    Images are named images/<view>.png. masks: views that have a masks/<view>.png, black
-    where a pixel is not to be learnt from.
+    Images are named images/<view>.png; with `points` [m, 3] and `colours` among the
+    arrays these are in points.ply beside it. masks: views that have a
+    masks/<view>.png, black where a pixel is not to be learnt from.
     """
     camtopix = np.linalg.inv(found["pixtocams"])
     frames = []
@@ -53,13 +56,30 @@ def write_transforms(path, found, *, masks=()):
         "val_filenames": files["test_filenames"],
         "frames": frames,
     }
+    if "points" in found:
+        scene["ply_file_path"] = POINTS
+        write_points(Path(path).parent / POINTS, found["points"], found["colours"])
     Path(path).write_text(json.dumps(scene, indent=1) + "\n", encoding="utf-8")
 
 
-def write_colmap(folder, found):
-    """Write cameras.bin, images.bin and points3D.bin of the same cameras.
+def write_points(path, points, colours):
+    """Write points [m, 3] and their colours [m, 3] uint8 as PLY, as text."""
+    kinds = [*(f"float {axis}" for axis in "xyz")]
+    kinds += [f"uchar {name}" for name in ("red", "green", "blue")]
+    head = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
+    head += [*(f"property {kind}" for kind in kinds), "end_header"]
+    rows = [
+        " ".join([*(f"{value:.9g}" for value in point), *map(str, colour)])
+        for point, colour in zip(points.tolist(), colours.tolist(), strict=True)
+    ]
+    Path(path).write_text("\n".join([*head, *rows]) + "\n", encoding="ascii")
 
-    Views that share their intrinsics share a camera. There are no points.
+
+def write_colmap(folder, found):
+    """Write cameras.bin, images.bin and points3D.bin of the same arrays.
+
+    Views that share their intrinsics share a camera. Points do not know the views that
+    they were seen in.
     """
     Path(folder).mkdir(parents=True)
     model, camera_ids = pycolmap.Reconstruction(), {}
@@ -82,4 +102,8 @@ def write_colmap(folder, found):
         turn = (pose[:, :3] @ cameras.OPENGL_FROM_OPENCV).T
         moved = pycolmap.Rigid3d(pycolmap.Rotation3d(turn), -turn @ pose[:, 3])
         model.add_image_with_trivial_frame(image, moved)
+    for point, colour in zip(
+        found.get("points", ()), found.get("colours", ()), strict=True
+    ):
+        model.add_point3D(point, pycolmap.Track(), colour)
     model.write(folder)

@@ -55,6 +55,25 @@ def test_cameras_come_back_from_transforms_and_from_colmap(scene, moved):
     assert not found.distortion.any()
 
 
+def test_points_of_the_poses_come_along(scene, rng):
+    points = rng.normal(size=(30, 3))
+    colours = rng.integers(0, 256, (30, 3), dtype=np.uint8)
+    np.savez(scene / "points.npz", points=points, colours=colours)
+    _, out = run(scene)
+    model = pycolmap.Reconstruction(out / "sparse" / "0")
+    found = sorted((p.xyz.tolist(), p.color.tolist()) for p in model.points3D.values())
+    wanted = sorted(zip(points.tolist(), colours.tolist(), strict=True))
+    assert found == wanted
+    scene_json = json.loads((out / "transforms.json").read_text())
+    ply = pycolmap.Reconstruction()
+    ply.import_PLY(str(out / scene_json["ply_file_path"]))
+    found = sorted((p.xyz.tolist(), p.color.tolist()) for p in ply.points3D.values())
+    assert [colour for _, colour in found] == [colour for _, colour in wanted]
+    np.testing.assert_allclose(
+        [point for point, _ in found], [point for point, _ in wanted], atol=1e-6
+    )
+
+
 def test_photos_are_handed_on_byte_by_byte(scene):
     _, out = run(scene)
     for path in (scene / "images").iterdir():

@@ -51,7 +51,8 @@ def courtyard(tmp_path_factory):
 
 
 def test_products_of_the_courtyard(courtyard):
-    assert sorted(p.name for p in courtyard.iterdir()) == sorted(poses.PRODUCTS)
+    found = {path.name for path in courtyard.iterdir()}
+    assert found == {*poses.PRODUCTS} - {poses.POINTS}
     stored = load(courtyard / "cameras.npz")
     assert stored["pixtocams"].shape == (4, 3, 3)
     assert stored["camtoworlds"].shape == (4, 3, 4)
@@ -167,6 +168,21 @@ def test_courtyard_through_colmap(tmp_path):
     assert abs(compared["focal_error_relative"]) < 0.05
     assert report["true_misalignment_px"] < 2
     assert len(list((tmp_path / "images").iterdir())) == report["registered"]
+    # What it triangulated lies where the cameras look: on the courtyard's surfaces.
+    stored, seen = load(tmp_path / "cameras.npz"), load(tmp_path / poses.POINTS)
+    assert len(seen["points"]) == len(seen["colours"]) == report["points"]
+    first = str(stored["names"][0])
+    depth_m = load(tmp_path / "truth" / "depth" / f"{first}.npz")["depth_m"]
+    camera = stored["pixtocams"][0], stored["camtoworlds"][0]
+    pixels, front = cameras.project(seen["points"], *camera)
+    x, y = pixels.astype(int).T
+    inside = (x >= 0) & (x < 120) & (y >= 0) & (y < 90) & (front > 0)
+    assert inside.mean() > 0.2
+    there = depth_m[y[inside], x[inside]]
+    # Others are hidden in this view: none of them is before what it shows.
+    near = np.abs(front[inside] - there) < 0.05 * there
+    assert near.mean() > 0.3
+    assert (front[inside] < 0.9 * there).mean() < 0.1
 
 
 def photo_folder(folder, *, truncated=False):

@@ -45,7 +45,7 @@ def test_converted_cameras_see_points_where_colmap_does(camera_model):
     found = colmap.convert(model, [*names, "another"])
     assert found.names == sorted(names)
     assert found.left_out == ["another"]
-    assert found.points == len(model.points3D)
+    assert len(found.points) == len(found.colours) == len(model.points3D)
     posed = {image.name: image for image in model.images.values()}
     for i, name in enumerate(found.names):
         seen = [p for p in posed[f"{name}.png"].points2D if p.has_point3D()]
