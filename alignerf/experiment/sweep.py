@@ -40,7 +40,8 @@ def photos_of_variant(experiment, scene, variant):
     factor = slices.variant_of(experiment.config, variant)["downscale"]
     if factor != 1:
         folder = f"{folder}/tradeoff/downscale-{factor}"
-    return {"photos": f"{folder}/images", "cameras": f"{folder}/cameras.npz"}
+    cameras = f"{folder}/cameras.npz"
+    return {"photos": f"{folder}/images", "cameras": cameras, "used": cameras}
 
 
 def configs(experiment):

@@ -83,7 +83,7 @@ def test_micro_batches_where_memory_is_short(folder, tmp_path, monkeypatch, capl
         with pytest.raises(cases.Killed):
             cases.run(folder, tmp_path / "parts")
     # Less the photos and the moments of Adam, which come later.
-    assert "more than 90% of 91.6 kB, in 1 micro-batches" in caplog.text
+    assert "more than 90% of 91.3 kB, in 1 micro-batches" in caplog.text
     assert "free 120.0 kB; 4 micro-batches of 16 rays on 1 devices" in caplog.text
     caplog.clear()
     assert cases.run(folder, tmp_path / "parts") == whole

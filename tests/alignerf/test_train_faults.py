@@ -19,7 +19,7 @@ from tests import job_cases as cases
 def test_photos_that_do_not_fit_are_one_line(folder, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(memory, "free_bytes", lambda device: 5_000)
     line = cases.stops(capsys, lambda: cases.run(folder, tmp_path))
-    wanted = "training views of 7.2 kB do not fit into 5.0 kB of free memory"
+    wanted = "training views of 7.5 kB do not fit into 5.0 kB of free memory"
     assert line == f"error: {folder / 'images'}: {wanted}"
 
 

@@ -75,6 +75,10 @@ def test_every_config_can_be_planned(path, tmp_path, snakemake):
         # What follows is known when the flow of round 0 is.
         assert jobs["decide"] == len(config["scenes"])
         return
+    if any("changes" in m for m in config.get("methods", {}).values()):
+        # Methods that begin alike share trainings: the test below.
+        assert jobs["correct_poses"] > 0
+        return
     wanted = expected_jobs(config)
     assert {rule: jobs.get(rule) for rule in wanted} == wanted
 
@@ -82,6 +86,31 @@ def test_every_config_can_be_planned(path, tmp_path, snakemake):
 def test_the_configs_are_short():
     """They were 530 lines where each had to be complete."""
     assert sum(len(path.read_text().splitlines()) for path in CONFIGS) <= 265
+
+
+def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
+    tmp_path, demo, snakemake
+):
+    demo["methods"] = {
+        "mipnerf360": {"model": "base", "rounds": 1},
+        "moved": {"model": "base", "rounds": 2, "changes": "cameras"},
+        "both": {"model": "base", "rounds": 2, "changes": "cameras_then_photos"},
+        "joint": {"model": "base", "refine": {}},
+    }
+    written = write(tmp_path, demo)
+    code, output = snakemake(tmp_path, "--configfile", written, "-n", "all", "export")
+    assert code == 0, output
+    wanted = {
+        # Rounds 0 and 1 of photos, 1 and 2 of cameras, and photos after the first.
+        "train": 5,
+        "train_refining": 1,
+        "correct_poses": 2,
+        "evaluate": 6,
+        "decompose_courtyard": 6,
+        "export_cameras": 4,
+        "export_photos": 2,
+    }
+    assert jobs_of(output).items() >= wanted.items()
 
 
 def test_without_arguments_the_demo_is_planned(tmp_path, demo, snakemake):

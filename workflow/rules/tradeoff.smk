@@ -42,6 +42,7 @@ use rule render_views as render_variant with:
     input:
         model="results/{scene}/tradeoff/{variant}/model.msgpack",
         cameras="results/{scene}/cameras.npz",
+        used="results/{scene}/cameras.npz",
     output:
         renders=directory("results/{scene}/tradeoff/{variant}/renders/test"),
         timing="results/{scene}/tradeoff/{variant}/render_test.json",
