@@ -104,20 +104,20 @@ def corrected(given: prepared.Scene, before, train, found) -> prepared.Scene:
             correction.motion, pixtocams[view], camtoworlds[view]
         )
     camtoworlds[moved] = without_gauge(camtoworlds[moved], given.camtoworlds[moved])
-    return _with(before, pixtocams, camtoworlds)
+    return dataclasses.replace(before, pixtocams=pixtocams, camtoworlds=camtoworlds)
 
 
 def without_gauge(camtoworlds, given):
-    """Poses [n, 3, 4] moved by the similarity that brings them nearest to the given."""
-    spread = np.ptp(given[:, :, 3], axis=0).max() if len(given) else 0.0
-    if len(given) < 2 or spread < 1e-9:
-        return given.copy() if len(given) == 1 else camtoworlds
+    """Poses [n, 3, 4] moved by the similarity that brings them nearest to the given.
+
+    One camera is all gauge. Several at one place have no scale, and stay.
+    """
+    if len(given) == 1:
+        return given
+    if len(given) == 0 or np.ptp(given[:, :, 3], axis=0).max() < 1e-9:
+        return camtoworlds
     similarity = cameras.align_similarity(camtoworlds, given)
     return cameras.apply_similarity(camtoworlds, *similarity)
-
-
-def _with(scene: prepared.Scene, pixtocams, camtoworlds):
-    return dataclasses.replace(scene, pixtocams=pixtocams, camtoworlds=camtoworlds)
 
 
 def row(given: prepared.Scene, after: prepared.Scene, view, correction):
@@ -143,8 +143,8 @@ def error_px(state: prepared.Scene, true, train, found):
     nearest to the true ones: a frame cannot be seen.
     """
     poses = true["camtoworlds"][train]
-    scale, *moved = cameras.align_similarity(poses, state.camtoworlds[train])
-    poses = cameras.apply_similarity(poses, scale, *moved)
+    similarity = cameras.align_similarity(poses, state.camtoworlds[train])
+    poses = cameras.apply_similarity(poses, *similarity)
     errors = []
     for pose, view, correction in zip(poses, train, found, strict=True):
         camera = true["pixtocams"][view], pose

@@ -39,7 +39,7 @@ def main(argv=None):
         points = loaded.folder / "points.npz"
         if points.is_file():
             found |= archives.read(points, ("points", "colours"))
-        exported.write_colmap(folder / "sparse" / "0", found)
+        exported.write_colmap(folder, found)
         exported.write_transforms(folder / "transforms.json", found, masks=masks)
 
 

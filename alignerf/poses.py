@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import archives, faults, images, whole
+from alignerf.command import faults, images, whole
 from alignerf.experiment import check, jobs, schema, settings
 from alignerf.scenes import cameras, colmap, llff, prepare, transforms
 from alignerf.scenes.courtyard import scene as courtyard
@@ -22,9 +22,7 @@ from alignerf.scenes.courtyard import truth
 
 log = logging.getLogger("alignerf.poses")
 
-# What COLMAP has triangulated, in the given frame: `points` and `colours` [m, 3].
-POINTS = "points.npz"
-PRODUCTS = ("images", "truth", POINTS, "cameras.npz", "poses.json")
+PRODUCTS = ("images", "truth", "points.npz", "cameras.npz", "poses.json")
 
 
 def main(config, out):
@@ -45,8 +43,6 @@ def main(config, out):
         split = prepare.split_views(len(views.names), test_every=config["test_every"])
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
-        if (scratch / POINTS).exists():
-            whole.move(scratch / POINTS, fresh / POINTS)
         if scene is not None:
             log.info("rendering the truth of %d views", len(views.names))
             scene = truth.select(scene, views.names)
@@ -130,7 +126,6 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
         seed=config["seed"],
         where=where or str(folder),
     )
-    np.savez(scratch / POINTS, points=model.points, colours=model.colours)
     report = registration(model.names, model.left_out) | {
         "mean_reprojection_error_px": model.mean_reprojection_error_px,
         "points": len(model.points),
@@ -155,13 +150,11 @@ def pose_courtyard(folder, scratch, scene, config):
     )
     true = truth.select(scene, views.names)
     similarity = cameras.align_similarity(views.camtoworlds, true.camtoworlds)
+    (scale, rotation, translation), (points, colours) = similarity, views.points
     views = views._replace(
-        camtoworlds=cameras.apply_similarity(views.camtoworlds, *similarity)
+        camtoworlds=cameras.apply_similarity(views.camtoworlds, *similarity),
+        points=(scale * points @ rotation.T + translation, colours),
     )
-    scale, rotation, translation = similarity
-    found = archives.read(scratch / POINTS, ("points", "colours"))
-    found["points"] = scale * found["points"] @ rotation.T + translation
-    np.savez(scratch / POINTS, **found)
     report["compared_to_truth"] = truth.compare_cameras(
         (views.pixtocams, views.camtoworlds), (true.pixtocams, true.camtoworlds)
     )

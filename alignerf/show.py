@@ -24,9 +24,10 @@ def main(argv=None):
         raise ValueError(f"{args.results}: no misalignment table in it yet")
     for path in tables:
         print(f"\n{path.parent.parent.name}")
-        print(pivot(pd.read_csv(path)).to_string(na_rep="--"))
+        table = pd.read_csv(path)
+        print(pivot(table).to_string(na_rep="--"))
         print("difference to the same model without warping; *: beyond chance (95 %)")
-        for line in below_baseline(pd.read_csv(path), staged_of(path.parent.parent)):
+        for line in below_baseline(table, staged_of(path.parent.parent)):
             print(line)
         controls = path.with_name("controls.csv")
         if controls.is_file():

@@ -36,11 +36,6 @@ def main(argv=None):
         params, timing = train(job, args)
     if job.stage == "finetune":
         timing["radius_px"] = job.alignerf.radius_px
-    if job.refine:
-        loaded = prepared.load(args.scene, args.cameras)
-        learnt = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
-        with whole.replace_file(args.cameras_out) as path:
-            prepared.write_cameras(path, learnt, args.cameras)
     checkpoint.write_params(args.model, params)
     with whole.replace_file(args.timing) as path:
         path.write_text(json.dumps(timing, indent=1))
@@ -83,12 +78,17 @@ def train(job, args):
     # Whether the checkpoint is this job's shows when the photos are there.
     parts = checkpoint.read_parts(args.checkpoints)
     built = program.build(job, method, params, shapes, parts=parts, to_come=to_come)
-    return loop.fit(
+    params, timing = loop.fit(
         *(job, method, built, params),
         *(load_views(loaded, chosen, photos, args.valid), args.checkpoints),
         names=[loaded.names[view] for view in chosen],
         sources=args.sources + weights_digest(job),
     )
+    if job.refine:
+        learnt = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
+        with whole.replace_file(args.cameras_out) as path:
+            prepared.write_cameras(path, learnt, args.cameras)
+    return params, timing
 
 
 def with_radius(job, displacement) -> jobs.Job:

@@ -114,7 +114,7 @@ def first(names):
 
 
 def is_derived(method):
-    """Whether a method starts from what another has trained."""
+    """Whether a method is no training from scratch that others may be set against."""
     return bool(method["warm_start"] or method["alignerf"] or method["refine"])
 
 

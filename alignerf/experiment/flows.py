@@ -64,17 +64,16 @@ def of_rounds(experiment, scene, method, round):
     Of cameras, the correction that another round would train with.
     """
     k, flow = int(round), "flow/train"
-    if experiment.change_of(method, k + 1) == "cameras":
-        folder = experiment.corrected_folder(scene, method, k + 1)
-        found = {"corrections": f"{folder}/poses_corrected.json"}
-        if k > 0:
-            found["before"] = f"results/{scene}/{method}/round{k - 1}/decision.json"
-        return found
-    found = {"flow": f"{experiment.folder(scene, method, k)}/{flow}"}
+    found = {}
     if k > 0:
-        found["before_flow"] = f"{experiment.folder(scene, method, k - 1)}/{flow}"
         # The decision is the method's own, also where it starts from another's round.
         found["before"] = f"results/{scene}/{method}/round{k - 1}/decision.json"
+    if experiment.change_of(method, k + 1) == "cameras":
+        folder = experiment.corrected_folder(scene, method, k + 1)
+        return found | {"corrections": f"{folder}/poses_corrected.json"}
+    found["flow"] = f"{experiment.folder(scene, method, k)}/{flow}"
+    if k > 0:
+        found["before_flow"] = f"{experiment.folder(scene, method, k - 1)}/{flow}"
     return found
 
 

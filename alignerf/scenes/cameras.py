@@ -137,12 +137,6 @@ def frame_of(camtoworlds) -> Frame:
     return Frame(mean, rotation, 1.0 / extent if extent > 1e-9 else 1.0)
 
 
-def normalize_poses(camtoworlds):
-    """Poses [n, 3, 4] in their `frame_of`, and the similarity [4, 4] to it."""
-    frame = frame_of(camtoworlds)
-    return frame.normalised(camtoworlds), frame.transform()
-
-
 def align_similarity(source, target):
     """Similarity (scale, rotation [3, 3], translation [3]) taking source to target.
 

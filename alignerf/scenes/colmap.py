@@ -139,7 +139,7 @@ def pose_folder(folder, work_folder, *, camera_model, max_size_px, seed, where):
         load=lambda i: images.read(ingested / f"{model.names[i]}.png"),
         where=where,
     )
-    return views, model, focal_px
+    return views._replace(points=(model.points, model.colours)), model, focal_px
 
 
 def convert(model, names, *, models=()) -> Reconstruction:

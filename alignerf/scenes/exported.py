@@ -13,15 +13,16 @@ import pycolmap
 
 from alignerf.scenes import cameras
 
+# Beside transforms.json, for programs that begin with points.
 POINTS = "points.ply"
 
 
 def write_transforms(path, found, *, masks=()):
     """Write transforms.json of cameras as `prepared.read_cameras` has them.
 
-    Images are named images/<view>.png; with `points` [m, 3] and `colours` among the
-    arrays these are in points.ply beside it. masks: views that have a
-    masks/<view>.png, black where a pixel is not to be learnt from.
+    Images are named images/<view>.png; `points` among the arrays are those of POINTS,
+    see `write_colmap`. masks: views that have a masks/<view>.png, black where a pixel
+    is not to be learnt from.
     """
     camtopix = np.linalg.inv(found["pixtocams"])
     frames = []
@@ -58,30 +59,17 @@ def write_transforms(path, found, *, masks=()):
     }
     if "points" in found:
         scene["ply_file_path"] = POINTS
-        write_points(Path(path).parent / POINTS, found["points"], found["colours"])
     Path(path).write_text(json.dumps(scene, indent=1) + "\n", encoding="utf-8")
 
 
-def write_points(path, points, colours):
-    """Write points [m, 3] and their colours [m, 3] uint8 as PLY, as text."""
-    kinds = [*(f"float {axis}" for axis in "xyz")]
-    kinds += [f"uchar {name}" for name in ("red", "green", "blue")]
-    head = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
-    head += [*(f"property {kind}" for kind in kinds), "end_header"]
-    rows = [
-        " ".join([*(f"{value:.9g}" for value in point), *map(str, colour)])
-        for point, colour in zip(points.tolist(), colours.tolist(), strict=True)
-    ]
-    Path(path).write_text("\n".join([*head, *rows]) + "\n", encoding="ascii")
-
-
 def write_colmap(folder, found):
-    """Write cameras.bin, images.bin and points3D.bin of the same arrays.
+    """Write COLMAP's model of the same arrays: sparse/0, and of its points POINTS.
 
-    Views that share their intrinsics share a camera. Points do not know the views that
-    they were seen in.
+    `points` [m, 3] and `colours` may be among them; they do not know the views that
+    they were seen in. Views that share their intrinsics share a camera.
     """
-    Path(folder).mkdir(parents=True)
+    sparse = Path(folder) / "sparse" / "0"
+    sparse.mkdir(parents=True)
     model, camera_ids = pycolmap.Reconstruction(), {}
     size = {"width": int(found["width"]), "height": int(found["height"])}
     views = zip(
@@ -102,8 +90,8 @@ def write_colmap(folder, found):
         turn = (pose[:, :3] @ cameras.OPENGL_FROM_OPENCV).T
         moved = pycolmap.Rigid3d(pycolmap.Rotation3d(turn), -turn @ pose[:, 3])
         model.add_image_with_trivial_frame(image, moved)
-    for point, colour in zip(
-        found.get("points", ()), found.get("colours", ()), strict=True
-    ):
-        model.add_point3D(point, pycolmap.Track(), colour)
-    model.write(folder)
+    if "points" in found:
+        for point, colour in zip(found["points"], found["colours"], strict=True):
+            model.add_point3D(point, pycolmap.Track(), colour)
+        model.export_PLY(Path(folder) / POINTS)
+    model.write(sparse)

@@ -32,6 +32,8 @@ class PosedViews(NamedTuple):
     height: int
     load: Callable[[int], np.ndarray]
     """Index of a view -> its undistorted image [h, w, 3] uint8."""
+    points: tuple[np.ndarray, np.ndarray] | None = None
+    """What COLMAP has triangulated: positions and colours (uint8), both [m, 3]."""
 
 
 def pinhole_views(names, lenses, camtoworlds, *, width, height, load, where):
@@ -137,11 +139,14 @@ def split_views(n, *, test_every):
 
 
 def write_views(folder, views: PosedViews, *, split):
-    """Write images/<name>.png and cameras.npz into a folder of the caller's."""
+    """Write images/<name>.png, cameras.npz and, of points, points.npz into a folder."""
     (folder / "images").mkdir(parents=True)
     for i, name in enumerate(views.names):
         images.write(folder / "images" / f"{name}.png", views.load(i))
     write_cameras(folder / "cameras.npz", views, split=split)
+    if views.points is not None:
+        positions, colours = views.points
+        np.savez(folder / "points.npz", points=positions, colours=colours)
 
 
 def write_cameras(path, views: PosedViews, *, split):

@@ -69,10 +69,12 @@ def corrections(views) -> list[Correction]:
         [fit.motion.log_focal for fit in fits if not fit.left_alone]
     )
     found = [_fitted(view, log_focal=log_focal) for view in views()]
-    return [
-        correction if correction.left_alone else _with_others(correction, found)
-        for correction in found
-    ]
+    kept = [correction for correction in found if not correction.left_alone]
+    usual = {
+        name: float(np.median([getattr(correction, name) for correction in kept]))
+        for name in (("noise_px", "length_px") if kept else ())
+    }
+    return [c if c.left_alone else _with_others(c, **usual) for c in found]
 
 
 def shared_zoom(log_focals):
@@ -104,17 +106,13 @@ def _fitted(view: View, *, log_focal) -> Correction:
         noise_px=fit.noise_px,
         valid_share=share,
         depth=float(np.median(near)) if len(near) else 1.0,
-        left_alone=reason,
+        left_alone="",
     )
     return _left_alone(found, reason) if reason else found
 
 
-def _with_others(found: Correction, all_found) -> Correction:
-    """The correction, or none where it is unlike those of the others."""
-    noise_px, length_px = (
-        np.median([getattr(other, name) for other in all_found if not other.left_alone])
-        for name in ("noise_px", "length_px")
-    )
+def _with_others(found: Correction, *, noise_px, length_px) -> Correction:
+    """The correction, or none where it is unlike the others, of these medians."""
     if found.noise_px > max(LEAST_NOISE_PX, NOISE_RATIO * noise_px):
         return _left_alone(
             found,

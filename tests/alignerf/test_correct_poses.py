@@ -150,7 +150,8 @@ def test_other_cameras_come_in_the_frame_of_the_scenes_own(scene, rng):
     test = SPLIT == "test"
     np.testing.assert_array_equal(loaded.camtoworlds[test], own.camtoworlds[test])
     # By its own frame it would be elsewhere.
-    assert np.abs(cameras.normalize_poses(other)[0] - loaded.camtoworlds).max() > 0.01
+    by_its_own = cameras.frame_of(other).normalised(other)
+    assert np.abs(by_its_own - loaded.camtoworlds).max() > 0.01
     same = prepared.load(scene, scene / "cameras.npz")
     np.testing.assert_array_equal(same.camtoworlds, own.camtoworlds)
 

@@ -141,7 +141,7 @@ def fox(data, factor):
     """(training, test) photos of fox, made smaller; every 8th view is held out."""
     found, _ = transforms.read(pathlib.Path(data) / "scenes" / "fox")
     views = prepare.downscale(prepare.sort_by_name(found), factor)
-    camtoworlds, _ = cameras.normalize_poses(views.camtoworlds)
+    camtoworlds = cameras.frame_of(views.camtoworlds).normalised(views.camtoworlds)
     photos = Photos(
         images=np.stack([views.load(i) for i in range(len(views.names))]),
         pixtocams=views.pixtocams,

@@ -116,9 +116,7 @@ def root_of(setting, options):
 def train(root, job, scene, test_set):
     """What a training took, and the PSNR of its renders of the test views."""
     if root != measure.ROOT:
-        training = job["training"]
-        known = training.keys() - sooner_settings.NEW_KEYS
-        job = job | {"training": {key: training[key] for key in known}}
+        job = sooner_settings.as_known_before(job)
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         shared = {"root": root, "config": json.dumps(job), "scene": scene.resolve()}

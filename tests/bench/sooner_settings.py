@@ -14,8 +14,10 @@ from tests.bench import measure
 CONFIGS = measure.ROOT / "workflow" / "config"
 # Of the configs' methods, the one that is trained in one go with their first model.
 METHOD = "mipnerf360"
-# Of a training, what an older checkout does not know; it does as the old settings say.
-NEW_KEYS = {"budget_min", "hold_share", "adam_betas", "proposal_share"}
+# Of a job and its training, what an older checkout does not know; it does as the old
+# settings say.
+NEW_KEYS = {"refine"}
+NEW_TRAINING_KEYS = {"budget_min", "hold_share", "adam_betas", "proposal_share"}
 
 
 def job_of(samples, proposal, field, **training):
@@ -52,6 +54,7 @@ def job_of(samples, proposal, field, **training):
         }
         | training,
         "alignerf": None,
+        "refine": None,
     }
 
 
@@ -160,6 +163,12 @@ def jobs_of(name, experiment, seed):
         setting: job | {"seed": seed}
         for setting, job in {"old": old, "new": new, **found}.items()
     }
+
+
+def as_known_before(job):
+    """The job without what an older checkout does not know."""
+    training = {k: v for k, v in job["training"].items() if k not in NEW_TRAINING_KEYS}
+    return {k: v for k, v in job.items() if k not in NEW_KEYS} | {"training": training}
 
 
 def with_budget(job, budget):

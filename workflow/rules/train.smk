@@ -1,5 +1,6 @@
 # Trainings. Round 0 trains on the photos, round k on those that round k - 1 warped, or
-# with the cameras that were put right by its flow; from scratch, or from the weights of round k - 1;
+# with the cameras that were put right by its flow; from scratch, or from the weights of
+# round k - 1;
 # staged methods pre-train once a model, then fine-tune. Checkpoints lie outside of
 # `output:`, which Snakemake deletes when a job is killed: a training resumes.
 rule train:

@@ -48,6 +48,7 @@ JOB = {
         "frequency_weight": 0.05,
         "frequency_weights": None,
     },
+    "refine": None,
 }
 
 

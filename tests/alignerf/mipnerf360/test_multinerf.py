@@ -173,7 +173,8 @@ def test_poses(peer, rng):
         centres = rng.normal(size=(12, 3, 1)) * 3 + rng.normal(size=(3, 1))
         poses = np.concatenate([poses, centres], axis=-1)
         theirs, transform = peer.camera_utils.transform_poses_pca(poses)
-        ours, similarity = cameras.normalize_poses(poses)
+        own = cameras.frame_of(poses)
+        ours, similarity = own.normalised(poses), own.transform()
         # Their axes' signs are those that the eigenvectors happen to have.
         turn = np.diag([-1.0, -1.0, 1.0])
         frames = [np.eye(3), turn]

@@ -109,7 +109,8 @@ def test_normalised_poses(scale):
         poses[:, :, 3] = poses[:, :, 3] * [1, 0.5, 0.1] + scale * rng.normal(size=3)
         turn = random_rotation(rng)
         poses = cameras.apply_similarity(poses, 1.0, turn, np.zeros(3))
-        normalised, transform = cameras.normalize_poses(poses)
+        frame = cameras.frame_of(poses)
+        normalised, transform = frame.normalised(poses), frame.transform()
         wanted = camera_twins.normalised_poses(poses)
         error = np.abs(wanted - normalised).max(axis=(1, 2, 3))
         assert error.min() < 1e-9
@@ -123,7 +124,8 @@ def test_poses_without_extent_keep_their_scale():
     poses = np.repeat(np.eye(4)[None, :3], 3, axis=0)
     poses[:, :, 3] = [1, 2, 3]
     for few in (poses[:1], poses):
-        normalised, transform = cameras.normalize_poses(few)
+        frame = cameras.frame_of(few)
+        normalised, transform = frame.normalised(few), frame.transform()
         assert_allclose(normalised[:, :, 3], 0, atol=1e-12)
         assert_allclose(np.linalg.det(transform[:3, :3]), 1)
 
