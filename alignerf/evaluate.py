@@ -12,11 +12,16 @@ aligned         an image that belongs where the reference model's render is
 leak            that one warped by the flow invented between the two, where valid
 leak_held_out   that one warped by a flow that has not seen the pixel, same pixels
 oracle          the undisplaced scene at the given pose, where the truth is known
+aligned_pose    the photo, rendered by a camera moved to fit it, each half by what the
+                other one asks for; `_gradient`: by gradient descent instead of flow
+aligned_pose_leak, aligned_pose_gradient_leak
+                the oracle, by a camera moved to fit it, which it needs not
 
-Those between standard and oracle are scored where a warped test set is given. Only
-sets on the same pixels compare: standard, control, placebo and oracle on all;
-standard_valid, warped and held_out; aligned, leak and leak_held_out. A metric that
-cannot be had is empty, and `note` says why; LPIPS needs weights, for each network.
+Those between standard and oracle are scored where a warped test set is given; those
+after it in a run of their own, with --aligned-pose. Only sets on the same pixels
+compare: standard, control, placebo, oracle and those after it on all; standard_valid,
+warped and held_out; aligned, leak and leak_held_out. A metric that cannot be had is
+empty, and `note` says why; LPIPS needs weights, for each network.
 """
 
 import argparse
@@ -32,6 +37,13 @@ from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
 
 NETS = [field.name for field in dataclasses.fields(settings.Lpips)]
+# Renders by moved cameras, and whether they are to fit the oracle.
+ALIGNED_POSES = {
+    "aligned_pose": False,
+    "aligned_pose_leak": True,
+    "aligned_pose_gradient": False,
+    "aligned_pose_gradient_leak": True,
+}
 METRICS = ("psnr_db", "ssim", *(f"lpips_{net}" for net in NETS))
 COLUMNS = ("view", "test_set", *METRICS, "valid_share", "note")
 
@@ -39,7 +51,9 @@ COLUMNS = ("view", "test_set", *METRICS, "valid_share", "note")
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scene", required=True, help="prepared scene folder")
-    parser.add_argument("--renders", required=True, help="renders of the test views")
+    renders = parser.add_mutually_exclusive_group(required=True)
+    renders.add_argument("--renders", help="renders of the test views")
+    renders.add_argument("--aligned-pose", help="folder of renders by moved cameras")
     parser.add_argument("--testset", help="folder of the warped test set")
     parser.add_argument("--truth", help="folder of the oracle, where it is known")
     for net in NETS:
@@ -55,10 +69,16 @@ def main(argv=None):
     rows = []
     # View by view: the test sets of all views together may not fit into memory.
     for view in views:
-        (render,) = prepared.read_images(loaded, [view], args.renders)
         targets = targets_of(loaded, view, args.testset, args.truth)
-        for test_set, (image, mask) in targets.items():
-            row = score(image, render, mask, learned)
+        if args.aligned_pose:
+            scored = moved_renders(loaded, view, args.aligned_pose, targets)
+        else:
+            (render,) = prepared.read_images(loaded, [view], args.renders)
+            scored = {
+                name: (image, render, mask) for name, (image, mask) in targets.items()
+            }
+        for test_set, images in scored.items():
+            row = score(*images, learned)
             note = "; ".join(n for n in (row.pop("note"), missing) if n)
             name = {"view": loaded.names[view], "test_set": test_set}
             rows.append(name | row | {"note": note})
@@ -93,6 +113,19 @@ def targets_of(loaded, view, testset, truth):
     if truth:
         targets["oracle"] = (read(pathlib.Path(truth) / "oracle"), everywhere)
     return targets
+
+
+def moved_renders(loaded, view, folder, targets):
+    """{test set: (image, render, mask)} of one view rendered by moved cameras."""
+    found = {}
+    for name, to_oracle in ALIGNED_POSES.items():
+        target = targets.get("oracle" if to_oracle else "standard")
+        if target and (path := pathlib.Path(folder) / name).is_dir():
+            (render,) = prepared.read_images(loaded, [view], path)
+            found[name] = target[0], render, target[1]
+    if not found:
+        raise ValueError(f"{folder}: no renders by moved cameras")
+    return found
 
 
 def load_lpips(net, path):

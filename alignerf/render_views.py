@@ -1,10 +1,8 @@
 """Render the views of one split or of both: `python -m alignerf.render_views`.
 
 One process for all views, so that code is compiled once; on a CPU each core renders
-a view. Features become colours strip by strip: at 2560x1680 with N = 128 a view takes
-0.4 GB besides the model, where its features alone would take 2.2. Writes <view>.png,
-where asked <view>.npz with its depth, and a timing file, each where its path says,
-in which `{split}` stands for the split.
+a view. Writes <view>.png, where asked <view>.npz with its depth, and a timing file,
+each where its path says, in which `{split}` stands for the split.
 
 depth [h, w] float32: along the optical axis (z-depth, not along the ray), in units
 of the normalised scene (max |t| = 1), where half of a ray's weight is passed: the
@@ -13,29 +11,14 @@ middle of that interval, so its error is that interval's length at best.
 
 import argparse
 import contextlib
-import functools
 import json
 import time
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from alignerf.command import faults, images, machine, progress, split_paths, whole
-from alignerf.contributions import strips
-from alignerf.experiment import jobs
-from alignerf.scenes import cameras, prepared
-from alignerf.systems import refine
-from alignerf.training import checkpoint, compose, cores
-
-# Rays at once: large enough to fill the machine, small enough for its memory.
-CHUNK_RAYS = 4096
-# Of these as many at a time on a CPU, so that what they need stays in its caches: a
-# hash grid takes a quarter less time than with 128, an MLP no more.
-CACHED_RAYS = 32
-# Pixels whose features become colours at once, but at least a row of the image. The
-# halo's rows, convolved once more with each strip, are 8 % of these at 2560 x 1680.
-STRIP_PIXELS = 65536
+from alignerf.scenes import prepared
+from alignerf.training import cores, renderer
 
 
 def main(argv=None):
@@ -44,12 +27,8 @@ def main(argv=None):
     split_paths.check(args.splits, (args.renders, args.depth, args.timing))
     start = time.perf_counter()
     loaded = prepared.load(args.scene, args.cameras)
-    job = jobs.parse(jobs.read(args.config))
-    views = functools.partial(refine.views_of, loaded)
-    method = compose.make_method(job, views, to_train=False)
-    template = jax.eval_shape(method.init, jax.random.key(0))
-    params = jax.tree.map(jnp.asarray, checkpoint.read_params(args.model, template))
-    render = make_renderer(method, params, loaded.width, loaded.height)
+    method, params = renderer.read_model(args.config, args.model, loaded)
+    render = renderer.make_renderer(method, params, loaded.width, loaded.height)
     for split in args.splits:
         # What comes before the first view is counted with the first split.
         folders = [split_paths.of(path, split) for path in (args.renders, args.depth)]
@@ -104,54 +83,6 @@ def parse(argv=None):
     parser.add_argument("--timing", required=True, help="timing file, written")
     parser.add_argument("--threads", type=int, help="at most (default: every core)")
     return parser.parse_args(argv)
-
-
-def make_renderer(method, params, width, height):
-    """A function from a camera to (image [h, w, 3] uint8, depth [h, w] float32)."""
-    count = width * height
-    chunk = min(CHUNK_RAYS, -(-count // CACHED_RAYS) * CACHED_RAYS)
-    on_cpu = jax.local_devices()[0].platform == "cpu"
-    pixels = np.arange(-(-count // chunk) * chunk).clip(max=count - 1)
-    strip = min(height, -(-STRIP_PIXELS // width))
-
-    @jax.jit
-    def values_of(params, pixel, pixtocam, camtoworld):
-        def values_at(pixel):
-            rays = cameras.pixels_to_rays(
-                pixel % width, pixel // width, pixtocam, camtoworld
-            )
-            rendering = method.render(params, rays)
-            return rendering.values, rendering.depth
-
-        parts = pixel.reshape(-1, CACHED_RAYS if on_cpu else chunk)
-        values, depth = jax.lax.map(values_at, parts)
-        return jnp.concatenate(values), depth.ravel()
-
-    @jax.jit
-    def colours_of(params, values):
-        return jnp.clip(method.colours(params, values), 0.0, 1.0)
-
-    def paint(values):
-        rgb = np.asarray(colours_of(params, values))
-        if not np.isfinite(rgb).all():
-            raise ValueError("the model renders colours that are not finite")
-        return np.round(rgb * 255.0).astype(np.uint8)
-
-    def render(pixtocam, camtoworld):
-        camera = [jnp.asarray(m, jnp.float32) for m in (pixtocam, camtoworld)]
-        depths = []
-
-        def values():
-            for part in pixels.reshape(-1, chunk):
-                found, depth = values_of(params, jnp.asarray(part), *camera)
-                depths.append(depth)
-                yield found
-
-        size = {"width": width, "height": height, "strip": strip, "halo": method.halo}
-        image = strips.colours(values(), paint, **size)
-        return image, np.concatenate(depths)[:count].reshape(height, width)
-
-    return render
 
 
 if __name__ == "__main__":

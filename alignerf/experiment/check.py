@@ -66,6 +66,8 @@ def completed(config):
     config["lpips"] = {net: home(path) for net, path in given if path}
     config["frequency_weights"] = home(config["frequency_weights"])
     config["flow"]["folder"] = home(config["flow"]["folder"])
+    if not any((config["aligned_pose"] or {}).values()):
+        config["aligned_pose"] = None
     training = config["training"]
     training |= settings.length(training)
     for scene in config["scenes"].values():

@@ -94,6 +94,29 @@ def of_oracle(experiment, input, output):
     ]
 
 
+def aligned_pose_inputs(experiment, scene, method, round):
+    """What moves the test cameras of a round: flows, and the truth for the leak."""
+    folder = experiment.folder(scene, method, round)
+    by_flow = experiment.config["aligned_pose"]["flow"]
+    found = {"flow": f"{folder}/flow/test"} if by_flow else {}
+    if scene in experiment.with_truth():
+        found["truth"] = f"results/{scene}/truth"
+        if by_flow:
+            found["truth_flow"] = f"{folder}/flow_oracle/test"
+    return found
+
+
+def aligned_pose_options(experiment, input):
+    """Command line of how the test cameras are moved."""
+    steps = experiment.config["aligned_pose"]["gradient_steps"]
+    return [
+        *option("flow", input.get("flow")),
+        *option("truth", input.get("truth")),
+        *option("truth-flow", input.get("truth_flow")),
+        *option("gradient-steps", steps),
+    ]
+
+
 def benchmark_models(experiment, scene):
     """<method>/round<k> of the reference method, before and after all warping."""
     method = experiment.config["reference"]["method"]

@@ -24,6 +24,9 @@ class Misalignment(NamedTuple):
     trainings: list[str]
     # What renderings and warpings between the trainings took: timings and CSVs.
     data: list[str]
+    # Scores of cameras moved to fit the photos, where they are asked for.
+    aligned_pose: str | None = None
+    base_aligned_pose: str | None = None
 
 
 class Scores(NamedTuple):
@@ -32,6 +35,7 @@ class Scores(NamedTuple):
     method: str
     round: int
     metrics: str
+    aligned_pose: str | None = None
 
 
 class Displacement(NamedTuple):
@@ -184,6 +188,13 @@ def of_method(experiment, scene, method, round):
     }
 
 
+def aligned_pose(experiment, scene, method, round):
+    """Scores of a round's test views by moved cameras, where they are asked for."""
+    if not experiment.config["aligned_pose"]:
+        return None
+    return f"{experiment.folder(scene, method, round)}/metrics_aligned_pose.csv"
+
+
 def misalignment(experiment, scene):
     """One row per method and round."""
     rows = []
@@ -191,9 +202,11 @@ def misalignment(experiment, scene):
         base = experiment.base_of(method)
         row = Misalignment(
             **of_method(experiment, scene, method, round),
+            aligned_pose=aligned_pose(experiment, scene, method, round),
             field=field_name(experiment, method),
             base=base,
             base_metrics=f"{experiment.folder(scene, base, 0)}/metrics.csv",
+            base_aligned_pose=aligned_pose(experiment, scene, base, 0),
         )
         rows.append(row)
     return rows
@@ -235,7 +248,9 @@ def times(experiment, scene):
 def scores(experiment, scene):
     """One row per method and round."""
     found = misalignment(experiment, scene)
-    return [Scores(row.method, row.round, row.metrics) for row in found]
+    return [
+        Scores(row.method, row.round, row.metrics, row.aligned_pose) for row in found
+    ]
 
 
 def tables(experiment, scene):

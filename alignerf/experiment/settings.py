@@ -445,6 +445,19 @@ class Reference:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class AlignedPose:
+    """The test set whose cameras are moved to fit their photos, half by half."""
+
+    flow: bool = key(True, "by the flow from render to photo")
+    gradient_steps: int = key(
+        0,
+        "and by so many of gradient descent; the field takes 100",
+        least=0,
+        most=10**5,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Lpips:
     alex: str | None = key(None, "AlexNet")
     squeeze: str | None = key(None, "SqueezeNet 1.1")
@@ -505,6 +518,9 @@ class Config:
         None,
         ".npz of VGG-19's first block for the high-frequency loss; null takes a fixed "
         "bank of oriented derivative filters, and the table says so",
+    )
+    aligned_pose: AlignedPose | None = key(
+        AlignedPose(), "test set of cameras moved to fit their photos; null has none"
     )
     lpips: Lpips | None = key(
         Lpips(),

@@ -11,7 +11,10 @@ import pandas as pd
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 
-TEST_SETS = ("standard", "warped", "control", "oracle")
+TEST_SETS = (
+    *("standard", "warped", "control", "oracle"),
+    *("aligned_pose", "aligned_pose_gradient"),
+)
 # Whether higher is better.
 METRICS = {
     "psnr_db": True,
@@ -69,8 +72,8 @@ def published(path, scene):
 
 def lines_of(row):
     """Lines of one method and round, one per test set that was scored."""
-    views = scores.read(row.metrics, METRICS)
-    base = scores.read(row.base_metrics, METRICS)
+    views = scores.read(row.metrics, METRICS, row.aligned_pose)
+    base = scores.read(row.base_metrics, METRICS, row.base_aligned_pose)
     if not views.index.equals(base.index):
         raise ValueError(f"{row.metrics}: not the views of {row.base}")
     costs = table_files.costs_of(row)

@@ -11,6 +11,8 @@ import scipy.stats
 from alignerf.tables import intervals, scores
 
 TEST_SETS = ("standard", "warped", "held_out", "control")
+# Ranked where all rows have it.
+OPTIONAL = "aligned_pose"
 COLUMNS = ("test_set", "tau", "tau_low", "tau_high", "rows", "views")
 # Each draw ranks all rows for each test set: 0.2 ms a piece.
 DRAWS = 1000
@@ -21,8 +23,10 @@ def make_table(rows):
 
     Intervals are over views: how the ranking would agree on other views of the scene.
     """
-    needed = ("oracle", *TEST_SETS)
-    found = [scores.read_psnr(row.metrics, needed) for row in rows]
+    needed = ["oracle", *TEST_SETS]
+    found = [scores.read_psnr(row.metrics, needed, row.aligned_pose) for row in rows]
+    if all(OPTIONAL in psnr_db for psnr_db in found):
+        needed.append(OPTIONAL)
     for row, psnr_db in zip(rows, found, strict=True):
         if not psnr_db.index.equals(found[0].index):
             raise ValueError(f"{row.metrics}: not the views of the first row")
@@ -30,7 +34,7 @@ def make_table(rows):
     count, views = oracle.shape
     chosen = intervals.resamples(views, draws=DRAWS)
     lines = []
-    for name, psnr_db in zip(TEST_SETS, others, strict=True):
+    for name, psnr_db in zip(needed[1:], others, strict=True):
         tau = tau_b(oracle.mean(axis=1), psnr_db.mean(axis=1))
         low = high = np.nan
         if views > 1 and np.isfinite(tau):

@@ -21,11 +21,17 @@ def row_name(method, warping):
     return method if warping == WARPINGS[0] else f"{method}, warped {warping}"
 
 
-def read(path, metrics=("psnr_db",)):
+def read(path, metrics=("psnr_db",), more=None):
     """(test set, metric) columns, a row per test view, all of `metrics` among them.
 
-    Raises ValueError naming the file where it lacks one, or any view.
+    more: another file, of further test sets of the same views. Raises ValueError naming
+    the file where it lacks a metric, or any view.
     """
+    if more is not None:
+        first, second = read(path, metrics), read(more, metrics)
+        if not first.index.equals(second.index):
+            raise ValueError(f"{more}: not the views of {path}")
+        return pd.concat([first, second], axis=1)
     try:
         scores = pd.read_csv(path).pivot(index="view", columns="test_set")
     except (KeyError, ValueError) as error:
@@ -37,9 +43,12 @@ def read(path, metrics=("psnr_db",)):
     return scores.swaplevel(axis=1)
 
 
-def read_psnr(path, needed=()):
-    """PSNR in dB, a row per view and a column per test set, `needed` among them."""
-    psnr_db = read(path).xs("psnr_db", axis=1, level=1)
+def read_psnr(path, needed=(), more=None):
+    """PSNR in dB, a row per view and a column per test set, `needed` among them.
+
+    more: as in `read`.
+    """
+    psnr_db = read(path, more=more).xs("psnr_db", axis=1, level=1)
     for name in needed:
         if name not in psnr_db:
             raise ValueError(f"{path}: no test set {name!r}")

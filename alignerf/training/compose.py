@@ -11,27 +11,30 @@ from alignerf.systems import refine
 from alignerf.training import methods
 
 
-def make_method(job: jobs.Job, views=None, *, to_train=True) -> methods.Method:
+def make_method(
+    job: jobs.Job, views=None, *, to_train=True, moving=False
+) -> methods.Method:
     """The method of a job: baseline, or AligNeRF in its fine-tuning stage.
 
     views: a function that gives the training views' cameras (`refine.Views`); asked
     where they are learnt too. to_train False leaves out what only its loss needs, the
-    weights file.
+    weights file. moving: its renders can be differentiated in their rays.
     """
-    method = without_cameras(job, to_train=to_train)
+    moving = moving or job.refine is not None
+    method = without_cameras(job, to_train=to_train, moving=moving)
     if job.refine is None:
         return method
     return refine.refined(method, refine.scales_of(views(), job.refine.preconditioned))
 
 
-def without_cameras(job: jobs.Job, *, to_train) -> methods.Method:
+def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
     """The same without the learning of cameras."""
     fine = job.stage == "finetune"
     outputs = {"outputs": job.alignerf.outputs} if fine else {}
-    moving = {"moving": True} if job.refine and job.model.field.kind == "grid" else {}
+    moves = {"moving": True} if moving and job.model.field.kind == "grid" else {}
     model = mipnerf360.Model(
         proposal=make_field(job.model.proposal),
-        field=make_field(job.model.field, **outputs, **moving),
+        field=make_field(job.model.field, **outputs, **moves),
         samples=tuple(job.model.samples),
         near=job.model.near,
         far=job.model.far,

@@ -15,7 +15,7 @@ import numpy as np
 
 from alignerf.command import progress, provenance
 from alignerf.experiment import jobs
-from alignerf.training import checkpoint, diagnose, memory, program, speed
+from alignerf.training import checkpoint, diagnose, memory, program
 
 log = logging.getLogger("alignerf")
 
@@ -102,7 +102,7 @@ def time_budget(job, built, params, views):
     state = program.fresh_state(built.optimizer, jax.tree.map(jnp.copy, params))
     state, views = program.place((state, views), built.mesh)
     schedule = program.schedule_of(jobs.with_steps(job, jobs.MOST_STEPS), built.mesh)
-    step_time_s = speed.step_time_s(
+    step_time_s = program.step_time_s(
         lambda state: built.step(state, views, schedule),
         state,
         most_s=min(TIMING_S, TIMING_SHARE * 60 * job.budget_min),

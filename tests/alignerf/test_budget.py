@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from alignerf.training import loop, speed
+from alignerf.training import loop, program
 from tests import job_cases as cases
 
 STEP_TIME_S = 0.1
@@ -28,13 +28,13 @@ def seconds(monkeypatch):
     The steps are timed all the same, to see that they leave no trace.
     """
     found = []
-    measure = speed.step_time_s
+    measure = program.step_time_s
 
     def say(step, state, *, most_s, at_once):
         measure(step, state, most_s=0.01, at_once=at_once)
         return found.pop(0)
 
-    monkeypatch.setattr(speed, "step_time_s", say)
+    monkeypatch.setattr(program, "step_time_s", say)
     return found
 
 
@@ -137,9 +137,9 @@ def test_it_ends_in_time(folder, tmp_path, monkeypatch):
 
         return run
 
-    measure, run_steps = speed.step_time_s, loop.run_steps
+    measure, run_steps = program.step_time_s, loop.run_steps
     monkeypatch.setattr(
-        speed, "step_time_s", lambda step, *a, **o: measure(slowed(step), *a, **o)
+        program, "step_time_s", lambda step, *a, **o: measure(slowed(step), *a, **o)
     )
     monkeypatch.setattr(
         loop, "run_steps", lambda job, step, *a: run_steps(job, slowed(step), *a)

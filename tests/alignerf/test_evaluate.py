@@ -137,8 +137,10 @@ def folder(tmp_path, rng):
     return tmp_path
 
 
-def run(folder, *more):
+def run(folder, *more, aligned_pose=None):
     options = {"scene": "", "renders": "renders", "testset": "testset"}
+    if aligned_pose:
+        options = {"scene": "", "aligned-pose": aligned_pose}
     arguments = [f"--{key}={folder / value}" for key, value in options.items()]
     evaluate.main([*arguments, f"--metrics={folder / 'metrics.csv'}", *more])
     return pd.read_csv(folder / "metrics.csv").set_index(["view", "test_set"])
@@ -187,6 +189,31 @@ def test_the_oracle_where_the_truth_is_known(folder):
     oracle = images.read(folder / "truth" / "oracle" / "a.png")
     wanted = image_metrics.psnr_db(oracle, np.zeros_like(oracle), EVERYWHERE)
     assert found.loc["a", "oracle"]["psnr_db"] == pytest.approx(wanted)
+
+
+def test_moved_cameras_are_scored_by_their_own_renders(folder, rng):
+    """Against the photo, and the leak against the oracle."""
+    (folder / "truth").mkdir()
+    (folder / "testset" / "aligned").rename(folder / "truth" / "oracle")
+    shutil.copytree(folder / "truth" / "oracle", folder / "testset" / "aligned")
+    for view in ("a", "c"):
+        for name in evaluate.ALIGNED_POSES:
+            image = rng.integers(0, 256, (*SIZE, 3), dtype=np.uint8)
+            images.write(folder / "moved" / name / f"{view}.png", image)
+    found = run(folder, f"--truth={folder / 'truth'}", aligned_pose="moved")
+    assert set(found.index.unique("test_set")) == {*evaluate.ALIGNED_POSES}
+    for name, kind in {
+        "aligned_pose": "images",
+        "aligned_pose_gradient": "images",
+        "aligned_pose_leak": "truth/oracle",
+        "aligned_pose_gradient_leak": "truth/oracle",
+    }.items():
+        target = images.read(folder / kind / "c.png")
+        render = images.read(folder / "moved" / name / "c.png")
+        wanted = image_metrics.psnr_db(target, render, EVERYWHERE)
+        assert found.loc["c", name]["psnr_db"] == pytest.approx(wanted)
+    with pytest.raises(ValueError, match="gone"):
+        run(folder, aligned_pose="gone")
 
 
 def test_without_a_warped_test_set_the_rest_is_scored(folder):

@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from alignerf import fields, render_views
+from alignerf import fields
 from alignerf.mipnerf360 import coord
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.scenes import cameras
-from alignerf.training import batches, methods
+from alignerf.training import batches, methods, renderer
 
 SMALL = {
     "grid": {"levels": 2, "log2_entries": 8, "finest": 32, "width": 16},
@@ -106,7 +106,7 @@ def test_images_one_pixel_wide_are_rendered(width, height):
 
     unused = methods.Method(1, None, None, None, render, lambda params, values: values)
     pixtocam, pose = cameras.intrinsics(2.0, width, height), np.eye(4)[:3]
-    render_view = render_views.make_renderer(unused, {}, width, height)
+    render_view = renderer.make_renderer(unused, {}, width, height)
     image, depth = render_view(pixtocam, pose)
     y, x = np.indices((height, width))
     rays = cameras.pixels_to_rays(x, y, pixtocam, pose)

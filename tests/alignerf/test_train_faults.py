@@ -47,8 +47,8 @@ def test_the_first_fault_stops_the_job_and_keeps_its_checkpoint(
     """At the very step, though numbers are fetched later, and again when resumed."""
     make_method = compose.make_method
 
-    def spoilt_method(job):
-        method = make_method(job)
+    def spoilt_method(job, views):
+        method = make_method(job, views)
 
         def terms(params, batch, share):
             values, shown = method.terms(params, batch, share)

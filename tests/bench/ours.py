@@ -7,8 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf import render_views
-from alignerf.training import batches, compose, program
+from alignerf.training import batches, compose, program, renderer
 
 
 class Training:
@@ -42,7 +41,7 @@ class Training:
         height, width = photos.images.shape[1:3]
         # A copy: a step gives up the state that it is given.
         params = jax.tree.map(jnp.copy, self.params)
-        render = render_views.make_renderer(self.method, params, width, height)
+        render = renderer.make_renderer(self.method, params, width, height)
         camera = photos.pixtocams[index], photos.camtoworlds[index]
         return lambda: render(*camera)
 

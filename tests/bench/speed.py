@@ -7,7 +7,7 @@ always does, and its rendering percentiles of depth; ours gives a depth too.
 
 import jax
 
-from alignerf import render_views
+from alignerf.training import renderer
 from tests.bench import cases, measure, multinerf, ours, theirs
 
 # Name, model, rays of a step, sides of a rendered view, goal of the training's ratio.
@@ -109,7 +109,7 @@ class Peer:
                 batch_rays=batch,
                 steps=250_000,
                 gather=gather,
-                chunk_rays=render_views.CHUNK_RAYS,
+                chunk_rays=renderer.CHUNK_RAYS,
             )
             trainings[gather] = theirs.Training(made, photos)
         times = measure.interleave(trainings, 3)

@@ -179,8 +179,9 @@ def check_controls(scene):
         assert db["oracle_gain"] == pytest.approx(
             db["oracle"] - db["standard"], abs=1e-4
         )
+        assert {"pose_gain", "pose_leak"} <= db.keys()
     ranking = read_csv(scene / "tables" / "ranking.csv")
-    sets = ["standard", "warped", "held_out", "control"]
+    sets = ["standard", "warped", "held_out", "control", "aligned_pose"]
     assert [row["test_set"] for row in ranking] == sets
     for row in ranking:
         low, tau, high = (float(row[key]) for key in ("tau_low", "tau", "tau_high"))

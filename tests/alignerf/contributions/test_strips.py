@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from alignerf import render_views
 from alignerf.contributions import patch_conv, strips
 from alignerf.scenes import cameras
+from alignerf.training import renderer
 from tests import training_cases as cases
 
 # From the smallest that can be reflected; width, height.
@@ -106,8 +106,8 @@ def test_a_view_is_the_same_in_strips(monkeypatch):
     camera = cameras.intrinsics(20.0, 23, 18), np.eye(4, dtype=np.float32)[:3]
     views = []
     for pixels in (10**6, 5 * 23, 1):
-        monkeypatch.setattr(render_views, "STRIP_PIXELS", pixels)
-        views.append(render_views.make_renderer(method, params, 23, 18)(*camera))
+        monkeypatch.setattr(renderer, "STRIP_PIXELS", pixels)
+        views.append(renderer.make_renderer(method, params, 23, 18)(*camera))
     image, depth = views[0]
     assert image.std() > 0
     for other, other_depth in views[1:]:

@@ -12,7 +12,11 @@ from alignerf.tables import controls, intervals, ranking
 from tests import table_cases
 
 VIEWS = [f"view_{number}" for number in range(6)]
-SETS = (*sorted(controls.NEEDED), "oracle")
+MOVED = (
+    *("aligned_pose", "aligned_pose_leak"),
+    *("aligned_pose_gradient", "aligned_pose_gradient_leak"),
+)
+SETS = (*sorted(controls.NEEDED), "oracle", *MOVED)
 
 
 @pytest.fixture
@@ -67,6 +71,11 @@ def test_a_gain_is_the_sum_of_its_parts(entries):
             psnr["held_out"] - psnr["standard_valid"]
         )
         assert db["oracle_gain"] == pytest.approx(psnr["oracle"] - psnr["standard"])
+        pose, pose_leak, gradient, gradient_leak = psnr[list(MOVED)]
+        assert db["pose_gain"] == pytest.approx(pose - psnr["standard"])
+        assert db["pose_leak"] == pytest.approx(pose_leak - psnr["oracle"])
+        assert db["gradient_gain"] == pytest.approx(gradient - psnr["standard"])
+        assert db["gradient_leak"] == pytest.approx(gradient_leak - psnr["oracle"])
         assert db["gain"] == pytest.approx(
             db["choice"] + db["resampling"] + db["leak"] + db["remains"]
         )
@@ -90,9 +99,11 @@ def test_intervals_are_of_differences_view_by_view(entries, rng):
 
 def test_without_an_oracle_its_columns_are_not_there(entries):
     scores = pd.read_csv(entries[0].metrics)
-    scores[scores["test_set"] != "oracle"].to_csv(entries[0].metrics, index=False)
+    known = ~scores["test_set"].isin(["oracle", *MOVED])
+    scores[known].to_csv(entries[0].metrics, index=False)
     table = controls.make_table(entries[:1])
-    assert not {"oracle", "oracle_gain"} & set(table["quantity"])
+    later = list(controls.HEADINGS)[list(controls.HEADINGS).index("oracle") :]
+    assert not {*later} & set(table["quantity"])
     assert "oracle" not in controls.to_latex(table)
     assert "oracle gain" in controls.to_latex(controls.make_table(entries[1:]))
 
@@ -133,8 +144,8 @@ def ranked(entries, oracle, other):
 
 
 def test_tau_counts_pairs_in_the_same_order(entries):
-    assert ranked(entries, [1, 2, 3, 4], [5, 6, 7, 8])["tau"].tolist() == [1.0] * 4
-    assert ranked(entries, [1, 2, 3, 4], [8, 7, 6, 5])["tau"].tolist() == [-1.0] * 4
+    assert ranked(entries, [1, 2, 3, 4], [5, 6, 7, 8])["tau"].tolist() == [1.0] * 5
+    assert ranked(entries, [1, 2, 3, 4], [8, 7, 6, 5])["tau"].tolist() == [-1.0] * 5
     # Five pairs of six in the same order, one not.
     table = ranked(entries, [1, 2, 3, 4], [5, 7, 6, 8])
     np.testing.assert_allclose(table["tau"], (5 - 1) / 6)
@@ -159,6 +170,26 @@ def test_an_interval_of_tau_is_over_views(entries, rng):
     assert (table["tau_low"] < 0.7).all()
     again = ranking.make_table(entries)
     pd.testing.assert_frame_equal(again, table)
+
+
+def test_a_set_that_some_row_lacks_is_not_ranked(entries):
+    scores = pd.read_csv(entries[0].metrics)
+    known = scores["test_set"] != "aligned_pose"
+    scores[known].to_csv(entries[0].metrics, index=False)
+    assert ranking.make_table(entries)["test_set"].tolist() == [*ranking.TEST_SETS]
+
+
+def test_scores_of_moved_cameras_lie_in_a_file_of_their_own(entries, tmp_path):
+    whole = controls.make_table(entries[:1])
+    scores = pd.read_csv(entries[0].metrics)
+    more, moved = tmp_path / "more.csv", scores["test_set"].isin(MOVED)
+    scores[moved].to_csv(more, index=False)
+    scores[~moved].to_csv(entries[0].metrics, index=False)
+    apart = entries[0]._replace(aligned_pose=str(more))
+    pd.testing.assert_frame_equal(controls.make_table([apart]), whole)
+    scores[moved & (scores["view"] != VIEWS[0])].to_csv(more, index=False)
+    with pytest.raises(ValueError, match=r"more\.csv: not the views of"):
+        controls.make_table([apart])
 
 
 @pytest.mark.parametrize("module", [controls, ranking])

@@ -38,6 +38,8 @@ def entry(tmp_path):
         "changes": {},
         "metrics": metrics,
         "base_metrics": metrics,
+        "aligned_pose": None,
+        "base_aligned_pose": None,
         "trainings": [timing],
         "data": [flow],
         "training": timing,

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import pytest
 
-from alignerf.training import speed
+from alignerf.training import program
 
 
 class Clock:
@@ -24,7 +24,7 @@ class Clock:
 
     def timed(self, most_s, at_once=10):
         options = {"most_s": most_s, "at_once": at_once, "clock": self}
-        return speed.step_time_s(self.step, 0, **options)
+        return program.step_time_s(self.step, 0, **options)
 
 
 def test_the_first_step_does_not_count():

@@ -1,4 +1,6 @@
-"""Weights of the fixed networks as .npz: `python -m alignerf.weights WHAT --out FILE`.
+"""Weights of the fixed networks as .npz.
+
+    python -m alignerf.metrics.weights WHAT --out FILE
 
 WHAT is `frequency` (VGG-19's first block, for the config's `frequency_weights`) or
 `lpips_alex`, `lpips_squeeze`, `lpips_vgg` (for its `lpips`). They are made from the

@@ -9,8 +9,7 @@ import threading
 import numpy as np
 import pytest
 
-from alignerf import weights
-from alignerf.metrics import lpips, vgg19
+from alignerf.metrics import lpips, vgg19, weights
 from tests import torch_writer
 
 FIRES = dict(zip(range(2, 10), (3, 4, 6, 7, 9, 10, 11, 12), strict=True))

@@ -1,0 +1,190 @@
+"""Fair scores where poses move: `python -m alignerf.align_test_poses`.
+
+A test view's camera is as wrong as the training views' were, and no model can know by
+how much. So each test camera is moved until the render fits the photo, on one half of
+the pixels, and the other half is rendered with it: no pixel is rendered by a camera
+that its own colour has moved. The halves are the squares of a checkerboard. Writes, for
+each way of fitting, a folder of <view>.png, of both halves:
+
+aligned_pose                 moved by the flow from the render to the photo
+aligned_pose_gradient        moved by gradient descent on the colours
+aligned_pose_leak            the first, fitted to the oracle instead of the photo: what
+aligned_pose_gradient_leak   it gains against the oracle, the fit gains by itself
+
+and poses.csv, with each half's motion.
+"""
+
+import argparse
+import csv
+import functools
+from contextlib import ExitStack
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from alignerf.command import archives, faults, images, machine, progress, whole
+from alignerf.scenes import prepared
+from alignerf.systems import pose_fit
+from alignerf.training import cores, renderer
+from flow.camera import fit as camera_fit
+from flow.camera import motion as camera_motion
+from flow.warping import controls, files
+
+FITS = {"flow": "aligned_pose", "gradient": "aligned_pose_gradient"}
+COLUMNS = (
+    *("view", "test_set", "half", "rotation_deg", "centre", "length_px"),
+    "fitted_pixels",
+)
+# Along the smaller side of an image.
+SQUARES = 6
+
+
+class Target(NamedTuple):
+    """What the renders are to fit: its images, and the flow to them."""
+
+    suffix: str
+    images: Path
+    flow: Path | None
+
+
+def main(argv=None):
+    args = parse(argv)
+    machine.limit(args.threads)
+    loaded = prepared.load(args.scene, args.cameras)
+    moving = args.gradient_steps > 0
+    method, params = renderer.read_model(args.config, args.model, loaded, moving=moving)
+    block_px = max(1, min(loaded.width, loaded.height) // SQUARES)
+    halves = halves_of(loaded, block_px)
+    targets = [Target("", Path(args.scene) / "images", args.flow)]
+    if args.truth:
+        targets.append(Target("_leak", args.truth / "oracle", args.truth_flow))
+    fitters = fitters_of(args, loaded, method, params, block_px)
+    size = loaded.width, loaded.height
+    render = renderer.make_renderer(method, params, *size)
+    kinds = [(fit, target) for fit in fitters for target in targets]
+    rows = []
+    with ExitStack() as stack:
+        out = stack.enter_context(whole.replace_folder(args.out))
+        views = loaded.views("test")
+        bar = progress.Progress(
+            "align test poses", len(views) * len(kinds), unit="view"
+        )
+        stack.callback(bar.close)
+
+        def one(work):
+            view, (fit, target) = work
+            found = [fitters[fit](view, target, ~half) for half in halves]
+            image = np.zeros((loaded.height, loaded.width, 3), np.uint8)
+            for half, (pose, _) in zip(halves, found, strict=True):
+                image[half] = render(loaded.pixtocams[view], pose, half)[0][half]
+            test_set = FITS[fit] + target.suffix
+            images.write(out / test_set / f"{loaded.names[view]}.png", image)
+            return [
+                {"view": loaded.names[view], "test_set": test_set, "half": number}
+                | row(loaded, args.depth, view, *result)
+                for number, result in enumerate(found)
+            ]
+
+        for fit, target in kinds:
+            (out / (FITS[fit] + target.suffix)).mkdir()
+        for found in cores.map_in_threads(one, [(v, k) for k in kinds for v in views]):
+            rows += found
+            bar.advance()
+        with open(out / "poses.csv", "w", newline="", encoding="utf-8") as file:
+            table = csv.DictWriter(file, COLUMNS)
+            table.writeheader()
+            table.writerows(rows)
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--config", required=True, help="job as JSON, or its file")
+    parser.add_argument("--scene", required=True, help="prepared scene folder")
+    parser.add_argument("--cameras", help="cameras.npz (default: the scene's)")
+    parser.add_argument("--model", required=True, help="trained parameters")
+    parser.add_argument("--flow", type=Path, help="to the photos; omit for no such fit")
+    parser.add_argument("--depth", type=Path, required=True, help="of the renders")
+    parser.add_argument("--truth", type=Path, help="folder of the oracle, for the leak")
+    parser.add_argument("--truth-flow", type=Path, help="to the oracle")
+    parser.add_argument("--gradient-steps", type=int, default=0, help="0: no such fit")
+    parser.add_argument("--out", type=Path, required=True, help="folder, written")
+    parser.add_argument("--threads", type=int, help="at most (default: every core)")
+    args = parser.parse_args(argv)
+    if not args.flow and not args.gradient_steps:
+        parser.error("nothing to fit by: --flow or --gradient-steps")
+    if args.flow and args.truth and not args.truth_flow:
+        parser.error("--truth and --flow need --truth-flow")
+    return args
+
+
+def halves_of(loaded: prepared.Scene, block_px):
+    """Masks [h, w] of the two halves."""
+    half = controls.checkerboard(loaded.height, loaded.width, block_px=block_px)
+    if half.all() or not half.any():
+        raise ValueError(f"{loaded.width}x{loaded.height} pixels have no two halves")
+    return half, ~half
+
+
+def fitters_of(args, loaded: prepared.Scene, method, params, block_px):
+    """{fit: function from (view, target, mask) to (pose [3, 4], pixels fitted)}."""
+    found = {}
+    if args.flow:
+        found["flow"] = functools.partial(fit_by_flow, loaded, args.depth)
+    if args.gradient_steps:
+        steps, patch_px = args.gradient_steps, min(block_px, pose_fit.PATCH_PX)
+        fit = pose_fit.make_fitter(method, params, steps=steps, patch_px=patch_px)
+        found["gradient"] = functools.partial(fit_by_gradient, loaded, fit)
+    return found
+
+
+def fit_by_flow(loaded: prepared.Scene, depth, view, target: Target, mask):
+    """The pose that the flow of these pixels asks for; as it is, of too few."""
+    name = f"{loaded.names[view]}.npz"
+    flow_px, valid = files.read_flow(target.flow / name)
+    if valid.shape != (loaded.height, loaded.width):
+        raise ValueError(f"{target.flow / name}: {valid.shape} is not the views' size")
+    # A lens is the scene's: no view has a focal length of its own.
+    found = camera_fit.split(
+        flow_px,
+        valid & mask,
+        loaded.pixtocams[view],
+        depth_of(depth, name),
+        log_focal=0.0,
+    )
+    camera = loaded.pixtocams[view], loaded.camtoworlds[view]
+    return camera_motion.apply(found.motion, *camera)[1], found.pixels
+
+
+def depth_of(folder, name):
+    return archives.read(folder / name, ["depth"])["depth"]
+
+
+def fit_by_gradient(loaded: prepared.Scene, fit, view, target: Target, mask):
+    """The pose that the colours of these pixels ask for."""
+    (photo,) = prepared.read_images(loaded, [view], target.images)
+    camera = loaded.pixtocams[view], loaded.camtoworlds[view]
+    return fit(photo, mask, *camera, seed=int(view)), int(mask.sum())
+
+
+def row(loaded: prepared.Scene, depth, view, pose, pixels):
+    """A line of poses.csv: how far the camera has moved."""
+    camera = loaded.pixtocams[view], loaded.camtoworlds[view]
+    motion = camera_motion.between(camera, (camera[0], pose))
+    depths = depth_of(depth, f"{loaded.names[view]}.npz")
+    known = depths[np.isfinite(depths) & (depths > 0)]
+    near = float(np.median(known)) if len(known) else 1.0
+    size = loaded.width, loaded.height
+    return {
+        "rotation_deg": float(np.degrees(np.linalg.norm(motion.rotation))),
+        "centre": float(np.linalg.norm(motion.centre)),
+        "length_px": camera_motion.length_px(motion, camera[0], size, near),
+        "fitted_pixels": pixels,
+    }
+
+
+if __name__ == "__main__":
+    faults.run(main)

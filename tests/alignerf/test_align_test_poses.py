@@ -1,0 +1,235 @@
+"""Test cameras moved to fit their photos: the stage, on a sphere seen from within."""
+
+import csv
+import types
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from alignerf import align_test_poses
+from alignerf.command import faults, images
+from alignerf.metrics import image as image_metrics
+from alignerf.scenes import cameras, prepared
+from alignerf.systems import pose_fit
+from alignerf.training import methods, renderer
+from flow.warping import controls, files
+from tests import camera_twins
+
+WIDTH, HEIGHT, FOCAL_PX = 66, 48, 55.0
+RADIUS = 2.5
+NAMES = ["v0", "v1", "v2", "v3"]
+EVERYWHERE = np.ones((HEIGHT, WIDTH), bool)
+
+
+def seen(rays):
+    """(colours [n, 3], depth [n]) of a painted sphere around all cameras."""
+    origins, directions = rays.origins, rays.directions
+    a, b, c = (
+        jnp.sum(first * second, axis=-1)
+        for first, second in (
+            (directions, directions),
+            (origins, directions),
+            (origins, origins),
+        )
+    )
+    depth = (-b + jnp.sqrt(b**2 - a * (c - RADIUS**2))) / a
+    points = origins + depth[:, None] * directions
+    waves = jnp.sin(points[:, None] * jnp.array([[[3.0], [5.0], [9.0]]]) + 0.4)
+    return 0.5 + 0.16 * jnp.sum(waves, axis=1), depth
+
+
+def painted(halo=0):
+    """The sphere as a method; with a halo, each colour is a mean of 3x3 values."""
+
+    def render(params, rays):
+        values, depth = seen(rays)
+        return types.SimpleNamespace(values=values, depth=depth)
+
+    def colours(params, values):
+        if not halo:
+            return values
+        h, w = values.shape[0] - 2, values.shape[1] - 2
+        parts = [values[i : i + h, j : j + w] for i in range(3) for j in range(3)]
+        return sum(parts) / 9
+
+    return methods.Method(1, lambda key: {}, None, None, render, colours, halo)
+
+
+BOTH = pytest.mark.parametrize("halo", [0, 1], ids=["rays", "patches"])
+
+
+@pytest.fixture
+def halo():
+    return 0
+
+
+@pytest.fixture
+def method(halo, monkeypatch):
+    found = painted(halo)
+    monkeypatch.setattr(renderer, "read_model", lambda *_, **__: (found, {}))
+    return found
+
+
+@pytest.fixture
+def scene(tmp_path, rng, method):
+    """Test views by wrong cameras, photos by the true ones, and the flow to them."""
+    turns = Rotation.from_rotvec(0.2 * rng.normal(size=(4, 3))).as_matrix()
+    poses = np.concatenate([turns, rng.normal(size=(4, 3, 1))], axis=-1)
+    pixtocams = np.stack([cameras.intrinsics(FOCAL_PX, WIDTH, HEIGHT)] * 4)
+    arrays = {"pixtocams": pixtocams, "camtoworlds": poses, "names": np.array(NAMES)}
+    sizes = {"width": WIDTH, "height": HEIGHT, "split": np.array(["test"] * 4)}
+    np.savez(tmp_path / "cameras.npz", **arrays, **sizes)
+    for kind in ("flow", "no_flow", "depth"):
+        (tmp_path / kind).mkdir()
+    loaded = prepared.load(tmp_path)
+    render = renderer.make_renderer(method, {}, WIDTH, HEIGHT)
+    for view, name in enumerate(NAMES):
+        camera = loaded.pixtocams[view], loaded.camtoworlds[view]
+        true = camera[1].copy()
+        true[:, :3] = (
+            true[:, :3] @ Rotation.from_rotvec([0.02, -0.015, 0.01]).as_matrix()
+        )
+        true[:, 3] += [0.02, -0.03, 0.01]
+        image, depth = render(*camera)
+        images.write(tmp_path / "truth" / "oracle" / f"{name}.png", image)
+        images.write(tmp_path / "images" / f"{name}.png", render(camera[0], true)[0])
+        flow_px = camera_twins.reprojection_flow(depth, camera, (camera[0], true))
+        flow_px = flow_px.astype(np.float32)
+        for kind, found in (("flow", flow_px), ("no_flow", 0 * flow_px)):
+            files.write_flow(tmp_path / kind / f"{name}.npz", found, EVERYWHERE)
+        np.savez(tmp_path / "depth" / f"{name}.npz", depth=depth)
+    return tmp_path
+
+
+def run(scene, *more, out="moved"):
+    return faults.exit_code(
+        align_test_poses.main,
+        [
+            *("--config", "{}", "--model", "none", "--scene", str(scene)),
+            *("--depth", str(scene / "depth"), "--out", str(scene / out), *more),
+        ],
+    )
+
+
+def with_truth(scene):
+    return ["--truth", str(scene / "truth"), "--truth-flow", str(scene / "no_flow")]
+
+
+def psnr_db(scene, first, second):
+    """Mean over views of two folders' images."""
+    pairs = [
+        [images.read(scene / f / f"{v}.png") for f in (first, second)] for v in NAMES
+    ]
+    return np.mean([image_metrics.psnr_db(*pair, EVERYWHERE) for pair in pairs])
+
+
+@BOTH
+def test_moved_cameras_render_what_the_photos_show(scene):
+    flow = ["--flow", str(scene / "flow"), "--gradient-steps", "200"]
+    assert run(scene, *flow, *with_truth(scene)) == 0
+    standard_db = psnr_db(scene, "images", "truth/oracle")
+    assert standard_db < 27
+    assert psnr_db(scene, "images", "moved/aligned_pose") > 45
+    assert psnr_db(scene, "images", "moved/aligned_pose_gradient") > standard_db + 8
+    # Where no camera needs to move, none does; a gradient is never quite at rest.
+    for name in NAMES:
+        pair = [
+            scene / d / f"{name}.png"
+            for d in ("truth/oracle", "moved/aligned_pose_leak")
+        ]
+        np.testing.assert_array_equal(*map(images.read, pair))
+    assert psnr_db(scene, "truth/oracle", "moved/aligned_pose_gradient_leak") > 38
+    with open(scene / "moved" / "poses.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 4 * 2 * 4
+    lengths = {row["test_set"]: float(row["length_px"]) for row in rows}
+    assert lengths["aligned_pose"] > 1
+    assert lengths["aligned_pose_leak"] == pytest.approx(0, abs=1e-9)
+
+
+@BOTH
+def test_no_pixel_is_rendered_by_what_it_shows(scene, rng):
+    """Spoilt photos and flows of one half change the renders of the other alone."""
+    half = controls.checkerboard(HEIGHT, WIDTH, block_px=HEIGHT // 6)
+    options = ["--flow", str(scene / "flow"), "--gradient-steps", "20"]
+    assert run(scene, *options, out="before") == 0
+    for name in NAMES:
+        path = scene / "images" / f"{name}.png"
+        noise = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+        images.write(path, np.where(half[..., None], noise, images.read(path)))
+        path = scene / "flow" / f"{name}.npz"
+        flow_px, valid = files.read_flow(path)
+        files.write_flow(path, np.where(half[..., None], 3 * flow_px, flow_px), valid)
+    assert run(scene, *options, out="after") == 0
+    for kind in ("aligned_pose", "aligned_pose_gradient"):
+        for name in NAMES:
+            before, after = (
+                images.read(scene / out / kind / f"{name}.png")
+                for out in ("before", "after")
+            )
+            np.testing.assert_array_equal(before[half], after[half])
+            assert (before[~half] != after[~half]).any()
+
+
+@BOTH
+def test_wanted_pixels_are_those_of_the_whole_render(method, rng):
+    render = renderer.make_renderer(method, {}, WIDTH, HEIGHT)
+    camera = cameras.intrinsics(FOCAL_PX, WIDTH, HEIGHT), np.eye(4)[:3]
+    whole, depth = render(*camera)
+    for wanted in (rng.uniform(size=(HEIGHT, WIDTH)) < 0.1, EVERYWHERE & (depth > 3)):
+        wanted[0, 0] = wanted[-1, -1] = True
+        found, found_depth = render(*camera, wanted)
+        np.testing.assert_array_equal(found[wanted], whole[wanted])
+        np.testing.assert_array_equal(found_depth[wanted], depth[wanted])
+
+
+def test_patches_lie_under_the_mask_and_within_the_image():
+    mask = controls.checkerboard(40, 50, block_px=10)
+    corners = pose_fit.corners_of(mask, 4, 3)
+    assert corners.shape == (40 * 50, 2)
+    for x, y in np.unique(corners, axis=0):
+        assert mask[y : y + 4, x : x + 4].all()
+        assert min(x, y) >= 3
+        assert (x + 7 <= 50) & (y + 7 <= 40)
+    with pytest.raises(ValueError, match="no patch of 11 px"):
+        pose_fit.corners_of(mask, 11, 0)
+
+
+@pytest.mark.parametrize(
+    ("break_it", "more", "reason"),
+    [
+        (lambda s: (s / "flow" / "v1.npz").unlink(), [], "flow/v1.npz"),
+        (lambda s: (s / "depth" / "v2.npz").write_bytes(b"PK"), [], "depth/v2.npz"),
+        (
+            lambda s: files.write_flow(
+                s / "flow" / "v1.npz",
+                np.zeros((4, 4, 2), np.float32),
+                EVERYWHERE[:4, :4],
+            ),
+            [],
+            "v1.npz: (4, 4) is not the views' size",
+        ),
+        (
+            lambda s: (s / "images" / "v3.png").unlink(),
+            ["--gradient-steps=2"],
+            "v3.png",
+        ),
+    ],
+)
+def test_bad_files_are_named_and_nothing_is_written(
+    scene, capsys, break_it, more, reason
+):
+    break_it(scene)
+    assert run(scene, "--flow", str(scene / "flow"), *more) == 1
+    assert reason in capsys.readouterr().err.splitlines()[-1]
+    assert not (scene / "moved").exists()
+
+
+def test_a_flow_that_says_nothing_leaves_the_camera(scene):
+    for path in (scene / "flow").iterdir():
+        flow_px, valid = files.read_flow(path)
+        files.write_flow(path, flow_px, valid & False)
+    assert run(scene, "--flow", str(scene / "flow")) == 0
+    assert psnr_db(scene, "truth/oracle", "moved/aligned_pose") == np.inf
