@@ -3,10 +3,12 @@
 One folder with images/, transforms.json (nerfstudio, instant-ngp) and sparse/0 (COLMAP,
 Gaussian splatting). With warped photos the training views are these, and masks/ says
 which of their pixels are valid; the other views keep the photos as taken. The points
-that COLMAP found when it made the poses come with them.
+that COLMAP found when it made the poses come with them; poses that came as LLFF's
+poses_bounds.npy go as that too.
 """
 
 import argparse
+import logging
 import shutil
 from pathlib import Path
 
@@ -14,6 +16,8 @@ import numpy as np
 
 from alignerf.command import archives, faults, images, whole
 from alignerf.scenes import exported, prepared
+
+log = logging.getLogger("alignerf")
 
 
 def main(argv=None):
@@ -41,6 +45,20 @@ def main(argv=None):
             found |= archives.read(points, ("points", "colours"))
         exported.write_colmap(folder, found)
         exported.write_transforms(folder / "transforms.json", found, masks=masks)
+        bounds = loaded.folder / "bounds.npz"
+        if bounds.is_file():
+            write_llff(folder / "poses_bounds.npy", found, bounds)
+
+
+def write_llff(path, found, bounds):
+    """Write poses_bounds.npy, or say why not; bounds: the file of the depths."""
+    depths = archives.read(bounds, ["bounds"])["bounds"]
+    if depths.shape != (len(found["names"]), 2):
+        raise ValueError(f"{bounds}: {depths.shape} is not two depths for each view")
+    try:
+        exported.write_llff(path, found, depths)
+    except ValueError as error:
+        log.warning("%s is not written: %s", path.name, error)
 
 
 def parse(argv=None):

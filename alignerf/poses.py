@@ -22,7 +22,10 @@ from alignerf.scenes.courtyard import truth
 
 log = logging.getLogger("alignerf.poses")
 
-PRODUCTS = ("images", "truth", "points.npz", "cameras.npz", "poses.json")
+PRODUCTS = (
+    *("images", "truth", "points.npz", "bounds.npz"),
+    *("cameras.npz", "poses.json"),
+)
 
 
 def main(config, out):

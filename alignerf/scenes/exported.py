@@ -1,7 +1,8 @@
 """A scene's folder for other programs: nerfstudio's transforms.json, COLMAP's model.
 
 Both in one folder, beside `images/`: nerfstudio and its kin read `transforms.json`,
-Gaussian splatting and COLMAP read `sparse/0`. Cameras are pinholes with pixel centres
+Gaussian splatting and COLMAP read `sparse/0`. What came as LLFF's `poses_bounds.npy`
+goes as that too. Cameras are pinholes with pixel centres
 at +0.5, in the frame in which the scene's cameras were given.
 """
 
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from alignerf.scenes import cameras
+from alignerf.scenes import cameras, llff
 
 # Beside transforms.json, for programs that begin with points.
 POINTS = "points.ply"
@@ -95,3 +96,23 @@ def write_colmap(folder, found):
             model.add_point3D(point, pycolmap.Track(), colour)
         model.export_PLY(Path(folder) / POINTS)
     model.write(sparse)
+
+
+def write_llff(path, found, bounds):
+    """Write poses_bounds.npy of the same arrays, beside `write_colmap`'s sparse/0.
+
+    bounds [n, 2]: nearest and farthest depth of each view. Raises ValueError where
+    views differ in their lens: the format has one for all.
+    """
+    if np.ptp(found["pixtocams"], axis=0).max() > 1e-9:
+        raise ValueError("the views' lenses differ")
+    focal_px = 1 / found["pixtocams"][0, 0, 0]
+    lens = np.array([found["height"], found["width"], focal_px], np.float64)
+    # In the order of the file names, which is not that of the names alone.
+    order = sorted(range(len(bounds)), key=lambda i: f"{found['names'][i]}.png")
+    rows = []
+    for pose, depths in zip(found["camtoworlds"][order], bounds[order], strict=True):
+        turn = pose[:, :3] @ llff.LLFF_FROM_OPENGL.T
+        matrix = np.concatenate([turn, pose[:, 3:], lens[:, None]], axis=-1)
+        rows.append(np.concatenate([matrix.ravel(), depths]))
+    np.save(path, np.stack(rows))

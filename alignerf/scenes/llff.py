@@ -3,8 +3,8 @@
 One row of 17 numbers a photo, photos in the order of their file names: [3, 5] of
 camera-to-world rotation, position and (height, width, focal length) in px of the
 photo that COLMAP saw, then the nearest and farthest depth. Axes of the rotation are
-down, right and backwards. The depths are left unread, since the contraction needs
-none.
+down, right and backwards. The depths are kept for those who are given the scene on: the
+contraction needs none.
 
 The rows say nothing of the lens, yet their poses are COLMAP's for a distorted photo:
 the principal point and the distortion come from `sparse/0/cameras.bin`. Without that
@@ -39,7 +39,7 @@ def read(folder) -> prepare.PosedViews:
     """
     folder = Path(folder)
     path = folder / "poses_bounds.npy"
-    rows = _read_rows(path)
+    rows, bounds = _read_rows(path)
     images = _find_photos(folder)
     if len(images) != len(rows):
         raise ValueError(
@@ -59,17 +59,20 @@ def read(folder) -> prepare.PosedViews:
         height=size[1],
         load=lambda i: photos.decode(images[i], upright=False)[0],
         where=cameras_bin,
-    )
+    )._replace(bounds=bounds)
 
 
 def _read_rows(path):
-    """[n, 3, 5] rotation, position and (height, width, focal_px) of each row."""
+    """[n, 3, 5] rotation, position and (height, width, focal_px) of each row.
+
+    And [n, 2] its nearest and farthest depth.
+    """
     rows = archives.read_array(path)
     if rows.ndim != 2 or rows.shape[1] != NUMBERS or not len(rows):
         raise ValueError(f"{path}: shape {rows.shape} instead of (n, {NUMBERS})")
     if rows.dtype.kind not in "fiu":
         raise ValueError(f"{path}: {rows.dtype} instead of real numbers")
-    rows = rows[:, :15].astype(np.float64)
+    rows, bounds = np.split(rows.astype(np.float64), [15], axis=1)
     if not np.isfinite(rows).all():
         row = np.flatnonzero(~np.isfinite(rows).all(axis=1))[0]
         raise ValueError(f"{path}: row {row} is not finite")
@@ -79,7 +82,7 @@ def _read_rows(path):
         raise ValueError(
             f"{path}: height, width and focal length of row {row} must be positive"
         )
-    return rows
+    return rows, bounds
 
 
 def _find_photos(folder):

@@ -34,6 +34,8 @@ class PosedViews(NamedTuple):
     """Index of a view -> its undistorted image [h, w, 3] uint8."""
     points: tuple[np.ndarray, np.ndarray] | None = None
     """What COLMAP has triangulated: positions and colours (uint8), both [m, 3]."""
+    bounds: Float[np.ndarray, "n 2"] | None = None
+    """Nearest and farthest depth of each view, where LLFF gives them."""
 
 
 def pinhole_views(names, lenses, camtoworlds, *, width, height, load, where):
@@ -92,6 +94,7 @@ def sort_by_name(views: PosedViews) -> PosedViews:
         pixtocams=np.asarray(views.pixtocams)[order],
         camtoworlds=np.asarray(views.camtoworlds)[order],
         load=lambda i: views.load(order[i]),
+        bounds=None if views.bounds is None else views.bounds[order],
     )
 
 
@@ -139,7 +142,10 @@ def split_views(n, *, test_every):
 
 
 def write_views(folder, views: PosedViews, *, split):
-    """Write images/<name>.png, cameras.npz and, of points, points.npz into a folder."""
+    """Write images/<name>.png and cameras.npz into a folder.
+
+    And points.npz and bounds.npz, where the views have them.
+    """
     (folder / "images").mkdir(parents=True)
     for i, name in enumerate(views.names):
         images.write(folder / "images" / f"{name}.png", views.load(i))
@@ -147,6 +153,8 @@ def write_views(folder, views: PosedViews, *, split):
     if views.points is not None:
         positions, colours = views.points
         np.savez(folder / "points.npz", points=positions, colours=colours)
+    if views.bounds is not None:
+        np.savez(folder / "bounds.npz", bounds=views.bounds)
 
 
 def write_cameras(path, views: PosedViews, *, split):

@@ -2,20 +2,23 @@
 
 import json
 
+import flax
+import jax
 import numpy as np
 import pycolmap
 import pytest
 from PIL import Image
 
-from alignerf import export
+from alignerf import export, poses
 from alignerf.command import faults
-from alignerf.scenes import cameras, colmap, prepared, transforms
+from alignerf.scenes import cameras, colmap, llff, prepare, prepared, transforms
+from tests import job_cases
 from tests.bench import cases
 
 
 @pytest.fixture
 def scene(tmp_path):
-    cases.write_scene(tmp_path / "scene", cases.orbit(width=24, height=16))
+    cases.write_scene(tmp_path / "scene", cases.orbit(width=48, height=32))
     return tmp_path / "scene"
 
 
@@ -24,7 +27,7 @@ def moved(scene, rng):
     """Cameras of their own: other poses, and a lens that differs in one view."""
     found = prepared.read_cameras(scene / "cameras.npz")
     found["camtoworlds"][:, :, 3] += 0.01 * rng.normal(size=(len(found["names"]), 3))
-    found["pixtocams"][2] = cameras.intrinsics(33.0, 24, 16)
+    found["pixtocams"][2] = cameras.intrinsics(66.0, 48, 32)
     np.savez(scene.parent / "moved.npz", **found)
     return scene.parent / "moved.npz"
 
@@ -74,6 +77,56 @@ def test_points_of_the_poses_come_along(scene, rng):
     )
 
 
+def test_what_came_as_llff_goes_as_llff(scene, moved, rng):
+    """Also where file names sort otherwise than the views' names."""
+    found = prepared.read_cameras(moved)
+    names = found["names"].tolist()
+    found["pixtocams"][2] = found["pixtocams"][0]
+    renamed = ["a", "a-1", "a1", *names[3:]]
+    for name, new in zip(names, renamed, strict=True):
+        (scene / "images" / f"{name}.png").rename(scene / "images" / f"{new}.png")
+    found["names"] = np.array(renamed)
+    np.savez(scene / "cameras.npz", **found)
+    bounds = np.sort(rng.uniform(1, 9, (len(names), 2)), axis=1)
+    np.savez(scene / "bounds.npz", bounds=bounds)
+    code, out = run(scene)
+    assert code == 0
+    views = prepare.sort_by_name(llff.read(out))
+    assert views.names == renamed
+    np.testing.assert_allclose(views.pixtocams, found["pixtocams"], atol=1e-6)
+    np.testing.assert_allclose(views.camtoworlds, found["camtoworlds"], atol=1e-6)
+    np.testing.assert_array_equal(views.bounds, bounds)
+    for i, name in enumerate(renamed):
+        stored = np.asarray(Image.open(scene / "images" / f"{name}.png"))
+        np.testing.assert_array_equal(views.load(i), stored)
+
+
+def test_lenses_that_llff_cannot_say_are_said(scene, moved, caplog):
+    views = len(prepared.read_cameras(moved)["names"])
+    np.savez(scene / "bounds.npz", bounds=np.ones((views, 2)))
+    code, out = run(scene, "--cameras", moved)
+    assert code == 0
+    assert not (out / "poses_bounds.npy").exists()
+    assert "poses_bounds.npy is not written: the views' lenses differ" in caplog.text
+
+
+def test_a_training_on_the_exported_folder_is_the_one_on_the_scene(scene, tmp_path):
+    """Through our own source: what the poses stage makes of it, and what is learnt."""
+    _, out = run(scene)
+    config = {"source": "transforms", "path": str(out), "test_every": 8}
+    poses.main(config, tmp_path / "again")
+    job = job_cases.JOB | {"training": job_cases.JOB["training"] | {"steps": 8}}
+    learnt = []
+    for number, folder in enumerate((scene, tmp_path / "again")):
+        model = tmp_path / f"run{number}"
+        model.mkdir()
+        job_cases.run(folder, model, job)
+        stored = (model / "model.msgpack").read_bytes()
+        learnt.append(jax.tree.leaves(flax.serialization.msgpack_restore(stored)))
+    for first, second in zip(*learnt, strict=True):
+        np.testing.assert_allclose(first, second, atol=1e-4)
+
+
 def test_photos_are_handed_on_byte_by_byte(scene):
     _, out = run(scene)
     for path in (scene / "images").iterdir():
@@ -94,9 +147,9 @@ def test_warped_photos_bring_their_masks(scene, rng):
     masks = {}
     for view in loaded.views("train"):
         name = loaded.names[view]
-        image = rng.integers(0, 256, (16, 24, 3), dtype=np.uint8)
+        image = rng.integers(0, 256, (32, 48, 3), dtype=np.uint8)
         Image.fromarray(image).save(warped / f"{name}.png")
-        masks[name] = rng.uniform(size=(16, 24)) < 0.5
+        masks[name] = rng.uniform(size=(32, 48)) < 0.5
         np.savez(valid / f"{name}.npz", flow_px=np.zeros(2), valid=masks[name])
     code, out = run(scene, "--warped", warped, "--valid", valid)
     assert code == 0
