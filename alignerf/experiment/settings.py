@@ -273,6 +273,14 @@ class Refine:
     preconditioned: bool = key(
         True, "turns and steps in units that move pixels alike, as CamP"
     )
+    coarse_to_fine: list[float] | None = key(
+        None,
+        "shares of the steps between which the field's frequencies, or the levels of "
+        "a grid, come in one by one; BARF's are 0.1 and 0.5; null: all from the start",
+        least=0,
+        most=1,
+        length=(2, 2),
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -169,7 +169,7 @@ class Grid(nn.Module):
     moving: bool = False
 
     @nn.compact
-    def __call__(self, gaussians, viewdirs=None):
+    def __call__(self, gaussians, viewdirs=None, fineness=None):
         mean, radius = coord.contract_spheres(gaussians)
         levels = Levels.geometric(
             self.levels, self.coarsest, self.finest, 2**self.log2_entries
@@ -181,6 +181,8 @@ class Grid(nn.Module):
         # A cell much smaller than the Gaussian tells it nothing.
         cells = sigma[None] * np.array(levels.resolutions, np.float32)[:, None]
         share = jax.scipy.special.erf(1 / (np.float32(np.sqrt(8)) * cells))
+        if fineness is not None:
+            share = share * shading.fine_weights(fineness, self.levels)[:, None]
         found = jnp.moveaxis(found * share[..., None], -1, 1)
         x = found.reshape(-1, sigma.size)
         x = nn.relu(shading.Dense(self.width, self.precision)(x))

@@ -127,11 +127,15 @@ class Mlp(nn.Module):
     precision: str = "float32"
 
     @nn.compact
-    def __call__(self, gaussians, viewdirs=None):
+    def __call__(self, gaussians, viewdirs=None, fineness=None):
         mean, root = coord.contract_gaussians(gaussians)
         batch = mean.shape[:-1]
         means, variances = project(mean.reshape(-1, 3), root.reshape(-1, 3, 3))
         encoded = integrated_encoding(means, variances, self.degrees)
+        if fineness is not None:
+            weights = shading.fine_weights(fineness, self.degrees)
+            weights = jnp.repeat(weights, len(means))[:, None]
+            encoded = tuple(weights * part for part in encoded)
         x = encoded
         for layer in range(self.depth):
             x = (nn.relu(shading.Dense(self.width, self.precision)(*x)),)

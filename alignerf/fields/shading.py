@@ -77,3 +77,13 @@ class Shading(nn.Module):
         raw = Dense(self.outputs, self.precision, name="values")(*x)
         raw = raw.astype(jnp.float32)
         return jax.nn.sigmoid(raw) * (1 + 2 * PADDING) - PADDING
+
+
+def fine_weights(fineness, count):
+    """Weights [count] of frequencies or levels, coarse first, that come in in turn.
+
+    fineness in [0, 1]: at 0 the first alone counts, at 1 all do (BARF, arXiv
+    2104.06405, Eq. 14, where even the first waits: BARF's network sees the point too).
+    """
+    passed = 1.0 + fineness * (count - 1) - jnp.arange(count)
+    return 0.5 * (1.0 - jnp.cos(jnp.pi * jnp.clip(passed, 0.0, 1.0)))

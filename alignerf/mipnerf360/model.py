@@ -38,12 +38,19 @@ class Model(nn.Module):
     far: float
 
     def __call__(
-        self, rays, *, jitter=None, train_share=1.0, proposal_share=1.0
+        self,
+        rays,
+        *,
+        jitter=None,
+        train_share=1.0,
+        proposal_share=1.0,
+        fineness=None,
     ) -> Rendering:
         """Render rays [n]; `jitter` [n, rounds] in [0, 1) moves their samples.
 
         `train_share` in [0, 1] anneals the resampling weights early in training.
         `proposal_share` of the rays, the first ones, carry a gradient to the proposals.
+        `fineness` in [0, 1] hides what is fine in the field's input; None shows all.
         """
         sdist = jnp.broadcast_to(jnp.array([0.0, 1.0]), (len(rays.origins), 2))
         weights = jnp.ones((len(rays.origins), 1))
@@ -66,7 +73,8 @@ class Model(nn.Module):
                 tdist, rays.origins, rays.directions, rays.radii
             )
             if last:
-                density, values = self.field(gaussians, rays.viewdirs)
+                hidden = {} if fineness is None else {"fineness": fineness}
+                density, values = self.field(gaussians, rays.viewdirs, **hidden)
             else:
                 density = self.propose(gaussians, proposal_share)
             weights = render.alpha_weights(density, tdist, rays.directions)

@@ -51,6 +51,7 @@ def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
             model,
             batch_rays=job.training.batch_rays,
             annealed=job.stage != "warm",
+            coarse_to_fine=job.refine and job.refine.coarse_to_fine,
             **shared,
         )
     chosen = job.alignerf

@@ -55,13 +55,20 @@ def _regularisers(histograms, weights):
 
 
 def mipnerf360(
-    model, *, batch_rays, loss_weights, proposal_share=1.0, annealed=True
+    model,
+    *,
+    batch_rays,
+    loss_weights,
+    proposal_share=1.0,
+    annealed=True,
+    coarse_to_fine=None,
 ) -> Method:
     """The baseline: single rays, Charbonnier loss (arXiv 2111.12077).
 
     proposal_share: of the rays, as many teach the proposals; as published all do.
     annealed: early in training samples spread beyond where the proposals put them;
     not so for a training that begins with trained proposals.
+    coarse_to_fine: shares of the training between which what is fine comes in (BARF).
     """
 
     def terms(params, batch, share):
@@ -71,6 +78,7 @@ def mipnerf360(
             jitter=batch.jitter,
             train_share=share if annealed else 1.0,
             proposal_share=proposal_share,
+            **({"fineness": passed(share, *coarse_to_fine)} if coarse_to_fine else {}),
         )
         error = jnp.mean((rendering.values - batch.photo) ** 2, axis=-1)
         # A part of the batch counts by the weight that it holds of the whole.
@@ -90,6 +98,11 @@ def mipnerf360(
         render=lambda params, rays: model.apply({"params": params["model"]}, rays),
         colours=lambda params, values: values,
     )
+
+
+def passed(share, first, last):
+    """How much of the way from one share of the training to another is done [0, 1]."""
+    return jnp.clip((share - first) / max(last - first, 1e-6), 0.0, 1.0)
 
 
 class Loss(NamedTuple):

@@ -8,6 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from alignerf import fields
 from alignerf.experiment import settings
+from alignerf.fields import grid, shading
+from alignerf.mipnerf360 import coord
 from alignerf.scenes import cameras, prepared
 from alignerf.systems import refine
 from alignerf.training import methods
@@ -140,6 +142,66 @@ def test_learning_turns_a_wrong_camera_towards_its_photo(kind):
         for s in steps
     ]
     assert np.mean(slopes) == pytest.approx(np.linalg.norm(found), rel=0.15)
+
+
+def test_frequencies_come_in_one_after_the_other():
+    count = 5
+    first, last = (shading.fine_weights(jnp.float32(f), count) for f in (0, 1))
+    np.testing.assert_allclose(first, [1, 0, 0, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(last, np.ones(count), atol=1e-6)
+    # BARF's Eq. 14 with alpha from 1 to L: in the middle two are whole, one is half.
+    middle = shading.fine_weights(jnp.float32(3 / 8), count)
+    np.testing.assert_allclose(middle, [1, 1, 0.5, 0, 0], atol=1e-6)
+    for share, wanted in ((0.0, 0.0), (0.1, 0.0), (0.3, 0.5), (0.5, 1.0), (1.0, 1.0)):
+        assert float(methods.passed(share, 0.1, 0.5)) == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize("kind", FIELDS)
+def test_what_is_fine_is_hidden_at_first(kind):
+    """A field's finest input changes its first colours not at all, its last ones do."""
+    count = {"grid": 2, "mlp": 3}[kind]
+    field = fields.make(kind, **FIELDS[kind])
+    gaussians = some_gaussians()
+    directions = jnp.ones((2, 3)) / np.sqrt(3)
+    params = field.init(jax.random.key(0), gaussians, directions)
+    params = jax.tree.map(
+        lambda x: x + 0.3 * jnp.sin(7.0 * jnp.arange(x.size)).reshape(x.shape), params
+    )
+
+    def values(params, fineness):
+        return field.apply(params, gaussians, directions, fineness=fineness)[1]
+
+    spoilt = without_the_finest(kind, params, count)
+    for fineness, alike in ((0.0, True), (1.0, False)):
+        before, after = values(params, fineness), values(spoilt, fineness)
+        assert np.allclose(before, after, atol=1e-6) == alike
+    whole = field.apply(params, gaussians, directions)[1]
+    np.testing.assert_allclose(values(params, 1.0), whole, atol=1e-6)
+
+
+def some_gaussians():
+    """Small ones on two rays of three samples."""
+    mean = jnp.linspace(-0.7, 0.6, 18).reshape(2, 3, 3)
+    direction = jnp.broadcast_to(jnp.array([0.0, 0.6, 0.8]), mean.shape)
+    return coord.Gaussians(mean, direction, *[1e-3 * jnp.ones((2, 3))] * 2)
+
+
+def without_the_finest(kind, params, count):
+    """The parameters, those changed that only the finest level or frequency meets."""
+    tree = jax.tree.map(lambda x: x, params)
+    if kind == "grid":
+        levels = grid.Levels.geometric(2, 16, 16, 2**12)
+        table = tree["params"]["table"]
+        tree["params"]["table"] = table.at[int(levels.offsets[-1]) :].add(1.0)
+        return tree
+    # Inputs of the first layer: sines of all frequencies, then cosines.
+    first = tree["params"]["Dense_0"]["kernel"]
+    part = first.shape[1] // 2 // count
+    for start in (0, first.shape[1] // 2):
+        end = start + count * part
+        first = first.at[:, end - part : end].add(1.0)
+    tree["params"]["Dense_0"]["kernel"] = first
+    return tree
 
 
 def test_cameras_wait_and_have_their_own_rates():
