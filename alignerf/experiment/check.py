@@ -175,8 +175,15 @@ def check_method(config, name):
 
 
 def check_changes(method, where):
-    """There are the rounds that change the cameras, and one for the photos."""
+    """There are the rounds that change the cameras, and one for the photos.
+
+    A staged training has none: it may put the cameras right between its stages.
+    """
     changes, rounds = method["changes"], method["rounds"]
+    if method["alignerf"]:
+        if changes == "cameras_then_photos":
+            fault(where, "a staged training has no round that warps photos")
+        return
     if changes == "cameras" and rounds == 0:
         fault(where, "cameras need a round to be put right for")
     if changes == "cameras_then_photos" and (rounds == "auto" or rounds < 2):

@@ -78,6 +78,16 @@ class Experiment:
         """Methods that learn the cameras with the scene."""
         return [name for name, m in self.methods.items() if m["refine"]]
 
+    def correcting(self):
+        """Staged methods whose cameras are put right between their stages."""
+        return [
+            name for name in self.staged() if self.methods[name]["changes"] != "photos"
+        ]
+
+    def pretrained(self, scene, method):
+        """Folder of the pre-training that a staged method shares with its ablations."""
+        return f"results/{scene}/pretrain/{self.methods[method]['model']}"
+
     def folder(self, scene, method, round):
         """Folder of a method's round, which may be another method's (`owner_of`)."""
         return f"results/{scene}/{self.owner_of(method, round)}/round{round}"
@@ -117,7 +127,12 @@ class Experiment:
         return self.changes(method)[int(round) - 1] if int(round) > 0 else None
 
     def cameras_of(self, scene, method, round):
-        """The cameras.npz that a round is trained with: as given, or put right."""
+        """The cameras.npz that a round is trained with: as given, or put right.
+
+        Of a staged method, those of its fine-tuning.
+        """
+        if method in self.correcting():
+            return f"{self.pretrained(scene, method)}/corrected/cameras.npz"
         for k in range(int(round), 0, -1):
             if self.change_of(method, k) == "cameras":
                 return f"{self.corrected_folder(scene, method, k)}/cameras.npz"

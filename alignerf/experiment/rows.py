@@ -87,7 +87,7 @@ def field_name(experiment, method):
     if method in experiment.refining():
         return f"{name}, cameras learnt"
     changes = experiment.methods[method]["changes"]
-    if changes != "photos":
+    if method not in experiment.staged() and changes != "photos":
         then = ", then photos" if changes == "cameras_then_photos" else ""
         return f"{name}, cameras put right{then}"
     if method not in experiment.staged():
@@ -104,6 +104,8 @@ def parts_of(experiment, method):
         parts.append(what)
     if settings["error"] != "squared":
         parts.append(settings["error"])
+    if method in experiment.correcting():
+        parts.insert(0, "cameras put right")
     if settings["frequency_weight"] > 0:
         weights = experiment.config["frequency_weights"]
         parts.append("VGG-19" if weights else "derivative bank")
@@ -113,8 +115,7 @@ def parts_of(experiment, method):
 def trainings_of(experiment, scene, method, round):
     """timing.json of every training that a round needed."""
     if method in experiment.staged():
-        model = experiment.methods[method]["model"]
-        first = f"results/{scene}/pretrain/{model}/timing.json"
+        first = f"{experiment.pretrained(scene, method)}/timing.json"
         return [first, f"{experiment.folder(scene, method, round)}/timing.json"]
     return [
         f"{experiment.folder(scene, method, k)}/timing.json"
@@ -142,6 +143,8 @@ def data_of(experiment, scene, method, round):
     The baseline's training, whose renders a radius is measured on, is its own row.
     """
     folders = [experiment.folder(scene, method, k) for k in range(int(round))]
+    if method in experiment.correcting():
+        folders.append(experiment.pretrained(scene, method))
     if measures_radius(experiment, method):
         folders.append(experiment.folder(scene, experiment.base_of(method), 0))
     return [
@@ -156,6 +159,9 @@ def data_of(experiment, scene, method, round):
 
 def corrections_of(experiment, scene, method, round):
     """The report of each correction of cameras that a round needed."""
+    if method in experiment.correcting():
+        folder = experiment.pretrained(scene, method)
+        return [f"{folder}/corrected/poses_corrected.json"]
     return [
         f"{experiment.corrected_folder(scene, method, k)}/poses_corrected.json"
         for k in range(1, int(round) + 1)

@@ -301,7 +301,7 @@ class Method:
         "photos",
         "what a round changes by the flow: photos are warped, as in the paper, or the "
         "training views' cameras are put right; cameras_then_photos warps photos in "
-        "the last round only",
+        "the last round only; with alignerf, cameras are put right before fine-tuning",
     )
     warm_start: WarmStart | None = key(
         None,

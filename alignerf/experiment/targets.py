@@ -59,7 +59,8 @@ def exports(experiment):
         for method in experiment.methods:
             last = experiment.last_round(scene, method)
             folder = f"results/{scene}/{method}/export"
-            if last > 0 or method in experiment.refining():
+            moved = {*experiment.refining(), *experiment.correcting()}
+            if last > 0 or method in moved:
                 found.append(f"{folder}/cameras")
             if experiment.change_of(method, last) == "photos":
                 found.append(f"{folder}/photos")

@@ -96,6 +96,8 @@ def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
         "moved": {"model": "base", "rounds": 2, "changes": "cameras"},
         "both": {"model": "base", "rounds": 2, "changes": "cameras_then_photos"},
         "joint": {"model": "base", "refine": {}},
+        "alignerf": {"model": "base", "alignerf": {}},
+        "corrected": {"model": "base", "alignerf": {}, "changes": "cameras"},
     }
     written = write(tmp_path, demo)
     code, output = snakemake(tmp_path, "--configfile", written, "-n", "all", "export")
@@ -105,10 +107,16 @@ def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
         "train": 5,
         "train_refining": 1,
         "correct_poses": 2,
-        "align_test_poses": 6,
-        "evaluate": 6,
-        "evaluate_aligned_pose": 6,
-        "decompose_courtyard": 6,
+        # AligNeRF twice, once with cameras put right after the one pre-training.
+        "pretrain": 1,
+        "render_pretrained": 1,
+        "align_pretrained": 1,
+        "correct_pretrained": 1,
+        "finetune": 2,
+        "align_test_poses": 8,
+        "evaluate": 8,
+        "evaluate_aligned_pose": 8,
+        "decompose_courtyard": 8,
         "export_cameras": 4,
         "export_photos": 2,
     }

@@ -157,3 +157,42 @@ rule correct_poses:
         " --cameras {input.used:q} --flow {input.flow:q} --depth {input.depth:q}"
         " {params.truth:q} --out {output.cameras:q} --report {output.report:q}"
         " 2>&1 | tee {log:q}"
+
+
+# The same between pre-training and fine-tuning.
+use rule align as align_pretrained with:
+    input:
+        renders="results/{scene}/pretrain/{model}/renders/train",
+        depth="results/{scene}/pretrain/{model}/depth/train",
+        photos="results/{scene}/images",
+    output:
+        flow=directory("results/{scene}/pretrain/{model}/flow/train"),
+        warped=directory("results/{scene}/pretrain/{model}/warped/train"),
+        stats="results/{scene}/pretrain/{model}/displacement_train.csv",
+    log:
+        "results/{scene}/pretrain/{model}/logs/align.log",
+    benchmark:
+        "results/{scene}/pretrain/{model}/logs/align.tsv"
+    wildcard_constraints:
+        model=plan.one_of(config["models"]),
+    params:
+        flow=lambda w: flows.of_views(experiment, w.scene, "pretrain", w.model),
+        splits=["train"],
+
+
+use rule correct_poses as correct_pretrained with:
+    input:
+        unpack(lambda w: rows.truth_of(experiment, w.scene)),
+        flow="results/{scene}/pretrain/{model}/flow/train",
+        depth="results/{scene}/pretrain/{model}/depth/train",
+        used="results/{scene}/cameras.npz",
+        cameras="results/{scene}/cameras.npz",
+    output:
+        cameras="results/{scene}/pretrain/{model}/corrected/cameras.npz",
+        report="results/{scene}/pretrain/{model}/corrected/poses_corrected.json",
+    log:
+        "results/{scene}/pretrain/{model}/logs/correct_poses.log",
+    benchmark:
+        "results/{scene}/pretrain/{model}/logs/correct_poses.tsv"
+    wildcard_constraints:
+        model=plan.one_of(config["models"]),

@@ -100,12 +100,13 @@ rule pretrain:
 rule finetune:
     input:
         unpack(lambda w: rows.displacement_for_radius(experiment, w.scene, w.method)),
-        initial=lambda w: "results/{}/pretrain/{}/model.msgpack".format(
-            w.scene, experiment.methods[w.method]["model"]
+        initial=lambda w: "{}/model.msgpack".format(
+            experiment.pretrained(w.scene, w.method)
         ),
         weights=lambda w: slices.frequency_weights_of(experiment, w.method) or [],
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
+        used=lambda w: experiment.cameras_of(w.scene, w.method, 0),
     output:
         model="results/{scene}/{method}/round0/model.msgpack",
         timing="results/{scene}/{method}/round0/timing.json",
@@ -130,7 +131,8 @@ rule finetune:
     shell:
         "python -m alignerf.train --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --photos {input.images:q}"
-        " --initial {input.initial:q} {params.displacement:q} --checkpoints {params.checkpoints:q}/checkpoints"
+        " --initial {input.initial:q} --cameras {input.used:q}"
+        " {params.displacement:q} --checkpoints {params.checkpoints:q}/checkpoints"
         " --sources {params.sources} --model {output.model:q}"
         " --timing {output.timing:q} --threads {threads} 2>&1 | tee {log:q}"
 
@@ -183,3 +185,24 @@ use rule render_views as render_all_views with:
         method=plan.at_rounds(experiment.followed()),
     params:
         splits=["train", "test"],
+
+
+# After pre-training, where cameras are put right before fine-tuning.
+use rule render_views as render_pretrained with:
+    input:
+        model="results/{scene}/pretrain/{model}/model.msgpack",
+        cameras="results/{scene}/cameras.npz",
+        used="results/{scene}/cameras.npz",
+    output:
+        renders=directory("results/{scene}/pretrain/{model}/renders/train"),
+        depth=directory("results/{scene}/pretrain/{model}/depth/train"),
+        timing="results/{scene}/pretrain/{model}/render_train.json",
+    log:
+        "results/{scene}/pretrain/{model}/logs/render.log",
+    benchmark:
+        "results/{scene}/pretrain/{model}/logs/render.tsv"
+    wildcard_constraints:
+        model=plan.one_of(config["models"]),
+    params:
+        config=lambda w: slices.of_pretraining(experiment, w.scene, w.model),
+        splits=["train"],

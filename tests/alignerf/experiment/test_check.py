@@ -72,7 +72,11 @@ def edit(config, where, value):
             {"model": "base", "rounds": "auto", "changes": "cameras_then_photos"},
             "methods.moved.changes: cameras_then_photos needs a number of rounds",
         ),
-        ("methods.alignerf.changes", "cameras", "alignerf.changes: cameras need a rou"),
+        (
+            "methods.alignerf.changes",
+            "cameras_then_photos",
+            "methods.alignerf.changes: a staged training has no round",
+        ),
         ("scenes.a/b", {"source": "courtyard"}, "scenes: 'a/b' does not match"),
         ("scenes.a\n", {"source": "courtyard"}, r"scenes: 'a\\n' does not match"),
         ("scenes.mine", {"source": "photos"}, "scenes.mine.path: source 'photos'"),

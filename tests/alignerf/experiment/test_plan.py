@@ -63,6 +63,33 @@ def test_a_round_changes_photos_or_cameras(demo, experiment_of):
     assert found["photos"] == "results/courtyard/moved/round2/warped/train"
 
 
+def test_a_staged_training_may_put_cameras_right_between_its_stages(
+    demo, experiment_of
+):
+    demo["methods"] = {
+        "mipnerf360": {"model": "base"},
+        "alignerf": {"model": "base", "alignerf": {}},
+        "corrected": {"model": "base", "alignerf": {}, "changes": "cameras"},
+    }
+    experiment = experiment_of(demo)
+    folder = "results/courtyard/pretrain/base"
+    found = {m: experiment.cameras_of("courtyard", m, 0) for m in experiment.staged()}
+    assert found == {
+        "alignerf": "results/courtyard/cameras.npz",
+        "corrected": f"{folder}/corrected/cameras.npz",
+    }
+    assert rows.data_of(experiment, "courtyard", "alignerf", 0) == []
+    # What the correction took is part of the way to the model.
+    assert rows.data_of(experiment, "courtyard", "corrected", 0) == [
+        f"{folder}/render_train.json",
+        f"{folder}/displacement_train.csv",
+        f"{folder}/corrected/poses_corrected.json",
+    ]
+    assert "cameras put right" in rows.field_name(experiment, "corrected")
+    assert "cameras put right" not in rows.field_name(experiment, "alignerf")
+    assert targets.exports(experiment) == ["results/courtyard/corrected/export/cameras"]
+
+
 def test_a_decision_is_read_from_its_file(tmp_path):
     path = tmp_path / "decision.json"
     for found in ("true", "false"):
