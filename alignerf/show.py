@@ -12,6 +12,7 @@ from alignerf.tables import scores
 BREAKDOWN = (
     *("gain", "choice", "resampling", "leak", "remains"),
     *("held_out", "displaced", "oracle_gain"),
+    *("pose_gain", "pose_leak", "gradient_gain", "gradient_leak"),
 )
 
 

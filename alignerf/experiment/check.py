@@ -1,5 +1,7 @@
 """The config's check, before anything is planned: a fault is one line with its key."""
 
+import copy
+import itertools
 import os
 import re
 from pathlib import Path
@@ -9,9 +11,10 @@ from alignerf.experiment import schema, settings, slices
 
 # What the results' folder holds besides scenes, and a scene's besides methods.
 SUFFIXES = (".csv", ".tex", ".png", ".provenance.json")
+TABLES = ("tradeoff", "flow_benchmark", "remedies")
 FILES = {
     *("published", "logs", "bench", "README.md"),
-    *(f"{name}{end}" for name in ("tradeoff", "flow_benchmark") for end in SUFFIXES),
+    *(f"{name}{end}" for name in TABLES for end in SUFFIXES),
 }
 FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
@@ -77,6 +80,8 @@ def completed(config):
             scene["seed"] = config["seed"]
         if not (scene["steps"] or scene["budget_min"]):
             scene |= settings.length(training)
+    config["scenes"] = varied(config)
+    config["vary"] = None
     for method in config["methods"].values():
         method["model"] = method["model"] or first(config["models"])
     scratch = [n for n, m in config["methods"].items() if not is_derived(m)]
@@ -86,6 +91,28 @@ def completed(config):
         sweep["scene"] = sweep["scene"] or first(config["scenes"])
         sweep["model"] = sweep["model"] or first(config["models"])
     return config
+
+
+def varied(config):
+    """The scenes, each with all seeds and lengths that `vary` asks for."""
+    vary, found = config["vary"], {}
+    if not vary:
+        return config["scenes"]
+    for name, scene in config["scenes"].items():
+        seeds = vary["seeds"] or [scene["seed"]]
+        for seed, share in itertools.product(seeds, vary["lengths"]):
+            again = name if seed == seeds[0] else f"{name}_seed{seed}"
+            if share != 1:
+                again += f"_x{share:g}"
+            if again in found or (again != name and again in config["scenes"]):
+                fault("vary", f"there would be two scenes {again}")
+            steps, budget_min = scene["steps"], scene["budget_min"]
+            found[again] = copy.deepcopy(scene) | {
+                "seed": seed,
+                "steps": steps and max(1, round(share * steps)),
+                "budget_min": budget_min and share * budget_min,
+            }
+    return found
 
 
 def home(path):
@@ -125,6 +152,8 @@ def check_given(config):
     settings.check_length(config.get("training", {}), "training")
     for name, scene in config["scenes"].items():
         settings.check_length(scene, f"scenes.{name}")
+        if scene.get("seed") is not None and (config.get("vary") or {}).get("seeds"):
+            fault(f"scenes.{name}.seed", "not beside vary.seeds")
     variants = (config.get("tradeoff") or {}).get("variants", {})
     for name, variant in variants.items():
         settings.check_length(variant, f"tradeoff.variants.{name}")
@@ -326,7 +355,7 @@ def check_tradeoff(config):
 def check_names(config):
     """Names become rules and folders: text, and none that is taken."""
     regimes = config.get("regimes", settings.Config.regimes)
-    if regimes in ("tradeoff", "flow_benchmark"):
+    if regimes in TABLES:
         fault("regimes", f"{regimes} has files of its own, choose another name")
     files = {f"{regimes}{suffix}" for suffix in SUFFIXES}
     taken = {

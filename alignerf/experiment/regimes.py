@@ -98,3 +98,61 @@ def like(experiment, name):
         "motion_m": motion_m,
         "steps": scene["steps"],
     }
+
+
+class Remedies(NamedTuple):
+    """What a scene is like, and each remedy at one length of training."""
+
+    scene: str
+    seed: int
+    # All but seed and length: equal for scenes whose times are set side by side.
+    alike: str
+    # Its length over that of the config's training.
+    share: int | float
+    # The plain training first.
+    methods: list[Method]
+
+
+def remedies(experiment):
+    """One row per scene: the plain training, and every method's last round.
+
+    Raises ValueError for a config in which no scene has the training's own length.
+    """
+    base = experiment.base_of(next(iter(experiment.methods)))
+    found = []
+    for scene in experiment.scenes:
+        last = {name: experiment.last_round(scene, name) for name in experiment.methods}
+        chosen = dict.fromkeys([(base, 0), *last.items()])
+        methods = [
+            Method(
+                parts=rows.field_name(experiment, method),
+                **rows.of_method(experiment, scene, method, round),
+            )
+            for method, round in chosen
+        ]
+        like = experiment.scenes[scene]
+        alike = {key: like[key] for key in like if key not in LENGTH}
+        row = Remedies(
+            scene=scene,
+            seed=like["seed"],
+            alike=slices.as_json(alike),
+            share=length_share(experiment, scene),
+            methods=methods,
+        )
+        found.append(row)
+    if not any(row.share == 1 for row in found):
+        raise ValueError("config: scenes: none is trained as long as `training` says")
+    return found
+
+
+# What scenes of the same remedies may differ in.
+LENGTH = ("seed", "steps", "budget_min")
+
+
+def length_share(experiment, scene):
+    """How long a scene is trained, over how long the config's training is."""
+    own, whole = experiment.scenes[scene], experiment.config["training"]
+    key = "steps" if whole["steps"] else "budget_min"
+    if not own[key]:
+        raise ValueError(f"config: scenes.{scene}: training has {key}, the scene not")
+    return own[key] / whole[key]

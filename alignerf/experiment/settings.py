@@ -498,6 +498,26 @@ class Tradeoff:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Vary:
+    """Every scene again: `name_seed2`, `name_x0.5`, `name_seed2_x0.5`."""
+
+    seeds: list[int] | None = key(
+        None,
+        "each scene is made and trained with each; the first keeps the scene's name",
+        least=0,
+        most=2**32 - 1,
+        length=(1, 100),
+    )
+    lengths: list[float] = key(
+        [1],
+        "and trained for each of these times its steps, or minutes",
+        above=0,
+        most=1000,
+        length=(1, 100),
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Config:
     """Every key of a config. Only `scenes` has to be there."""
 
@@ -505,6 +525,7 @@ class Config:
     scenes: dict[str, Scene] = key(
         what="name -> where its images and cameras come from"
     )
+    vary: Vary | None = key(None, "seeds and lengths that every scene is run with")
     models: dict[str, Model] = key(
         {"base": {}}, "name -> a mip-NeRF 360, with a field of a kind and a size"
     )

@@ -18,7 +18,8 @@ from alignerf.command import faults, whole
 from alignerf.experiment import regimes as regime_rows
 from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
-from alignerf.tables import regimes_figure, scores
+from alignerf.tables import scores
+from alignerf.tables.plots import regimes as regimes_plot
 
 log = logging.getLogger("alignerf")
 
@@ -54,7 +55,7 @@ def main(argv=None):
     scenes = table_rows.read(regime_rows.Regime, args.rows)
     table = make_table(scenes)
     with whole.replace_file(args.figure) as path:
-        regimes_figure.draw(table, path)
+        regimes_plot.draw(table, path)
         table_files.write(table, to_latex, rows=scenes, **table_files.places(args))
 
 

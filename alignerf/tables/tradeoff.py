@@ -15,7 +15,8 @@ from alignerf.command import faults, whole
 from alignerf.experiment import rows as table_rows
 from alignerf.experiment import sweep
 from alignerf.tables import files as table_files
-from alignerf.tables import intervals, scores, tradeoff_figure
+from alignerf.tables import intervals, scores
+from alignerf.tables.plots import tradeoff as tradeoff_plot
 
 log = logging.getLogger("alignerf")
 
@@ -52,7 +53,7 @@ def main(argv=None):
     table = make_table(points)
     seeds = [p.changes["seed"] for p in points if "seed" in p.changes]
     with whole.replace_file(args.figure) as path:
-        tradeoff_figure.draw(table.assign(kind=kinds_of(points)), path)
+        tradeoff_plot.draw(table.assign(kind=kinds_of(points)), path)
         places = table_files.places(args)
         table_files.write(table, to_latex, rows=points, seeds=seeds, **places)
     front = table[table["pareto"]].sort_values("train_time_s")

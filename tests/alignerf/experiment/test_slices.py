@@ -192,6 +192,31 @@ def test_regimes_have_the_baseline_first_and_warped_photos_last(demo, experiment
         regimes.scenes(experiment_of(demo))
 
 
+def test_remedies_are_every_methods_last_round_at_every_length(demo, experiment_of):
+    demo["methods"] = {
+        "plain": {"model": "base"},
+        "photos": {"model": "base", "rounds": 2},
+        "joint": {"model": "base", "refine": {}},
+    }
+    demo["vary"] = {"seeds": [0, 2], "lengths": [0.5, 1]}
+    found = regimes.remedies(experiment_of(demo))
+    assert [(row.scene, row.seed, row.share) for row in found] == [
+        ("courtyard_x0.5", 0, 0.5),
+        ("courtyard", 0, 1),
+        ("courtyard_seed2_x0.5", 2, 0.5),
+        ("courtyard_seed2", 2, 1),
+    ]
+    assert len({row.alike for row in found}) == 1
+    methods = [(method.method, method.round) for method in found[0].methods]
+    assert methods == [("plain", 0), ("photos", 2), ("joint", 0)]
+    # All that leads there is counted: three trainings, and renders and flow of two.
+    assert len(found[0].methods[1].trainings) == 3
+    assert len(found[0].methods[1].data) == 4
+    demo["vary"] = {"lengths": [0.5]}
+    with pytest.raises(ValueError, match="none is trained as long as `training` says"):
+        regimes.remedies(experiment_of(demo))
+
+
 def test_without_a_sweep_in_the_config_it_says_so(demo, experiment_of):
     del demo["tradeoff"]
     experiment = experiment_of(demo)

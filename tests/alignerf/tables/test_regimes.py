@@ -8,7 +8,8 @@ import pytest
 
 from alignerf.experiment import regimes as regime_rows
 from alignerf.experiment import rows as table_rows
-from alignerf.tables import intervals, regimes, regimes_figure
+from alignerf.tables import intervals, regimes
+from alignerf.tables.plots import regimes as regimes_plot
 
 ROWS = [("mipnerf360", 0), ("convolution", 0), ("alignment", 0), ("mipnerf360", 1)]
 
@@ -112,7 +113,7 @@ def test_the_baseline_on_warped_photos_stands_last(scene_of, caplog):
     # Of several trainings it has more rays, and that is no fault.
     assert "mipnerf360 saw" not in caplog.text
     assert "mipnerf360, warped once &" in regimes.to_latex(table)
-    assert set(regimes_figure.compared(table)["row"]) == {
+    assert set(regimes_plot.compared(table)["row"]) == {
         "convolution",
         "alignment",
         "mipnerf360, warped once",
@@ -220,12 +221,10 @@ def test_files_are_written_and_latex_has_a_block_a_regime(scene_of, tmp_path):
     csv, tex, png = paths
     table = pd.read_csv(csv)
     assert len(table) == 5 * 3 * 2 + 3
-    shown = pd.concat(
-        regimes_figure.compared(rows) for _, rows in table.groupby("scene")
-    )
+    shown = pd.concat(regimes_plot.compared(rows) for _, rows in table.groupby("scene"))
     assert set(shown["method"]) == {"convolution", "alignment"}
     assert set(shown["scene"]) == set(table["scene"])
-    titles = [title for title, *_ in regimes_figure.panels(shown)]
+    titles = [title for title, *_ in regimes_plot.panels(shown)]
     assert titles == ["nothing moves", "objects move", "budget", "scenes"]
     text = tex.read_text()
     assert text.count(r"\emph{") == 6

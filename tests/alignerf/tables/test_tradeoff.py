@@ -13,7 +13,8 @@ from PIL import Image
 
 from alignerf.experiment import rows as table_rows
 from alignerf.experiment import sweep
-from alignerf.tables import intervals, tradeoff, tradeoff_figure
+from alignerf.tables import intervals, tradeoff
+from alignerf.tables.plots import tradeoff as tradeoff_plot
 
 VIEWS = ["a", "b", "c", "d", "e", "f"]
 CHANGES = {
@@ -137,19 +138,19 @@ def test_a_view_without_a_metric_leaves_row_and_front(entries, tmp_path):
     assert row["train_time_s"] > 0
     tex = tradeoff.to_latex(table)
     assert [cell.strip() for cell in cells(tex)[1][6:8]] == ["--", "--"]
-    tradeoff_figure.draw(table.assign(kind="steps"), tmp_path / "figure.png")
+    tradeoff_plot.draw(table.assign(kind="steps"), tmp_path / "figure.png")
 
 
 def test_without_any_score_there_is_no_figure(entries, tmp_path):
     table = tradeoff.make_table(entries).assign(psnr_db=np.nan, kind="steps")
     with pytest.raises(ValueError, match="figure: no variant has a PSNR"):
-        tradeoff_figure.draw(table, tmp_path / "figure.png")
+        tradeoff_plot.draw(table, tmp_path / "figure.png")
 
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_few_variants_make_a_figure(entries, tmp_path, count):
     table = tradeoff.make_table(entries[:count])
-    tradeoff_figure.draw(table.assign(kind="base"), tmp_path / "figure.png")
+    tradeoff_plot.draw(table.assign(kind="base"), tmp_path / "figure.png")
     with Image.open(tmp_path / "figure.png") as image:
         assert min(image.size) > 500
 
@@ -264,10 +265,10 @@ def test_each_number_stands_at_its_point_and_at_its_name(entries):
     table = table.sort_values("psnr_db", ascending=False)
     table = table.assign(number=range(1, len(table) + 1))
     left, right = matplotlib.figure.Figure().subplots(1, 2)
-    tradeoff_figure.number_points(left, table)
+    tradeoff_plot.number_points(left, table)
     places = {text.get_text(): tuple(text.xy) for text in left.texts}
     styles = {"steps": ("black", "o")}
-    tradeoff_figure.draw_differences(right, table, styles)
+    tradeoff_plot.draw_differences(right, table, styles)
     names = [label.get_text() for label in right.get_yticklabels()]
     # The best on top.
     assert [int(name.split()[-1]) for name in names] == list(range(len(table), 0, -1))

@@ -1,0 +1,207 @@
+"""What to do with T minutes: `python -m alignerf.tables.remedies`.
+
+A remedy is a method that may bring more than plain training: photos warped, cameras put
+right or learnt, AligNeRF. Each is trained at several lengths. Its score after any time
+is read off the line through these, over the logarithm of the time; all that it takes is
+counted: every training, rendering and flow. So remedies are compared at equal time.
+
+Writes CSV, LaTeX and a figure. Per condition (scenes that differ in seed and length
+only), budget (1, 2 and 4 times the plain training), remedy and test set: the score, and
+what it is above plain training of the same time. Differences are paired by view; 95 %
+intervals are over views and, where there are several, seeds. A time that a remedy was
+not trained for, shorter or longer, has no score: nothing is extrapolated.
+"""
+
+import numpy as np
+import pandas as pd
+
+from alignerf.command import faults, whole
+from alignerf.experiment import regimes as regime_rows
+from alignerf.experiment import rows as table_rows
+from alignerf.tables import files as table_files
+from alignerf.tables import scores
+from alignerf.tables.plots import remedies as remedies_plot
+
+TEST_SETS = ("standard", "warped", "control", "oracle")
+# Times the plain training's own.
+BUDGETS = (1, 2, 4)
+# A training's seconds vary from run to run by as much.
+SLACK = 1.05
+COLUMNS = (
+    *("condition", "budget", "time_s", "method", "warping", "parts", "test_set"),
+    *("psnr_db", "gain_db", "gain_low_db", "gain_high_db", "seeds", "views"),
+)
+
+
+def main(argv=None):
+    parser = table_files.parser(__doc__)
+    parser.add_argument("--figure", required=True, help="PNG, written")
+    args = parser.parse_args(argv)
+    rows = table_rows.read(regime_rows.Remedies, args.rows)
+    conditions = conditions_of(rows)
+    table = make_table(conditions)
+    with whole.replace_file(args.figure) as path:
+        remedies_plot.draw({name: means_of(found) for name, found in conditions}, path)
+        table_files.write(table, to_latex, rows=rows, **table_files.places(args))
+
+
+def conditions_of(rows):
+    """[(name, {seed: {remedy: points}})] of `regimes.Remedies`, in their order.
+
+    remedy: (method, round, parts). points: [(seconds, PSNR of views by test set)] from
+    the shortest training on, and of the plain one {share: seconds} as `shares`.
+    """
+    found = {}
+    for row in rows:
+        _, seeds = found.setdefault(row.alike, (row.scene, {}))
+        remedies = seeds.setdefault(row.seed, {})
+        views = None
+        for method in row.methods:
+            psnr_db = scores.read_psnr(method.metrics)
+            views = psnr_db.index if views is None else views
+            if not psnr_db.index.equals(views):
+                raise ValueError(f"{method.metrics}: not the views of the others")
+            seconds = table_files.costs_of(method)["total_time_s"]
+            key = method.method, method.round, method.parts
+            points = remedies.setdefault(key, {})
+            if row.share in points:
+                raise ValueError(f"{row.scene}: the same as another scene")
+            points[row.share] = seconds, psnr_db
+    return list(found.values())
+
+
+def make_table(conditions):
+    """Lines of all conditions, remedies and budgets."""
+    lines = [line for name, seeds in conditions for line in lines_of(name, seeds)]
+    return pd.DataFrame(lines, columns=COLUMNS)
+
+
+def lines_of(name, seeds):
+    """Lines of one condition; seeds as of `conditions_of`."""
+    shared = set.intersection(*(set(remedies) for remedies in seeds.values()))
+    first = next(iter(seeds.values()))
+    remedies = [remedy for remedy in first if remedy in shared]
+    plain = remedies[0]
+    for budget in BUDGETS:
+        if not all(budget in of_seed[plain] for of_seed in seeds.values()):
+            continue
+        times_s = {seed: of_seed[plain][budget][0] for seed, of_seed in seeds.items()}
+        for remedy in remedies:
+            method, round, parts = remedy
+            labels = {
+                "condition": name,
+                "budget": budget,
+                "time_s": np.mean(list(times_s.values())),
+                "method": method,
+                "warping": scores.warping(round),
+                "parts": parts,
+                "seeds": len(seeds),
+            }
+            for test_set in TEST_SETS:
+                pairs = [
+                    [
+                        at_time(of_seed[one], times_s[seed], test_set)
+                        for one in (remedy, plain)
+                    ]
+                    for seed, of_seed in seeds.items()
+                ]
+                if not any(pd.isna(own).all() for own, _ in pairs):
+                    yield labels | {"test_set": test_set} | gain_of(pairs)
+
+
+def gain_of(pairs):
+    """Score and gain of [(PSNR of views, that of plain training)], one pair a seed."""
+    gains = [own - other for own, other in pairs]
+    return {
+        "psnr_db": np.mean([own.mean() for own, _ in pairs]),
+        "views": sum(map(len, gains)),
+        **scores.pooled_mean_and_interval(gains, "gain_"),
+    }
+
+
+def at_time(points, time_s, test_set):
+    """PSNR in dB of the views [n] after a time; NaN where no training was as long.
+
+    points: {share: (seconds, PSNR of views by test set)}.
+    """
+    points = sorted(points.values(), key=lambda point: point[0])
+    if any(test_set not in psnr_db for _, psnr_db in points):
+        return np.array([np.nan])
+    seconds = np.array([point[0] for point in points])
+    psnr_db = np.stack([point[1][test_set].to_numpy() for point in points])
+    if not seconds[0] / SLACK <= time_s <= seconds[-1] * SLACK:
+        return np.full(psnr_db.shape[1], np.nan)
+    at = np.log(np.clip(time_s, seconds[0], seconds[-1]))
+    return np.array([np.interp(at, np.log(seconds), view) for view in psnr_db.T])
+
+
+def means_of(seeds):
+    """{remedy's name: (seconds, dB)} of a condition's curves, means over the seeds.
+
+    Against the oracle where it is known, else on the standard test set.
+    """
+    found = {}
+    first = next(iter(seeds.values()))
+    for method, round, parts in first:
+        curves = [of_seed.get((method, round, parts), {}) for of_seed in seeds.values()]
+        shares = sorted(set.intersection(*map(set, curves)))
+        of_all = [curve[share][1] for curve in curves for share in shares]
+        known = all("oracle" in psnr_db for psnr_db in of_all)
+        test_set = "oracle" if known else "standard"
+        name = scores.row_name(method, scores.warping(round))
+        found[name] = (
+            [np.mean([curve[share][0] for curve in curves]) for share in shares],
+            [
+                np.mean([curve[share][1][test_set].mean() for curve in curves])
+                for share in shares
+            ],
+            test_set,
+        )
+    return found
+
+
+def to_latex(table):
+    """booktabs table: a block per condition, remedies down, budgets across."""
+    lines = []
+    budgets = sorted(set(table["budget"]))
+    for name, of_condition in table.groupby("condition", sort=False):
+        chosen = "oracle" if "oracle" in set(of_condition["test_set"]) else "standard"
+        rows = of_condition[of_condition["test_set"] == chosen]
+        minutes = rows.groupby("budget")["time_s"].first() / 60
+        title = ", ".join(f"{minutes[b]:.1f}" for b in budgets if b in minutes)
+        lines.append(
+            rf"\multicolumn{{{1 + 2 * len(budgets)}}}{{l}}"
+            rf"{{\emph{{{scores.latex_name(name)}, {chosen}: {title} min}}}} \\"
+        )
+        for (method, warping), own in rows.groupby(["method", "warping"], sort=False):
+            cells = [scores.latex_name(scores.row_name(method, warping))]
+            by_budget = own.set_index("budget")
+            for budget in budgets:
+                if budget not in by_budget.index:
+                    cells += ["--", ""]
+                    continue
+                found = by_budget.loc[budget]
+                ends = [found[f"gain{end}_db"] for end in ("", "_low", "_high")]
+                cells += [f"{found['psnr_db']:.2f}", scores.latex_difference(*ends)]
+            lines.append(" & ".join(cells) + r" \\")
+        lines.append(r"\midrule")
+    heads = " & ".join(rf"\multicolumn{{2}}{{c}}{{{b:g}$\times$}}" for b in budgets)
+    return "\n".join(
+        [
+            "% \\usepackage{booktabs}",
+            "% PSNR in dB at equal total time, and its difference to plain training of",
+            "% the same time, paired by view; 95 % intervals; bold: 0 is outside.",
+            rf"\begin{{tabular}}{{l{'rl' * len(budgets)}}}",
+            r"\toprule",
+            rf"Remedy & {heads} \\",
+            r"\midrule",
+            *lines[:-1],
+            r"\bottomrule",
+            r"\end{tabular}",
+            "",
+        ]
+    )
+
+
+if __name__ == "__main__":
+    faults.run(main)

@@ -1,0 +1,159 @@
+"""Remedies at equal time, from curves that are known."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from alignerf.experiment import regimes as regime_rows
+from alignerf.experiment import rows as table_rows
+from alignerf.tables import remedies
+
+VIEWS = ["a", "b", "c"]
+SHARES = (0.5, 1, 2, 4)
+BASE_S = 100.0
+
+
+@pytest.fixture
+def row(tmp_path):
+    """(name, seed, share, {method: (dB of views, seconds)}) -> its row, with files."""
+
+    def write(name, seed, share, found, *, test_sets=("standard", "oracle")):
+        methods = []
+        for round, (method, (views_db, seconds)) in enumerate(found.items()):
+            path = tmp_path / f"{name}_{seed}_{share:g}x_{method}".replace(".", "_")
+            lines = [
+                {"view": view, "test_set": test_set, "psnr_db": db + place, "ssim": 1}
+                for place, test_set in enumerate(test_sets)
+                for view, db in zip(VIEWS, views_db, strict=True)
+            ]
+            pd.DataFrame(lines).to_csv(f"{path}.csv", index=False)
+            costs = {"train_time_s": seconds - 3, "steps": 1}
+            costs |= {"rays_seen": 1, "params": 1}
+            path.with_suffix(".json").write_text(json.dumps(costs))
+            data = path.with_suffix(".data.json")
+            data.write_text(json.dumps({"time_s": 3.0}))
+            files = ([f"{path}.json"], [str(data)])
+            methods.append(
+                regime_rows.Method(method, round, method, f"{path}.csv", *files)
+            )
+        return regime_rows.Remedies(f"{name}_x{share}", seed, name, share, methods)
+
+    return write
+
+
+def curves(share, *, plain_db=20.0, gain_db=1.5, cost=2.0):
+    """dB rise by 1 with each doubling; a remedy has more, and takes longer."""
+    views = np.array([-2.0, 0.0, 2.0]) + plain_db + np.log2(share)
+    return {
+        "plain": (views, BASE_S * share),
+        "fix": (views + gain_db, cost * BASE_S * share),
+    }
+
+
+@pytest.fixture
+def rows(row):
+    return [
+        row("wrong", seed, share, curves(share, plain_db=20 + seed))
+        for seed in (0, 2)
+        for share in SHARES
+    ]
+
+
+def one(table, **keys):
+    chosen = np.logical_and.reduce([table[key] == value for key, value in keys.items()])
+    (found,) = table[chosen].to_dict("records")
+    return found
+
+
+def test_scores_are_read_off_at_equal_time(rows):
+    table = remedies.make_table(remedies.conditions_of(rows))
+    assert tuple(table.columns) == remedies.COLUMNS
+    assert list(dict.fromkeys(table["budget"])) == [1, 2, 4]
+    for budget in (1, 2, 4):
+        plain = one(table, budget=budget, method="plain", test_set="oracle")
+        assert plain["time_s"] == pytest.approx(budget * BASE_S)
+        # Mean of seeds 0 and 2, and the oracle is 1 dB above.
+        assert plain["psnr_db"] == pytest.approx(22 + np.log2(budget))
+        assert plain["gain_db"] == 0
+        fix = one(table, budget=budget, method="fix", test_set="oracle")
+        # It costs twice the time, which is worth 1 dB of its 1.5.
+        assert fix["gain_db"] == pytest.approx(0.5)
+        assert fix["gain_low_db"] == pytest.approx(0.5)
+        assert (fix["seeds"], fix["views"], fix["warping"]) == (2, 6, "once")
+
+
+def test_between_two_lengths_the_line_is_over_the_logarithm(row):
+    rows = [
+        row("wrong", 0, share, curves(share, cost=2.0 * 2**0.25)) for share in SHARES
+    ]
+    table = remedies.make_table(remedies.conditions_of(rows))
+    found = one(table, budget=2, method="fix", test_set="standard")
+    assert found["gain_db"] == pytest.approx(1.5 - 1.25)
+
+
+def test_nothing_is_extrapolated(row):
+    """Too dear for the shortest budget, and not trained long enough for the longest."""
+    rows = [row("wrong", 0, s, curves(s, cost=3.0)) for s in SHARES]
+    table = remedies.make_table(remedies.conditions_of(rows))
+    fix = table[table["method"] == "fix"]
+    assert set(fix["budget"]) == {2, 4}
+    found = {}
+    for share in SHARES:
+        both = curves(share, cost=0.5)
+        found[share] = row("other", 0, share, both)
+    table = remedies.make_table(remedies.conditions_of(list(found.values())))
+    assert set(table[table["method"] == "fix"]["budget"]) == {1, 2}
+    # Seconds vary: a little too short counts as long enough.
+    rows = [row("third", 0, s, curves(s, cost=0.96)) for s in SHARES]
+    table = remedies.make_table(remedies.conditions_of(rows))
+    assert one(table, budget=4, method="fix", test_set="oracle")["gain_db"] == 1.5
+
+
+def test_budgets_that_plain_training_lacks_are_left_out(row):
+    rows = [row("wrong", 0, share, curves(share)) for share in (0.25, 0.5, 1)]
+    table = remedies.make_table(remedies.conditions_of(rows))
+    assert set(table["budget"]) == {1}
+
+
+def test_conditions_and_photos_without_truth_stand_apart(rows, row):
+    fox = [
+        row("fox", 0, share, curves(share), test_sets=("standard", "warped"))
+        for share in SHARES
+    ]
+    conditions = remedies.conditions_of([*rows, *fox])
+    table = remedies.make_table(conditions)
+    assert list(dict.fromkeys(table["condition"])) == ["wrong_x0.5", "fox_x0.5"]
+    assert set(table[table["condition"] == "fox_x0.5"]["test_set"]) == {
+        "standard",
+        "warped",
+    }
+    means = {name: remedies.means_of(seeds) for name, seeds in conditions}
+    assert means["fox_x0.5"]["plain"][2] == "standard"
+    seconds, psnr_db, test_set = means["wrong_x0.5"]["fix, warped once"]
+    assert test_set == "oracle"
+    assert seconds == [2 * BASE_S * share for share in SHARES]
+    np.testing.assert_allclose(psnr_db, 23.5 + np.log2(SHARES))
+    tex = remedies.to_latex(table)
+    assert r"fox\_x0.5, standard: 1.7, 3.3, 6.7 min" in tex
+    assert r"22.50 & \textbf{+0.50}" in tex
+
+
+def test_faults_are_named(rows, row):
+    with pytest.raises(ValueError, match=r"wrong_x1: the same as another scene"):
+        remedies.conditions_of([*rows, row("wrong", 0, 1, curves(1))])
+    path = rows[0].methods[1].metrics
+    table = pd.read_csv(path)
+    table[table["view"] != "a"].to_csv(path, index=False)
+    with pytest.raises(ValueError, match="not the views of the others"):
+        remedies.conditions_of(rows)
+
+
+def test_as_a_command(rows, tmp_path):
+    out = {kind: tmp_path / f"remedies.{kind}" for kind in ("csv", "tex", "png")}
+    places = [f"--csv={out['csv']}", f"--tex={out['tex']}", f"--figure={out['png']}"]
+    remedies.main(["--rows", table_rows.as_json(rows), *places])
+    assert pd.read_csv(out["csv"])["method"].tolist()[0] == "plain"
+    assert out["png"].stat().st_size > 10_000
+    assert out["tex"].read_text().count(r"\midrule") == 1
