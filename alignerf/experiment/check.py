@@ -26,6 +26,8 @@ DATA = re.compile(r"\$\{ALIGNERF_DATA:-([^{}]*)\}")
 # What no machine is asked for: parameters and all of their training, or courtyard's
 # photos, eight bits a channel.
 MOST_BYTES = 2**38
+# In units of the largest camera coordinate.
+MOST_FAR = 100
 MOST_PHOTO_BYTES = 2**35
 
 
@@ -169,6 +171,9 @@ def check_model(model, name):
     """Its depths are in order, and its fields' parameters fit into a machine."""
     if model["near"] >= model["far"]:
         fault(f"models.{name}", "near must be smaller than far")
+    if model["field"]["kind"] == "nerf" and model["far"] > MOST_FAR:
+        # Sines of distant points are noise, and nothing contracts them.
+        fault(f"models.{name}.far", f"field nerf sees no farther than {MOST_FAR}")
     for key in ("proposal", "field"):
         field = model[key]
         if field["kind"] == "grid":

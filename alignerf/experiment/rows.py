@@ -82,7 +82,7 @@ def field_name(experiment, method):
     """How a table calls a method's field, and what its frequency loss looks at."""
     model = experiment.methods[method]["model"]
     field = experiment.config["models"][model]["field"]
-    size = field["width"] if field["kind"] == "mlp" else f"2^{field['log2_entries']}"
+    size = field["width"] if field["kind"] != "grid" else f"2^{field['log2_entries']}"
     name = f"{field['kind']} {size}"
     if method in experiment.refining():
         return f"{name}, cameras learnt"

@@ -178,7 +178,7 @@ def of_names(kind):
 def of_union(options, bounds):
     """Null or a type; a number or a word; one kind of field or the other."""
     kinds = [option for option in options if option is not type(None)]
-    if kinds == [settings.Grid, settings.Mlp]:
+    if all("kind" in getattr(kind, "__dataclass_fields__", ()) for kind in kinds):
         return of_field_kinds(kinds)
     found = [of_type(option, bounds) for option in kinds]
     if type(None) not in options:

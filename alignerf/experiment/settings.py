@@ -177,6 +177,23 @@ class Mlp:
     precision: PRECISIONS = key("float32", PRECISION)
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Nerf:
+    """NeRF's field, as BARF has it; its defaults are those of `alignerf.fields.nerf`.
+
+    Without contraction: the model's `far` bounds what it sees.
+    """
+
+    kind: Literal["nerf"] = key("nerf", "of points in a bounded scene, as BARF's")
+    width: int = key(256, "channels", least=1, most=16384)
+    depth: int = key(8, "layers", least=1, most=64)
+    skip_after: int = key(4, "layers before the point comes in again", least=1, most=64)
+    degrees: int = key(10, "of the encoding", least=1, most=16)
+    view_degrees: int = key(4, "of the view direction's encoding", least=1, most=16)
+    view_width: int = key(128, "of the head's layer", least=1, most=16384)
+    precision: PRECISIONS = key("float32", PRECISION)
+
+
 FIELD = (
     "with `kind` the defaults of that kind; without it, changes of the default field"
 )
@@ -195,15 +212,16 @@ class Model:
     far: float = key(1e6, "farthest distance", above=0, most=1e18)
     samples: list[int] = key(
         [32, 16, 12],
-        "samples a ray in each proposal round, and in the last round",
+        "samples a ray in each proposal round, and in the last round; a single number "
+        "takes them evenly in 1 / distance, without a proposal",
         least=1,
         most=4096,
-        length=(2, 8),
+        length=(1, 8),
     )
     proposal: Grid | Mlp = key(
         Grid(levels=4, log2_entries=15, features=2, finest=256, width=16), FIELD
     )
-    field: Grid | Mlp = key(Grid(finest=2048), FIELD)
+    field: Grid | Mlp | Nerf = key(Grid(finest=2048), FIELD)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -317,7 +335,7 @@ class Method:
 
 
 # Chosen on courtyard, seed 1.
-RATES = {"grid": (0.03, 0.003), "mlp": (0.01, 0.001)}
+RATES = {"grid": (0.03, 0.003), "mlp": (0.01, 0.001), "nerf": (0.001, 0.0001)}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

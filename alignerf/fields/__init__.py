@@ -2,12 +2,12 @@
 
 Every field is a flax module with `__call__(gaussians, viewdirs) -> (density [rays,
 samples], values [c, rays, samples])`; `viewdirs` None asks for density alone and
-gives values None.
+gives values None. A third argument, `fineness`, may hide what is fine in its input.
 """
 
-from alignerf.fields import grid, mlp
+from alignerf.fields import grid, mlp, nerf
 
-KINDS = {"grid": grid.Grid, "mlp": mlp.Mlp}
+KINDS = {"grid": grid.Grid, "mlp": mlp.Mlp, "nerf": nerf.Nerf}
 
 
 def make(kind, **options):

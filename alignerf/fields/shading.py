@@ -52,13 +52,21 @@ def density_of(raw):
     return jax.nn.softplus(raw.astype(jnp.float32) + DENSITY_BIAS)
 
 
-def encode_direction(v, degrees):
-    """[v, sin(2^k v), cos(2^k v)] for k < degrees: [3 + 6 degrees, rays]."""
+def encode_direction(v, degrees, fineness=None):
+    """[v, sin(2^k v), cos(2^k v)] for k < degrees: [3 + 6 degrees, rays].
+
+    fineness: as of `fine_weights`, with which the degrees come in in turn.
+    """
     v = v.T
     scaled = (2.0 ** jnp.arange(degrees)[:, None, None] * v[None]).reshape(
         -1, v.shape[-1]
     )
-    return jnp.concatenate([v, jnp.sin(scaled), jnp.cos(scaled)])
+    waves = jnp.sin(scaled), jnp.cos(scaled)
+    if fineness is not None:
+        weights = fine_weights(fineness, degrees, at_first=0)
+        weights = jnp.repeat(weights, len(v))[:, None]
+        waves = tuple(weights * wave for wave in waves)
+    return jnp.concatenate([v, *waves])
 
 
 class Shading(nn.Module):
@@ -70,8 +78,8 @@ class Shading(nn.Module):
     view_degrees: int = 4
 
     @nn.compact
-    def __call__(self, bottleneck, viewdirs):
-        x = (bottleneck, encode_direction(viewdirs, self.view_degrees))
+    def __call__(self, bottleneck, viewdirs, fineness=None):
+        x = (bottleneck, encode_direction(viewdirs, self.view_degrees, fineness))
         for width in self.widths:
             x = (nn.relu(Dense(width, self.precision)(*x)),)
         raw = Dense(self.outputs, self.precision, name="values")(*x)
@@ -79,11 +87,11 @@ class Shading(nn.Module):
         return jax.nn.sigmoid(raw) * (1 + 2 * PADDING) - PADDING
 
 
-def fine_weights(fineness, count):
+def fine_weights(fineness, count, *, at_first=1):
     """Weights [count] of frequencies or levels, coarse first, that come in in turn.
 
-    fineness in [0, 1]: at 0 the first alone counts, at 1 all do (BARF, arXiv
-    2104.06405, Eq. 14, where even the first waits: BARF's network sees the point too).
+    fineness in [0, 1]: at 0 as many count as are there `at_first`, at 1 all do (BARF,
+    arXiv 2104.06405, Eq. 14, with none at first: its network sees the point too).
     """
-    passed = 1.0 + fineness * (count - 1) - jnp.arange(count)
+    passed = at_first + fineness * (count - at_first) - jnp.arange(count)
     return 0.5 * (1.0 - jnp.cos(jnp.pi * jnp.clip(passed, 0.0, 1.0)))

@@ -33,6 +33,8 @@ def interlevel(histograms) -> Float[Array, ""]:
     goes with it, takes their mean.
     """
     *proposals, (t, w) = histograms
+    if not proposals:
+        return jnp.zeros(())
     of_rays = sum(
         jnp.mean(stepfun.interlevel_loss(t, w, t_other, w_other))
         for t_other, w_other in proposals

@@ -29,9 +29,12 @@ class Rendering(NamedTuple):
 
 
 class Model(nn.Module):
-    """A proposal field used once per early round of `samples`, then the field."""
+    """A proposal field used once per early round of `samples`, then the field.
 
-    proposal: nn.Module
+    With one round there is no proposal: a ray's samples are evenly spread.
+    """
+
+    proposal: nn.Module | None
     field: nn.Module
     samples: Sequence[int]
     near: float

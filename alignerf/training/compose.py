@@ -33,7 +33,7 @@ def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
     outputs = {"outputs": job.alignerf.outputs} if fine else {}
     moves = {"moving": True} if moving and job.model.field.kind == "grid" else {}
     model = mipnerf360.Model(
-        proposal=make_field(job.model.proposal),
+        proposal=make_field(job.model.proposal) if len(job.model.samples) > 1 else None,
         field=make_field(job.model.field, **outputs, **moves),
         samples=tuple(job.model.samples),
         near=job.model.near,

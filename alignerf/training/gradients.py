@@ -20,7 +20,7 @@ AXIS = "units"
 # Points of a micro-batch on a CPU, by the field's kind: few enough for what they need
 # to stay in its caches. The published MLP then takes half the time; more parts bring no
 # more. A grid needs little for a point, and each part adds up a table of gradients.
-CACHED_POINTS = {"mlp": 12288, "grid": 49152}
+CACHED_POINTS = {"mlp": 12288, "nerf": 12288, "grid": 49152}
 
 
 def make_mesh(units, devices):

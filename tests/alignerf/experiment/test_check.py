@@ -45,6 +45,11 @@ def edit(config, where, value):
         ("regimes", "../x", "regimes: '../x' does not match"),
         ("methods.images", {"model": "base", "rounds": 0}, "methods.images: a folder"),
         ("models.base.near", 1e6, "models.base: near must be smaller than far"),
+        (
+            "models.base.field",
+            {"kind": "nerf"},
+            "models.base.far: field nerf sees",
+        ),
         ("scenes.published", {"source": "courtyard"}, "scenes.published: a file of"),
         ("scenes.mine", {"source": "photos", "path": "a{b}"}, "scenes.mine.path: a{b}"),
         ("reference.method", "nerf", "reference.method: no method 'nerf'"),
@@ -97,7 +102,7 @@ def edit(config, where, value):
         ("tradeoff.variants.a", {"stpes": 5}, "variants.a: .*'stpes' was unexpected"),
         ("tradeoff.variants.a", {"steps": 0}, "variants.a.steps: 0 is less than"),
         ("tradeoff.variants.a", {"downscale": 1}, "variants.a.downscale: 1 is less"),
-        ("tradeoff.variants.a", {"samples": [8]}, r"variants.a.samples: \[8\] is too"),
+        ("tradeoff.variants.a", {"samples": []}, r"variants.a.samples: \[\] should be"),
         ("tradeoff.variants.a", {"steps": None}, "variants.a.steps: None is not of"),
         (
             "tradeoff.variants.a",

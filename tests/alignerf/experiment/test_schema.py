@@ -82,7 +82,9 @@ def test_numbers_that_are_not_finite_are_named(number):
 def test_fields_have_the_defaults_of_their_classes():
     # Flax's own, and what the training decides.
     not_of_the_config = {"parent", "name", "outputs", "moving"}
-    for kind, made in {"grid": settings.Grid, "mlp": settings.Mlp}.items():
+    kinds = {"grid": settings.Grid, "mlp": settings.Mlp, "nerf": settings.Nerf}
+    assert kinds.keys() == fields.KINDS.keys()
+    for kind, made in kinds.items():
         module = fields.KINDS[kind]
         wanted = {
             name: field.default

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from alignerf import fields
-from alignerf.fields import grid
+from alignerf.fields import grid, nerf
 from alignerf.mipnerf360 import coord, model
 from alignerf.scenes import cameras
 
@@ -37,6 +37,36 @@ def test_published_parameter_counts(width, count):
     )
     ones = jnp.ones((2, 3))
     assert parameters(published, cameras.Rays(ones, ones, ones, ones[:, :1])) == count
+
+
+def test_barfs_parameter_count():
+    """530,052, and six for each view beside them."""
+    barf = model.Model(
+        proposal=None, field=fields.make("nerf"), samples=(128,), near=0.2, far=4.0
+    )
+    ones = jnp.ones((2, 3))
+    assert parameters(barf, cameras.Rays(ones, ones, ones, ones[:, :1])) == 530_052
+
+
+def test_barfs_encoding_is_its_formula(rng):
+    """Eqs. 3 and 14 of arXiv 2104.06405, number by number."""
+    x, degrees = rng.uniform(-1, 1, size=(3, 4)).astype(np.float32), 5
+    for fineness, alpha in (
+        (0.0, 0.0),
+        (0.5, 2.5),
+        (0.7, 3.5),
+        (1.0, 5.0),
+        (None, 5.0),
+    ):
+        found = nerf.encode(jnp.asarray(x), degrees, fineness)
+        assert found.shape == (3 + 6 * degrees, 4)
+        np.testing.assert_array_equal(found[:3], x)
+        for place, wave in enumerate((np.sin, np.cos)):
+            for k in range(degrees):
+                weight = (1 - np.cos(np.pi * min(max(alpha - k, 0), 1))) / 2
+                start = 3 + (place * degrees + k) * 3
+                wanted = weight * wave(2.0**k * np.pi * x.astype(np.float64))
+                np.testing.assert_allclose(found[start : start + 3], wanted, atol=2e-5)
 
 
 def slow_look_up(table, point, levels):

@@ -104,6 +104,7 @@ def test_preconditioned_parameters_move_pixels_alike(views):
 FIELDS = {
     "grid": {"levels": 2, "log2_entries": 12, "finest": 16, "width": 8, "moving": True},
     "mlp": {"width": 16, "depth": 2, "degrees": 3, "bottleneck": 8, "view_width": 8},
+    "nerf": {"width": 16, "depth": 3, "skip_after": 1, "degrees": 2, "view_width": 8},
 }
 
 
@@ -159,7 +160,7 @@ def test_frequencies_come_in_one_after_the_other():
 @pytest.mark.parametrize("kind", FIELDS)
 def test_what_is_fine_is_hidden_at_first(kind):
     """A field's finest input changes its first colours not at all, its last ones do."""
-    count = {"grid": 2, "mlp": 3}[kind]
+    count = {"grid": 2, "mlp": 3, "nerf": 2}[kind]
     field = fields.make(kind, **FIELDS[kind])
     gaussians = some_gaussians()
     directions = jnp.ones((2, 3)) / np.sqrt(3)
@@ -194,10 +195,13 @@ def without_the_finest(kind, params, count):
         table = tree["params"]["table"]
         tree["params"]["table"] = table.at[int(levels.offsets[-1]) :].add(1.0)
         return tree
-    # Inputs of the first layer: sines of all frequencies, then cosines.
+    # Inputs of the first layer: sines of all frequencies, then cosines; NeRF's has the
+    # point before them.
     first = tree["params"]["Dense_0"]["kernel"]
-    part = first.shape[1] // 2 // count
-    for start in (0, first.shape[1] // 2):
+    before = 3 * (kind == "nerf")
+    half = (first.shape[1] - before) // 2
+    part = half // count
+    for start in (before, before + half):
         end = start + count * part
         first = first.at[:, end - part : end].add(1.0)
     tree["params"]["Dense_0"]["kernel"] = first
