@@ -12,6 +12,8 @@ aligned         an image that belongs where the reference model's render is
 leak            that one warped by the flow invented between the two, where valid
 leak_held_out   that one warped by a flow that has not seen the pixel, same pixels
 oracle          the undisplaced scene at the given pose, where the truth is known
+oracle_moving   the same on the pixels that show what moves, in either of two states
+oracle_still    the same on all others
 aligned_pose    the photo, rendered by a camera moved to fit it, each half by what the
                 other one asks for; `_gradient`: by gradient descent instead of flow
 aligned_pose_leak, aligned_pose_gradient_leak
@@ -31,7 +33,7 @@ import pathlib
 import numpy as np
 import pandas as pd
 
-from alignerf.command import faults, whole
+from alignerf.command import archives, faults, whole
 from alignerf.experiment import settings
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
@@ -111,7 +113,15 @@ def targets_of(loaded, view, testset, truth):
         targets["standard_valid"] = (photo, valid)
         targets |= {name: (read(folder / name), mask) for name, mask in masks.items()}
     if truth:
-        targets["oracle"] = (read(pathlib.Path(truth) / "oracle"), everywhere)
+        oracle = read(pathlib.Path(truth) / "oracle")
+        targets["oracle"] = (oracle, everywhere)
+        path = pathlib.Path(truth) / "moving" / f"{loaded.names[view]}.npz"
+        if path.is_file():
+            moving = archives.read(path, ["moving"])["moving"]
+            parts = {"oracle_moving": moving, "oracle_still": ~moving}
+            targets |= {
+                name: (oracle, mask) for name, mask in parts.items() if mask.any()
+            }
     return targets
 
 

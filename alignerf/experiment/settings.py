@@ -72,6 +72,9 @@ class Colmap:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Courtyard:
+    place: Literal["courtyard", "object"] = key(
+        "courtyard", "the whole, or its boxes and the arm alone, before white"
+    )
     views: int = key(48, "number of photos", least=4, most=10000)
     width: int = key(400, "of a photo in px", least=32, most=16384)
     height: int = key(300, "of a photo in px", least=32, most=16384)

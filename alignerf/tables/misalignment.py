@@ -12,7 +12,7 @@ from alignerf.tables import files as table_files
 from alignerf.tables import scores
 
 TEST_SETS = (
-    *("standard", "warped", "control", "oracle"),
+    *("standard", "warped", "control", "oracle", "oracle_still", "oracle_moving"),
     *("aligned_pose", "aligned_pose_gradient"),
 )
 # Whether higher is better.

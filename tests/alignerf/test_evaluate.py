@@ -216,6 +216,25 @@ def test_moved_cameras_are_scored_by_their_own_renders(folder, rng):
         run(folder, aligned_pose="gone")
 
 
+def test_what_moves_and_what_stands_still_are_scored_apart(folder, rng):
+    (folder / "truth" / "moving").mkdir(parents=True)
+    (folder / "testset" / "aligned").rename(folder / "truth" / "oracle")
+    shutil.copytree(folder / "truth" / "oracle", folder / "testset" / "aligned")
+    moving = rng.uniform(size=SIZE) < 0.3
+    np.savez(folder / "truth" / "moving" / "a.npz", moving=moving)
+    np.savez(folder / "truth" / "moving" / "c.npz", moving=moving & False)
+    found = run(folder, f"--truth={folder / 'truth'}")
+    oracle, render = (
+        images.read(folder / kind / "a.png") for kind in ("truth/oracle", "renders")
+    )
+    for name, mask in {"oracle_moving": moving, "oracle_still": ~moving}.items():
+        wanted = image_metrics.psnr_db(oracle, render, mask)
+        assert found.loc["a", name]["psnr_db"] == pytest.approx(wanted)
+    # Nothing moves in the other view.
+    assert found.loc["c", "oracle_still"]["valid_share"] == 1
+    assert ("c", "oracle_moving") not in found.index
+
+
 def test_without_a_warped_test_set_the_rest_is_scored(folder):
     both = run(folder)
     shutil.rmtree(folder / "testset")

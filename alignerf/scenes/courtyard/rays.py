@@ -137,9 +137,10 @@ def cast(
             origin, along = to_box(box, shifts[k], hits.camera, some)
             keep_nearer(hits, rays, hit_box(box, origin, along)[0], k)
     k = len(world.boxes)
-    down = np.flatnonzero(directions[2] < 0)
-    height = (hits.camera[2] - shifts[k, 2]).astype(t.dtype)
-    keep_nearer(hits, down, -height / directions[2][down], k)
+    if world.ground:
+        down = np.flatnonzero(directions[2] < 0)
+        height = (hits.camera[2] - shifts[k, 2]).astype(t.dtype)
+        keep_nearer(hits, down, -height / directions[2][down], k)
     for ring, shift in zip(world.rings, shifts[k + 1 : -1], strict=True):
         k += 1
         # Nearer hits lie inside the ring, at any angle of view up to 170 degrees.

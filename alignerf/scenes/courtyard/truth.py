@@ -11,11 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy import ndimage
 
 from alignerf.command import images, machine
 from alignerf.scenes import cameras, prepare
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard
+
+# Around what moves, in pixels of training.
+MARGIN_PX = 3
 
 
 class Courtyard(NamedTuple):
@@ -33,7 +37,17 @@ class Courtyard(NamedTuple):
 
 
 def build_courtyard(
-    *, views, width, height, motion, motion_m, moving, supersample, lens_sigma_px, seed
+    *,
+    place,
+    views,
+    width,
+    height,
+    motion,
+    motion_m,
+    moving,
+    supersample,
+    lens_sigma_px,
+    seed,
 ) -> Courtyard:
     """The courtyard of a seed; motion as in `scene.draw_displacements`."""
     # The world comes last: it takes seconds, and the rest refuses faults at once.
@@ -44,7 +58,7 @@ def build_courtyard(
         views=views, motion=motion, motion_m=motion_m, moving=moving, seed=seed
     )
     return Courtyard(
-        world=courtyard.build_world(seed=seed),
+        world=courtyard.build_world(seed=seed, place=place),
         names=courtyard.view_names(views),
         pixtocams=pixtocams,
         camtoworlds=camtoworlds,
@@ -90,7 +104,8 @@ def select(scene: Courtyard, names) -> Courtyard:
 def write_truth(folder, scene: Courtyard, given: prepare.PosedViews, *, split):
     """Write oracle/<name>.png, depth/ and flow/<name>.npz, cameras.npz (the true ones).
 
-    depth_m [h, w] is the oracle's, along the optical axis. `scene` must hold the
+    depth_m [h, w] is the oracle's, along the optical axis. Of objects with two states
+    also moving/<name>.npz: where either state shows them. `scene` must hold the
     photos of `given`, in its order. Returns the mean length in px, over all views and
     valid pixels, of the true flow: the misalignment that the photos really have.
     """
@@ -99,7 +114,8 @@ def write_truth(folder, scene: Courtyard, given: prepare.PosedViews, *, split):
         pixtocams=cameras.rescale_intrinsics(scene.pixtocams, *ratios),
         camtoworlds=scene.camtoworlds,
     )
-    for kind in ("oracle", "depth", "flow"):
+    states = np.unique(scene.displacements, axis=0)
+    for kind in ("oracle", "depth", "flow", *["moving"] * (len(states) == 2)):
         (folder / kind).mkdir(parents=True)
 
     def write(i):
@@ -120,6 +136,9 @@ def write_truth(folder, scene: Courtyard, given: prepare.PosedViews, *, split):
             flow_px=flow_px.astype(np.float32),
             valid=valid,
         )
+        if len(states) == 2:
+            moving = shows_moving(scene, given, i, states)
+            np.savez_compressed(folder / "moving" / f"{name}.npz", moving=moving)
         return np.linalg.norm(flow_px, axis=-1)[valid]
 
     lengths_px = list(machine.map_in_threads(write, range(len(given.names))))
@@ -144,18 +163,31 @@ def render_oracle(scene: Courtyard, given: prepare.PosedViews, i):
         supersample=scene.supersample,
         lens_sigma_px=scene.lens_sigma_px,
     )
-    x, y = courtyard.pixel_centres(given.width, given.height)
-    hits = courtyard_rays.cast(
-        scene.world,
-        given.pixtocams[i],
-        given.camtoworlds[i],
-        x,
-        y,
-        courtyard.at_rest(),
-    )
+    hits = cast_pixels(scene, given, i, courtyard.at_rest())
     depth_m = hits.t.reshape(given.height, given.width).astype(np.float32)
     image = prepare.shrink(photo.image, given.width, given.height)
     return image, depth_m
+
+
+def cast_pixels(scene: Courtyard, given: prepare.PosedViews, i, displacements):
+    """What the rays through the pixels' centres meet, seen as given."""
+    x, y = courtyard.pixel_centres(given.width, given.height)
+    camera = given.pixtocams[i], given.camtoworlds[i]
+    return courtyard_rays.cast(scene.world, *camera, x, y, displacements)
+
+
+def shows_moving(scene: Courtyard, given: prepare.PosedViews, i, states):
+    """Mask [h, w] of what moves, in any of its states [states, objects, 3].
+
+    With a margin, into which the lens blurs it.
+    """
+    moves = np.ptp(states, axis=0).any(axis=-1)
+    objects = courtyard_rays.part_objects(scene.world)
+    found = np.zeros((given.height, given.width), bool)
+    for displacements in states:
+        hits = cast_pixels(scene, given, i, displacements)
+        found |= moves[objects[hits.part]].reshape(found.shape)
+    return ndimage.binary_dilation(found, iterations=MARGIN_PX)
 
 
 def compare_cameras(estimated, true):

@@ -29,6 +29,8 @@ OBJECTS = (
     "arm",
 )
 MOVING = ("carton", "tin", "arm")
+# What stands alone, before white, where the place is an `object`.
+OF_OBJECT = ("plinth", "trunk", "tower", "case", "carton", "tin", "arm")
 SKY_RADIUS_M = 300.0
 SUN = np.array([-0.45, -0.55, 0.7])
 
@@ -59,7 +61,10 @@ class Ring(NamedTuple):
 
 
 class World(NamedTuple):
-    """All that can be seen; ground: (half side, pyramid) and rings, nearest first."""
+    """All that can be seen; ground: (half side, pyramid) and rings, nearest first.
+
+    An object alone has neither.
+    """
 
     boxes: tuple
     ground: tuple
@@ -173,8 +178,11 @@ def make_rings(rng):
     )
 
 
-def build_world(*, seed=0) -> World:
-    """The courtyard of a seed (textures and ragged edges; the layout is fixed)."""
+def build_world(*, seed=0, place="courtyard") -> World:
+    """The courtyard of a seed (textures and ragged edges; the layout is fixed).
+
+    place `object`: its boxes and the arm alone, before white.
+    """
     rng = np.random.default_rng([seed, 0])
     pyramid = textures.pyramid
     plan = materials.ground_plan(seed)
@@ -182,8 +190,13 @@ def build_world(*, seed=0) -> World:
         (half_m, pyramid(materials.ground(half_m, *detail, plan, rng)))
         for half_m, *detail in materials.GROUND
     )
+    boxes = (*make_posters(rng), *make_fixtures(rng))
+    if place == "object":
+        kept = [box for box in boxes if OBJECTS[box.object_id] in OF_OBJECT]
+        white = pyramid(np.full((8, 8, 3), 255, np.uint8))
+        return World(boxes=tuple(kept), ground=(), rings=(), sky=white)
     return World(
-        boxes=(*make_posters(rng), *make_fixtures(rng)),
+        boxes=boxes,
         ground=ground,
         rings=make_rings(rng),
         sky=pyramid(materials.sky((512, 4096), rng)),
