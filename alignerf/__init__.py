@@ -1,8 +1,8 @@
 """AligNeRF (CVPR 2023) and its baseline mip-NeRF 360 in JAX.
 
 The files here are the stages, commands that one rule of the workflow or several run:
-`config`, `poses`, `facts`, `shrink`, `train`, `render_views`, `evaluate`, `tabulate`;
-and two for users, `weights` and `show`.
+`config`, `poses`, `facts`, `shrink`, `train`, `render_views`, `correct_poses`,
+`align_test_poses`, `evaluate`, `tabulate`, `export`; and one for users, `show`.
 
 The paper's parts -> folders:
 
@@ -10,6 +10,7 @@ baseline, mip-NeRF 360          `mipnerf360`, and what maps a point to values, `
 its three contributions         `contributions`: patch_conv, align_loss, frequency_loss
 staged training                 `training`
 misalignment analysis           the package `flow`
+learning poses (CamP, BARF)      `systems`
 Tables 1 and 4, their controls  `tables`: misalignment, controls, ranking, regimes, ...
 PSNR, SSIM, LPIPS               `metrics`
 images, cameras, the truth      `scenes`, the embedded scene in `scenes.courtyard`
