@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.command import archives, faults, images, machine, progress, whole
-from alignerf.scenes import prepared
+from alignerf.scenes import pose_error, prepared
 from alignerf.systems import pose_fit
 from alignerf.training import cores, renderer
 from flow.camera import fit as camera_fit
@@ -178,10 +178,11 @@ def row(loaded: prepared.Scene, depth, view, pose, pixels):
     known = depths[np.isfinite(depths) & (depths > 0)]
     near = float(np.median(known)) if len(known) else 1.0
     size = loaded.width, loaded.height
+    moved = camera[0], pose
     return {
         "rotation_deg": float(np.degrees(np.linalg.norm(motion.rotation))),
         "centre": float(np.linalg.norm(motion.centre)),
-        "length_px": camera_motion.length_px(motion, camera[0], size, near),
+        "length_px": pose_error.length_px(camera, moved, size, near),
         "fitted_pixels": pixels,
     }
 

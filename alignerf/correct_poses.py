@@ -19,7 +19,7 @@ import time
 import numpy as np
 
 from alignerf.command import archives, faults, whole
-from alignerf.scenes import cameras, prepared
+from alignerf.scenes import cameras, pose_error, prepared
 from flow.camera import correct
 from flow.camera import motion as camera_motion
 from flow.warping import files
@@ -45,7 +45,8 @@ def main(argv=None):
         true = prepared.read_cameras(f"{args.truth}/cameras.npz")
         states = {"given": given, "before": before, "after": after}
         report["pose_error_px"] = {
-            name: error_px(state, true, train, found) for name, state in states.items()
+            name: pose_error.median_px(state, true, train, [c.depth for c in found])
+            for name, state in states.items()
         }
     report["time_s"] = round(time.monotonic() - started, 3)
     report["of_views"] = [
@@ -127,7 +128,11 @@ def row(given: prepared.Scene, after: prepared.Scene, view, correction):
         "view": given.names[view],
         "rotation_deg": float(np.degrees(np.linalg.norm(moved.rotation))),
         "centre": float(np.linalg.norm(moved.centre)),
-        "length_px": length_px(given, view, moved, correction.depth),
+        "length_px": pose_error.length_px(
+            *(camera_of(state, view) for state in (given, after)),
+            (given.width, given.height),
+            correction.depth,
+        ),
         "this_round_px": correction.length_px,
         "noise_px": correction.noise_px,
         "valid_share": correction.valid_share,
@@ -136,30 +141,8 @@ def row(given: prepared.Scene, after: prepared.Scene, view, correction):
     }
 
 
-def error_px(state: prepared.Scene, true, train, found):
-    """Median over the training views of how far their cameras are from the true ones.
-
-    In px at a view's median depth, after the similarity that brings the cameras
-    nearest to the true ones: a frame cannot be seen.
-    """
-    poses = true["camtoworlds"][train]
-    similarity = cameras.align_similarity(poses, state.camtoworlds[train])
-    poses = cameras.apply_similarity(poses, *similarity)
-    errors = []
-    for pose, view, correction in zip(poses, train, found, strict=True):
-        camera = true["pixtocams"][view], pose
-        motion = camera_motion.between(camera_of(state, view), camera)
-        errors.append(length_px(state, view, motion, correction.depth))
-    return float(np.median(errors))
-
-
 def camera_of(scene: prepared.Scene, view):
     return scene.pixtocams[view], scene.camtoworlds[view]
-
-
-def length_px(scene: prepared.Scene, view, motion, depth):
-    size = scene.width, scene.height
-    return camera_motion.length_px(motion, scene.pixtocams[view], size, depth)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ import numpy as np
 from alignerf.command import faults, machine, whole
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.experiment import jobs
-from alignerf.scenes import prepared
+from alignerf.scenes import pose_error, prepared
 from alignerf.systems import refine
 from alignerf.training import batches, checkpoint, compose, cores, loop, memory, program
 
@@ -56,6 +56,7 @@ def parse(argv=None):
     parser.add_argument("--checkpoints", required=True, help="folder to resume from")
     parser.add_argument("--model", required=True, help="parameters, written")
     parser.add_argument("--cameras-out", help="cameras.npz that a job learns, written")
+    parser.add_argument("--truth", help="the truth's folder, to compare these with")
     parser.add_argument("--timing", required=True, help="timing.json, written")
     return parser.parse_args(argv)
 
@@ -88,7 +89,19 @@ def train(job, args):
         learnt = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
         with whole.replace_file(args.cameras_out) as path:
             prepared.write_cameras(path, learnt, args.cameras)
+        if args.truth:
+            timing["pose_error_px"] = pose_errors(loaded, learnt, args.truth)
     return params, timing
+
+
+def pose_errors(loaded: prepared.Scene, learnt: prepared.Scene, truth):
+    """Of the training views' cameras, as given and as learnt, in px."""
+    true, chosen = prepared.read_cameras(f"{truth}/cameras.npz"), loaded.views("train")
+    depths = pose_error.true_depths(loaded, truth, chosen)
+    return {
+        name: pose_error.median_px(state, true, chosen, depths)
+        for name, state in (("given", loaded), ("after", learnt))
+    }
 
 
 def with_radius(job, displacement) -> jobs.Job:

@@ -19,8 +19,6 @@ LEAST_Q_Z = 0.05
 LEAST_DEPTH = 1e-12
 # Axes of poses (x right, y up, z backwards) from those of a motion, and back.
 OPENGL = np.diag([1.0, -1.0, -1.0])
-# Places along each side of an image at which a motion's length is looked at.
-GRID = 16
 
 
 class Motion(NamedTuple):
@@ -119,16 +117,6 @@ def between(first, second) -> Motion:
         centre=axes.T @ (other[:, 3] - camtoworld[:, 3]),
         log_focal=float(np.log(pixtocam[0, 0] / other_pixtocam[0, 0])),
     )
-
-
-def length_px(motion: Motion, pixtocam, size, depth):
-    """Median length over an image of (width, height) px of what it does at a depth."""
-    steps = [(np.arange(GRID) + 0.5) * side / GRID for side in size]
-    x, y = np.meshgrid(*steps)
-    rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ np.asarray(pixtocam).T
-    rho = np.full(x.shape, 1 / depth)
-    points = Points(rays / rays[..., 2:], rho, np.linalg.inv(pixtocam))
-    return float(np.median(np.linalg.norm(flow(motion, points), axis=-1)))
 
 
 def _directions(motion, points):

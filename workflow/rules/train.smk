@@ -64,7 +64,10 @@ use rule train as train_refining with:
     wildcard_constraints:
         method=plan.one_of(experiment.refining()),
     params:
-        more=lambda w, output: ["--cameras-out", output.cameras],
+        more=lambda w, output: [
+            *flows.option("cameras-out", output.cameras),
+            *flows.option("truth", rows.truth_of(experiment, w.scene).get("truth")),
+        ],
 
 
 rule pretrain:
