@@ -2,26 +2,31 @@
 
 A test view's camera is as wrong as the training views' were, and no model can know by
 how much. So each test camera is moved until the render fits the photo, on one half of
-the pixels, and the other half is rendered with it: no pixel is rendered by a camera
-that its own colour has moved. The halves are the squares of a checkerboard. Writes, for
-each way of fitting, a folder of <view>.png, of both halves:
+the pixels, and the other half is rendered with it. The halves are the squares of a
+checkerboard. By gradient descent no pixel moves the camera that it is rendered by. By
+flow nearly none does: a flow is smooth, so the margins of the squares are left out of
+the fit; what still gets across is in the leak. Writes, for each way of fitting, a
+folder of <view>.png, of both halves:
 
 aligned_pose                 moved by the flow from the render to the photo
 aligned_pose_gradient        moved by gradient descent on the colours
 aligned_pose_leak            the first, fitted to the oracle instead of the photo: what
 aligned_pose_gradient_leak   it gains against the oracle, the fit gains by itself
 
-and poses.csv, with each half's motion.
+and poses.csv, with the motion that each half was rendered with, how many pixels it was
+fitted to (none: the camera stayed), and what of the flow no camera explains.
 """
 
 import argparse
 import csv
 import functools
+import logging
 from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy import ndimage
 
 from alignerf.command import archives, faults, images, machine, progress, whole
 from alignerf.scenes import pose_error, prepared
@@ -31,13 +36,16 @@ from flow.camera import fit as camera_fit
 from flow.camera import motion as camera_motion
 from flow.warping import controls, files
 
+log = logging.getLogger("alignerf")
+
 FITS = {"flow": "aligned_pose", "gradient": "aligned_pose_gradient"}
 COLUMNS = (
     *("view", "test_set", "half", "rotation_deg", "centre", "length_px"),
-    "fitted_pixels",
+    *("fitted_pixels", "noise_px"),
 )
-# Along the smaller side of an image.
-SQUARES = 6
+# Along the smaller side of an image; and the margin that a fit by flow leaves out, of a
+# square's side.
+SQUARES, MARGIN = 4, 0.25
 
 
 class Target(NamedTuple):
@@ -48,53 +56,74 @@ class Target(NamedTuple):
     flow: Path | None
 
 
+class Fitted(NamedTuple):
+    """A half's camera [3, 4], to how many pixels it was fitted, and what remains."""
+
+    pose: np.ndarray
+    pixels: int
+    noise_px: float | None = None
+
+
 def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
     loaded = prepared.load(args.scene, args.cameras)
     moving = args.gradient_steps > 0
     method, params = renderer.read_model(args.config, args.model, loaded, moving=moving)
-    block_px = max(1, min(loaded.width, loaded.height) // SQUARES)
-    halves = halves_of(loaded, block_px)
-    targets = [Target("", Path(args.scene) / "images", args.flow)]
-    if args.truth:
-        targets.append(Target("_leak", args.truth / "oracle", args.truth_flow))
-    fitters = fitters_of(args, loaded, method, params, block_px)
     size = loaded.width, loaded.height
     render = renderer.make_renderer(method, params, *size)
-    kinds = [(fit, target) for fit in fitters for target in targets]
+    block_px = max(1, min(size) // SQUARES)
+    halves = halves_of(loaded, block_px)
+    fitters = fitters_of(args, loaded, method, params, block_px)
+    kinds = [(fit, target) for fit in fitters for target in targets_of(args)]
+    todo = [(view, *kind) for kind in kinds for view in loaded.views("test")]
     rows = []
     with ExitStack() as stack:
         out = stack.enter_context(whole.replace_folder(args.out))
-        views = loaded.views("test")
-        bar = progress.Progress(
-            "align test poses", len(views) * len(kinds), unit="view"
-        )
+        for fit, target in kinds:
+            (out / (FITS[fit] + target.suffix)).mkdir()
+        bar = progress.Progress("align test poses", len(todo), unit="view")
         stack.callback(bar.close)
 
         def one(work):
-            view, (fit, target) = work
+            view, fit, target = work
             found = [fitters[fit](view, target, ~half) for half in halves]
-            image = np.zeros((loaded.height, loaded.width, 3), np.uint8)
-            for half, (pose, _) in zip(halves, found, strict=True):
-                image[half] = render(loaded.pixtocams[view], pose, half)[0][half]
-            test_set = FITS[fit] + target.suffix
-            images.write(out / test_set / f"{loaded.names[view]}.png", image)
+            poses = [fitted.pose for fitted in found]
+            test_set, name = FITS[fit] + target.suffix, loaded.names[view]
+            image = render_halves(render, loaded, view, halves, poses)
+            images.write(out / test_set / f"{name}.png", image)
+            labels = {"view": name, "test_set": test_set}
             return [
-                {"view": loaded.names[view], "test_set": test_set, "half": number}
-                | row(loaded, args.depth, view, *result)
-                for number, result in enumerate(found)
+                labels | {"half": number} | row(loaded, args.depth, view, fitted)
+                for number, fitted in enumerate(found)
             ]
 
-        for fit, target in kinds:
-            (out / (FITS[fit] + target.suffix)).mkdir()
-        for found in cores.map_in_threads(one, [(v, k) for k in kinds for v in views]):
+        # The first one alone: it compiles.
+        rows += one(todo[0])
+        bar.advance()
+        for found in cores.map_in_threads(one, todo[1:]):
             rows += found
             bar.advance()
         with open(out / "poses.csv", "w", newline="", encoding="utf-8") as file:
             table = csv.DictWriter(file, COLUMNS)
             table.writeheader()
             table.writerows(rows)
+
+
+def targets_of(args):
+    """The photos and, for the leak, the oracle."""
+    found = [Target("", Path(args.scene) / "images", args.flow)]
+    if args.truth:
+        found.append(Target("_leak", args.truth / "oracle", args.truth_flow))
+    return found
+
+
+def render_halves(render, loaded: prepared.Scene, view, halves, poses):
+    """The view [h, w, 3], each half by its own camera."""
+    image = np.zeros((loaded.height, loaded.width, 3), np.uint8)
+    for half, pose in zip(halves, poses, strict=True):
+        image[half] = render(loaded.pixtocams[view], pose, half)[0][half]
+    return image
 
 
 def parse(argv=None):
@@ -130,10 +159,11 @@ def halves_of(loaded: prepared.Scene, block_px):
 
 
 def fitters_of(args, loaded: prepared.Scene, method, params, block_px):
-    """{fit: function from (view, target, mask) to (pose [3, 4], pixels fitted)}."""
+    """{fit: function from (view, target, mask) to `Fitted`}."""
     found = {}
     if args.flow:
-        found["flow"] = functools.partial(fit_by_flow, loaded, args.depth)
+        margin_px = int(MARGIN * block_px)
+        found["flow"] = functools.partial(fit_by_flow, loaded, args.depth, margin_px)
     if args.gradient_steps:
         steps, patch_px = args.gradient_steps, min(block_px, pose_fit.PATCH_PX)
         fit = pose_fit.make_fitter(method, params, steps=steps, patch_px=patch_px)
@@ -141,7 +171,7 @@ def fitters_of(args, loaded: prepared.Scene, method, params, block_px):
     return found
 
 
-def fit_by_flow(loaded: prepared.Scene, depth, view, target: Target, mask):
+def fit_by_flow(loaded: prepared.Scene, depth, margin_px, view, target: Target, mask):
     """The pose that the flow of these pixels asks for; as it is, of too few."""
     name = f"{loaded.names[view]}.npz"
     flow_px, valid = files.read_flow(target.flow / name)
@@ -150,13 +180,22 @@ def fit_by_flow(loaded: prepared.Scene, depth, view, target: Target, mask):
     # A lens is the scene's: no view has a focal length of its own.
     found = camera_fit.split(
         flow_px,
-        valid & mask,
+        valid & within(mask, margin_px),
         loaded.pixtocams[view],
         depth_of(depth, name),
         log_focal=0.0,
     )
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]
-    return camera_motion.apply(found.motion, *camera)[1], found.pixels
+    pose = camera_motion.apply(found.motion, *camera)[1]
+    return Fitted(pose, found.pixels, found.noise_px)
+
+
+def within(mask, margin_px):
+    """The mask's pixels that are farther than a margin from all others."""
+    if margin_px == 0:
+        return mask
+    # The image's own border is no edge of a square.
+    return ndimage.binary_erosion(mask, iterations=margin_px, border_value=1)
 
 
 def depth_of(folder, name):
@@ -164,26 +203,31 @@ def depth_of(folder, name):
 
 
 def fit_by_gradient(loaded: prepared.Scene, fit, view, target: Target, mask):
-    """The pose that the colours of these pixels ask for."""
+    """The pose that the colours of these pixels ask for; as it is, where none can."""
     (photo,) = prepared.read_images(loaded, [view], target.images)
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]
-    return fit(photo, mask, *camera, seed=int(view)), int(mask.sum())
+    try:
+        return Fitted(fit(photo, mask, *camera, seed=int(view)), int(mask.sum()))
+    except pose_fit.NoFitError as error:
+        log.warning("view %s stays: %s", loaded.names[view], error)
+        return Fitted(camera[1], 0)
 
 
-def row(loaded: prepared.Scene, depth, view, pose, pixels):
+def row(loaded: prepared.Scene, depth, view, fitted: Fitted):
     """A line of poses.csv: how far the camera has moved."""
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]
-    motion = camera_motion.between(camera, (camera[0], pose))
+    motion = camera_motion.between(camera, (camera[0], fitted.pose))
     depths = depth_of(depth, f"{loaded.names[view]}.npz")
     known = depths[np.isfinite(depths) & (depths > 0)]
     near = float(np.median(known)) if len(known) else 1.0
     size = loaded.width, loaded.height
-    moved = camera[0], pose
+    moved = camera[0], fitted.pose
     return {
         "rotation_deg": float(np.degrees(np.linalg.norm(motion.rotation))),
         "centre": float(np.linalg.norm(motion.centre)),
         "length_px": pose_error.length_px(camera, moved, size, near),
-        "fitted_pixels": pixels,
+        "fitted_pixels": fitted.pixels,
+        "noise_px": fitted.noise_px,
     }
 
 

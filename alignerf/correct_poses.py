@@ -39,7 +39,7 @@ def main(argv=None):
         "views": len(train),
         "left_alone": sum(bool(correction.left_alone) for correction in found),
         "correction_px": float(np.median([c.length_px for c in found])),
-        "focal_ratio": float(np.exp(max((c.motion.log_focal for c in found), key=abs))),
+        "focal_ratio": float(np.exp(zoom_of(found))),
     }
     if args.truth:
         true = prepared.read_cameras(f"{args.truth}/cameras.npz")
@@ -59,7 +59,7 @@ def main(argv=None):
         whole.replace_file(args.out) as path,
     ):
         moved = [v for v, c in zip(train, found, strict=True) if not c.left_alone]
-        prepared.write_cameras(path, after, args.cameras, moved)
+        prepared.write_cameras(path, after, args.cameras, moved, lenses=zoom_of(found))
         report_path.write_text(json.dumps(report, indent=1) + "\n")
     for line in report["of_views"]:
         if line["left_alone"]:
@@ -94,18 +94,28 @@ def views_of(before: prepared.Scene, train, args):
 
 
 def corrected(given: prepared.Scene, before, train, found) -> prepared.Scene:
-    """The scene with its cameras moved, and the frame where it was."""
+    """The scene with its cameras moved, and the frame where it was.
+
+    A lens that is put right is every view's.
+    """
     pixtocams, camtoworlds = before.pixtocams.copy(), before.camtoworlds.copy()
-    moved = []
+    moved = [v for v, c in zip(train, found, strict=True) if not c.left_alone]
+    zoom = camera_motion.STILL._replace(log_focal=zoom_of(found))
+    for view in range(len(pixtocams)):
+        pixtocams[view], _ = camera_motion.apply(
+            zoom, pixtocams[view], camtoworlds[view]
+        )
     for view, correction in zip(train, found, strict=True):
-        if correction.left_alone:
-            continue
-        moved.append(view)
-        pixtocams[view], camtoworlds[view] = camera_motion.apply(
+        _, camtoworlds[view] = camera_motion.apply(
             correction.motion, pixtocams[view], camtoworlds[view]
         )
     camtoworlds[moved] = without_gauge(camtoworlds[moved], given.camtoworlds[moved])
     return dataclasses.replace(before, pixtocams=pixtocams, camtoworlds=camtoworlds)
+
+
+def zoom_of(found):
+    """The log_focal that all corrections share."""
+    return max((c.motion.log_focal for c in found), key=abs)
 
 
 def without_gauge(camtoworlds, given):

@@ -50,7 +50,11 @@ def main(config, out):
             log.info("rendering the truth of %d views", len(views.names))
             scene = truth.select(scene, views.names)
             report["true_misalignment_px"] = truth.write_truth(
-                fresh / "truth", scene, views, split=split
+                fresh / "truth",
+                scene,
+                views,
+                split=split,
+                perturb_px=config["perturb_px"],
             )
         report |= describe_views(views, photo_size, split, config)
         report["time_s"] = round(time.monotonic() - started, 1)

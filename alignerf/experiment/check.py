@@ -46,7 +46,7 @@ def checked(config, files=()):
     check_given(config)
     config = completed(schema.filled(settings.Config, config))
     for name, model in config["models"].items():
-        check_model(model, name)
+        check_model(model, "models", name)
     for name in config["methods"]:
         check_method(config, name)
     check_pretraining(config)
@@ -102,7 +102,9 @@ def varied(config):
         return config["scenes"]
     for name, scene in config["scenes"].items():
         seeds = vary["seeds"] or [scene["seed"]]
-        for seed, share in itertools.product(seeds, vary["lengths"]):
+        # The scene as it is comes first: other keys may mean the first scene.
+        lengths = sorted(vary["lengths"], key=lambda share: share != 1)
+        for seed, share in itertools.product(seeds, lengths):
             again = name if seed == seeds[0] else f"{name}_seed{seed}"
             if share != 1:
                 again += f"_x{share:g}"
@@ -114,6 +116,7 @@ def varied(config):
                 "steps": steps and max(1, round(share * steps)),
                 "budget_min": budget_min and share * budget_min,
             }
+            schema.check(settings.Scene, found[again], "scenes", again)
     return found
 
 
@@ -167,13 +170,14 @@ def check_given(config):
             fault(f"methods.{name}.most_rounds", "only with `rounds: auto`")
 
 
-def check_model(model, name):
+def check_model(model, *place):
     """Its depths are in order, and its fields' parameters fit into a machine."""
+    where = ".".join(place)
     if model["near"] >= model["far"]:
-        fault(f"models.{name}", "near must be smaller than far")
+        fault(where, "near must be smaller than far")
     if model["field"]["kind"] == "nerf" and model["far"] > MOST_FAR:
         # Sines of distant points are noise, and nothing contracts them.
-        fault(f"models.{name}.far", f"field nerf sees no farther than {MOST_FAR}")
+        fault(f"{where}.far", f"field nerf sees no farther than {MOST_FAR}")
     for key in ("proposal", "field"):
         field = model[key]
         if field["kind"] == "grid":
@@ -183,7 +187,7 @@ def check_model(model, name):
         # Besides the parameters, their gradients and the two moments of Adam.
         if 16 * values > MOST_BYTES:
             size = f"{16 * values / 2**30:.0f} GiB to train are more than"
-            fault(f"models.{name}.{key}", f"{size} {MOST_BYTES / 2**30:g} GiB")
+            fault(f"{where}.{key}", f"{size} {MOST_BYTES / 2**30:g} GiB")
 
 
 def check_method(config, name):
@@ -198,6 +202,9 @@ def check_method(config, name):
         method["alignerf"] or method["warm_start"] or method["rounds"] != 0
     ):
         fault(f"methods.{name}.refine", "not beside rounds, warm_start or alignerf")
+    shares = (method["refine"] or {}).get("coarse_to_fine") or [0, 0.5]
+    if not shares[0] < shares[1] < 1:
+        fault(f"methods.{name}.refine.coarse_to_fine", "two shares, first < last < 1")
     if not (found := method["alignerf"]):
         return
     if method["rounds"] != 0:
@@ -355,6 +362,7 @@ def check_tradeoff(config):
         place = ("tradeoff", "variants", name)
         schema.check(settings.Model, found["model"], *place)
         schema.check(settings.Training, found["training"], *place)
+        check_model(schema.filled(settings.Model, found["model"]), *place)
 
 
 def check_names(config):

@@ -15,6 +15,8 @@ class Method(NamedTuple):
     metrics: str
     trainings: list[str]
     data: list[str]
+    # Scores of cameras moved to fit the photos, where a table shows them.
+    aligned_pose: str | None = None
 
 
 class Regime(NamedTuple):
@@ -100,6 +102,10 @@ def like(experiment, name):
     }
 
 
+# What scenes of the same remedies may differ in.
+LENGTH = ("seed", "steps", "budget_min")
+
+
 class Remedies(NamedTuple):
     """What a scene is like, and each remedy at one length of training."""
 
@@ -116,37 +122,44 @@ class Remedies(NamedTuple):
 def remedies(experiment):
     """One row per scene: the plain training, and every method's last round.
 
-    Raises ValueError for a config in which no scene has the training's own length.
+    Raises ValueError for methods that cannot be compared, and scenes without the
+    training's own length.
     """
+    models = {method["model"] for method in experiment.methods.values()}
+    if len(models) > 1:
+        raise ValueError("config: methods: remedies need one model for all")
+    for name, method in experiment.methods.items():
+        if method["rounds"] == "auto":
+            where = f"config: methods.{name}.rounds"
+            raise ValueError(f"{where}: remedies need a number, not auto")
     base = experiment.base_of(next(iter(experiment.methods)))
-    found = []
-    for scene in experiment.scenes:
-        last = {name: experiment.last_round(scene, name) for name in experiment.methods}
-        chosen = dict.fromkeys([(base, 0), *last.items()])
-        methods = [
-            Method(
-                parts=rows.field_name(experiment, method),
-                **rows.of_method(experiment, scene, method, round),
-            )
-            for method, round in chosen
-        ]
-        like = experiment.scenes[scene]
-        alike = {key: like[key] for key in like if key not in LENGTH}
-        row = Remedies(
+    last = {name: experiment.methods[name]["rounds"] for name in experiment.methods}
+    chosen = dict.fromkeys([(base, 0), *last.items()])
+    found = [
+        Remedies(
             scene=scene,
             seed=like["seed"],
-            alike=slices.as_json(alike),
+            alike=slices.as_json({k: like[k] for k in like if k not in LENGTH}),
             share=length_share(experiment, scene),
-            methods=methods,
+            methods=[
+                Method(
+                    parts=rows.field_name(experiment, method),
+                    aligned_pose=rows.aligned_pose(experiment, scene, method, round),
+                    **rows.of_method(experiment, scene, method, round),
+                )
+                for method, round in chosen
+            ],
         )
-        found.append(row)
-    if not any(row.share == 1 for row in found):
-        raise ValueError("config: scenes: none is trained as long as `training` says")
+        for scene, like in experiment.scenes.items()
+    ]
+    whole = {(row.alike, row.seed) for row in found if row.share == 1}
+    for row in found:
+        if (row.alike, row.seed) not in whole:
+            raise ValueError(
+                f"config: scenes.{row.scene}: it is never trained as long as "
+                "`training` says, see vary.lengths"
+            )
     return found
-
-
-# What scenes of the same remedies may differ in.
-LENGTH = ("seed", "steps", "budget_min")
 
 
 def length_share(experiment, scene):

@@ -3,6 +3,8 @@
 Notation: x [3, points] a point in the normalised scene, L degrees 0 .. L - 1 of
 sin(2^k pi x) and cos(2^k pi x). NeRF (arXiv 2003.08934, section 5.1); BARF (arXiv
 2104.06405, Eqs. 13 and 14; 530,052 parameters). A Gaussian counts by its mean alone.
+Otherwise than in BARF view directions are encoded without pi, colours are padded as all
+heads' here are, and layers start as all fields' do.
 """
 
 import flax.linen as nn

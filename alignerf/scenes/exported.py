@@ -2,8 +2,8 @@
 
 Both in one folder, beside `images/`: nerfstudio and its kin read `transforms.json`,
 Gaussian splatting and COLMAP read `sparse/0`. What came as LLFF's `poses_bounds.npy`
-goes as that too. Cameras are pinholes with pixel centres
-at +0.5, in the frame in which the scene's cameras were given.
+goes as that too. Cameras are pinholes with pixel centres at +0.5, in the frame in which
+the scene's cameras were given.
 """
 
 import json
@@ -78,7 +78,10 @@ def write_colmap(folder, found):
     )
     for number, (name, pixtocam, pose) in enumerate(views, start=1):
         matrix = np.linalg.inv(pixtocam)
-        lens = tuple(float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+        # Rounding makes no other lens.
+        lens = tuple(
+            round(float(matrix[at]), 9) for at in ((0, 0), (1, 1), (0, 2), (1, 2))
+        )
         if lens not in camera_ids:
             camera_ids[lens] = len(camera_ids) + 1
             camera = pycolmap.Camera(
@@ -102,9 +105,10 @@ def write_llff(path, found, bounds):
     """Write poses_bounds.npy of the same arrays, beside `write_colmap`'s sparse/0.
 
     bounds [n, 2]: nearest and farthest depth of each view. Raises ValueError where
-    views differ in their lens: the format has one for all.
+    views differ in their lens: the format has one for all, and of it the focal length
+    alone. The principal point stands in sparse/0.
     """
-    if np.ptp(found["pixtocams"], axis=0).max() > 1e-9:
+    if np.ptp(np.linalg.inv(found["pixtocams"]), axis=0).max() > 1e-9:
         raise ValueError("the views' lenses differ")
     focal_px = 1 / found["pixtocams"][0, 0, 0]
     lens = np.array([found["height"], found["width"], focal_px], np.float64)

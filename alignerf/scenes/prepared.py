@@ -66,18 +66,21 @@ def load(folder, cameras_path=None) -> Scene:
     )
 
 
-def write_cameras(path, scene: Scene, cameras_path=None, views=slice(None)):
+def write_cameras(
+    path, scene: Scene, cameras_path=None, views=slice(None), *, lenses=False
+):
     """Write a cameras.npz like another, with the scene's cameras for these views.
 
     cameras_path: the other one, as in `load`. Views that are not named stay as they
-    are there, to the bit.
+    are there, to the bit; with `lenses` all but their lens does.
     """
     own = scene.folder / "cameras.npz"
     frame = cameras.frame_of(read_cameras(own)["camtoworlds"])
     found = read_cameras(cameras_path or own)
     for key in ("pixtocams", "camtoworlds"):
         found[key] = found[key].copy()
-    found["pixtocams"][views] = scene.pixtocams[views]
+    of_lenses = slice(None) if lenses else views
+    found["pixtocams"][of_lenses] = scene.pixtocams[of_lenses]
     found["camtoworlds"][views] = frame.given(scene.camtoworlds[views])
     with open(path, "wb") as file:
         np.savez(file, **found)

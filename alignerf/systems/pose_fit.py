@@ -20,6 +20,10 @@ RATES = (1e-3, 1e-5)
 BETAS = (0.9, 0.99)
 
 
+class NoFitError(ValueError):
+    """Why a camera cannot be fitted."""
+
+
 def make_fitter(method, params, *, steps, patch_px=PATCH_PX):
     """A function that fits one camera: see `fit` below.
 
@@ -64,7 +68,7 @@ def make_fitter(method, params, *, steps, patch_px=PATCH_PX):
     def fit(photo, mask, pixtocam, camtoworld, *, seed):
         """The camera's pose [3, 4] as the photo's pixels under a mask ask for it.
 
-        photo [h, w, 3] uint8, mask [h, w]. Raises ValueError where no patch lies under
+        photo [h, w, 3] uint8, mask [h, w]. Raises NoFitError where no patch lies under
         the mask, or the pose does not stay finite.
         """
         height, width = mask.shape
@@ -76,7 +80,7 @@ def make_fitter(method, params, *, steps, patch_px=PATCH_PX):
         fixed = params, photo, corners, camera, jnp.float32(scale)
         found = np.asarray(learn(jax.random.key(seed), *fixed))
         if not np.isfinite(found).all():
-            raise ValueError("the camera does not stay finite")
+            raise NoFitError("the camera does not stay finite")
         twist = np.asarray(refine.twists(found[None], scale[None]))
         return refine.moved_cameras(camtoworld[None], twist)[0]
 
@@ -97,5 +101,5 @@ def corners_of(mask, patch, halo):
     inside &= (y >= halo) & (y + patch + halo <= height)
     corners = np.stack([x[inside], y[inside]], axis=-1)
     if len(corners) == 0:
-        raise ValueError(f"no patch of {patch} px lies in the half that is fitted")
+        raise NoFitError(f"no patch of {patch} px lies in the half that is fitted")
     return np.resize(corners, (height * width, 2)).astype(np.int32)

@@ -3,6 +3,7 @@
 import csv
 import types
 
+import cv2
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from alignerf.metrics import image as image_metrics
 from alignerf.scenes import cameras, prepared
 from alignerf.systems import pose_fit
 from alignerf.training import methods, renderer
+from flow.camera import fit as camera_fit
+from flow.estimation import estimate
 from flow.warping import controls, files
 from tests import camera_twins
 
@@ -152,7 +155,9 @@ def test_moved_cameras_render_what_the_photos_show(scene):
 @BOTH
 def test_no_pixel_is_rendered_by_what_it_shows(scene, rng):
     """Spoilt photos and flows of one half change the renders of the other alone."""
-    half = controls.checkerboard(HEIGHT, WIDTH, block_px=HEIGHT // 6)
+    half = controls.checkerboard(
+        HEIGHT, WIDTH, block_px=HEIGHT // align_test_poses.SQUARES
+    )
     options = ["--flow", str(scene / "flow"), "--gradient-steps", "20"]
     assert run(scene, *options, out="before") == 0
     for name in NAMES:
@@ -171,6 +176,33 @@ def test_no_pixel_is_rendered_by_what_it_shows(scene, rng):
             )
             np.testing.assert_array_equal(before[half], after[half])
             assert (before[~half] != after[~half]).any()
+
+
+@pytest.mark.parametrize("estimator", ["deepflow", "dis_fine"])
+def test_an_estimated_flow_carries_little_into_the_other_half(method, rng, estimator):
+    """One half of a photo shifts by 3 px: the camera that the other half asks for."""
+    width, height = 200, 150
+    x, y = np.meshgrid(np.arange(width + 8.0), np.arange(height))
+    waves = [np.sin(f * x + g * y) for f, g in ((0.31, 0.1), (0.12, 0.4), (0.7, 0.55))]
+    noise = cv2.GaussianBlur(rng.normal(size=x.shape), (0, 0), 1.5)
+    texture = 128 + 30 * sum(waves) + 60 * noise
+    render, photo, other = (
+        np.repeat(texture[:, s : s + width, None], 3, axis=2).clip(0, 255).astype("u1")
+        for s in (2, 1, 4)
+    )
+    block_px = height // align_test_poses.SQUARES
+    half = controls.checkerboard(height, width, block_px=block_px)
+    margin_px = int(align_test_poses.MARGIN * block_px)
+    fitted = align_test_poses.within(half, margin_px)
+    pixtocam = cameras.intrinsics(170.0, width, height)
+    lengths_px = []
+    for shown in (photo, np.where(half[..., None], photo, other)):
+        flow_px = estimate.estimate(render, shown, method=estimator)
+        found = camera_fit.split(flow_px, fitted, pixtocam, log_focal=0.0)
+        lengths_px.append(np.median(np.linalg.norm(found.camera_px, axis=-1)))
+    assert lengths_px[0] == pytest.approx(1, abs=0.1)
+    # 0.11 px by deepflow, less by DIS.
+    assert lengths_px[1] == pytest.approx(lengths_px[0], abs=0.15)
 
 
 @BOTH

@@ -143,6 +143,27 @@ def test_a_view_left_alone_does_not_move_at_all(scene, capsys):
     assert row["length_px"] == pytest.approx(0, abs=1e-9)
 
 
+def test_a_lens_that_is_put_right_is_every_views(scene):
+    """Of views left alone and of test views too; their poses stay."""
+    zoom, left = 1.02, NAMES[3]
+    loaded = prepared.load(scene)
+    y, x = np.indices((HEIGHT, WIDTH)) + 0.5
+    for i in loaded.views("train"):
+        path = scene / "flow" / f"{NAMES[i]}.npz"
+        away = np.stack([x - WIDTH / 2, y - HEIGHT / 2], axis=-1)
+        flow_px = ((zoom - 1) * away).astype(np.float32)
+        files.write_flow(path, flow_px, np.full((HEIGHT, WIDTH), NAMES[i] != left))
+    _, found, report = run(scene)
+    given = prepared.read_cameras(scene / "cameras.npz")
+    assert report["focal_ratio"] == pytest.approx(zoom, rel=1e-3)
+    focal = 1 / found["pixtocams"][:, 0, 0]
+    np.testing.assert_allclose(focal, zoom * FOCAL_PX, rtol=1e-3)
+    stay = [*np.flatnonzero(SPLIT == "test"), NAMES.index(left)]
+    np.testing.assert_array_equal(
+        found["camtoworlds"][stay], given["camtoworlds"][stay]
+    )
+
+
 def test_other_cameras_come_in_the_frame_of_the_scenes_own(scene, rng):
     own = prepared.load(scene)
     other = wrong(prepared.read_cameras(scene / "cameras.npz")["camtoworlds"], rng, 40)

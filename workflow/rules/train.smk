@@ -1,8 +1,7 @@
 # Trainings. Round 0 trains on the photos, round k on those that round k - 1 warped, or
 # with the cameras that were put right by its flow; from scratch, or from the weights of
-# round k - 1;
-# staged methods pre-train once a model, then fine-tune. Checkpoints lie outside of
-# `output:`, which Snakemake deletes when a job is killed: a training resumes.
+# round k - 1; staged methods pre-train once a model, then fine-tune. Checkpoints lie
+# outside of `output:`, which Snakemake deletes when a job is killed: a training resumes.
 rule train:
     input:
         unpack(lambda w: rows.photos_of_round(experiment, w.scene, w.method, w.round)),

@@ -18,7 +18,7 @@ from alignerf.scenes import cameras, prepare
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard
 
-# Around what moves, in pixels of training.
+# Around what moves, in pixels of training: as far as the lens blurs it.
 MARGIN_PX = 3
 
 
@@ -30,6 +30,7 @@ class Courtyard(NamedTuple):
     pixtocams: Float[np.ndarray, "n 3 3"]
     camtoworlds: Float[np.ndarray, "n 3 4"]
     displacements: Float[np.ndarray, "n objects 3"]
+    two_states: bool
     width: int
     height: int
     supersample: int
@@ -63,6 +64,7 @@ def build_courtyard(
         pixtocams=pixtocams,
         camtoworlds=camtoworlds,
         displacements=displacements,
+        two_states=motion == "two_states",
         width=width,
         height=height,
         supersample=supersample,
@@ -101,11 +103,14 @@ def select(scene: Courtyard, names) -> Courtyard:
     )
 
 
-def write_truth(folder, scene: Courtyard, given: prepare.PosedViews, *, split):
+def write_truth(
+    folder, scene: Courtyard, given: prepare.PosedViews, *, split, perturb_px=0.0
+):
     """Write oracle/<name>.png, depth/ and flow/<name>.npz, cameras.npz (the true ones).
 
     depth_m [h, w] is the oracle's, along the optical axis. Of objects with two states
-    also moving/<name>.npz: where either state shows them. `scene` must hold the
+    also moving/<name>.npz: where either state shows them, with a margin into which the
+    lens, and poses off by perturb_px, blur them. `scene` must hold the
     photos of `given`, in its order. Returns the mean length in px, over all views and
     valid pixels, of the true flow: the misalignment that the photos really have.
     """
@@ -114,8 +119,8 @@ def write_truth(folder, scene: Courtyard, given: prepare.PosedViews, *, split):
         pixtocams=cameras.rescale_intrinsics(scene.pixtocams, *ratios),
         camtoworlds=scene.camtoworlds,
     )
-    states = np.unique(scene.displacements, axis=0)
-    for kind in ("oracle", "depth", "flow", *["moving"] * (len(states) == 2)):
+    margin_px = MARGIN_PX + int(np.ceil(3 * perturb_px))
+    for kind in ("oracle", "depth", "flow", *["moving"] * scene.two_states):
         (folder / kind).mkdir(parents=True)
 
     def write(i):
@@ -136,8 +141,8 @@ def write_truth(folder, scene: Courtyard, given: prepare.PosedViews, *, split):
             flow_px=flow_px.astype(np.float32),
             valid=valid,
         )
-        if len(states) == 2:
-            moving = shows_moving(scene, given, i, states)
+        if scene.two_states:
+            moving = shows_moving(scene, given, i, margin_px)
             np.savez_compressed(folder / "moving" / f"{name}.npz", moving=moving)
         return np.linalg.norm(flow_px, axis=-1)[valid]
 
@@ -176,18 +181,17 @@ def cast_pixels(scene: Courtyard, given: prepare.PosedViews, i, displacements):
     return courtyard_rays.cast(scene.world, *camera, x, y, displacements)
 
 
-def shows_moving(scene: Courtyard, given: prepare.PosedViews, i, states):
-    """Mask [h, w] of what moves, in any of its states [states, objects, 3].
-
-    With a margin, into which the lens blurs it.
-    """
-    moves = np.ptp(states, axis=0).any(axis=-1)
+def shows_moving(scene: Courtyard, given: prepare.PosedViews, i, margin_px):
+    """Mask [h, w] of what any photo displaces: where it is then, and at rest."""
+    farthest = np.abs(scene.displacements).argmax(axis=0)
+    displaced = np.take_along_axis(scene.displacements, farthest[None], axis=0)[0]
+    moves = displaced.any(axis=-1)
     objects = courtyard_rays.part_objects(scene.world)
     found = np.zeros((given.height, given.width), bool)
-    for displacements in states:
+    for displacements in (courtyard.at_rest(), displaced):
         hits = cast_pixels(scene, given, i, displacements)
         found |= moves[objects[hits.part]].reshape(found.shape)
-    return ndimage.binary_dilation(found, iterations=MARGIN_PX)
+    return ndimage.binary_dilation(found, iterations=margin_px)
 
 
 def compare_cameras(estimated, true):

@@ -50,6 +50,16 @@ def edit(config, where, value):
             {"kind": "nerf"},
             "models.base.far: field nerf sees",
         ),
+        (
+            "tradeoff.variants.nerf",
+            {"field": {"kind": "nerf"}},
+            "tradeoff.variants.nerf.far: field nerf sees no farther",
+        ),
+        (
+            "methods.joint",
+            {"model": "base", "refine": {"coarse_to_fine": [0.5, 0.1]}},
+            "methods.joint.refine.coarse_to_fine: two shares, first < last",
+        ),
         ("scenes.published", {"source": "courtyard"}, "scenes.published: a file of"),
         ("scenes.mine", {"source": "photos", "path": "a{b}"}, "scenes.mine.path: a{b}"),
         ("reference.method", "nerf", "reference.method: no method 'nerf'"),
@@ -311,7 +321,7 @@ def test_files_without_such_faults_pass(root):
 
 def test_every_scene_with_every_seed_and_length(demo):
     demo["scenes"]["timed"] = {"source": "courtyard", "budget_min": 3}
-    demo["vary"] = {"seeds": [4, 7], "lengths": [1, 0.25]}
+    demo["vary"] = {"seeds": [4, 7], "lengths": [0.25, 1]}
     config = check.checked(copy.deepcopy(demo))
     steps = config["training"]["steps"]
     found = {
@@ -328,6 +338,8 @@ def test_every_scene_with_every_seed_and_length(demo):
         "timed_seed7": (7, None, 3),
         "timed_seed7_x0.25": (7, None, 0.75),
     }
+    # Where another key means the first scene, it is the one as written.
+    assert next(iter(found)) == "courtyard"
     assert config["vary"] is None
     again = check.checked(copy.deepcopy(config))
     assert again == config
@@ -340,6 +352,10 @@ def test_what_cannot_be_varied_is_named(demo):
         check.checked(copy.deepcopy(demo))
     demo["scenes"]["courtyard_seed2"]["seed"] = 5
     with pytest.raises(ValueError, match=r"scenes.courtyard_seed2.seed: not beside va"):
+        check.checked(copy.deepcopy(demo))
+    demo["vary"] = {"lengths": [1000]}
+    demo["scenes"]["courtyard"]["steps"] = 10**6
+    with pytest.raises(ValueError, match=r"scenes.courtyard_x1000.steps: .* greater"):
         check.checked(copy.deepcopy(demo))
     demo["vary"] = {"seeds": [2, 2]}
     demo["scenes"].pop("courtyard_seed2")

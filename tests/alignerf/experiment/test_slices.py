@@ -201,10 +201,10 @@ def test_remedies_are_every_methods_last_round_at_every_length(demo, experiment_
     demo["vary"] = {"seeds": [0, 2], "lengths": [0.5, 1]}
     found = regimes.remedies(experiment_of(demo))
     assert [(row.scene, row.seed, row.share) for row in found] == [
-        ("courtyard_x0.5", 0, 0.5),
         ("courtyard", 0, 1),
-        ("courtyard_seed2_x0.5", 2, 0.5),
+        ("courtyard_x0.5", 0, 0.5),
         ("courtyard_seed2", 2, 1),
+        ("courtyard_seed2_x0.5", 2, 0.5),
     ]
     assert len({row.alike for row in found}) == 1
     methods = [(method.method, method.round) for method in found[0].methods]
@@ -213,7 +213,14 @@ def test_remedies_are_every_methods_last_round_at_every_length(demo, experiment_
     assert len(found[0].methods[1].trainings) == 3
     assert len(found[0].methods[1].data) == 4
     demo["vary"] = {"lengths": [0.5]}
-    with pytest.raises(ValueError, match="none is trained as long as `training` says"):
+    with pytest.raises(ValueError, match=r"scenes.courtyard_x0.5: it is never trained"):
+        regimes.remedies(experiment_of(demo))
+    demo["vary"] = None
+    demo["methods"]["photos"]["rounds"] = "auto"
+    with pytest.raises(ValueError, match=r"methods.photos.rounds: .* not auto"):
+        regimes.remedies(experiment_of(demo))
+    demo["methods"]["photos"] = {"model": "large"}
+    with pytest.raises(ValueError, match="remedies need one model for all"):
         regimes.remedies(experiment_of(demo))
 
 

@@ -119,7 +119,7 @@ def test_budgets_that_plain_training_lacks_are_left_out(row):
 
 def test_conditions_and_photos_without_truth_stand_apart(rows, row):
     fox = [
-        row("fox", 0, share, curves(share), test_sets=("standard", "warped"))
+        row("fox", 0, share, curves(share), test_sets=("standard", "aligned_pose"))
         for share in SHARES
     ]
     conditions = remedies.conditions_of([*rows, *fox])
@@ -127,7 +127,7 @@ def test_conditions_and_photos_without_truth_stand_apart(rows, row):
     assert list(dict.fromkeys(table["condition"])) == ["wrong_x0.5", "fox_x0.5"]
     assert set(table[table["condition"] == "fox_x0.5"]["test_set"]) == {
         "standard",
-        "warped",
+        "aligned_pose",
     }
     means = {name: remedies.means_of(seeds) for name, seeds in conditions}
     assert means["fox_x0.5"]["plain"][2] == "standard"
@@ -140,10 +140,26 @@ def test_conditions_and_photos_without_truth_stand_apart(rows, row):
     assert r"22.50 & \textbf{+0.50}" in tex
 
 
+def test_a_photo_is_one_view_however_many_seeds_there_are(row, rng):
+    """Trainings of the same photos: their gains are averaged before the interval."""
+    gains = rng.normal(size=3)
+    pairs = [(20.0 + gains, np.full(3, 20.0))]
+    once, thrice = (
+        remedies.gain_of(pairs * count, same_photos=True) for count in (1, 3)
+    )
+    for key in ("gain_db", "gain_low_db", "gain_high_db"):
+        assert once[key] == pytest.approx(thrice[key])
+    assert (once["views"], thrice["views"]) == (3, 3)
+    made = remedies.gain_of(pairs * 3, same_photos=False)
+    assert made["views"] == 9
+    assert made["gain_low_db"] > once["gain_low_db"]
+
+
 def test_faults_are_named(rows, row):
     with pytest.raises(ValueError, match=r"wrong_x1: the same as another scene"):
         remedies.conditions_of([*rows, row("wrong", 0, 1, curves(1))])
-    path = rows[0].methods[1].metrics
+    # Of another length of the same scene.
+    path = rows[3].methods[1].metrics
     table = pd.read_csv(path)
     table[table["view"] != "a"].to_csv(path, index=False)
     with pytest.raises(ValueError, match="not the views of the others"):
