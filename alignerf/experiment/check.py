@@ -224,6 +224,8 @@ def check_changes(method, where):
     if method["alignerf"]:
         if changes == "cameras_then_photos":
             fault(where, "a staged training has no round that warps photos")
+        if changes == "cameras" and method["alignerf"]["radius_px"] == "auto":
+            fault(where, "radius_px auto is measured before cameras are put right")
         return
     if changes == "cameras" and rounds == 0:
         fault(where, "cameras need a round to be put right for")

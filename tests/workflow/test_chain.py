@@ -59,14 +59,15 @@ def check_reruns(plan, root, config):
     trainings = {"train", "pretrain"}
     tables = {"tables_courtyard"}
     aligned = {"align", "align_all"}
+    scored, moved = {"evaluate", "evaluate_aligned_pose"}, {"align_test_poses"}
     for path, old, new, rules in (
         (root / "flow/figures/colour_wheel.py", "\n", "\n\n", {"figures"}),
         (root / "alignerf/tables/misalignment.py", "\n", "\n\n", tables),
-        (root / "alignerf/metrics/lpips.py", "\n", "\n\n", {"evaluate"}),
+        (root / "alignerf/metrics/lpips.py", "\n", "\n\n", scored),
         (root / "alignerf/contributions/frequency_loss.py", "\n", "\n\n", trainings),
         (root / "flow/__init__.py", "\n", "\n\n", aligned),
-        (root / "flow/warping/controls.py", "\n", "\n\n", {"control_sets"}),
-        (root / "flow/camera/fit.py", "\n", "\n\n", {"decompose_courtyard"}),
+        (root / "flow/warping/controls.py", "\n", "\n\n", {"control_sets", *moved}),
+        (root / "flow/camera/fit.py", "\n", "\n\n", {"decompose_courtyard", *moved}),
         (root / "requirements.lock", "\n", "\n\n", EVERYTHING),
         (config, "features: 4", "features: 5", {"config", "finetune"}),
         (config, "tolerance_px: 4.0", "tolerance_px: 2.0", aligned | {"config"}),

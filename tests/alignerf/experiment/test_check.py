@@ -56,6 +56,11 @@ def edit(config, where, value):
             "tradeoff.variants.nerf.far: field nerf sees no farther",
         ),
         (
+            "methods.moved",
+            {"model": "base", "changes": "cameras", "alignerf": {"radius_px": "auto"}},
+            "methods.moved.changes: radius_px auto is measured before",
+        ),
+        (
             "methods.joint",
             {"model": "base", "refine": {"coarse_to_fine": [0.5, 0.1]}},
             "methods.joint.refine.coarse_to_fine: two shares, first < last",
