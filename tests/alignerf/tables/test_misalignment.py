@@ -32,6 +32,20 @@ def test_a_row_per_test_set_with_means_and_all_costs_so_far(entry):
             assert row[key] == pytest.approx(np.mean(views[key]))
 
 
+def test_a_view_in_which_nothing_moves_has_no_part_in_what_moves(entry):
+    """A view that lacks another metric still empties its mean."""
+    for path, psnr_db in ((entry.metrics, 21.0), (entry.base_metrics, 20.0)):
+        scores = pd.read_csv(path)
+        moving = scores[scores["test_set"] == "standard"].iloc[1:].copy()
+        moving["test_set"], moving["psnr_db"] = "oracle_moving", psnr_db
+        still = moving.assign(test_set="oracle_still")
+        pd.concat([scores, moving, still]).to_csv(path, index=False)
+    found = {row["test_set"]: row for row in misalignment.lines_of(entry)}
+    assert found["oracle_moving"]["psnr_db"] == 21.0
+    assert found["oracle_moving"]["difference_db"] == 1.0
+    assert np.isnan(found["oracle_still"]["psnr_db"])
+
+
 def test_differences_to_the_base_are_paired_by_view(entry):
     psnr, base = (psnr_of(getattr(entry, key)) for key in ("metrics", "base_metrics"))
     for row in misalignment.lines_of(entry):
