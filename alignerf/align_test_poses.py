@@ -216,16 +216,12 @@ def fit_by_gradient(loaded: prepared.Scene, fit, view, target: Target, mask):
 def row(loaded: prepared.Scene, depth, view, fitted: Fitted):
     """A line of poses.csv: how far the camera has moved."""
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]
-    motion = camera_motion.between(camera, (camera[0], fitted.pose))
     depths = depth_of(depth, f"{loaded.names[view]}.npz")
     known = depths[np.isfinite(depths) & (depths > 0)]
     near = float(np.median(known)) if len(known) else 1.0
-    size = loaded.width, loaded.height
-    moved = camera[0], fitted.pose
+    size, moved = (loaded.width, loaded.height), (camera[0], fitted.pose)
     return {
-        "rotation_deg": float(np.degrees(np.linalg.norm(motion.rotation))),
-        "centre": float(np.linalg.norm(motion.centre)),
-        "length_px": pose_error.length_px(camera, moved, size, near),
+        **pose_error.difference(camera, moved, size, near),
         "fitted_pixels": fitted.pixels,
         "noise_px": fitted.noise_px,
     }

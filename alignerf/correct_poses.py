@@ -59,7 +59,7 @@ def main(argv=None):
         whole.replace_file(args.out) as path,
     ):
         moved = [v for v, c in zip(train, found, strict=True) if not c.left_alone]
-        prepared.write_cameras(path, after, args.cameras, moved, lenses=zoom_of(found))
+        prepared.write_cameras(path, after, args.cameras, moved)
         report_path.write_text(json.dumps(report, indent=1) + "\n")
     for line in report["of_views"]:
         if line["left_alone"]:
@@ -98,13 +98,10 @@ def corrected(given: prepared.Scene, before, train, found) -> prepared.Scene:
 
     A lens that is put right is every view's.
     """
-    pixtocams, camtoworlds = before.pixtocams.copy(), before.camtoworlds.copy()
+    camtoworlds = before.camtoworlds.copy()
     moved = [v for v, c in zip(train, found, strict=True) if not c.left_alone]
-    zoom = camera_motion.STILL._replace(log_focal=zoom_of(found))
-    for view in range(len(pixtocams)):
-        pixtocams[view], _ = camera_motion.apply(
-            zoom, pixtocams[view], camtoworlds[view]
-        )
+    zoom = np.exp(-zoom_of(found))
+    pixtocams = np.diag([zoom, zoom, 1.0]) @ before.pixtocams
     for view, correction in zip(train, found, strict=True):
         _, camtoworlds[view] = camera_motion.apply(
             correction.motion, pixtocams[view], camtoworlds[view]
@@ -133,16 +130,11 @@ def without_gauge(camtoworlds, given):
 
 def row(given: prepared.Scene, after: prepared.Scene, view, correction):
     """What was done to a view's camera in all, against the given one."""
-    moved = camera_motion.between(camera_of(given, view), camera_of(after, view))
+    before, now = (camera_of(state, view) for state in (given, after))
+    size = given.width, given.height
     return {
         "view": given.names[view],
-        "rotation_deg": float(np.degrees(np.linalg.norm(moved.rotation))),
-        "centre": float(np.linalg.norm(moved.centre)),
-        "length_px": pose_error.length_px(
-            *(camera_of(state, view) for state in (given, after)),
-            (given.width, given.height),
-            correction.depth,
-        ),
+        **pose_error.difference(before, now, size, correction.depth),
         "this_round_px": correction.length_px,
         "noise_px": correction.noise_px,
         "valid_share": correction.valid_share,

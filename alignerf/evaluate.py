@@ -80,11 +80,7 @@ def main(argv=None):
                 name: (image, render, mask) for name, (image, mask) in targets.items()
             }
         for test_set, images in scored.items():
-            row = score(*images, learned)
-            if args.aligned_pose:
-                # Windows would see the seams between the halves.
-                row |= dict.fromkeys({"ssim", *learned}, np.nan)
-                row["note"] = "psnr_db alone: the render has seams"
+            row = score(*images, learned, seams=bool(args.aligned_pose))
             note = "; ".join(n for n in (row.pop("note"), missing) if n)
             name = {"view": loaded.names[view], "test_set": test_set}
             rows.append(name | row | {"note": note})
@@ -159,10 +155,11 @@ def load_lpips(net, path):
     return metric
 
 
-def score(target, render, valid, learned):
+def score(target, render, valid, learned, *, seams=False):
     """Metrics of one view against one target; a missing one is NaN with a note.
 
-    learned: {name: metric} of those that need weights.
+    learned: {name: metric} of those that need weights. seams: the render has some,
+    which all metrics but PSNR would see in their windows; they are left out.
     """
     row = {"psnr_db": image_metrics.psnr_db(target, render, valid)}
     notes = []
@@ -170,7 +167,12 @@ def score(target, render, valid, learned):
         # Never averaged: one such view would make every mean infinite.
         row["psnr_db"] = np.nan
         notes.append("psnr_db: identical images")
-    for name, metric in {"ssim": image_metrics.ssim, **learned}.items():
+    windowed = {"ssim": image_metrics.ssim, **learned}
+    if seams:
+        row |= dict.fromkeys(windowed, np.nan)
+        notes.append("psnr_db alone: the render has seams")
+        windowed = {}
+    for name, metric in windowed.items():
         try:
             row[name] = metric(target, render, valid)
         except ValueError as error:

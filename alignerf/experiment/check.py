@@ -202,8 +202,8 @@ def check_method(config, name):
         method["alignerf"] or method["warm_start"] or method["rounds"] != 0
     ):
         fault(f"methods.{name}.refine", "not beside rounds, warm_start or alignerf")
-    shares = (method["refine"] or {}).get("coarse_to_fine") or [0, 0.5]
-    if not shares[0] < shares[1] < 1:
+    shares = (method["refine"] or {}).get("coarse_to_fine")
+    if shares and not shares[0] < shares[1] < 1:
         fault(f"methods.{name}.refine.coarse_to_fine", "two shares, first < last < 1")
     if not (found := method["alignerf"]):
         return

@@ -54,12 +54,11 @@ def exports(experiment):
     Its cameras with the photos as taken and, where it learnt from warped photos, with
     these.
     """
-    found = []
+    found, moved = [], {*experiment.refining(), *experiment.correcting()}
     for scene in experiment.scenes:
         for method in experiment.methods:
             last = experiment.last_round(scene, method)
             folder = f"results/{scene}/{method}/export"
-            moved = {*experiment.refining(), *experiment.correcting()}
             if last > 0 or method in moved:
                 found.append(f"{folder}/cameras")
             if experiment.change_of(method, last) == "photos":

@@ -5,6 +5,7 @@ to the others by one similarity.
 """
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from alignerf.command import archives
 from alignerf.scenes import cameras, prepared
@@ -34,6 +35,20 @@ def median_px(state: prepared.Scene, true, views, depths):
         for view, depth in zip(views, depths, strict=True)
     ]
     return float(np.median(errors))
+
+
+def difference(camera, other, size, depth):
+    """How far a camera is from another: {rotation_deg, centre, length_px}.
+
+    centre in units of the frame; arguments as of `length_px`.
+    """
+    (_, pose), (_, moved) = camera, other
+    turn = Rotation.from_matrix(pose[:, :3].T @ moved[:, :3]).as_rotvec()
+    return {
+        "rotation_deg": float(np.degrees(np.linalg.norm(turn))),
+        "centre": float(np.linalg.norm(moved[:, 3] - pose[:, 3])),
+        "length_px": length_px(camera, other, size, depth),
+    }
 
 
 def length_px(camera, other, size, depth):

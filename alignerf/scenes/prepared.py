@@ -66,21 +66,17 @@ def load(folder, cameras_path=None) -> Scene:
     )
 
 
-def write_cameras(
-    path, scene: Scene, cameras_path=None, views=slice(None), *, lenses=False
-):
-    """Write a cameras.npz like another, with the scene's cameras for these views.
+def write_cameras(path, scene: Scene, cameras_path=None, views=slice(None)):
+    """Write a cameras.npz like another, with the scene's lenses and these views' poses.
 
-    cameras_path: the other one, as in `load`. Views that are not named stay as they
-    are there, to the bit; with `lenses` all but their lens does.
+    cameras_path: the other one, as in `load`. The poses of views that are not named
+    stay as they are there, to the bit.
     """
     own = scene.folder / "cameras.npz"
     frame = cameras.frame_of(read_cameras(own)["camtoworlds"])
     found = read_cameras(cameras_path or own)
-    for key in ("pixtocams", "camtoworlds"):
-        found[key] = found[key].copy()
-    of_lenses = slice(None) if lenses else views
-    found["pixtocams"][of_lenses] = scene.pixtocams[of_lenses]
+    found["pixtocams"] = scene.pixtocams
+    found["camtoworlds"] = found["camtoworlds"].copy()
     found["camtoworlds"][views] = frame.given(scene.camtoworlds[views])
     with open(path, "wb") as file:
         np.savez(file, **found)

@@ -69,7 +69,6 @@ use rule evaluate as evaluate_aligned_pose with:
         renders="results/{scene}/{method}/round{round}/aligned_pose",
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
-        weights=list(config["lpips"].values()),
     output:
         "results/{scene}/{method}/round{round}/metrics_aligned_pose.csv",
     log:
@@ -79,3 +78,5 @@ use rule evaluate as evaluate_aligned_pose with:
     params:
         renders=lambda w, input: flows.option("aligned-pose", input.renders),
         testset=[],
+        # Of these renders PSNR alone is scored.
+        lpips=[],
