@@ -16,7 +16,15 @@ import numpy as np
 
 from alignerf.command import faults, images, whole
 from alignerf.experiment import check, jobs, schema, settings
-from alignerf.scenes import cameras, colmap, llff, prepare, transforms
+from alignerf.scenes import (
+    blender,
+    cameras,
+    colmap,
+    llff,
+    mipnerf360,
+    prepare,
+    transforms,
+)
 from alignerf.scenes.courtyard import scene as courtyard
 from alignerf.scenes.courtyard import truth
 
@@ -43,7 +51,10 @@ def main(config, out):
                 views.camtoworlds, views.pixtocams, config["perturb_px"], rng
             )
         )
-        split = prepare.split_views(len(views.names), test_every=config["test_every"])
+        split = views.split
+        if split is None:
+            every = config["test_every"]
+            split = prepare.split_views(len(views.names), test_every=every)
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
         if scene is not None:
@@ -81,7 +92,19 @@ def load_photos(config, scratch):
 
 def load_transforms(config, scratch):
     """The same of a transforms.json, with the poses that it gives."""
-    views, left_out = transforms.read(config["path"])
+    views, left_out = transforms.read(config["path"], config["background"])
+    return views, registration(views.names, left_out), None
+
+
+def load_blender(config, scratch):
+    """The same of NeRF's synthetic scenes, with their own split."""
+    views = blender.read(config["path"], config["background"])
+    return views, registration(views.names, []), None
+
+
+def load_mipnerf360(config, scratch):
+    """The same of mip-NeRF 360's layout, with the poses of its COLMAP model."""
+    views, left_out = mipnerf360.read(config["path"], config["images"])
     return views, registration(views.names, left_out), None
 
 
@@ -120,6 +143,8 @@ READERS = {
     "photos": load_photos,
     "transforms": load_transforms,
     "llff": load_llff,
+    "mipnerf360": load_mipnerf360,
+    "blender": load_blender,
 }
 
 
@@ -132,6 +157,7 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
         max_size_px=config["colmap"]["max_size_px"],
         seed=config["seed"],
         where=where or str(folder),
+        background=config["background"],
     )
     report = registration(model.names, model.left_out) | {
         "mean_reprojection_error_px": model.mean_reprojection_error_px,

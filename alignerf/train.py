@@ -63,7 +63,7 @@ def parse(argv=None):
 
 def train(job, args):
     """(parameters, timing) of the job, from its checkpoint or from the beginning."""
-    if job.model.field.kind == "grid":
+    if program.hashed(job.model):
         # An MLP gains little by it, and each device holds all its parameters.
         cores.use_as_devices()
     loaded = prepared.load(args.scene, args.cameras)

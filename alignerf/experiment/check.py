@@ -2,6 +2,7 @@
 
 import copy
 import itertools
+import math
 import os
 import re
 from pathlib import Path
@@ -26,6 +27,8 @@ DATA = re.compile(r"\$\{ALIGNERF_DATA:-([^{}]*)\}")
 # What no machine is asked for: parameters and all of their training, or courtyard's
 # photos, eight bits a channel.
 MOST_BYTES = 2**38
+# Sources whose photos may have alpha.
+TRANSPARENT = ("photos", "transforms", "blender")
 # In units of the largest camera coordinate.
 MOST_FAR = 100
 MOST_PHOTO_BYTES = 2**35
@@ -173,14 +176,15 @@ def check_given(config):
 def check_model(model, *place):
     """Its depths are in order, and its fields' parameters fit into a machine."""
     where = ".".join(place)
-    if model["near"] >= model["far"]:
+    if model["near"] >= model.get("far", math.inf):
         fault(where, "near must be smaller than far")
-    if model["field"]["kind"] == "nerf" and model["far"] > MOST_FAR:
+    of_points = settings.field_kind(model) == "nerf" and model["kind"] == "mipnerf360"
+    if of_points and model["far"] > MOST_FAR:
         # Sines of distant points are noise, and nothing contracts them.
         fault(f"{where}.far", f"field nerf sees no farther than {MOST_FAR}")
-    for key in ("proposal", "field"):
-        field = model[key]
-        if field["kind"] == "grid":
+    parts = {key: model[key] for key in ("proposal", "field") if key in model}
+    for key, field in (parts or {"width": model}).items():
+        if "log2_entries" in field:
             values = field["levels"] * field["features"] * 2 ** field["log2_entries"]
         else:
             values = field["depth"] * field["width"] ** 2
@@ -195,6 +199,10 @@ def check_method(config, name):
     method = config["methods"][name]
     if method["model"] not in config["models"]:
         fault(f"methods.{name}.model", f"no model {method['model']!r}")
+    kind = config["models"][method["model"]]["kind"]
+    for stage in ("alignerf", "refine"):
+        if method[stage] and kind != "mipnerf360":
+            fault(f"methods.{name}.{stage}", f"not of a model of kind {kind}")
     if method["warm_start"]:
         check_warm_start(config, name)
     check_changes(method, f"methods.{name}.changes")
@@ -303,6 +311,10 @@ def check_scene(scene, *place):
         )
     if source.has_path and not scene["path"]:
         fault(f"{where}path", f"source {scene['source']!r} needs one")
+    if scene["images"] is not None and scene["source"] != "mipnerf360":
+        fault(f"{where}images", f"source {scene['source']!r} has no such folders")
+    if scene["background"] and scene["source"] not in TRANSPARENT:
+        fault(f"{where}background", f"source {scene['source']!r} has no alpha")
     model = scene["colmap"]["camera_model"]
     if source.has_truth and model not in (None, "PINHOLE", "SIMPLE_PINHOLE"):
         # Undoing a distortion that is not there would move photos off their true flow.
@@ -357,6 +369,9 @@ def check_tradeoff(config):
     for key, section in (("scene", "scenes"), ("model", "models")):
         if sweep[key] not in config[section]:
             fault(f"tradeoff.{key}", f"no {key} {sweep[key]!r}")
+    kind = config["models"][sweep["model"]]["kind"]
+    if kind != "mipnerf360":
+        fault("tradeoff.model", f"a sweep varies mipnerf360, not {kind}")
     if "base" in sweep["variants"]:
         fault("tradeoff.variants.base", "the model itself has this name")
     for name in sweep["variants"]:

@@ -54,7 +54,7 @@ class Job:
 
     seed: int = settings.key(least=0, most=2**32 - 1)
     stage: Literal[STAGES] = settings.key()
-    model: settings.Model = settings.key()
+    model: settings.Models = settings.key()
     training: settings.Training = settings.key()
     alignerf: Finetuning | None = settings.key()
     refine: settings.Refine | None = settings.key(None, "learns cameras too")
@@ -122,17 +122,22 @@ def parse(values) -> Job:
     schema.check(Job, values)
     settings.check_length(values["training"], "training")
     values = schema.filled(Job, values)
+    values["training"] |= values["model"].pop("training")
+    values["model"]["training"] = {}
     values["training"] |= settings.length(values["training"])
     values["training"] |= settings.warmup(values["training"])
-    field = values["model"]["field"]
-    values["training"] |= settings.rates(values["training"], field)
+    kind = settings.field_kind(values["model"])
+    values["training"] |= settings.rates(values["training"], kind)
     job = instance(Job, values)
     if job.stage in ("pretrain", "finetune") and job.alignerf is None:
         raise ValueError("config: alignerf: a staged training needs it")
     if job.stage == "finetune":
         check_finetuning(job.alignerf)
-    if job.model.near >= job.model.far:
+    if hasattr(job.model, "far") and job.model.near >= job.model.far:
         raise ValueError("config: model: near must be smaller than far")
+    others = job.alignerf or job.refine
+    if others and job.model.kind != "mipnerf360":
+        raise ValueError(f"config: model.kind: {job.model.kind} has no such stage")
     return job
 
 

@@ -81,8 +81,10 @@ class Renders(NamedTuple):
 def field_name(experiment, method):
     """How a table calls a method's field, and what its frequency loss looks at."""
     model = experiment.methods[method]["model"]
-    field = experiment.config["models"][model]["field"]
-    size = field["width"] if field["kind"] != "grid" else f"2^{field['log2_entries']}"
+    model = experiment.config["models"][model]
+    field = model.get("field", model)
+    hashed = "log2_entries" in field
+    size = f"2^{field['log2_entries']}" if hashed else field["width"]
     name = f"{field['kind']} {size}"
     if method in experiment.refining():
         return f"{name}, cameras learnt"

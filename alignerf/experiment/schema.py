@@ -52,6 +52,8 @@ def of_class(kind):
     """Schema of a mapping with the fields of one of the settings' classes."""
     if kind is settings.Variant:
         return of_variant()
+    if kind is settings.Changes:
+        return of_changes()
     hints = typing.get_type_hints(kind)
     fields = dataclasses.fields(kind)
     found = {
@@ -96,6 +98,15 @@ def of_variant():
         "minProperties": 1,
         "properties": found,
     }
+
+
+def of_changes():
+    """Some keys of trainings, but not how long one is."""
+    found = of_class(settings.Training)["properties"]
+    for entry in found.values():
+        entry.pop("default")
+    own = {name: found[name] for name in found if name not in settings.LENGTH}
+    return {"type": "object", "additionalProperties": False, "properties": own}
 
 
 def of_field(field, hint):
@@ -171,7 +182,7 @@ def of_names(kind):
         "minProperties": 1,
         "maxProperties": 10000,
         "propertyNames": {"pattern": pattern},
-        "additionalProperties": {"$ref": f"#/$defs/{kind.__name__}"},
+        "additionalProperties": of_type(kind, {}),
     }
 
 
@@ -179,7 +190,9 @@ def of_union(options, bounds):
     """Null or a type; a number or a word; one kind of field or the other."""
     kinds = [option for option in options if option is not type(None)]
     if all("kind" in getattr(kind, "__dataclass_fields__", ()) for kind in kinds):
-        return of_field_kinds(kinds)
+        # Without a `kind` a model is of the first; a field may change another of any.
+        is_model = kinds == list(typing.get_args(settings.Models))
+        return of_kinds(kinds, kinds[0] if is_model else None)
     found = [of_type(option, bounds) for option in kinds]
     if type(None) not in options:
         return {"oneOf": found}
@@ -192,12 +205,12 @@ def of_union(options, bounds):
     return only | {"type": [only["type"], "null"]}
 
 
-def of_field_kinds(kinds):
-    """By `kind`; without it, the keys of any."""
+def of_kinds(kinds, default=None):
+    """By `kind`; without it, the keys of the default one, or of any."""
     by_kind = kinds_by_name(kinds)
     every = {
         key: entry
-        for kind in kinds
+        for kind in ([default] if default else kinds)
         for key, entry in of_class(kind)["properties"].items()
     }
     choice = {"kind": {"enum": list(by_kind)}}
@@ -219,7 +232,7 @@ def of_field_kinds(kinds):
 
 
 def kinds_by_name(kinds):
-    """{`kind` as a config has it: class} of fields."""
+    """{`kind` as a config has it: class} of fields or models."""
     return {kind.__dataclass_fields__["kind"].default: kind for kind in kinds}
 
 
@@ -314,13 +327,13 @@ def filled_value(hint, value, default):
         return value
     if typing.get_origin(hint) is dict:
         kind = typing.get_args(hint)[1]
-        if kind is settings.Variant:
-            return value
-        return {name: filled(kind, entry) for name, entry in value.items()}
+        return {name: filled_value(kind, entry, None) for name, entry in value.items()}
+    if hint in (settings.Variant, settings.Changes):
+        return dict(value)
     kinds = [k for k in typing.get_args(hint) or (hint,) if k is not type(None)]
     if len(kinds) > 1 and "kind" in value:
         kinds, default = [kinds_by_name(kinds)[value["kind"]]], None
     elif len(kinds) > 1:
-        kinds = [type(default)]
+        kinds = [type(default)] if dataclasses.is_dataclass(default) else kinds[:1]
     base = default if dataclasses.is_dataclass(default) else None
     return filled(kinds[0], value, base)

@@ -47,6 +47,8 @@ SOURCES = {
     "photos": Source(("colmap",)),
     "transforms": Source(("given",)),
     "llff": Source(("given",)),
+    "mipnerf360": Source(("given",)),
+    "blender": Source(("given",)),
 }
 
 
@@ -98,23 +100,39 @@ class Courtyard:
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scene:
     source: Literal[tuple(SOURCES)] = key(
-        what="embedded scene, folder of photos, transforms.json, or LLFF's "
-        "poses_bounds.npy"
+        what="embedded scene, folder of photos, transforms.json, LLFF's "
+        "poses_bounds.npy, a scene of mip-NeRF 360 (360_v2), or one of NeRF's "
+        "synthetic scenes"
     )
     path: str | None = key(
         None,
-        "folder of photos, of transforms.json, or of poses_bounds.npy and images or "
-        "images_<n>; none for courtyard",
+        "folder of photos, of transforms.json, of poses_bounds.npy and images or "
+        "images_<n>, of sparse/0 and images_<n>, or of transforms_train.json and "
+        "transforms_test.json; none for courtyard",
+    )
+    images: int | None = key(
+        None,
+        "of mipnerf360: the n of the folder images_<n>, 1 for images; null takes the "
+        "largest photos there are",
+        least=1,
+        most=64,
+    )
+    background: Literal["white", "black"] | None = key(
+        None, "what transparent pixels stand on; null refuses them"
     )
     poses: Literal["colmap", "truth", "given"] | None = key(
         None,
-        "courtyard has colmap (default) or truth, photos colmap, transforms and llff "
-        "given",
+        "courtyard has colmap (default) or truth, photos colmap, all others given",
     )
     downscale: int = key(
         1, "photos are made smaller by this factor, by area averaging", least=1, most=64
     )
-    test_every: int = key(8, "every n-th view by name is held out", least=2, most=10000)
+    test_every: int = key(
+        8,
+        "every n-th view by name is held out; blender's files say which",
+        least=2,
+        most=10000,
+    )
     seed: int | None = key(
         None,
         "of this scene, its poses and its trainings; null takes the config's",
@@ -202,10 +220,24 @@ FIELD = (
 )
 
 
+@dataclasses.dataclass(frozen=True)
+class Changes:
+    """Keys of `training` in which a model's trainings differ; none is filled.
+
+    A job's training has taken them in, so that of a job nothing is left here.
+    """
+
+
+def changes():
+    what = "keys of `training` that are others for this model; not its length"
+    return key(Changes(), what)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Model:
     """A mip-NeRF 360: how rays are sampled, and the two fields."""
 
+    kind: Literal["mipnerf360"] = key("mipnerf360", "proposals, in contracted space")
     near: float = key(
         0.2,
         "nearest distance, in units of the largest camera coordinate",
@@ -225,6 +257,124 @@ class Model:
         Grid(levels=4, log2_entries=15, features=2, finest=256, width=16), FIELD
     )
     field: Grid | Mlp | Nerf = key(Grid(finest=2048), FIELD)
+    training: Changes = changes()
+
+
+NEAR = "nearest distance, in units of the largest camera coordinate"
+TWO_LOOKS = "samples a ray in the first look, and more in the second"
+SPACING = (
+    "of the first look's samples: inverse, in 1 / distance, for scenes without a bound"
+)
+
+
+BEHIND = "colour of what lies behind a ray's last sample: black, or white"
+
+
+def samples(*default):
+    return key([*default], TWO_LOOKS, least=2, most=4096, length=(2, 2))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class NerfSystem:
+    """NeRF as published: two networks of points, without contraction."""
+
+    kind: Literal["nerf"] = key("nerf", "NeRF: points, two networks")
+    near: float = key(0.2, NEAR, above=0, most=1e6)
+    far: float = key(100.0, "farthest distance", above=0, most=100)
+    samples: list[int] = samples(64, 128)
+    spacing: Literal["linear", "inverse"] = key("inverse", SPACING)
+    degrees: int = key(10, "of the encoding", least=1, most=16)
+    width: int = key(256, "channels", least=1, most=16384)
+    depth: int = key(8, "layers", least=1, most=64)
+    noise: float = key(
+        1.0, "standard deviation of noise on raw densities", least=0, most=100
+    )
+    behind: Literal["black", "white"] = key("black", BEHIND)
+    precision: PRECISIONS = key("float32", PRECISION)
+    training: Changes = changes()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MipNerfSystem:
+    """Mip-NeRF as published: one network of Gaussians, without contraction."""
+
+    kind: Literal["mipnerf"] = key("mipnerf", "mip-NeRF: Gaussians, one network")
+    near: float = key(0.2, NEAR, above=0, most=1e6)
+    far: float = key(100.0, "farthest distance", above=0, most=1e6)
+    samples: list[int] = key(
+        [128, 128],
+        "intervals a ray in the first look, and in the second",
+        least=2,
+        most=4096,
+        length=(2, 2),
+    )
+    spacing: Literal["linear", "inverse"] = key("inverse", SPACING)
+    degrees: int = key(16, "of the encoding", least=1, most=16)
+    width: int = key(256, "channels; 1024 in the bigger one", least=1, most=16384)
+    depth: int = key(8, "layers", least=1, most=64)
+    bottleneck: int = key(256, "numbers to the head", least=1, most=16384)
+    view_width: int = key(128, "of the head's layer", least=1, most=16384)
+    behind: Literal["black", "white"] = key("black", BEHIND)
+    precision: PRECISIONS = key("float32", PRECISION)
+    training: Changes = changes()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class NerfPlusPlus:
+    """NeRF++ as published: a sphere inside out, two networks for either part."""
+
+    kind: Literal["nerfpp"] = key("nerfpp", "NeRF++: inside and outside of a sphere")
+    near: float = key(0.01, NEAR, above=0, most=0.9)
+    radius: float = key(
+        1.1,
+        "of the sphere, in units of the largest camera coordinate: all cameras lie in "
+        "it",
+        above=1,
+        most=100,
+    )
+    samples: list[int] = samples(64, 128)
+    degrees: int = key(10, "of the encoding", least=1, most=16)
+    width: int = key(256, "channels; 512 in the bigger one", least=1, most=16384)
+    depth: int = key(8, "layers", least=1, most=64)
+    bottleneck: int = key(256, "numbers to the head", least=1, most=16384)
+    view_width: int = key(128, "of the head's layer", least=1, most=16384)
+    precision: PRECISIONS = key("float32", PRECISION)
+    training: Changes = changes()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class InstantNgp:
+    """Instant-NGP's field as published; proposals find the samples."""
+
+    kind: Literal["ngp"] = key("ngp", "Instant-NGP: a hash grid in a box")
+    near: float = key(0.05, NEAR, above=0, most=1e6)
+    far: float = key(64.0, "farthest distance", above=0, most=1e6)
+    side: float = key(
+        32.0, "of the box, in units of the largest camera coordinate", above=0, most=128
+    )
+    samples: list[int] = key(
+        [64, 32],
+        "samples a ray in each proposal round, and in the last round",
+        least=1,
+        most=4096,
+        length=(1, 8),
+    )
+    levels: int = key(16, "resolutions", least=1, most=32)
+    log2_entries: int = key(21, "log2 of the table's rows a level", least=4, most=26)
+    features: int = key(2, "numbers a row", least=1, most=64)
+    coarsest: int = key(16, "corners a side", least=2, most=2**16)
+    finest: int = key(2048, "cells over a length of 1 in the box", least=2, most=2**16)
+    width: int = key(64, "of the networks", least=1, most=16384)
+    precision: PRECISIONS = key("float32", PRECISION)
+    training: Changes = changes()
+
+
+Models = Model | NerfSystem | MipNerfSystem | NerfPlusPlus | InstantNgp
+
+
+def field_kind(model):
+    """What decides a model's learning rates and memory, of a mapping with defaults."""
+    return model["field"]["kind"] if "field" in model else model["kind"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -338,7 +488,14 @@ class Method:
 
 
 # Chosen on courtyard, seed 1.
-RATES = {"grid": (0.03, 0.003), "mlp": (0.01, 0.001), "nerf": (0.001, 0.0001)}
+RATES = {
+    "grid": (0.03, 0.003),
+    "mlp": (0.01, 0.001),
+    "nerf": (0.001, 0.0001),
+    "mipnerf": (0.001, 0.0001),
+    "nerfpp": (0.001, 0.0001),
+    "ngp": (0.03, 0.003),
+}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -404,12 +561,12 @@ def warmup(training):
     return {"warmup_steps": given}
 
 
-def rates(training, field):
+def rates(training, kind):
     """The learning rates of a training, as a mapping, that may leave them to the field.
 
-    field: the model's, as a mapping.
+    kind: as of `field_kind`.
     """
-    return {"learning_rates": training["learning_rates"] or list(RATES[field["kind"]])}
+    return {"learning_rates": training["learning_rates"] or list(RATES[kind])}
 
 
 def check_length(given, where):
@@ -494,11 +651,13 @@ class Lpips:
     vgg: str | None = key(None, "VGG-16")
 
 
+# Keys of a training that say how long it is.
+LENGTH = ("steps", "budget_min", "warmup_steps")
 # What a point of the sweep may change, of the model and of the training.
 VARIES = {
     Model: ("samples", "proposal", "field"),
     Training: (
-        *("steps", "budget_min", "batch_rays", "learning_rates", "warmup_steps"),
+        *(*LENGTH, "batch_rays", "learning_rates"),
         *("hold_share", "adam_betas", "adam_eps", "gradient_norm", "proposal_share"),
     ),
 }
@@ -548,8 +707,9 @@ class Config:
         what="name -> where its images and cameras come from"
     )
     vary: Vary | None = key(None, "seeds and lengths that every scene is run with")
-    models: dict[str, Model] = key(
-        {"base": {}}, "name -> a mip-NeRF 360, with a field of a kind and a size"
+    models: dict[str, Models] = key(
+        {"base": {}},
+        "name -> a mip-NeRF 360 with two fields, or by `kind` another system",
     )
     methods: dict[str, Method] = key(
         {"mipnerf360": {"rounds": 2}, "alignerf": {"alignerf": {}}},

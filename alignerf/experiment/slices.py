@@ -95,11 +95,12 @@ def job(experiment, scene, method, stage):
             found["radius_px"] = None
     if stage == "pretrain":
         found |= PRETRAIN_HAS_NONE
+    model = config["models"][experiment.methods[method]["model"]]
     return {
         "seed": experiment.scenes[scene]["seed"],
         "stage": stage,
-        "model": config["models"][experiment.methods[method]["model"]],
-        "training": training_of(config, scene),
+        "model": model | {"training": {}},
+        "training": training_of(config, scene) | model["training"],
         "alignerf": found,
     }
 
@@ -153,5 +154,7 @@ def variant_of(config, name):
         change = retimed(training, *length) | change
     found = {"seed": config["scenes"][sweep["scene"]]["seed"], "downscale": 1}
     found = {key: change.pop(key, value) for key, value in found.items()}
+    training |= model["training"]
+    model = model | {"training": {}}
     of_training = {key: change.pop(key) for key in set(change) & set(training)}
     return found | {"model": model | change, "training": training | of_training}

@@ -40,6 +40,11 @@ class Model(nn.Module):
     near: float
     far: float
 
+    @property
+    def jitters(self):
+        """Random numbers that a ray takes: one for each round of samples."""
+        return len(self.samples)
+
     def __call__(
         self,
         rays,

@@ -100,15 +100,18 @@ def estimate_poses(
     return convert(models[0], names, models=[m.num_reg_images() for m in models])
 
 
-def pose_folder(folder, work_folder, *, camera_model, max_size_px, seed, where):
+def pose_folder(
+    folder, work_folder, *, camera_model, max_size_px, seed, where, background=None
+):
     """Posed, undistorted views of a folder of photos as they were taken.
 
-    Returns prepare.PosedViews, the Reconstruction and the focal length in px that
-    EXIF gives, None for none. The images live in work_folder.
+    background: as of `photos.decode`. Returns prepare.PosedViews, the Reconstruction
+    and the focal length in px that EXIF gives, None for none. The images live in
+    work_folder.
     """
     ingested = Path(work_folder) / "ingested"
     ingested.mkdir()
-    taken = photos.ingest(folder, ingested)
+    taken = photos.ingest(folder, ingested, background)
     focal_px = photos.shared_focal_px(taken.focals_px)
     zoomed = focal_px is None and bool(np.isfinite(taken.focals_px).any())
     if zoomed:
@@ -159,7 +162,7 @@ def convert(model, names, *, models=()) -> Reconstruction:
         left_out=sorted(set(names) - set(kept)),
         camtopix=np.stack([camtopix for camtopix, _ in lenses]),
         distortion=np.stack([distortion for _, distortion in lenses]),
-        camtoworlds=np.stack([_pose(posed[name]) for name in kept]),
+        camtoworlds=np.stack([pose_of(posed[name]) for name in kept]),
         mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
         points=np.array([point.xyz for point in points]).reshape(-1, 3),
         colours=np.array([point.color for point in points], np.uint8).reshape(-1, 3),
@@ -244,7 +247,7 @@ def lens(model, params):
     return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), coefficients
 
 
-def _pose(image):
+def pose_of(image):
     """Camera-to-world [3, 4], OpenGL axes, of a registered pycolmap image."""
     world_from_camera = image.cam_from_world().inverse().matrix()
     rotation = world_from_camera[:, :3] @ cameras.OPENGL_FROM_OPENCV

@@ -31,16 +31,17 @@ LLFF_FROM_OPENGL = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 SAME_FOCAL = 1e-3
 
 
-def read(folder) -> prepare.PosedViews:
+def read(folder, chosen=None) -> prepare.PosedViews:
     """Posed, undistorted views of a folder with poses_bounds.npy and photos.
 
-    The photos are those of `images`, else of the images_<n> of least n. Raises
+    chosen: the folder of photos; None for `images`, else the images_<n> of least n.
+    Raises
     ValueError with one line that names the file, and the row or photo.
     """
     folder = Path(folder)
     path = folder / "poses_bounds.npy"
     rows, bounds = _read_rows(path)
-    images = _find_photos(folder)
+    images = _find_photos(chosen or images_of(folder))
     if len(images) != len(rows):
         raise ValueError(
             f"{path} has {len(rows)} rows, but {images[0].parent} {len(images)} images"
@@ -85,8 +86,8 @@ def _read_rows(path):
     return rows, bounds
 
 
-def _find_photos(folder):
-    """Paths of the photos in the order of the rows, of the largest size there is."""
+def images_of(folder):
+    """The folder of the photos of the largest size there is."""
     chosen = folder / "images"
     if not chosen.is_dir():
         smaller = {
@@ -99,6 +100,11 @@ def _find_photos(folder):
             raise ValueError(f"{folder}: neither a folder images nor an images_<n>")
         chosen = smaller[min(smaller)]
     log.info("%s: photos from %s", folder, chosen.name)
+    return chosen
+
+
+def _find_photos(chosen):
+    """Paths of the photos in the order of the rows."""
     # By the whole file name, as LLFF sorts: stems alone put a before a-1.
     return sorted(photos.find_images(chosen), key=lambda path: path.name)
 

@@ -1,12 +1,13 @@
 """A folder of photos, as cameras and people leave them, to 8-bit RGB images.
 
-Every file is decoded once, by Pillow, since OpenCV and COLMAP accept a truncated
-JPEG and disagree on orientation, depth and colour. Handled: EXIF orientation
-(applied), 16-bit (rounded to 8), grey and palette (to RGB), CMYK (to RGB), opaque
-alpha (dropped), spaces in names. Refused by name: broken files, transparency (what
-lies behind is unknown), floating-point images, two files of one view name, photos of
-different sizes. Ignored: hidden files; others that are no images, with a warning.
-Colour profiles are ignored: they are the same for all photos of a camera.
+Every file is decoded once, by Pillow, since OpenCV and COLMAP accept a truncated JPEG
+and disagree on orientation, depth and colour. Handled: EXIF orientation (applied),
+16-bit (rounded to 8), grey and palette (to RGB), CMYK (to RGB), opaque alpha (dropped),
+transparency where a background is given, spaces in names. Refused by name: broken
+files, transparency without one (what lies behind is unknown), floating-point images,
+two files of one view name, photos of different sizes. Ignored: hidden files; others
+that are no images, with a warning. Colour profiles are ignored: they are the same for
+all photos of a camera.
 """
 
 import itertools
@@ -67,13 +68,17 @@ def find_images(folder):
     return paths
 
 
-def decode(path, *, upright=True):
+# What transparent pixels may stand on.
+BACKGROUNDS = {"white": 255, "black": 0}
+
+
+def decode(path, background=None, *, upright=True):
     """One image [h, w, 3] uint8, and its focal length from EXIF in px or NaN.
 
-    upright: apply EXIF's orientation, as a photo is meant to be seen; without, rows
-    are as stored, as cameras given by others mean them. Raises ValueError naming the
-    file for what cannot be decoded whole or cannot be an 8-bit RGB photo without
-    inventing something.
+    background: a key of BACKGROUNDS, for transparent pixels. upright: apply EXIF's
+    orientation, as a photo is meant to be seen; without, rows are as stored, as cameras
+    given by others mean them. Raises ValueError naming the file for what cannot be
+    decoded whole or cannot be an 8-bit RGB photo without inventing something.
     """
     try:
         with warnings.catch_warnings():
@@ -88,22 +93,25 @@ def decode(path, *, upright=True):
     # Decoders of damaged data raise a dozen types, and each means the same to the user.
     except Exception as error:
         raise ValueError(f"cannot decode {path}: {error}") from None
-    rgb = _to_rgb(image, path)
+    rgb = _to_rgb(image, path, background)
     return rgb, _focal_px(focal_35mm_mm, *image.size)
 
 
-def stored_size(path):
+def stored_size(path, background=None):
     """(width, height) of an image as its rows are stored, decoded whole to be sure."""
-    image, _ = decode(path, upright=False)
+    image, _ = decode(path, background, upright=False)
     return image.shape[1], image.shape[0]
 
 
-def ingest(folder, work_folder) -> Photos:
-    """Decode every image of `folder` into `work_folder` (which must exist)."""
+def ingest(folder, work_folder, background=None) -> Photos:
+    """Decode every image of `folder` into `work_folder` (which must exist).
+
+    background: as of `decode`.
+    """
     paths = find_images(folder)
     sizes, focals_px = [], []
     for path in paths:
-        image, focal_px = decode(path)
+        image, focal_px = decode(path, background)
         sizes.append((image.shape[1], image.shape[0]))
         focals_px.append(focal_px)
         images.write(Path(work_folder) / f"{path.stem}.png", image)
@@ -141,7 +149,7 @@ def shared_focal_px(focals_px):
     return float(np.median(known))
 
 
-def _to_rgb(image, path):
+def _to_rgb(image, path, background):
     """Pillow image of any mode -> [h, w, 3] uint8."""
     if image.mode.startswith("I"):
         deep = np.asarray(image).astype(np.int64)
@@ -154,10 +162,20 @@ def _to_rgb(image, path):
     if image.has_transparency_data:
         image = image.convert("RGBA")
         if image.getchannel("A").getextrema()[0] < 255:
-            raise ValueError(
-                f"{path} has transparent pixels: put it on a background first"
-            )
+            if background is None:
+                raise ValueError(
+                    f"{path} has transparent pixels: put it on a background first, or "
+                    "give the scene one (key background)"
+                )
+            return _on_background(np.asarray(image), BACKGROUNDS[background])
     return np.asarray(image.convert("RGB"))
+
+
+def _on_background(rgba, level):
+    """[h, w, 3] uint8 of pixels [h, w, 4] with straight alpha before one grey level."""
+    colour, alpha = rgba[..., :3].astype(np.int32), rgba[..., 3:].astype(np.int32)
+    # Rounded to the nearest, in whole numbers.
+    return ((colour * alpha + level * (255 - alpha) + 127) // 255).astype(np.uint8)
 
 
 def _focal_px(focal_35mm_mm, width, height):

@@ -36,6 +36,8 @@ class PosedViews(NamedTuple):
     """What COLMAP has triangulated: positions and colours (uint8), both [m, 3]."""
     bounds: Float[np.ndarray, "n 2"] | None = None
     """Nearest and farthest depth of each view, where LLFF gives them."""
+    split: np.ndarray | None = None
+    """`train` or `test` of each view, where the source says so."""
 
 
 def pinhole_views(names, lenses, camtoworlds, *, width, height, load, where):
@@ -95,6 +97,7 @@ def sort_by_name(views: PosedViews) -> PosedViews:
         camtoworlds=np.asarray(views.camtoworlds)[order],
         load=lambda i: views.load(order[i]),
         bounds=None if views.bounds is None else views.bounds[order],
+        split=None if views.split is None else views.split[order],
     )
 
 

@@ -27,11 +27,12 @@ DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
 UNKNOWN_DISTORTION_KEYS = ("k4", "k5", "k6")
 
 
-def read(path):
+def read(path, background=None):
     """Posed, undistorted views of a json file, or of a folder's transforms.json.
 
-    Returns prepare.PosedViews and the names of the frames without an image. Raises
-    ValueError with one line that names the file and the key or frame.
+    background: as of `photos.decode`. Returns prepare.PosedViews and the names of the
+    frames without an image. Raises ValueError with one line that names the file and the
+    key or frame.
     """
     path = Path(path)
     if path.is_dir():
@@ -45,7 +46,7 @@ def read(path):
     (name, count), *_ = collections.Counter(names).most_common(1)
     if count > 1:
         raise ValueError(f"{path}: {count} frames have the view name {name!r}")
-    sizes = [photos.stored_size(image) for _, image in kept]
+    sizes = [photos.stored_size(image, background) for _, image in kept]
     width, height = photos.one_size(names, sizes, path)
     lenses = [
         _lens(path, {**scene, **frame}, width, height, where=str(frame["file_path"]))
@@ -57,7 +58,7 @@ def read(path):
         np.stack([_pose(path, frame) for frame, _ in kept]),
         width=width,
         height=height,
-        load=lambda i: photos.decode(kept[i][1], upright=False)[0],
+        load=lambda i: photos.decode(kept[i][1], background, upright=False)[0],
         where=path,
     )
     return views, left_out

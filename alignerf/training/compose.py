@@ -7,8 +7,11 @@ from alignerf.contributions import frequency_loss
 from alignerf.experiment import jobs, settings
 from alignerf.metrics import vgg19
 from alignerf.mipnerf360 import model as mipnerf360
-from alignerf.systems import refine
+from alignerf.systems import instant_ngp, mipnerf, nerf, nerfpp, refine
 from alignerf.training import methods
+
+# What each kind of model but mip-NeRF 360 is made by.
+SYSTEMS = {"nerf": nerf, "mipnerf": mipnerf, "nerfpp": nerfpp}
 
 
 def make_method(
@@ -29,6 +32,8 @@ def make_method(
 
 def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
     """The same without the learning of cameras."""
+    if job.model.kind != "mipnerf360":
+        return make_system(job, moving=moving)
     fine = job.stage == "finetune"
     outputs = {"outputs": job.alignerf.outputs} if fine else {}
     moves = {"moving": True} if moving and job.model.field.kind == "grid" else {}
@@ -63,6 +68,23 @@ def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
         loss=make_loss(chosen, to_train=to_train),
         **shared,
     )
+
+
+def make_system(job: jobs.Job, *, moving) -> methods.Method:
+    """Another of the paper's systems, with its own loss."""
+    training = job.training
+    if job.model.kind == "ngp":
+        model, loss = instant_ngp.make(job.model, moving=moving)
+        return methods.mipnerf360(
+            model,
+            batch_rays=training.batch_rays,
+            annealed=job.stage != "warm",
+            data_loss=loss,
+            loss_weights={"interlevel": training.interlevel_weight, "distortion": 0.0},
+            proposal_share=training.proposal_share,
+        )
+    model, loss = SYSTEMS[job.model.kind].make(job.model)
+    return methods.single_rays(model, loss, batch_rays=training.batch_rays)
 
 
 def make_loss(chosen: jobs.Finetuning, *, to_train) -> methods.Loss:

@@ -17,10 +17,11 @@ from jax.sharding import Mesh, PartitionSpec
 log = logging.getLogger("alignerf")
 
 AXIS = "units"
-# Points of a micro-batch on a CPU, by the field's kind: few enough for what they need
-# to stay in its caches. The published MLP then takes half the time; more parts bring no
-# more. A grid needs little for a point, and each part adds up a table of gradients.
-CACHED_POINTS = {"mlp": 12288, "nerf": 12288, "grid": 49152}
+# Points of a micro-batch on a CPU, of networks and of tables: few enough for what they
+# need to stay in its caches. The published MLP then takes half the time; more parts
+# bring no more. A grid needs little for a point, and each part adds up a table of
+# gradients.
+CACHED_POINTS, CACHED_LOOKUPS = 12288, 49152
 
 
 def make_mesh(units, devices):
@@ -36,11 +37,11 @@ def make_mesh(units, devices):
     return None if count == 1 else Mesh(np.array(devices[:count]), (AXIS,))
 
 
-def parts_for_caches(units, points_a_unit, device, kind):
+def parts_for_caches(units, points_a_unit, device, hashed):
     """Micro-batches to begin with: one, but on a CPU as many as its caches ask for."""
     if device.platform != "cpu":
         return 1
-    fitting = max(1, CACHED_POINTS[kind] // points_a_unit)
+    fitting = max(1, (CACHED_LOOKUPS if hashed else CACHED_POINTS) // points_a_unit)
     return next(
         n for n in range(1, units + 1) if units % n == 0 and units <= n * fitting
     )

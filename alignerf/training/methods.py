@@ -54,11 +54,17 @@ def _regularisers(histograms, weights):
     }
 
 
+def charbonnier(rendering, photo, weight):
+    """The baseline's loss of a rendering's colours."""
+    return losses.charbonnier(rendering.values, photo, weight)
+
+
 def mipnerf360(
     model,
     *,
     batch_rays,
     loss_weights,
+    data_loss=charbonnier,
     proposal_share=1.0,
     annealed=True,
     coarse_to_fine=None,
@@ -71,28 +77,54 @@ def mipnerf360(
     coarse_to_fine: shares of the training between which what is fine comes in (BARF).
     """
 
+    def of_share(share):
+        found = {
+            "train_share": share if annealed else 1.0,
+            "proposal_share": proposal_share,
+        }
+        if coarse_to_fine:
+            found["fineness"] = passed(share, *coarse_to_fine)
+        return found
+
+    return single_rays(
+        model,
+        data_loss,
+        batch_rays=batch_rays,
+        regularisers=functools.partial(_regularisers, weights=loss_weights),
+        of_share=of_share,
+    )
+
+
+def single_rays(
+    model, data_loss, *, batch_rays, regularisers=lambda _: {}, of_share=lambda _: {}
+) -> Method:
+    """A model that learns from rays drawn one by one.
+
+    data_loss: (rendering, photo, weight) -> mean, see `systems.rendering`.
+    regularisers: histograms -> {term: mean}. of_share: what the model is told of the
+    share of the training that has passed.
+    """
+
     def terms(params, batch, share):
         rendering = model.apply(
             {"params": params["model"]},
             batch.rays,
             jitter=batch.jitter,
-            train_share=share if annealed else 1.0,
-            proposal_share=proposal_share,
-            **({"fineness": passed(share, *coarse_to_fine)} if coarse_to_fine else {}),
+            **of_share(share),
         )
         error = jnp.mean((rendering.values - batch.photo) ** 2, axis=-1)
         # A part of the batch counts by the weight that it holds of the whole.
         held = jnp.mean(batch.weight)
-        data = losses.charbonnier(rendering.values, batch.photo, batch.weight)
-        regularisers = _regularisers(rendering.histograms, loss_weights)
+        data = data_loss(rendering, batch.photo, batch.weight)
+        others = regularisers(rendering.histograms)
         mse = losses.weighted_mean(error, batch.weight)
-        return {"data": data * held, **regularisers}, {"mse": mse * held}
+        return {"data": data * held, **others}, {"mse": mse * held}
 
     return Method(
         units=batch_rays,
         init=lambda key: {"model": model.init(key, _some_rays())["params"]},
         draw=lambda key, step, views: batches.draw_rays(
-            key, step, views, batch_rays, len(model.samples)
+            key, step, views, batch_rays, model.jitters
         ),
         terms=terms,
         render=lambda params, rays: model.apply({"params": params["model"]}, rays),
@@ -217,7 +249,7 @@ def alignerf(
         units=patches,
         init=init,
         draw=lambda key, step, views: batches.draw_patches(
-            key, step, views, patches, patch_px, loss.radius_px, len(model.samples)
+            key, step, views, patches, patch_px, loss.radius_px, model.jitters
         ),
         terms=terms,
         render=lambda params, rays: model.apply({"params": params["model"]}, rays),

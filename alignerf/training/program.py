@@ -114,7 +114,12 @@ def first_parts(job, method, mesh, parts=None) -> int:
     if parts is not None and units % parts == 0:
         return parts
     points = job.rays_per_step * sum(job.model.samples) // method.units
-    return gradients.parts_for_caches(units, points, devices[0], job.model.field.kind)
+    return gradients.parts_for_caches(units, points, devices[0], hashed(job.model))
+
+
+def hashed(model):
+    """Whether a model's points are looked up in tables, of the job's settings."""
+    return hasattr(getattr(model, "field", model), "log2_entries")
 
 
 def share(method, mesh):

@@ -64,6 +64,8 @@ def test_a_job_is_what_was_written(job):
         given = job["model"].pop(field)
         assert found["model"].pop(field).items() >= given.items()
     assert found["training"].pop("budget_min") is None
+    own = {"kind": "mipnerf360", "training": {}}
+    assert found.pop("model") == job.pop("model") | own
     assert found == job
     assert jobs.parse(json.loads(json.dumps(jobs.as_dict(parsed)))) == parsed
     assert isinstance(parsed.training.interlevel_weight, float)

@@ -1,0 +1,42 @@
+"""NeRF's synthetic scenes: transforms_train.json, _val and _test beside one another.
+
+The files say which views are trained on and which are scored; those of `val`, which no
+published score uses, are left out. Photos have alpha: they stand on a background.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from alignerf.scenes import prepare, transforms
+
+SPLITS = ("train", "test")
+
+
+def read(folder, background) -> prepare.PosedViews:
+    """Posed views with their split; a view's name begins with it.
+
+    background: as of `photos.decode`. Raises ValueError with one line that names the
+    file and the key or frame.
+    """
+    parts, names, splits = [], [], []
+    for split in SPLITS:
+        path = Path(folder) / f"transforms_{split}.json"
+        views, _ = transforms.read(path, background)
+        parts.append(views)
+        names += [f"{split}_{name}" for name in views.names]
+        splits += [split] * len(views.names)
+    sizes = {(views.width, views.height) for views in parts}
+    if len(sizes) > 1:
+        raise ValueError(f"{folder}: photos of train and test differ in size")
+    first, second = parts
+    count = len(first.names)
+    return prepare.PosedViews(
+        names=names,
+        pixtocams=np.concatenate([views.pixtocams for views in parts]),
+        camtoworlds=np.concatenate([views.camtoworlds for views in parts]),
+        width=first.width,
+        height=first.height,
+        load=lambda i: first.load(i) if i < count else second.load(i - count),
+        split=np.array(splits),
+    )

@@ -1,0 +1,104 @@
+"""Scenes of mip-NeRF 360 as published (`360_v2.zip`): images_<n>, and COLMAP's model.
+
+A folder has `images` and the same photos made smaller in `images_2`, `images_4` and
+`images_8`; `sparse/0` is a COLMAP model of the largest. Its cameras are pinholes: the
+photos are undistorted already. Smaller photos have rounded sizes, so that intrinsics
+are scaled by the true sizes, not by n. Without a model, LLFF's poses_bounds.npy is
+read.
+"""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+
+from alignerf.command import faults
+from alignerf.scenes import colmap, llff, photos, prepare
+
+log = logging.getLogger(__name__)
+
+
+def read(folder, images=None):
+    """(prepare.PosedViews, names of the photos that the model has no pose for).
+
+    images: the n of images_<n>; None for the largest that is there. Raises ValueError
+    with one line that names the file or photo.
+    """
+    folder = Path(folder)
+    chosen = images_of(folder, images)
+    model = folder / "sparse" / "0"
+    if not model.is_dir():
+        if not (folder / "poses_bounds.npy").is_file():
+            raise ValueError(f"{folder}: neither sparse/0 nor poses_bounds.npy")
+        log.warning("%s not found: poses of poses_bounds.npy", model)
+        return llff.read(folder, chosen), []
+    paths = {path.stem: path for path in photos.find_images(chosen)}
+    (found, points), posed = read_model(model), {}
+    for name, view in found.items():
+        if name not in paths:
+            raise ValueError(f"{chosen}: no photo {name}, which {model} has a pose for")
+        posed[name] = view
+    left_out = sorted(set(paths) - set(posed))
+    if left_out:
+        log.warning("%s: no pose of %s", model, faults.some_names(left_out))
+    names = sorted(posed)
+    sizes = [photos.stored_size(paths[name]) for name in names]
+    width, height = photos.one_size(names, sizes, chosen)
+    lenses = []
+    for name in names:
+        camtopix, distortion, size, _ = posed[name]
+        scale = prepare.true_scale(size, (width, height), where=paths[name])
+        lenses.append((scale @ camtopix, distortion))
+    views = prepare.pinhole_views(
+        names,
+        lenses,
+        np.stack([posed[name][3] for name in names]),
+        width=width,
+        height=height,
+        load=lambda i: photos.decode(paths[names[i]], upright=False)[0],
+        where=model,
+    )
+    return views._replace(points=points), left_out
+
+
+def images_of(folder, number):
+    """The folder of photos: images_<number>, or the largest that there is."""
+    if number is None:
+        return llff.images_of(folder)
+    chosen = folder / ("images" if number == 1 else f"images_{number}")
+    if not chosen.is_dir():
+        raise ValueError(f"{folder}: no folder {chosen.name}")
+    return chosen
+
+
+def read_model(path):
+    """{view name: (camtopix, distortion, (width, height), camera-to-world)}.
+
+    And its points, None where it has none: positions and colours (uint8), both [m, 3].
+    """
+    try:
+        model = pycolmap.Reconstruction(path)
+    # Whatever COLMAP's reader finds wrong is the file's fault.
+    except Exception as error:
+        first = str(error).splitlines()[:1]
+        raise ValueError(f"{path}: not a COLMAP model: {' '.join(first)}") from None
+    views = {}
+    for image in model.images.values():
+        if not image.has_pose:
+            continue
+        name, camera = Path(image.name).stem, model.cameras[image.camera_id]
+        if name in views:
+            raise ValueError(f"{path}: two images have the view name {name!r}")
+        try:
+            lens = colmap.lens(camera.model.name, camera.params)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+        views[name] = (*lens, (camera.width, camera.height), colmap.pose_of(image))
+    if not views:
+        raise ValueError(f"{path}: no image has a pose")
+    points = list(model.points3D.values())
+    if not points:
+        return views, None
+    positions = np.array([point.xyz for point in points])
+    return views, (positions, np.array([point.color for point in points], np.uint8))

@@ -1,0 +1,58 @@
+"""What a system's model gives for a batch of rays, and the losses on it.
+
+A loss is a function (rendering, photo [rays, 3], weight [rays]) -> mean over the rays;
+a weight of zero leaves a ray out.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from alignerf.mipnerf360 import losses
+
+# Where Huber's loss goes over from a square to a line, in instant-ngp.
+HUBER = 0.1
+
+
+class Rendering(NamedTuple):
+    """Colours, depth, and of systems that look twice what the first look saw."""
+
+    values: Float[Array, "rays c"]
+    depth: Float[Array, "rays"]
+    # As of `mipnerf360.model.Rendering`; none without proposals.
+    histograms: tuple = ()
+    early: tuple = ()
+
+
+def depth_of(weights: Float[Array, "rays n"], t: Float[Array, "rays n"]):
+    """The distance at which half of a ray's weight lies in front; its end if less."""
+    passed = jnp.cumsum(weights, axis=-1) < 0.5
+    index = jnp.minimum(jnp.sum(passed, axis=-1), t.shape[-1] - 1)
+    return jnp.take_along_axis(t, index[..., None], axis=-1)[..., 0]
+
+
+def squared(*, early):
+    """The squared error, and `early` times that of each earlier look."""
+
+    def loss(rendering, photo, weight):
+        found = mean_square(rendering.values, photo, weight)
+        return found + early * sum(
+            mean_square(values, photo, weight) for values in rendering.early
+        )
+
+    return loss
+
+
+def mean_square(values, photo, weight):
+    """Mean squared error over channels and rays."""
+    return losses.weighted_mean(jnp.mean((values - photo) ** 2, axis=-1), weight)
+
+
+def huber(rendering, photo, weight):
+    """Square up to HUBER, line beyond, of one slope where they meet."""
+    error = jnp.abs(rendering.values - photo)
+    found = jnp.where(
+        error > HUBER, error - 0.5 * HUBER, 0.5 / HUBER * jnp.minimum(error, HUBER) ** 2
+    )
+    return losses.weighted_mean(jnp.mean(found, axis=-1), weight)

@@ -1,0 +1,108 @@
+"""NeRF's synthetic scenes: their own split, and photos on a background."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from alignerf import poses
+from alignerf.experiment import check
+from alignerf.scenes import blender, photos, transforms
+
+SIZE, ANGLE = 40, 0.7
+COLOUR, ALPHA = np.array([200, 100, 0]), np.array([0, 64, 255])
+
+
+def write_photo(path):
+    """Three columns of pixels: nothing, a quarter, and all of one colour."""
+    path.parent.mkdir(exist_ok=True)
+    image = np.zeros((SIZE, SIZE, 4), np.uint8)
+    image[..., :3] = COLOUR
+    image[..., 3] = np.repeat(ALPHA, [10, 10, SIZE - 20])
+    Image.fromarray(image).save(path)
+
+
+@pytest.fixture
+def scene(tmp_path):
+    for split, count in (("train", 3), ("val", 1), ("test", 2)):
+        frames = []
+        for number in range(count):
+            write_photo(tmp_path / split / f"r_{number}.png")
+            pose = np.eye(4)
+            pose[0, 3] = number + 10 * (split == "test")
+            name = f"./{split}/r_{number}"
+            frames.append({"file_path": name, "transform_matrix": pose.tolist()})
+        path = tmp_path / f"transforms_{split}.json"
+        path.write_text(json.dumps({"camera_angle_x": ANGLE, "frames": frames}))
+    return tmp_path
+
+
+def test_views_have_the_split_of_their_file(scene, tmp_path):
+    views = blender.read(scene, "white")
+    assert views.names == [
+        "train_r_0",
+        "train_r_1",
+        "train_r_2",
+        "test_r_0",
+        "test_r_1",
+    ]
+    np.testing.assert_array_equal(views.camtoworlds[:, 0, 3], [0, 1, 2, 10, 11])
+    focal_px = 0.5 * SIZE / math.tan(0.5 * ANGLE)
+    np.testing.assert_allclose(1 / views.pixtocams[:, 0, 0], focal_px)
+    out = tmp_path / "out"
+    config = {"source": "blender", "path": str(scene), "background": "white"}
+    poses.main(config, out)
+    with np.load(out / "cameras.npz") as found:
+        assert found["names"].tolist() == sorted(views.names)
+        assert found["split"].tolist() == ["test"] * 2 + ["train"] * 3
+
+
+@pytest.mark.parametrize(("background", "level"), [("white", 255), ("black", 0)])
+def test_transparent_pixels_stand_on_the_background(scene, background, level):
+    image = blender.read(scene, background).load(4)
+    share = ALPHA[:, None] / 255
+    wanted = np.round(share * COLOUR + (1 - share) * level)
+    np.testing.assert_array_equal(image[0, [0, 15, 39]], wanted)
+
+
+def test_without_a_background_they_are_refused_by_name(scene):
+    with pytest.raises(
+        ValueError, match=r"r_0\.png has transparent pixels.*background"
+    ):
+        blender.read(scene, None)
+
+
+def test_transforms_and_photos_take_a_background(scene):
+    views, _ = transforms.read(scene / "transforms_val.json", "white")
+    assert views.load(0)[0, 0].tolist() == [255, 255, 255]
+    image, _ = photos.decode(scene / "val" / "r_0.png", "black")
+    assert image[0, 0].tolist() == [0, 0, 0]
+
+
+def test_splits_of_two_sizes_are_refused(scene):
+    for path in (scene / "test").iterdir():
+        Image.new("RGB", (32, 32)).save(path)
+    with pytest.raises(ValueError, match="differ in size"):
+        blender.read(scene, "white")
+
+
+@pytest.mark.parametrize(
+    ("scene", "key"),
+    [
+        ({"source": "llff", "path": "x", "background": "white"}, "background"),
+        ({"source": "llff", "path": "x", "images": 2}, "images"),
+        ({"source": "courtyard", "background": "white"}, "background"),
+    ],
+)
+def test_keys_that_act_on_nothing_are_refused(scene, key):
+    with pytest.raises(ValueError, match=rf"config: {key}: source"):
+        poses.checked(scene)
+
+
+def test_a_config_may_say_so():
+    config = {
+        "scenes": {"lego": {"source": "blender", "path": ".", "background": "white"}}
+    }
+    assert check.checked(config)["scenes"]["lego"]["poses"] == "given"
