@@ -5,6 +5,7 @@
 #   snakemake --cores N tradeoff           what settings cost, and what they bring
 #   snakemake --cores N regimes            when each part of AligNeRF pays
 #   snakemake --cores N remedies           what to do with T minutes
+#   snakemake --cores N comparison         all systems on all scenes: Tables 2 and 3
 #   snakemake --cores N flow_benchmark     how right and how fast the flow estimators are
 #   snakemake --cores N export             cameras and photos for other programs
 #   snakemake --cores N --configfile workflow/config/own_photos.yaml
@@ -53,6 +54,7 @@ include: "workflow/rules/tables.smk"
 include: "workflow/rules/tradeoff.smk"
 include: "workflow/rules/regimes.smk"
 include: "workflow/rules/remedies.smk"
+include: "workflow/rules/comparison.smk"
 include: "workflow/rules/flow_benchmark.smk"
 include: "workflow/rules/export.smk"
 

@@ -64,6 +64,8 @@ def main(argv=None):
     args = parser.parse_args(argv)
     loaded = prepared.load(args.scene)
     views = loaded.views("test")
+    if args.renders:
+        check_renders([loaded.names[view] for view in views], args.renders)
     paths = {net: getattr(args, f"lpips_{net}") for net in NETS}
     learned = {f"lpips_{net}": load_lpips(net, p) for net, p in paths.items() if p}
     missing = ", ".join(f"lpips_{net}" for net, path in paths.items() if not path)
@@ -86,6 +88,14 @@ def main(argv=None):
             rows.append(name | row | {"note": note})
     with whole.replace_file(args.metrics) as path:
         pd.DataFrame(rows, columns=COLUMNS).to_csv(path, index=False)
+
+
+def check_renders(names, folder):
+    """ValueError naming the views that have no render; others' folders lack some."""
+    there = [(pathlib.Path(folder) / f"{name}.png").is_file() for name in names]
+    if missing := [name for name, found in zip(names, there, strict=True) if not found]:
+        few = faults.some_names(missing)
+        raise ValueError(f"{folder}: no <view>.png of {len(missing)} test views: {few}")
 
 
 def targets_of(loaded, view, testset, truth):

@@ -12,9 +12,9 @@ from alignerf.experiment import schema, settings, slices
 
 # What the results' folder holds besides scenes, and a scene's besides methods.
 SUFFIXES = (".csv", ".tex", ".png", ".provenance.json")
-TABLES = ("tradeoff", "flow_benchmark", "remedies")
+TABLES = ("tradeoff", "flow_benchmark", "remedies", "comparison")
 FILES = {
-    *("published", "logs", "bench", "README.md"),
+    *("published", "logs", "bench", "README.md", "comparison_ranking.csv"),
     *(f"{name}{end}" for name in TABLES for end in SUFFIXES),
 }
 FOLDERS = {
@@ -27,6 +27,8 @@ DATA = re.compile(r"\$\{ALIGNERF_DATA:-([^{}]*)\}")
 # What no machine is asked for: parameters and all of their training, or courtyard's
 # photos, eight bits a channel.
 MOST_BYTES = 2**38
+# Keys of a method that is another program's renders.
+OF_RENDERS = ("renders", "published")
 # Sources whose photos may have alpha.
 TRANSPARENT = ("photos", "transforms", "blender")
 # In units of the largest camera coordinate.
@@ -88,7 +90,9 @@ def completed(config):
     config["scenes"] = varied(config)
     config["vary"] = None
     for method in config["methods"].values():
-        method["model"] = method["model"] or first(config["models"])
+        method["renders"] = home(method["renders"])
+        if not method["renders"]:
+            method["model"] = method["model"] or first(config["models"])
     scratch = [n for n, m in config["methods"].items() if not is_derived(m)]
     reference = config["reference"]
     reference["method"] = reference["method"] or first([*scratch, *config["methods"]])
@@ -152,7 +156,8 @@ def first(names):
 
 def is_derived(method):
     """Whether a method is no training from scratch that others may be set against."""
-    return bool(method["warm_start"] or method["alignerf"] or method["refine"])
+    others = ("warm_start", "alignerf", "refine", "renders")
+    return any(method[key] for key in others)
 
 
 def check_given(config):
@@ -197,6 +202,9 @@ def check_model(model, *place):
 def check_method(config, name):
     """Its model, where it starts from, and what a staged training cannot have."""
     method = config["methods"][name]
+    if method["renders"]:
+        check_renders(config, name)
+        return
     if method["model"] not in config["models"]:
         fault(f"methods.{name}.model", f"no model {method['model']!r}")
     kind = config["models"][method["model"]]["kind"]
@@ -221,6 +229,26 @@ def check_method(config, name):
         fault(f"methods.{name}.alignerf.radius_px", "matching pixel needs 1 or more")
     if found["radius_px"] == "auto":
         check_radius(config, name)
+
+
+def check_renders(config, name):
+    """Another program's renders: nothing is trained, and a folder for each scene."""
+    method = config["methods"][name]
+    trained = {key: value for key, value in method.items() if key not in OF_RENDERS}
+    default = schema.as_config(settings.Method())
+    for key, value in trained.items():
+        if value != default[key]:
+            fault(f"methods.{name}.{key}", "not beside renders: nothing is trained")
+    where = f"methods.{name}.renders"
+    rest = method["renders"].replace("{scene}", "")
+    if set(rest) & set("{}"):
+        fault(where, f"{method['renders']}: in braces only scene has a meaning")
+    for scene in config["scenes"]:
+        path = method["renders"].replace("{scene}", scene)
+        if not is_there(path, of_kind=Path.is_dir):
+            fault(where, f"{path} does not exist")
+    if config["reference"]["method"] == name:
+        fault("reference.method", f"{name} is not trained: nothing warps onto it")
 
 
 def check_changes(method, where):

@@ -29,9 +29,14 @@ class Experiment:
         """Methods that pre-train and fine-tune."""
         return [name for name, m in self.methods.items() if m["alignerf"]]
 
+    def given(self):
+        """Methods that are another program's renders: they are scored, and no more."""
+        return [name for name, m in self.methods.items() if m["renders"]]
+
     def plain(self):
         """Methods trained in one go, on photos or warped photos."""
-        return [name for name in self.methods if name not in self.staged()]
+        others = {*self.staged(), *self.given()}
+        return [name for name in self.methods if name not in others]
 
     def warm(self):
         """Methods whose rounds go on from the weights of the round before."""
@@ -48,10 +53,12 @@ class Experiment:
         With a warm start, that of the method that it starts from; else the first's
         that trains the same model from scratch, which may be the method itself. A
         method that is staged, or learns cameras, has its own where no other has the
-        model.
+        model. Renders that are given are set against the reference's.
         """
         if method in self.warm():
             return self.methods[method]["warm_start"]["from"]
+        if method in self.given():
+            return self.config["reference"]["method"]
         model = self.methods[method]["model"]
         scratch = self.from_scratch()
         same = [name for name in scratch if self.methods[name]["model"] == model]
@@ -65,7 +72,7 @@ class Experiment:
         k = int(round)
         if method in self.warm():
             return self.base_of(method) if k == 0 else method
-        if method in (*self.staged(), *self.refining()):
+        if method in (*self.staged(), *self.refining(), *self.given()):
             return method
         model, done = self.methods[method]["model"], self.changes(method)[:k]
         return next(
@@ -114,13 +121,18 @@ class Experiment:
         return k + 1
 
     def all_rounds(self, scene):
-        """(method, round) of every row of the tables, in the config's order."""
+        """(method, round) of every training, in the config's order."""
         return [
             (name, k)
             for name in self.methods
+            if name not in self.given()
             for k in range(self.last_round(scene, name) + 1)
             if self.owner_of(name, k) == name
         ]
+
+    def scored(self, scene):
+        """(method, round) of all that is scored: trainings, then given renders."""
+        return [*self.all_rounds(scene), *((name, 0) for name in self.given())]
 
     def change_of(self, method, round):
         """What a round changes; round 0, nothing."""

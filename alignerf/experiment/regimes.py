@@ -125,15 +125,16 @@ def remedies(experiment):
     Raises ValueError for methods that cannot be compared, and scenes without the
     training's own length.
     """
-    models = {method["model"] for method in experiment.methods.values()}
-    if len(models) > 1:
+    methods = experiment.methods
+    trained = {n: m for n, m in methods.items() if n not in experiment.given()}
+    if len({method["model"] for method in trained.values()}) > 1:
         raise ValueError("config: methods: remedies need one model for all")
-    for name, method in experiment.methods.items():
+    for name, method in trained.items():
         if method["rounds"] == "auto":
             where = f"config: methods.{name}.rounds"
             raise ValueError(f"{where}: remedies need a number, not auto")
-    base = experiment.base_of(next(iter(experiment.methods)))
-    last = {name: experiment.methods[name]["rounds"] for name in experiment.methods}
+    base = experiment.base_of(next(iter(trained)))
+    last = {name: method["rounds"] for name, method in trained.items()}
     chosen = dict.fromkeys([(base, 0), *last.items()])
     found = [
         Remedies(
@@ -160,6 +161,65 @@ def remedies(experiment):
                 "`training` says, see vary.lengths"
             )
     return found
+
+
+class Compared(NamedTuple):
+    """A method after a round, what papers call it, and what its training held."""
+
+    method: str
+    round: int
+    parts: str
+    metrics: str
+    trainings: list[str]
+    data: list[str]
+    # Whose round 0 it is set against.
+    base: str
+    aligned_pose: str | None = None
+    published: str | None = None
+    # Snakemake's benchmark of its training, beside the model.
+    process: str | None = None
+
+
+class Comparison(NamedTuple):
+    """A scene, how long it is trained, and all that is scored."""
+
+    scene: str
+    seed: int
+    # Its length over that of the config's training.
+    share: int | float
+    methods: list[Compared]
+
+
+def comparison(experiment):
+    """One row per scene, for the paper's Tables 2 and 3."""
+    return [
+        Comparison(
+            scene=scene,
+            seed=found["seed"],
+            share=length_share(experiment, scene),
+            methods=[
+                compared(experiment, scene, method, round)
+                for method, round in experiment.scored(scene)
+            ],
+        )
+        for scene, found in experiment.scenes.items()
+    ]
+
+
+def compared(experiment, scene, method, round):
+    """One method of a scene."""
+    process = None
+    if method not in experiment.given():
+        process = f"{experiment.folder(scene, method, round)}/logs/train.tsv"
+    return Compared(
+        parts=rows.field_name(experiment, method),
+        base=experiment.base_of(method),
+        aligned_pose=rows.aligned_pose(experiment, scene, method, round),
+        # Of the method as it is; no table has one of its rounds.
+        published=experiment.methods[method]["published"] if round == 0 else None,
+        process=process,
+        **rows.of_method(experiment, scene, method, round),
+    )
 
 
 def length_share(experiment, scene):

@@ -81,6 +81,8 @@ class Renders(NamedTuple):
 def field_name(experiment, method):
     """How a table calls a method's field, and what its frequency loss looks at."""
     model = experiment.methods[method]["model"]
+    if method in experiment.given():
+        return "renders given"
     model = experiment.config["models"][model]
     field = model.get("field", model)
     hashed = "log2_entries" in field
@@ -115,7 +117,9 @@ def parts_of(experiment, method):
 
 
 def trainings_of(experiment, scene, method, round):
-    """timing.json of every training that a round needed."""
+    """timing.json of every training that a round needed; none of given renders."""
+    if method in experiment.given():
+        return []
     if method in experiment.staged():
         first = f"{experiment.pretrained(scene, method)}/timing.json"
         return [first, f"{experiment.folder(scene, method, round)}/timing.json"]
@@ -179,6 +183,13 @@ def photos_of_round(experiment, scene, method, round):
     return {"photos": f"{before}/warped/train", "valid": f"{before}/flow/train"}
 
 
+def renders_of(experiment, scene, method, round):
+    """The folder of a round's test views: its own, or another program's."""
+    if method in experiment.given():
+        return experiment.methods[method]["renders"].replace("{scene}", scene)
+    return f"{experiment.folder(scene, method, round)}/renders/test"
+
+
 def truth_of(experiment, scene):
     """The oracle's folder, where the scene's truth is known."""
     known = scene in experiment.with_truth()
@@ -198,7 +209,7 @@ def of_method(experiment, scene, method, round):
 
 def aligned_pose(experiment, scene, method, round):
     """Scores of a round's test views by moved cameras, where they are asked for."""
-    if not experiment.config["aligned_pose"]:
+    if not experiment.config["aligned_pose"] or method in experiment.given():
         return None
     return f"{experiment.folder(scene, method, round)}/metrics_aligned_pose.csv"
 
@@ -206,7 +217,7 @@ def aligned_pose(experiment, scene, method, round):
 def misalignment(experiment, scene):
     """One row per method and round."""
     rows = []
-    for method, round in experiment.all_rounds(scene):
+    for method, round in experiment.scored(scene):
         base = experiment.base_of(method)
         row = Misalignment(
             **of_method(experiment, scene, method, round),
@@ -309,6 +320,11 @@ def crops_option(experiment, scene):
     """Command line of the crops; none without a staged method."""
     found = crops(experiment, scene)
     return ["--crops", as_json(found)] if found else []
+
+
+def published_table():
+    """What AligNeRF prints in its tables, beside the sources."""
+    return str(PUBLISHED / "tables.csv")
 
 
 def published(scene):

@@ -485,6 +485,17 @@ class Method:
     refine: Refine | None = key(
         None, "the training views' cameras are learnt with the scene, without flow"
     )
+    renders: str | None = key(
+        None,
+        "instead of a training: folder of another program's renders of the test views, "
+        "<view>.png of the scene's size (8-bit RGB); {scene} stands for the scene's "
+        "name; they are scored, and no more",
+    )
+    published: str | None = key(
+        None,
+        "what results/published calls the method; `snakemake comparison` shows what is "
+        "printed for it",
+    )
 
 
 # Chosen on courtyard, seed 1.
@@ -739,4 +750,10 @@ class Config:
     )
     tradeoff: Tradeoff | None = key(
         None, "what `snakemake tradeoff` compares; needed by nothing else"
+    )
+    published_table: int | None = key(
+        None,
+        "the paper's table, 2 or 3, whose rows `snakemake comparison` shows",
+        least=2,
+        most=3,
     )

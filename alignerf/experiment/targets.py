@@ -56,7 +56,7 @@ def exports(experiment):
     """
     found, moved = [], {*experiment.refining(), *experiment.correcting()}
     for scene in experiment.scenes:
-        for method in experiment.methods:
+        for method in dict(experiment.all_rounds(scene)):
             last = experiment.last_round(scene, method)
             folder = f"results/{scene}/{method}/export"
             if last > 0 or method in moved:

@@ -60,16 +60,26 @@ def make_table(rows, printed=()):
 
 
 def published(path, scene):
-    """Lines of a table of results/published that are of a scene of this name."""
+    """Lines of a table of results/published that are of a scene of this name.
+
+    Where it says neither, photos as taken are learnt from, and scored. `hours` are of
+    the whole way, `params_m` millions, `size` that of the photos.
+    """
     columns = ("source", "method", "scene", *PRINTED)
     table = table_files.read_csv(path, columns=columns)
+    places = {"warping": scores.warping(0), "test_set": "standard"}
+    table = table.assign(**{k: v for k, v in places.items() if k not in table})
     found = table[table["scene"] == scene]
-    if found["method"].duplicated().any():
+    if found.duplicated(["method", *places]).any():
         raise ValueError(f"{path}: scene {scene}: a method stands twice")
     for row in found.to_dict("records"):
-        labels = {"method": f"{row['method']}, published", "source": row["source"]}
-        labels |= {"warping": scores.warping(0), "test_set": "standard"}
-        yield labels | {key: row[key] for key in PRINTED}
+        size = f" at {row['size']}" if "size" in row else ""
+        labels = {"method": f"{row['method']}, published{size}"}
+        labels |= {key: row[key] for key in ("source", *places, *PRINTED)}
+        if "hours" in row:
+            labels["total_time_s"] = 3600 * row["hours"]
+            labels["params"] = round(1e6 * row["params_m"])
+        yield labels
 
 
 def lines_of(row):
@@ -78,7 +88,7 @@ def lines_of(row):
     base = scores.read(row.base_metrics, METRICS, row.base_aligned_pose)
     if not views.index.equals(base.index):
         raise ValueError(f"{row.metrics}: not the views of {row.base}")
-    costs = table_files.costs_of(row)
+    costs = table_files.costs_of(row) if row.trainings else {}
     labels = {"method": row.method, "field": row.field}
     labels["warping"] = scores.warping(row.round)
     for test_set in TEST_SETS:
@@ -141,8 +151,9 @@ def side_by_side(table):
     columns = {
         (HEADINGS[key], name): wide[key, name]
         for key in shown
-        # Papers have no other test set.
-        for name in (sets if key in METRICS else ["standard"])
+        # Papers have no other test sets.
+        for name in (sets if key in METRICS else ["standard", "warped"])
+        if (key, name) in wide and (key in METRICS or wide[key, name].notna().any())
     }
     columns |= {(DIFFERENCE, name): differences(wide, name) for name in sets}
     columns |= {

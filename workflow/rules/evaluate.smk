@@ -35,7 +35,7 @@ rule align_test_poses:
 rule evaluate:
     input:
         unpack(lambda w: rows.truth_of(experiment, w.scene)),
-        renders="results/{scene}/{method}/round{round}/renders/test",
+        renders=lambda w: rows.renders_of(experiment, w.scene, w.method, w.round),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
         flow="results/{scene}/testset/flow",
