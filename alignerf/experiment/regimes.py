@@ -172,7 +172,7 @@ class Compared(NamedTuple):
     metrics: str
     trainings: list[str]
     data: list[str]
-    # Whose round 0 it is set against.
+    # Whose round 0 all are set against.
     base: str
     aligned_pose: str | None = None
     published: str | None = None
@@ -213,7 +213,7 @@ def compared(experiment, scene, method, round):
         process = f"{experiment.folder(scene, method, round)}/logs/train.tsv"
     return Compared(
         parts=rows.field_name(experiment, method),
-        base=experiment.base_of(method),
+        base=experiment.config["reference"]["method"],
         aligned_pose=rows.aligned_pose(experiment, scene, method, round),
         # Of the method as it is; no table has one of its rounds.
         published=experiment.methods[method]["published"] if round == 0 else None,

@@ -15,8 +15,8 @@ from tests.bench import cases, report
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 USUAL = ("speed", "quality", "grid", "job", "memory", "scale", "split", "align")
-# It takes hours: only where it is asked for.
-LONG = ("sooner",)
+# They take hours, or gigabytes: only where they are asked for.
+LONG = ("sooner", "systems")
 
 
 def main(argv=None):

@@ -58,6 +58,32 @@ def test_instant_ngp_has_the_published_size():
     assert sizes_of(compose.make_method(job_of(kind="ngp")))["field"] == 51_857_552
 
 
+PUBLISHED = [
+    {"kind": "nerf"},
+    {"kind": "mipnerf", "width": 1024, "bottleneck": 1024},
+    {"kind": "nerfpp", "width": 512, "bottleneck": 512},
+    {"kind": "ngp"},
+]
+
+
+@pytest.mark.parametrize("model", PUBLISHED, ids=lambda model: model["kind"])
+def test_a_step_of_the_published_size_can_be_traced(model):
+    """Its compiled step is timed by `make bench BENCH="--only systems"`."""
+    method = compose.make_method(job_of(**model))
+
+    def loss(params, batch):
+        return sum(method.terms(params, batch, 0.5)[0].values())
+
+    def step(key, views):
+        params = method.init(key)
+        return jax.grad(loss)(params, method.draw(key, jnp.int32(0), views))
+
+    found = jax.eval_shape(step, jax.random.key(0), cases.make_views())
+    assert jax.tree.structure(found) == jax.tree.structure(
+        jax.eval_shape(method.init, jax.random.key(0))
+    )
+
+
 def random_rays(rng, count=5):
     origins = rng.uniform(-0.5, 0.5, size=(count, 3))
     directions = rng.normal(size=(count, 3)) + np.array([0, 0, -1.5])

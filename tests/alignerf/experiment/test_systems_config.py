@@ -1,0 +1,155 @@
+"""Other systems and other programs' renders in a config: what they are, and may not."""
+
+import json
+
+import pytest
+
+from alignerf.experiment import (
+    check,
+    jobs,
+    regimes,
+    rows,
+    schema,
+    settings,
+    slices,
+    targets,
+)
+
+
+def system(demo, **model):
+    demo["models"]["other"] = model
+    demo["methods"]["other"] = {"model": "other"}
+    return demo
+
+
+@pytest.mark.parametrize("kind", ["nerf", "mipnerf", "nerfpp", "ngp"])
+def test_a_system_needs_its_kind_alone(demo, experiment_of, kind):
+    experiment = experiment_of(system(demo, kind=kind))
+    job = json.loads(slices.of_round(experiment, "courtyard", "other"))
+    parsed = jobs.parse(job)
+    assert parsed.model.kind == kind
+    assert tuple(parsed.training.learning_rates) == settings.RATES[kind]
+    # A pinned training says what the slice says.
+    assert jobs.parse(jobs.as_dict(parsed)) == parsed
+    assert rows.field_name(experiment, "other").startswith(kind)
+
+
+def test_without_a_kind_a_model_is_a_mipnerf360():
+    found = check.checked({"scenes": {"a": {"source": "courtyard"}}})
+    assert found["models"]["base"]["kind"] == "mipnerf360"
+
+
+def test_a_model_changes_its_own_trainings(demo, experiment_of):
+    changes = {"batch_rays": 64, "adam_betas": [0.9, 0.999]}
+    experiment = experiment_of(system(demo, kind="mipnerf", training=changes))
+    job = json.loads(slices.of_round(experiment, "courtyard", "other"))
+    assert job["training"]["batch_rays"] == 64
+    assert job["training"]["adam_betas"] == [0.9, 0.999]
+    assert job["training"]["steps"] == demo["training"]["steps"]
+    assert job["model"]["training"] == {}
+    others = json.loads(slices.of_round(experiment, "courtyard", "mipnerf360"))
+    assert others["training"]["batch_rays"] == 512
+
+
+def test_what_a_job_is_told_of_its_model_counts(demo, experiment_of):
+    experiment = experiment_of(system(demo, kind="mipnerf"))
+    job = json.loads(slices.of_round(experiment, "courtyard", "other"))
+    job["model"]["training"] = {"batch_rays": 32}
+    assert jobs.parse(job).training.batch_rays == 32
+
+
+@pytest.mark.parametrize(
+    ("model", "reason"),
+    [
+        ({"kind": "nef"}, r"models.other.kind: 'nef' is not one of"),
+        ({"kind": "nerf", "field": {}}, r"models.other: .*'field' was unexpected"),
+        ({"levels": 3}, r"models.other: .*'levles'|'levels' was unexpected"),
+        ({"kind": "nerf", "far": 1e6}, r"models.other.far: 1000000.0 is greater than"),
+        ({"kind": "nerf", "near": 101.0}, "models.other: near must be smaller"),
+        ({"kind": "nerf", "samples": [64]}, r"models.other.samples: .*too short"),
+        ({"kind": "nerfpp", "radius": 0.9}, r"models.other.radius: 0.9 is less than"),
+        ({"kind": "ngp", "side": 0}, r"models.other.side: 0 is less than or equal"),
+        (
+            {"kind": "ngp", "log2_entries": 26, "levels": 32, "features": 64},
+            r"models.other.width: 2048 GiB to train",
+        ),
+        ({"kind": "nerf", "training": {"steps": 5}}, r"training: .*'steps' was unexp"),
+        (
+            {"kind": "nerf", "training": {"batch_rays": 0}},
+            r"models.other.training.batch_rays: 0 is less than",
+        ),
+    ],
+)
+def test_a_fault_of_a_system_is_named(demo, model, reason):
+    with pytest.raises(ValueError, match=reason):
+        check.checked(system(demo, **model))
+
+
+@pytest.mark.parametrize("stage", ["alignerf", "refine"])
+def test_what_is_made_for_the_baseline_is_refused(demo, stage):
+    demo = system(demo, kind="nerf")
+    demo["methods"]["other"][stage] = {}
+    with pytest.raises(ValueError, match=f"methods.other.{stage}: not of a model of k"):
+        check.checked(demo)
+
+
+def test_a_sweep_is_of_the_baseline(demo):
+    demo = system(demo, kind="nerf")
+    demo["tradeoff"]["model"] = "other"
+    with pytest.raises(ValueError, match=r"tradeoff.model: a sweep varies mipnerf360"):
+        check.checked(demo)
+
+
+@pytest.fixture
+def with_renders(demo, tmp_path):
+    (tmp_path / "courtyard").mkdir()
+    demo["methods"]["given"] = {"renders": f"{tmp_path}/{{scene}}"}
+    return demo
+
+
+def test_given_renders_are_scored_and_no_more(with_renders, experiment_of, tmp_path):
+    experiment = experiment_of(with_renders)
+    trained = experiment.all_rounds("courtyard")
+    assert ("given", 0) not in trained
+    assert experiment.scored("courtyard") == [*trained, ("given", 0)]
+    folder = rows.renders_of(experiment, "courtyard", "given", 0)
+    assert folder == f"{tmp_path}/courtyard"
+    *_, row = rows.misalignment(experiment, "courtyard")
+    assert (row.method, row.trainings, row.data) == ("given", [], [])
+    assert (row.base, row.aligned_pose) == ("mipnerf360_large", None)
+    for others in (rows.displacement, rows.times):
+        assert "given" not in {row.method for row in others(experiment, "courtyard")}
+    assert not [path for path in targets.exports(experiment) if "given" in path]
+    (scene,) = regimes.comparison(experiment)
+    assert scene.methods[-1].process is None
+    wanted = {path for path in rows.files_of([scene]) if "/given/" in path}
+    assert wanted == {"results/courtyard/given/round0/metrics.csv"}
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"rounds": 1}, "methods.given.rounds: not beside renders"),
+        ({"alignerf": {}}, "methods.given.alignerf: not beside renders"),
+        ({"model": "base"}, "methods.given.model: not beside renders"),
+        ({"renders": "nowhere/{scene}"}, "renders: nowhere/courtyard does not exist"),
+        ({"renders": "x/{method}"}, "in braces only scene has a meaning"),
+    ],
+)
+def test_a_fault_of_given_renders_is_named(with_renders, change, reason):
+    with_renders["methods"]["given"] |= change
+    with pytest.raises(ValueError, match=reason):
+        check.checked(with_renders)
+
+
+def test_nothing_is_warped_onto_given_renders(with_renders):
+    with_renders["reference"] = {"method": "given"}
+    with pytest.raises(ValueError, match=r"reference.method: given is not trained"):
+        check.checked(with_renders)
+
+
+def test_defaults_of_all_systems_stand_in_the_schema():
+    found = schema.root(settings.Config)["$defs"]
+    for kind in (settings.NerfSystem, settings.MipNerfSystem, settings.NerfPlusPlus):
+        properties = found[kind.__name__]["properties"]
+        assert properties["samples"]["default"] == kind().samples
