@@ -26,11 +26,12 @@ FLOORS = [
         *("alignerf.contributions", "alignerf.systems"),
         *("flow.estimation", "flow.figures"),
     },
-    {"alignerf.training", "flow.benchmark"},
+    {"alignerf.training", "alignerf.verdict", "flow.benchmark"},
     {"alignerf", "flow"},  # the stages: files directly in a package
 ]
 # Folders that hold commands besides the stages.
 COMMANDS = ("alignerf.metrics", "alignerf.tables", "flow.figures", "flow.benchmark")
+COMMANDS += ("alignerf.verdict",)
 MOST_MODULES = 12
 FORBIDDEN = {"snakemake", "pickle", "dill", "joblib", "marshal", "shelve"}
 JAX = {"jax", "flax", "optax"}

@@ -285,6 +285,23 @@ def tables(experiment, scene):
     return found
 
 
+def of_verdict(experiment, scene):
+    """Views of the reference's round 0: of the test, and of training where rendered."""
+    method = experiment.config["reference"]["method"]
+    folder = experiment.reference_folder(scene, 0)
+    followed = 0 in experiment.followed()[experiment.owner_of(method, 0)]
+    found = {"timing": f"{folder}/timing.json"}
+    for split in ("train", "test") if followed else ("test",):
+        found |= {
+            f"{split}_renders": f"{folder}/renders/{split}",
+            f"{split}_flow": f"{folder}/flow/{split}",
+            f"{split}_lengths": f"{folder}/displacement_{split}.csv",
+            f"{split}_parts": f"{folder}/parts_photos/{split}",
+            f"{split}_stats": f"{folder}/decomposition_photos_{split}.csv",
+        }
+    return found
+
+
 def options_of(tables):
     """Command line of tables' rows, of `tables`."""
     return [

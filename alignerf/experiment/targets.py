@@ -39,6 +39,7 @@ def of_scene(experiment, scene):
     return [
         f"{folder}/config.yaml",
         f"{folder}/facts.json",
+        f"{folder}/verdict.json",
         *(
             f"{folder}/tables/{name}.{kind}"
             for name in tables(scene in experiment.with_truth())

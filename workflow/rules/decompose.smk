@@ -18,11 +18,12 @@ rule decompose:
         "../../environment.yml"
     params:
         model=[],
+        split="test",
         sources=sources_of("flow.decompose"),
     shell:
         "python -m flow.decompose --renders-depth {input.depth:q}"
         " --flow {input.flow:q} {params.model:q} --cameras {input.cameras:q}"
-        " --split test --out-flow {output.parts:q} --stats-out {output.stats:q}"
+        " --split {params.split} --out-flow {output.parts:q} --stats-out {output.stats:q}"
         " 2>&1 | tee {log:q}"
 
 
@@ -42,3 +43,22 @@ use rule decompose as decompose_courtyard with:
         scene=plan.one_of(experiment.with_truth(True)),
     params:
         model=lambda w, input, output: flows.of_oracle(experiment, input, output),
+
+
+# The same as anybody's photos allow, who know no truth: for the verdict.
+use rule decompose as decompose_photos with:
+    input:
+        depth="results/{scene}/{method}/round{round}/depth/{split}",
+        flow="results/{scene}/{method}/round{round}/flow/{split}",
+        cameras=lambda w: experiment.rendered_with(w.scene, w.method, w.round),
+    output:
+        parts=directory("results/{scene}/{method}/round{round}/parts_photos/{split}"),
+        stats="results/{scene}/{method}/round{round}/decomposition_photos_{split}.csv",
+    log:
+        "results/{scene}/{method}/round{round}/logs/decompose_photos_{split}.log",
+    benchmark:
+        "results/{scene}/{method}/round{round}/logs/decompose_photos_{split}.tsv"
+    wildcard_constraints:
+        scene=plan.one_of(experiment.scenes),
+    params:
+        split=lambda w: w.split,

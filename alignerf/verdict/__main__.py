@@ -1,0 +1,73 @@
+"""The verdict on a scene: `python -m alignerf.verdict`.
+
+Writes verdict.json (what is wrong, how sure that is, what to do, what that brings and
+costs) and views.csv (every photo, and why it stands out); prints the verdict.
+"""
+
+import argparse
+import json
+
+import pandas as pd
+
+from alignerf.command import faults, whole
+from alignerf.scenes import prepared
+from alignerf.verdict import causes, evidence, views, words
+
+
+def main(argv=None):
+    args = parse(argv)
+    loaded = prepared.load(args.scene)
+    found = evidence.read_views(loaded, args.base, ("train", "test"))
+    known = evidence.gather(
+        loaded,
+        found,
+        evidence.read_pattern(loaded, args.base),
+        poses=evidence.read_json(f"{args.scene}/poses.json"),
+        timing=evidence.read_json(f"{args.base}/timing.json"),
+        leak=args.leak,
+    )
+    findings = causes.of(known)
+    gains = words.gains_of(args.misalignment) if args.misalignment else []
+    sentences = words.say(known, findings, gains, found)
+    content = {
+        "verdict": sentences,
+        "findings": [finding._asdict() for finding in findings],
+        "evidence": known._asdict(),
+        "stands_out": {v.view: v.stands_out for v in found if v.stands_out},
+    }
+    table = pd.DataFrame(found, columns=views.COLUMNS)
+    with (
+        whole.replace_file(args.out) as path,
+        whole.replace_file(args.views) as views_path,
+    ):
+        # JSON has no NaN.
+        path.write_text(json.dumps(plain(content), indent=1) + "\n")
+        table.to_csv(views_path, index=False, float_format="%.6g")
+    print("\n".join(sentences))
+
+
+def plain(value):
+    """Null for what is not a finite number."""
+    if isinstance(value, dict):
+        return {key: plain(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [plain(entry) for entry in value]
+    if isinstance(value, float) and not abs(value) < float("inf"):
+        return None
+    return value
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(prog="alignerf.verdict", description=__doc__)
+    parser.add_argument("--scene", required=True, help="results/SCENE")
+    parser.add_argument("--base", required=True, help="the reference's round 0")
+    parser.add_argument("--leak", help="the test set's leak.csv")
+    parser.add_argument("--misalignment", help="the scene's misalignment.csv")
+    parser.add_argument("--out", required=True, help="verdict.json, written")
+    parser.add_argument("--views", required=True, help="views.csv, written")
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    faults.run(main)

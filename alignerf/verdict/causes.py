@@ -1,0 +1,145 @@
+"""What is wrong, decided from numbers: pure, every threshold named and measured.
+
+All lengths are pixels of the training size. The thresholds were chosen on variants of
+courtyard with one fault each, seed 1, and tested on other seeds, on pairs of faults
+and on real captures: docs/verdict.md.
+"""
+
+import math
+from typing import NamedTuple
+
+# Photos and renders of a scene in which nothing is wrong are 0.07 px apart.
+ALIGNED_PX = 0.25
+# Of the flow's parts, one that is at least so long is named.
+PART_PX = 0.2
+# Pixels that do not move with their camera, by at least so much; and their share.
+MOVED_PX, MOVED_SHARE = 0.5, 0.04
+# Training views fit their renders, test views do not: geometry that photos do not fix.
+TEST_OVER_TRAIN, GAP_DB = 2.5, 4.0
+# Views that no interval can be told from, and that no geometry can be learnt from.
+FEW_TEST_VIEWS, FEW_TRAIN_VIEWS = 5, 12
+# How often each training pixel has been seen.
+FEW_PASSES = 0.5
+# Fine detail of a photo over its render's.
+BLURRED_DETAIL, BLURRED_VIEWS = 0.6, 0.05
+# Standard deviation over views.
+EXPOSURE_EV = 0.06
+# Common to all views' flows, and beyond so many standard errors.
+LENS_PX, LENS_ERRORS = 0.12, 4.0
+
+
+class Evidence(NamedTuple):
+    """What the causes are decided from; NaN is unknown."""
+
+    train_views: int
+    test_views: int
+    registered: int
+    total: int
+    # Pixels of the original photo in one of the training's.
+    photo_px: float
+    reprojection_px: float
+    flow_train_px: float
+    flow_test_px: float
+    camera_px: float
+    remainder_px: float
+    moved_share: float
+    psnr_train_db: float
+    psnr_test_db: float
+    # What an estimator invents where nothing is.
+    leak_px: float
+    passes: float
+    detail_median: float
+    blurred_share: float
+    exposure_ev: float
+    shift_px: float
+    shift_errors: float
+    distortion_px: float
+    distortion_errors: float
+
+
+class Finding(NamedTuple):
+    """A cause, how large it is in its own unit, and whether that is beyond doubt."""
+
+    cause: str
+    size: float
+    sure: bool
+
+
+def of(evidence: Evidence) -> list[Finding]:
+    """All causes that were found, the gravest first; none where nothing is wrong."""
+    tests = (few_views, sparse, lens_shift, lens_distortion, blurred, exposure)
+    tests = (*tests, undertrained, camera, motion)
+    return [finding for test in tests if (finding := test(evidence))]
+
+
+def misaligned(e: Evidence):
+    """Whether photos and renders of the training views are apart at all."""
+    known = e.flow_train_px if math.isfinite(e.flow_train_px) else e.flow_test_px
+    return known > ALIGNED_PX
+
+
+def few_views(e: Evidence):
+    """Too few photos to learn or to judge from."""
+    if e.train_views < FEW_TRAIN_VIEWS or e.test_views < FEW_TEST_VIEWS:
+        return Finding("few_views", e.train_views + e.test_views, True)
+    return None
+
+
+def sparse(e: Evidence):
+    """Training views fit and test views do not: too few, or too far apart."""
+    ratio = e.flow_test_px / max(e.flow_train_px, 0.05)
+    gap_db = e.psnr_train_db - e.psnr_test_db
+    if not (ratio > TEST_OVER_TRAIN and gap_db > GAP_DB):
+        return None
+    return Finding("sparse", gap_db, gap_db > 1.5 * GAP_DB)
+
+
+def lens_shift(e: Evidence):
+    """All photos are shifted alike: a principal point, or half a pixel."""
+    if e.shift_px > LENS_PX and e.shift_errors > LENS_ERRORS:
+        return Finding("lens_shift", e.shift_px, e.shift_px > 2 * LENS_PX)
+    return None
+
+
+def lens_distortion(e: Evidence):
+    """All photos are bent alike."""
+    if e.distortion_px > LENS_PX and e.distortion_errors > LENS_ERRORS:
+        return Finding(
+            "lens_distortion", e.distortion_px, e.distortion_px > 2 * LENS_PX
+        )
+    return None
+
+
+def blurred(e: Evidence):
+    """Some photos have less detail than the render of their view."""
+    if e.blurred_share > BLURRED_VIEWS:
+        return Finding("blurred", e.blurred_share, e.blurred_share > 2 * BLURRED_VIEWS)
+    return None
+
+
+def exposure(e: Evidence):
+    """Brightness changes from photo to photo."""
+    if e.exposure_ev > EXPOSURE_EV:
+        return Finding("exposure", e.exposure_ev, e.exposure_ev > 2 * EXPOSURE_EV)
+    return None
+
+
+def undertrained(e: Evidence):
+    """Pixels have hardly been seen."""
+    if e.passes < FEW_PASSES:
+        return Finding("undertrained", e.passes, e.passes < FEW_PASSES / 2)
+    return None
+
+
+def camera(e: Evidence):
+    """Poses are off: what a moved camera explains."""
+    if misaligned(e) and e.camera_px > PART_PX:
+        return Finding("camera", e.camera_px, e.camera_px > 2 * PART_PX)
+    return None
+
+
+def motion(e: Evidence):
+    """The scene moved between photos."""
+    if e.moved_share > MOVED_SHARE:
+        return Finding("motion", e.moved_share, e.moved_share > 2 * MOVED_SHARE)
+    return None

@@ -1,0 +1,154 @@
+"""What is known of a scene after its reference's first round, in numbers.
+
+Reads what the stages wrote: photos, renders, flow and its parts, trainings, poses.
+"""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from alignerf.command import archives
+from alignerf.scenes import prepared
+from alignerf.verdict import causes, pattern, views
+
+# Flows of so many training views tell what all have in common.
+MOST_PATTERN_VIEWS = 32
+
+
+def read_views(loaded: prepared.Scene, base, splits):
+    """A `views.View` of each view whose render and flow are there.
+
+    base: folder of the reference's round 0. A split without renders is left out.
+    """
+    found = []
+    for split in splits:
+        folder = Path(base) / "renders" / split
+        if not folder.is_dir():
+            continue
+        parts = table(Path(base) / f"decomposition_photos_{split}.csv")
+        lengths = table(Path(base) / f"displacement_{split}.csv")
+        for view in loaded.views(split):
+            name = loaded.names[view]
+            (photo,) = prepared.read_images(loaded, [view], loaded.folder / "images")
+            (render,) = prepared.read_images(loaded, [view], folder)
+            _, valid = read_flow(base, split, name)
+            row = parts.loc[name]
+            found.append(
+                views.View(
+                    view=name,
+                    split=split,
+                    flow_px=row["flow_median_px"],
+                    camera_px=row["camera_median_px"],
+                    remainder_px=row["remainder_median_px"],
+                    moved_share=moved_share(base, split, name),
+                    blur_sigma_px=lengths.loc[name, "blur_sigma_px"],
+                    **views.measured(photo, render, valid),
+                )
+            )
+    return views.named(found)
+
+
+def table(path):
+    """A CSV of views, by their names."""
+    try:
+        return pd.read_csv(path, dtype={"view": str}).set_index("view")
+    except (KeyError, ValueError) as error:
+        raise ValueError(f"{path}: not a table of views: {error}") from None
+
+
+def read_flow(base, split, name):
+    """(flow_px [h, w, 2], valid [h, w]) of a view."""
+    path = Path(base) / "flow" / split / f"{name}.npz"
+    data = archives.read(path, ("flow_px", "valid"))
+    return data["flow_px"], data["valid"]
+
+
+def moved_share(base, split, name):
+    """Share of a view's valid pixels that moved, and by a length that can be told."""
+    path = Path(base) / "parts_photos" / split / f"{name}.npz"
+    data = archives.read(path, ("remainder_px", "moved", "valid"))
+    far = np.linalg.norm(data["remainder_px"], axis=-1) > causes.MOVED_PX
+    valid = data["valid"]
+    return float((data["moved"] & far & valid).sum() / max(valid.sum(), 1))
+
+
+def read_pattern(loaded: prepared.Scene, base) -> pattern.Pattern:
+    """What the flows of training views, of test views where there are none, share."""
+    split = "train" if (Path(base) / "flow" / "train").is_dir() else "test"
+    chosen = loaded.views(split)
+    places = np.linspace(0, len(chosen) - 1, min(MOST_PATTERN_VIEWS, len(chosen)))
+    flows = []
+    for view in chosen[places.round().astype(int)]:
+        flow_px, valid = read_flow(base, split, loaded.names[view])
+        flows.append(np.where(valid[..., None], flow_px, np.nan))
+    return pattern.of_flows(flows)
+
+
+def gather(loaded, found, shared: pattern.Pattern, *, poses, timing, leak):
+    """`causes.Evidence` of a scene's views.
+
+    poses, timing: contents of poses.json and of the reference's timing.json. leak: CSV
+    of the flow invented between images that belong to one another, or None.
+    """
+    of_split = {
+        split: [v for v in found if v.split == split] for split in ("train", "test")
+    }
+    pixels = len(loaded.views("train")) * loaded.width * loaded.height
+    photo_px = poses["photo_width"] / poses["width"]
+    # Where training views were not rendered, test views have to tell.
+    main = of_split["train"] or of_split["test"]
+    ratios = np.array([view.detail_ratio for view in main])
+    shift, error = np.array(shared.shift_px), np.array(shared.shift_error_px)
+    return causes.Evidence(
+        train_views=len(loaded.views("train")),
+        test_views=len(loaded.views("test")),
+        registered=poses["registered"],
+        total=poses["total"],
+        photo_px=photo_px,
+        reprojection_px=number(poses["mean_reprojection_error_px"]) / photo_px,
+        flow_train_px=median(of_split["train"], "flow_px"),
+        flow_test_px=median(of_split["test"], "flow_px"),
+        camera_px=median(main, "camera_px"),
+        remainder_px=median(main, "remainder_px"),
+        moved_share=median(main, "moved_share"),
+        psnr_train_db=mean(of_split["train"], "psnr_db"),
+        psnr_test_db=mean(of_split["test"], "psnr_db"),
+        leak_px=float(table(leak)["median_px"].median()) if leak else math.nan,
+        passes=timing["rays_seen"] / pixels,
+        detail_median=float(np.median(ratios)),
+        blurred_share=float(
+            np.mean(ratios < causes.BLURRED_DETAIL * np.median(ratios))
+        ),
+        exposure_ev=float(np.std([view.exposure_ev for view in main])),
+        shift_px=float(np.hypot(*shift)),
+        shift_errors=float(np.max(np.abs(shift) / np.maximum(error, 1e-3))),
+        distortion_px=abs(shared.distortion_px),
+        distortion_errors=abs(shared.distortion_px)
+        / max(shared.distortion_error_px, 1e-3),
+    )
+
+
+def number(value):
+    """A number, or NaN for null."""
+    return math.nan if value is None else float(value)
+
+
+def median(found, key):
+    """Over views; NaN of none."""
+    return float(np.median([getattr(v, key) for v in found])) if found else math.nan
+
+
+def mean(found, key):
+    """Over views; NaN of none."""
+    return float(np.mean([getattr(v, key) for v in found])) if found else math.nan
+
+
+def read_json(path):
+    """The content of a JSON file; ValueError names one that is none."""
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path}: not JSON: {error}") from None

@@ -1,0 +1,114 @@
+"""Each photo against the render of its view: what stands out, and why.
+
+Notation: photo and render [h, w, 3] uint8; flow_px [h, w, 2] from render to photo,
+`valid` [h, w] where it holds.
+"""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from alignerf.metrics import image as image_metrics
+
+# Fine detail is measured on luminance, after so much blur that noise does not count.
+DETAIL_SIGMA_PX = 0.7
+# A view stands out where it is so many median deviations from the views' median.
+STANDS_OUT = 5.0
+
+
+class View(NamedTuple):
+    """One photo. Lengths are medians over its valid pixels, in px of the training."""
+
+    view: str
+    split: str
+    psnr_db: float
+    flow_px: float
+    # Of the flow, what a moved camera explains, and the rest.
+    camera_px: float
+    remainder_px: float
+    # Share of the pixels that do not move with the camera, and visibly.
+    moved_share: float
+    # Fine detail of the photo over that of the render: a blurred photo has less.
+    detail_ratio: float
+    # How much brighter the photo is than the render, in stops (EV).
+    exposure_ev: float
+    # Blur that makes the photo like the render.
+    blur_sigma_px: float
+    # Why it stands out among the views; empty where it does not.
+    stands_out: str = ""
+
+
+COLUMNS = View._fields
+
+
+def measured(photo, render, valid):
+    """{psnr_db, detail_ratio, exposure_ev} of a photo and the render of its view."""
+    everywhere = np.ones(photo.shape[:2], bool)
+    chosen = valid if valid.any() else everywhere
+    return {
+        "psnr_db": float(image_metrics.psnr_db(photo, render, everywhere)),
+        "detail_ratio": detail(photo) / max(detail(render), 1e-6),
+        "exposure_ev": exposure_ev(photo, render, chosen),
+    }
+
+
+def detail(image):
+    """Root mean square of the luminance's Laplacian, after a small blur."""
+    grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
+    smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), DETAIL_SIGMA_PX)
+    return float(np.sqrt(np.mean(cv2.Laplacian(smooth, cv2.CV_32F) ** 2)))
+
+
+def exposure_ev(photo, render, valid):
+    """Stops by which the photo is brighter, of means over pixels that are not clipped.
+
+    Of 8-bit values as they are: a camera's curve makes of a stop of light about half
+    a stop here, so that this is a lower bound.
+    """
+    usable = valid & (photo.max(axis=-1) < 250) & (render.max(axis=-1) < 250)
+    if not usable.any():
+        usable = valid
+    levels = [float(image[usable].mean()) for image in (photo, render)]
+    return float(np.log2(max(levels[0], 0.5) / max(levels[1], 0.5)))
+
+
+def named(views):
+    """The views, each with why it stands out among those of its split."""
+    found = list(views)
+    for split in ("train", "test"):
+        places = [i for i, view in enumerate(found) if view.split == split]
+        if len(places) < 5:
+            continue
+        for key, sign, what in REASONS:
+            values = np.array([getattr(found[i], key) for i in places], float)
+            for i, far in zip(places, deviations(values) * sign, strict=True):
+                if far > STANDS_OUT:
+                    why = "; ".join(filter(None, [found[i].stands_out, what]))
+                    found[i] = found[i]._replace(stands_out=why)
+    return found
+
+
+# What makes a view stand out, and in which direction.
+REASONS = (
+    ("psnr_db", -1, "much farther from its render than the others"),
+    ("flow_px", 1, "shifted against its render"),
+    ("camera_px", 1, "its camera is off"),
+    ("moved_share", 1, "much of it moved"),
+    ("detail_ratio", -1, "blurred"),
+    ("exposure_ev", 1, "brighter than the others"),
+    ("exposure_ev", -1, "darker than the others"),
+)
+# No spread is known better than this share of the median, or this number.
+LEAST_SPREAD = 0.1, 0.02
+
+
+def deviations(values):
+    """How far each value [n] is from the median, in robust standard deviations."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return np.zeros(len(values))
+    middle = np.median(known)
+    spread = 1.4826 * np.median(np.abs(known - middle))
+    least = max(LEAST_SPREAD[0] * abs(middle), LEAST_SPREAD[1])
+    return np.nan_to_num((values - middle) / max(spread, least))

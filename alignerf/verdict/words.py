@@ -1,0 +1,217 @@
+"""The verdict in plain words: each sentence with its number.
+
+Lengths are given in pixels of the training and of the original photo, since the first
+change with `downscale`.
+"""
+
+import math
+
+import pandas as pd
+
+from alignerf.tables import scores
+from alignerf.verdict import causes
+
+# A gain is said to be one from so many views on.
+VIEWS_FOR_A_GAIN = 5
+
+
+def say(evidence, findings, gains, views):
+    """Lines of the verdict, the answer first.
+
+    gains: (remedy's name, dB, low, high, minutes), as of `gains_of`.
+    """
+    lines = [headline(evidence, findings)]
+    lines += [SENTENCES[finding.cause](finding, evidence) for finding in findings]
+    lines.append(alignment(evidence))
+    lines += photos(views)
+    lines += [gain_line(gain, evidence) for gain in gains]
+    lines.append("To do: " + advice(evidence, findings))
+    return lines
+
+
+def both(px, evidence):
+    """A length in px of the training, and of the photo."""
+    if not math.isfinite(px):
+        return "unknown"
+    photo = f" ({px * evidence.photo_px:.2f} px of the photo)"
+    return f"{px:.2f} px" + (photo if evidence.photo_px != 1 else "")
+
+
+def sure(finding):
+    return "" if finding.sure else "probably "
+
+
+def headline(e, findings):
+    """One line: aligned or not, and the gravest cause."""
+    apart = causes.misaligned(e)
+    named = [finding.cause for finding in findings]
+    if "sparse" in named:
+        return (
+            "Verdict: too few photos, or too far apart. Aligning them brings nothing."
+        )
+    if "few_views" in named:
+        return "Verdict: too few photos to say much."
+    if apart:
+        what = [CALLED[name] for name in named if name in CALLED]
+        return f"Verdict: misaligned{': ' + ', '.join(what) if what else ''}."
+    rest = [CALLED[name] for name in named if name in CALLED]
+    return f"Verdict: aligned{', but ' + ', '.join(rest) if rest else ''}."
+
+
+CALLED = {
+    "camera": "poses are off",
+    "motion": "the scene moved",
+    "lens_shift": "the principal point is off",
+    "lens_distortion": "the lens is bent otherwise",
+    "blurred": "some photos are blurred",
+    "exposure": "exposure changes",
+    "undertrained": "trained too short",
+}
+
+
+def alignment(e):
+    """How far photos and renders are apart, and what cannot be told."""
+    parts = []
+    if math.isfinite(e.flow_train_px):
+        parts.append(f"{both(e.flow_train_px, e)} on photos that were learnt from")
+    parts.append(f"{both(e.flow_test_px, e)} on held-out ones")
+    return (
+        f"Photos and renders are apart by {', '.join(parts)}; under "
+        f"{both(causes.ALIGNED_PX, e)} nothing can be told."
+    )
+
+
+def camera(finding, e):
+    return (
+        f"Poses are {sure(finding)}off: a moved camera explains {both(e.camera_px, e)}"
+        f" of it."
+    )
+
+
+def motion(finding, e):
+    return (
+        f"The scene {sure(finding)}moved between photos: {100 * e.moved_share:.0f} % "
+        "of a photo does not move with its camera."
+    )
+
+
+def sparse(finding, e):
+    return (
+        f"Photos are {sure(finding)}too few or too far apart: those learnt from are "
+        f"matched to {e.psnr_train_db:.1f} dB, held-out ones to {e.psnr_test_db:.1f}."
+    )
+
+
+def few_views(finding, e):
+    return (
+        f"{e.train_views} photos to learn from and {e.test_views} to judge by are few: "
+        f"{causes.FEW_TRAIN_VIEWS} and {causes.FEW_TEST_VIEWS} are the least."
+    )
+
+
+def lens_shift(finding, e):
+    return (
+        f"All photos are {sure(finding)}shifted alike, by {both(e.shift_px, e)}: the "
+        "principal point is wrong, or pixel centres lie half a pixel off."
+    )
+
+
+def lens_distortion(finding, e):
+    return (
+        f"All photos are {sure(finding)}bent alike, by {both(e.distortion_px, e)} at "
+        "the corners: the lens's distortion is wrong."
+    )
+
+
+def blurred(finding, e):
+    return (
+        f"{100 * e.blurred_share:.0f} % of the photos are {sure(finding)}blurred: they "
+        "have less detail than their renders."
+    )
+
+
+def exposure(finding, e):
+    return (
+        f"Exposure {sure(finding)}changes between photos, by {e.exposure_ev:.2f} stops "
+        "(standard deviation)."
+    )
+
+
+def undertrained(finding, e):
+    return (
+        f"Training was {sure(finding)}too short: each pixel was seen {e.passes:.1f} "
+        "times."
+    )
+
+
+SENTENCES = {
+    function.__name__: function
+    for function in (
+        *(camera, motion, sparse, few_views, lens_shift, lens_distortion, blurred),
+        *(exposure, undertrained),
+    )
+}
+
+
+def photos(views):
+    """A line on the photos that stand out, if any."""
+    odd = [view for view in views if view.stands_out]
+    if not odd:
+        return []
+    named = "; ".join(f"{view.view}: {view.stands_out}" for view in odd[:3])
+    more = f"; {len(odd) - 3} more in tables/views.csv" if len(odd) > 3 else ""
+    return [f"Photos that stand out: {named}{more}."]
+
+
+def gains_of(path):
+    """(name, dB, low, high, minutes) of each warping round or correction of a table.
+
+    Against the oracle where it is known, else on the held-out photos as they are.
+    """
+    table = pd.read_csv(path)
+    known = "oracle" in set(table["test_set"])
+    chosen = table[table["test_set"] == ("oracle" if known else "standard")]
+    found = []
+    for row in chosen.itertuples():
+        own = row.method == row.difference_to and row.warping == scores.warping(0)
+        if own or pd.isna(row.difference_db):
+            continue
+        name = scores.row_name(row.method, row.warping)
+        ends = (row.difference_low_db, row.difference_high_db)
+        found.append((name, row.difference_db, *ends, row.total_time_s / 60))
+    return found
+
+
+def gain_line(gain, e):
+    """What a remedy brought in this run; no claim from few views."""
+    name, db, low, high, minutes = gain
+    text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}] in {minutes:.0f} min"
+    if e.test_views < VIEWS_FOR_A_GAIN:
+        return f"{text}; {e.test_views} held-out photos are too few to be sure."
+    if low > 0 or high < 0:
+        return f"{text}."
+    return f"{text}: not more than chance."
+
+
+def advice(e, findings):
+    """What to do first."""
+    named = {finding.cause for finding in findings}
+    for cause, text in ADVICE:
+        if cause in named:
+            return text
+    if causes.misaligned(e):
+        return "warp the photos once (rounds: 1), and look at what remains."
+    return "nothing about alignment. For sharper renders take more steps."
+
+
+ADVICE = (
+    ("few_views", "take more photos: 20 or more that overlap."),
+    ("sparse", "take more photos between those you have. Warping would not help."),
+    ("lens_shift", "check pixel centres and principal point of the given cameras."),
+    ("lens_distortion", "calibrate the lens anew, or let COLMAP find it."),
+    ("blurred", "leave out the blurred photos, see tables/views.csv."),
+    ("exposure", "fix the exposure, or even it out before training."),
+    ("undertrained", "train longer first: more steps, or budget_min."),
+    ("camera", "put the cameras right (changes: cameras, rounds: 2), then train anew."),
+    ("motion", "warp the photos once (rounds: 1)."),
+)

@@ -1,0 +1,31 @@
+# What is wrong with a scene, in plain words, after the reference's first round; and
+# every photo, with why it stands out.
+rule verdict:
+    input:
+        unpack(lambda w: rows.of_verdict(experiment, w.scene)),
+        images="results/{scene}/images",
+        cameras="results/{scene}/cameras.npz",
+        poses="results/{scene}/poses.json",
+        leak="results/{scene}/testset/leak.csv",
+        misalignment="results/{scene}/tables/misalignment.csv",
+    output:
+        verdict="results/{scene}/verdict.json",
+        views=report(
+            "results/{scene}/tables/views.csv",
+            caption="../report/photos.rst",
+            category="{scene}",
+        ),
+    log:
+        "results/{scene}/logs/verdict.log",
+    benchmark:
+        "results/{scene}/logs/verdict.tsv"
+    conda:
+        "../../environment.yml"
+    params:
+        base=lambda w: experiment.reference_folder(w.scene, 0),
+        sources=sources_of("alignerf.verdict"),
+    shell:
+        "python -m alignerf.verdict --scene results/{wildcards.scene:q}"
+        " --base {params.base:q} --leak {input.leak:q}"
+        " --misalignment {input.misalignment:q} --out {output.verdict:q}"
+        " --views {output.views:q} 2>&1 | tee {log:q}"
