@@ -68,6 +68,12 @@ rule all:
 
 check.or_exit(check.check_free, experiment.scenes, [r.name for r in workflow.rules])
 
+
+# The last lines of a run: what is wrong with each scene, and what to do.
+onsuccess:
+    print("\n".join(targets.verdicts(experiment.scenes)))
+
+
 # One target for each scene, named like it.
 for scene_name in experiment.scenes:
 

@@ -23,6 +23,7 @@ from alignerf.scenes import (
     llff,
     mipnerf360,
     prepare,
+    prepared,
     transforms,
 )
 from alignerf.scenes.courtyard import scene as courtyard
@@ -30,6 +31,8 @@ from alignerf.scenes.courtyard import truth
 
 log = logging.getLogger("alignerf.poses")
 
+# As in `verdict.causes`, where a test holds both equal.
+FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
 PRODUCTS = (
     *("images", "truth", "points.npz", "bounds.npz"),
     *("cameras.npz", "poses.json"),
@@ -55,6 +58,7 @@ def main(config, out):
         if split is None:
             every = config["test_every"]
             split = prepare.split_views(len(views.names), test_every=every)
+        warn_of_few(out, split)
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
         if scene is not None:
@@ -72,6 +76,17 @@ def main(config, out):
         (fresh / "poses.json").write_text(json.dumps(report, indent=1) + "\n")
         publish(fresh, out)
     log.info("%s: %d of %d views", out, report["registered"], report["total"])
+
+
+def warn_of_few(out, split):
+    """Say now what the verdict will say after all trainings."""
+    counts = {name: int((split == name).sum()) for name in prepared.SPLITS}
+    if counts["train"] < FEW_TRAIN_VIEWS or counts["test"] < FEW_TEST_VIEWS:
+        log.warning(
+            "%s: %d views to learn from and %d to judge by are few: under %d and %d no "
+            "difference can be told from chance",
+            *(out, counts["train"], counts["test"], FEW_TRAIN_VIEWS, FEW_TEST_VIEWS),
+        )
 
 
 def checked(values):
@@ -159,6 +174,7 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
         where=where or str(folder),
         background=config["background"],
     )
+    check_registered(model, config["colmap"]["least_registered"], where or folder)
     report = registration(model.names, model.left_out) | {
         "mean_reprojection_error_px": model.mean_reprojection_error_px,
         "points": len(model.points),
@@ -167,6 +183,19 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
         "exif_focal_px": focal_px,
     }
     return views, report
+
+
+def check_registered(model, least, where):
+    """ValueError where too few photos are in the largest model."""
+    count = len(model.names) + len(model.left_out)
+    if len(model.names) < least * count:
+        others = ", ".join(map(str, model.models[1:]))
+        apart = f"; others are in models of {others}: two scenes?" if others else ""
+        raise ValueError(
+            f"{where}: COLMAP registered {len(model.names)} of {count} photos together"
+            f"{apart}. Take more photos that overlap, sort out those of other places, "
+            "or lower colmap.least_registered"
+        )
 
 
 def pose_courtyard(folder, scratch, scene, config):

@@ -1,4 +1,4 @@
-"""Print the finished misalignment tables: `python -m alignerf.show [results]`."""
+"""Print the finished tables and verdicts: `python -m alignerf.show [results]`."""
 
 import argparse
 import pathlib
@@ -6,6 +6,7 @@ import pathlib
 import pandas as pd
 
 from alignerf.command import faults, yaml_files
+from alignerf.experiment import targets
 from alignerf.tables import scores
 
 # Columns of controls.csv that are shown.
@@ -36,6 +37,8 @@ def main(argv=None):
             print(breakdown(pd.read_csv(controls)).to_string(na_rep="--"))
         print(f"tables   {path}, {path.with_suffix('.tex').name}")
         print(f"figures  {path.parent.parent / 'figures'}/")
+    scenes = [path.parent.parent.name for path in tables]
+    print("\n".join(targets.verdicts(scenes, args.results)))
 
 
 def pivot(table):

@@ -70,6 +70,13 @@ class Colmap:
     camera_model: CAMERA_MODELS | None = key(
         None, "null takes OPENCV for photos, SIMPLE_PINHOLE for courtyard"
     )
+    least_registered: float = key(
+        0.6,
+        "share of the photos that have to be registered in one model; with fewer the "
+        "run stops: what is left would be scored as if it were the scene",
+        least=0,
+        most=1,
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

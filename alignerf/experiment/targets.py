@@ -1,4 +1,7 @@
-"""What `snakemake SCENE` makes."""
+"""What `snakemake SCENE` makes, and what it says in the end."""
+
+import json
+from pathlib import Path
 
 TABLES = ("misalignment", "round_times", "controls", "displacement")
 # Not in Snakemake's report.
@@ -47,6 +50,17 @@ def of_scene(experiment, scene):
         ),
         *(f"{folder}/figures/{name}.png" for name in figures(experiment)),
     ]
+
+
+def verdicts(scenes, results="results"):
+    """Lines of the verdicts that are there, a scene's name before them."""
+    lines = []
+    for scene in scenes:
+        path = Path(results) / scene / "verdict.json"
+        if path.is_file():
+            found = json.loads(path.read_text(encoding="utf-8"))
+            lines += ["", scene, *(f"  {line}" for line in found["verdict"])]
+    return lines
 
 
 def exports(experiment):

@@ -15,9 +15,12 @@ PART_PX = 0.2
 # Pixels that do not move with their camera, by at least so much; and their share.
 MOVED_PX, MOVED_SHARE = 0.5, 0.04
 # Training views fit their renders, test views do not: geometry that photos do not fix.
-TEST_OVER_TRAIN, GAP_DB = 2.5, 4.0
+# A gap in PSNR says so alone, a smaller one beside flows of this ratio.
+GAP_DB, SMALL_GAP_DB, TEST_OVER_TRAIN = 4.0, 2.5, 2.5
 # Views that no interval can be told from, and that no geometry can be learnt from.
 FEW_TEST_VIEWS, FEW_TRAIN_VIEWS = 5, 12
+# Share of the photos that COLMAP has placed.
+REGISTERED = 0.9
 # How often each training pixel has been seen.
 FEW_PASSES = 0.5
 # Fine detail of a photo over its render's.
@@ -67,7 +70,15 @@ class Finding(NamedTuple):
 
 def of(evidence: Evidence) -> list[Finding]:
     """All causes that were found, the gravest first; none where nothing is wrong."""
-    tests = (few_views, sparse, lens_shift, lens_distortion, blurred, exposure)
+    tests = (
+        few_views,
+        unregistered,
+        sparse,
+        lens_shift,
+        lens_distortion,
+        blurred,
+        exposure,
+    )
     tests = (*tests, undertrained, camera, motion)
     return [finding for test in tests if (finding := test(evidence))]
 
@@ -85,13 +96,22 @@ def few_views(e: Evidence):
     return None
 
 
+def unregistered(e: Evidence):
+    """Photos that are in no model, or in another one."""
+    share = e.registered / max(e.total, 1)
+    if share < REGISTERED:
+        return Finding("unregistered", share, True)
+    return None
+
+
 def sparse(e: Evidence):
     """Training views fit and test views do not: too few, or too far apart."""
     ratio = e.flow_test_px / max(e.flow_train_px, 0.05)
     gap_db = e.psnr_train_db - e.psnr_test_db
-    if not (ratio > TEST_OVER_TRAIN and gap_db > GAP_DB):
+    by_flow = ratio > TEST_OVER_TRAIN and gap_db > SMALL_GAP_DB
+    if not (gap_db > GAP_DB or by_flow):
         return None
-    return Finding("sparse", gap_db, gap_db > 1.5 * GAP_DB)
+    return Finding("sparse", gap_db, ratio > TEST_OVER_TRAIN and gap_db > GAP_DB)
 
 
 def lens_shift(e: Evidence):

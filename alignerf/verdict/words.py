@@ -65,6 +65,7 @@ CALLED = {
     "lens_distortion": "the lens is bent otherwise",
     "blurred": "some photos are blurred",
     "exposure": "exposure changes",
+    "unregistered": "photos are left out",
     "undertrained": "trained too short",
 }
 
@@ -109,6 +110,13 @@ def few_views(finding, e):
     )
 
 
+def unregistered(finding, e):
+    return (
+        f"COLMAP placed {e.registered} of {e.total} photos: the others do not overlap "
+        "with them, or show another place."
+    )
+
+
 def lens_shift(finding, e):
     return (
         f"All photos are {sure(finding)}shifted alike, by {both(e.shift_px, e)}: the "
@@ -147,8 +155,8 @@ def undertrained(finding, e):
 SENTENCES = {
     function.__name__: function
     for function in (
-        *(camera, motion, sparse, few_views, lens_shift, lens_distortion, blurred),
-        *(exposure, undertrained),
+        *(camera, motion, sparse, few_views, unregistered, lens_shift),
+        *(lens_distortion, blurred, exposure, undertrained),
     )
 }
 
@@ -206,6 +214,7 @@ def advice(e, findings):
 
 ADVICE = (
     ("few_views", "take more photos: 20 or more that overlap."),
+    ("unregistered", "take photos between those that are left out and the others."),
     ("sparse", "take more photos between those you have. Warping would not help."),
     ("lens_shift", "check pixel centres and principal point of the given cameras."),
     ("lens_distortion", "calibrate the lens anew, or let COLMAP find it."),

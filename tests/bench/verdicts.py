@@ -105,7 +105,7 @@ def make_scene(folder, faults, seed, *, quick):
         scene |= {"test_every": 3}
         scene["courtyard"]["views"] = 15
     if quick:
-        scene["courtyard"] |= {"views": 16, "width": 96, "height": 72}
+        scene["courtyard"] |= {"views": 16, "width": 128, "height": 112}
     subprocess.run(
         [
             *(sys.executable, "-m", "alignerf.poses", "--config", json.dumps(scene)),

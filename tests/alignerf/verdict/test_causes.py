@@ -1,0 +1,112 @@
+"""The verdict's decision: each cause alone and in pairs, none where all is well."""
+
+import math
+
+import pytest
+
+from alignerf import poses
+from alignerf.verdict import causes, words
+
+# A scene in which nothing is wrong, as measured on courtyard.
+WELL = causes.Evidence(
+    train_views=42,
+    test_views=6,
+    registered=48,
+    total=48,
+    photo_px=2.0,
+    reprojection_px=0.2,
+    flow_train_px=0.07,
+    flow_test_px=0.09,
+    camera_px=0.06,
+    remainder_px=0.03,
+    moved_share=0.0,
+    psnr_train_db=28.7,
+    psnr_test_db=27.2,
+    leak_px=0.09,
+    passes=0.8,
+    detail_median=1.2,
+    blurred_share=0.0,
+    exposure_ev=0.005,
+    shift_px=0.02,
+    shift_errors=4.1,
+    distortion_px=0.02,
+    distortion_errors=1.3,
+)
+FAULTS = {
+    "camera": {"flow_train_px": 1.2, "camera_px": 1.2},
+    "motion": {"moved_share": 0.08},
+    "sparse": {"flow_test_px": 2.0, "psnr_test_db": 17.0},
+    "few_views": {"test_views": 2},
+    "lens_shift": {"shift_px": 0.5, "shift_errors": 20.0},
+    "lens_distortion": {"distortion_px": 0.8, "distortion_errors": 9.0},
+    "blurred": {"blurred_share": 0.2},
+    "exposure": {"exposure_ev": 0.2},
+    "undertrained": {"passes": 0.1},
+    "unregistered": {"registered": 20, "total": 45},
+}
+
+
+def named(**changes):
+    return [finding.cause for finding in causes.of(WELL._replace(**changes))]
+
+
+def test_nothing_is_named_where_nothing_is_wrong():
+    assert causes.of(WELL) == []
+    assert not causes.misaligned(WELL)
+
+
+@pytest.mark.parametrize("cause", FAULTS)
+def test_each_cause_is_named_alone(cause):
+    assert named(**FAULTS[cause]) == [cause]
+
+
+@pytest.mark.parametrize("first", FAULTS)
+@pytest.mark.parametrize("second", FAULTS)
+def test_two_causes_are_both_named(first, second):
+    assert set(named(**FAULTS[first] | FAULTS[second])) == {first, second}
+
+
+def test_a_shift_within_its_error_is_none():
+    assert named(shift_px=0.5, shift_errors=2.0) == []
+    assert named(shift_px=0.5, shift_errors=math.nan) == []
+
+
+def test_more_flow_on_test_views_alone_is_not_misalignment():
+    """The case that a rule on test flow would have sent to be warped."""
+    found = WELL._replace(flow_test_px=2.0, psnr_test_db=17.0, camera_px=1.65)
+    assert [finding.cause for finding in causes.of(found)] == ["sparse"]
+    assert "too few photos" in words.headline(found, causes.of(found))
+
+
+def test_without_training_renders_test_views_tell():
+    nothing = WELL._replace(flow_train_px=math.nan, psnr_train_db=math.nan)
+    assert causes.of(nothing) == []
+    apart = nothing._replace(flow_test_px=1.0, camera_px=0.9)
+    assert [finding.cause for finding in causes.of(apart)] == ["camera"]
+
+
+@pytest.mark.parametrize("cause", [*FAULTS, None])
+def test_the_words_have_the_numbers_and_one_thing_to_do(cause):
+    known = WELL._replace(**FAULTS.get(cause, {}))
+    lines = words.say(known, causes.of(known), [], [])
+    assert lines[0].startswith("Verdict: ")
+    assert lines[-1].startswith("To do: ")
+    assert "nan" not in " ".join(lines).lower()
+    assert ("aligned" in lines[0]) != ("too few" in lines[0])
+    if cause == "camera":
+        assert "1.20 px (2.40 px of the photo)" in " ".join(lines)
+        assert "misaligned: poses are off" in lines[0]
+
+
+def test_gains_from_few_views_are_no_gains():
+    gain = ("once", 1.5, 1.2, 1.8, 4.0)
+    assert words.gain_line(gain, WELL).endswith("in 4 min.")
+    few = WELL._replace(test_views=3)
+    assert "too few to be sure" in words.gain_line(gain, few)
+    chance = ("once", 0.02, -0.05, 0.06, 4.0)
+    assert "not more than chance" in words.gain_line(chance, WELL)
+
+
+def test_what_the_poses_warn_of_is_what_the_verdict_says():
+    assert poses.FEW_TRAIN_VIEWS == causes.FEW_TRAIN_VIEWS
+    assert poses.FEW_TEST_VIEWS == causes.FEW_TEST_VIEWS

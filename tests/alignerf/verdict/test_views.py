@@ -1,0 +1,111 @@
+"""Photos against renders: what is measured of a view, and what stands out."""
+
+import cv2
+import numpy as np
+import pytest
+from skimage import data
+
+from alignerf.verdict import pattern, views
+
+EVERYWHERE = np.ones((96, 128), bool)
+
+
+@pytest.fixture
+def photo():
+    return np.ascontiguousarray(data.astronaut()[100:196, 150:278])
+
+
+def test_a_blurred_photo_has_less_detail_than_its_render(photo):
+    soft = cv2.GaussianBlur(photo, (0, 0), 2.0)
+    assert views.measured(soft, photo, EVERYWHERE)["detail_ratio"] < 0.5
+    assert views.measured(photo, soft, EVERYWHERE)["detail_ratio"] > 2
+    assert views.measured(photo, photo.copy(), EVERYWHERE)["detail_ratio"] == 1.0
+
+
+@pytest.mark.parametrize("stops", [-0.5, 0.25])
+def test_exposure_is_found_in_stops(photo, stops):
+    dim = (0.4 * photo).astype(np.uint8)
+    changed = np.clip(dim * 2.0**stops, 0, 255).astype(np.uint8)
+    found = views.measured(changed, dim, EVERYWHERE)["exposure_ev"]
+    assert found == pytest.approx(stops, abs=0.03)
+
+
+def test_black_and_white_photos_are_finite():
+    for level in (0, 255):
+        flat = np.full((96, 128, 3), level, np.uint8)
+        other = np.full((96, 128, 3), 255 - level, np.uint8)
+        found = views.measured(flat, other, ~EVERYWHERE)
+        assert np.isfinite(list(found.values())).all()
+
+
+def view(name, **changes):
+    usual = {
+        "split": "train",
+        "psnr_db": 25.0,
+        "flow_px": 0.1,
+        "camera_px": 0.1,
+        "remainder_px": 0.05,
+        "moved_share": 0.0,
+        "detail_ratio": 1.2,
+        "exposure_ev": 0.0,
+        "blur_sigma_px": 0.75,
+    }
+    return views.View(view=name, **usual | changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "what"),
+    [
+        ({"flow_px": 3.0}, "shifted"),
+        ({"detail_ratio": 0.3}, "blurred"),
+        ({"exposure_ev": -0.5}, "darker"),
+        ({"exposure_ev": 0.5}, "brighter"),
+        ({"moved_share": 0.5}, "moved"),
+        ({"psnr_db": 8.0}, "farther"),
+    ],
+)
+def test_one_odd_photo_stands_out_and_says_why(changes, what):
+    found = views.named([*(view(f"v{i}") for i in range(8)), view("odd", **changes)])
+    assert [v.view for v in found if v.stands_out] == ["odd"]
+    assert what in found[-1].stands_out
+
+
+def test_of_few_views_none_stands_out():
+    found = views.named([view("a"), view("b"), view("c", flow_px=9.0)])
+    assert not [v for v in found if v.stands_out]
+
+
+def field(height=60, width=80):
+    y, x = np.mgrid[:height, :width].astype(float)
+    half = np.hypot(width, height) / 2
+    return (x + 0.5 - width / 2) / half, (y + 0.5 - height / 2) / half
+
+
+def test_what_all_flows_share_is_told_from_what_each_has(rng):
+    x, y = field()
+    square = x**2 + y**2
+    flows = []
+    for _ in range(12):
+        own = rng.normal(scale=1.0, size=2)
+        zoom = rng.normal(scale=0.5)
+        flow = np.stack(
+            [
+                own[0] + 0.4 + zoom * x + 0.8 * x * square,
+                own[1] + zoom * y + 0.8 * y * square,
+            ],
+            axis=-1,
+        )
+        flow[:5, :5] = np.nan
+        flows.append(flow)
+    found = pattern.of_flows(np.stack(flows))
+    assert found.distortion_px == pytest.approx(0.8, abs=0.02)
+    assert found.distortion_error_px < 0.02
+    assert found.shift_px[0] == pytest.approx(0.4, abs=4 * found.shift_error_px[0])
+    assert 0.1 < found.shift_error_px[0] < 0.6
+
+
+def test_a_view_without_flow_adds_nothing():
+    nothing = np.full((2, 60, 80, 2), np.nan)
+    found = pattern.of_flows(nothing)
+    assert found.shift_px == (0.0, 0.0)
+    assert np.isnan(found.distortion_error_px)
