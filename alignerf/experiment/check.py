@@ -31,6 +31,8 @@ MOST_BYTES = 2**38
 OF_RENDERS = ("renders", "published")
 # Sources whose photos may have alpha.
 TRANSPARENT = ("photos", "transforms", "blender")
+# A side, as of a grid's finest level: their third power is a 64-bit number.
+MOST_CELLS = 2**20
 # In units of the largest camera coordinate.
 MOST_FAR = 100
 MOST_PHOTO_BYTES = 2**35
@@ -187,6 +189,14 @@ def check_model(model, *place):
     if of_points and model["far"] > MOST_FAR:
         # Sines of distant points are noise, and nothing contracts them.
         fault(f"{where}.far", f"field nerf sees no farther than {MOST_FAR}")
+    if model["kind"] == "ngp":
+        cells = model["finest"] * model["side"]
+        if not model["coarsest"] < cells <= MOST_CELLS:
+            fault(
+                f"{where}.finest",
+                f"{cells:g} cells over the box are not from {model['coarsest'] + 1} to "
+                f"{MOST_CELLS}",
+            )
     parts = {key: model[key] for key in ("proposal", "field") if key in model}
     for key, field in (parts or {"width": model}).items():
         if "log2_entries" in field:

@@ -278,7 +278,8 @@ BEHIND = "colour of what lies behind a ray's last sample: black, or white"
 
 
 def samples(*default):
-    return key([*default], TWO_LOOKS, least=2, most=4096, length=(2, 2))
+    # The first and last of a look's points have no part in the second's.
+    return key([*default], TWO_LOOKS, least=3, most=4096, length=(2, 2))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,8 @@ def sphere_exit(
     inside: t is where it passes that.
     """
     square, middle, rest = _quadratic(origins / radius, directions / radius)
-    root = jnp.sqrt(jnp.maximum(middle**2 + square * (1.0 - rest), 0.0))
+    # Not of zero: the root's derivative there is none.
+    root = jnp.sqrt(jnp.maximum(middle**2 + square * (1.0 - rest), TINY))
     return jnp.maximum((root - middle) / square, 0.0)
 
 

@@ -70,6 +70,18 @@ def test_what_a_job_is_told_of_its_model_counts(demo, experiment_of):
         ({"kind": "nerfpp", "radius": 0.9}, r"models.other.radius: 0.9 is less than"),
         ({"kind": "ngp", "side": 0}, r"models.other.side: 0 is less than or equal"),
         (
+            {"kind": "ngp", "finest": 65536, "side": 128},
+            r"models.other.finest: 8.38861e\+06 cells over the box are not from 17 to",
+        ),
+        (
+            {"kind": "ngp", "finest": 2, "side": 1},
+            r"models.other.finest: 2 cells over the box are not from 17",
+        ),
+        (
+            {"kind": "nerf", "samples": [2, 8]},
+            r"models.other.samples.0: 2 is less than",
+        ),
+        (
             {"kind": "ngp", "log2_entries": 26, "levels": 32, "features": 64},
             r"models.other.width: 2048 GiB to train",
         ),

@@ -232,3 +232,27 @@ def test_a_step_is_finite_at_the_extremes(rng, kind, case):
     value, grads = loss_of(kind)(params_of(kind), batch)
     assert np.isfinite(value)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(grads))
+
+
+@pytest.mark.parametrize("kind", SYSTEMS)
+@pytest.mark.parametrize("place", ["inside", "at the rim", "outside", "far outside"])
+def test_renders_can_be_differentiated_in_their_rays(rng, kind, place):
+    """Cameras that are fitted to photos ask for it, wherever they stand."""
+    distance = {"inside": 0.3, "at the rim": 1.1, "outside": 3.0, "far outside": 1e5}
+    rays = random_rays(rng)
+    rays = rays._replace(origins=distance[place] * rays.viewdirs)
+    found = ray_gradient_of(kind)(params_of(kind), rays)
+    assert all(np.isfinite(leaf).all() for leaf in found)
+
+
+@functools.cache
+def ray_gradient_of(kind):
+    """(params, rays) -> the gradient of all colours by origins and directions."""
+    method = compose.make_method(job_of(kind=kind, **SYSTEMS[kind]), moving=True)
+
+    def total(params, origins, directions, rays):
+        moved = rays._replace(origins=origins, directions=directions)
+        return jnp.sum(method.render(params, moved).values)
+
+    gradient = jax.jit(jax.grad(total, argnums=(1, 2)))
+    return lambda params, rays: gradient(params, rays.origins, rays.directions, rays)
