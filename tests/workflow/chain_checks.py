@@ -84,6 +84,19 @@ def check_table(scene):
     assert staged["field"] == plain["field"] + ", 4 features, aligned, derivative bank"
 
 
+def check_verdict(scene, output):
+    """Three held-out views are few; the run ends with it."""
+    found = json.loads((scene / "verdict.json").read_text())
+    assert "few_views" in {finding["cause"] for finding in found["findings"]}
+    assert found["evidence"]["train_views"] == VIEWS - len(TEST_VIEWS)
+    first, *_, last = found["verdict"]
+    said = output[output.rindex("\ntiny\n") :]
+    assert said.index(f"  {first}") < said.index(f"  {last}")
+    rows = read_csv(scene / "tables" / "views.csv")
+    assert len(rows) == VIEWS
+    assert {row["view"] for row in rows if row["split"] == "test"} == set(TEST_VIEWS)
+
+
 def check_metrics(scene):
     for path in scene.glob("*/round*/metrics.csv"):
         rows = read_csv(path)

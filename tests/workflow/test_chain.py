@@ -51,6 +51,7 @@ tradeoff:
 
 # First in its kind: what else runs follows from these.
 EVERYTHING = {"poses_courtyard", "config"}
+BY_CAMERA = {"decompose_courtyard", "decompose_photos"}
 
 
 def check_reruns(plan, root, config):
@@ -67,7 +68,7 @@ def check_reruns(plan, root, config):
         (root / "alignerf/contributions/frequency_loss.py", "\n", "\n\n", trainings),
         (root / "flow/__init__.py", "\n", "\n\n", aligned),
         (root / "flow/warping/controls.py", "\n", "\n\n", {"control_sets", *moved}),
-        (root / "flow/camera/fit.py", "\n", "\n\n", {"decompose_courtyard"}),
+        (root / "flow/camera/fit.py", "\n", "\n\n", BY_CAMERA),
         (root / "requirements.lock", "\n", "\n\n", EVERYTHING),
         (config, "features: 4", "features: 5", {"config", "finetune"}),
         (config, "tolerance_px: 4.0", "tolerance_px: 2.0", aligned | {"config"}),
@@ -125,6 +126,8 @@ def test_the_whole_chain(tmp_path, root, snakemake, subtests):
         chain.check_scene(scene)
     with subtests.test("table"):
         chain.check_table(scene)
+    with subtests.test("verdict"):
+        chain.check_verdict(scene, output)
     with subtests.test("metrics"):
         chain.check_metrics(scene)
     with subtests.test("parts"):
