@@ -113,8 +113,8 @@ def load_transforms(config, scratch):
 
 def load_blender(config, scratch):
     """The same of NeRF's synthetic scenes, with their own split."""
-    views = blender.read(config["path"], config["background"])
-    return views, registration(views.names, []), None
+    views, left_out = blender.read(config["path"], config["background"])
+    return views, registration(views.names, left_out), None
 
 
 def load_mipnerf360(config, scratch):

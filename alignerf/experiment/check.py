@@ -1,6 +1,7 @@
 """The config's check, before anything is planned: a fault is one line with its key."""
 
 import copy
+import csv
 import itertools
 import math
 import os
@@ -8,13 +9,13 @@ import re
 from pathlib import Path
 
 from alignerf.command import faults, yaml_files
-from alignerf.experiment import schema, settings, slices
+from alignerf.experiment import rows, schema, settings, slices
 
 # What the results' folder holds besides scenes, and a scene's besides methods.
 SUFFIXES = (".csv", ".tex", ".png", ".provenance.json")
-TABLES = ("tradeoff", "flow_benchmark", "remedies", "comparison")
+TABLES = ("tradeoff", "flow_benchmark", "remedies", "comparison", "comparison_ranking")
 FILES = {
-    *("published", "logs", "bench", "README.md", "comparison_ranking.csv"),
+    *("published", "logs", "bench", "README.md"),
     *(f"{name}{end}" for name in TABLES for end in SUFFIXES),
 }
 FOLDERS = {
@@ -31,6 +32,10 @@ MOST_BYTES = 2**38
 OF_RENDERS = ("renders", "published")
 # Sources whose photos may have alpha.
 TRANSPARENT = ("photos", "transforms", "blender")
+# Keys of a training that do nothing for a kind of model.
+OF_PROPOSALS = ("interlevel_weight", "distortion_weight", "proposal_share")
+NOT_OF_SYSTEMS = dict.fromkeys(("nerf", "mipnerf", "nerfpp"), OF_PROPOSALS)
+NOT_OF_SYSTEMS |= {"ngp": ("distortion_weight",)}
 # A side, as of a grid's finest level: their third power is a 64-bit number.
 MOST_CELLS = 2**20
 # In units of the largest camera coordinate.
@@ -61,6 +66,7 @@ def checked(config, files=()):
     for name, scene in config["scenes"].items():
         check_scene(scene, "scenes", name)
         check_path(scene, name)
+    check_published(config)
     check_flow(config["flow"])
     check_weights(config)
     if config["tradeoff"]:
@@ -167,6 +173,10 @@ def check_given(config):
     settings.check_length(config.get("training", {}), "training")
     for name, scene in config["scenes"].items():
         settings.check_length(scene, f"scenes.{name}")
+        # Its default stands in every complete config.
+        every = scene.get("test_every", settings.Scene.test_every)
+        if scene["source"] == "blender" and every != settings.Scene.test_every:
+            fault(f"scenes.{name}.test_every", "blender's files say what is held out")
         if scene.get("seed") is not None and (config.get("vary") or {}).get("seeds"):
             fault(f"scenes.{name}.seed", "not beside vary.seeds")
     variants = (config.get("tradeoff") or {}).get("variants", {})
@@ -189,6 +199,9 @@ def check_model(model, *place):
     if of_points and model["far"] > MOST_FAR:
         # Sines of distant points are noise, and nothing contracts them.
         fault(f"{where}.far", f"field nerf sees no farther than {MOST_FAR}")
+    for key in NOT_OF_SYSTEMS.get(model["kind"], ()):
+        if key in model["training"]:
+            fault(f"{where}.training.{key}", f"kind {model['kind']} has none")
     if model["kind"] == "ngp":
         cells = model["finest"] * model["side"]
         if not model["coarsest"] < cells <= MOST_CELLS:
@@ -202,7 +215,9 @@ def check_model(model, *place):
         if "log2_entries" in field:
             values = field["levels"] * field["features"] * 2 ** field["log2_entries"]
         else:
-            values = field["depth"] * field["width"] ** 2
+            networks = settings.NETWORKS.get(field["kind"], 1)
+            networks = networks if field is model else 1
+            values = networks * field["depth"] * field["width"] ** 2
         # Besides the parameters, their gradients and the two moments of Adam.
         if 16 * values > MOST_BYTES:
             size = f"{16 * values / 2**30:.0f} GiB to train are more than"
@@ -370,6 +385,32 @@ def check_path(scene, name):
         fault(where, f"{path}: braces mean wildcards, rename it")
     if path and not is_there(path):
         fault(where, f"{path} does not exist")
+
+
+def check_published(config):
+    """Names that the paper's table has, where one is shown."""
+    number = config["published_table"]
+    named = {n: m["published"] for n, m in config["methods"].items() if m["published"]}
+    if number is None and named:
+        name = first(named)
+        fault(f"methods.{name}.published", "only with published_table: 2, or 3")
+    if number is not None and not named:
+        fault("published_table", "no method says what it is called there (`published`)")
+    for name, called in named.items():
+        known = published_names(number)
+        if called not in known:
+            fault(
+                f"methods.{name}.published", f"{called!r} is none of {', '.join(known)}"
+            )
+
+
+def published_names(number):
+    """What the methods of one of the paper's tables are called."""
+    with open(rows.published_table(), newline="", encoding="utf-8") as file:
+        found = [
+            row["method"] for row in csv.DictReader(file) if row["table"] == str(number)
+        ]
+    return list(dict.fromkeys(found))
 
 
 def check_flow(flow):

@@ -213,7 +213,7 @@ def compared(experiment, scene, method, round):
         process = f"{experiment.folder(scene, method, round)}/logs/train.tsv"
     return Compared(
         parts=rows.field_name(experiment, method),
-        base=experiment.config["reference"]["method"],
+        base=experiment.owner_of(experiment.config["reference"]["method"], 0),
         aligned_pose=rows.aligned_pose(experiment, scene, method, round),
         # Of the method as it is; no table has one of its rounds.
         published=experiment.methods[method]["published"] if round == 0 else None,

@@ -101,11 +101,11 @@ def of_variant():
 
 
 def of_changes():
-    """Some keys of trainings, but not how long one is."""
+    """Some keys of trainings, but not how long they are."""
     found = of_class(settings.Training)["properties"]
     for entry in found.values():
         entry.pop("default")
-    own = {name: found[name] for name in found if name not in settings.LENGTH}
+    own = {name: found[name] for name in found if name not in ("steps", "budget_min")}
     return {"type": "object", "additionalProperties": False, "properties": own}
 
 

@@ -236,7 +236,7 @@ class Changes:
 
 
 def changes():
-    what = "keys of `training` that are others for this model; not its length"
+    what = "keys of `training` that are others for this model; not steps or budget"
     return key(Changes(), what)
 
 
@@ -297,7 +297,7 @@ class NerfSystem:
     noise: float = key(
         1.0, "standard deviation of noise on raw densities", least=0, most=100
     )
-    behind: Literal["black", "white"] = key("black", BEHIND)
+    background: Literal["black", "white"] = key("black", BEHIND)
     precision: PRECISIONS = key("float32", PRECISION)
     training: Changes = changes()
 
@@ -322,7 +322,7 @@ class MipNerfSystem:
     depth: int = key(8, "layers", least=1, most=64)
     bottleneck: int = key(256, "numbers to the head", least=1, most=16384)
     view_width: int = key(128, "of the head's layer", least=1, most=16384)
-    behind: Literal["black", "white"] = key("black", BEHIND)
+    background: Literal["black", "white"] = key("black", BEHIND)
     precision: PRECISIONS = key("float32", PRECISION)
     training: Changes = changes()
 
@@ -334,15 +334,20 @@ class NerfPlusPlus:
     kind: Literal["nerfpp"] = key("nerfpp", "NeRF++: inside and outside of a sphere")
     near: float = key(0.01, NEAR, above=0, most=0.9)
     radius: float = key(
-        1.1,
-        "of the sphere, in units of the largest camera coordinate: all cameras lie in "
-        "it",
-        above=1,
+        1.75,
+        "of the sphere, in units of the largest camera coordinate: over the root of 3, "
+        "so that all cameras lie in it",
+        above=1.7321,
         most=100,
     )
     samples: list[int] = samples(64, 128)
     degrees: int = key(10, "of the encoding", least=1, most=16)
-    width: int = key(256, "channels; 512 in the bigger one", least=1, most=16384)
+    width: int = key(
+        256,
+        "channels; 512 in the bigger one, whose view_width is 256",
+        least=1,
+        most=16384,
+    )
     depth: int = key(8, "layers", least=1, most=64)
     bottleneck: int = key(256, "numbers to the head", least=1, most=16384)
     view_width: int = key(128, "of the head's layer", least=1, most=16384)
@@ -378,6 +383,20 @@ class InstantNgp:
 
 
 Models = Model | NerfSystem | MipNerfSystem | NerfPlusPlus | InstantNgp
+
+
+# Networks of its size that a kind of model has, where it is more than one.
+NETWORKS = {"nerf": 2, "nerfpp": 4}
+
+
+def points_a_ray(model):
+    """Points of a ray that all networks of a model see in a training."""
+    coarse_and_fine = model.samples[0] + sum(model.samples)
+    if model.kind == "nerf":
+        return coarse_and_fine
+    if model.kind == "nerfpp":
+        return 2 * coarse_and_fine
+    return sum(model.samples)
 
 
 def field_kind(model):
@@ -498,11 +517,13 @@ class Method:
         "instead of a training: folder of another program's renders of the test views, "
         "<view>.png of the scene's size (8-bit RGB); {scene} stands for the scene's "
         "name; they are scored, and no more",
+        pattern=r"\S",
     )
     published: str | None = key(
         None,
         "what results/published calls the method; `snakemake comparison` shows what is "
         "printed for it",
+        pattern=r"\S",
     )
 
 

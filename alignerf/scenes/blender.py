@@ -8,21 +8,28 @@ from pathlib import Path
 
 import numpy as np
 
+from alignerf.command import faults
 from alignerf.scenes import prepare, transforms
 
 SPLITS = ("train", "test")
 
 
-def read(folder, background) -> prepare.PosedViews:
-    """Posed views with their split; a view's name begins with it.
+def read(folder, background):
+    """Posed views with their split, and the names of training frames without a photo.
 
-    background: as of `photos.decode`. Raises ValueError with one line that names the
-    file and the key or frame.
+    A view's name begins with its split. background: as of `photos.decode`. Raises
+    ValueError with one line that names the file and the key or frame.
     """
-    parts, names, splits = [], [], []
+    parts, names, splits, left_out = [], [], [], []
     for split in SPLITS:
         path = Path(folder) / f"transforms_{split}.json"
-        views, _ = transforms.read(path, background)
+        views, missing = transforms.read(path, background)
+        if missing and split == "test":
+            few = faults.some_names(missing)
+            raise ValueError(
+                f"{path}: no image of {few}: the score would be another one"
+            )
+        left_out += [f"{split}_{name}" for name in missing]
         parts.append(views)
         names += [f"{split}_{name}" for name in views.names]
         splits += [split] * len(views.names)
@@ -31,7 +38,7 @@ def read(folder, background) -> prepare.PosedViews:
         raise ValueError(f"{folder}: photos of train and test differ in size")
     first, second = parts
     count = len(first.names)
-    return prepare.PosedViews(
+    views = prepare.PosedViews(
         names=names,
         pixtocams=np.concatenate([views.pixtocams for views in parts]),
         camtoworlds=np.concatenate([views.camtoworlds for views in parts]),
@@ -40,3 +47,4 @@ def read(folder, background) -> prepare.PosedViews:
         load=lambda i: first.load(i) if i < count else second.load(i - count),
         split=np.array(splits),
     )
+    return views, left_out

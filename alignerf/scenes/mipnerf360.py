@@ -81,8 +81,9 @@ def read_model(path):
         model = pycolmap.Reconstruction(path)
     # Whatever COLMAP's reader finds wrong is the file's fault.
     except Exception as error:
-        first = str(error).splitlines()[:1]
-        raise ValueError(f"{path}: not a COLMAP model: {' '.join(first)}") from None
+        first = " ".join(str(error).splitlines()[:1])
+        reason = f"a file is missing, truncated or damaged ({first})"
+        raise ValueError(f"{path}: not a COLMAP model: {reason}") from None
     views = {}
     for image in model.images.values():
         if not image.has_pose:

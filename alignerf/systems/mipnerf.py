@@ -12,7 +12,7 @@ from alignerf.fields import encoding, radiance
 from alignerf.mipnerf360 import render
 from alignerf.systems import rendering, sampling
 
-DENSITY_BIAS, PADDING, EARLY = -1.0, 0.001, 0.1
+DENSITY_BIAS, PADDING, COARSE = -1.0, 0.001, 0.1
 
 
 class MipNerf(nn.Module):
@@ -24,7 +24,7 @@ class MipNerf(nn.Module):
     far: float
     spacing: str
     degrees: int
-    behind: str
+    background: str
 
     @property
     def edges(self):
@@ -38,13 +38,13 @@ class MipNerf(nn.Module):
 
     def __call__(self, rays, *, jitter=None):
         first, last = self.edges
-        places, again = sampling.parts_of(jitter, self.edges)
+        places, again = sampling.split_jitter(jitter, self.edges)
         count = len(rays.origins)
-        t = sampling.spread(places, self.near, self.far, count, first, self.spacing)
-        weights, early, _ = self.look(rays, t)
-        t = sampling.drawn(again, t, sampling.blurred(weights), last)
+        t = sampling.stratified(places, self.near, self.far, count, first, self.spacing)
+        weights, coarse, _ = self.look(rays, t)
+        t = sampling.sample_pdf(again, t, sampling.blurred(weights), last)
         _, values, depth = self.look(rays, t)
-        return rendering.Rendering(values, depth, early=(early,))
+        return rendering.Rendering(values, depth, coarse=(coarse,))
 
     def look(self, rays, t):
         """(weights, colours, depth) of the intervals between edges t."""
@@ -55,7 +55,7 @@ class MipNerf(nn.Module):
         length = sampling.lengths(t, rays.directions, 0.0)[..., :-1]
         weights, passed = sampling.weights_of(density, length)
         values = sampling.integrate(weights, colours)
-        values = sampling.before(self.behind, values, passed)
+        values = sampling.before(self.background, values, passed)
         middle = (t[..., 1:] + t[..., :-1]) / 2
         return weights, values, rendering.depth_of(weights, middle)
 
@@ -77,6 +77,6 @@ def make(chosen):
         far=chosen.far,
         spacing=chosen.spacing,
         degrees=chosen.degrees,
-        behind=chosen.behind,
+        background=chosen.background,
     )
-    return model, rendering.squared(early=EARLY)
+    return model, rendering.squared(coarse=COARSE)

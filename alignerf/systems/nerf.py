@@ -24,7 +24,7 @@ class Nerf(nn.Module):
     spacing: str
     degrees: int
     noise: float
-    behind: str
+    background: str
 
     @property
     def jitters(self):
@@ -40,13 +40,13 @@ class Nerf(nn.Module):
 
     def __call__(self, rays, *, jitter=None):
         first, more = self.samples
-        places, again, *noises = sampling.parts_of(jitter, self.parts)
+        places, again, *noises = sampling.split_jitter(jitter, self.parts)
         count = len(rays.origins)
-        t = sampling.spread(places, self.near, self.far, count, first, self.spacing)
-        weights, early, _ = self.look(self.coarse, rays, t, noises[0])
-        t = sampling.refined(again, t, weights, more)
+        t = sampling.stratified(places, self.near, self.far, count, first, self.spacing)
+        weights, coarse, _ = self.look(self.coarse, rays, t, noises[0])
+        t = sampling.fine_samples(again, t, weights, more)
         weights, values, depth = self.look(self.fine, rays, t, noises[1])
-        return rendering.Rendering(values, depth, early=(early,))
+        return rendering.Rendering(values, depth, coarse=(coarse,))
 
     def look(self, network, rays, t, noise):
         """(weights, colours, depth) of the points at t by a network."""
@@ -56,7 +56,7 @@ class Nerf(nn.Module):
         length = sampling.lengths(t, rays.directions, sampling.ENDLESS)
         weights, passed = sampling.weights_of(jax.nn.relu(raw), length)
         values = sampling.integrate(weights, colours)
-        values = sampling.before(self.behind, values, passed)
+        values = sampling.before(self.background, values, passed)
         return weights, values, rendering.depth_of(weights, t)
 
 
@@ -78,6 +78,6 @@ def make(chosen):
         spacing=chosen.spacing,
         degrees=chosen.degrees,
         noise=chosen.noise,
-        behind=chosen.behind,
+        background=chosen.background,
     )
-    return model, rendering.squared(early=1.0)
+    return model, rendering.squared(coarse=1.0)

@@ -37,7 +37,7 @@ class NerfPlusPlus(nn.Module):
 
     def __call__(self, rays, *, jitter=None):
         first, more = self.samples
-        places = sampling.parts_of(jitter, self.parts)
+        places = sampling.split_jitter(jitter, self.parts)
         # In units of the sphere.
         rays = rays._replace(
             origins=rays.origins / self.radius, directions=rays.directions / self.radius
@@ -45,13 +45,13 @@ class NerfPlusPlus(nn.Module):
         count = len(rays.origins)
         leave = space.sphere_exit(rays.origins, rays.directions, 1.0)
         leave = jnp.maximum(leave, 1.01 * self.near)
-        t = sampling.spread(places[0], self.near, leave, count, first)
-        u = sampling.spread(places[1], 0.0, 1.0, count, first)
-        early, _, looked = self.look(0, rays, t, u, leave)
-        t = sampling.refined(places[2], t, looked[0], more)
-        u = sampling.refined(places[3], u, looked[1], more)
+        t = sampling.stratified(places[0], self.near, leave, count, first)
+        u = sampling.stratified(places[1], 0.0, 1.0, count, first)
+        coarse, _, looked = self.look(0, rays, t, u, leave)
+        t = sampling.fine_samples(places[2], t, looked[0], more)
+        u = sampling.fine_samples(places[3], u, looked[1], more)
         values, depth, _ = self.look(1, rays, t, u, leave)
-        return rendering.Rendering(values, depth, early=(early,))
+        return rendering.Rendering(values, depth, coarse=(coarse,))
 
     def look(self, number, rays, t, u, leave):
         """(colours, depth, weights of both parts) at t within, at 1 / r = u outside."""
@@ -106,4 +106,4 @@ def make(chosen):
         radius=chosen.radius,
         degrees=chosen.degrees,
     )
-    return model, rendering.squared(early=1.0)
+    return model, rendering.squared(coarse=1.0)

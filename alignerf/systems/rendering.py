@@ -22,7 +22,7 @@ class Rendering(NamedTuple):
     depth: Float[Array, "rays"]
     # As of `mipnerf360.model.Rendering`; none without proposals.
     histograms: tuple = ()
-    early: tuple = ()
+    coarse: tuple = ()
 
 
 def depth_of(weights: Float[Array, "rays n"], t: Float[Array, "rays n"]):
@@ -32,13 +32,13 @@ def depth_of(weights: Float[Array, "rays n"], t: Float[Array, "rays n"]):
     return jnp.take_along_axis(t, index[..., None], axis=-1)[..., 0]
 
 
-def squared(*, early):
-    """The squared error, and `early` times that of each earlier look."""
+def squared(*, coarse):
+    """The squared error, and `coarse` times that of each earlier look."""
 
     def loss(rendering, photo, weight):
         found = mean_square(rendering.values, photo, weight)
-        return found + early * sum(
-            mean_square(values, photo, weight) for values in rendering.early
+        return found + coarse * sum(
+            mean_square(values, photo, weight) for values in rendering.coarse
         )
 
     return loss

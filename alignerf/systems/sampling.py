@@ -21,7 +21,7 @@ MOST_TAU = 80.0
 EPS = float(jnp.finfo(jnp.float32).eps)
 
 
-def parts_of(jitter: Float[Array, "rays n"] | None, counts):
+def split_jitter(jitter: Float[Array, "rays n"] | None, counts):
     """Of a ray's random numbers those of each purpose; None of none."""
     if jitter is None:
         return (None,) * len(counts)
@@ -29,7 +29,7 @@ def parts_of(jitter: Float[Array, "rays n"] | None, counts):
     return jnp.split(jitter, ends, axis=-1)
 
 
-def spread(
+def stratified(
     jitter: Float[Array, "rays n"] | None,
     near: float | Float[Array, "rays 1"],
     far: float | Float[Array, "rays 1"],
@@ -58,7 +58,7 @@ def moved(jitter, t):
     return low + (high - low) * jitter
 
 
-def drawn(
+def sample_pdf(
     jitter: Float[Array, "rays n"] | None,
     edges: Float[Array, "rays edges"],
     weights: Float[Array, "rays edges-1"],
@@ -80,10 +80,10 @@ def drawn(
     return jax.lax.stop_gradient(stepfun.invert_cdf(u, edges, cdf))
 
 
-def refined(jitter, t, weights, count):
+def fine_samples(jitter, t, weights, count):
     """NeRF's second look: t, and `count` more where the weights are, in order."""
     middle = (t[..., 1:] + t[..., :-1]) / 2
-    more = drawn(jitter, middle, weights[..., 1:-1] + NERF_PADDING, count)
+    more = sample_pdf(jitter, middle, weights[..., 1:-1] + NERF_PADDING, count)
     return stepfun.merge(t, more)
 
 
@@ -137,9 +137,9 @@ def points_of(
     return x.reshape(-1, 3).T
 
 
-def before(behind, values, passed):
+def before(background, values, passed):
     """Colours [rays, 3] before a black or white background, of what passes [rays]."""
-    return values + {"black": 0.0, "white": 1.0}[behind] * passed[:, None]
+    return values + {"black": 0.0, "white": 1.0}[background] * passed[:, None]
 
 
 def integrate(weights: Float[Array, "rays n"], colours: Float[Array, "3 points"]):

@@ -73,8 +73,8 @@ def published(path, scene):
     if found.duplicated(["method", *places]).any():
         raise ValueError(f"{path}: scene {scene}: a method stands twice")
     for row in found.to_dict("records"):
-        size = f" at {row['size']}" if "size" in row else ""
-        labels = {"method": f"{row['method']}, published{size}"}
+        where = f" in Table {row['table']} at {row['size']}" if "table" in row else ""
+        labels = {"method": f"{row['method']}, published{where}"}
         labels |= {key: row[key] for key in ("source", *places, *PRINTED)}
         if "hours" in row:
             labels["total_time_s"] = 3600 * row["hours"]

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jax.sharding import NamedSharding, PartitionSpec, SingleDeviceSharding
 
+from alignerf.experiment import settings
 from alignerf.training import gradients, memory
 from alignerf.training import step as train_step
 
@@ -113,7 +114,7 @@ def first_parts(job, method, mesh, parts=None) -> int:
     devices, units = share(method, mesh)
     if parts is not None and units % parts == 0:
         return parts
-    points = job.rays_per_step * sum(job.model.samples) // method.units
+    points = job.rays_per_step * settings.points_a_ray(job.model) // method.units
     return gradients.parts_for_caches(units, points, devices[0], hashed(job.model))
 
 

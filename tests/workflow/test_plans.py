@@ -85,6 +85,30 @@ def test_every_config_can_be_planned(path, tmp_path, snakemake):
     assert {rule: jobs.get(rule) for rule in wanted} == wanted
 
 
+@pytest.mark.parametrize(("name", "trainings"), [("high", 10 * 4), ("low", 5 * 7)])
+def test_the_papers_tables_are_planned(name, trainings, root, tmp_path, snakemake):
+    config = yaml.safe_load((root / f"workflow/config/outdoor_{name}.yaml").read_text())
+    for scene in config["scenes"].values():
+        scene["path"] = "photos"
+    for scene in [*config["scenes"], *(f"{s}_x4" for s in config["scenes"])]:
+        (tmp_path / "other" / scene).mkdir(parents=True, exist_ok=True)
+    (tmp_path / "photos").mkdir()
+    config["methods"]["other"] = {"renders": "other/{scene}"}
+    written = write(tmp_path, config)
+    code, output = snakemake(tmp_path, "comparison", "-n", "--configfile", written)
+    assert code == 0, output
+    jobs = jobs_of(output)
+    scenes = 10 if name == "high" else 5
+    rows = trainings + scenes
+    assert (jobs["train"], jobs["finetune"], jobs["comparison"]) == (
+        trainings,
+        scenes,
+        1,
+    )
+    # Another program's renders are scored, not rendered.
+    assert (jobs["render_views"], jobs["evaluate"]) == (rows, rows + scenes)
+
+
 def test_the_configs_are_short():
     """They were 66 lines each where each had to be complete."""
     lines = sum(len(path.read_text().splitlines()) for path in CONFIGS)

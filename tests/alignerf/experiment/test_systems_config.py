@@ -67,7 +67,7 @@ def test_what_a_job_is_told_of_its_model_counts(demo, experiment_of):
         ({"kind": "nerf", "far": 1e6}, r"models.other.far: 1000000.0 is greater than"),
         ({"kind": "nerf", "near": 101.0}, "models.other: near must be smaller"),
         ({"kind": "nerf", "samples": [64]}, r"models.other.samples: .*too short"),
-        ({"kind": "nerfpp", "radius": 0.9}, r"models.other.radius: 0.9 is less than"),
+        ({"kind": "nerfpp", "radius": 1.1}, r"models.other.radius: 1.1 is less than"),
         ({"kind": "ngp", "side": 0}, r"models.other.side: 0 is less than or equal"),
         (
             {"kind": "ngp", "finest": 65536, "side": 128},
@@ -144,6 +144,7 @@ def test_given_renders_are_scored_and_no_more(with_renders, experiment_of, tmp_p
         ({"rounds": 1}, "methods.given.rounds: not beside renders"),
         ({"alignerf": {}}, "methods.given.alignerf: not beside renders"),
         ({"model": "base"}, "methods.given.model: not beside renders"),
+        ({"renders": ""}, "renders: .* does not match"),
         ({"renders": "nowhere/{scene}"}, "renders: nowhere/courtyard does not exist"),
         ({"renders": "x/{method}"}, "in braces only scene has a meaning"),
     ],
@@ -165,3 +166,56 @@ def test_defaults_of_all_systems_stand_in_the_schema():
     for kind in (settings.NerfSystem, settings.MipNerfSystem, settings.NerfPlusPlus):
         properties = found[kind.__name__]["properties"]
         assert properties["samples"]["default"] == kind().samples
+
+
+def test_all_are_set_against_a_round_that_is_trained(demo, experiment_of):
+    """The reference's round 0 may be another method's, of the same model."""
+    demo["methods"] = {"first": {"model": "base"}, "alias": {"model": "base"}}
+    demo["reference"] = {"method": "alias"}
+    (scene,) = regimes.comparison(experiment_of(demo))
+    assert {m.base for m in scene.methods} == {"first"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"published_table": 2}, "published_table: no method says what it is called"),
+        ({"published": "NeRF"}, "methods.other.published: only with published_table"),
+        (
+            {"published_table": 2, "published": "Nerf 361"},
+            "methods.other.published: 'Nerf 361' is none of NeRF, mip-NeRF, mip-NeRF w",
+        ),
+        ({"published_table": 2, "published": ""}, "published: '' does not match"),
+    ],
+)
+def test_names_that_no_paper_has_are_refused(demo, changes, reason):
+    demo = system(demo, kind="nerf")
+    if "published" in changes:
+        demo["methods"]["other"]["published"] = changes["published"]
+    if "published_table" in changes:
+        demo["published_table"] = changes["published_table"]
+    with pytest.raises(ValueError, match=reason):
+        check.checked(demo)
+
+
+@pytest.mark.parametrize(
+    ("kind", "points"), [("nerf", 256), ("mipnerf", 256), ("nerfpp", 512), ("ngp", 96)]
+)
+def test_a_rays_points_are_those_that_networks_see(demo, experiment_of, kind, points):
+    experiment = experiment_of(system(demo, kind=kind))
+    job = jobs.parse(json.loads(slices.of_round(experiment, "courtyard", "other")))
+    assert settings.points_a_ray(job.model) == points
+
+
+def test_all_networks_of_a_system_have_to_fit(demo):
+    fits = {"kind": "mipnerf", "width": 16384, "depth": 60}
+    check.checked(system(demo, **fits))
+    with pytest.raises(ValueError, match=r"models.other.width: \d+ GiB to train"):
+        check.checked(system(demo, **fits | {"kind": "nerfpp"}))
+
+
+@pytest.mark.parametrize("kind", ["nerf", "ngp"])
+def test_keys_that_a_system_has_no_use_for_are_refused(demo, kind):
+    changes = {"distortion_weight": 0.5}
+    with pytest.raises(ValueError, match=r"training.distortion_weight: kind \w+ has n"):
+        check.checked(system(demo, kind=kind, training=changes))

@@ -40,7 +40,8 @@ def scene(tmp_path):
 
 
 def test_views_have_the_split_of_their_file(scene, tmp_path):
-    views = blender.read(scene, "white")
+    views, left_out = blender.read(scene, "white")
+    assert left_out == []
     assert views.names == [
         "train_r_0",
         "train_r_1",
@@ -61,7 +62,7 @@ def test_views_have_the_split_of_their_file(scene, tmp_path):
 
 @pytest.mark.parametrize(("background", "level"), [("white", 255), ("black", 0)])
 def test_transparent_pixels_stand_on_the_background(scene, background, level):
-    image = blender.read(scene, background).load(4)
+    image = blender.read(scene, background)[0].load(4)
     share = ALPHA[:, None] / 255
     wanted = np.round(share * COLOUR + (1 - share) * level)
     np.testing.assert_array_equal(image[0, [0, 15, 39]], wanted)
@@ -106,3 +107,19 @@ def test_a_config_may_say_so():
         "scenes": {"lego": {"source": "blender", "path": ".", "background": "white"}}
     }
     assert check.checked(config)["scenes"]["lego"]["poses"] == "given"
+
+
+def test_frames_without_a_photo_are_named(scene):
+    (scene / "train" / "r_1.png").unlink()
+    views, left_out = blender.read(scene, "white")
+    assert left_out == ["train_r_1"]
+    assert len(views.names) == 4
+    (scene / "test" / "r_0.png").unlink()
+    with pytest.raises(ValueError, match=r"transforms_test.json: no image of r_0"):
+        blender.read(scene, "white")
+
+
+def test_its_files_say_what_is_held_out():
+    scene = {"source": "blender", "path": ".", "test_every": 4}
+    with pytest.raises(ValueError, match=r"scenes.lego.test_every: blender's files"):
+        check.checked({"scenes": {"lego": scene}})
