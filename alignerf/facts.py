@@ -1,7 +1,9 @@
 """What a scene is, before anything is trained: `python -m alignerf.facts`.
 
-People model only what a scene requires: how many views of what size, whether they
-look at one place or along one direction, and how much exposure changes.
+People model only what a scene requires: how many views of what size, how they stand,
+how near and how far what they see is, how well its poses fit, how much exposure
+changes, and which photos are soft. Lengths are in units of the normalised scene, in
+which the largest coordinate of a camera is 1; a fact that cannot be had is null.
 """
 
 import argparse
@@ -9,8 +11,16 @@ import json
 
 import numpy as np
 
-from alignerf.command import faults, whole
-from alignerf.scenes import prepared
+from alignerf.command import archives, faults, whole
+from alignerf.metrics import image as image_metrics
+from alignerf.scenes import cameras, prepared
+
+# Mean of the directions that cameras look in, where all look one way.
+FORWARD = 0.9
+# A bounded scene's farthest point over its median depth.
+BOUNDED = 4.0
+# Fine detail of a photo over the median's, under which it is called soft.
+SOFT = 0.5
 
 
 def main(argv=None):
@@ -29,7 +39,9 @@ def main(argv=None):
         "height_px": loaded.height,
         "photo_bytes": images.nbytes,
         **camera_facts(loaded),
-        **photo_facts(images),
+        **point_facts(loaded),
+        **pose_facts(loaded.folder / "poses.json"),
+        **photo_facts(images, loaded.names),
     }
     with whole.replace_file(args.facts) as path:
         path.write_text(json.dumps(facts, indent=1))
@@ -46,33 +58,128 @@ def camera_facts(loaded: prepared.Scene):
         "focal_px": round(float(focal_px.mean()), 3),
         "pixel_angle_mrad": round(float(1e3 / focal_px.mean()), 4),
         "looking_agreement": round(agreement, 4),
-        "capture": "forward-facing" if agreement > 0.9 else "inward or outward",
+        "capture": capture_of(loaded.camtoworlds, agreement),
         "centre_distance": focus_distance(loaded.camtoworlds),
+        "neighbour_angle_deg": neighbour_angle_deg(loaded.camtoworlds),
     }
 
 
-def focus_distance(camtoworlds):
-    """Mean distance of the cameras from the point closest to all optical axes.
+def focus_of(camtoworlds):
+    """The point [3] closest to all optical axes; None where they have none.
 
-    None without such a point (parallel axes, or one camera).
+    (Parallel axes, or one camera.)
     """
     origins, axes = camtoworlds[:, :, 3], -camtoworlds[:, :, 2]
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     matrix = across.sum(axis=0)
     if np.linalg.cond(matrix) > 1e8:
         return None
-    focus = np.linalg.solve(matrix, (across @ origins[..., None]).sum(axis=0)[:, 0])
-    return round(float(np.linalg.norm(origins - focus, axis=-1).mean()), 4)
+    return np.linalg.solve(matrix, (across @ origins[..., None]).sum(axis=0)[:, 0])
 
 
-def photo_facts(images):
-    """Brightness, its spread over views (exposure), and clipped pixels."""
+def focus_distance(camtoworlds):
+    """Mean distance of the cameras from the point closest to all optical axes."""
+    focus = focus_of(camtoworlds)
+    if focus is None:
+        return None
+    distances = np.linalg.norm(camtoworlds[:, :, 3] - focus, axis=-1)
+    return round(float(distances.mean()), 4)
+
+
+def capture_of(camtoworlds, agreement):
+    """In words: forward-facing, inward (around something) or outward (a room)."""
+    if agreement > FORWARD:
+        return "forward-facing"
+    focus = focus_of(camtoworlds)
+    if focus is None:
+        return "one view" if len(camtoworlds) == 1 else "forward-facing"
+    ahead = np.sum((focus - camtoworlds[:, :, 3]) * -camtoworlds[:, :, 2], axis=-1)
+    return "inward" if np.mean(ahead > 0) > 0.5 else "outward"
+
+
+def neighbour_angle_deg(camtoworlds):
+    """Median angle between a view's direction and the most alike other view's.
+
+    Directions to the place that all look at, seen from there; of forward-facing or
+    outward views, the optical axes. Large angles are few photos for what there is.
+    """
+    if len(camtoworlds) < 2:
+        return None
+    axes, focus = -camtoworlds[:, :, 2], focus_of(camtoworlds)
+    if focus is not None:
+        towards = focus - camtoworlds[:, :, 3]
+        length = np.linalg.norm(towards, axis=-1, keepdims=True)
+        axes = np.where(length > 1e-9, towards / np.maximum(length, 1e-9), axes)
+    cosines = axes @ axes.T
+    np.fill_diagonal(cosines, -1.0)
+    nearest = np.degrees(np.arccos(np.clip(cosines.max(axis=1), -1.0, 1.0)))
+    return round(float(np.median(nearest)), 3)
+
+
+def point_facts(loaded: prepared.Scene):
+    """How near and far COLMAP's points are from the cameras that see them.
+
+    A point is taken to be seen where it lies in a camera's image. `bounded`: hardly any
+    point lies farther than a few times what the cameras look at.
+    """
+    path = loaded.folder / "points.npz"
+    empty = dict.fromkeys(("nearest", "median_depth", "farthest", "bounded"))
+    if not path.is_file():
+        return empty
+    own = prepared.read_cameras(loaded.folder / "cameras.npz")["camtoworlds"]
+    points = archives.read(path, ("points",))["points"]
+    transform = cameras.frame_of(own).transform()
+    points = points @ transform[:3, :3].T + transform[:3, 3]
+    depths = []
+    for pixtocam, pose in zip(loaded.pixtocams, loaded.camtoworlds, strict=True):
+        at, depth = cameras.project(points, pixtocam, pose)
+        inside = (depth > 0) & (at > 0).all(-1)
+        inside &= (at < [loaded.width, loaded.height]).all(-1)
+        depths.append(depth[inside])
+    depths = np.concatenate(depths)
+    if not len(depths):
+        return empty
+    # COLMAP's outliers are not the scene's ends.
+    near, middle, far = np.quantile(depths, [0.01, 0.5, 0.99])
+    return {
+        "nearest": round(float(near), 4),
+        "median_depth": round(float(middle), 4),
+        "farthest": round(float(far), 4),
+        "bounded": bool(far < BOUNDED * middle),
+    }
+
+
+def pose_facts(path):
+    """How well the poses fit, in pixels of the training size."""
+    empty = dict.fromkeys(("reprojection_px", "points_in_3_views", "registered_share"))
+    if not path.is_file():
+        return empty
+    report = json.loads(path.read_text(encoding="utf-8"))
+    error_px = report["mean_reprojection_error_px"]
+    if error_px is not None:
+        error_px = round(error_px * report["width"] / report["photo_width"], 4)
+    return {
+        "reprojection_px": error_px,
+        "points_in_3_views": report.get("points_in_3_views"),
+        "registered_share": round(report["registered"] / report["total"], 4),
+    }
+
+
+def photo_facts(images, names):
+    """Brightness, its spread over views (exposure), clipped pixels, soft photos."""
     brightness = np.array([image.mean() / 255.0 for image in images])
     clipped = np.mean([(image == 255).all(axis=-1).mean() for image in images])
+    detail = np.array([image_metrics.detail(image) for image in images])
+    soft = detail < SOFT * np.median(detail)
+    stops = np.log2(np.maximum(brightness, 1e-3))
     return {
         "brightness": round(float(brightness.mean()), 4),
         "brightness_spread": round(float(brightness.std()), 4),
+        "brightness_spread_ev": round(float(stops.std()), 4),
         "white_share": round(float(clipped), 4),
+        "soft_photos": [
+            name for name, is_soft in zip(names, soft, strict=True) if is_soft
+        ],
     }
 
 

@@ -5,10 +5,13 @@ are of pixels that count alone; a filled image lets window-based metrics ignore
 the rest. DESIGN: PSNR per view, then mean over views, then over scenes.
 """
 
+import cv2
 import numpy as np
 from skimage import metrics as skimage_metrics
 
 SSIM_WINDOW_PX = 11
+# Fine detail is measured on luminance, after so much blur that noise does not count.
+DETAIL_SIGMA_PX = 0.7
 
 
 def fill_invalid(target, render, valid):
@@ -52,3 +55,10 @@ def ssim(target, render, valid):
     if not valid[inner].any():
         raise ValueError("no valid pixel away from the border")
     return float(per_pixel[inner][valid[inner]].mean())
+
+
+def detail(image):
+    """Root mean square of the luminance's Laplacian, after a small blur."""
+    grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
+    smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), DETAIL_SIGMA_PX)
+    return float(np.sqrt(np.mean(cv2.Laplacian(smooth, cv2.CV_32F) ** 2)))

@@ -6,13 +6,10 @@ Notation: photo and render [h, w, 3] uint8; flow_px [h, w, 2] from render to pho
 
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from alignerf.metrics import image as image_metrics
 
-# Fine detail is measured on luminance, after so much blur that noise does not count.
-DETAIL_SIGMA_PX = 0.7
 # A view stands out where it is so many median deviations from the views' median.
 STANDS_OUT = 5.0
 
@@ -48,16 +45,10 @@ def measured(photo, render, valid):
     chosen = valid if valid.any() else everywhere
     return {
         "psnr_db": float(image_metrics.psnr_db(photo, render, everywhere)),
-        "detail_ratio": detail(photo) / max(detail(render), 1e-6),
+        "detail_ratio": image_metrics.detail(photo)
+        / max(image_metrics.detail(render), 1e-6),
         "exposure_ev": exposure_ev(photo, render, chosen),
     }
-
-
-def detail(image):
-    """Root mean square of the luminance's Laplacian, after a small blur."""
-    grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
-    smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), DETAIL_SIGMA_PX)
-    return float(np.sqrt(np.mean(cv2.Laplacian(smooth, cv2.CV_32F) ** 2)))
 
 
 def exposure_ev(photo, render, valid):
@@ -111,4 +102,6 @@ def deviations(values):
     middle = np.median(known)
     spread = 1.4826 * np.median(np.abs(known - middle))
     least = max(LEAST_SPREAD[0] * abs(middle), LEAST_SPREAD[1])
-    return np.nan_to_num((values - middle) / max(spread, least))
+    # A view without a number does not stand out by it.
+    found = (values - middle) / max(spread, least)
+    return np.where(np.isfinite(values), found, 0.0)

@@ -38,6 +38,7 @@ rule facts:
     input:
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
+        poses="results/{scene}/poses.json",
     output:
         "results/{scene}/facts.json",
     log:
