@@ -43,7 +43,7 @@ def read_views(loaded: prepared.Scene, base, splits):
                     flow_px=row["flow_median_px"],
                     camera_px=row["camera_median_px"],
                     remainder_px=row["remainder_median_px"],
-                    moved_share=moved_share(base, split, name),
+                    moved_share=moved_share(base, split, name, row["camera_median_px"]),
                     blur_sigma_px=lengths.loc[name, "blur_sigma_px"],
                     **views.measured(photo, render, valid),
                 )
@@ -66,11 +66,12 @@ def read_flow(base, split, name):
     return data["flow_px"], data["valid"]
 
 
-def moved_share(base, split, name):
+def moved_share(base, split, name, camera_px):
     """Share of a view's valid pixels that moved, and by a length that can be told."""
+    least_px = max(causes.MOVED_PX, causes.MOVED_OF_CAMERA * camera_px)
     path = Path(base) / "parts_photos" / split / f"{name}.npz"
     data = archives.read(path, ("remainder_px", "moved", "valid"))
-    far = np.linalg.norm(data["remainder_px"], axis=-1) > causes.MOVED_PX
+    far = np.linalg.norm(data["remainder_px"], axis=-1) > least_px
     valid = data["valid"]
     return float((data["moved"] & far & valid).sum() / max(valid.sum(), 1))
 
@@ -106,7 +107,8 @@ def gather(loaded, found, shared: pattern.Pattern, *, poses, timing, leak):
         train_views=len(loaded.views("train")),
         test_views=len(loaded.views("test")),
         registered=poses["registered"],
-        total=poses["total"],
+        # Given poses leave no photo out.
+        total=poses["total"] if poses["poses"] == "colmap" else poses["registered"],
         photo_px=photo_px,
         reprojection_px=number(poses["mean_reprojection_error_px"]) / photo_px,
         flow_train_px=median(of_split["train"], "flow_px"),

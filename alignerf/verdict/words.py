@@ -43,19 +43,18 @@ def sure(finding):
 
 def headline(e, findings):
     """One line: aligned or not, and the gravest cause."""
-    apart = causes.misaligned(e)
     named = [finding.cause for finding in findings]
     if "sparse" in named:
-        return (
-            "Verdict: too few photos, or too far apart. Aligning them brings nothing."
-        )
+        return "Verdict: too few photos, or too far apart: aligning them is no help."
     if "few_views" in named:
         return "Verdict: too few photos to say much."
-    if apart:
-        what = [CALLED[name] for name in named if name in CALLED]
+    what = [CALLED[name] for name in named if name in CALLED]
+    if causes.unclear(e):
+        rest = what[1:] and f" Perhaps: {', '.join(what[1:])}."
+        return f"Verdict: trained too short to tell much.{rest or ''}"
+    if causes.misaligned(e):
         return f"Verdict: misaligned{': ' + ', '.join(what) if what else ''}."
-    rest = [CALLED[name] for name in named if name in CALLED]
-    return f"Verdict: aligned{', but ' + ', '.join(rest) if rest else ''}."
+    return f"Verdict: aligned{', but ' + ', '.join(what) if what else ''}."
 
 
 CALLED = {
@@ -216,11 +215,15 @@ ADVICE = (
     ("few_views", "take more photos: 20 or more that overlap."),
     ("unregistered", "take photos between those that are left out and the others."),
     ("sparse", "take more photos between those you have. Warping would not help."),
+    ("undertrained", "train longer first: more steps, or budget_min."),
     ("lens_shift", "check pixel centres and principal point of the given cameras."),
     ("lens_distortion", "calibrate the lens anew, or let COLMAP find it."),
     ("blurred", "leave out the blurred photos, see tables/views.csv."),
     ("exposure", "fix the exposure, or even it out before training."),
-    ("undertrained", "train longer first: more steps, or budget_min."),
-    ("camera", "put the cameras right (changes: cameras, rounds: 2), then train anew."),
+    (
+        "camera",
+        "learn the cameras with the scene (a method with refine: {}), or put them "
+        "right by the flow (rounds: 2, changes: cameras).",
+    ),
     ("motion", "warp the photos once (rounds: 1)."),
 )
