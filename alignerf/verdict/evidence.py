@@ -116,15 +116,16 @@ def gather(loaded, found, shared: pattern.Pattern, *, poses, timing, leak):
         camera_px=median(main, "camera_px"),
         remainder_px=median(main, "remainder_px"),
         moved_share=median(main, "moved_share"),
-        psnr_train_db=mean(of_split["train"], "psnr_db"),
-        psnr_test_db=mean(of_split["test"], "psnr_db"),
+        psnr_train_db=mean(of_split["train"], "even_psnr_db"),
+        psnr_test_db=mean(of_split["test"], "even_psnr_db"),
         leak_px=float(table(leak)["median_px"].median()) if leak else math.nan,
         passes=timing["rays_seen"] / pixels,
         detail_median=float(np.median(ratios)),
         blurred_share=float(
             np.mean(ratios < causes.BLURRED_DETAIL * np.median(ratios))
         ),
-        exposure_ev=float(np.std([view.exposure_ev for view in main])),
+        # Renders of training views have learnt some of their photos' brightness.
+        exposure_ev=max(spread(own, "exposure_ev") for own in of_split.values() if own),
         shift_px=float(np.hypot(*shift)),
         shift_errors=float(np.max(np.abs(shift) / np.maximum(error, 1e-3))),
         distortion_px=abs(shared.distortion_px),
@@ -141,6 +142,11 @@ def number(value):
 def median(found, key):
     """Over views; NaN of none."""
     return float(np.median([getattr(v, key) for v in found])) if found else math.nan
+
+
+def spread(found, key):
+    """Standard deviation over views."""
+    return float(np.std([getattr(v, key) for v in found]))
 
 
 def mean(found, key):

@@ -12,6 +12,7 @@ from alignerf.metrics import image as image_metrics
 
 # A view stands out where it is so many median deviations from the views' median.
 STANDS_OUT = 5.0
+MOST_DB = 100.0
 
 
 class View(NamedTuple):
@@ -20,6 +21,8 @@ class View(NamedTuple):
     view: str
     split: str
     psnr_db: float
+    # The same with the render made as bright as the photo.
+    even_psnr_db: float
     flow_px: float
     # Of the flow, what a moved camera explains, and the rest.
     camera_px: float
@@ -40,15 +43,23 @@ COLUMNS = View._fields
 
 
 def measured(photo, render, valid):
-    """{psnr_db, detail_ratio, exposure_ev} of a photo and the render of its view."""
+    """What `View` has of a photo and the render of its view, without their flow."""
     everywhere = np.ones(photo.shape[:2], bool)
     chosen = valid if valid.any() else everywhere
+    stops = exposure_ev(photo, render, chosen)
+    even = np.clip(np.round(render * 2.0**stops), 0, 255).astype(np.uint8)
     return {
-        "psnr_db": float(image_metrics.psnr_db(photo, render, everywhere)),
+        "psnr_db": capped_psnr_db(photo, render, everywhere),
+        "even_psnr_db": capped_psnr_db(photo, even, everywhere),
         "detail_ratio": image_metrics.detail(photo)
         / max(image_metrics.detail(render), 1e-6),
-        "exposure_ev": exposure_ev(photo, render, chosen),
+        "exposure_ev": stops,
     }
+
+
+def capped_psnr_db(photo, render, everywhere):
+    """PSNR in dB, of identical images MOST_DB: means stay finite."""
+    return min(float(image_metrics.psnr_db(photo, render, everywhere)), MOST_DB)
 
 
 def exposure_ev(photo, render, valid):

@@ -50,8 +50,7 @@ def headline(e, findings):
         return "Verdict: too few photos to say much."
     what = [CALLED[name] for name in named if name in CALLED]
     if causes.unclear(e):
-        rest = what[1:] and f" Perhaps: {', '.join(what[1:])}."
-        return f"Verdict: trained too short to tell much.{rest or ''}"
+        return "Verdict: trained too short to tell how well photos are aligned."
     if causes.misaligned(e):
         return f"Verdict: misaligned{': ' + ', '.join(what) if what else ''}."
     return f"Verdict: aligned{', but ' + ', '.join(what) if what else ''}."

@@ -42,6 +42,7 @@ def view(name, **changes):
     usual = {
         "split": "train",
         "psnr_db": 25.0,
+        "even_psnr_db": 25.0,
         "flow_px": 0.1,
         "camera_px": 0.1,
         "remainder_px": 0.05,
