@@ -30,7 +30,7 @@ BLURRED_DETAIL, BLURRED_VIEWS = 0.6, 0.05
 EXPOSURE_EV = 0.06
 # Common to all views' flows, and beyond so many standard errors. A model absorbs nine
 # tenths of a shift.
-SHIFT_PX, BEND_PX, LENS_ERRORS = 0.045, 0.12, 5.0
+SHIFT_PX, BEND_PX, LENS_ERRORS = 0.045, 0.08, 3.5
 
 
 class Evidence(NamedTuple):

@@ -164,7 +164,9 @@ def bent(image, *, corner_px):
     x, y = x - (width - 1) / 2, y - (height - 1) / 2
     half = np.hypot(width, height) / 2
     share = corner_px / half * (x**2 + y**2) / half**2
-    at = x * (1 - share) + (width - 1) / 2, y * (1 - share) + (height - 1) / 2
+    shares = (1 - share).astype(np.float32)
+    at = x * shares + (width - 1) / 2, y * shares + (height - 1) / 2
+    at = [np.float32(part) for part in at]
     border = cv2.BORDER_REFLECT_101
     return cv2.remap(image, *at, cv2.INTER_LANCZOS4, borderMode=border)
 
