@@ -177,9 +177,7 @@ def photo_facts(images, names):
         "brightness_spread": round(float(brightness.std()), 4),
         "brightness_spread_ev": round(float(stops.std()), 4),
         "white_share": round(float(clipped), 4),
-        "soft_photos": [
-            name for name, is_soft in zip(names, soft, strict=True) if is_soft
-        ],
+        "soft_photos": [names[view] for view in np.flatnonzero(soft)],
     }
 
 

@@ -31,7 +31,8 @@ from alignerf.scenes.courtyard import truth
 
 log = logging.getLogger("alignerf.poses")
 
-# As in `verdict.causes`, where a test holds both equal.
+# As in `verdict.causes`; a test holds both equal. Were they taken from there, every
+# change of a threshold would make all poses anew.
 FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
 PRODUCTS = (
     *("images", "truth", "points.npz", "bounds.npz"),

@@ -195,8 +195,7 @@ def check_model(model, *place):
     where = ".".join(place)
     if model["near"] >= model.get("far", math.inf):
         fault(where, "near must be smaller than far")
-    of_points = settings.field_kind(model) == "nerf" and model["kind"] == "mipnerf360"
-    if of_points and model["far"] > MOST_FAR:
+    if settings.field_kind(model) == "nerf" and model["far"] > MOST_FAR:
         # Sines of distant points are noise, and nothing contracts them.
         fault(f"{where}.far", f"field nerf sees no farther than {MOST_FAR}")
     for key in NOT_OF_SYSTEMS.get(model["kind"], ()):
@@ -215,8 +214,7 @@ def check_model(model, *place):
         if "log2_entries" in field:
             values = field["levels"] * field["features"] * 2 ** field["log2_entries"]
         else:
-            networks = settings.NETWORKS.get(field["kind"], 1)
-            networks = networks if field is model else 1
+            networks = settings.NETWORKS.get(model["kind"], 1)
             values = networks * field["depth"] * field["width"] ** 2
         # Besides the parameters, their gradients and the two moments of Adam.
         if 16 * values > MOST_BYTES:

@@ -33,10 +33,13 @@ class Experiment:
         """Methods that are another program's renders: they are scored, and no more."""
         return [name for name, m in self.methods.items() if m["renders"]]
 
+    def trained(self):
+        """All other methods."""
+        return [name for name, m in self.methods.items() if not m["renders"]]
+
     def plain(self):
         """Methods trained in one go, on photos or warped photos."""
-        others = {*self.staged(), *self.given()}
-        return [name for name in self.methods if name not in others]
+        return [name for name in self.trained() if name not in self.staged()]
 
     def warm(self):
         """Methods whose rounds go on from the weights of the round before."""
@@ -124,8 +127,7 @@ class Experiment:
         """(method, round) of every training, in the config's order."""
         return [
             (name, k)
-            for name in self.methods
-            if name not in self.given()
+            for name in self.trained()
             for k in range(self.last_round(scene, name) + 1)
             if self.owner_of(name, k) == name
         ]

@@ -125,8 +125,7 @@ def remedies(experiment):
     Raises ValueError for methods that cannot be compared, and scenes without the
     training's own length.
     """
-    methods = experiment.methods
-    trained = {n: m for n, m in methods.items() if n not in experiment.given()}
+    trained = {name: experiment.methods[name] for name in experiment.trained()}
     if len({method["model"] for method in trained.values()}) > 1:
         raise ValueError("config: methods: remedies need one model for all")
     for name, method in trained.items():

@@ -71,7 +71,7 @@ def exports(experiment):
     """
     found, moved = [], {*experiment.refining(), *experiment.correcting()}
     for scene in experiment.scenes:
-        for method in dict(experiment.all_rounds(scene)):
+        for method in experiment.trained():
             last = experiment.last_round(scene, method)
             folder = f"results/{scene}/{method}/export"
             if last > 0 or method in moved:

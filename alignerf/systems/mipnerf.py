@@ -56,8 +56,7 @@ class MipNerf(nn.Module):
         weights, passed = sampling.weights_of(density, length)
         values = sampling.integrate(weights, colours)
         values = sampling.before(self.background, values, passed)
-        middle = (t[..., 1:] + t[..., :-1]) / 2
-        return weights, values, rendering.depth_of(weights, middle)
+        return weights, values, render.median_distance(weights, t)
 
 
 def make(chosen):

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from alignerf.mipnerf360 import stepfun
+from alignerf.mipnerf360 import coord, render, stepfun
 
 # What NeRF, and mip-NeRF after it has blurred them, add to weights: nothing is never
 # looked at.
@@ -43,8 +43,7 @@ def stratified(
     """
     s = jnp.broadcast_to(jnp.linspace(0.0, 1.0, count), (rays, count))
     if spacing == "inverse":
-        # Not of the difference of 1 and s near / far: see `coord.s_to_t`.
-        t = near / ((1.0 - s) + s * (near / far))
+        t = coord.s_to_t(s, near, far)
     else:
         t = near * (1.0 - s) + far * s
     return t if jitter is None else moved(jitter, t)
@@ -144,4 +143,4 @@ def before(background, values, passed):
 
 def integrate(weights: Float[Array, "rays n"], colours: Float[Array, "3 points"]):
     """Colours [rays, 3] that weights add up to."""
-    return jnp.sum(weights[None] * colours.reshape(3, *weights.shape), axis=-1).T
+    return render.integrate(weights, colours.reshape(3, *weights.shape))

@@ -70,9 +70,9 @@ def make_table(scenes, printed=()):
             lines += lines_of(name, group, key)
             called = method_of(group[0], key).published
             lines += [
-                {key: value for key, value in line.items() if key != "called"}
+                line
                 for line in printed
-                if called and line["called"] == called and line["group"] == name
+                if (line["called"], line["group"]) == (called, name)
             ]
     table = pd.DataFrame(lines, columns=COLUMNS)
     whole_numbers = ("scenes", "views", "rays_seen", "params")

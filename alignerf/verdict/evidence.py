@@ -8,10 +8,10 @@ import math
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from alignerf.command import archives
 from alignerf.scenes import prepared
+from alignerf.tables import files as table_files
 from alignerf.verdict import causes, pattern, views
 
 # Flows of so many training views tell what all have in common.
@@ -53,10 +53,8 @@ def read_views(loaded: prepared.Scene, base, splits):
 
 def table(path):
     """A CSV of views, by their names."""
-    try:
-        return pd.read_csv(path, dtype={"view": str}).set_index("view")
-    except (KeyError, ValueError) as error:
-        raise ValueError(f"{path}: not a table of views: {error}") from None
+    found = table_files.read_csv(path, columns=["view"], dtype={"view": str})
+    return found.set_index("view")
 
 
 def read_flow(base, split, name):

@@ -11,9 +11,6 @@ import pandas as pd
 from alignerf.tables import scores
 from alignerf.verdict import causes
 
-# A gain is said to be one from so many views on.
-VIEWS_FOR_A_GAIN = 5
-
 
 def say(evidence, findings, gains, views):
     """Lines of the verdict, the answer first.
@@ -192,7 +189,7 @@ def gain_line(gain, e):
     """What a remedy brought in this run; no claim from few views."""
     name, db, low, high, minutes = gain
     text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}] in {minutes:.0f} min"
-    if e.test_views < VIEWS_FOR_A_GAIN:
+    if e.test_views < causes.FEW_TEST_VIEWS:
         return f"{text}; {e.test_views} held-out photos are too few to be sure."
     if low > 0 or high < 0:
         return f"{text}."

@@ -14,9 +14,10 @@ from tests.bench import measure
 CONFIGS = measure.ROOT / "workflow" / "config"
 # Of the configs' methods, the one that is trained in one go with their first model.
 METHOD = "mipnerf360"
-# Of a job and its training, what an older checkout does not know; it does as the old
-# settings say.
+# Of a job, its model and its training, what an older checkout does not know; it does
+# as the old settings say.
 NEW_KEYS = {"refine"}
+NEW_MODEL_KEYS = {"kind", "training"}
 NEW_TRAINING_KEYS = {"budget_min", "hold_share", "adam_betas", "proposal_share"}
 
 
@@ -34,6 +35,8 @@ def job_of(samples, proposal, field, **training):
         "seed": 0,
         "stage": "full",
         "model": {
+            "kind": "mipnerf360",
+            "training": {},
             "near": 0.2,
             "far": 1e6,
             "samples": samples,
@@ -167,8 +170,15 @@ def jobs_of(name, experiment, seed):
 
 def as_known_before(job):
     """The job without what an older checkout does not know."""
-    training = {k: v for k, v in job["training"].items() if k not in NEW_TRAINING_KEYS}
-    return {k: v for k, v in job.items() if k not in NEW_KEYS} | {"training": training}
+    return {k: v for k, v in job.items() if k not in NEW_KEYS} | {
+        "model": without(NEW_MODEL_KEYS, job["model"]),
+        "training": without(NEW_TRAINING_KEYS, job["training"]),
+    }
+
+
+def without(keys, of):
+    """A dict but for these keys."""
+    return {k: v for k, v in of.items() if k not in keys}
 
 
 def with_budget(job, budget):
