@@ -117,28 +117,17 @@ def neighbour_angle_deg(camtoworlds):
 
 
 def point_facts(loaded: prepared.Scene):
-    """How near and far COLMAP's points are from the cameras that see them.
+    """How near and far what the cameras see is, by COLMAP's points or LLFF's bounds.
 
-    A point is taken to be seen where it lies in a camera's image. `bounded`: hardly any
-    point lies farther than a few times what the cameras look at.
+    `bounded`: hardly any point lies farther than a few times what the cameras look at.
     """
-    path = loaded.folder / "points.npz"
-    empty = dict.fromkeys(("nearest", "median_depth", "farthest", "bounded"))
-    if not path.is_file():
-        return empty
     own = prepared.read_cameras(loaded.folder / "cameras.npz")["camtoworlds"]
-    points = archives.read(path, ("points",))["points"]
     transform = cameras.frame_of(own).transform()
-    points = points @ transform[:3, :3].T + transform[:3, 3]
-    depths = []
-    for pixtocam, pose in zip(loaded.pixtocams, loaded.camtoworlds, strict=True):
-        at, depth = cameras.project(points, pixtocam, pose)
-        inside = (depth > 0) & (at > 0).all(-1)
-        inside &= (at < [loaded.width, loaded.height]).all(-1)
-        depths.append(depth[inside])
-    depths = np.concatenate(depths)
+    depths = depths_of_points(loaded, transform)
     if not len(depths):
-        return empty
+        depths = depths_of_bounds(loaded, transform)
+    if not len(depths):
+        return dict.fromkeys(("nearest", "median_depth", "farthest", "bounded"))
     # COLMAP's outliers are not the scene's ends.
     near, middle, far = np.quantile(depths, [0.01, 0.5, 0.99])
     return {
@@ -147,6 +136,32 @@ def point_facts(loaded: prepared.Scene):
         "farthest": round(float(far), 4),
         "bounded": bool(far < BOUNDED * middle),
     }
+
+
+def depths_of_points(loaded: prepared.Scene, transform):
+    """Depths of COLMAP's points; one is taken to be seen where it lies in an image."""
+    path = loaded.folder / "points.npz"
+    if not path.is_file():
+        return np.zeros(0)
+    points = archives.read(path, ("points",))["points"]
+    points = points @ transform[:3, :3].T + transform[:3, 3]
+    depths = []
+    for pixtocam, pose in zip(loaded.pixtocams, loaded.camtoworlds, strict=True):
+        at, depth = cameras.project(points, pixtocam, pose)
+        inside = (depth > 0) & (at > 0).all(-1)
+        inside &= (at < [loaded.width, loaded.height]).all(-1)
+        depths.append(depth[inside])
+    return np.concatenate(depths)
+
+
+def depths_of_bounds(loaded: prepared.Scene, transform):
+    """LLFF's two depths of each view, and their harmonic mean."""
+    path = loaded.folder / "bounds.npz"
+    if not path.is_file():
+        return np.zeros(0)
+    scale = np.cbrt(np.linalg.det(transform[:3, :3]))
+    near, far = archives.read(path, ("bounds",))["bounds"].T * scale
+    return np.concatenate([near, 2 / (1 / near + 1 / far), far])
 
 
 def pose_facts(path):

@@ -34,6 +34,8 @@ log = logging.getLogger("alignerf.poses")
 # As in `verdict.causes`; a test holds both equal. Were they taken from there, every
 # change of a threshold would make all poses anew.
 FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
+# With `downscale: auto`: a training that sees each half a time takes minutes on a core.
+MOST_PIXELS = 10_000_000
 PRODUCTS = (
     *("images", "truth", "points.npz", "bounds.npz"),
     *("cameras.npz", "poses.json"),
@@ -48,7 +50,11 @@ def main(config, out):
     with whole.scratch_folder(out) as scratch:
         views, report, scene = READERS[config["source"]](config, scratch)
         photo_size = views.width, views.height
-        views = prepare.downscale(prepare.sort_by_name(views), config["downscale"])
+        views = prepare.sort_by_name(views)
+        if config["downscale"] == "auto":
+            config["downscale"] = prepare.factor_for(views, MOST_PIXELS)
+            log.info("downscale: %d", config["downscale"])
+        views = prepare.downscale(views, config["downscale"])
         rng = np.random.default_rng([config["seed"], 1])
         views = views._replace(
             camtoworlds=cameras.perturb_poses(
@@ -246,6 +252,7 @@ def describe_views(views, photo_size, split, config):
         "height": views.height,
         "photo_width": photo_size[0],
         "photo_height": photo_size[1],
+        "downscale": config["downscale"],
         "focal_px": [float(camtopix[:, i, i].mean()) for i in (0, 1)],
         "perturb_px": config["perturb_px"],
         "train_views": int((split == "train").sum()),

@@ -17,6 +17,7 @@ import numpy as np
 
 from alignerf.command import faults, machine, whole
 from alignerf.contributions import patch_conv, search_radius
+from alignerf.decisions import fill
 from alignerf.experiment import jobs
 from alignerf.scenes import pose_error, prepared
 from alignerf.systems import refine
@@ -28,7 +29,7 @@ log = logging.getLogger("alignerf")
 def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
-    job = with_radius(jobs.parse(jobs.read(args.config)), args.displacement)
+    job = with_radius(fill.read_job(args.config), args.displacement)
     if (job.refine is None) != (args.cameras_out is None):
         raise ValueError("--cameras-out: for a job that learns cameras, and only there")
     # Before all that takes time: a second trainer is refused at once.

@@ -20,6 +20,7 @@ FLOORS = [
     {"alignerf.experiment"},
     {
         *("alignerf.fields", "alignerf.scenes", "alignerf.metrics", "alignerf.tables"),
+        "alignerf.decisions",
         *("flow.warping", "flow.camera"),
     },
     {
@@ -31,7 +32,7 @@ FLOORS = [
 ]
 # Folders that hold commands besides the stages.
 COMMANDS = ("alignerf.metrics", "alignerf.tables", "flow.figures", "flow.benchmark")
-COMMANDS += ("alignerf.verdict",)
+COMMANDS += ("alignerf.decisions", "alignerf.verdict")
 MOST_MODULES = 12
 FORBIDDEN = {"snakemake", "pickle", "dill", "joblib", "marshal", "shelve"}
 JAX = {"jax", "flax", "optax"}

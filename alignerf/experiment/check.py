@@ -20,7 +20,7 @@ FILES = {
 }
 FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
-    *("facts", "poses", "cameras", "config", "tradeoff"),
+    *("facts", "decisions", "poses", "cameras", "config", "tradeoff"),
 }
 # The Snakefile asks nothing but this package.
 or_exit = faults.or_exit
@@ -56,6 +56,7 @@ def checked(config, files=()):
     check_names(config)
     schema.check(settings.Config, config)
     check_given(config)
+    config = settings.leave_open(config)
     config = completed(schema.filled(settings.Config, config))
     for name, model in config["models"].items():
         check_model(model, "models", name)

@@ -58,6 +58,10 @@ class Job:
     training: settings.Training = settings.key()
     alignerf: Finetuning | None = settings.key()
     refine: settings.Refine | None = settings.key(None, "learns cameras too")
+    decisions: str | None = settings.key(
+        None,
+        "file of what the scene's facts decided; `alignerf.decisions.fill` takes it",
+    )
 
     @property
     def share(self):
@@ -129,6 +133,8 @@ def parse(values) -> Job:
     kind = settings.field_kind(values["model"])
     values["training"] |= settings.rates(values["training"], kind)
     job = instance(Job, values)
+    if job.decisions or job.training.decided or getattr(job.model, "decided", None):
+        raise ValueError("config: decided: keys that are still left to facts")
     if job.stage in ("pretrain", "finetune") and job.alignerf is None:
         raise ValueError("config: alignerf: a staged training needs it")
     if job.stage == "finetune":

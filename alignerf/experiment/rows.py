@@ -4,7 +4,7 @@ import csv
 from typing import NamedTuple
 
 from alignerf.command import json_rows
-from alignerf.experiment import sources
+from alignerf.experiment import slices, sources
 
 # Rules write rows and wait for their files; commands of tables read rows.
 as_json, files_of, read = json_rows.as_json, json_rows.files_of, json_rows.read
@@ -188,6 +188,11 @@ def renders_of(experiment, scene, method, round):
     if method in experiment.given():
         return experiment.methods[method]["renders"].replace("{scene}", scene)
     return f"{experiment.folder(scene, method, round)}/renders/test"
+
+
+def decisions_of(experiment, scene):
+    """What the scene's facts decided, where the config leaves something to them."""
+    return slices.decisions_of(experiment.config, scene) or []
 
 
 def truth_of(experiment, scene):

@@ -131,8 +131,12 @@ class Scene:
         None,
         "courtyard has colmap (default) or truth, photos colmap, all others given",
     )
-    downscale: int = key(
-        1, "photos are made smaller by this factor, by area averaging", least=1, most=64
+    downscale: int | Literal["auto"] = key(
+        1,
+        "photos are made smaller by this factor, by area averaging; auto takes the "
+        "least with which all photos together have at most 10 million pixels",
+        least=1,
+        most=64,
     )
     test_every: int = key(
         8,
@@ -235,9 +239,19 @@ class Changes:
     """
 
 
+def left_to_facts(*names):
+    what = "keys that the scene's facts decide: all that a config with `decide` lacks"
+    return key([], what, length=(0, len(names)))
+
+
 def changes():
     what = "keys of `training` that are others for this model; not steps or budget"
     return key(Changes(), what)
+
+
+# What `decide` leaves to a scene's facts: `alignerf.decisions` has a rule for each.
+OPEN_OF_MODEL = ("near", "radius", "finest")
+OPEN_OF_TRAINING = ("steps",)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -252,6 +266,12 @@ class Model:
         most=1e6,
     )
     far: float = key(1e6, "farthest distance", above=0, most=1e18)
+    radius: float = key(
+        1.0,
+        "of the ball that is not contracted, in units of the largest camera coordinate",
+        above=0,
+        most=1e6,
+    )
     samples: list[int] = key(
         [32, 16, 12],
         "samples a ray in each proposal round, and in the last round; a single number "
@@ -265,6 +285,7 @@ class Model:
     )
     field: Grid | Mlp | Nerf = key(Grid(finest=2048), FIELD)
     training: Changes = changes()
+    decided: list[Literal[OPEN_OF_MODEL]] = left_to_facts(*OPEN_OF_MODEL)
 
 
 NEAR = "nearest distance, in units of the largest camera coordinate"
@@ -588,6 +609,7 @@ class Training:
     )
     interlevel_weight: float = key(1.0, least=0, most=1e6)
     distortion_weight: float = key(0.01, least=0, most=1e6)
+    decided: list[Literal[OPEN_OF_TRAINING]] = left_to_facts(*OPEN_OF_TRAINING)
 
 
 def warmup(training):
@@ -607,6 +629,40 @@ def rates(training, kind):
     kind: as of `field_kind`.
     """
     return {"learning_rates": training["learning_rates"] or list(RATES[kind])}
+
+
+def leave_open(config):
+    """A config as it was written, with all that it leaves to the scenes' facts.
+
+    Without `decide` that is nothing; what it says of a key itself, stays.
+    """
+    if config.get("decide") is not True:
+        return config
+    models = {
+        name: {"decided": open_of_model(model)} | model
+        for name, model in (config.get("models") or {"base": {}}).items()
+    }
+    scenes = {
+        name: ({"downscale": "auto"} if SOURCES[scene["source"]].has_path else {})
+        | scene
+        for name, scene in config["scenes"].items()
+    }
+    training = config.get("training") or {}
+    said = (training, *scenes.values())
+    if not any(given.get(key) for given in said for key in ("steps", "budget_min")):
+        training = {"decided": list(OPEN_OF_TRAINING)} | training
+    return config | {"models": models, "scenes": scenes, "training": training}
+
+
+def open_of_model(given):
+    """The keys that a model as it was written leaves to facts."""
+    if given.get("kind", Model.kind) != Model.kind:
+        return []
+    field = given.get("field") or {}
+    said = {*given, *field}
+    if field.get("kind", Grid.kind) != Grid.kind:
+        said.add("finest")
+    return [name for name in OPEN_OF_MODEL if name not in said]
 
 
 def check_length(given, where):
@@ -745,6 +801,11 @@ class Config:
     seed: int = key(0, "of scene, poses and trainings", least=0, most=2**32 - 1)
     scenes: dict[str, Scene] = key(
         what="name -> where its images and cameras come from"
+    )
+    decide: bool = key(
+        False,
+        "a scene's facts decide what scenes, models and training leave out: downscale, "
+        "near, radius, finest, steps; results/<scene>/decisions.json says why",
     )
     vary: Vary | None = key(None, "seeds and lengths that every scene is run with")
     models: dict[str, Models] = key(

@@ -81,6 +81,8 @@ def of_variant(experiment, name):
     """What the training of a point of the sweep, and its renders, depend on."""
     found = variant_of(experiment.config, name)
     del found["downscale"]
+    scene = experiment.config["tradeoff"]["scene"]
+    found["decisions"] = decisions_of(experiment.config, scene)
     return as_json(found | {"stage": "full", "alignerf": None})
 
 
@@ -102,7 +104,15 @@ def job(experiment, scene, method, stage):
         "model": model | {"training": {}},
         "training": training_of(config, scene) | model["training"],
         "alignerf": found,
+        "decisions": decisions_of(config, scene),
     }
+
+
+def decisions_of(config, scene):
+    """The file that says what a scene's facts decided; null where nothing is left."""
+    open_keys = [config["training"]["decided"]]
+    open_keys += [model.get("decided") for model in config["models"].values()]
+    return f"results/{scene}/decisions.json" if any(open_keys) else None
 
 
 def frequency_weights_of(experiment, method):

@@ -42,6 +42,7 @@ def of_scene(experiment, scene):
     return [
         f"{folder}/config.yaml",
         f"{folder}/facts.json",
+        f"{folder}/decisions.json",
         f"{folder}/verdict.json",
         *(
             f"{folder}/tables/{name}.{kind}"

@@ -31,7 +31,8 @@ class Rendering(NamedTuple):
 class Model(nn.Module):
     """A proposal field used once per early round of `samples`, then the field.
 
-    With one round there is no proposal: a ray's samples are evenly spread.
+    With one round there is no proposal: a ray's samples are evenly spread. Fields see
+    positions in units of `radius`: nothing within it is contracted.
     """
 
     proposal: nn.Module | None
@@ -39,6 +40,7 @@ class Model(nn.Module):
     samples: Sequence[int]
     near: float
     far: float
+    radius: float = 1.0
 
     @property
     def jitters(self):
@@ -80,6 +82,8 @@ class Model(nn.Module):
             gaussians = render.cast_cones(
                 tdist, rays.origins, rays.directions, rays.radii
             )
+            if self.radius != 1.0:
+                gaussians = coord.in_units(gaussians, self.radius)
             if last:
                 hidden = {} if fineness is None else {"fineness": fineness}
                 density, values = self.field(gaussians, rays.viewdirs, **hidden)

@@ -4,6 +4,7 @@ Notation: n views of one size; `pixtocams` [n, 3, 3], `camtoworlds` [n, 3, 4] as
 `cameras`; images [h, w, 3] uint8 RGB, undistorted.
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -101,13 +102,25 @@ def sort_by_name(views: PosedViews) -> PosedViews:
     )
 
 
+def factor_for(views: PosedViews, pixels: int) -> int:
+    """The least factor of `downscale` that leaves all views so many pixels or fewer."""
+    factor = 1
+    while len(views.names) * math.prod(smaller(views, factor)) > pixels:
+        factor += 1
+    return factor
+
+
+def smaller(views: PosedViews, factor):
+    """(width, height) of views made smaller by a factor."""
+    return round(views.width / factor), round(views.height / factor)
+
+
 def downscale(views: PosedViews, factor: int | float) -> PosedViews:
     """Images made smaller by area averaging; intrinsics follow the true size ratio.
 
     Raises ValueError where the result would be too small to analyse.
     """
-    width = round(views.width / factor)
-    height = round(views.height / factor)
+    width, height = smaller(views, factor)
     if min(width, height) < MIN_SIZE_PX:
         raise ValueError(
             f"downscale: {factor} makes images of {views.width}x{views.height} "

@@ -43,6 +43,7 @@ def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
         samples=tuple(job.model.samples),
         near=job.model.near,
         far=job.model.far,
+        radius=job.model.radius,
     )
     shared = {
         "loss_weights": {

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from alignerf.contributions import strips
-from alignerf.experiment import jobs
+from alignerf.decisions import fill
 from alignerf.scenes import cameras, prepared
 from alignerf.systems import refine
 from alignerf.training import checkpoint, compose
@@ -32,7 +32,7 @@ def read_model(config, model, loaded: prepared.Scene, *, moving=False):
 
     moving: renders can be differentiated in their rays.
     """
-    job = jobs.parse(jobs.read(config))
+    job = fill.read_job(config)
     views = functools.partial(refine.views_of, loaded)
     method = compose.make_method(job, views, to_train=False, moving=moving)
     template = jax.eval_shape(method.init, jax.random.key(0))

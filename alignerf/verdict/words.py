@@ -142,7 +142,7 @@ def exposure(finding, e):
 
 def undertrained(finding, e):
     return (
-        f"Training was {sure(finding)}too short: each pixel was seen {e.passes:.1f} "
+        f"Training was {sure(finding)}too short: each pixel was seen {e.passes:.2g} "
         "times."
     )
 

@@ -135,9 +135,9 @@ QUICK_SETTINGS = {"patch_px": QUICK_PX[0], "radius_px": QUICK_PX[1]}
 
 
 def read_config(name):
-    """One of the configs that come with the program."""
+    """One of the configs that come with the program, nothing left to a scene's facts."""
     path = measure.ROOT / "workflow" / "config" / f"{name}.yaml"
-    return check.checked(yaml.safe_load(path.read_text()))
+    return check.checked(yaml.safe_load(path.read_text()) | {"decide": False})
 
 
 def settings_of(name):

@@ -16,9 +16,10 @@ CONFIGS = measure.ROOT / "workflow" / "config"
 METHOD = "mipnerf360"
 # Of a job, its model and its training, what an older checkout does not know; it does
 # as the old settings say.
-NEW_KEYS = {"refine"}
-NEW_MODEL_KEYS = {"kind", "training"}
+NEW_KEYS = {"decisions", "refine"}
+NEW_MODEL_KEYS = {"decided", "kind", "radius", "training"}
 NEW_TRAINING_KEYS = {"budget_min", "hold_share", "adam_betas", "proposal_share"}
+NEW_TRAINING_KEYS |= {"decided"}
 
 
 def job_of(samples, proposal, field, **training):
@@ -39,6 +40,8 @@ def job_of(samples, proposal, field, **training):
             "training": {},
             "near": 0.2,
             "far": 1e6,
+            "radius": 1.0,
+            "decided": [],
             "samples": samples,
             "proposal": grid | proposal,
             "field": field if "kind" in field else grid | field,
@@ -54,10 +57,12 @@ def job_of(samples, proposal, field, **training):
             "proposal_share": 1.0,
             "interlevel_weight": 1.0,
             "distortion_weight": 0.01,
+            "decided": [],
         }
         | training,
         "alignerf": None,
         "refine": None,
+        "decisions": None,
     }
 
 
@@ -154,7 +159,9 @@ def experiment_of(name, seed, data):
         scene["path"] = str(data.resolve() / case.scene["path"])
     if case.made_by_seed:
         scene["seed"] = seed
-    return plan.Experiment(check.checked(config | {"scenes": {name: scene}}), None)
+    # Of the same settings as the figures before: fixed ones.
+    fixed = config | {"decide": False, "scenes": {name: scene}}
+    return plan.Experiment(check.checked(fixed), None)
 
 
 def jobs_of(name, experiment, seed):

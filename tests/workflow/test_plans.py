@@ -46,6 +46,7 @@ def expected_jobs(config):
         "testset": scenes,
         "control_sets": scenes,
         "facts": scenes,
+        "decisions": scenes,
         "config": scenes,
         "figures": scenes,
     }
@@ -175,6 +176,21 @@ def test_a_scene_or_a_file_by_name(tmp_path, demo, snakemake):
     )
     assert code == 1
     assert "Traceback" not in output
+
+
+def test_facts_decide_before_anything_is_trained_where_they_may(
+    tmp_path, demo, snakemake
+):
+    demo["decide"] = True
+    file = "results/courtyard/alignerf/round0/renders/test"
+    options = (tmp_path, "-n", file, "--configfile", write(tmp_path, demo))
+    jobs = {"poses_courtyard": 1, "pretrain": 1, "finetune": 1, "render_views": 1}
+    facts = {"facts": 1, "decisions": 1}
+    assert jobs_of(snakemake(*options)[1]) == jobs | facts
+    # What says all itself waits for nothing.
+    demo["decide"] = False
+    write(tmp_path, demo)
+    assert jobs_of(snakemake(*options)[1]) == jobs
 
 
 @pytest.mark.parametrize("accelerator", [False, True])

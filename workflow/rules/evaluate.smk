@@ -8,6 +8,7 @@ rule align_test_poses:
         depth="results/{scene}/{method}/round{round}/depth/test",
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
+        decisions=lambda w: rows.decisions_of(experiment, w.scene),
         used=lambda w: experiment.rendered_with(w.scene, w.method, w.round),
     output:
         directory("results/{scene}/{method}/round{round}/aligned_pose"),

@@ -54,6 +54,25 @@ rule facts:
         " --facts {output:q} 2>&1 | tee {log:q}"
 
 
+# Settings that the facts call for; jobs take those that the config leaves to them.
+rule decisions:
+    input:
+        "results/{scene}/facts.json",
+    output:
+        "results/{scene}/decisions.json",
+    log:
+        "results/{scene}/logs/decisions.log",
+    benchmark:
+        "results/{scene}/logs/decisions.tsv"
+    conda:
+        "../../environment.yml"
+    params:
+        sources=sources_of("alignerf.decisions"),
+    shell:
+        "python -m alignerf.decisions --facts {input:q} --out {output:q} 2>&1"
+        " | tee {log:q}"
+
+
 # What the config and the defaults come to, beside the results that they made.
 rule config:
     output:

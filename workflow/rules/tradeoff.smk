@@ -26,6 +26,7 @@ rule shrink:
 use rule train as train_variant with:
     input:
         unpack(lambda w: sweep.photos_of_variant(experiment, w.scene, w.variant)),
+        decisions=lambda w: rows.decisions_of(experiment, w.scene),
     output:
         model="results/{scene}/tradeoff/{variant}/model.msgpack",
         timing="results/{scene}/tradeoff/{variant}/timing.json",
@@ -42,6 +43,7 @@ use rule render_views as render_variant with:
     input:
         model="results/{scene}/tradeoff/{variant}/model.msgpack",
         cameras="results/{scene}/cameras.npz",
+        decisions=lambda w: rows.decisions_of(experiment, w.scene),
         used="results/{scene}/cameras.npz",
     output:
         renders=directory("results/{scene}/tradeoff/{variant}/renders/test"),

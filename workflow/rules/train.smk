@@ -7,6 +7,7 @@ rule train:
         unpack(lambda w: rows.photos_of_round(experiment, w.scene, w.method, w.round)),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
+        decisions=lambda w: rows.decisions_of(experiment, w.scene),
         used=lambda w: experiment.cameras_of(w.scene, w.method, w.round),
     output:
         model="results/{scene}/{method}/round{round}/model.msgpack",
@@ -46,6 +47,7 @@ use rule train as train_warm with:
         ),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
+        decisions=lambda w: rows.decisions_of(experiment, w.scene),
         used=lambda w: experiment.cameras_of(w.scene, w.method, w.round),
     wildcard_constraints:
         method=plan.one_of(experiment.warm()),
@@ -73,6 +75,7 @@ rule pretrain:
     input:
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
+        decisions=lambda w: rows.decisions_of(experiment, w.scene),
     output:
         model="results/{scene}/pretrain/{model}/model.msgpack",
         timing="results/{scene}/pretrain/{model}/timing.json",
@@ -108,6 +111,7 @@ rule finetune:
         weights=lambda w: slices.frequency_weights_of(experiment, w.method) or [],
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
+        decisions=lambda w: rows.decisions_of(experiment, w.scene),
         used=lambda w: experiment.cameras_of(w.scene, w.method, 0),
     output:
         model="results/{scene}/{method}/round0/model.msgpack",
@@ -143,6 +147,7 @@ rule render_views:
     input:
         model="results/{scene}/{method}/round{round}/model.msgpack",
         cameras="results/{scene}/cameras.npz",
+        decisions=lambda w: rows.decisions_of(experiment, w.scene),
         used=lambda w: experiment.rendered_with(w.scene, w.method, w.round),
     output:
         renders=directory("results/{scene}/{method}/round{round}/renders/test"),
@@ -194,6 +199,7 @@ use rule render_views as render_pretrained with:
     input:
         model="results/{scene}/pretrain/{model}/model.msgpack",
         cameras="results/{scene}/cameras.npz",
+        decisions=lambda w: rows.decisions_of(experiment, w.scene),
         used="results/{scene}/cameras.npz",
     output:
         renders=directory("results/{scene}/pretrain/{model}/renders/train"),

@@ -64,7 +64,9 @@ def test_a_job_is_what_was_written(job):
         given = job["model"].pop(field)
         assert found["model"].pop(field).items() >= given.items()
     assert found["training"].pop("budget_min") is None
-    own = {"kind": "mipnerf360", "training": {}}
+    own = {"kind": "mipnerf360", "training": {}, "decided": [], "radius": 1.0}
+    assert found["training"].pop("decided") == []
+    assert found.pop("decisions") is None
     assert found.pop("model") == job.pop("model") | own
     assert found == job
     assert jobs.parse(json.loads(json.dumps(jobs.as_dict(parsed)))) == parsed

@@ -6,16 +6,31 @@ import pytest
 from alignerf.scenes import cameras, prepare
 
 
+def views_of(count, width, height, load=None):
+    return prepare.PosedViews(
+        names=[f"v{i}" for i in range(count)],
+        pixtocams=np.stack([cameras.intrinsics(80.0, width, height)] * count),
+        camtoworlds=np.stack([np.eye(4)[:3]] * count),
+        width=width,
+        height=height,
+        load=load,
+    )
+
+
+@pytest.mark.parametrize("count", [1, 20, 300])
+def test_the_least_factor_that_leaves_so_many_pixels(count):
+    most, views = 20_000_000, views_of(count, 4032, 3024)
+    factor = prepare.factor_for(views, most)
+    small = prepare.downscale(views, factor)
+    assert count * small.width * small.height <= most
+    if factor > 1:
+        larger = prepare.downscale(views, factor - 1)
+        assert count * larger.width * larger.height > most
+
+
 def test_downscaling_follows_the_true_ratio():
     pixels = np.random.default_rng(0).integers(0, 256, (135, 201, 3), dtype=np.uint8)
-    views = prepare.PosedViews(
-        names=["a"],
-        pixtocams=cameras.intrinsics(80.0, 201, 135)[None],
-        camtoworlds=np.eye(4)[None, :3],
-        width=201,
-        height=135,
-        load=lambda i: pixels,
-    )
+    views = views_of(1, 201, 135, lambda i: pixels)
     small = prepare.downscale(views, 4)
     assert (small.width, small.height) == (50, 34)
     corner = small.pixtocams[0] @ [50, 34, 1]

@@ -1,0 +1,1 @@
+"""What a scene requires: settings that its facts decide, each with its reason."""

@@ -1,0 +1,137 @@
+"""Which settings a scene's facts call for: pure, every constant named and measured.
+
+Notation: lengths are in units of the largest camera coordinate, as `near` is. The
+constants were chosen on courtyard, seed 1, and fox; docs/settings.md shows what they
+bring on other scenes.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from alignerf.experiment import settings
+
+# Of the nearest point's distance: COLMAP's points are corners, smooth surfaces may be
+# nearer.
+NEAR_SHARE = 0.6
+# Side of contracted space.
+CONTRACTED_SIDE = 4.0
+# Cells of the finest level across what a pixel covers at the median depth.
+CELLS_A_PIXEL = 1.0
+FINEST = (256, 8192)
+# How often each pixel is seen, and between how many steps.
+PASSES = 0.5
+STEPS = (2000, 20000)
+# Facts that decide something.
+FACTS = {"nearest", "median_depth", "pixel_angle_mrad"}
+FACTS |= {"train_views", "width_px", "height_px"}
+
+
+class Decision(NamedTuple):
+    """A key of a job, its value without facts, its value with them, and why."""
+
+    key: str
+    default: Any
+    value: Any
+    reason: str
+    # {name: value} of the facts behind it.
+    facts: dict
+
+
+def decide(facts) -> list[Decision]:
+    """What the facts, as facts.json has them, call for.
+
+    A key whose facts are unknown keeps its default, and the reason says so.
+    """
+    return [rule(facts) for rule in (near, radius, finest, steps)]
+
+
+def near(facts):
+    """The first sample lies a little before the nearest point."""
+    default = settings.Model.near
+    nearest = facts["nearest"]
+    if nearest is None:
+        return unknown("model.near", default, facts, ["nearest"])
+    return Decision(
+        "model.near",
+        default,
+        digits(NEAR_SHARE * nearest),
+        f"the nearest points are {nearest:g} away",
+        {"nearest": nearest},
+    )
+
+
+def radius(facts):
+    """Contraction begins where the scene does, if that is beyond the cameras.
+
+    Of a forward-facing capture, all of it would be contracted.
+    """
+    default = settings.Model.radius
+    nearest = facts["nearest"]
+    if nearest is None:
+        return unknown("model.radius", default, facts, ["nearest"])
+    found = max(default, digits(nearest))
+    where = "beyond" if found > default else "among"
+    reason = f"the nearest points are {where} the cameras"
+    return Decision("model.radius", default, found, reason, {"nearest": nearest})
+
+
+def finest(facts):
+    """The finest cells are what a pixel covers at the median depth."""
+    default = settings.Model().field.finest
+    names = ("pixel_angle_mrad", "median_depth")
+    used = {name: facts[name] for name in names}
+    if None in used.values():
+        return unknown("model.field.finest", default, facts, names)
+    angle_mrad, depth = used.values()
+    footprint = angle_mrad / 1e3 * depth
+    begins = radius(facts).value
+    contracted = footprint / begins * contraction_across(depth / begins)
+    cells = 2 ** round(math.log2(CELLS_A_PIXEL * CONTRACTED_SIDE / contracted))
+    reason = f"a pixel covers {footprint:.2g} at the median depth"
+    return Decision(
+        "model.field.finest", default, int(np.clip(cells, *FINEST)), reason, used
+    )
+
+
+def contraction_across(distance):
+    """How much the contraction stretches what lies across, this far from the middle."""
+    return 1.0 if distance <= 1 else (2 - 1 / distance) / distance
+
+
+def steps(facts):
+    """Pixels are seen as often in a large scene as in a small one."""
+    default, batch = settings.Training.steps, settings.Training.batch_rays
+    names = ("train_views", "width_px", "height_px")
+    pixels = math.prod(facts[name] for name in names)
+    found = int(np.clip(round(PASSES * pixels / batch, -2), *STEPS))
+    seen = found * batch / pixels
+    return Decision(
+        "training.steps",
+        default,
+        found,
+        f"each of {pixels / 1e6:.3g} million pixels is seen {seen:.2g} times",
+        {name: facts[name] for name in names},
+    )
+
+
+def digits(value, count=3):
+    """A number of so many significant digits: facts are no more exact."""
+    return float(f"{value:.{count}g}")
+
+
+def unknown(key, default, facts, names):
+    """The default, since one of these facts is not known."""
+    return Decision(
+        *(key, default, default, f"not known: {', '.join(names)}"),
+        {name: facts.get(name) for name in names},
+    )
+
+
+def line(decision):
+    """A decision as users read it."""
+    name, value = decision.key, f"{decision.value:g}"
+    changed = decision.value != decision.default
+    instead = f" instead of {decision.default:g}" if changed else ", as always"
+    return f"{name} {value}{instead}: {decision.reason}"

@@ -1,0 +1,129 @@
+"""Jobs take what was decided, and nothing that a config says itself."""
+
+import json
+
+import pytest
+
+from alignerf.decisions import fill, rules
+from alignerf.experiment import check, plan, settings, slices
+
+DECISIONS = [
+    rules.Decision("model.near", 0.2, 3.0, "", {}),
+    rules.Decision("model.radius", 1.0, 4.0, "", {}),
+    rules.Decision("model.field.finest", 2048, 512, "", {}),
+    rules.Decision("training.steps", 4000, 6000, "", {}),
+]
+SCENE = {"s": {"source": "courtyard"}}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Results of a scene s with decisions, in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "results" / "s").mkdir(parents=True)
+    write(tmp_path / "results/s/decisions.json", DECISIONS)
+    return tmp_path
+
+
+def write(path, decisions):
+    content = {"decisions": [decision._asdict() for decision in decisions]}
+    path.write_text(json.dumps(content))
+
+
+def job_of(config, method="mipnerf360"):
+    config = check.checked({"scenes": SCENE} | config)
+    return slices.of_round(plan.Experiment(config, None), "s", method)
+
+
+def test_without_decide_no_file_is_read(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    job = fill.read_job(job_of({}))
+    assert (job.model.near, job.training.steps) == (0.2, 4000)
+    assert job.decisions is None
+
+
+def test_all_that_the_config_leaves_out_is_decided(folder):
+    job = fill.read_job(job_of({"decide": True}))
+    assert (job.model.near, job.model.field.finest) == (3.0, 512)
+    assert (job.steps, job.warmup_steps, job.model.radius) == (6000, 600, 4.0)
+    assert (job.decisions, job.model.decided, job.training.decided) == (None, [], [])
+
+
+def test_what_the_config_says_stays(folder):
+    for model, found in (
+        ({"near": 0.1}, (0.1, 512)),
+        ({"field": {"finest": 64}}, (3.0, 64)),
+    ):
+        config = {"decide": True, "models": {"m": model}, "training": {"steps": 100}}
+        job = fill.read_job(job_of(config))
+        assert (job.model.near, job.model.field.finest) == found
+        assert job.steps == 100
+
+
+@pytest.mark.parametrize("length", [{"steps": 300}, {"budget_min": 2}])
+def test_a_scenes_own_length_stays(folder, length):
+    config = {"decide": True, "scenes": {"s": {"source": "courtyard", **length}}}
+    training = fill.read_job(job_of(config)).training
+    assert {"steps": training.steps, "budget_min": training.budget_min} == {
+        "steps": None,
+        "budget_min": None,
+        **length,
+    }
+
+
+def test_stages_and_lengths_keep_their_shares(folder):
+    methods = {
+        "mipnerf360": {"rounds": 1},
+        "warm": {"rounds": 1, "warm_start": {"from": "mipnerf360", "share": 0.5}},
+        "alignerf": {"alignerf": {"finetune_share": 0.2}},
+    }
+    config = {"decide": True, "methods": methods, "vary": {"lengths": [0.5]}}
+    experiment = plan.Experiment(check.checked({"scenes": SCENE} | config), None)
+    folder.joinpath("results/s").rename(folder / "results/s_x0.5")
+    found = {
+        name: fill.read_job(slices.of_round(experiment, "s_x0.5", name)).steps
+        for name in methods
+    }
+    assert found == {"mipnerf360": 3000, "warm": 1500, "alignerf": 600}
+
+
+def test_other_systems_take_their_steps_alone(folder):
+    config = {"models": {"n": {"kind": "nerf"}}, "methods": {"mipnerf360": {}}}
+    job = fill.read_job(job_of({"decide": True} | config))
+    assert (job.model.near, job.steps) == (settings.NerfSystem.near, 6000)
+
+
+@pytest.mark.parametrize("text", ["", "{}", '{"decisions": [{"key": 1}]}', "[]"])
+def test_a_file_without_decisions_is_named(folder, text):
+    (folder / "results/s/decisions.json").write_text(text)
+    with pytest.raises(ValueError, match=r"decisions\.json: not a file of decisions"):
+        fill.read_job(job_of({"decide": True}))
+
+
+def test_a_missing_file_or_decision_is_named(folder):
+    path = folder / "results/s/decisions.json"
+    write(path, DECISIONS[:1])
+    with pytest.raises(ValueError, match="nothing on radius"):
+        fill.read_job(job_of({"decide": True}))
+    path.unlink()
+    with pytest.raises(ValueError, match=r"decisions\.json: not found"):
+        fill.read_job(job_of({"decide": True}))
+
+
+def test_a_complete_config_decides_the_same_again():
+    config = check.checked({"decide": True, "scenes": SCENE})
+    model, training = config["models"]["base"], config["training"]
+    assert model["decided"] == list(settings.OPEN_OF_MODEL)
+    again = check.checked(json.loads(json.dumps(config)))
+    assert again["models"]["base"] == model
+    assert again["training"] == training
+
+
+def test_photos_are_made_as_small_as_their_number_asks():
+    scenes = {
+        "court": {"source": "courtyard"},
+        "given": {"source": "photos", "path": "/", "downscale": 3},
+        "open": {"source": "photos", "path": "/"},
+    }
+    found = check.checked({"decide": True, "scenes": scenes})["scenes"]
+    assert [scene["downscale"] for scene in found.values()] == [1, 3, "auto"]

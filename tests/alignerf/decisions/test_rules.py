@@ -1,0 +1,118 @@
+"""Decisions by constructed facts: they follow what decides them, and say why."""
+
+import json
+import math
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from alignerf import facts as facts_module
+from alignerf.decisions import __main__ as command
+from alignerf.decisions import rules
+from alignerf.experiment import settings
+from alignerf.mipnerf360 import coord
+
+FACTS = {
+    "nearest": 0.5,
+    "median_depth": 1.0,
+    "pixel_angle_mrad": 4.0,
+    "train_views": 50,
+    "width_px": 400,
+    "height_px": 300,
+}
+
+
+def decided(**changes):
+    return {d.key: d for d in rules.decide(FACTS | changes)}
+
+
+def test_every_key_that_a_config_can_leave_open_has_a_rule():
+    names = {key.rpartition(".")[2] for key in decided()}
+    assert names == {*settings.OPEN_OF_MODEL, *settings.OPEN_OF_TRAINING}
+    assert set(FACTS) == rules.FACTS
+
+
+@pytest.mark.parametrize("nearest", [1e-3, 0.5, 14.0])
+def test_samples_begin_before_the_nearest_point(nearest):
+    found = decided(nearest=nearest)["model.near"]
+    assert found.value == pytest.approx(rules.NEAR_SHARE * nearest, rel=1e-2)
+    assert found.default == settings.Model.near
+    assert found.facts == {"nearest": nearest}
+
+
+@pytest.mark.parametrize(("nearest", "radius"), [(0.5, 1.0), (1.0, 1.0), (4.0, 4.0)])
+def test_contraction_begins_where_the_scene_does(nearest, radius):
+    assert decided(nearest=nearest)["model.radius"].value == radius
+
+
+@pytest.mark.parametrize(
+    ("angle_mrad", "depth", "nearest"),
+    [(4.0, 1.0, 0.5), (1.0, 1.0, 0.5), (4.0, 3.0, 0.5), (2.0, 7.0, 4.0)],
+)
+def test_finest_cells_are_of_a_pixels_size(angle_mrad, depth, nearest):
+    facts = {"pixel_angle_mrad": angle_mrad, "median_depth": depth, "nearest": nearest}
+    found = decided(**facts)
+    cell = rules.CONTRACTED_SIDE / found["model.field.finest"].value
+    # Two neighbouring pixels' points, through the contraction that the model has.
+    points = np.array([[depth, 0, 0], [depth, 1e-3 * angle_mrad * depth, 0]])
+    points = np.float32(points / found["model.radius"].value)
+    across = np.linalg.norm(np.diff(coord.contract(jnp.asarray(points)), axis=0))
+    # A power of 2.
+    assert abs(math.log2(cell / across * rules.CELLS_A_PIXEL)) <= 0.51
+
+
+def test_steps_grow_with_pixels_within_bounds():
+    found = [
+        decided(train_views=n)["training.steps"].value for n in (1, 50, 100, 10**4)
+    ]
+    assert found[0] == rules.STEPS[0]
+    assert found[-1] == rules.STEPS[1]
+    assert found[2] == pytest.approx(2 * found[1], rel=0.02)
+    seen = found[1] * settings.Training.batch_rays / (50 * 400 * 300)
+    assert seen == pytest.approx(rules.PASSES, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("fact", "key"),
+    [
+        ("nearest", "model.near"),
+        ("nearest", "model.radius"),
+        ("median_depth", "model.field.finest"),
+    ],
+)
+def test_what_is_not_known_decides_nothing(fact, key):
+    found = decided(**{fact: None})[key]
+    assert found.value == found.default
+    assert fact in found.reason
+
+
+def test_a_line_says_key_value_and_reason():
+    line = rules.line(decided(nearest=14.0)["model.near"])
+    assert line == "model.near 8.4 instead of 0.2: the nearest points are 14 away"
+    assert "as always" in rules.line(decided(nearest=None)["model.near"])
+
+
+def test_the_command_writes_all_and_prints_it(tmp_path, capsys):
+    (tmp_path / "facts.json").write_text(json.dumps(FACTS | {"more": 1}))
+    out = tmp_path / "decisions.json"
+    command.main(["--facts", str(tmp_path / "facts.json"), "--out", str(out)])
+    found = json.loads(out.read_text())["decisions"]
+    assert [entry["key"] for entry in found] == [d.key for d in rules.decide(FACTS)]
+    assert len(capsys.readouterr().out.splitlines()) == len(found)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"nearest": 1}'])
+def test_a_file_without_facts_is_named(tmp_path, text):
+    path = tmp_path / "facts.json"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=r"facts\.json: not the facts"):
+        command.main(["--facts", str(path), "--out", str(tmp_path / "out.json")])
+    assert not (tmp_path / "out.json").exists()
+
+
+def test_facts_has_them_all():
+    # Their names are those of the stage before.
+    source = Path(facts_module.__file__).read_text(encoding="utf-8")
+    assert all(f'"{name}"' in source for name in rules.FACTS)
