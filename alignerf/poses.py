@@ -65,6 +65,7 @@ def main(config, out):
         if split is None:
             every = config["test_every"]
             split = prepare.split_views(len(views.names), test_every=every)
+        check_enough(split, config["least_train_views"], config["path"] or out)
         warn_of_few(out, split)
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
@@ -83,6 +84,17 @@ def main(config, out):
         (fresh / "poses.json").write_text(json.dumps(report, indent=1) + "\n")
         publish(fresh, out)
     log.info("%s: %d of %d views", out, report["registered"], report["total"])
+
+
+def check_enough(split, least, where):
+    """ValueError where too few views are left to learn from."""
+    count = int((split == "train").sum())
+    if count < least:
+        raise ValueError(
+            f"{where}: {count} of {len(split)} views to learn from are too few. Take "
+            "20 or more photos that overlap, or hold out fewer (test_every), or lower "
+            "least_train_views"
+        )
 
 
 def warn_of_few(out, split):

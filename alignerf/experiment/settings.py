@@ -144,6 +144,12 @@ class Scene:
         least=2,
         most=10000,
     )
+    least_train_views: int = key(
+        3,
+        "with fewer to learn from the run stops: no geometry follows from them",
+        least=1,
+        most=10000,
+    )
     seed: int | None = key(
         None,
         "of this scene, its poses and its trainings; null takes the config's",
@@ -381,7 +387,7 @@ class InstantNgp:
     """Instant-NGP's field as published; proposals find the samples."""
 
     kind: Literal["ngp"] = key("ngp", "Instant-NGP: a hash grid in a box")
-    near: float = key(0.05, NEAR, above=0, most=1e6)
+    near: float = key(0.2, NEAR, above=0, most=1e6)
     far: float = key(64.0, "farthest distance", above=0, most=1e6)
     side: float = key(
         32.0, "of the box, in units of the largest camera coordinate", above=0, most=128

@@ -4,6 +4,8 @@ Kendall's tau-b between the mean PSNR of all methods and rounds on the oracle an
 another test set; writes CSV and LaTeX.
 """
 
+import math
+
 import numpy as np
 import pandas as pd
 import scipy.stats
@@ -49,6 +51,10 @@ def make_table(rows):
 
 def tau_b(first, second):
     """Kendall's tau-b of two scores per row; NaN where there is nothing to rank."""
+    if len(first) == 2:
+        # scipy divides by zero where two are tied.
+        order = np.sign(np.diff(first)[0]) * np.sign(np.diff(second)[0])
+        return float(order) if order else math.nan
     # The statistic alone is wanted: the asymptotic p-value costs least.
     return float(scipy.stats.kendalltau(first, second, method="asymptotic").statistic)
 

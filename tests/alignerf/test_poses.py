@@ -15,6 +15,7 @@ COURTYARD = {
     "poses": "truth",
     "downscale": 2,
     "test_every": 3,
+    "least_train_views": 2,
     "courtyard": {"views": 4, "width": 96, "height": 72, "motion_m": 0.03},
 }
 

@@ -153,7 +153,7 @@ def test_another_source_takes_the_truth_away(courtyard, tmp_path):
         frames.append({"file_path": f"images/{name}", "transform_matrix": matrix})
     scene = {"camera_angle_x": 1.0, "frames": frames}
     (tmp_path / "transforms.json").write_text(json.dumps(scene))
-    config = {"source": "transforms", "path": str(tmp_path)}
+    config = {"source": "transforms", "path": str(tmp_path), "least_train_views": 1}
     poses.main(config, tmp_path / "scene")
     found = sorted(p.name for p in (tmp_path / "scene").iterdir())
     assert found == ["cameras.npz", "images", "poses.json"]

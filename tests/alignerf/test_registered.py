@@ -2,6 +2,7 @@
 
 import types
 
+import numpy as np
 import pytest
 
 from alignerf import poses
@@ -24,6 +25,19 @@ def test_two_scenes_in_one_folder_are_told():
 def test_enough_photos_pass():
     poses.check_registered(model(27, 18, [27]), 0.6, "mine")
     poses.check_registered(model(20, 25, [20]), 0.4, "mine")
+
+
+@pytest.mark.parametrize(("train", "least", "stops"), [(2, 3, True), (3, 3, False)])
+def test_too_few_to_learn_from_stop_the_run(train, least, stops):
+    split = np.array(["test"] + ["train"] * train)
+    if not stops:
+        poses.check_enough(split, least, "mine")
+        return
+    with pytest.raises(
+        ValueError, match=r"mine: 2 of 3 views .* too few\. Take 20"
+    ) as e:
+        poses.check_enough(split, least, "mine")
+    assert "least_train_views" in str(e.value)
 
 
 def test_photos_that_do_not_overlap_are_no_second_scene():

@@ -135,7 +135,7 @@ QUICK_SETTINGS = {"patch_px": QUICK_PX[0], "radius_px": QUICK_PX[1]}
 
 
 def read_config(name):
-    """One of the configs that come with the program, nothing left to a scene's facts."""
+    """One of the configs that come with the program; facts decide nothing."""
     path = measure.ROOT / "workflow" / "config" / f"{name}.yaml"
     return check.checked(yaml.safe_load(path.read_text()) | {"decide": False})
 
