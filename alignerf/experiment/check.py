@@ -20,7 +20,7 @@ FILES = {
 }
 FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
-    *("facts", "poses", "cameras", "config", "tradeoff"),
+    *("facts", "poses", "cameras", "config", "tradeoff", "preflight"),
 }
 # The Snakefile asks nothing but this package.
 or_exit = faults.or_exit

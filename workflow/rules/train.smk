@@ -8,6 +8,7 @@ rule train:
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
         used=lambda w: experiment.cameras_of(w.scene, w.method, w.round),
+        preflight=ancient("results/{scene}/preflight.json"),
     output:
         model="results/{scene}/{method}/round{round}/model.msgpack",
         timing="results/{scene}/{method}/round{round}/timing.json",
@@ -47,6 +48,7 @@ use rule train as train_warm with:
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
         used=lambda w: experiment.cameras_of(w.scene, w.method, w.round),
+        preflight=ancient("results/{scene}/preflight.json"),
     wildcard_constraints:
         method=plan.one_of(experiment.warm()),
         round=r"[1-9]\d*",
@@ -73,6 +75,7 @@ rule pretrain:
     input:
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
+        preflight=ancient("results/{scene}/preflight.json"),
     output:
         model="results/{scene}/pretrain/{model}/model.msgpack",
         timing="results/{scene}/pretrain/{model}/timing.json",
@@ -109,6 +112,7 @@ rule finetune:
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
         used=lambda w: experiment.cameras_of(w.scene, w.method, 0),
+        preflight=ancient("results/{scene}/preflight.json"),
     output:
         model="results/{scene}/{method}/round0/model.msgpack",
         timing="results/{scene}/{method}/round0/timing.json",
