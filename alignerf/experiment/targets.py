@@ -89,9 +89,11 @@ def work(experiment, scene):
     trainings, in an order in which they can run: `name`, the folder below the scene's;
     `job`, the slice; `after`, names of those that it needs; `corrects`, whether cameras
     are put right for it; `renders`, the splits that are rendered and aligned;
-    `scored`, whether its test views are. With `rounds: auto` all rounds are counted
-    that there may be, so that none has to be decided on. None where no cost is asked
-    for (`preflight: false`).
+    `scored`, whether its test views are. reference: by whose renders the test set is
+    made; verdict: whose views the verdict looks at.
+
+    With `rounds: auto` all rounds are counted that there may be, so that none has to be
+    decided on. None where no cost is asked for (`preflight: false`).
     """
     if not experiment.config["preflight"]:
         return None
@@ -99,6 +101,7 @@ def work(experiment, scene):
     root = f"results/{scene}/"
     return {
         "reference": longest.reference_folder(scene).removeprefix(root),
+        "verdict": longest.reference_folder(scene, 0).removeprefix(root),
         "trainings": [
             *pretrainings(longest, scene),
             *(training(longest, scene, *one) for one in longest.all_rounds(scene)),

@@ -113,12 +113,17 @@ def calibrated(scene, loaded: prepared.Scene, work, threads, at_once):
     keys = [slices.as_json(schedule.program_of(t["job"])) for t in work["trainings"]]
     jobs = {key: t["job"] for key, t in zip(keys, work["trainings"], strict=True) if t}
     todo = [(key, what) for what in ("train", "render") for key in jobs]
-    with concurrent.futures.ThreadPoolExecutor(min(at_once, len(jobs))) as pool:
-        measure = functools.partial(calibrate, scene, threads)
-        found = {one: pool.submit(measure, jobs[one[0]], one[1]) for one in todo}
+    measure = functools.partial(calibrate, scene, threads)
+    pool = concurrent.futures.ThreadPoolExecutor(min(at_once, len(jobs)))
+    try:
         photos, names = loaded.folder / "images", loaded.names
-        of_flow = pool.submit(flow.measure, photos, names, work["flow"]).result()
+        of_flow = pool.submit(flow.measure, photos, names, work["flow"])
+        found = {one: pool.submit(measure, jobs[one[0]], one[1]) for one in todo}
+        of_flow = of_flow.result()
         results = {one: future.result() for one, future in found.items()}
+    finally:
+        # After a fault, what has not begun is left.
+        pool.shutdown(cancel_futures=True)
     rates = {
         key: schedule.Rates(**results[key, "train"], **results[key, "render"])
         for key in jobs

@@ -15,7 +15,9 @@ CONTROL_FLOWS = 5
 # Seconds a megapixel on the machine whose flow process starts in START_S: scores of a
 # view in all test sets, its parts by camera, the figures and what the verdict looks at.
 START_S = 0.6
-EVALUATE_S, DECOMPOSE_S, FIGURES_S, VERDICT_S = 3.0, 2.0, 1.0, 1.0
+EVALUATE_S, DECOMPOSE_S, FIGURES_S, VERDICT_S = 3.0, 7.0, 1.0, 1.0
+# Between one process and the next.
+JOB_S = 0.4
 # A correction of cameras fits each training view's flow a few times.
 CORRECT_S = 4.0
 # Processes of Pandas and Matplotlib, in starts of one of the flow.
@@ -97,23 +99,44 @@ def tasks_of(work, rates, flow: Flow, views: Views, *, threads) -> list[Task]:
         found += training(one, rate, flow, views, threads=threads)
         if one["scored"]:
             found += scores(one, work, rate, flow, views, threads=threads)
-    pixels = views.test * views.pixels
-    control_s = views.test * flow.view_s * (1 + CONTROL_FLOWS)
-    sets = TESTSET_IMAGES * flow.warped_bytes + TESTSET_FLOWS * flow.flow_bytes
-    controls = Task(
-        *("testset", "rest", 2 * flow.start_s + control_s, 1),
-        *([f"{work['reference']}/render"], "testset/leak.csv", views.test * sets),
-    )
     # Scores are of all test sets, so that they wait for these.
     at = next((i for i, t in enumerate(found) if t.kind == "score"), len(found))
-    found.insert(at, controls)
-    every = [task.name for task in found]
-    small_s = 4 * SLOW_START * flow.start_s
-    per_s = pace(flow) * 1e-6 * pixels * (FIGURES_S * rounds(work) + VERDICT_S)
-    given_s = work["given"] * (flow.start_s + evaluate_s(flow, views))
-    last_s = small_s + per_s + given_s
-    found.append(Task("tables", "rest", last_s, 1, every, "verdict.json", SMALL_BYTES))
-    return found
+    found.insert(at, controls(work, flow, views))
+    found += for_verdict(work, flow, views)
+    found.append(tables(work, flow, views, [task.name for task in found]))
+    return [task._replace(seconds=task.seconds + JOB_S) for task in found]
+
+
+def controls(work, flow: Flow, views: Views):
+    """The warped test set, and those beside it."""
+    seconds = 2 * flow.start_s + views.test * flow.view_s * (1 + CONTROL_FLOWS)
+    sets = TESTSET_IMAGES * flow.warped_bytes + TESTSET_FLOWS * flow.flow_bytes
+    return Task(
+        *("testset", "rest", seconds, 1, [f"{work['reference']}/render"]),
+        *("testset/leak.csv", views.test * sets),
+    )
+
+
+def for_verdict(work, flow: Flow, views: Views):
+    """The parts of all views' flow that the verdict looks at: two flows each."""
+    name = work["verdict"]
+    for one in work["trainings"]:
+        if one["name"] == name:
+            count = views.of(one["renders"])
+            seconds = 2 * flow.start_s + decompose_s(flow, count * views.pixels)
+            yield Task(
+                *(f"{name}/parts_photos", "rest", seconds, 1, [f"{name}/flow"]),
+                *(f"{name}/decomposition_photos_test.csv", 2 * count * flow.flow_bytes),
+            )
+
+
+def tables(work, flow: Flow, views: Views, every):
+    """Facts, tables, figures and the verdict, after all others."""
+    megapixels = 1e-6 * views.test * views.pixels
+    seconds = pace(flow) * megapixels * (FIGURES_S * rounds(work) + VERDICT_S)
+    seconds += 4 * SLOW_START * flow.start_s
+    seconds += work["given"] * (flow.start_s + evaluate_s(flow, views))
+    return Task("tables", "rest", seconds, 1, every, "verdict.json", SMALL_BYTES)
 
 
 def rounds(work):
@@ -124,6 +147,11 @@ def rounds(work):
 def pace(flow: Flow):
     """How many times as long small things take here as where they were timed."""
     return flow.start_s / START_S
+
+
+def decompose_s(flow: Flow, pixels):
+    """Seconds to fit cameras to the flow of so many pixels."""
+    return pace(flow) * DECOMPOSE_S * 1e-6 * pixels
 
 
 def evaluate_s(flow: Flow, views: Views):
@@ -170,12 +198,15 @@ def scores(one, work, rate: Rates, flow: Flow, views: Views, *, threads):
     """What is made of a training's test views: parts of their flow, and scores."""
     name, pixels = one["name"], views.test * views.pixels
     targets = 2 if work["truth"] else 1
-    parts_s = flow.start_s + pace(flow) * DECOMPOSE_S * 1e-6 * pixels
+    parts_s = flow.start_s + decompose_s(flow, pixels)
+    flows = 2
     if work["truth"]:
+        # The flow to the oracle, and the model's own part.
         parts_s += views.test * flow.view_s
+        flows = 4
     parts = Task(
         *(f"{name}/parts", "rest", parts_s, 1, [f"{name}/flow"]),
-        *(f"{name}/decomposition_test.csv", targets * views.test * flow.flow_bytes),
+        *(f"{name}/decomposition_test.csv", flows * views.test * flow.flow_bytes),
     )
     scored = Task(
         *(f"{name}/scores", "score", SLOW_START * flow.start_s, 1),
@@ -188,7 +219,7 @@ def scores(one, work, rate: Rates, flow: Flow, views: Views, *, threads):
     rays = BACKWARDS * FIT_RAYS * fits["gradient_steps"] * 2 * views.test
     moved_s = render_s(rate, targets * (ways * pixels + rays))
     moved_s += SLOW_START * flow.start_s
-    moved_s += pace(flow) * DECOMPOSE_S * 1e-6 * pixels * targets
+    moved_s += decompose_s(flow, pixels * targets)
     moved = Task(
         *(f"{name}/aligned_pose", "rest", moved_s, threads, [parts.name]),
         f"{name}/metrics_aligned_pose.csv",
