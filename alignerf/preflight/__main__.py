@@ -30,11 +30,11 @@ def main(argv=None):
         return
     work = json.loads(args.work)
     plan = {} if work is None else plan_of(args, work)
-    with whole.replace_file(args.out) as path:
-        path.write_text(json.dumps(plan, indent=1) + "\n")
     if plan:
         print("\n".join(fit.lines(plan, plan["scene"])))
         fit.check(plan)
+    with whole.replace_file(args.out) as path:
+        path.write_text(json.dumps(plan, indent=1) + "\n")
 
 
 def parse(argv=None):
@@ -78,7 +78,7 @@ def plan_of(args, work):
         "lanes": at_once,
         "wall_s": round(wall_s, 1),
         "hours": round(wall_s / 3600, 3),
-        "memory_bytes": fit.peak_bytes(rates, at_once),
+        "memory_bytes": lanes.peak_bytes(tasks, args.cores),
         "memory_free_bytes": memory.free_host_bytes(),
         # What is there from before takes no more.
         "disk_bytes": sum(task.new_bytes for task in missing),
@@ -111,7 +111,7 @@ def views_of(loaded: prepared.Scene) -> schedule.Views:
 def calibrated(scene, loaded: prepared.Scene, work, threads, at_once):
     """(rates of each training, the flow's), measured `at_once` at a time."""
     keys = [slices.as_json(schedule.program_of(t["job"])) for t in work["trainings"]]
-    jobs = {key: t["job"] for key, t in zip(keys, work["trainings"], strict=True) if t}
+    jobs = {key: t["job"] for key, t in zip(keys, work["trainings"], strict=True)}
     todo = [(key, what) for what in ("train", "render") for key in jobs]
     measure = functools.partial(calibrate, scene, threads)
     pool = concurrent.futures.ThreadPoolExecutor(min(at_once, len(jobs)))

@@ -7,12 +7,6 @@ KINDS = {"train": "trainings", "render": "rendering", "flow": "flow"}
 USABLE = 0.9
 
 
-def peak_bytes(rates, lanes_):
-    """The most that processes take which run at once: one in each lane."""
-    largest = sorted((max(r.peak_bytes, r.render_peak_bytes) for r in rates), reverse=1)
-    return sum(largest[:lanes_])
-
-
 def check(plan):
     """ValueError where a plan's memory or disk is not there, with what to change."""
     memory, disk = plan["memory_bytes"], plan["disk_bytes"]
@@ -39,9 +33,10 @@ def lines(plan, name):
         kind = KINDS.get(task["kind"], "the rest")
         parts[kind] = parts.get(kind, 0.0) + task["seconds"]
     count = sum(task["kind"] == "train" for task in tasks)
+    trainings = "1 training" if count == 1 else f"{count} trainings"
     said = ", ".join(
-        f"{count if kind == 'trainings' else ''} {kind} {minutes(s)}".strip()
-        for kind, s in parts.items()
+        f"{trainings if kind == 'trainings' else kind} {minutes(seconds)}"
+        for kind, seconds in parts.items()
     )
     cores = f"{plan['cores']} core" + "s" * (plan["cores"] > 1)
     return [
@@ -82,9 +77,9 @@ def tasks_of(plan):
 
 
 def minutes(seconds):
-    """'34 min', 'under a minute', '3.5 h'."""
+    """'45 s', '34 min', '3.5 h'."""
     if seconds < 60:
-        return "under a minute"
+        return f"{seconds:.0f} s"
     if seconds < 3600 * 1.5:
         return f"{seconds / 60:.0f} min"
     return f"{seconds / 3600:.1f} h"

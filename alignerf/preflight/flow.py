@@ -1,4 +1,4 @@
-"""What a view's flow takes here: `flow.align` on two photos and blurred copies."""
+"""What a view's flow takes here: `flow.align` on some photos and blurred copies."""
 
 import csv
 import subprocess
@@ -12,7 +12,10 @@ import cv2
 from alignerf.command import images
 from alignerf.preflight import schedule
 
-VIEWS, BLUR_PX = 2, 1.0
+# Of small photos some more: on a machine that has other work too, a process of less
+# than a second has more than its share.
+VIEWS, MORE_VIEWS, MORE_PIXELS = 2, 8, 300_000
+BLUR_PX = 1.0
 
 
 def measure(photos, names, options) -> schedule.Flow:
@@ -21,11 +24,11 @@ def measure(photos, names, options) -> schedule.Flow:
     Raises ValueError with what the command said, where it fails.
     """
     with tempfile.TemporaryDirectory() as folder:
-        root = Path(folder)
+        root, photos = Path(folder), Path(photos)
         for kind in ("photos", "renders"):
             (root / kind).mkdir()
-        for name in names[:VIEWS]:
-            photo = images.read(Path(photos) / f"{name}.png")
+        for name in names[: how_many(images.read(photos / f"{names[0]}.png"))]:
+            photo = images.read(photos / f"{name}.png")
             images.write(root / "photos" / f"{name}.png", photo)
             soft = cv2.GaussianBlur(photo, (0, 0), BLUR_PX)
             images.write(root / "renders" / f"{name}.png", soft)
@@ -47,6 +50,12 @@ def measure(photos, names, options) -> schedule.Flow:
             flow_bytes=mean_size(root / "flow"),
             warped_bytes=mean_size(root / "warped"),
         )
+
+
+def how_many(photo):
+    """Photos of this size that are enough."""
+    pixels = photo.shape[0] * photo.shape[1]
+    return min(max(VIEWS, MORE_PIXELS // pixels), MORE_VIEWS)
 
 
 def mean_size(folder):

@@ -14,31 +14,42 @@ class Task(NamedTuple):
     after: list[str]
     # Below the scene's folder: it is there once the task is done.
     file: str
-    # What it leaves on the disk.
+    # What it leaves on the disk, and its peak in memory where that is much.
     new_bytes: int = 0
+    peak_bytes: int = 0
 
 
 def wall_s(tasks, cores) -> float:
-    """Seconds until all are done; each begins in its turn, as soon as it can.
+    """Seconds until all are done."""
+    return max((end_s for end_s, _ in run(tasks, cores)), default=0.0)
 
-    A task waits for those in `after` that are among the tasks, and for its threads.
+
+def peak_bytes(tasks, cores) -> int:
+    """The most memory that tasks take which run at once."""
+    moments = [running for _, running in run(tasks, cores)]
+    return max((sum(t.peak_bytes for t in running) for running in moments), default=0)
+
+
+def run(tasks, cores):
+    """Yield, whenever a task ends, (seconds from the start, tasks that ran until then).
+
+    Each begins in its turn, as soon as it can: it waits for those in `after` that are
+    among the tasks, and for its threads.
     """
     names = {task.name for task in tasks}
     waiting, done, running = list(tasks), set(), []
     free, now_s = cores, 0.0
     while waiting or running:
-        started = []
-        for task in waiting:
-            ready = done >= names & set(task.after)
+        for task in list(waiting):
             threads = min(task.threads, cores)
-            if ready and threads <= free:
+            if done >= names & set(task.after) and threads <= free:
                 free -= threads
-                heapq.heappush(running, (now_s + task.seconds, task.name, threads))
-                started.append(task)
-        waiting = [task for task in waiting if task not in started]
+                heapq.heappush(running, (now_s + task.seconds, task.name, task))
+                waiting.remove(task)
         if not running:
             raise ValueError(f"tasks wait for each other: {waiting[0].name}")
-        now_s, name, threads = heapq.heappop(running)
-        free += threads
+        moment = [task for *_, task in running]
+        now_s, name, task = heapq.heappop(running)
+        free += min(task.threads, cores)
         done.add(name)
-    return now_s
+        yield now_s, moment

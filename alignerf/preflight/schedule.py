@@ -172,6 +172,7 @@ def training(one, rate: Rates, flow: Flow, views: Views, *, threads):
         before_s + rate.start_s + rate.compile_s + loop_s,
         *(threads, [f"{before}/flow" for before in one["after"]]),
         *(f"{name}/timing.json", PARAM_BYTES * rate.params + SMALL_BYTES),
+        rate.peak_bytes,
     )
     if not splits:
         # Those that wait for its flow wait for the training itself.
@@ -180,6 +181,7 @@ def training(one, rate: Rates, flow: Flow, views: Views, *, threads):
         *(f"{name}/render", "render", render_s(rate, count * views.pixels), threads),
         *([train.name], f"{name}/render_{splits[-1]}.json"),
         count * (views.image_bytes + DEPTH_BYTES * views.pixels),
+        rate.render_peak_bytes,
     )
     aligned = Task(
         *(f"{name}/flow", "flow", flow.start_s + count * flow.view_s, 1),
@@ -224,5 +226,6 @@ def scores(one, work, rate: Rates, flow: Flow, views: Views, *, threads):
         *(f"{name}/aligned_pose", "rest", moved_s, threads, [parts.name]),
         f"{name}/metrics_aligned_pose.csv",
         targets * ways * views.test * views.image_bytes,
+        rate.render_peak_bytes,
     )
     return [parts, moved, scored]

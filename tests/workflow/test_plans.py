@@ -164,7 +164,8 @@ def test_a_scene_or_a_file_by_name(tmp_path, demo, snakemake):
     assert one.pop("my-yard.1") == both.pop("all") == 1
     assert both == {rule: 2 * count for rule, count in one.items()}
     file = "results/my-yard.1/mipnerf360/round1/timing.json"
-    jobs = {"poses_courtyard": 1, "train": 2, "render_all_views": 1, "align_all": 1}
+    jobs = {"poses_courtyard": 1, "preflight": 1, "train": 2}
+    jobs |= {"render_all_views": 1, "align_all": 1}
     output = snakemake(*options, file, "--cores", "200")[1]
     assert jobs_of(output) == jobs
     # However many cores there are, poses have all of this machine.
