@@ -11,7 +11,7 @@ from alignerf.experiment import jobs
 from alignerf.preflight.lanes import Task
 
 # Control sets estimate so many flows of a test view, besides a few warps.
-CONTROL_FLOWS = 5
+CONTROL_FLOWS = 6
 # Seconds a megapixel on the machine whose flow process starts in START_S: scores of a
 # view in all test sets, its parts by camera, the figures and what the verdict looks at.
 START_S = 0.6
