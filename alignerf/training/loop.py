@@ -27,16 +27,7 @@ TIMING_SHARE, TIMING_S = 0.05, 5.0
 
 
 def fit(
-    job,
-    method,
-    built,
-    params,
-    views,
-    checkpoints,
-    *,
-    names,
-    sources="",
-    note=progress.nothing,
+    job, method, built, params, views, checkpoints, *, names, sources="", note=None
 ):
     """Train to the last step; returns (parameters, timing).
 
@@ -188,7 +179,9 @@ def run_steps(job, step, state, views, save, explain, note):
     done = int(state.step)
     pending, history = [], {}
     saved = fetched = time.perf_counter()
-    bar = progress.Progress(job.stage, job.steps, done=done, note=note)
+    bar = progress.Progress(
+        job.stage, job.steps, done=done, note=note or progress.nothing
+    )
     with contextlib.closing(bar):
         while done < job.steps:
             state, stats = step(state, views)
