@@ -2,6 +2,7 @@
 #
 #   snakemake --cores N                    everything of the default config
 #   snakemake --cores N courtyard          one scene of the config
+#   snakemake --cores N preview            what it will cost, before any training
 #   snakemake --cores N tradeoff           what settings cost, and what they bring
 #   snakemake --cores N regimes            when each part of AligNeRF pays
 #   snakemake --cores N remedies           what to do with T minutes
@@ -34,7 +35,7 @@ config = check.or_exit(check.checked, config, workflow.configfiles)
 experiment = plan.Experiment(
     config, lambda **place: plan.goes_on(checkpoints.decide.get(**place).output[0])
 )
-sources.set_environment()
+sources.set_environment(experiment.scenes)
 
 
 wildcard_constraints:
@@ -46,6 +47,7 @@ wildcard_constraints:
 
 
 include: "workflow/rules/scenes.smk"
+include: "workflow/rules/preflight.smk"
 include: "workflow/rules/train.smk"
 include: "workflow/rules/alignment.smk"
 include: "workflow/rules/decompose.smk"

@@ -12,18 +12,24 @@ middle of that interval, so its error is that interval's length at best.
 import argparse
 import contextlib
 import json
+import logging
 import time
 
 import numpy as np
 
 from alignerf.command import faults, images, machine, progress, split_paths, whole
+from alignerf.preflight import eta
 from alignerf.scenes import prepared
 from alignerf.training import cores, renderer
+
+log = logging.getLogger("alignerf")
 
 
 def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
+    if left := eta.Left(args.scene, args.timing).of():
+        log.info(left)
     split_paths.check(args.splits, (args.renders, args.depth, args.timing))
     start = time.perf_counter()
     loaded = prepared.load(args.scene, args.cameras)

@@ -19,6 +19,7 @@ from alignerf.command import faults, machine, whole
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.decisions import fill
 from alignerf.experiment import jobs
+from alignerf.preflight import eta
 from alignerf.scenes import pose_error, prepared
 from alignerf.systems import refine
 from alignerf.training import batches, checkpoint, compose, cores, loop, memory, program
@@ -77,6 +78,9 @@ def train(job, args):
     to_come = memory.tree_bytes(shapes)
     for free in (memory.free_host_bytes(), memory.free_bytes(jax.local_devices()[0])):
         memory.check(to_come, free, f"{photos}: training views")
+    left = eta.Left(args.scene, args.timing)
+    if text := left.of():
+        log.info(text)
     # Whether the checkpoint is this job's shows when the photos are there.
     parts = checkpoint.read_parts(args.checkpoints)
     built = program.build(job, method, params, shapes, parts=parts, to_come=to_come)
@@ -85,6 +89,7 @@ def train(job, args):
         *(load_views(loaded, chosen, photos, args.valid), args.checkpoints),
         names=[loaded.names[view] for view in chosen],
         sources=args.sources + weights_digest(job),
+        note=left.of,
     )
     if job.refine:
         learnt = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)

@@ -28,11 +28,12 @@ FLOORS = [
         *("flow.estimation", "flow.figures"),
     },
     {"alignerf.training", "alignerf.verdict", "flow.benchmark"},
+    {"alignerf.preflight"},
     {"alignerf", "flow"},  # the stages: files directly in a package
 ]
 # Folders that hold commands besides the stages.
 COMMANDS = ("alignerf.metrics", "alignerf.tables", "flow.figures", "flow.benchmark")
-COMMANDS += ("alignerf.decisions", "alignerf.verdict")
+COMMANDS += ("alignerf.decisions", "alignerf.preflight", "alignerf.verdict")
 MOST_MODULES = 12
 FORBIDDEN = {"snakemake", "pickle", "dill", "joblib", "marshal", "shelve"}
 JAX = {"jax", "flax", "optax"}

@@ -6,11 +6,22 @@ import time
 import tqdm
 
 
-class Progress:
-    """Counts steps; shows numbers, speed and the time left."""
+def nothing(share):
+    """The note of a line that has none."""
+    return ""
 
-    def __init__(self, title, total, *, done=0, unit="step", log_every_s=10.0):
+
+class Progress:
+    """Counts steps; shows numbers, speed and the time left.
+
+    note: a function of the share that is done; its text stands behind the numbers.
+    """
+
+    def __init__(
+        self, title, total, *, done=0, unit="step", log_every_s=10.0, note=nothing
+    ):
         self.title, self.total, self.done, self.unit = title, total, done, unit
+        self.note = note
         self.first, self.start = done, time.perf_counter()
         self.shown, self.log_every_s = self.start, log_every_s
         self.bar = None
@@ -21,7 +32,9 @@ class Progress:
         """`count` further steps; `numbers` are shown as name value."""
         self.done += count
         text = "  ".join(f"{name} {value:.4g}" for name, value in numbers.items())
+        share = self.done / max(self.total, 1)
         if self.bar is not None:
+            text = "  ".join(filter(None, [text, self.note(share)]))
             self.bar.set_postfix_str(text, refresh=False)
             self.bar.update(count)
             return
@@ -32,9 +45,10 @@ class Progress:
         speed = (self.done - self.first) / max(now - self.start, 1e-9)
         left_s = (self.total - self.done) / max(speed, 1e-9)
         minutes, seconds = divmod(round(left_s), 60)
+        note = self.note(share)
         print(
             f"{self.title}: {self.unit} {self.done}/{self.total}  {text}  "
-            f"eta {minutes}:{seconds:02d}",
+            f"eta {minutes}:{seconds:02d}" + (note and f"  {note}"),
             file=sys.stderr,
             flush=True,
         )

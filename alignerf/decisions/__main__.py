@@ -2,7 +2,7 @@
 
 Writes decisions.json: each key with its default, its value, the reason and the facts
 behind it; prints a line for each. A config with `decide: true` takes them for all keys
-that it does not say itself.
+that it does not say itself. `--show` prints what such files say.
 """
 
 import argparse
@@ -10,19 +10,34 @@ import json
 from pathlib import Path
 
 from alignerf.command import faults, whole
-from alignerf.decisions import rules
+from alignerf.decisions import fill, rules
 
 
 def main(argv=None):
     parser = argparse.ArgumentParser(prog="alignerf.decisions", description=__doc__)
-    parser.add_argument("--facts", required=True, help="facts.json of the scene")
-    parser.add_argument("--out", required=True, help="decisions.json, written")
+    parser.add_argument("--facts", help="facts.json of the scene")
+    parser.add_argument("--out", help="decisions.json, written")
+    parser.add_argument("--show", nargs="+", type=Path, help="decisions.json, printed")
     args = parser.parse_args(argv)
+    if not args.show and None in (args.facts, args.out):
+        parser.error("--facts and --out, or --show")
+    if args.show:
+        print("\n".join(shown(args.show)))
+        return
     decisions = rules.decide(read_facts(args.facts))
     content = {"decisions": [decision._asdict() for decision in decisions]}
     with whole.replace_file(args.out) as path:
         path.write_text(json.dumps(content, indent=1) + "\n")
     print("\n".join(map(rules.line, decisions)))
+
+
+def shown(paths):
+    """Lines of files that are there already, each below its scene's name."""
+    found = []
+    for path in paths:
+        lines = [rules.line(decision) for decision in fill.read(path).values()]
+        found += [f"{path.parent.name}: the facts call for", *(f"  {x}" for x in lines)]
+    return found
 
 
 def read_facts(path):

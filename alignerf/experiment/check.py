@@ -20,7 +20,7 @@ FILES = {
 }
 FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
-    *("facts", "decisions", "poses", "cameras", "config", "tradeoff"),
+    *("facts", "decisions", "poses", "cameras", "config", "tradeoff", "preflight"),
 }
 # The Snakefile asks nothing but this package.
 or_exit = faults.or_exit

@@ -805,6 +805,11 @@ class Config:
     """Every key of a config. Only `scenes` has to be there."""
 
     seed: int = key(0, "of scene, poses and trainings", least=0, most=2**32 - 1)
+    preflight: bool = key(
+        True,
+        "hours, memory and disk are worked out before any training; false starts at "
+        "once",
+    )
     scenes: dict[str, Scene] = key(
         what="name -> where its images and cameras come from"
     )

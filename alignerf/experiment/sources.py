@@ -75,12 +75,14 @@ def imports(path):
     return found
 
 
-def set_environment():
+def set_environment(scenes=()):
     """Let jobs find these sources, wherever the results go, and our Python.
 
     That is the Python that runs Snakemake, also where its environment is not
-    activated. Compiled JAX programs are kept between jobs and runs.
+    activated. Compiled JAX programs are kept between jobs and runs. scenes: names of
+    all that the run has, for the time that is left (`alignerf.preflight.eta`).
     """
+    os.environ["ALIGNERF_SCENES"] = "\n".join(scenes)
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path("results/.jax_cache")))
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")
     prepend("PYTHONPATH", ROOT)

@@ -51,10 +51,10 @@ def make_table(rows):
 
 def tau_b(first, second):
     """Kendall's tau-b of two scores per row; NaN where there is nothing to rank."""
-    if len(first) == 2:
+    if len(first) < 3:
         # scipy divides by zero where two are tied.
-        order = np.sign(np.diff(first)[0]) * np.sign(np.diff(second)[0])
-        return float(order) if order else math.nan
+        order = np.sign(np.diff(first)) * np.sign(np.diff(second))
+        return float(order[0]) if order.any() else math.nan
     # The statistic alone is wanted: the asymptotic p-value costs least.
     return float(scipy.stats.kendalltau(first, second, method="asymptotic").statistic)
 

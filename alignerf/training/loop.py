@@ -26,12 +26,14 @@ FETCH_EVERY = 10
 TIMING_SHARE, TIMING_S = 0.05, 5.0
 
 
-def fit(job, method, built, params, views, checkpoints, *, names, sources=""):
+def fit(
+    job, method, built, params, views, checkpoints, *, names, sources="", note=None
+):
     """Train to the last step; returns (parameters, timing).
 
     `names` [n] are those of the views. `sources` identifies the code: a checkpoint of
     other code, config or data is not resumed. Compilation is timed apart: a cache
-    often saves it.
+    often saves it. note: what the progress line says besides, of the share done.
     """
     data = checkpoint.digest((params, views)), sources
     job, built, facts = in_budget(job, method, built, params, views, checkpoints, data)
@@ -64,7 +66,7 @@ def fit(job, method, built, params, views, checkpoints, *, names, sources=""):
     def step(state, views):
         return built.step(state, views, schedule)
 
-    state, numbers = run_steps(job, step, state, views, save, explain)
+    state, numbers = run_steps(job, step, state, views, save, explain, note)
     return state.params, facts | {
         "train_time_s": time_s(),
         "compile_time_s": built.compile_time_s,
@@ -167,7 +169,7 @@ def describe(job, params):
     }
 
 
-def run_steps(job, step, state, views, save, explain):
+def run_steps(job, step, state, views, save, explain, note):
     """The loop: step, look at the numbers, save now and then.
 
     Returns the last state and the numbers of the last steps (none where a finished
@@ -177,7 +179,9 @@ def run_steps(job, step, state, views, save, explain):
     done = int(state.step)
     pending, history = [], {}
     saved = fetched = time.perf_counter()
-    bar = progress.Progress(job.stage, job.steps, done=done)
+    bar = progress.Progress(
+        job.stage, job.steps, done=done, note=note or progress.nothing
+    )
     with contextlib.closing(bar):
         while done < job.steps:
             state, stats = step(state, views)

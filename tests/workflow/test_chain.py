@@ -10,6 +10,7 @@ from tests.workflow import chain_checks as chain
 # Share of patches x patch_px^2 = 2 x batch_rays: the shares .6 and .2 of the steps
 # then see as many rays as the baseline.
 CONFIG = f"""
+preflight: false
 scenes:
   tiny:
     source: courtyard

@@ -165,7 +165,8 @@ def test_a_scene_or_a_file_by_name(tmp_path, demo, snakemake):
     assert one.pop("my-yard.1") == both.pop("all") == 1
     assert both == {rule: 2 * count for rule, count in one.items()}
     file = "results/my-yard.1/mipnerf360/round1/timing.json"
-    jobs = {"poses_courtyard": 1, "train": 2, "render_all_views": 1, "align_all": 1}
+    jobs = {"poses_courtyard": 1, "preflight": 1, "train": 2}
+    jobs |= {"render_all_views": 1, "align_all": 1}
     output = snakemake(*options, file, "--cores", "200")[1]
     assert jobs_of(output) == jobs
     # However many cores there are, poses have all of this machine.
@@ -185,6 +186,7 @@ def test_facts_decide_before_anything_is_trained_where_they_may(
     file = "results/courtyard/alignerf/round0/renders/test"
     options = (tmp_path, "-n", file, "--configfile", write(tmp_path, demo))
     jobs = {"poses_courtyard": 1, "pretrain": 1, "finetune": 1, "render_views": 1}
+    jobs["preflight"] = 1
     facts = {"facts": 1, "decisions": 1}
     assert jobs_of(snakemake(*options)[1]) == jobs | facts
     # What says all itself waits for nothing.

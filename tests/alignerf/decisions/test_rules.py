@@ -100,7 +100,14 @@ def test_the_command_writes_all_and_prints_it(tmp_path, capsys):
     command.main(["--facts", str(tmp_path / "facts.json"), "--out", str(out)])
     found = json.loads(out.read_text())["decisions"]
     assert [entry["key"] for entry in found] == [d.key for d in rules.decide(FACTS)]
-    assert len(capsys.readouterr().out.splitlines()) == len(found)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(found)
+    command.main(["--show", str(out)])
+    shown = capsys.readouterr().out.splitlines()
+    assert shown == [
+        f"{tmp_path.name}: the facts call for",
+        *(f"  {x}" for x in lines),
+    ]
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"nearest": 1}'])

@@ -1,0 +1,1 @@
+"""What a plan costs before it starts, and what is left of it while it runs."""

@@ -1,0 +1,164 @@
+"""The cost of a scene's plan before it starts: `python -m alignerf.preflight`.
+
+Times a step and a rendering of each program that the plan trains, and the flow of two
+photos; as many at once as trainings will run. Writes preflight.json: hours, memory and
+disk of the plan, task by task, and what was measured. A plan that does not fit this
+machine is refused. `--show` prints what such files say.
+"""
+
+import argparse
+import concurrent.futures
+import functools
+import json
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from alignerf.command import faults, whole
+from alignerf.decisions import fill
+from alignerf.experiment import slices
+from alignerf.preflight import fit, flow, lanes, schedule
+from alignerf.scenes import prepared
+from alignerf.training import memory
+
+
+def main(argv=None):
+    args = parse(argv)
+    if args.show:
+        print("\n".join(shown(args.show)))
+        return
+    work = decided(json.loads(args.work))
+    plan = {} if work is None else plan_of(args, work)
+    if plan:
+        print("\n".join(fit.lines(plan, plan["scene"])))
+        fit.check(plan)
+    with whole.replace_file(args.out) as path:
+        path.write_text(json.dumps(plan, indent=1) + "\n")
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(prog="alignerf.preflight", description=__doc__)
+    parser.add_argument("--show", nargs="+", type=Path, help="preflight.json, printed")
+    parser.add_argument("--scene", type=Path, help="prepared scene folder")
+    parser.add_argument("--work", help="JSON: what there is to do; null: say nothing")
+    parser.add_argument("--cores", type=int, default=1, help="of the whole plan")
+    parser.add_argument("--threads", type=int, default=1, help="of a training")
+    parser.add_argument("--out", type=Path, help="preflight.json, written")
+    args = parser.parse_args(argv)
+    if not args.show and None in (args.scene, args.work, args.out):
+        parser.error("--scene, --work and --out, or --show")
+    return args
+
+
+def decided(work):
+    """The work with what the scene's facts decided, steps above all."""
+    if work is None:
+        return None
+    found = [one | {"job": fill.fill(one["job"])} for one in work["trainings"]]
+    return work | {"trainings": found}
+
+
+def shown(paths):
+    """Lines of files that are there already, and of all together."""
+    plans = [plan for path in paths if (plan := json.loads(path.read_text()))]
+    found = [line for plan in plans for line in fit.lines(plan, plan["scene"])]
+    if len(plans) > 1:
+        found.append(f"all scenes: about {fit.minutes(fit.in_all(plans))}")
+    return found or ["nothing is said with `preflight: false`"]
+
+
+def plan_of(args, work):
+    """The content of preflight.json."""
+    threads = min(args.threads, args.cores)
+    loaded = prepared.load(args.scene)
+    views = views_of(loaded)
+    begun = time.perf_counter()
+    at_once = max(1, args.cores // threads)
+    rates, of_flow = calibrated(args.scene, loaded, work, threads, at_once)
+    tasks = schedule.tasks_of(work, rates, of_flow, views, threads=threads)
+    missing = [t for t in tasks if not (args.scene / t.file).exists()]
+    wall_s = lanes.wall_s(tasks, args.cores)
+    return {
+        "scene": args.scene.name,
+        "cores": args.cores,
+        "lanes": at_once,
+        "wall_s": round(wall_s, 1),
+        "hours": round(wall_s / 3600, 3),
+        "memory_bytes": lanes.peak_bytes(tasks, args.cores),
+        "memory_free_bytes": memory.free_host_bytes(),
+        # What is there from before takes no more.
+        "disk_bytes": sum(task.new_bytes for task in missing),
+        "disk_free_bytes": shutil.disk_usage(args.scene).free,
+        "calibration_s": round(time.perf_counter() - begun, 1),
+        "measured": {
+            "flow": of_flow._asdict(),
+            "trainings": {
+                one["name"]: rate._asdict()
+                for one, rate in zip(work["trainings"], rates, strict=True)
+            },
+        },
+        "tasks": [
+            task._asdict() | {"seconds": round(task.seconds, 2)} for task in tasks
+        ],
+    }
+
+
+def views_of(loaded: prepared.Scene) -> schedule.Views:
+    """How many views of which size there are."""
+    paths = [loaded.folder / "images" / f"{name}.png" for name in loaded.names]
+    return schedule.Views(
+        train=len(loaded.views("train")),
+        test=len(loaded.views("test")),
+        pixels=loaded.width * loaded.height,
+        image_bytes=sum(path.stat().st_size for path in paths) // len(paths),
+    )
+
+
+def calibrated(scene, loaded: prepared.Scene, work, threads, at_once):
+    """(rates of each training, the flow's), measured `at_once` at a time."""
+    keys = [slices.as_json(schedule.program_of(t["job"])) for t in work["trainings"]]
+    jobs = {key: t["job"] for key, t in zip(keys, work["trainings"], strict=True)}
+    todo = [(key, what) for what in ("train", "render") for key in jobs]
+    measure = functools.partial(calibrate, scene, threads)
+    pool = concurrent.futures.ThreadPoolExecutor(min(at_once, len(jobs)))
+    try:
+        photos, names = loaded.folder / "images", loaded.names
+        of_flow = pool.submit(flow.measure, photos, names, work["flow"])
+        found = {one: pool.submit(measure, jobs[one[0]], one[1]) for one in todo}
+        of_flow = of_flow.result()
+        results = {one: future.result() for one, future in found.items()}
+    finally:
+        # After a fault, what has not begun is left.
+        pool.shutdown(cancel_futures=True)
+    rates = {
+        key: schedule.Rates(**results[key, "train"], **results[key, "render"])
+        for key in jobs
+    }
+    return [rates[key] for key in keys], of_flow
+
+
+def calibrate(scene, threads, job, what):
+    """What `alignerf.preflight.calibrate` says, from a process of its own.
+
+    Raises ValueError with its fault, or where the system has ended it.
+    """
+    command = [sys.executable, "-m", "alignerf.preflight.calibrate", "--what", what]
+    command += ["--scene", str(scene), "--threads", str(threads)]
+    command += ["--config", json.dumps(job), "--started", str(time.time())]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode < 0:
+        raise ValueError(
+            f"timing a {what} was ended by signal {-done.returncode}, as where memory "
+            "is short: --cores 1, a larger downscale or a smaller model"
+        )
+    if done.returncode:
+        said = done.stderr.strip().splitlines()
+        raise ValueError(said[-1].removeprefix("error: ") if said else what)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+if __name__ == "__main__":
+    faults.run(main)

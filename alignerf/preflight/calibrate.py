@@ -1,0 +1,176 @@
+"""Time a training's step, or a rendering: `python -m alignerf.preflight.calibrate`.
+
+A process of its own, as the job will be: the same threads and devices, so that what is
+compiled here comes from JAX's cache there. Everything is compiled twice: what the
+second time takes, from the cache, is what the job will take. Writes JSON to stdout.
+"""
+
+import argparse
+import dataclasses
+import json
+import pathlib
+import re
+import resource
+import time
+
+import jax
+import numpy as np
+
+from alignerf.command import faults, machine
+from alignerf.experiment import jobs
+from alignerf.scenes import prepared
+from alignerf.systems import refine
+from alignerf.training import (
+    batches,
+    checkpoint,
+    compose,
+    cores,
+    loop,
+    memory,
+    program,
+    renderer,
+)
+
+# Steps are timed so long; pixels are rendered at once.
+TIMING_S, PIXELS = 3.0, 16384
+# In place of one that is measured when the flow is: that program is compiled anew.
+RADIUS_PX = 4
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(prog="calibrate", description=__doc__)
+    parser.add_argument("--config", required=True, help="job as JSON, or its file")
+    parser.add_argument("--scene", required=True, help="prepared scene folder")
+    parser.add_argument("--what", required=True, choices=("train", "render"))
+    parser.add_argument("--threads", type=int, help="at most (default: every core)")
+    parser.add_argument("--started", type=float, help="when, in seconds since 1970")
+    args = parser.parse_args(argv)
+    machine.limit(args.threads)
+    started = time.time() if args.started is None else args.started
+    job = with_radius(jobs.parse(jobs.read(args.config)))
+    measure = {"train": of_training, "render": of_rendering}[args.what]
+    found = measure(job, args.scene, started)
+    print(json.dumps(found))
+
+
+def with_radius(job):
+    """The job with a search radius, where its own is not known yet."""
+    if job.stage != "finetune" or job.alignerf.radius_px is not None:
+        return job
+    settings = dataclasses.replace(job.alignerf, radius_px=RADIUS_PX)
+    return dataclasses.replace(job, alignerf=settings)
+
+
+def of_training(job, scene, started):
+    """Seconds to start, to compile from the cache and of a step; peak in bytes."""
+    if program.hashed(job.model):
+        cores.use_as_devices()
+    loaded = prepared.load(scene)
+    chosen = loaded.views("train")
+    method = compose.make_method(job, lambda: refine.views_of(loaded))
+    params = jax.jit(method.init)(jax.random.key(job.seed))
+    shapes = shapes_of(loaded, chosen)
+    start_s = time.time() - started
+    program.build(job, method, params, shapes, to_come=memory.tree_bytes(shapes))
+    forget_compiled()
+    built = program.build(job, method, params, shapes)
+    begun = time.time()
+    photos = prepared.read_images(loaded, chosen, loaded.folder / "images")
+    views = views_of(loaded, chosen, photos)
+    checkpoint.digest((params, views))
+    count = sum(leaf.size for leaf in jax.tree.leaves(params))
+    state = program.fresh_state(built.optimizer, params)
+    state, views = program.place((state, views), built.mesh)
+    schedule = program.schedule_of(jobs.with_steps(job, jobs.MOST_STEPS), built.mesh)
+    start_s += time.time() - begun
+    step_s = program.step_time_s(
+        lambda state: built.step(state, views, schedule),
+        state,
+        most_s=TIMING_S,
+        at_once=loop.FETCH_EVERY,
+    )
+    return {
+        "start_s": start_s,
+        "compile_s": built.compile_time_s,
+        "step_s": step_s,
+        "params": count,
+        "peak_bytes": peak_bytes(),
+    }
+
+
+def shapes_of(loaded: prepared.Scene, chosen) -> batches.Views:
+    """Shapes of the training views, whose pages nothing has touched."""
+    photos = np.zeros((len(chosen), loaded.height, loaded.width, 3), np.uint8)
+    return jax.tree.map(
+        lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype),
+        views_of(loaded, chosen, photos),
+    )
+
+
+def views_of(loaded: prepared.Scene, chosen, photos) -> batches.Views:
+    """The training views, every pixel of which counts."""
+    return batches.Views(
+        photos=photos,
+        valid=batches.all_valid(*photos.shape[:3]),
+        pixtocams=loaded.pixtocams[chosen].astype(np.float32),
+        camtoworlds=loaded.camtoworlds[chosen].astype(np.float32),
+    )
+
+
+def of_rendering(job, scene, started):
+    """Seconds to start, to compile from the cache and of a pixel; peak in bytes."""
+    loaded = prepared.load(scene)
+    method = compose.make_method(job, lambda: refine.views_of(loaded), to_train=False)
+    params = jax.jit(method.init)(jax.random.key(job.seed))
+    start_s = time.time() - started
+    # Some rows: the program of rays is the same for each height.
+    height = min(loaded.height, -(-PIXELS // loaded.width))
+    views = np.resize(np.arange(len(loaded.names)), machine.cores())
+
+    def timed(views):
+        render = renderer.make_renderer(method, params, loaded.width, height)
+        return timed_again(render, views)
+
+    def timed_again(render, views):
+        def one(view):
+            render(loaded.pixtocams[view], loaded.camtoworlds[view])
+
+        begun = time.perf_counter()
+        list(cores.map_in_threads(one, views))
+        return time.perf_counter() - begun, render
+
+    timed(views[:1])
+    forget_compiled()
+    first_s, render = timed(views[:1])
+    single_s, _ = timed_again(render, views[:1])
+    all_s, _ = timed_again(render, views)
+    return {
+        "render_start_s": start_s,
+        "render_compile_s": max(0.0, first_s - single_s),
+        "pixel_s": all_s / (len(views) * height * loaded.width),
+        "render_peak_bytes": peak_bytes(),
+    }
+
+
+def forget_compiled():
+    """As a process that finds all that was compiled in the cache."""
+    jax.clear_caches()
+    memory.give_back()
+    try:
+        # Linux then counts the largest size from now on.
+        pathlib.Path("/proc/self/clear_refs").write_text("5")
+    except OSError:
+        return
+
+
+def peak_bytes():
+    """The largest size of this process in memory, since then where that is known."""
+    try:
+        status = pathlib.Path("/proc/self/status").read_text()
+        return 1024 * int(re.search(r"VmHWM:\s+(\d+)", status)[1])
+    except (OSError, TypeError):
+        return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+if __name__ == "__main__":
+    faults.run(main)

@@ -1,0 +1,68 @@
+"""How much of the whole plan is left, for the lines that a running job prints.
+
+Read from the `preflight.json` of the config's scenes: tasks whose files are not there
+yet. It says nothing where there is none, and never fails a run.
+"""
+
+import json
+import os
+import time
+from pathlib import Path
+
+from alignerf.preflight import fit, lanes
+
+# Names of the config's scenes, one a line: set for all jobs of a run.
+SCENES = "ALIGNERF_SCENES"
+ASK_EVERY_S = 10.0
+
+
+class Left:
+    """How much is left of all, asked from a task that is under way itself.
+
+    scene: its folder. timing: the file that the task ends with.
+    """
+
+    def __init__(self, scene, timing):
+        self.scene, self.timing = Path(scene), Path(timing)
+        self.asked_s, self.text = -ASK_EVERY_S, ""
+
+    def of(self, share=0.0) -> str:
+        """'all: 12 min left of 34 min', `share` of this task done; or nothing."""
+        now_s = time.monotonic()
+        if now_s - self.asked_s >= ASK_EVERY_S:
+            self.asked_s = now_s
+            try:
+                self.text = text_of(plans_of(self.scene), self.timing, share)
+            except (OSError, ValueError, KeyError, TypeError, AttributeError):
+                self.text = ""
+        return self.text
+
+
+def plans_of(scene: Path):
+    """The plans of the run's scenes, of which this is one: those that are there."""
+    names = os.environ.get(SCENES, scene.name).split("\n")
+    folders = [scene.parent / name for name in dict.fromkeys([scene.name, *names])]
+    found = []
+    for folder in folders:
+        path = folder / "preflight.json"
+        if path.is_file() and (plan := json.loads(path.read_text())):
+            found.append((folder, plan))
+    return found
+
+
+def text_of(plans, timing: Path, share):
+    """The words, of (folder, plan) each."""
+    if not plans:
+        return ""
+    left = []
+    for folder, plan in plans:
+        for task in fit.tasks_of(plan):
+            path = folder / task.file
+            if path.resolve() == timing.resolve():
+                left.append(task._replace(seconds=(1 - share) * task.seconds))
+            elif not path.exists():
+                left.append(task)
+    cores = max(plan["cores"] for _, plan in plans)
+    whole_s = fit.in_all([plan for _, plan in plans])
+    left_s = lanes.wall_s(left, cores)
+    return f"all: {fit.minutes(left_s)} left of {fit.minutes(whole_s)}"

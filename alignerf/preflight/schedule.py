@@ -1,0 +1,231 @@
+"""The tasks of a scene's plan, each with seconds and bytes. No JAX here.
+
+What trains, renders or estimates flow was timed on this machine (`Rates`, `Flow`). All
+else is small: a process's start and a share by pixels, in units of what a view's flow
+or a start takes here.
+"""
+
+from typing import NamedTuple
+
+from alignerf.experiment import jobs
+from alignerf.preflight.lanes import Task
+
+# Control sets estimate so many flows of a test view, besides a few warps.
+CONTROL_FLOWS = 6
+# Seconds a megapixel on the machine whose flow process starts in START_S: scores of a
+# view in all test sets, its parts by camera, the figures and what the verdict looks at.
+START_S = 0.6
+EVALUATE_S, DECOMPOSE_S, FIGURES_S, VERDICT_S = 3.0, 7.0, 1.0, 1.0
+# Between one process and the next.
+JOB_S = 0.4
+# A correction of cameras fits each training view's flow a few times.
+CORRECT_S = 4.0
+# Processes of Pandas and Matplotlib, in starts of one of the flow.
+SLOW_START = 3.0
+# A round's files besides those of its views: parameters, once in the model's file and
+# three times, with Adam's moments, in the checkpoint; logs and tables.
+PARAM_BYTES, SMALL_BYTES = 16, 100_000
+DEPTH_BYTES = 4
+# Folders of images, and of flows, of each test view: control sets with the warped set.
+TESTSET_IMAGES, TESTSET_FLOWS = 7, 2
+# Rays of a step of a camera's fit by gradients, forwards and backwards, in renders.
+FIT_RAYS, BACKWARDS = 512, 4
+
+
+class Rates(NamedTuple):
+    """What a training and its rendering take on this machine."""
+
+    start_s: float
+    compile_s: float
+    step_s: float
+    params: int
+    peak_bytes: int
+    render_start_s: float
+    render_compile_s: float
+    pixel_s: float
+    render_peak_bytes: int
+
+
+class Flow(NamedTuple):
+    """What a process of the flow takes: its start, a view, and a view's files."""
+
+    start_s: float
+    view_s: float
+    flow_bytes: int
+    warped_bytes: int
+
+
+class Views(NamedTuple):
+    """What the facts of a scene say: how many views of which size."""
+
+    train: int
+    test: int
+    pixels: int
+    image_bytes: int
+
+    def of(self, splits):
+        return sum(getattr(self, split) for split in splits)
+
+
+def program_of(job):
+    """What of a job decides its compiled step: trainings of one program share rates.
+
+    How long a training is, is an input of its program.
+    """
+    unlike = {"steps", "budget_min", "warmup_steps", "learning_rates"}
+    found = job | {"training": without(job["training"], unlike)}
+    found["model"] = job["model"] | {
+        "training": without(job["model"].get("training", {}), unlike)
+    }
+    if job["stage"] == "pretrain":
+        found |= {"stage": "full", "alignerf": None}
+    found.pop("refine", None)
+    if job.get("refine"):
+        found["refine"] = job["refine"]
+    return found
+
+
+def without(mapping, keys):
+    return {key: value for key, value in mapping.items() if key not in keys}
+
+
+def tasks_of(work, rates, flow: Flow, views: Views, *, threads) -> list[Task]:
+    """All tasks of a scene after its poses, in an order in which they can run.
+
+    work: `experiment.targets.work`. rates: one of each training, in its order.
+    """
+    found = []
+    for one, rate in zip(work["trainings"], rates, strict=True):
+        found += training(one, rate, flow, views, threads=threads)
+        if one["scored"]:
+            found += scores(one, work, rate, flow, views, threads=threads)
+    # Scores are of all test sets, so that they wait for these.
+    at = next((i for i, t in enumerate(found) if t.kind == "score"), len(found))
+    found.insert(at, controls(work, flow, views))
+    found += for_verdict(work, flow, views)
+    found.append(tables(work, flow, views, [task.name for task in found]))
+    return [task._replace(seconds=task.seconds + JOB_S) for task in found]
+
+
+def controls(work, flow: Flow, views: Views):
+    """The warped test set, and those beside it."""
+    seconds = 2 * flow.start_s + views.test * flow.view_s * (1 + CONTROL_FLOWS)
+    sets = TESTSET_IMAGES * flow.warped_bytes + TESTSET_FLOWS * flow.flow_bytes
+    return Task(
+        *("testset", "rest", seconds, 1, [f"{work['reference']}/render"]),
+        *("testset/leak.csv", views.test * sets),
+    )
+
+
+def for_verdict(work, flow: Flow, views: Views):
+    """The parts of all views' flow that the verdict looks at: two flows each."""
+    name = work["verdict"]
+    for one in work["trainings"]:
+        if one["name"] == name:
+            count = views.of(one["renders"])
+            seconds = 2 * flow.start_s + decompose_s(flow, count * views.pixels)
+            yield Task(
+                *(f"{name}/parts_photos", "rest", seconds, 1, [f"{name}/flow"]),
+                *(f"{name}/decomposition_photos_test.csv", 2 * count * flow.flow_bytes),
+            )
+
+
+def tables(work, flow: Flow, views: Views, every):
+    """Facts, tables, figures and the verdict, after all others."""
+    megapixels = 1e-6 * views.test * views.pixels
+    seconds = pace(flow) * megapixels * (FIGURES_S * rounds(work) + VERDICT_S)
+    seconds += 4 * SLOW_START * flow.start_s
+    seconds += work["given"] * (flow.start_s + evaluate_s(flow, views))
+    return Task("tables", "rest", seconds, 1, every, "verdict.json", SMALL_BYTES)
+
+
+def rounds(work):
+    """Trainings whose test views are looked at."""
+    return sum(one["scored"] for one in work["trainings"])
+
+
+def pace(flow: Flow):
+    """How many times as long small things take here as where they were timed."""
+    return flow.start_s / START_S
+
+
+def decompose_s(flow: Flow, pixels):
+    """Seconds to fit cameras to the flow of so many pixels."""
+    return pace(flow) * DECOMPOSE_S * 1e-6 * pixels
+
+
+def evaluate_s(flow: Flow, views: Views):
+    """Seconds to score the test views in all test sets."""
+    return pace(flow) * EVALUATE_S * 1e-6 * views.test * views.pixels
+
+
+def training(one, rate: Rates, flow: Flow, views: Views, *, threads):
+    """The training itself, its renders and their flow."""
+    name, splits = one["name"], one["renders"]
+    job, count = jobs.parse(one["job"]), views.of(splits)
+    minutes = job.budget_min
+    loop_s = job.steps * rate.step_s if minutes is None else 60 * minutes
+    corrects_s = pace(flow) * CORRECT_S * 1e-6 * views.train * views.pixels
+    before_s = (flow.start_s + corrects_s) if one["corrects"] else 0.0
+    train = Task(
+        *(f"{name}/train", "train"),
+        before_s + rate.start_s + rate.compile_s + loop_s,
+        *(threads, [f"{before}/flow" for before in one["after"]]),
+        *(f"{name}/timing.json", PARAM_BYTES * rate.params + SMALL_BYTES),
+        rate.peak_bytes,
+    )
+    if not splits:
+        # Those that wait for its flow wait for the training itself.
+        return [train._replace(name=f"{name}/flow")]
+    render = Task(
+        *(f"{name}/render", "render", render_s(rate, count * views.pixels), threads),
+        *([train.name], f"{name}/render_{splits[-1]}.json"),
+        count * (views.image_bytes + DEPTH_BYTES * views.pixels),
+        rate.render_peak_bytes,
+    )
+    aligned = Task(
+        *(f"{name}/flow", "flow", flow.start_s + count * flow.view_s, 1),
+        *([render.name], f"{name}/displacement_{splits[-1]}.csv"),
+        count * (flow.flow_bytes + flow.warped_bytes),
+    )
+    return [train, render, aligned]
+
+
+def render_s(rate: Rates, pixels):
+    """Seconds of a process that renders so many pixels."""
+    return rate.render_start_s + rate.render_compile_s + pixels * rate.pixel_s
+
+
+def scores(one, work, rate: Rates, flow: Flow, views: Views, *, threads):
+    """What is made of a training's test views: parts of their flow, and scores."""
+    name, pixels = one["name"], views.test * views.pixels
+    targets = 2 if work["truth"] else 1
+    parts_s = flow.start_s + decompose_s(flow, pixels)
+    flows = 2
+    if work["truth"]:
+        # The flow to the oracle, and the model's own part.
+        parts_s += views.test * flow.view_s
+        flows = 4
+    parts = Task(
+        *(f"{name}/parts", "rest", parts_s, 1, [f"{name}/flow"]),
+        *(f"{name}/decomposition_test.csv", flows * views.test * flow.flow_bytes),
+    )
+    scored = Task(
+        *(f"{name}/scores", "score", SLOW_START * flow.start_s, 1),
+        *([f"{name}/flow", "testset"], f"{name}/metrics.csv", 0),
+    )
+    scored = scored._replace(seconds=scored.seconds + evaluate_s(flow, views))
+    if not (fits := work["aligned_pose"]):
+        return [parts, scored]
+    ways = fits["flow"] + (fits["gradient_steps"] > 0)
+    rays = BACKWARDS * FIT_RAYS * fits["gradient_steps"] * 2 * views.test
+    moved_s = render_s(rate, targets * (ways * pixels + rays))
+    moved_s += SLOW_START * flow.start_s
+    moved_s += decompose_s(flow, pixels * targets)
+    moved = Task(
+        *(f"{name}/aligned_pose", "rest", moved_s, threads, [parts.name]),
+        f"{name}/metrics_aligned_pose.csv",
+        targets * ways * views.test * views.image_bytes,
+        rate.render_peak_bytes,
+    )
+    return [parts, moved, scored]

@@ -1,0 +1,221 @@
+"""Work and measured rates to seconds, memory and disk; and what is left of it."""
+
+import json
+import os
+
+import pytest
+
+from alignerf.experiment import targets
+from alignerf.preflight import eta, fit, lanes, schedule
+
+RATES = schedule.Rates(
+    start_s=5.0,
+    compile_s=3.0,
+    step_s=0.1,
+    params=1000,
+    peak_bytes=600,
+    render_start_s=4.0,
+    render_compile_s=2.0,
+    pixel_s=1e-4,
+    render_peak_bytes=400,
+)
+FLOW = schedule.Flow(start_s=0.5, view_s=0.2, flow_bytes=900, warped_bytes=90)
+VIEWS = schedule.Views(train=20, test=4, pixels=1000, image_bytes=100)
+
+
+@pytest.fixture
+def demo(demo):
+    """The default config, its cost asked for."""
+    return demo | {"preflight": True}
+
+
+def task(name, seconds, *after, threads=1):
+    return lanes.Task(name, "train", seconds, threads, list(after), f"{name}.json")
+
+
+def tasks_of(experiment, scene="courtyard", rates=RATES):
+    work = targets.work(experiment, scene)
+    rates = [rates] * len(work["trainings"])
+    return schedule.tasks_of(work, rates, FLOW, VIEWS, threads=1)
+
+
+def named(tasks):
+    return {task.name: task for task in tasks}
+
+
+@pytest.mark.parametrize(
+    ("cores", "wanted_s"), [(1, 60.0), (2, 40.0), (3, 30.0), (64, 30.0)]
+)
+def test_tasks_wait_for_each_other_and_for_cores(cores, wanted_s):
+    chain = [task("a", 10.0), task("b", 10.0, "a"), task("c", 10.0, "b")]
+    others = [task(name, 10.0) for name in "def"]
+    wanted_s = {2: 30.0}.get(cores, wanted_s)
+    assert lanes.wall_s([*chain, *others], cores) == wanted_s
+
+
+def test_a_task_of_many_threads_takes_all_that_there_are():
+    tasks = [task("a", 3.0, threads=4), task("b", 3.0, threads=4)]
+    assert lanes.wall_s(tasks, 8) == 3.0
+    assert lanes.wall_s(tasks, 4) == lanes.wall_s(tasks, 2) == 6.0
+    # What is not among the tasks is done.
+    assert lanes.wall_s([task("a", 3.0, "before")], 1) == 3.0
+    assert lanes.wall_s([], 1) == 0.0
+    with pytest.raises(ValueError, match="wait for each other"):
+        lanes.wall_s([task("a", 1.0, "b"), task("b", 1.0, "a")], 1)
+
+
+def test_work_lists_what_is_trained_in_an_order_that_runs(demo, experiment_of):
+    demo["methods"] = {
+        "once": {"model": "base", "rounds": 1},
+        "moved": {"model": "base", "rounds": 1, "changes": "cameras"},
+        "warm": {"model": "base", "rounds": 1, "warm_start": {"from": "once"}},
+        "alignerf": {"model": "base", "alignerf": {"radius_px": "auto"}},
+        "corrected": {"model": "large", "alignerf": {}, "changes": "cameras"},
+        "auto": {"model": "large", "rounds": "auto", "most_rounds": 3},
+    }
+    demo["methods"]["alignerf"]["alignerf"]["radius_px"] = "auto"
+    found = targets.work(experiment_of(demo), "courtyard")["trainings"]
+    after = {one["name"]: one["after"] for one in found}
+    assert after == {
+        "pretrain/base": [],
+        "pretrain/large": [],
+        "once/round0": [],
+        "once/round1": ["once/round0"],
+        "moved/round1": ["once/round0"],
+        "warm/round1": ["once/round0"],
+        "alignerf/round0": ["pretrain/base", "once/round0"],
+        "corrected/round0": after["corrected/round0"],
+        "auto/round0": [],
+        **{f"auto/round{k}": [f"auto/round{k - 1}"] for k in (1, 2, 3)},
+    }
+    seen = set()
+    for one in found:
+        assert seen >= set(one["after"]), one["name"]
+        seen.add(one["name"])
+    of = {one["name"]: one for one in found}
+    assert of["pretrain/large"]["renders"] == ["train"]
+    assert of["pretrain/base"]["renders"] == []
+    assert of["once/round0"]["renders"] == ["train", "test"]
+    assert of["once/round1"]["renders"] == ["test"]
+    assert of["moved/round1"]["corrects"]
+    assert of["corrected/round0"]["corrects"]
+    assert not of["once/round1"]["corrects"]
+
+
+def test_a_training_takes_its_steps_or_its_minutes(demo, experiment_of):
+    found = named(tasks_of(experiment_of(demo)))
+    plain = found["mipnerf360/round0/train"]
+    assert plain.seconds == pytest.approx(8.0 + 2000 * 0.1 + schedule.JOB_S)
+    assert plain.new_bytes >= 16 * RATES.params
+    assert found["mipnerf360/round1/train"].after == ["mipnerf360/round0/flow"]
+    pixels = 24 * VIEWS.pixels
+    render = found["mipnerf360/round0/render"]
+    assert render.seconds == pytest.approx(6.0 + pixels * 1e-4 + schedule.JOB_S)
+    assert render.after == [plain.name]
+    demo["training"] = {"budget_min": 3}
+    found = named(tasks_of(experiment_of(demo)))
+    assert found["mipnerf360/round0/train"].seconds == pytest.approx(
+        188.0 + schedule.JOB_S
+    )
+    # Pre-training and fine-tuning share the minutes.
+    stages = ("pretrain/base/flow", "alignerf/round0/train")
+    assert sum(found[name].seconds for name in stages) < 1.5 * 188.0
+
+
+def test_every_task_waits_for_tasks_and_ends(demo, experiment_of):
+    tasks = tasks_of(experiment_of(demo))
+    names = set(named(tasks))
+    assert len(names) == len(tasks)
+    assert all(names >= set(task.after) for task in tasks)
+    assert len({task.file for task in tasks}) == len(tasks)
+    one, two = (lanes.wall_s(tasks, cores) for cores in (1, 2))
+    assert one == pytest.approx(sum(task.seconds for task in tasks))
+    assert one / 2 <= two < one
+
+
+def test_trainings_of_one_program_are_timed_once(demo, experiment_of):
+    work = targets.work(experiment_of(demo), "courtyard")
+    programs = {
+        one["name"]: json.dumps(schedule.program_of(one["job"]), sort_keys=True)
+        for one in work["trainings"]
+    }
+    same = ("mipnerf360/round0", "mipnerf360/round2", "pretrain/base")
+    assert len({programs[name] for name in same}) == 1
+    assert len(set(programs.values())) == 3
+
+
+def test_memory_is_that_of_what_runs_at_once(demo, experiment_of):
+    tasks = tasks_of(experiment_of(demo))
+    assert lanes.peak_bytes(tasks, 1) == RATES.peak_bytes
+    assert lanes.peak_bytes(tasks, 2) == 2 * RATES.peak_bytes
+    # Round upon round, nothing else trains meanwhile.
+    demo["methods"] = {"mipnerf360": {"model": "base", "rounds": 2}}
+    tasks = tasks_of(experiment_of(demo))
+    assert lanes.peak_bytes(tasks, 2) <= RATES.peak_bytes + RATES.render_peak_bytes
+    assert lanes.peak_bytes([], 2) == 0
+
+
+def plan(**changes):
+    found = {
+        "scene": "yard",
+        "cores": 2,
+        "lanes": 2,
+        "wall_s": 1980.0,
+        "memory_bytes": 1.4e9,
+        "memory_free_bytes": 15e9,
+        "disk_bytes": 0.6e9,
+        "disk_free_bytes": 20e9,
+        "tasks": [
+            task("a", 900.0)._asdict(),
+            task("b", 900.0, "a")._asdict() | {"kind": "flow"},
+            task("c", 1080.0)._asdict() | {"kind": "rest"},
+        ],
+    }
+    return found | changes
+
+
+def test_a_plan_that_does_not_fit_is_refused_with_what_to_change():
+    fit.check(plan())
+    with pytest.raises(ValueError, match=r"14\.5 GB of memory.*15\.0 GB.*--cores 1"):
+        fit.check(plan(memory_bytes=14.5e9))
+    with pytest.raises(ValueError, match="smaller model"):
+        fit.check(plan(memory_bytes=14.5e9, lanes=1))
+    with pytest.raises(ValueError, match=r"30\.0 GB of disk.*downscale.*rounds"):
+        fit.check(plan(disk_bytes=30e9))
+
+
+def test_what_is_said_of_a_plan():
+    first, second = fit.lines(plan(), "yard")
+    assert first == (
+        "yard: about 33 min on 2 cores: 1 training 15 min, flow 15 min, the rest 18 min"
+    )
+    assert second.endswith("memory 1.4 GB of 15.0 GB free; disk 0.6 GB of 20.0 GB free")
+    assert "budget_min" in fit.lines(plan(wall_s=9e4), "yard")[-1]
+
+
+def test_what_is_left_of_all_scenes(tmp_path, monkeypatch):
+    yard, other = tmp_path / "yard", tmp_path / "other"
+    monkeypatch.delenv(eta.SCENES, raising=False)
+
+    def left(share=0.0):
+        return eta.Left(yard, yard / "a.json").of(share)
+
+    assert left() == ""
+    yard.mkdir()
+    (yard / "preflight.json").write_text(json.dumps(plan()))
+    # a then b on one core, c on the other.
+    assert left() == "all: 30 min left of 30 min"
+    assert left(share=0.5) == "all: 22 min left of 30 min"
+    (yard / "a.json").touch()
+    (yard / "c.json").touch()
+    assert left(share=1.0) == "all: 15 min left of 30 min"
+    other.mkdir()
+    (other / "preflight.json").write_text(json.dumps(plan(scene="other")))
+    assert left(share=1.0) == "all: 15 min left of 30 min"
+    monkeypatch.setenv(eta.SCENES, "yard\nother\nlater")
+    assert left(share=1.0) == "all: 33 min left of 48 min"
+    for content in ("{}", "[", '{"tasks": 3}', "[1]"):
+        (other / "preflight.json").write_text(content)
+        (yard / "preflight.json").write_text(content)
+        assert left() == ""
+    assert os.environ[eta.SCENES]

@@ -1,0 +1,70 @@
+"""What waits for a scene's cost, and that `preview` trains nothing."""
+
+import re
+
+import pytest
+import yaml
+
+
+def planned(output):
+    stats = output.split("Job stats:")[1].split("\n\n")[0]
+    return {m[1]: int(m[2]) for m in re.finditer(r"^(\w+) +(\d+)$", stats, re.M)}
+
+
+@pytest.fixture
+def options(tmp_path, demo):
+    demo["scenes"]["other"] = demo["scenes"]["courtyard"]
+    demo["methods"]["warm"] = {
+        "model": "base",
+        "rounds": 1,
+        "warm_start": {"from": "mipnerf360"},
+    }
+    demo["methods"]["joint"] = {"model": "base", "refine": {}}
+    demo["preflight"] = True
+    path = tmp_path / "config.yaml"
+    path.write_text(yaml.safe_dump(demo, sort_keys=False))
+    return tmp_path, "--configfile", path, "-n"
+
+
+def test_every_training_waits_for_its_scenes_cost(options, snakemake):
+    code, output = snakemake(*options)
+    assert code == 0, output
+    assert planned(output)["preflight"] == 2
+    jobs = re.split(r"\n(?=(?:rule|localrule|checkpoint) )", output)
+    trainings = ("train", "train_warm", "train_refining", "pretrain", "finetune")
+    for rule in trainings:
+        found = [job for job in jobs if job.startswith(f"rule {rule}:")]
+        assert found, rule
+        for job in found:
+            scene = re.search(r"output: results/(\w+)/", job)[1]
+            assert f"results/{scene}/preflight.json" in job, job
+    assert not re.search(r"rule train_variant", output)
+
+
+def test_a_preview_trains_nothing_also_where_rounds_are_to_be_decided(
+    options, snakemake
+):
+    config = yaml.safe_load(options[2].read_text())
+    config["methods"]["auto"] = {"model": "base", "rounds": "auto"}
+    config["decide"] = True
+    options[2].write_text(yaml.safe_dump(config, sort_keys=False))
+    code, output = snakemake(*options, "preview")
+    assert code == 0, output
+    assert planned(output) == {
+        "poses_courtyard": 2,
+        "facts": 2,
+        "decisions": 2,
+        "preflight": 2,
+        "preview": 1,
+        "total": 9,
+    }
+
+
+def test_without_it_nothing_is_measured(options, snakemake):
+    """The file stays an input: a training is not made again for the switch."""
+    config = yaml.safe_load(options[2].read_text())
+    options[2].write_text(yaml.safe_dump(config | {"preflight": False}))
+    code, output = snakemake(*options, "-p", "preview")
+    assert code == 0, output
+    assert planned(output)["preflight"] == 2
+    assert output.count("--work null") == 2

@@ -1,0 +1,44 @@
+# Hours, memory and disk of a scene's whole plan, from a calibration of this machine.
+# It takes the machine as long, and what it compiles its trainings need not. With
+# `preflight: false` the file says nothing: it is there even so, since a training whose
+# inputs are others than before is made again.
+rule preflight:
+    input:
+        images="results/{scene}/images",
+        cameras="results/{scene}/cameras.npz",
+        decisions=lambda w: rows.decisions_of(experiment, w.scene),
+    output:
+        "results/{scene}/preflight.json",
+    log:
+        "results/{scene}/logs/preflight.log",
+    benchmark:
+        "results/{scene}/logs/preflight.tsv"
+    conda:
+        "../../environment.yml"
+    threads: sources.WHOLE_MACHINE
+    resources:
+        gpu=sources.ACCELERATORS,
+    params:
+        work=lambda w: slices.as_json(targets.work(experiment, w.scene)),
+        of_training=sources.OF_TRAINING,
+        sources=sources_of("alignerf.preflight") if config["preflight"] else "",
+    shell:
+        "python -m alignerf.preflight --scene results/{wildcards.scene:q}"
+        " --work {params.work:q} --cores {threads} --threads {params.of_training}"
+        " --out {output:q} 2>&1 | tee {log:q}"
+
+
+# What the facts decide and what all will cost, of all scenes, before any training.
+rule preview:
+    input:
+        decisions=expand("results/{scene}/decisions.json", scene=experiment.scenes),
+        costs=expand("results/{scene}/preflight.json", scene=experiment.scenes),
+    log:
+        "results/logs/preview.log",
+    conda:
+        "../../environment.yml"
+    params:
+        sources=sources_of("alignerf.decisions", "alignerf.preflight"),
+    shell:
+        "(python -m alignerf.decisions --show {input.decisions:q} &&"
+        " python -m alignerf.preflight --show {input.costs:q}) 2>&1 | tee {log:q}"
