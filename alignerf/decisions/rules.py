@@ -105,7 +105,7 @@ def steps(facts):
     default, batch = settings.Training.steps, settings.Training.batch_rays
     names = ("train_views", "width_px", "height_px")
     pixels = math.prod(facts[name] for name in names)
-    found = int(np.clip(round(PASSES * pixels / batch, -2), *STEPS))
+    found = int(np.clip(100 * math.ceil(PASSES * pixels / batch / 100), *STEPS))
     seen = found * batch / pixels
     return Decision(
         "training.steps",

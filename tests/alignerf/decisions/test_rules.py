@@ -13,6 +13,7 @@ from alignerf.decisions import __main__ as command
 from alignerf.decisions import rules
 from alignerf.experiment import settings
 from alignerf.mipnerf360 import coord
+from alignerf.verdict import causes
 
 FACTS = {
     "nearest": 0.5,
@@ -72,6 +73,8 @@ def test_steps_grow_with_pixels_within_bounds():
     assert found[2] == pytest.approx(2 * found[1], rel=0.02)
     seen = found[1] * settings.Training.batch_rays / (50 * 400 * 300)
     assert seen == pytest.approx(rules.PASSES, rel=0.02)
+    # As often as the verdict asks, below which a training is called short.
+    assert seen >= causes.FEW_PASSES
 
 
 @pytest.mark.parametrize(
