@@ -131,9 +131,14 @@ def point_facts(loaded: prepared.Scene):
     # COLMAP's outliers are not the scene's ends.
     near, middle, far = np.quantile(depths, [0.01, 0.5, 0.99])
     return {
-        "nearest": round(float(near), 4),
-        "median_depth": round(float(middle), 4),
-        "farthest": round(float(far), 4),
+        **{
+            name: float(f"{depth:.5g}")
+            for name, depth in (
+                ("nearest", near),
+                ("median_depth", middle),
+                ("farthest", far),
+            )
+        },
         "bounded": bool(far < BOUNDED * middle),
     }
 
@@ -160,13 +165,21 @@ def depths_of_bounds(loaded: prepared.Scene, transform):
     if not path.is_file():
         return np.zeros(0)
     scale = np.cbrt(np.linalg.det(transform[:3, :3]))
-    near, far = archives.read(path, ("bounds",))["bounds"].T * scale
+    bounds = archives.read(path, ("bounds",))["bounds"] * scale
+    # What LLFF could not tell is no fact.
+    known = np.isfinite(bounds).all(-1) & (bounds[:, 0] > 0)
+    near, far = bounds[known & (bounds[:, 1] > bounds[:, 0])].T
     return np.concatenate([near, 2 / (1 / near + 1 / far), far])
 
 
 def pose_facts(path):
     """How well the poses fit, in pixels of the training size."""
-    empty = dict.fromkeys(("reprojection_px", "points_in_3_views", "registered_share"))
+    empty = dict.fromkeys(
+        (
+            *("reprojection_px", "points_in_3_views", "registered_share"),
+            *("photo_width_px", "photo_height_px", "downscale", "downscale_decided"),
+        )
+    )
     if not path.is_file():
         return empty
     report = json.loads(path.read_text(encoding="utf-8"))
@@ -177,6 +190,10 @@ def pose_facts(path):
         "reprojection_px": error_px,
         "points_in_3_views": report.get("points_in_3_views"),
         "registered_share": round(report["registered"] / report["total"], 4),
+        "photo_width_px": report["photo_width"],
+        "photo_height_px": report.get("photo_height"),
+        "downscale": report.get("downscale"),
+        "downscale_decided": report.get("downscale_decided", False),
     }
 
 

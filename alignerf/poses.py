@@ -35,7 +35,8 @@ log = logging.getLogger("alignerf.poses")
 # change of a threshold would make all poses anew.
 FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
 # With `downscale: auto`: a training that sees each half a time takes minutes on a core.
-MOST_PIXELS = 10_000_000
+# Many photos may have more together, rather than sides under this.
+MOST_PIXELS, LEAST_SIDE_PX = 10_000_000, 200
 PRODUCTS = (
     *("images", "truth", "points.npz", "bounds.npz"),
     *("cameras.npz", "poses.json"),
@@ -51,8 +52,9 @@ def main(config, out):
         views, report, scene = READERS[config["source"]](config, scratch)
         photo_size = views.width, views.height
         views = prepare.sort_by_name(views)
-        if config["downscale"] == "auto":
-            config["downscale"] = prepare.factor_for(views, MOST_PIXELS)
+        report["downscale_decided"] = config["downscale"] == "auto"
+        if report["downscale_decided"]:
+            config["downscale"] = prepare.factor_for(views, MOST_PIXELS, LEAST_SIDE_PX)
             log.info("downscale: %d", config["downscale"])
         views = prepare.downscale(views, config["downscale"])
         rng = np.random.default_rng([config["seed"], 1])

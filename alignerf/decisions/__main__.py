@@ -18,11 +18,12 @@ def main(argv=None):
     parser.add_argument("--facts", help="facts.json of the scene")
     parser.add_argument("--out", help="decisions.json, written")
     parser.add_argument("--show", nargs="+", type=Path, help="decisions.json, printed")
+    parser.add_argument("--unasked", action="store_true", help="say: not applied")
     args = parser.parse_args(argv)
     if not args.show and None in (args.facts, args.out):
         parser.error("--facts and --out, or --show")
     if args.show:
-        print("\n".join(shown(args.show)))
+        print("\n".join(shown(args.show, not args.unasked)))
         return
     decisions = rules.decide(read_facts(args.facts))
     content = {"decisions": [decision._asdict() for decision in decisions]}
@@ -31,13 +32,18 @@ def main(argv=None):
     print("\n".join(map(rules.line, decisions)))
 
 
-def shown(paths):
-    """Lines of files that are there already, each below its scene's name."""
+def shown(paths, asked):
+    """Lines of files that are there already, each below its scene's name.
+
+    asked: whether the config leaves anything to facts.
+    """
     found = []
     for path in paths:
         lines = [rules.line(decision) for decision in fill.read(path).values()]
         found += [f"{path.parent.name}: the facts call for", *(f"  {x}" for x in lines)]
-    return found
+    return (
+        found if asked else [*found, "This config does not ask for it: decide: true."]
+    )
 
 
 def read_facts(path):

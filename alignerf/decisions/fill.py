@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from alignerf.decisions import rules
-from alignerf.experiment import jobs
+from alignerf.experiment import jobs, settings
 
 
 def read_job(text) -> jobs.Job:
@@ -15,8 +15,9 @@ def read_job(text) -> jobs.Job:
 def fill(values):
     """A job's mapping, the keys that it leaves to facts taken from its decisions.
 
-    A stage that takes a share of the steps takes the same share of those decided.
-    Raises ValueError where the file is missing, or does not say what the job needs.
+    A stage that takes a share of the steps takes the same share of those decided, and
+    a warm-up of its own keeps its share. Raises ValueError where the file is missing,
+    or does not say what the job needs.
     """
     path = values.get("decisions")
     if not path:
@@ -25,14 +26,18 @@ def fill(values):
     model, training = dict(values["model"]), dict(values["training"])
     for name in model.pop("decided", []):
         value = one(found, name, path).value
+        if name == "near":
+            # A config may say how far it sees.
+            value = min(value, model["far"] / 2)
         if name in model:
             model[name] = value
         else:
-            model["field"] = model["field"] | {name: value}
+            model["field"] = model["field"] | {name: int(value)}
     if "steps" in training.pop("decided"):
-        steps = one(found, "steps", path)
-        share = training["steps"] / steps.default
-        training["steps"] = max(1, round(share * steps.value))
+        times = one(found, "steps", path).value / settings.Training.steps
+        training["steps"] = max(1, round(times * training["steps"]))
+        if training["warmup_steps"] is not None:
+            training["warmup_steps"] = round(times * training["warmup_steps"])
     return values | {"model": model, "training": training, "decisions": None}
 
 
@@ -48,8 +53,13 @@ def read(path):
     """{key: Decision} of a decisions.json; ValueError names a file that is none."""
     try:
         entries = json.loads(Path(path).read_text(encoding="utf-8"))["decisions"]
-        return {entry["key"]: rules.Decision(**entry) for entry in entries}
+        found = {entry["key"]: rules.Decision(**entry) for entry in entries}
+        for key, decision in found.items():
+            numbers = (decision.default, decision.value)
+            if not isinstance(key, str) or not all(map(rules.known, numbers)):
+                raise ValueError(f"{key}: {decision.value} is no value")
     except FileNotFoundError:
         raise ValueError(f"{path}: not found") from None
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise ValueError(f"{path}: not a file of decisions: {error}") from None
+    return found

@@ -15,6 +15,8 @@ from alignerf.experiment import settings
 # Of the nearest point's distance: COLMAP's points are corners, smooth surfaces may be
 # nearer.
 NEAR_SHARE = 0.6
+# What a model takes, and float32 can tell apart.
+LENGTHS = (1e-6, 1e6)
 # Side of contracted space.
 CONTRACTED_SIDE = 4.0
 # Cells of the finest level across what a pixel covers at the median depth.
@@ -44,19 +46,34 @@ def decide(facts) -> list[Decision]:
 
     A key whose facts are unknown keeps its default, and the reason says so.
     """
-    return [rule(facts) for rule in (near, radius, finest, steps)]
+    found = [downscale(facts)] if facts.get("downscale_decided") else []
+    return [*found, *(rule(facts) for rule in (near, radius, finest, steps))]
+
+
+def downscale(facts):
+    """By how much photos were made smaller, where stage `poses` had to decide it."""
+    names = ("photo_width_px", "photo_height_px", "views")
+    width, height, views = (facts[name] for name in names)
+    return Decision(
+        "scenes.downscale",
+        settings.Scene.downscale,
+        facts["downscale"],
+        f"{views} photos of {width}x{height} have {views * width * height / 1e6:.3g} "
+        "million pixels",
+        {name: facts[name] for name in names},
+    )
 
 
 def near(facts):
     """The first sample lies a little before the nearest point."""
     default = settings.Model.near
     nearest = facts["nearest"]
-    if nearest is None:
+    if not known(nearest):
         return unknown("model.near", default, facts, ["nearest"])
     return Decision(
         "model.near",
         default,
-        digits(NEAR_SHARE * nearest),
+        digits(np.clip(NEAR_SHARE * nearest, *LENGTHS)),
         f"the nearest points are {nearest:g} away",
         {"nearest": nearest},
     )
@@ -69,9 +86,9 @@ def radius(facts):
     """
     default = settings.Model.radius
     nearest = facts["nearest"]
-    if nearest is None:
+    if not known(nearest):
         return unknown("model.radius", default, facts, ["nearest"])
-    found = max(default, digits(nearest))
+    found = max(default, digits(np.clip(nearest, *LENGTHS)))
     where = "beyond" if found > default else "among"
     reason = f"the nearest points are {where} the cameras"
     return Decision("model.radius", default, found, reason, {"nearest": nearest})
@@ -82,13 +99,13 @@ def finest(facts):
     default = settings.Model().field.finest
     names = ("pixel_angle_mrad", "median_depth")
     used = {name: facts[name] for name in names}
-    if None in used.values():
+    if not all(map(known, used.values())):
         return unknown("model.field.finest", default, facts, names)
     angle_mrad, depth = used.values()
     footprint = angle_mrad / 1e3 * depth
     begins = radius(facts).value
     contracted = footprint / begins * contraction_across(depth / begins)
-    cells = 2 ** round(math.log2(CELLS_A_PIXEL * CONTRACTED_SIDE / contracted))
+    cells = np.exp2(np.round(np.log2(CELLS_A_PIXEL * CONTRACTED_SIDE / contracted)))
     reason = f"a pixel covers {footprint:.2g} at the median depth"
     return Decision(
         "model.field.finest", default, int(np.clip(cells, *FINEST)), reason, used
@@ -111,9 +128,15 @@ def steps(facts):
         "training.steps",
         default,
         found,
-        f"each of {pixels / 1e6:.3g} million pixels is seen {seen:.2g} times",
+        f"each of {pixels / 1e6:.3g} million pixels is seen {seen:.2g} times, with "
+        f"{batch} rays a step",
         {name: facts[name] for name in names},
     )
+
+
+def known(fact):
+    """Whether a fact is a length or an angle: a finite number above 0."""
+    return isinstance(fact, int | float) and 0 < fact < math.inf
 
 
 def digits(value, count=3):

@@ -640,23 +640,23 @@ def rates(training, kind):
 def leave_open(config):
     """A config as it was written, with all that it leaves to the scenes' facts.
 
-    Without `decide` that is nothing; what it says of a key itself, stays.
+    Without `decide` that is nothing. A complete config says in `decided` what it left;
+    what was changed in it since then is no longer left.
     """
-    if config.get("decide") is not True:
-        return config
+    asked = config.get("decide") is True
     models = {
-        name: {"decided": open_of_model(model)} | model
+        name: model | {"decided": open_of_model(model) if asked else []}
         for name, model in (config.get("models") or {"base": {}}).items()
     }
-    scenes = {
-        name: ({"downscale": "auto"} if SOURCES[scene["source"]].has_path else {})
-        | scene
-        for name, scene in config["scenes"].items()
-    }
-    training = config.get("training") or {}
-    said = (training, *scenes.values())
-    if not any(given.get(key) for given in said for key in ("steps", "budget_min")):
-        training = {"decided": list(OPEN_OF_TRAINING)} | training
+    training, scenes = config.get("training") or {}, config["scenes"]
+    if asked:
+        scenes = {
+            name: ({"downscale": "auto"} if SOURCES[scene["source"]].has_path else {})
+            | scene
+            for name, scene in scenes.items()
+        }
+    open_keys = open_of_training(training, scenes.values()) if asked else []
+    training = training | {"decided": open_keys}
     return config | {"models": models, "scenes": scenes, "training": training}
 
 
@@ -665,10 +665,36 @@ def open_of_model(given):
     if given.get("kind", Model.kind) != Model.kind:
         return []
     field = given.get("field") or {}
-    said = {*given, *field}
-    if field.get("kind", Grid.kind) != Grid.kind:
-        said.add("finest")
-    return [name for name in OPEN_OF_MODEL if name not in said]
+    kind = field.get("kind", Grid.kind)
+    # Only a grid has cells; a field of points contracts nothing.
+    fits = {"finest": kind == Grid.kind, "radius": kind != Nerf.kind}
+    usual = {
+        "near": (Model.near,),
+        "radius": (Model.radius,),
+        "finest": (Grid.finest, Model().field.finest),
+    }
+    found = []
+    for name in OPEN_OF_MODEL:
+        value = (field if name == "finest" else given).get(name)
+        left = value is None
+        if "decided" in given:
+            left = name in given["decided"] and value in (None, *usual[name])
+        if left and fits.get(name, True):
+            found.append(name)
+    return found
+
+
+def open_of_training(given, scenes):
+    """Its steps, where neither training nor a scene says how long it is."""
+    usual = (None,)
+    if "decided" in given:
+        if "steps" not in given["decided"]:
+            return []
+        usual = (None, Training.steps)
+    said = [(one.get("steps"), one.get("budget_min")) for one in (given, *scenes)]
+    if any(steps not in usual or budget_min for steps, budget_min in said):
+        return []
+    return list(OPEN_OF_TRAINING)
 
 
 def check_length(given, where):

@@ -166,5 +166,11 @@ def variant_of(config, name):
     found = {key: change.pop(key, value) for key, value in found.items()}
     training |= model["training"]
     model = model | {"training": {}}
+    if any(length) or "warmup_steps" in change:
+        training["decided"] = []
     of_training = {key: change.pop(key) for key in set(change) & set(training)}
-    return found | {"model": model | change, "training": training | of_training}
+    model |= change
+    if "field" in change:
+        # The point says its field whole, or what is to be seen of it.
+        model["decided"] = [name for name in model["decided"] if name != "finest"]
+    return found | {"model": model, "training": training | of_training}

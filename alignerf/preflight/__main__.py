@@ -63,11 +63,22 @@ def decided(work):
 
 def shown(paths):
     """Lines of files that are there already, and of all together."""
-    plans = [plan for path in paths if (plan := json.loads(path.read_text()))]
+    plans = [plan for path in paths if (plan := read(path))]
     found = [line for plan in plans for line in fit.lines(plan, plan["scene"])]
     if len(plans) > 1:
         found.append(f"all scenes: about {fit.minutes(fit.in_all(plans))}")
     return found or ["nothing is said with `preflight: false`"]
+
+
+def read(path):
+    """The content of a preflight.json; ValueError names a file that is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if found and not fit.lines(found, found["scene"]):
+            raise ValueError("it says nothing")
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"{path}: not a preflight: {error}") from None
+    return found
 
 
 def plan_of(args, work):

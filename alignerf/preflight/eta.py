@@ -5,6 +5,7 @@ yet. It says nothing where there is none, and never fails a run.
 """
 
 import json
+import math
 import os
 import time
 from pathlib import Path
@@ -13,7 +14,9 @@ from alignerf.preflight import fit, lanes
 
 # Names of the config's scenes, one a line: set for all jobs of a run.
 SCENES = "ALIGNERF_SCENES"
-ASK_EVERY_S = 10.0
+ASK_EVERY_S, ASK_SHARE = 10.0, 100.0
+# What a file that is no plan, or a damaged one, ends in.
+NO_PLAN = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError)
 
 
 class Left:
@@ -24,17 +27,19 @@ class Left:
 
     def __init__(self, scene, timing):
         self.scene, self.timing = Path(scene), Path(timing)
-        self.asked_s, self.text = -ASK_EVERY_S, ""
+        self.next_s, self.text = 0.0, ""
 
     def of(self, share=0.0) -> str:
         """'all: 12 min left of 34 min', `share` of this task done; or nothing."""
-        now_s = time.monotonic()
-        if now_s - self.asked_s >= ASK_EVERY_S:
-            self.asked_s = now_s
+        begun_s = time.monotonic()
+        if begun_s >= self.next_s:
             try:
                 self.text = text_of(plans_of(self.scene), self.timing, share)
-            except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            except NO_PLAN:
                 self.text = ""
+            # Plans of many scenes take seconds: the training is what is to be done.
+            now_s = time.monotonic()
+            self.next_s = now_s + max(ASK_EVERY_S, ASK_SHARE * (now_s - begun_s))
         return self.text
 
 
@@ -54,15 +59,19 @@ def text_of(plans, timing: Path, share):
     """The words, of (folder, plan) each."""
     if not plans:
         return ""
-    left = []
+    left, is_ours = [], False
     for folder, plan in plans:
         for task in fit.tasks_of(plan):
             path = folder / task.file
             if path.resolve() == timing.resolve():
+                is_ours = True
                 left.append(task._replace(seconds=(1 - share) * task.seconds))
             elif not path.exists():
                 left.append(task)
     cores = max(plan["cores"] for _, plan in plans)
     whole_s = fit.in_all([plan for _, plan in plans])
     left_s = lanes.wall_s(left, cores)
+    if not (is_ours and 0 <= left_s < math.inf and 0 <= whole_s < math.inf):
+        # Another plan's job, as the sweep's are, or a file that somebody has changed.
+        return ""
     return f"all: {fit.minutes(left_s)} left of {fit.minutes(whole_s)}"

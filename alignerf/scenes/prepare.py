@@ -102,10 +102,16 @@ def sort_by_name(views: PosedViews) -> PosedViews:
     )
 
 
-def factor_for(views: PosedViews, pixels: int) -> int:
-    """The least factor of `downscale` that leaves all views so many pixels or fewer."""
+def factor_for(views: PosedViews, pixels: int, side_px: int) -> int:
+    """The least factor of `downscale` that leaves all views so many pixels or fewer.
+
+    No side becomes shorter than `side_px`, however many they are.
+    """
     factor = 1
-    while len(views.names) * math.prod(smaller(views, factor)) > pixels:
+    while (
+        len(views.names) * math.prod(smaller(views, factor)) > pixels
+        and min(smaller(views, factor + 1)) >= side_px
+    ):
         factor += 1
     return factor
 

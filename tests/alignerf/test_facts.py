@@ -152,3 +152,14 @@ def test_soft_and_dark_photos_are_found(scene, rng):
     dark = (np.asarray(Image.open(scene / "images" / "v5.png")) // 4).astype(np.uint8)
     Image.fromarray(dark).save(scene / "images" / "v5.png")
     assert facts_of(scene)["brightness_spread_ev"] > 0.5
+
+
+def test_bounds_that_are_no_depths_are_no_facts(scene):
+    unknown = [[0, 5], [-1, 5], [np.nan, 5], [5, 2]]
+    np.savez(scene / "bounds.npz", bounds=unknown)
+    assert facts_of(scene)["nearest"] is None
+    np.savez(scene / "bounds.npz", bounds=[*unknown, [1.0, np.inf], [2.0, 6.0]])
+    found = facts_of(scene)
+    # Lengths are half of these, see above; 3 is the harmonic mean.
+    names = ("nearest", "median_depth", "farthest")
+    np.testing.assert_allclose([found[n] for n in names], [1.0, 1.5, 3.0], rtol=0.03)

@@ -38,7 +38,8 @@ rule preview:
     conda:
         "../../environment.yml"
     params:
+        asked=[] if config["decide"] else ["--unasked"],
         sources=sources_of("alignerf.decisions", "alignerf.preflight"),
     shell:
-        "(python -m alignerf.decisions --show {input.decisions:q} &&"
+        "(python -m alignerf.decisions --show {input.decisions:q} {params.asked} &&"
         " python -m alignerf.preflight --show {input.costs:q}) 2>&1 | tee {log:q}"

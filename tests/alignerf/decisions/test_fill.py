@@ -93,7 +93,20 @@ def test_other_systems_take_their_steps_alone(folder):
     assert (job.model.near, job.steps) == (settings.NerfSystem.near, 6000)
 
 
-@pytest.mark.parametrize("text", ["", "{}", '{"decisions": [{"key": 1}]}', "[]"])
+def of(**changes):
+    """A decisions.json of one entry, the change of near's."""
+    entry = rules.Decision("model.near", 0.2, 3.0, "", {})._asdict() | changes
+    return json.dumps({"decisions": [entry]})
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "{}", '{"decisions": [{"key": 1}]}', "[]", "[" * 10**5),
+        *(of(value=value) for value in ("x", None, 0, -1, float("nan"))),
+        *(of(key=5), of(default=0)),
+    ],
+)
 def test_a_file_without_decisions_is_named(folder, text):
     (folder / "results/s/decisions.json").write_text(text)
     with pytest.raises(ValueError, match=r"decisions\.json: not a file of decisions"):
@@ -127,3 +140,78 @@ def test_photos_are_made_as_small_as_their_number_asks():
     }
     found = check.checked({"decide": True, "scenes": scenes})["scenes"]
     assert [scene["downscale"] for scene in found.values()] == [1, 3, "auto"]
+
+
+EDITS = {
+    "near": lambda c: c["models"]["base"].update(near=0.1),
+    "finest": lambda c: c["models"]["base"]["field"].update(finest=99),
+    "steps": lambda c: c["training"].update(steps=8000),
+    "budget": lambda c: c["training"].update(steps=None, budget_min=2),
+    "scene": lambda c: c["scenes"]["s"].update(steps=8000),
+    "decide": lambda c: c.update(decide=False),
+    "nothing": lambda c: None,
+}
+
+
+@pytest.mark.parametrize(
+    ("edit", "left"),
+    [
+        ("near", ["radius", "finest", "steps"]),
+        ("finest", ["near", "radius", "steps"]),
+        ("steps", ["near", "radius", "finest"]),
+        ("budget", ["near", "radius", "finest"]),
+        ("scene", ["near", "radius", "finest"]),
+        ("decide", []),
+        ("nothing", ["near", "radius", "finest", "steps"]),
+    ],
+)
+def test_what_is_changed_in_a_complete_config_is_said(edit, left):
+    config = check.checked({"decide": True, "scenes": SCENE})
+    EDITS[edit](config)
+    found = check.checked(config)
+    open_keys = found["models"]["base"]["decided"] + found["training"]["decided"]
+    assert open_keys == left
+
+
+def test_decided_keys_need_decide():
+    config = {
+        "models": {"m": {"decided": ["near"]}},
+        "training": {"decided": ["steps"]},
+    }
+    found = check.checked({"scenes": SCENE} | config)
+    assert found["models"]["m"]["decided"] == found["training"]["decided"] == []
+
+
+def test_a_field_of_points_has_neither_cells_nor_contraction():
+    model = {"field": {"kind": "nerf"}, "far": 10}
+    config = {"decide": True, "models": {"m": model}, "scenes": SCENE}
+    assert check.checked(config)["models"]["m"]["decided"] == ["near"]
+
+
+@pytest.mark.parametrize(
+    ("change", "finest", "steps"),
+    [
+        ({"seed": 1}, 512, 6000),
+        ({"field": {"finest": 99}}, 99, 6000),
+        ({"field": {"kind": "mlp"}}, None, 6000),
+        ({"steps": 300}, 512, 300),
+        ({"budget_min": 2}, 512, None),
+    ],
+)
+def test_a_point_of_the_sweep_says_its_own(folder, change, finest, steps):
+    config = {"decide": True, "tradeoff": {"variants": {"v": change}}}
+    config = check.checked({"scenes": SCENE} | config)
+    text = slices.of_variant(plan.Experiment(config, None), "v")
+    job = fill.read_job(text)
+    assert getattr(job.model.field, "finest", None) == finest
+    assert (job.training.steps, job.model.near) == (steps, 3.0)
+
+
+def test_near_stays_before_a_far_that_the_config_says(folder):
+    config = {"decide": True, "models": {"m": {"far": 4.0}}}
+    assert fill.read_job(job_of(config)).model.near == 2.0
+
+
+def test_a_warm_up_keeps_its_share(folder):
+    config = {"decide": True, "training": {"warmup_steps": 400}}
+    assert fill.read_job(job_of(config)).warmup_steps == 600

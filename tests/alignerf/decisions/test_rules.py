@@ -91,6 +91,23 @@ def test_what_is_not_known_decides_nothing(fact, key):
     assert fact in found.reason
 
 
+@pytest.mark.parametrize("nearest", [0.0, -1.0, math.nan, math.inf, 1e-9, 1e30])
+def test_what_is_no_length_decides_nothing_impossible(nearest):
+    found = decided(nearest=nearest, median_depth=nearest)
+    assert rules.LENGTHS[0] <= found["model.near"].value <= rules.LENGTHS[1]
+    assert 1 <= found["model.radius"].value <= rules.LENGTHS[1]
+    least, most = rules.FINEST
+    assert least <= found["model.field.finest"].value <= most
+
+
+def test_a_downscale_is_said_where_it_was_decided():
+    photo = {"photo_width_px": 4000, "photo_height_px": 3000, "views": 50}
+    found = decided(downscale_decided=True, downscale=8, **photo)["scenes.downscale"]
+    assert (found.value, found.default) == (8, 1)
+    assert "600 million" in found.reason
+    assert "scenes.downscale" not in decided(downscale_decided=False)
+
+
 def test_a_line_says_key_value_and_reason():
     line = rules.line(decided(nearest=14.0)["model.near"])
     assert line == "model.near 8.4 instead of 0.2: the nearest points are 14 away"

@@ -20,12 +20,20 @@ def views_of(count, width, height, load=None):
 @pytest.mark.parametrize("count", [1, 20, 300])
 def test_the_least_factor_that_leaves_so_many_pixels(count):
     most, views = 20_000_000, views_of(count, 4032, 3024)
-    factor = prepare.factor_for(views, most)
+    factor = prepare.factor_for(views, most, 200)
     small = prepare.downscale(views, factor)
     assert count * small.width * small.height <= most
     if factor > 1:
         larger = prepare.downscale(views, factor - 1)
         assert count * larger.width * larger.height > most
+
+
+def test_many_photos_do_not_become_tiny():
+    views = views_of(5000, 4032, 3024)
+    small = prepare.downscale(views, prepare.factor_for(views, 10_000_000, 200))
+    assert 200 <= small.height <= 210
+    tiny = views_of(5000, 64, 48)
+    assert prepare.factor_for(tiny, 10_000, 200) == 1
 
 
 def test_downscaling_follows_the_true_ratio():

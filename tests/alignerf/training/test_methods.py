@@ -248,22 +248,26 @@ def test_without_its_parts_the_method_is_the_baseline_on_patches(views):
 
 def test_pixels_match_better_than_a_patch_and_both_than_none(views):
     """The more that may move, the smaller the error that is left."""
-    errors = []
+    errors, params = [], None
     for matching, radius_px in (("pixel", 3), ("patch", 3), ("patch", 0)):
         loss = cases.make_loss(
             matching=matching, radius_px=radius_px, align_penalty=0.0
         )
         method = cases.alignerf(loss=loss)
-        params = jax.jit(method.init)(jax.random.key(0))
+        if params is None:
+            # The loss has none of its own.
+            params = jax.jit(method.init)(jax.random.key(0))
         batch = jax.jit(method.draw)(jax.random.key(4), 0, everywhere(views))
+
         # Each radius draws as much photo around the patches as it needs.
-        terms, shown = jax.jit(method.terms)(params, batch, 1.0)
-        grads = jax.jit(
-            jax.grad(lambda p, m=method, b=batch: m.terms(p, b, 1.0)[0]["data"])
-        )
-        flat = jax.tree.leaves(grads(params))
-        assert all(np.isfinite(leaf).all() for leaf in flat)
-        errors.append(float(terms["data"]))
+        def error(params, method=method, batch=batch):
+            terms, shown = method.terms(params, batch, 1.0)
+            return terms["data"], shown
+
+        both = jax.jit(jax.value_and_grad(error, has_aux=True))
+        (found, shown), grads = both(params)
+        assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(grads))
+        errors.append(float(found))
         assert (shown["offset_px"] > 0) == (radius_px > 0)
     assert errors == sorted(errors)
 
