@@ -6,6 +6,7 @@ import os
 import pytest
 
 from alignerf.experiment import targets
+from alignerf.preflight import __main__ as command
 from alignerf.preflight import eta, fit, lanes, schedule
 
 RATES = schedule.Rates(
@@ -206,6 +207,8 @@ def test_what_is_left_of_all_scenes(tmp_path, monkeypatch):
     # a then b on one core, c on the other.
     assert left() == "all: 30 min left of 30 min"
     assert left(share=0.5) == "all: 22 min left of 30 min"
+    # The sweep's jobs are of another plan.
+    assert eta.Left(yard, yard / "tradeoff" / "a.json").of() == ""
     (yard / "a.json").touch()
     (yard / "c.json").touch()
     assert left(share=1.0) == "all: 15 min left of 30 min"
@@ -214,8 +217,33 @@ def test_what_is_left_of_all_scenes(tmp_path, monkeypatch):
     assert left(share=1.0) == "all: 15 min left of 30 min"
     monkeypatch.setenv(eta.SCENES, "yard\nother\nlater")
     assert left(share=1.0) == "all: 33 min left of 48 min"
-    for content in ("{}", "[", '{"tasks": 3}', "[1]"):
+    nonsense = json.dumps(plan()).replace("900", "NaN")
+    for content in ("{}", "[", '{"tasks": 3}', "[1]", "[" * 10**5, nonsense):
         (other / "preflight.json").write_text(content)
         (yard / "preflight.json").write_text(content)
         assert left() == ""
     assert os.environ[eta.SCENES]
+
+
+def test_plans_of_many_scenes_are_asked_for_rarely(tmp_path, monkeypatch):
+    clock, calls = [0.0], []
+
+    def slow(*args):
+        clock[0] += 3.0
+        calls.append(args)
+        return "all: soon"
+
+    monkeypatch.setattr(eta.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(eta, "text_of", slow)
+    left = eta.Left(tmp_path, tmp_path / "a.json")
+    for clock[0] in (0.0, 20.0, 250.0, 310.0):
+        assert left.of() == "all: soon"
+    assert len(calls) == 2
+
+
+@pytest.mark.parametrize("content", ["", "[1]", '{"a": 1}', '{"scene": "s"}'])
+def test_a_file_that_is_no_preflight_is_named(tmp_path, content):
+    path = tmp_path / "preflight.json"
+    path.write_text(content)
+    with pytest.raises(ValueError, match=r"preflight\.json: not a preflight"):
+        command.main(["--show", str(path)])
