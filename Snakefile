@@ -71,9 +71,11 @@ rule all:
 check.or_exit(check.check_free, experiment.scenes, [r.name for r in workflow.rules])
 
 
-# The last lines of a run: what is wrong with each scene, and what to do.
+# The last lines of a run: what is wrong with each scene, and what to do. Not those of a
+# run before, where only its cost is asked for.
 onsuccess:
-    print("\n".join(targets.verdicts(experiment.scenes)))
+    if "preview" not in workflow.dag_settings.targets:
+        print("\n".join(targets.verdicts(experiment.scenes)))
 
 
 # One target for each scene, named like it.
