@@ -131,14 +131,9 @@ def point_facts(loaded: prepared.Scene):
     # COLMAP's outliers are not the scene's ends.
     near, middle, far = np.quantile(depths, [0.01, 0.5, 0.99])
     return {
-        **{
-            name: float(f"{depth:.5g}")
-            for name, depth in (
-                ("nearest", near),
-                ("median_depth", middle),
-                ("farthest", far),
-            )
-        },
+        "nearest": float(f"{near:.5g}"),
+        "median_depth": float(f"{middle:.5g}"),
+        "farthest": float(f"{far:.5g}"),
         "bounded": bool(far < BOUNDED * middle),
     }
 

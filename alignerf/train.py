@@ -13,7 +13,6 @@ import json
 import logging
 
 import jax
-import numpy as np
 
 from alignerf.command import faults, machine, whole
 from alignerf.contributions import patch_conv, search_radius
@@ -74,7 +73,7 @@ def train(job, args):
     prepared.check_images(loaded, chosen, photos)
     method = compose.make_method(job, lambda: refine.views_of(loaded))
     params = initial_params(job, method, args.initial)
-    shapes = view_shapes(loaded, chosen)
+    shapes = batches.view_shapes(loaded, chosen)
     to_come = memory.tree_bytes(shapes)
     for free in (memory.free_host_bytes(), memory.free_bytes(jax.local_devices()[0])):
         memory.check(to_come, free, f"{photos}: training views")
@@ -86,7 +85,7 @@ def train(job, args):
     built = program.build(job, method, params, shapes, parts=parts, to_come=to_come)
     params, timing = loop.fit(
         *(job, method, built, params),
-        *(load_views(loaded, chosen, photos, args.valid), args.checkpoints),
+        *(batches.load_views(loaded, chosen, photos, args.valid), args.checkpoints),
         names=[loaded.names[view] for view in chosen],
         sources=args.sources + weights_digest(job),
         note=left.of,
@@ -139,33 +138,6 @@ def check_patches(job, loaded: prepared.Scene):
             f"config.alignerf.patch_px: {job.alignerf.patch_px} px do not fit photos "
             f"of {loaded.width}x{loaded.height}"
         )
-
-
-def view_shapes(loaded: prepared.Scene, chosen) -> batches.Views:
-    """Shapes of the training views, before they are loaded."""
-    n, h, w = len(chosen), loaded.height, loaded.width
-    return batches.Views(
-        photos=jax.ShapeDtypeStruct((n, h, w, 3), np.uint8),
-        valid=jax.ShapeDtypeStruct((n, h, -(-w // 8)), np.uint8),
-        pixtocams=jax.ShapeDtypeStruct((n, 3, 3), np.float32),
-        camtoworlds=jax.ShapeDtypeStruct((n, 3, 4), np.float32),
-    )
-
-
-def load_views(loaded: prepared.Scene, chosen, photos, valid) -> batches.Views:
-    """The training views in the host's memory, with what says which pixels count."""
-    packed = [batches.all_valid(len(chosen), loaded.height, loaded.width)]
-    if valid:
-        packed = [
-            batches.pack_valid(prepared.read_validity(loaded, [view], valid))
-            for view in chosen
-        ]
-    return batches.Views(
-        photos=prepared.read_images(loaded, chosen, photos),
-        valid=np.concatenate(packed),
-        pixtocams=loaded.pixtocams[chosen].astype(np.float32),
-        camtoworlds=loaded.camtoworlds[chosen].astype(np.float32),
-    )
 
 
 def initial_params(job, method, initial):

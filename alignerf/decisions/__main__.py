@@ -41,9 +41,9 @@ def shown(paths, asked):
     for path in paths:
         lines = [rules.line(decision) for decision in fill.read(path).values()]
         found += [f"{path.parent.name}: the facts call for", *(f"  {x}" for x in lines)]
-    return (
-        found if asked else [*found, "This config does not ask for it: decide: true."]
-    )
+    if not asked:
+        found.append("This config does not ask for it: decide: true.")
+    return found
 
 
 def read_facts(path):

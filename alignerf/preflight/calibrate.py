@@ -69,26 +69,17 @@ def of_training(job, scene, started):
     chosen = loaded.views("train")
     method = compose.make_method(job, lambda: refine.views_of(loaded))
     params = jax.jit(method.init)(jax.random.key(job.seed))
-    shapes = shapes_of(loaded, chosen)
+    shapes = batches.view_shapes(loaded, chosen)
     start_s = time.time() - started
     program.build(job, method, params, shapes, to_come=memory.tree_bytes(shapes))
     forget_compiled()
     built = program.build(job, method, params, shapes)
     begun = time.time()
-    photos = prepared.read_images(loaded, chosen, loaded.folder / "images")
-    views = views_of(loaded, chosen, photos)
+    views = batches.load_views(loaded, chosen, loaded.folder / "images")
     checkpoint.digest((params, views))
     count = sum(leaf.size for leaf in jax.tree.leaves(params))
-    state = program.fresh_state(built.optimizer, params)
-    state, views = program.place((state, views), built.mesh)
-    schedule = program.schedule_of(jobs.with_steps(job, jobs.MOST_STEPS), built.mesh)
     start_s += time.time() - begun
-    step_s = program.step_time_s(
-        lambda state: built.step(state, views, schedule),
-        state,
-        most_s=TIMING_S,
-        at_once=loop.FETCH_EVERY,
-    )
+    step_s = loop.step_time_s(job, built, params, views, most_s=TIMING_S)
     return {
         "start_s": start_s,
         "compile_s": built.compile_time_s,
@@ -96,25 +87,6 @@ def of_training(job, scene, started):
         "params": count,
         "peak_bytes": peak_bytes(),
     }
-
-
-def shapes_of(loaded: prepared.Scene, chosen) -> batches.Views:
-    """Shapes of the training views, whose pages nothing has touched."""
-    photos = np.zeros((len(chosen), loaded.height, loaded.width, 3), np.uint8)
-    return jax.tree.map(
-        lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype),
-        views_of(loaded, chosen, photos),
-    )
-
-
-def views_of(loaded: prepared.Scene, chosen, photos) -> batches.Views:
-    """The training views, every pixel of which counts."""
-    return batches.Views(
-        photos=photos,
-        valid=batches.all_valid(*photos.shape[:3]),
-        pixtocams=loaded.pixtocams[chosen].astype(np.float32),
-        camtoworlds=loaded.camtoworlds[chosen].astype(np.float32),
-    )
 
 
 def of_rendering(job, scene, started):

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.scenes import cameras
+from alignerf.scenes import cameras, prepared
 
 # Rounds of the Feistel network, two additions each: after two, pixels of a step are
 # spread evenly; one more is cheap.
@@ -56,6 +56,32 @@ def all_valid(n, h, w):
     A training has a mask even so: its rounds then share one compiled program.
     """
     return np.full((n, h, -(-w // 8)), 255, np.uint8)
+
+
+def view_shapes(loaded: prepared.Scene, chosen) -> Views:
+    """Shapes of the training views, before they are loaded."""
+    n, h, w = len(chosen), loaded.height, loaded.width
+    return Views(
+        photos=jax.ShapeDtypeStruct((n, h, w, 3), np.uint8),
+        valid=jax.ShapeDtypeStruct((n, h, -(-w // 8)), np.uint8),
+        pixtocams=jax.ShapeDtypeStruct((n, 3, 3), np.float32),
+        camtoworlds=jax.ShapeDtypeStruct((n, 3, 4), np.float32),
+    )
+
+
+def load_views(loaded: prepared.Scene, chosen, photos, valid=None) -> Views:
+    """The training views in the host's memory, with what says which pixels count."""
+    packed = [all_valid(len(chosen), loaded.height, loaded.width)]
+    if valid:
+        packed = [
+            pack_valid(prepared.read_validity(loaded, [view], valid)) for view in chosen
+        ]
+    return Views(
+        photos=prepared.read_images(loaded, chosen, photos),
+        valid=np.concatenate(packed),
+        pixtocams=loaded.pixtocams[chosen].astype(np.float32),
+        camtoworlds=loaded.camtoworlds[chosen].astype(np.float32),
+    )
 
 
 def is_valid(views: Views, view, y, x):

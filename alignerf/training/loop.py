@@ -27,7 +27,16 @@ TIMING_SHARE, TIMING_S = 0.05, 5.0
 
 
 def fit(
-    job, method, built, params, views, checkpoints, *, names, sources="", note=None
+    job,
+    method,
+    built,
+    params,
+    views,
+    checkpoints,
+    *,
+    names,
+    sources="",
+    note=progress.nothing,
 ):
     """Train to the last step; returns (parameters, timing).
 
@@ -101,17 +110,24 @@ def time_budget(job, built, params, views):
 
     The steps that are timed change a copy of the parameters, which is thrown away.
     """
-    state = program.fresh_state(built.optimizer, jax.tree.map(jnp.copy, params))
+    most_s = min(TIMING_S, TIMING_SHARE * 60 * job.budget_min)
+    copy = jax.tree.map(jnp.copy, params)
+    time_s = step_time_s(job, built, copy, views, most_s=most_s)
+    steps = jobs.steps_in(job, time_s)
+    return {"steps": steps, "steps_per_s": round(1 / time_s, 4)}
+
+
+def step_time_s(job, built, params, views, *, most_s):
+    """Median seconds of a job's step, timed for about `most_s`; it uses up `params`."""
+    state = program.fresh_state(built.optimizer, params)
     state, views = program.place((state, views), built.mesh)
     schedule = program.schedule_of(jobs.with_steps(job, jobs.MOST_STEPS), built.mesh)
-    step_time_s = program.step_time_s(
+    return program.step_time_s(
         lambda state: built.step(state, views, schedule),
         state,
-        most_s=min(TIMING_S, TIMING_SHARE * 60 * job.budget_min),
+        most_s=most_s,
         at_once=FETCH_EVERY,
     )
-    steps = jobs.steps_in(job, step_time_s)
-    return {"steps": steps, "steps_per_s": round(1 / step_time_s, 4)}
 
 
 def resume(checkpoints, state, identity, steps):
@@ -179,9 +195,7 @@ def run_steps(job, step, state, views, save, explain, note):
     done = int(state.step)
     pending, history = [], {}
     saved = fetched = time.perf_counter()
-    bar = progress.Progress(
-        job.stage, job.steps, done=done, note=note or progress.nothing
-    )
+    bar = progress.Progress(job.stage, job.steps, done=done, note=note)
     with contextlib.closing(bar):
         while done < job.steps:
             state, stats = step(state, views)

@@ -7,9 +7,10 @@ import pycolmap
 import pytest
 from PIL import Image
 
-from alignerf import export, poses, train
+from alignerf import export, poses
 from alignerf.command import faults
 from alignerf.scenes import cameras, colmap, llff, prepare, prepared, transforms
+from alignerf.training import batches
 from tests.bench import cases
 
 
@@ -116,7 +117,7 @@ def test_a_training_on_the_exported_folder_is_the_one_on_the_scene(scene, tmp_pa
     chosen = [found.views("train") for found in loaded]
     np.testing.assert_array_equal(*chosen)
     first, second = (
-        train.load_views(found, views, found.folder / "images", None)
+        batches.load_views(found, views, found.folder / "images", None)
         for found, views in zip(loaded, chosen, strict=True)
     )
     np.testing.assert_array_equal(first.photos, second.photos)

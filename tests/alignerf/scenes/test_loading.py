@@ -10,9 +10,8 @@ COUNT, WIDTH, HEIGHT = 60, 800, 600
 SCRIPT = """
 import json, pathlib, sys
 import jax
-from alignerf import train
 from alignerf.scenes import prepared
-from alignerf.training import checkpoint, program
+from alignerf.training import batches, checkpoint, program
 
 def resident(key):
     lines = pathlib.Path("/proc/self/status").read_text().splitlines()
@@ -22,7 +21,7 @@ loaded = prepared.load(sys.argv[1])
 chosen = loaded.views("train")
 jax.block_until_ready(jax.numpy.ones(3))
 before = resident("VmRSS")
-views = train.load_views(loaded, chosen, loaded.folder / "images", None)
+views = batches.load_views(loaded, chosen, loaded.folder / "images", None)
 checkpoint.digest(views)
 placed = program.place(views, None)
 assert placed.photos.unsafe_buffer_pointer() == views.photos.ctypes.data
