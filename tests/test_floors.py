@@ -28,12 +28,13 @@ FLOORS = [
         *("flow.estimation", "flow.figures"),
     },
     {"alignerf.training", "alignerf.verdict", "flow.benchmark"},
-    {"alignerf.preflight"},
+    {"alignerf.preflight", "alignerf.page"},
     {"alignerf", "flow"},  # the stages: files directly in a package
 ]
 # Folders that hold commands besides the stages.
 COMMANDS = ("alignerf.metrics", "alignerf.tables", "flow.figures", "flow.benchmark")
 COMMANDS += ("alignerf.decisions", "alignerf.preflight", "alignerf.verdict")
+COMMANDS += ("alignerf.page",)
 MOST_MODULES = 12
 FORBIDDEN = {"snakemake", "pickle", "dill", "joblib", "marshal", "shelve"}
 JAX = {"jax", "flax", "optax"}
@@ -127,8 +128,9 @@ def test_the_flow_reaches_the_commands_tools_only_and_no_jax(name):
 
 
 def test_the_packages_are_kept_apart():
-    """Both meet in a process only where flow moves poses."""
+    """Both meet in a process only where flow moves poses, and on the page."""
     meeting = ("alignerf.correct_poses", "alignerf.align_test_poses")
+    meeting += ("alignerf.page.pictures",)
     for name in MODULES:
         if name.startswith("alignerf.") and name not in meeting:
             assert not [f for f in own_imports(name) if f.startswith("flow.")], name

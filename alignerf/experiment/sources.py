@@ -25,6 +25,9 @@ ACCELERATORS = int(machine.has_accelerator())
 # alignerf/training/cores.py).
 OF_TRAINING = WHOLE_MACHINE if ACCELERATORS else min(max(WHOLE_MACHINE // 2, 1), 4)
 
+# What a page is made of besides code.
+DATA = (".html", ".css", ".js")
+
 
 @functools.cache
 def sources_of(*modules):
@@ -36,6 +39,8 @@ def sources_of(*modules):
     digest = hashlib.sha256()
     for path in sorted({path for module in modules for path in reached(module)}):
         digest.update(path.read_bytes())
+        for beside in data_beside(path):
+            digest.update(beside.read_bytes())
     if (ROOT / LOCK).is_file():
         digest.update((ROOT / LOCK).read_bytes())
     return digest.hexdigest()[:16]
@@ -53,6 +58,14 @@ def reached(module):
         # Importing a module runs the packages that it lies in.
         todo += [*imports(path), *([name.rpartition(".")[0]] if "." in name else [])]
     return seen
+
+
+def data_beside(path):
+    """What a package holds besides modules, such as a page's template."""
+    if path.name != "__init__.py":
+        return []
+    found = [*path.parent.glob("*"), *path.parent.glob("vendor/*")]
+    return sorted(p for p in found if p.suffix in DATA)
 
 
 def file_of(module):

@@ -40,12 +40,24 @@ def figures(experiment):
 
 def of_scene(experiment, scene):
     """What `snakemake SCENE` is run for; what leads there is made too."""
+    return [*of_page(experiment, scene), page_of(scene)]
+
+
+def page_of(scene, results="results"):
+    """The page of a scene, by its path."""
+    return f"{results}/{scene}/index.html"
+
+
+def of_page(experiment, scene):
+    """What a scene's page shows, or leads to, besides images."""
     folder = f"results/{scene}"
     return [
         f"{folder}/config.yaml",
+        f"{folder}/poses.json",
         f"{folder}/facts.json",
         f"{folder}/decisions.json",
         f"{folder}/verdict.json",
+        f"{folder}/tables/views.csv",
         *(
             f"{folder}/tables/{name}.{kind}"
             for name in tables(scene in experiment.with_truth())
@@ -63,6 +75,8 @@ def verdicts(scenes, results="results"):
         if path.is_file():
             found = json.loads(path.read_text(encoding="utf-8"))
             lines += ["", scene, *(f"  {line}" for line in found["verdict"])]
+            if Path(page_of(scene, results)).is_file():
+                lines.append(f"  Page: {page_of(scene, results)}")
     return lines
 
 

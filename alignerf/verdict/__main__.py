@@ -31,6 +31,7 @@ def main(argv=None):
     sentences = words.say(known, findings, gains, found)
     content = {
         "verdict": sentences,
+        "state": words.state(known, findings),
         "findings": [finding._asdict() for finding in findings],
         "evidence": known._asdict(),
         "stands_out": {v.view: v.stands_out for v in found if v.stands_out},

@@ -53,6 +53,14 @@ def headline(e, findings):
     return f"Verdict: aligned{', but ' + ', '.join(what) if what else ''}."
 
 
+def state(e, findings):
+    """The verdict in a word: `aligned`, `misaligned` or `unclear`."""
+    named = {finding.cause for finding in findings}
+    if named & {"sparse", "few_views"} or causes.unclear(e):
+        return "unclear"
+    return "misaligned" if causes.misaligned(e) else "aligned"
+
+
 CALLED = {
     "camera": "poses are off",
     "motion": "the scene moved",

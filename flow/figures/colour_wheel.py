@@ -49,13 +49,29 @@ def encode(flow_px, *, scale_px, valid=None):
     return np.floor(255 * colour * known[..., None]).astype(np.uint8)
 
 
-def legend(side_px):
+def faded(flow_px, least_px):
+    """The flow with lengths beneath `least_px` shortened by their square's share.
+
+    At the least itself nothing changes, half of it becomes an eighth: beneath what can
+    be told colours fade out without an edge.
+    """
+    if not (np.isfinite(least_px) and least_px >= 0):
+        raise ValueError(f"least_px must be 0 or more, is {least_px}")
+    flow_px = np.asarray(flow_px, dtype=np.float64)
+    length = np.linalg.norm(flow_px, axis=-1, keepdims=True)
+    # A length that is no number stays none.
+    share = np.where(length < least_px, length / max(least_px, 1e-12), 1.0)
+    return flow_px * share**2
+
+
+def legend(side_px, *, scale_px=1.0, least_px=0.0):
     """The wheel [side_px, side_px, 3]: colour of the flow from the centre to here.
 
-    The rim stands for the scale; outside of it the image is white.
+    The rim stands for the scale; outside of it the image is white. least_px: as of
+    `faded`.
     """
-    offset = np.arange(side_px) - (side_px - 1) / 2
+    offset = (np.arange(side_px) - (side_px - 1) / 2) / (side_px / 2)
     flow = np.stack(np.meshgrid(offset, offset), axis=-1)
-    inside = np.hypot(flow[..., 0], flow[..., 1]) <= side_px / 2
-    colours = encode(flow, scale_px=side_px / 2)
+    inside = np.hypot(flow[..., 0], flow[..., 1]) <= 1
+    colours = encode(faded(flow * scale_px, least_px), scale_px=scale_px)
     return np.where(inside[..., None], colours, np.uint8(255))

@@ -9,6 +9,7 @@ rule comparison:
             "results/comparison.csv",
             caption="../report/comparison.rst",
             category="comparison",
+            labels={"what": "comparison", "kind": "table"},
         ),
         tex="results/comparison.tex",
         provenance="results/comparison.provenance.json",
@@ -16,6 +17,7 @@ rule comparison:
             "results/comparison_ranking.csv",
             caption="../report/comparison.rst",
             category="comparison",
+            labels={"what": "ranking", "kind": "table"},
         ),
     log:
         "results/logs/comparison.log",

@@ -10,6 +10,7 @@ rule flow_benchmark:
             "results/flow_benchmark.csv",
             caption="../report/flow_benchmark.rst",
             category="flow estimators",
+            labels={"what": "flow benchmark", "kind": "table"},
         ),
         tex="results/flow_benchmark.tex",
         provenance="results/flow_benchmark.provenance.json",
@@ -17,6 +18,7 @@ rule flow_benchmark:
             "results/flow_benchmark.png",
             caption="../report/flow_benchmark.rst",
             category="flow estimators",
+            labels={"what": "flow benchmark", "kind": "figure"},
         ),
     log:
         "results/logs/flow_benchmark.log",

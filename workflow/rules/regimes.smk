@@ -9,6 +9,7 @@ rule regimes:
             f"results/{regimes.name(experiment)}.csv",
             caption="../report/regimes.rst",
             category="regimes",
+            labels={"what": "regimes", "kind": "table"},
         ),
         tex=f"results/{regimes.name(experiment)}.tex",
         provenance=f"results/{regimes.name(experiment)}.provenance.json",
@@ -16,6 +17,7 @@ rule regimes:
             f"results/{regimes.name(experiment)}.png",
             caption="../report/regimes.rst",
             category="regimes",
+            labels={"what": "regimes", "kind": "figure"},
         ),
     log:
         "results/logs/regimes.log",

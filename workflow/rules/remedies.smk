@@ -8,6 +8,7 @@ rule remedies:
             "results/remedies.csv",
             caption="../report/remedies.rst",
             category="remedies",
+            labels={"what": "remedies", "kind": "table"},
         ),
         tex="results/remedies.tex",
         provenance="results/remedies.provenance.json",
@@ -15,6 +16,7 @@ rule remedies:
             "results/remedies.png",
             caption="../report/remedies.rst",
             category="remedies",
+            labels={"what": "remedies", "kind": "figure"},
         ),
     log:
         "results/logs/remedies.log",

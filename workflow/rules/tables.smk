@@ -10,6 +10,7 @@ rule tables:
                 f"results/{{scene}}/tables/{table}.csv",
                 caption=f"../report/{table}.rst",
                 category="{scene}",
+                labels={"what": table, "kind": "table"},
             )
             for table in targets.reported(known=False)
         ],
@@ -39,6 +40,7 @@ use rule tables as tables_courtyard with:
                 f"results/{{scene}}/tables/{table}.csv",
                 caption=f"../report/{table}.rst",
                 category="{scene}",
+                labels={"what": table, "kind": "table"},
             )
             for table in targets.reported(known=True)
         ],
@@ -62,6 +64,7 @@ rule figures:
                 f"results/{{scene}}/figures/{figure}.png",
                 caption=f"../report/{figure}.rst",
                 category="{scene}",
+                labels={"what": figure, "kind": "figure"},
             )
             for figure in targets.figures(experiment)
         ],

@@ -85,6 +85,7 @@ rule tradeoff:
             "results/tradeoff.csv",
             caption="../report/tradeoff.rst",
             category="tradeoff",
+            labels={"what": "tradeoff", "kind": "table"},
         ),
         tex="results/tradeoff.tex",
         provenance="results/tradeoff.provenance.json",
@@ -92,6 +93,7 @@ rule tradeoff:
             "results/tradeoff.png",
             caption="../report/tradeoff.rst",
             category="tradeoff",
+            labels={"what": "tradeoff", "kind": "figure"},
         ),
     log:
         "results/logs/tradeoff.log",

@@ -14,6 +14,7 @@ rule verdict:
             "results/{scene}/tables/views.csv",
             caption="../report/photos.rst",
             category="{scene}",
+            labels={"what": "every photo", "kind": "table"},
         ),
     log:
         "results/{scene}/logs/verdict.log",

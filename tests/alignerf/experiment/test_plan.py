@@ -167,6 +167,7 @@ def test_the_truth_is_known_of_the_embedded_scene(demo, tmp_path, experiment_of)
     own = targets.of_scene(experiment, "own")
     assert "results/courtyard/tables/ranking.csv" in made
     assert "results/own/tables/ranking.csv" not in own
+    assert "results/own/index.html" in own
     assert len(made) == len(own) + 2
     demo["methods"].pop("alignerf")
     assert "results/courtyard/figures/crops.png" not in targets.of_scene(
@@ -186,6 +187,8 @@ def test_a_change_of_code_or_of_versions_changes_a_job(tmp_path, monkeypatch):
         "alignerf/part/__init__.py": "",
         "alignerf/part/thing.py": "import json\n",
         "alignerf/part/other.py": "",
+        "alignerf/part/page.html": "",
+        "alignerf/part/vendor/slider.js": "",
         "requirements.lock": "jax==1",
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -205,8 +208,11 @@ def test_a_change_of_code_or_of_versions_changes_a_job(tmp_path, monkeypatch):
         hash_of("alignerf/part/thing.py", "import json\n\n"),
         hash_of("alignerf/stage.py", "from alignerf.part import thing, other\n"),
         hash_of("requirements.lock", "jax==2"),
+        # What a package holds besides modules is as good as code.
+        hash_of("alignerf/part/page.html", "<p>"),
+        hash_of("alignerf/part/vendor/slider.js", "0"),
     }
-    assert len(changed | {first}) == 4
+    assert len(changed | {first}) == 6
     sources.sources_of.cache_clear()
     sources.imports.cache_clear()
 

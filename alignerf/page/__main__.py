@@ -1,0 +1,134 @@
+"""The page of a scene: `python -m alignerf.page`, results/SCENE/index.html.
+
+Verdict, images under a slider, every photo, tables, decisions and costs in one file
+that needs no network.
+"""
+
+import argparse
+import base64
+from pathlib import Path
+
+import jinja2
+
+from alignerf.command import faults, whole
+from alignerf.experiment import rows
+from alignerf.page import contents, pictures
+from alignerf.tables.files import read_csv
+from alignerf.verdict import views
+
+HERE = Path(__file__).resolve().parent
+
+
+def main(argv=None):
+    args = parse(argv)
+    page = render(
+        args.scene,
+        rounds=[(r.renders, r.flow) for r in rows.read(rows.Renders, args.rounds)],
+        base=args.base,
+    )
+    with whole.replace_file(args.out) as path:
+        path.write_text(page, encoding="utf-8")
+    print(f"page     {args.out} ({len(page) / 1e6:.1f} MB)")
+
+
+def render(folder, *, rounds, base):
+    """The page's HTML of a scene's folder of results.
+
+    rounds: (renders, flow), folders of the reference's test views round by round; base:
+    the folder of its round 0, where training views lie too if they were rendered.
+    """
+    folder, base = Path(folder), Path(base)
+    told = contents.verdict(folder)
+    leak_px = pictures.leak_of(told["evidence"])
+    shown = shown_views(folder, rounds, base, leak_px)
+    images = pictures.fitted(shown)
+    decided, taken = contents.decisions(folder)
+    return template().render(
+        scene=folder.resolve().name,
+        verdict=told,
+        facts=contents.facts(folder),
+        views=[one for one in shown if f"{one.split}/{one.view}" in images],
+        images=images,
+        layers=pictures.layer_names(shown),
+        shape=pictures.shape_of(shown),
+        wheel=pictures.data_uri(pictures.wheel(leak_px)),
+        full_px=pictures.FULL_PX,
+        leak_px=leak_px,
+        tables=contents.tables(folder),
+        figures=figures(folder),
+        decisions=decided,
+        decisions_taken=taken,
+        costs=contents.costs(folder),
+        downloads=contents.downloads(folder),
+    )
+
+
+def shown_views(folder, rounds, base, leak_px):
+    """`pictures.Shown` of the views that the page has."""
+    table = read_csv(folder / "tables" / "views.csv", dtype={"view": str})
+    table["stands_out"] = table["stands_out"].fillna("").astype(str)
+    found = [views.View(**row) for row in table[list(views.COLUMNS)].to_dict("records")]
+    truth = folder / "truth" / "oracle"
+    of_split = {
+        "test": pictures.Source(
+            "test", rounds, base / "warped" / "test", truth if truth.is_dir() else None
+        )
+    }
+    if (base / "renders" / "train").is_dir():
+        first = [(base / "renders" / "train", base / "flow" / "train")]
+        of_split["train"] = pictures.Source("train", first, base / "warped" / "train")
+    return [
+        pictures.Shown(
+            row.view,
+            row.split,
+            note_on(row),
+            pictures.layers_of(
+                row.view, of_split[row.split], folder / "images", leak_px
+            ),
+        )
+        for row in pictures.choose(found)
+    ]
+
+
+def note_on(view):
+    """A view's numbers in words."""
+    learnt = "held out" if view.split == "test" else "learnt from"
+    parts = [f"{learnt}: {view.flow_px:.2f} px apart, {view.psnr_db:.1f} dB"]
+    return "; ".join([*parts, view.stands_out] if view.stands_out else parts)
+
+
+def figures(folder):
+    """(title, data URI) of the figures that the page repeats."""
+    found = []
+    for name, title in contents.FIGURES.items():
+        path = folder / "figures" / f"{name}.png"
+        if path.is_file():
+            text = base64.b64encode(path.read_bytes()).decode()
+            found.append((title, f"data:image/png;base64,{text}"))
+    return found
+
+
+def template():
+    """The page's template; all that comes from data is escaped."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(HERE),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("template.html")
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(prog="alignerf.page", description=__doc__)
+    parser.add_argument("--scene", type=Path, required=True, help="results/SCENE")
+    parser.add_argument("--rounds", required=True, help="JSON: renders, flow folders")
+    parser.add_argument("--base", type=Path, required=True, help="reference's round 0")
+    parser.add_argument("--out", type=Path, required=True, help="index.html, written")
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    faults.run(main)

@@ -1,0 +1,156 @@
+"""The images of the page: which views, which layers, and how they come to fit.
+
+Notation: images [h, w, 3] uint8 RGB; flow_px [h, w, 2] from a render to its photo, in
+pixels of the training size, `valid` [h, w] where it holds. A *layer* is one image of a
+view: its photo, a render, the warped photo, a flow in colours.
+"""
+
+import base64
+import io
+import itertools
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from PIL import Image
+
+from alignerf.command import archives, images
+from alignerf.verdict import causes
+from flow.figures import colour_wheel
+
+# The same for all scenes, so that one that is aligned looks so.
+FULL_PX = 4.0
+MOST_TEST, MOST_TRAIN = 10, 4
+# The page stays under 15 MB, of which base64 takes a quarter and tables the rest.
+MOST_BYTES = 10_000_000
+# (longest side in px, WebP's quality): the first under MOST_BYTES is taken.
+SIZES = ((1280, 88), (960, 85), (720, 82), (540, 78), (400, 70), (280, 60))
+WHEEL_PX = 160
+
+
+class Source(NamedTuple):
+    """Where the layers of a view's split lie."""
+
+    split: str
+    # (folder of renders, folder of flow), round by round.
+    rounds: list
+    warped: Path | None
+    truth: Path | None = None
+
+
+class Shown(NamedTuple):
+    """A view of the page."""
+
+    view: str
+    split: str
+    # Words below the images: how far apart, how alike, why it stands out.
+    note: str
+    layers: dict[str, np.ndarray]
+
+
+def choose(views):
+    """Those shown, the farthest from their renders first.
+
+    views: `verdict.views.View`s. Of the test views all or, of many, those that stand
+    out and evenly spaced others; of the training views those that stand out.
+    """
+    test = [view for view in views if view.split == "test"]
+    train = [view for view in views if view.split == "train" and view.stands_out]
+    if len(test) > MOST_TEST:
+        odd = sorted((view for view in test if view.stands_out), key=_length)
+        odd = odd[-MOST_TEST // 2 :]
+        rest = [view for view in test if view not in odd]
+        places = np.linspace(0, len(rest) - 1, MOST_TEST - len(odd))
+        test = [*odd, *(rest[i] for i in places.round().astype(int))]
+    train = sorted(train, key=_length)[-MOST_TRAIN:]
+    return sorted([*test, *train], key=_length, reverse=True)
+
+
+def _length(view):
+    return view.flow_px if np.isfinite(view.flow_px) else np.inf
+
+
+def layers_of(view, source: Source, photos, leak_px):
+    """{name: image} of a view; what was not made for its split is left out."""
+    found = {"photo": images.read(Path(photos) / f"{view}.png")}
+    last = len(source.rounds) - 1
+    for number in dict.fromkeys((0, last)):
+        renders, flow = source.rounds[number]
+        after = "" if number == 0 else f" after round {number}"
+        found[f"render{after}"] = images.read(Path(renders) / f"{view}.png")
+        data = archives.read(Path(flow) / f"{view}.npz", ("flow_px", "valid"))
+        found[f"flow{after}"] = coloured(data["flow_px"], leak_px, data["valid"])
+    if source.warped is not None:
+        found["warped photo"] = images.read(Path(source.warped) / f"{view}.png")
+    if source.truth is not None:
+        found["truth"] = images.read(Path(source.truth) / f"{view}.png")
+    return found
+
+
+def coloured(flow_px, leak_px, valid=None):
+    """A flow's colours [h, w, 3] at the fixed scale, fading beneath the leak."""
+    faded = colour_wheel.faded(flow_px, leak_px)
+    return colour_wheel.encode(faded, scale_px=FULL_PX, valid=valid)
+
+
+def wheel(leak_px):
+    """The wheel [WHEEL_PX, WHEEL_PX, 3] that says what the colours mean."""
+    return colour_wheel.legend(WHEEL_PX, scale_px=FULL_PX, least_px=leak_px)
+
+
+def leak_of(evidence):
+    """Length in px beneath which a flow says nothing, of a verdict's evidence."""
+    return max(causes.ALIGNED_PX, evidence.get("leak_px") or 0.0)
+
+
+def fitted(shown):
+    """{view: {layer: data URI}}, at the first of SIZES that fits into the page.
+
+    Views are left out from the end where even the smallest is too large.
+    """
+    for longest_px, quality in SIZES:
+        found = _encoded(shown, longest_px, quality)
+        if found is not None:
+            return found
+    return _encoded(shown, *SIZES[-1], cut=True)
+
+
+def _encoded(shown, longest_px, quality, *, cut=False):
+    """All views' layers, None (or those so far) from MOST_BYTES on."""
+    found, size = {}, 0
+    for one in shown:
+        uris = {
+            name: data_uri(image, longest_px, quality)
+            for name, image in one.layers.items()
+        }
+        size += sum(map(len, uris.values())) * 3 // 4
+        if size > MOST_BYTES:
+            return found if cut else None
+        found[one.split + "/" + one.view] = uris
+    return found
+
+
+def data_uri(image, longest_px=None, quality=None):
+    """An image as text that a page can hold; lossless where no quality is given."""
+    picture = Image.fromarray(image)
+    if longest_px is not None:
+        # Never larger than it is.
+        picture.thumbnail((longest_px, longest_px), Image.Resampling.LANCZOS)
+    buffer = io.BytesIO()
+    options = {"lossless": True} if quality is None else {"quality": quality}
+    picture.save(buffer, "WEBP", method=4, **options)
+    return "data:image/webp;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def layer_names(shown):
+    """Names of all layers, in the order in which views have them."""
+    names = itertools.chain.from_iterable(one.layers for one in shown)
+    return list(dict.fromkeys(names))
+
+
+def shape_of(shown):
+    """Width over height of the views; 1 where none is shown."""
+    if not shown:
+        return 1.0
+    height, width = shown[0].layers["photo"].shape[:2]
+    return round(width / height, 4)

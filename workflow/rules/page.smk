@@ -1,0 +1,28 @@
+# What a visitor opens: verdict, images, tables and costs of a scene in one file.
+rule page:
+    input:
+        unpack(lambda w: rows.of_verdict(experiment, w.scene)),
+        lambda w: rows.files_of(rows.figure_rounds(experiment, w.scene)),
+        images="results/{scene}/images",
+        tables=lambda w: targets.of_page(experiment, w.scene),
+    output:
+        report(
+            "results/{scene}/index.html",
+            caption="../report/page.rst",
+            category="{scene}",
+            labels={"what": "the page", "kind": "page"},
+        ),
+    log:
+        "results/{scene}/logs/page.log",
+    benchmark:
+        "results/{scene}/logs/page.tsv"
+    conda:
+        "../../environment.yml"
+    params:
+        rounds=lambda w: rows.as_json(rows.figure_rounds(experiment, w.scene)),
+        base=lambda w: experiment.reference_folder(w.scene, 0),
+        sources=sources_of("alignerf.page"),
+    shell:
+        "python -m alignerf.page --scene results/{wildcards.scene:q}"
+        " --rounds {params.rounds:q} --base {params.base:q} --out {output:q}"
+        " 2>&1 | tee {log:q}"
