@@ -10,6 +10,7 @@
 #   snakemake --cores N flow_benchmark     how right and how fast the flow estimators are
 #   snakemake --cores N export             cameras and photos for other programs
 #   snakemake --cores N --configfile workflow/config/own_photos.yaml
+import atexit
 import sys
 
 sys.path.insert(0, workflow.basedir)
@@ -77,6 +78,11 @@ check.or_exit(check.check_free, experiment.scenes, [r.name for r in workflow.rul
 onsuccess:
     if "preview" not in workflow.dag_settings.targets:
         print("\n".join(targets.verdicts(experiment.scenes)))
+
+
+# What stopped it comes after all that Snakemake says of it.
+onerror:
+    atexit.register(print, "\n".join(["", *targets.causes(log)]))
 
 
 # One target for each scene, named like it.

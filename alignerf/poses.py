@@ -38,7 +38,7 @@ FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
 # Many photos may have more together, rather than sides under this.
 MOST_PIXELS, LEAST_SIDE_PX = 10_000_000, 200
 PRODUCTS = (
-    *("images", "truth", "points.npz", "bounds.npz"),
+    *("images", "truth", "points.npz", "bounds.npz", "colmap"),
     *("cameras.npz", "poses.json"),
 )
 
@@ -81,6 +81,8 @@ def main(config, out):
                 split=split,
                 perturb_px=config["perturb_px"],
             )
+        if (scratch / "colmap").is_dir():
+            whole.move(scratch / "colmap", fresh / "colmap")
         report |= describe_views(views, photo_size, split, config)
         report["time_s"] = round(time.monotonic() - started, 1)
         (fresh / "poses.json").write_text(json.dumps(report, indent=1) + "\n")
@@ -186,7 +188,7 @@ READERS = {
 
 def pose_photos(folder, scratch, config, *, camera_model, where=None):
     """Views of a folder of photos by COLMAP, undistorted, and the poses report."""
-    views, model, focal_px = colmap.pose_folder(
+    views, model, taken = colmap.pose_folder(
         folder,
         scratch,
         camera_model=config["colmap"]["camera_model"] or camera_model,
@@ -201,9 +203,33 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
         "points": len(model.points),
         "points_in_3_views": model.points_in_3_views,
         "models": model.models,
-        "exif_focal_px": focal_px,
+        **describe_photos(model, taken),
     }
     return views, report
+
+
+def describe_photos(model, taken):
+    """The part of the report about photos: how they lie, their lenses, their errors."""
+    place = {name: i for i, name in enumerate(taken.names)}
+    turns = {name: taken.lays[place[name]].turns for name in model.names}
+    lenses = {}
+    for i, number in enumerate(model.camera_of):
+        lens = {"focal_px": [float(model.camtopix[i][k, k]) for k in (0, 1)]}
+        lens |= {"centre_px": model.camtopix[i][:2, 2].tolist()}
+        lens |= {"distortion": model.distortion[i].tolist()}
+        lenses.setdefault(number, lens | {"views": 0})["views"] += 1
+    focals = [taken.of_camera(k)[1] for k in range(taken.cameras.max() + 1)]
+    return {
+        "camera_model": model.camera_model,
+        "cameras": list(lenses.values()),
+        "exif_focal_px": focals[0] if len(focals) == 1 else None,
+        # Clockwise, until a view stands upright; the others do.
+        "quarter_turns": {name: turn for name, turn in turns.items() if turn},
+        "reprojection_errors_px": {
+            name: None if np.isnan(error) else round(float(error), 4)
+            for name, error in zip(model.names, model.errors_px, strict=True)
+        },
+    }
 
 
 def check_registered(model, least, where):

@@ -1,6 +1,8 @@
 """A progress line for long loops: a bar on a terminal, a line now and then in a log."""
 
+import contextlib
 import sys
+import threading
 import time
 
 import tqdm
@@ -68,3 +70,23 @@ def over(items, title, *, unit="view"):
             shown.advance()
     finally:
         shown.close()
+
+
+@contextlib.contextmanager
+def heartbeat(title, every_s=15.0):
+    """Say every now and then that something long, which counts nothing, still runs."""
+    done, start = threading.Event(), time.perf_counter()
+
+    def beat():
+        while not done.wait(every_s):
+            minutes, seconds = divmod(round(time.perf_counter() - start), 60)
+            text = f"{title}: for {minutes}:{seconds:02d}"
+            print(text, file=sys.stderr, flush=True)
+
+    thread = threading.Thread(target=beat, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()

@@ -1,6 +1,7 @@
 """What `snakemake SCENE` makes, and what it says in the end."""
 
 import json
+import re
 from pathlib import Path
 
 from alignerf.experiment import flows, plan, slices
@@ -78,6 +79,44 @@ def verdicts(scenes, results="results"):
             if Path(page_of(scene, results)).is_file():
                 lines.append(f"  Page: {page_of(scene, results)}")
     return lines
+
+
+# How Snakemake names the log of a job that failed; the second also where it is quiet.
+FAILED_LOGS = (
+    re.compile(r"log: (.*) \(check log file\(s\) for error details\)"),
+    re.compile(r"\| tee (.*)' returned non-zero exit status"),
+)
+
+
+def causes(snakemake_logs):
+    """Lines on what stopped a run: each failed job's own last word, and what to do.
+
+    snakemake_logs: files that Snakemake has written of the run. None is found where no
+    job has failed, as when the plan itself was wrong.
+    """
+    logs = []
+    for path in snakemake_logs:
+        text = Path(path).read_text(encoding="utf-8", errors="replace")
+        logs += [found for one in FAILED_LOGS for found in one.findall(text)]
+    # The second quotes a name with spaces.
+    paths = dict.fromkeys(Path(log.strip("'")) for log in logs)
+    found = [line for path in paths for line in cause(path)]
+    if found:
+        found.append("What is finished stays. The same command goes on from there.")
+    return found
+
+
+def cause(log):
+    """The last error of a job's log, else its last line; where it lies, behind it."""
+    if not log.is_file():
+        return []
+    text = log.read_text(encoding="utf-8", errors="replace")
+    # A progress bar writes over its line.
+    lines = [line.split("\r")[-1].strip() for line in text.splitlines()]
+    lines = [line for line in lines if line]
+    errors = [line for line in lines if line.startswith("error: ")]
+    last = (errors or lines or ["error: a job stopped without a word"])[-1]
+    return [last, f"  in {log}"]
 
 
 def exports(experiment):

@@ -50,7 +50,6 @@ def render(folder, *, rounds, base):
         views=[one for one in shown if f"{one.split}/{one.view}" in images],
         images=images,
         layers=pictures.layer_names(shown),
-        shape=pictures.shape_of(shown),
         wheel=pictures.data_uri(pictures.wheel(leak_px)),
         full_px=pictures.FULL_PX,
         leak_px=leak_px,
@@ -68,6 +67,7 @@ def shown_views(folder, rounds, base, leak_px):
     table = read_csv(folder / "tables" / "views.csv", dtype={"view": str})
     table["stands_out"] = table["stands_out"].fillna("").astype(str)
     found = [views.View(**row) for row in table[list(views.COLUMNS)].to_dict("records")]
+    turns = contents.read_json(folder / "poses.json").get("quarter_turns", {})
     truth = folder / "truth" / "oracle"
     of_split = {
         "test": pictures.Source(
@@ -83,7 +83,11 @@ def shown_views(folder, rounds, base, leak_px):
             row.split,
             note_on(row),
             pictures.layers_of(
-                row.view, of_split[row.split], folder / "images", leak_px
+                row.view,
+                of_split[row.split],
+                folder / "images",
+                leak_px,
+                turns.get(row.view, 0),
             ),
         )
         for row in pictures.choose(found)

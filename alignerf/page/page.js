@@ -28,6 +28,11 @@
     document.getElementById("note").textContent = option.dataset.note;
   }
 
+  // As high as the window, whatever the view's shape.
+  sides[0][1].addEventListener("load", ({ target }) => {
+    const shape = target.naturalWidth / target.naturalHeight;
+    document.getElementById("slider").style.setProperty("--shape", shape);
+  });
   view.addEventListener("change", show);
   sides.forEach(([select], side) => select.addEventListener("change", () => {
     wanted[side] = select.value;

@@ -70,21 +70,37 @@ def _length(view):
     return view.flow_px if np.isfinite(view.flow_px) else np.inf
 
 
-def layers_of(view, source: Source, photos, leak_px):
-    """{name: image} of a view; what was not made for its split is left out."""
-    found = {"photo": images.read(Path(photos) / f"{view}.png")}
+def layers_of(view, source: Source, photos, leak_px, turns=0):
+    """{name: image} of a view; what was not made for its split is left out.
+
+    turns: quarter turns, clockwise, that make it stand upright.
+    """
+
+    def read(folder):
+        return np.rot90(images.read(Path(folder) / f"{view}.png"), -turns)
+
+    found = {"photo": read(photos)}
     last = len(source.rounds) - 1
     for number in dict.fromkeys((0, last)):
         renders, flow = source.rounds[number]
         after = "" if number == 0 else f" after round {number}"
-        found[f"render{after}"] = images.read(Path(renders) / f"{view}.png")
+        found[f"render{after}"] = read(renders)
         data = archives.read(Path(flow) / f"{view}.npz", ("flow_px", "valid"))
-        found[f"flow{after}"] = coloured(data["flow_px"], leak_px, data["valid"])
+        flow_px, valid = turned(data["flow_px"], turns), np.rot90(data["valid"], -turns)
+        found[f"flow{after}"] = coloured(flow_px, leak_px, valid)
     if source.warped is not None:
-        found["warped photo"] = images.read(Path(source.warped) / f"{view}.png")
+        found["warped photo"] = read(source.warped)
     if source.truth is not None:
-        found["truth"] = images.read(Path(source.truth) / f"{view}.png")
+        found["truth"] = read(source.truth)
     return found
+
+
+def turned(flow_px, turns):
+    """A flow [h, w, 2] as it is when its image is turned: what led right leads down."""
+    for _ in range(turns):
+        flow_px = np.rot90(flow_px, -1)
+        flow_px = np.stack([-flow_px[..., 1], flow_px[..., 0]], axis=-1)
+    return flow_px
 
 
 def coloured(flow_px, leak_px, valid=None):
@@ -132,7 +148,7 @@ def _encoded(shown, longest_px, quality, *, cut=False):
 
 def data_uri(image, longest_px=None, quality=None):
     """An image as text that a page can hold; lossless where no quality is given."""
-    picture = Image.fromarray(image)
+    picture = Image.fromarray(np.ascontiguousarray(image))
     if longest_px is not None:
         # Never larger than it is.
         picture.thumbnail((longest_px, longest_px), Image.Resampling.LANCZOS)
@@ -146,11 +162,3 @@ def layer_names(shown):
     """Names of all layers, in the order in which views have them."""
     names = itertools.chain.from_iterable(one.layers for one in shown)
     return list(dict.fromkeys(names))
-
-
-def shape_of(shown):
-    """Width over height of the views; 1 where none is shown."""
-    if not shown:
-        return 1.0
-    height, width = shown[0].layers["photo"].shape[:2]
-    return round(width / height, 4)

@@ -13,8 +13,9 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float, UInt8
 
-from alignerf.command import faults, images
-from alignerf.scenes import cameras, photos, prepare
+from alignerf.command import faults, progress
+from alignerf.scenes import cameras, prepare
+from alignerf.scenes.capture import ingest, vocabulary
 
 log = logging.getLogger(__name__)
 
@@ -26,6 +27,10 @@ CAMERA_MODELS = {
     "RADIAL": ((0, 0, 1, 2), (3, 4)),
     "OPENCV": ((0, 1, 2, 3), (4, 5, 6, 7)),
 }
+# With more photos not all pairs are matched: 150 have 11,175, 300 have 44,850.
+MOST_EXHAUSTIVE = 150
+# Each photo then meets so many that follow it by name, and that look most like it.
+FOLLOWING, ALIKE = 10, 30
 # Two views fix no scale and three are the least that anything can be trained on.
 MIN_REGISTERED = 3
 
@@ -45,50 +50,79 @@ class Reconstruction(NamedTuple):
     """Share of the points that three views or more see."""
     models: list[int]
     """Views in each model found, largest first."""
+    errors_px: Float[np.ndarray, " n"]
+    """Mean reprojection error of each view's points."""
+    camera_of: list[int]
+    """Which camera took each view."""
+    camera_model: str
+    found: pycolmap.Reconstruction
+    """COLMAP's own, of the images that it saw."""
+
+    def of_size(self, scale):
+        """The same for photos whose width and height are these times as large."""
+        return self._replace(
+            camtopix=np.diag([*scale, 1.0]) @ self.camtopix,
+            mean_reprojection_error_px=self.mean_reprojection_error_px
+            * float(np.mean(scale)),
+            errors_px=self.errors_px * np.mean(scale),
+        )
 
 
 def estimate_poses(
     image_folder,
     work_folder,
-    names,
+    cameras_of,
     *,
     camera_model="OPENCV",
     max_size_px=1600,
-    focal_px=None,
     width=None,
     height=None,
-    one_camera=True,
     seed=0,
     where="photos",
 ) -> Reconstruction:
     """Poses and intrinsics of <image_folder>/<name>.png, bit-reproducibly.
 
-    SIFT on images of at most max_size_px, exhaustive matching, incremental mapping;
-    the largest model is kept. focal_px (with width and height) is where the focal
-    length starts, if EXIF gives it. Writes into work_folder. Raises ValueError naming
-    `where` when too few views register.
+    cameras_of: (names, focal length in px or None) of each camera; where the focal
+    length is known (with width and height), it starts there. SIFT on images of at most
+    max_size_px, matching as of `pairs_of`, incremental mapping; the largest model is
+    kept. Writes into work_folder. Raises ValueError naming `where` when too few views
+    register.
     """
     if camera_model not in CAMERA_MODELS:
         raise ValueError(f"colmap.camera_model: unknown model {camera_model!r}")
-    files = [f"{name}.png" for name in names]
-    if len(files) < MIN_REGISTERED:
-        raise ValueError(f"{where}: {len(files)} images; COLMAP needs more to overlap")
-    reader = pycolmap.ImageReaderOptions()
-    reader.camera_model = camera_model
-    if focal_px is not None:
-        reader.camera_params = _start_params(camera_model, focal_px, width, height)
-    mode = pycolmap.CameraMode.SINGLE if one_camera else pycolmap.CameraMode.PER_IMAGE
+    names = sorted(name for of_camera, _ in cameras_of for name in of_camera)
+    if len(names) < MIN_REGISTERED:
+        raise ValueError(f"{where}: {len(names)} images; COLMAP needs more to overlap")
     database = Path(work_folder) / "database.db"
     pycolmap.Database.open(database).close()
     _quiet(seed)
-    _match(database, image_folder, files, mode, reader, max_size_px, seed)
-    models = _map(database, image_folder, work_folder, seed)
+    # Imported first, so that image ids follow the names: parallel extraction hands
+    # them out in any order, and the result depends on them.
+    for of_camera, focal_px in cameras_of:
+        reader = pycolmap.ImageReaderOptions()
+        reader.camera_model = camera_model
+        if focal_px is not None:
+            start = _start_params(camera_model, focal_px, width, height)
+            reader.camera_params = start
+        pycolmap.import_images(
+            database,
+            image_folder,
+            camera_mode=pycolmap.CameraMode.SINGLE,
+            image_names=[f"{name}.png" for name in sorted(of_camera)],
+            options=reader,
+        )
+    with progress.heartbeat("COLMAP: features"):
+        _extract(database, image_folder, names, max_size_px)
+    with progress.heartbeat("COLMAP: matching"):
+        _match(database, len(names), seed)
+    with progress.heartbeat("COLMAP: poses"):
+        models = _map(database, image_folder, work_folder, seed)
     models = sorted(models, key=lambda model: -model.num_reg_images())
     registered = models[0].num_reg_images() if models else 0
     if registered < MIN_REGISTERED:
         raise ValueError(
             f"{where}: the photos do not overlap enough: COLMAP registered "
-            f"{registered} of {len(files)} images"
+            f"{registered} of {len(names)} images"
         )
     if len(models) > 1:
         log.warning(
@@ -105,33 +139,42 @@ def pose_folder(
 ):
     """Posed, undistorted views of a folder of photos as they were taken.
 
-    background: as of `photos.decode`. Returns prepare.PosedViews, the Reconstruction
-    and the focal length in px that EXIF gives, None for none. The images live in
-    work_folder.
+    background: as of `photos.decode`. Returns prepare.PosedViews, the Reconstruction,
+    whose lenses and errors are those of the photos in full, and capture.Taken. What it
+    needs for long lies in work_folder.
     """
-    ingested = Path(work_folder) / "ingested"
-    ingested.mkdir()
-    taken = photos.ingest(folder, ingested, background)
-    focal_px = photos.shared_focal_px(taken.focals_px)
-    zoomed = focal_px is None and bool(np.isfinite(taken.focals_px).any())
-    if zoomed:
-        log.warning("%s: EXIF shows several focal lengths: one camera a photo", where)
-    log.info("COLMAP on %d photos of %dx%d", len(taken.names), *taken[2:4])
+    taken = ingest.ingest(
+        folder, work_folder, background=background, most_side_px=max_size_px
+    )
+    cameras_of = [taken.of_camera(k) for k in range(taken.cameras.max() + 1)]
+    if len(cameras_of) > 1:
+        counts = ", ".join(str(len(names)) for names, _ in cameras_of)
+        log.warning("%s: %d cameras, of %s photos", where, len(cameras_of), counts)
+    log.info(
+        "COLMAP on %d photos of %dx%d", len(taken.names), taken.width, taken.height
+    )
+    shrunk = np.array(
+        [taken.copy_width / taken.width, taken.copy_height / taken.height]
+    )
     model = estimate_poses(
-        ingested,
+        taken.folder,
         work_folder,
-        taken.names,
+        [
+            (names, None if focal_px is None else focal_px * shrunk.mean())
+            for names, focal_px in cameras_of
+        ],
         camera_model=camera_model,
         max_size_px=max_size_px,
-        focal_px=focal_px,
-        width=taken.width,
-        height=taken.height,
-        one_camera=not zoomed,
+        width=taken.copy_width,
+        height=taken.copy_height,
         seed=seed,
         where=where,
     )
+    model = model.of_size(1 / shrunk)
+    write_model(model.found, Path(work_folder) / "colmap", taken.width, taken.height)
     if model.left_out:
         log.warning("COLMAP left out %s", faults.some_names(model.left_out))
+    place = {name: i for i, name in enumerate(taken.names)}
     lenses = list(zip(model.camtopix, model.distortion, strict=True))
     views = prepare.pinhole_views(
         model.names,
@@ -139,10 +182,18 @@ def pose_folder(
         model.camtoworlds,
         width=taken.width,
         height=taken.height,
-        load=lambda i: images.read(ingested / f"{model.names[i]}.png"),
+        load=lambda i: taken.load(place[model.names[i]]),
         where=where,
     )
-    return views._replace(points=(model.points, model.colours)), model, focal_px
+    return views._replace(points=(model.points, model.colours)), model, taken
+
+
+def write_model(found, folder, width, height):
+    """COLMAP's own model, its cameras those of photos of this size."""
+    folder.mkdir()
+    for camera in found.cameras.values():
+        camera.rescale(width, height)
+    found.write(folder)
 
 
 def convert(model, names, *, models=()) -> Reconstruction:
@@ -168,7 +219,23 @@ def convert(model, names, *, models=()) -> Reconstruction:
         colours=np.array([point.color for point in points], np.uint8).reshape(-1, 3),
         points_in_3_views=float((tracks >= 3).mean()) if len(tracks) else 0.0,
         models=list(models) or [len(kept)],
+        errors_px=np.array([_error_px(model, posed[name]) for name in kept]),
+        camera_of=[posed[name].camera_id for name in kept],
+        camera_model=taken_by[0].model.name,
+        found=model,
     )
+
+
+def _error_px(model, image):
+    """Mean reprojection error of the points that an image sees; NaN of none."""
+    errors = [
+        np.linalg.norm(projected - point.xy)
+        for point in image.points2D
+        if point.has_point3D()
+        and (projected := image.project_point(model.points3D[point.point3D_id].xyz))
+        is not None
+    ]
+    return float(np.mean(errors)) if errors else np.nan
 
 
 def _quiet(seed):
@@ -177,34 +244,41 @@ def _quiet(seed):
     pycolmap.set_random_seed(seed)
 
 
-def _match(database, image_folder, files, mode, reader, max_size_px, seed):
-    # Imported first, so that image ids follow the names: parallel extraction hands
-    # them out in any order, and the result depends on them.
-    pycolmap.import_images(
-        database, image_folder, camera_mode=mode, image_names=files, options=reader
-    )
+def _extract(database, image_folder, names, max_size_px):
     extraction = pycolmap.FeatureExtractionOptions()
     extraction.use_gpu = False
     extraction.max_image_size = max_size_px
     pycolmap.extract_features(
         database,
         image_folder,
-        image_names=files,
-        camera_mode=mode,
-        reader_options=reader,
+        image_names=[f"{name}.png" for name in names],
         extraction_options=extraction,
         device=pycolmap.Device.cpu,
     )
+
+
+def _match(database, count, seed):
+    """Match all pairs; of many photos those that look alike or follow one another."""
     matching = pycolmap.FeatureMatchingOptions()
     matching.use_gpu = False
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = seed
-    pycolmap.match_exhaustive(
-        database,
-        matching_options=matching,
-        verification_options=verification,
-        device=pycolmap.Device.cpu,
-    )
+    options = {
+        "matching_options": matching,
+        "verification_options": verification,
+        "device": pycolmap.Device.cpu,
+    }
+    if count <= MOST_EXHAUSTIVE:
+        pycolmap.match_exhaustive(database, **options)
+        return
+    neighbours = pycolmap.SequentialPairingOptions()
+    neighbours.overlap = FOLLOWING
+    neighbours.quadratic_overlap = False
+    pycolmap.match_sequential(database, pairing_options=neighbours, **options)
+    words = vocabulary.build(database)
+    alike = pycolmap.VocabTreePairingOptions()
+    alike.num_images, alike.vocab_tree_path = ALIKE, words
+    pycolmap.match_vocabtree(database, pairing_options=alike, **options)
 
 
 def _map(database, image_folder, work_folder, seed):

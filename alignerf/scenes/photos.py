@@ -1,15 +1,16 @@
-"""A folder of photos, as cameras and people leave them, to 8-bit RGB images.
+"""Photos, as cameras and people leave them, to 8-bit RGB images.
 
-Every file is decoded once, by Pillow, since OpenCV and COLMAP accept a truncated JPEG
-and disagree on orientation, depth and colour. Handled: EXIF orientation (applied),
+Every file is decoded by Pillow, since OpenCV and COLMAP accept a truncated JPEG and
+disagree on orientation, depth and colour. Handled: HEIC, EXIF orientation (applied),
 16-bit (rounded to 8), grey and palette (to RGB), CMYK (to RGB), opaque alpha (dropped),
 transparency where a background is given, spaces in names. Refused by name: broken
 files, transparency without one (what lies behind is unknown), floating-point images,
-two files of one view name, photos of different sizes. Ignored: hidden files; others
+two files of one view name, photos of different sizes. Left out: hidden files; others
 that are no images, with a warning. Colour profiles are ignored: they are the same for
 all photos of a camera.
 """
 
+import contextlib
 import itertools
 import logging
 import warnings
@@ -17,36 +18,40 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+import pillow_heif
 from PIL import Image, ImageOps
 
-from alignerf.command import faults, images
+from alignerf.command import faults
 
 log = logging.getLogger(__name__)
 
-SUFFIXES = frozenset([".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"])
-EXIF_IFD, FOCAL_35MM_TAG = 0x8769, 0xA405
+SUFFIXES = frozenset(
+    [".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".heic", ".heif"]
+)
+# What a file of such a name may hold. Pillow knows more, some by other programs.
+FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP", "HEIF")
+EXIF_IFD, FOCAL_35MM_TAG, ORIENTATION_TAG = 0x8769, 0xA405, 0x0112
 # The diagonal of 36 x 24 mm film, to which EXIF's 35 mm equivalent refers (CIPA).
 FILM_DIAGONAL_MM = 43.2666
-# Focal lengths in EXIF are rounded to a millimetre: closer ones are the same zoom.
-SAME_ZOOM = 0.04
+
+pillow_heif.register_heif_opener()
 
 
-class Photos(NamedTuple):
-    """Photos of one size, as <work_folder>/<name>.png, sorted by name."""
+class Head(NamedTuple):
+    """What a photo's file says before its pixels are decoded."""
 
-    names: list[str]
-    folder: Path
-    width: int
-    height: int
-    focals_px: Float[np.ndarray, " n"]
-    """From EXIF; NaN where a photo has none."""
+    # (width, height) of the rows as stored.
+    size: tuple[int, int]
+    # EXIF's, 1 to 8.
+    orientation: int
 
 
-def find_images(folder):
+def find_images(folder, others=()):
     """Paths of the images in a folder, sorted by view name (the file's stem).
 
-    Raises ValueError for a missing or empty folder and for two files of one name.
+    others: files in it that are known to be something else, such as films; with some
+    the images may be none. Raises ValueError for a missing or empty folder and for two
+    files of one name.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -55,17 +60,22 @@ def find_images(folder):
     paths = sorted(
         (p for p in files if p.suffix.lower() in SUFFIXES), key=lambda p: p.stem
     )
-    others = sorted({p.name for p in files} - {p.name for p in paths})
-    if others:
-        log.warning("%s: ignored %s: not images", folder, faults.some_names(others))
-    if not paths:
+    unknown = sorted({p.name for p in files} - {p.name for p in [*paths, *others]})
+    if unknown:
+        log.warning("%s: ignored %s: not images", folder, faults.some_names(unknown))
+    if not (paths or others):
         raise ValueError(f"no images in {folder}")
+    check_names(paths, folder)
+    return paths
+
+
+def check_names(paths, folder):
+    """ValueError where two files of a sorted list have one view name."""
     for first, second in itertools.pairwise(paths):
         if first.stem == second.stem:
             raise ValueError(
                 f"{folder}: {first.name} and {second.name} have the same view name"
             )
-    return paths
 
 
 # What transparent pixels may stand on.
@@ -80,49 +90,42 @@ def decode(path, background=None, *, upright=True):
     given by others mean them. Raises ValueError naming the file for what cannot be
     decoded whole or cannot be an 8-bit RGB photo without inventing something.
     """
+    with _opened(path) as opened:
+        opened.load()
+        focal_35mm_mm = opened.getexif().get_ifd(EXIF_IFD).get(FOCAL_35MM_TAG)
+        image = ImageOps.exif_transpose(opened) if upright else opened.copy()
+    rgb = _to_rgb(image, path, background)
+    return rgb, _focal_px(focal_35mm_mm, *image.size)
+
+
+def head(path) -> Head:
+    """A photo's size and orientation, by its first bytes; ValueError as of `decode`."""
+    with _opened(path) as opened:
+        orientation = opened.getexif().get(ORIENTATION_TAG, 1)
+        # Others are none that EXIF has.
+        return Head(opened.size, orientation if orientation in range(1, 9) else 1)
+
+
+@contextlib.contextmanager
+def _opened(path):
+    """A photo's file for Pillow, whatever goes wrong named with it."""
     try:
         with warnings.catch_warnings():
             # Phones take 108 megapixels; Pillow still refuses twice its warning's size.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path) as opened:
-                opened.load()
-                focal_35mm_mm = opened.getexif().get_ifd(EXIF_IFD).get(FOCAL_35MM_TAG)
-                image = ImageOps.exif_transpose(opened) if upright else opened.copy()
+            with Image.open(path, formats=FORMATS) as opened:
+                yield opened
     except FileNotFoundError:
         raise
     # Decoders of damaged data raise a dozen types, and each means the same to the user.
     except Exception as error:
         raise ValueError(f"cannot decode {path}: {error}") from None
-    rgb = _to_rgb(image, path, background)
-    return rgb, _focal_px(focal_35mm_mm, *image.size)
 
 
 def stored_size(path, background=None):
     """(width, height) of an image as its rows are stored, decoded whole to be sure."""
     image, _ = decode(path, background, upright=False)
     return image.shape[1], image.shape[0]
-
-
-def ingest(folder, work_folder, background=None) -> Photos:
-    """Decode every image of `folder` into `work_folder` (which must exist).
-
-    background: as of `decode`.
-    """
-    paths = find_images(folder)
-    sizes, focals_px = [], []
-    for path in paths:
-        image, focal_px = decode(path, background)
-        sizes.append((image.shape[1], image.shape[0]))
-        focals_px.append(focal_px)
-        images.write(Path(work_folder) / f"{path.stem}.png", image)
-    width, height = one_size([path.name for path in paths], sizes, folder)
-    return Photos(
-        names=[path.stem for path in paths],
-        folder=Path(work_folder),
-        width=width,
-        height=height,
-        focals_px=np.array(focals_px),
-    )
 
 
 def one_size(names, sizes, where):
@@ -139,14 +142,6 @@ def one_size(names, sizes, where):
             f"{usual[0]}x{usual[1]}, but not {faults.some_names(odd)}"
         )
     return usual
-
-
-def shared_focal_px(focals_px):
-    """The focal length in px that EXIF gives the photos, None if it gives no one."""
-    known = np.asarray(focals_px)[np.isfinite(focals_px)]
-    if not len(known) or known.max() > known.min() * (1 + SAME_ZOOM):
-        return None
-    return float(np.median(known))
 
 
 def _to_rgb(image, path, background):

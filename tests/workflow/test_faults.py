@@ -104,8 +104,10 @@ def test_bad_photos_end_in_one_line(tmp_path, snakemake, fill, reason):
     code, output = snakemake(tmp_path, *options)
     assert code == 1
     assert "Traceback" not in output
-    (line,) = [line for line in output.splitlines() if line.startswith("error: ")]
+    (line,) = {line for line in output.splitlines() if line.startswith("error: ")}
     assert re.search(reason, line)
+    # The cause comes last, after all that Snakemake says.
+    assert output.splitlines()[-3:-1] == [line, "  in results/mine/logs/poses.log"]
     made = [path for path in (tmp_path / "results").rglob("*") if path.is_file()]
     names = {path.relative_to(tmp_path / "results") for path in made}
     known = {"config.yaml", "logs/config.log", "logs/config.tsv", "logs/poses.log"}

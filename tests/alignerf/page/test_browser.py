@@ -1,5 +1,6 @@
 """The page in a real headless Chromium: no error, the slider moves, tables sort."""
 
+import json
 import pathlib
 import shutil
 
@@ -123,6 +124,19 @@ def test_a_view_of_the_table_leads_to_its_images(opened):
     link.click()
     chosen = Select(opened.find_element(By.ID, "view")).first_selected_option
     assert chosen.get_attribute("value") == "test/03"
+
+
+def test_a_view_on_its_side_is_shown_upright(browser, render, results):
+    poses = json.loads((results / "poses.json").read_text())
+    poses["quarter_turns"] = {"05": 1}
+    (results / "poses.json").write_text(json.dumps(poses))
+    (results / "index.html").write_text(render(), encoding="utf-8")
+    browser.get((results / "index.html").as_uri())
+    sizes = [
+        (image.get_attribute("naturalWidth"), image.get_attribute("naturalHeight"))
+        for image in (browser.find_element(By.ID, name) for name in ("first", "second"))
+    ]
+    assert sizes == [("24", "36")] * 2
 
 
 @pytest.mark.parametrize("width", WIDTHS)

@@ -120,3 +120,16 @@ def test_a_wheel_is_white_in_its_middle_and_outside():
     assert found[middle, middle].min() > 250
     assert (found[0, 0] == 255).all()
     assert found[middle, 2].min() < 60
+
+
+def test_a_flow_turns_with_its_image():
+    """Seen upright, a point moves from where it was seen to where it was seen."""
+    flow_px = np.zeros((4, 6, 2))
+    flow_px[1, 2] = (3.0, 1.0)  # from (2, 1) to (5, 2)
+    marks = np.zeros((4, 6))
+    marks[1, 2], marks[2, 5] = 1, 2
+    for turns in range(4):
+        found, seen = pictures.turned(flow_px, turns), np.rot90(marks, -turns)
+        ((y, x),) = np.argwhere(seen == 1)
+        ((y_to, x_to),) = np.argwhere(seen == 2)
+        np.testing.assert_array_equal(found[y, x], [x_to - x, y_to - y])

@@ -63,7 +63,7 @@ def estimate(photos, tmp_path, **options):
     folder, names, *_ = photos
     tmp_path.mkdir(exist_ok=True)
     options = {"camera_model": "SIMPLE_PINHOLE", "seed": 3} | options
-    return colmap.estimate_poses(folder, tmp_path, names, **options)
+    return colmap.estimate_poses(folder, tmp_path, [(names, None)], **options)
 
 
 def test_poses_are_near_the_truth_and_the_same_twice(photos, tmp_path):
@@ -85,23 +85,80 @@ def test_poses_are_near_the_truth_and_the_same_twice(photos, tmp_path):
     np.testing.assert_array_equal(again.camtopix, found.camtopix)
 
 
-def test_a_folder_zoomed_differently_has_one_camera_a_photo(photos, tmp_path, caplog):
-    """EXIF tells of two focal lengths; what they are is left to COLMAP."""
+def pose_taken(photos, tmp_path, take):
+    """pose_folder of photos saved as `take` says: i -> (image [h, w, 3], EXIF)."""
     (tmp_path / "taken").mkdir()
     for i, name in enumerate(photos[1]):
+        image, orientation = take(i, images.read(photos[0] / f"{name}.png"))
         exif = Image.Exif()
-        exif.get_ifd(0x8769)[0xA405] = 26 if i % 2 else 52
-        with Image.open(photos[0] / f"{name}.png") as image:
-            image.save(tmp_path / "taken" / f"{name}.jpg", quality=98, exif=exif)
-    options = {"max_size_px": 1600, "seed": 0, "where": "HERE"}
-    views, model, focal_px = colmap.pose_folder(
+        exif[0x0112] = orientation
+        path = tmp_path / "taken" / f"{name}.png"
+        Image.fromarray(np.ascontiguousarray(image)).save(path, exif=exif)
+    options = {"max_size_px": 200, "seed": 0, "where": "HERE"}
+    return colmap.pose_folder(
         tmp_path / "taken", tmp_path, camera_model="SIMPLE_RADIAL", **options
     )
-    assert focal_px is None
-    assert "several focal lengths" in caplog.text
-    assert len(np.unique(model.camtopix[:, 0, 0])) == len(model.names)
+
+
+def test_portrait_and_landscape_of_one_sensor_are_one_camera(photos, tmp_path):
+    """A phone held otherwise stores the same rows, and says so."""
+    views, model, taken = pose_taken(
+        photos, tmp_path, lambda i, image: (image, 6 if i < 2 else 1)
+    )
+    assert set(model.camera_of) == {model.camera_of[0]}
+    assert [lay.turns for lay in taken.lays] == [1, 1, 0, 0, 0, 0, 0]
+    assert (views.width, views.height) == (240, 180)
     assert views.load(0).shape == (180, 240, 3)
+    # The features were seen at 200 px, the camera is that of the photo.
+    assert views.pixtocams[0][0, 2] / views.pixtocams[0][0, 0] == pytest.approx(
+        -120, abs=3
+    )
+    (camera,) = pycolmap.Reconstruction(tmp_path / "colmap").cameras.values()
+    assert (camera.width, camera.height) == (240, 180)
+    assert model.camtopix[0][0, 0] == pytest.approx(camera.focal_length, rel=1e-6)
+
+
+def test_photos_turned_by_a_program_have_a_camera_of_their_own(
+    photos, tmp_path, caplog
+):
+    views, model, taken = pose_taken(
+        photos, tmp_path, lambda i, image: (np.rot90(image, -1) if i < 3 else image, 1)
+    )
+    assert [lay.kind for lay in taken.lays] == ["across"] * 3 + ["sensor"] * 4
+    assert len(set(model.camera_of)) == 2
+    assert "2 cameras, of 3, 4 photos" in caplog.text
+    # They lie as the others do again.
+    first = images.read(photos[0] / f"{photos[1][0]}.png")
+    np.testing.assert_array_equal(taken.load(0), first)
     np.testing.assert_array_equal(views.camtoworlds, model.camtoworlds)
+
+
+def test_errors_are_told_photo_by_photo_in_pixels_of_the_photo(photos, tmp_path):
+    _, model, _ = pose_taken(photos, tmp_path, lambda i, image: (image, 1))
+    seen = model.found.compute_mean_reprojection_error()
+    assert model.mean_reprojection_error_px == pytest.approx(seen * 1.2)
+    assert model.errors_px.shape == (len(model.names),)
+    weights = [
+        sum(p.has_point3D() for p in image.points2D)
+        for image in model.found.images.values()
+    ]
+    mean = np.average(sorted(model.errors_px), weights=sorted(weights))
+    assert mean == pytest.approx(model.mean_reprojection_error_px, rel=0.2)
+
+
+def test_of_many_photos_not_all_pairs_are_matched(photos, tmp_path, monkeypatch):
+    monkeypatch.setattr(colmap, "MOST_EXHAUSTIVE", 3)
+    monkeypatch.setattr(colmap, "FOLLOWING", 1)
+    monkeypatch.setattr(colmap, "ALIKE", 3)
+    found = estimate(photos, tmp_path / "a")
+    assert found.names == photos[1]
+    database = pycolmap.Database.open(tmp_path / "a/database.db")
+    count = len(photos[1])
+    assert count - 1 <= database.num_matched_image_pairs() < count * (count - 1) / 2
+    database.close()
+    # The same words, so the same poses.
+    again = estimate(photos, tmp_path / "b")
+    np.testing.assert_array_equal(again.camtoworlds, found.camtoworlds)
 
 
 def test_photos_that_do_not_overlap(tmp_path):
@@ -111,11 +168,13 @@ def test_photos_that_do_not_overlap(tmp_path):
         noise = rng.integers(0, 256, (12, 16, 3), dtype=np.uint8)
         images.write(tmp_path / f"{name}.png", noise.repeat(8, 0).repeat(8, 1))
     with pytest.raises(ValueError, match=r"HERE: .* registered 0 of 3 images"):
-        colmap.estimate_poses(tmp_path, tmp_path, names, where="HERE")
+        colmap.estimate_poses(tmp_path, tmp_path, [(names, None)], where="HERE")
 
 
 def test_too_few_photos_and_unknown_models(tmp_path):
+    few = [(["a"], None), (["b"], None)]
     with pytest.raises(ValueError, match="HERE: 2 images"):
-        colmap.estimate_poses(tmp_path, tmp_path, ["a", "b"], where="HERE")
+        colmap.estimate_poses(tmp_path, tmp_path, few, where="HERE")
+    names = [(list("abc"), None)]
     with pytest.raises(ValueError, match=r"colmap.camera_model: .*FISHEYE"):
-        colmap.estimate_poses(tmp_path, tmp_path, list("abc"), camera_model="FISHEYE")
+        colmap.estimate_poses(tmp_path, tmp_path, names, camera_model="FISHEYE")

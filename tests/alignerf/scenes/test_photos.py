@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.command import images
 from alignerf.scenes import photos
 
 
@@ -126,24 +125,6 @@ def test_what_cannot_be_a_photo_is_refused_by_name(tmp_path, pixels):
             photos.decode(tmp_path / name)
 
 
-def test_ingest_sorts_by_view_name_and_ignores_the_rest(tmp_path, pixels, caplog):
-    source, target = tmp_path / "in", tmp_path / "out"
-    source.mkdir(), target.mkdir()
-    for name in ("b 2.JPG", "a.b.png", "ä.tiff", "a.bmp"):
-        save(source / name, pixels)
-    (source / ".hidden.jpg").write_bytes(b"")
-    (source / "notes.txt").write_text("x")
-    (source / "folder.jpg").mkdir()
-    taken = photos.ingest(source, target)
-    assert taken.names == ["a", "a.b", "b 2", "ä"]
-    assert (taken.width, taken.height) == (20, 12)
-    assert "notes.txt" in caplog.text
-    assert "hidden" not in caplog.text
-    for name in taken.names:
-        assert images.read(target / f"{name}.png").shape == pixels.shape
-    np.testing.assert_array_equal(images.read(target / "a.b.png"), pixels)
-
-
 def test_folders_that_cannot_be_used(tmp_path, pixels):
     with pytest.raises(ValueError, match="nowhere"):
         photos.find_images(tmp_path / "nowhere")
@@ -155,16 +136,6 @@ def test_folders_that_cannot_be_used(tmp_path, pixels):
         photos.find_images(tmp_path)
 
 
-def test_odd_sizes_are_named(tmp_path, pixels):
-    target = tmp_path / "out"
-    target.mkdir()
-    for name in ("a", "b", "c"):
-        save(tmp_path / f"{name}.png", pixels)
-    save(tmp_path / "odd one.png", pixels.swapaxes(0, 1))
-    with pytest.raises(ValueError, match=r"3 are 20x12, but not odd one.png \(12x20\)"):
-        photos.ingest(tmp_path, target)
-
-
 def test_focal_length_from_exif(tmp_path):
     """A lens of 43.27 mm equivalent sees its image's diagonal at its own length."""
     exif = Image.Exif()
@@ -172,6 +143,41 @@ def test_focal_length_from_exif(tmp_path):
     save(tmp_path / "a.jpg", np.zeros((3000, 4000, 3), np.uint8), exif=exif)
     _, focal_px = photos.decode(tmp_path / "a.jpg")
     assert focal_px == pytest.approx(26 / 43.2666 * 5000)
-    assert photos.shared_focal_px(np.array([focal_px, np.nan, focal_px])) == focal_px
-    assert photos.shared_focal_px(np.array([np.nan, np.nan])) is None
-    assert photos.shared_focal_px(np.array([1000.0, 2000.0])) is None
+
+
+def test_a_heic_photo_is_decoded_and_tells_its_size(tmp_path, pixels):
+    big = pixels.repeat(8, 0).repeat(8, 1)
+    exif = Image.Exif()
+    exif.get_ifd(photos.EXIF_IFD)[photos.FOCAL_35MM_TAG] = 26
+    save(tmp_path / "a.heic", big, quality=95, exif=exif)
+    assert photos.find_images(tmp_path) == [tmp_path / "a.heic"]
+    assert photos.head(tmp_path / "a.heic") == ((160, 96), 1)
+    image, focal_px = photos.decode(tmp_path / "a.heic")
+    assert image.shape == big.shape
+    assert np.abs(image.astype(int) - big).mean() < 10
+    assert focal_px == pytest.approx(26 / 43.2666 * np.hypot(160, 96))
+
+
+def test_a_head_is_read_before_the_pixels(tmp_path, pixels):
+    save(tmp_path / "a.jpg", pixels.repeat(40, 0).repeat(40, 1))
+    whole = (tmp_path / "a.jpg").read_bytes()
+    (tmp_path / "a.jpg").write_bytes(whole[: len(whole) // 2])
+    assert photos.head(tmp_path / "a.jpg") == ((800, 480), 1)
+    with pytest.raises(ValueError, match=r"cannot decode .*a\.jpg"):
+        photos.decode(tmp_path / "a.jpg")
+
+
+@pytest.mark.parametrize("orientation", [0, 9, 65535])
+def test_an_orientation_that_exif_has_not_is_none(tmp_path, pixels, orientation):
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    save(tmp_path / "a.png", pixels, exif=exif)
+    assert photos.head(tmp_path / "a.png").orientation == 1
+
+
+def test_a_file_of_another_kind_is_not_opened_whatever_its_name(tmp_path):
+    (tmp_path / "a.png").write_bytes(
+        b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n"
+    )
+    with pytest.raises(ValueError, match=r"cannot decode .*a\.png"):
+        photos.decode(tmp_path / "a.png")

@@ -1,0 +1,90 @@
+"""Photos of one sensor, laid alike: portrait and landscape of one phone are one camera.
+
+A phone stores what its sensor saw and writes into EXIF how the phone was held. Turned
+upright, its photos have two shapes and two cameras; as stored they have one. So all are
+turned as most of them are. Notation: `orientation` is EXIF's, 1 to 8; a turn is a
+quarter of a circle, clockwise.
+"""
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+
+from alignerf.command import faults
+
+# EXIF's orientation -> what brings the rows as stored upright.
+UPRIGHT = {
+    1: lambda image: image,
+    2: np.fliplr,
+    3: lambda image: np.rot90(image, 2),
+    4: np.flipud,
+    5: lambda image: image.swapaxes(0, 1),
+    6: lambda image: np.rot90(image, -1),
+    7: lambda image: np.rot90(image, 2).swapaxes(0, 1),
+    8: np.rot90,
+}
+# Those without a mirror, and the turns that they ask for.
+TURNS = {1: 0, 6: 1, 3: 2, 8: 3}
+SIDEWAYS = (5, 6, 7, 8)
+
+
+class Lay(NamedTuple):
+    """How a photo comes to lie as the others do."""
+
+    # EXIF's orientation that is applied to the rows as stored.
+    orientation: int
+    # Then a turn back, for photos that lie across without EXIF's word.
+    across: bool
+    # Turns that make the result upright.
+    turns: int
+    # Photos of one kind may share a camera.
+    kind: str
+
+    def apply(self, image):
+        """Rows as stored [h, w, 3] -> as all photos lie."""
+        image = UPRIGHT[self.orientation](image)
+        image = np.rot90(image) if self.across else image
+        return np.ascontiguousarray(image)
+
+
+def upright_size(size, orientation):
+    """(width, height) after an orientation is applied."""
+    return size[::-1] if orientation in SIDEWAYS else size
+
+
+def lay_alike(names, heads, where):
+    """(the one size, a Lay of each photo); ValueError names those of another size.
+
+    heads: (stored (width, height), orientation) of each photo.
+    """
+    plain = Counter(o for _, o in heads if o in TURNS)
+    # Of equally many the least: 1, as stored.
+    common = min(plain, key=lambda o: (-plain[o], o)) if plain else 1
+    shapes = Counter(upright_size(s, common if o in TURNS else o) for s, o in heads)
+    usual = max(shapes, key=lambda size: (shapes[size], size))
+    lays = [_lay(size, o, common, usual) for size, o in heads]
+    odd = [
+        f"{name} ({size[0]}x{size[1]})"
+        for name, (size, _), lay in zip(names, heads, lays, strict=True)
+        if lay is None
+    ]
+    if odd:
+        raise ValueError(
+            f"{where}: images must have one size; {len(names) - len(odd)} are "
+            f"{usual[0]}x{usual[1]}, but not {faults.some_names(odd)}"
+        )
+    return usual, lays
+
+
+def _lay(size, orientation, common, usual):
+    """The Lay that gives a photo the usual size, None if none does."""
+    if orientation in TURNS and upright_size(size, common) == usual:
+        turns = (TURNS[orientation] - TURNS[common]) % 4
+        return Lay(common, False, turns, "sensor")
+    own = upright_size(size, orientation)
+    if own == usual:
+        return Lay(orientation, False, 0, "upright")
+    if own == usual[::-1]:
+        return Lay(orientation, True, 1, "across")
+    return None

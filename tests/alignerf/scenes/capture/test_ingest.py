@@ -1,0 +1,95 @@
+"""A folder of photos and films, and the cameras that took them."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from alignerf.command import images
+from alignerf.scenes.capture import ingest
+
+
+@pytest.fixture
+def pixels(rng):
+    """An image without symmetry [12, 20, 3]."""
+    return rng.integers(0, 256, (12, 20, 3), dtype=np.uint8)
+
+
+def save(path, pixels, **options):
+    Image.fromarray(pixels).save(path, **options)
+
+
+def test_photos_are_sorted_by_view_name_and_the_rest_is_left_out(
+    tmp_path, pixels, caplog
+):
+    source, target = tmp_path / "in", tmp_path / "out"
+    source.mkdir(), target.mkdir()
+    for name in ("b 2.JPG", "a.b.png", "ä.tiff", "a.bmp"):
+        save(source / name, pixels)
+    (source / ".hidden.jpg").write_bytes(b"")
+    (source / "notes.txt").write_text("x")
+    (source / "folder.jpg").mkdir()
+    taken = ingest.ingest(source, target)
+    assert taken.names == ["a", "a.b", "b 2", "ä"]
+    assert (taken.width, taken.height) == (20, 12)
+    assert "notes.txt" in caplog.text
+    assert "hidden" not in caplog.text
+    for i, name in enumerate(taken.names):
+        assert images.read(taken.folder / f"{name}.png").shape == pixels.shape
+        assert taken.load(i).shape == pixels.shape
+    np.testing.assert_array_equal(taken.load(1), pixels)
+
+
+def test_copies_are_no_larger_than_asked_and_photos_stay_whole(tmp_path, pixels):
+    source, target = tmp_path / "in", tmp_path / "out"
+    source.mkdir(), target.mkdir()
+    save(source / "a.png", pixels.repeat(10, 0).repeat(10, 1))
+    taken = ingest.ingest(source, target, most_side_px=100)
+    assert (taken.copy_width, taken.copy_height) == (100, 60)
+    assert images.read(taken.folder / "a.png").shape == (60, 100, 3)
+    assert taken.load(0).shape == (120, 200, 3)
+
+
+def test_odd_sizes_are_named_before_anything_is_decoded(tmp_path, pixels, monkeypatch):
+    target = tmp_path / "out"
+    target.mkdir()
+    for name in ("a", "b", "c"):
+        save(tmp_path / f"{name}.png", pixels)
+    save(tmp_path / "odd one.png", pixels[:, :10])
+    monkeypatch.setattr(ingest.photos, "decode", None)
+    with pytest.raises(ValueError, match=r"3 are 20x12, but not odd one.png \(10x12\)"):
+        ingest.ingest(tmp_path, target)
+
+
+def test_a_photo_and_a_frame_of_one_name_are_refused(tmp_path, pixels, monkeypatch):
+    def extract(film, frames):
+        save(frames / "a.png", pixels)
+        return [frames / "a.png"]
+
+    monkeypatch.setattr(ingest.video, "extract", extract)
+    (tmp_path / "in").mkdir()
+    save(tmp_path / "in/a.jpg", pixels)
+    (tmp_path / "in/film.mp4").write_bytes(b"x")
+    with pytest.raises(ValueError, match="the same view name"):
+        ingest.ingest(tmp_path / "in", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("kinds", "focals_px", "numbers"),
+    [
+        ("sss", [1000, np.nan, 1000], [0, 0, 0]),
+        ("sss", [np.nan] * 3, [0, 0, 0]),
+        ("ssss", [1000, 2000, 1000, 2000], [0, 1, 0, 1]),
+        # Rounded to a millimetre, but one lens.
+        ("sss", [1000, 1030, 1000], [0, 0, 0]),
+        ("ssa", [1000, 1000, 1000], [0, 0, 1]),
+        # A zoom that is never the same: all alone.
+        ("sssss", [1000, 1100, 1210, 1331, 1464], [0, 1, 2, 3, 4]),
+        ("ssss", [1000, 2000, np.nan, 1000], [0, 1, 2, 0]),
+    ],
+)
+def test_what_lies_alike_at_one_zoom_is_one_camera(kinds, focals_px, numbers):
+    kinds, focals_px = list(kinds), np.array(focals_px, np.float64)
+    found = ingest.share_cameras(kinds, focals_px)
+    if len(set(numbers)) > max(2, len(numbers) // 3):
+        numbers = list(range(len(numbers)))
+    assert found.tolist() == numbers
