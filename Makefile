@@ -1,4 +1,5 @@
 # make run    the default experiment, from nothing to tables and figures
+# make photos FOLDER=my_photos    the same of your own photos or film, to a page
 # make test   the whole test suite
 # make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
 # make docs   tables of docs/ from the CSVs in docs/measured/
@@ -10,11 +11,14 @@ BIN := $(VENV)/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
 
-.PHONY: run test bench docs lint lock clean
+.PHONY: run photos test bench docs lint lock clean
 
 run: $(VENV)/.installed
 	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
 	@python -m alignerf.show
+
+photos: $(VENV)/.installed
+	@python -m alignerf.start "$(FOLDER)" --cores $(CORES) $(PHOTOS)
 
 test: $(VENV)/.installed
 	@pytest -n 2 --dist worksteal

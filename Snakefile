@@ -10,7 +10,6 @@
 #   snakemake --cores N flow_benchmark     how right and how fast the flow estimators are
 #   snakemake --cores N export             cameras and photos for other programs
 #   snakemake --cores N --configfile workflow/config/own_photos.yaml
-import atexit
 import sys
 
 sys.path.insert(0, workflow.basedir)
@@ -82,7 +81,7 @@ onsuccess:
 
 # What stopped it comes after all that Snakemake says of it.
 onerror:
-    atexit.register(print, "\n".join(["", *targets.causes(log)]))
+    targets.say_in_the_end(targets.causes(log))
 
 
 # One target for each scene, named like it.

@@ -205,6 +205,7 @@ def depth_of(folder, name):
 def fit_by_gradient(loaded: prepared.Scene, fit, view, target: Target, mask):
     """The pose that the colours of these pixels ask for; as it is, where none can."""
     (photo,) = prepared.read_images(loaded, [view], target.images)
+    mask = mask & prepared.read_masks(loaded, [view])[0]
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]
     try:
         return Fitted(fit(photo, mask, *camera, seed=int(view)), int(mask.sum()))

@@ -105,12 +105,13 @@ def targets_of(loaded, view, testset, truth):
         return prepared.read_images(loaded, [view], folder)[0]
 
     photo = read(loaded.folder / "images")
-    everywhere = np.ones(photo.shape[:2], bool)
+    (everywhere,) = prepared.read_masks(loaded, [view])
     targets = {"standard": (photo, everywhere)}
     if testset:
         folder = pathlib.Path(testset)
         (valid,) = prepared.read_validity(loaded, [view], folder / "flow")
         (leak_valid,) = prepared.read_validity(loaded, [view], folder / "leak_flow")
+        leak_valid &= everywhere
         masks = {
             "warped": valid,
             "control": everywhere,

@@ -34,12 +34,16 @@ def main(argv=None):
             # Whole, and of the scene's size, before it is handed on.
             prepared.read_images(loaded, [view], source)
             shutil.copyfile(Path(source) / f"{name}.png", folder / f"images/{name}.png")
-        for view in warped:
-            (mask,) = prepared.read_validity(loaded, [view], args.valid)
+        masked = (loaded.folder / prepared.MASKS).is_dir()
+        chosen = range(len(loaded.names)) if masked else warped
+        for view in chosen:
+            (mask,) = prepared.read_masks(loaded, [view])
+            if view in warped:
+                mask &= prepared.read_validity(loaded, [view], args.valid)[0]
             (folder / "masks").mkdir(exist_ok=True)
             shown = np.repeat(255 * mask[..., None].astype(np.uint8), 3, axis=-1)
             images.write(folder / f"masks/{loaded.names[view]}.png", shown)
-        masks = [loaded.names[view] for view in warped]
+        masks = [loaded.names[view] for view in chosen]
         points = loaded.folder / "points.npz"
         if points.is_file():
             found |= archives.read(points, ("points", "colours"))

@@ -41,7 +41,7 @@ def main(argv=None):
         **camera_facts(loaded),
         **point_facts(loaded),
         **pose_facts(loaded.folder / "poses.json"),
-        **photo_facts(images, loaded.names),
+        **photo_facts(images, loaded.names, prepared.read_masks(loaded, everything)),
     }
     with whole.replace_file(args.facts) as path:
         path.write_text(json.dumps(facts, indent=1))
@@ -192,10 +192,14 @@ def pose_facts(path):
     }
 
 
-def photo_facts(images, names):
-    """Brightness, its spread over views (exposure), clipped pixels, soft photos."""
-    brightness = np.array([image.mean() / 255.0 for image in images])
-    clipped = np.mean([(image == 255).all(axis=-1).mean() for image in images])
+def photo_facts(images, names, counts):
+    """Brightness, its spread over views (exposure), clipped pixels, soft photos.
+
+    images [n, h, w, 3] uint8; counts [n, h, w]: where they count.
+    """
+    kept = [image[mask] for image, mask in zip(images, counts, strict=True)]
+    brightness = np.array([pixels.mean() / 255.0 for pixels in kept])
+    clipped = np.mean([(pixels == 255).all(axis=-1).mean() for pixels in kept])
     detail = np.array([image_metrics.detail(image) for image in images])
     soft = detail < SOFT * np.median(detail)
     stops = np.log2(np.maximum(brightness, 1e-3))

@@ -38,7 +38,7 @@ FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
 # Many photos may have more together, rather than sides under this.
 MOST_PIXELS, LEAST_SIDE_PX = 10_000_000, 200
 PRODUCTS = (
-    *("images", "truth", "points.npz", "bounds.npz", "colmap"),
+    *("images", "masks", "truth", "points.npz", "bounds.npz", "colmap"),
     *("cameras.npz", "poses.json"),
 )
 
@@ -196,6 +196,7 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
         seed=config["seed"],
         where=where or str(folder),
         background=config["background"],
+        masks=config["masks"],
     )
     check_registered(model, config["colmap"]["least_registered"], where or folder)
     report = registration(model.names, model.left_out) | {
@@ -218,7 +219,7 @@ def describe_photos(model, taken):
         lens |= {"centre_px": model.camtopix[i][:2, 2].tolist()}
         lens |= {"distortion": model.distortion[i].tolist()}
         lenses.setdefault(number, lens | {"views": 0})["views"] += 1
-    focals = [taken.of_camera(k)[1] for k in range(taken.cameras.max() + 1)]
+    focals = [taken.camera(k).focal_px for k in range(taken.cameras.max() + 1)]
     return {
         "camera_model": model.camera_model,
         "cameras": list(lenses.values()),

@@ -46,6 +46,7 @@ def parse(arguments=None):
     arguments_of_flow.add(parser, (*estimate.METHODS, given.METHOD))
     parser.add_argument("--flows", type=Path, help="folder of flows made elsewhere")
     parser.add_argument("--depth", type=Path, help="of the renders, for occlusions")
+    parser.add_argument("--masks", type=Path, help="where photos count, if it is there")
     splits = {"nargs": "+", "choices": ("train", "test"), "default": ()}
     parser.add_argument("--splits", **splits, help="what {split} stands for")
     options = parser.parse_args(arguments)

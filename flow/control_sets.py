@@ -32,11 +32,12 @@ IMAGES = ("control", "placebo", "held_out", "aligned", "leak", "leak_held_out")
 COLUMNS = ("view", "aligned", *lengths.COLUMNS, "blur_sigma_px", "time_s")
 
 
-def main(renders, photos, flow, out, *, truth=None, **options):
+def main(renders, photos, flow, out, *, truth=None, masks=None, **options):
     """Write all control sets into the folder `out`; returns the rows of leak.csv.
 
     renders, photos: folders of <view>.png; flow: of <view>.npz, as the warped set
-    has it; truth: a folder whose `oracle` holds an aligned image for each view.
+    has it; truth: a folder whose `oracle` holds an aligned image for each view;
+    masks: as of `files.masked_photo`.
     options: those of `write_view`. Sets appear together or not at all. Raises
     ValueError or OSError.
     """
@@ -53,6 +54,7 @@ def main(renders, photos, flow, out, *, truth=None, **options):
             view, *paths = one
             started = time.perf_counter()
             render, photo = map(images.read, paths)
+            photo, _ = files.masked_photo(view, render, photo, masks)
             flow_px, _ = files.read_flow(Path(flow) / f"{view}.npz")
             oracle = None
             if truth is not None:
@@ -138,6 +140,7 @@ def parse(arguments=None):
     for name in ("renders", "photos", "flow", "out"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--truth", type=Path, help="folder with the oracle's images")
+    parser.add_argument("--masks", type=Path, help="where photos count, if it is there")
     arguments_of_flow.add(parser)
     return parser.parse_args(arguments)
 

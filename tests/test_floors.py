@@ -28,13 +28,13 @@ FLOORS = [
         *("flow.estimation", "flow.figures"),
     },
     {"alignerf.training", "alignerf.verdict", "flow.benchmark"},
-    {"alignerf.preflight", "alignerf.page"},
+    {"alignerf.preflight", "alignerf.page", "alignerf.start"},
     {"alignerf", "flow"},  # the stages: files directly in a package
 ]
 # Folders that hold commands besides the stages.
 COMMANDS = ("alignerf.metrics", "alignerf.tables", "flow.figures", "flow.benchmark")
 COMMANDS += ("alignerf.decisions", "alignerf.preflight", "alignerf.verdict")
-COMMANDS += ("alignerf.page",)
+COMMANDS += ("alignerf.page", "alignerf.start")
 MOST_MODULES = 12
 FORBIDDEN = {"snakemake", "pickle", "dill", "joblib", "marshal", "shelve"}
 JAX = {"jax", "flax", "optax"}

@@ -90,7 +90,7 @@ def completed(config):
     training = config["training"]
     training |= settings.length(training)
     for scene in config["scenes"].values():
-        scene["path"] = home(scene["path"])
+        scene |= {key: home(scene[key]) for key in ("path", "masks")}
         scene["poses"] = settings.poses_of(scene)
         if scene["seed"] is None:
             scene["seed"] = config["seed"]
@@ -367,6 +367,8 @@ def check_scene(scene, *place):
         fault(f"{where}images", f"source {scene['source']!r} has no such folders")
     if scene["background"] and scene["source"] not in TRANSPARENT:
         fault(f"{where}background", f"source {scene['source']!r} has no alpha")
+    if scene["masks"] and scene["source"] != "photos":
+        fault(f"{where}masks", f"only of source 'photos', not {scene['source']!r}")
     model = scene["colmap"]["camera_model"]
     if source.has_truth and model not in (None, "PINHOLE", "SIMPLE_PINHOLE"):
         # Undoing a distortion that is not there would move photos off their true flow.
@@ -378,12 +380,13 @@ def check_scene(scene, *place):
 
 
 def check_path(scene, name):
-    """The folder of a scene is there, and its name has no meaning for Snakemake."""
-    where, path = f"scenes.{name}.path", scene["path"]
-    if path and set(path) & set("{}"):
-        fault(where, f"{path}: braces mean wildcards, rename it")
-    if path and not is_there(path):
-        fault(where, f"{path} does not exist")
+    """The folders of a scene are there, their names without meaning for Snakemake."""
+    for key in ("path", "masks"):
+        where, path = f"scenes.{name}.{key}", scene[key]
+        if path and set(path) & set("{}"):
+            fault(where, f"{path}: braces mean wildcards, rename it")
+        if path and not is_there(path):
+            fault(where, f"{path} does not exist")
 
 
 def check_published(config):

@@ -127,6 +127,11 @@ class Scene:
     background: Literal["white", "black"] | None = key(
         None, "what transparent pixels stand on; null refuses them"
     )
+    masks: str | None = key(
+        None,
+        "of photos: folder of <photo's file name>.png, black where a photo does not "
+        "count, as COLMAP has them",
+    )
     poses: Literal["colmap", "truth", "given"] | None = key(
         None,
         "courtyard has colmap (default) or truth, photos colmap, all others given",

@@ -1,5 +1,6 @@
 """What `snakemake SCENE` makes, and what it says in the end."""
 
+import atexit
 import json
 import re
 from pathlib import Path
@@ -104,6 +105,12 @@ def causes(snakemake_logs):
     if found:
         found.append("What is finished stays. The same command goes on from there.")
     return found
+
+
+def say_in_the_end(lines):
+    """Print lines when the process ends, after whatever else it prints until then."""
+    if lines:
+        atexit.register(print, "\n".join(["", *lines]))
 
 
 def cause(log):

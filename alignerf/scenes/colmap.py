@@ -14,8 +14,8 @@ import pycolmap
 from jaxtyping import Float, UInt8
 
 from alignerf.command import faults, progress
-from alignerf.scenes import cameras, prepare
-from alignerf.scenes.capture import ingest, vocabulary
+from alignerf.scenes import cameras
+from alignerf.scenes.capture import canvas, ingest, vocabulary
 
 log = logging.getLogger(__name__)
 
@@ -59,38 +59,39 @@ class Reconstruction(NamedTuple):
     """COLMAP's own, of the images that it saw."""
 
     def of_size(self, scale):
-        """The same for photos whose width and height are these times as large."""
+        """The same of photos whose width and height are `scale` [n, 2] as large."""
+        each = np.concatenate([scale, np.ones((len(scale), 1))], axis=1)
+        times = scale.mean(axis=1)
+        error_px = self.mean_reprojection_error_px * float(times.mean())
         return self._replace(
-            camtopix=np.diag([*scale, 1.0]) @ self.camtopix,
-            mean_reprojection_error_px=self.mean_reprojection_error_px
-            * float(np.mean(scale)),
-            errors_px=self.errors_px * np.mean(scale),
+            camtopix=each[:, :, None] * self.camtopix,
+            mean_reprojection_error_px=error_px,
+            errors_px=self.errors_px * times,
         )
 
 
 def estimate_poses(
     image_folder,
     work_folder,
-    cameras_of,
+    taken_by,
     *,
     camera_model="OPENCV",
     max_size_px=1600,
-    width=None,
-    height=None,
+    masks=None,
     seed=0,
     where="photos",
 ) -> Reconstruction:
     """Poses and intrinsics of <image_folder>/<name>.png, bit-reproducibly.
 
-    cameras_of: (names, focal length in px or None) of each camera; where the focal
-    length is known (with width and height), it starts there. SIFT on images of at most
-    max_size_px, matching as of `pairs_of`, incremental mapping; the largest model is
+    taken_by: an `ingest.Camera` of each camera, of the images here; a focal length that
+    is known is where it starts. SIFT on images of at most max_size_px, where `masks`
+    (folder of <name>.png.png) are not black; incremental mapping; the largest model is
     kept. Writes into work_folder. Raises ValueError naming `where` when too few views
     register.
     """
     if camera_model not in CAMERA_MODELS:
         raise ValueError(f"colmap.camera_model: unknown model {camera_model!r}")
-    names = sorted(name for of_camera, _ in cameras_of for name in of_camera)
+    names = sorted(name for camera in taken_by for name in camera.names)
     if len(names) < MIN_REGISTERED:
         raise ValueError(f"{where}: {len(names)} images; COLMAP needs more to overlap")
     database = Path(work_folder) / "database.db"
@@ -98,21 +99,21 @@ def estimate_poses(
     _quiet(seed)
     # Imported first, so that image ids follow the names: parallel extraction hands
     # them out in any order, and the result depends on them.
-    for of_camera, focal_px in cameras_of:
+    for camera in taken_by:
         reader = pycolmap.ImageReaderOptions()
         reader.camera_model = camera_model
-        if focal_px is not None:
-            start = _start_params(camera_model, focal_px, width, height)
+        if camera.focal_px is not None:
+            start = _start_params(camera_model, camera.focal_px, *camera.size)
             reader.camera_params = start
         pycolmap.import_images(
             database,
             image_folder,
             camera_mode=pycolmap.CameraMode.SINGLE,
-            image_names=[f"{name}.png" for name in sorted(of_camera)],
+            image_names=[f"{name}.png" for name in sorted(camera.names)],
             options=reader,
         )
     with progress.heartbeat("COLMAP: features"):
-        _extract(database, image_folder, names, max_size_px)
+        _extract(database, image_folder, names, max_size_px, masks)
     with progress.heartbeat("COLMAP: matching"):
         _match(database, len(names), seed)
     with progress.heartbeat("COLMAP: poses"):
@@ -135,65 +136,68 @@ def estimate_poses(
 
 
 def pose_folder(
-    folder, work_folder, *, camera_model, max_size_px, seed, where, background=None
+    folder,
+    work_folder,
+    *,
+    camera_model,
+    max_size_px,
+    seed,
+    where,
+    background=None,
+    masks=None,
 ):
     """Posed, undistorted views of a folder of photos as they were taken.
 
-    background: as of `photos.decode`. Returns prepare.PosedViews, the Reconstruction,
-    whose lenses and errors are those of the photos in full, and capture.Taken. What it
-    needs for long lies in work_folder.
+    background, masks: as of `ingest.ingest`. Returns prepare.PosedViews, the
+    Reconstruction, whose lenses and errors are those of the photos in full, and the
+    ingest.Taken. What it needs for long lies in work_folder.
     """
-    taken = ingest.ingest(
-        folder, work_folder, background=background, most_side_px=max_size_px
-    )
-    cameras_of = [taken.of_camera(k) for k in range(taken.cameras.max() + 1)]
-    if len(cameras_of) > 1:
-        counts = ", ".join(str(len(names)) for names, _ in cameras_of)
-        log.warning("%s: %d cameras, of %s photos", where, len(cameras_of), counts)
-    log.info(
-        "COLMAP on %d photos of %dx%d", len(taken.names), taken.width, taken.height
-    )
-    shrunk = np.array(
-        [taken.copy_width / taken.width, taken.copy_height / taken.height]
-    )
+    options = {"background": background, "most_side_px": max_size_px, "masks": masks}
+    taken = ingest.ingest(folder, work_folder, **options)
+    taken_by = [taken.camera(k) for k in range(taken.cameras.max() + 1)]
+    if len(taken_by) > 1:
+        each = ", ".join(
+            f"{len(camera.names)} of {camera.size[0]}x{camera.size[1]}"
+            for camera in taken_by
+        )
+        log.warning("%s: %d cameras: %s", where, len(taken_by), each)
+    log.info("COLMAP on %d photos", len(taken.names))
     model = estimate_poses(
         taken.folder,
         work_folder,
-        [
-            (names, None if focal_px is None else focal_px * shrunk.mean())
-            for names, focal_px in cameras_of
-        ],
+        [camera.of_copies() for camera in taken_by],
         camera_model=camera_model,
         max_size_px=max_size_px,
-        width=taken.copy_width,
-        height=taken.copy_height,
+        masks=None if masks is None else Path(work_folder) / "copies_masks",
         seed=seed,
         where=where,
     )
-    model = model.of_size(1 / shrunk)
-    write_model(model.found, Path(work_folder) / "colmap", taken.width, taken.height)
+    place = {name: i for i, name in enumerate(taken.names)}
+    kept = [place[name] for name in model.names]
+    sizes = [taken.sizes[i] for i in kept]
+    copy_sizes = [taken.copy_sizes[i] for i in kept]
+    model = model.of_size(np.array(sizes) / np.array(copy_sizes))
+    write_model(model, Path(work_folder) / "colmap", sizes)
     if model.left_out:
         log.warning("COLMAP left out %s", faults.some_names(model.left_out))
-    place = {name: i for i, name in enumerate(taken.names)}
-    lenses = list(zip(model.camtopix, model.distortion, strict=True))
-    views = prepare.pinhole_views(
+    views = canvas.views_of(
         model.names,
-        lenses,
+        list(zip(model.camtopix, model.distortion, strict=True)),
+        sizes,
         model.camtoworlds,
-        width=taken.width,
-        height=taken.height,
-        load=lambda i: taken.load(place[model.names[i]]),
+        load=lambda i: taken.load(kept[i]),
+        load_mask=None if masks is None else lambda i: taken.load_mask(kept[i]),
         where=where,
     )
     return views._replace(points=(model.points, model.colours)), model, taken
 
 
-def write_model(found, folder, width, height):
-    """COLMAP's own model, its cameras those of photos of this size."""
+def write_model(model: Reconstruction, folder, sizes):
+    """COLMAP's own model, its cameras those of photos of these sizes."""
     folder.mkdir()
-    for camera in found.cameras.values():
-        camera.rescale(width, height)
-    found.write(folder)
+    for number, size in dict(zip(model.camera_of, sizes, strict=True)).items():
+        model.found.cameras[number].rescale(*size)
+    model.found.write(folder)
 
 
 def convert(model, names, *, models=()) -> Reconstruction:
@@ -244,7 +248,10 @@ def _quiet(seed):
     pycolmap.set_random_seed(seed)
 
 
-def _extract(database, image_folder, names, max_size_px):
+def _extract(database, image_folder, names, max_size_px, masks):
+    reader = pycolmap.ImageReaderOptions()
+    if masks is not None:
+        reader.mask_path = masks
     extraction = pycolmap.FeatureExtractionOptions()
     extraction.use_gpu = False
     extraction.max_image_size = max_size_px
@@ -252,6 +259,7 @@ def _extract(database, image_folder, names, max_size_px):
         database,
         image_folder,
         image_names=[f"{name}.png" for name in names],
+        reader_options=reader,
         extraction_options=extraction,
         device=pycolmap.Device.cpu,
     )

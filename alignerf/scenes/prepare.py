@@ -19,6 +19,8 @@ from alignerf.scenes import cameras, distortion
 MIN_SIZE_PX = 32
 # Rounding a photo's size at a smaller scale changes its shape by less than this.
 SAME_SHAPE = 1.02
+# Of a mask that was resampled: less is a pixel that something else has touched.
+WHITE = 254
 # Files print six digits; what is further from a rotation is scaled or mirrored.
 ROTATION_ERROR = 1e-2
 
@@ -39,26 +41,36 @@ class PosedViews(NamedTuple):
     """Nearest and farthest depth of each view, where LLFF gives them."""
     split: np.ndarray | None = None
     """`train` or `test` of each view, where the source says so."""
+    load_mask: Callable[[int], np.ndarray] | None = None
+    """Index of a view -> an image [h, w, 3] uint8, 255 where its pixels count: it goes
+    the way of the photo, whatever is done to that. None where all pixels count."""
 
 
-def pinhole_views(names, lenses, camtoworlds, *, width, height, load, where):
+def pinhole_views(
+    names, lenses, camtoworlds, *, width, height, load, where, load_mask=None
+):
     """PosedViews of photos as taken, each lens's distortion undone.
 
     lenses: (camtopix [3, 3], distortion [5]) of each view at width x height; load(i)
-    is the photo [h, w, 3] uint8. Raises ValueError naming `where` for a distortion
-    that no pinhole view undoes.
+    is the photo [h, w, 3] uint8, load_mask(i) what of it counts. Raises ValueError
+    naming `where` for a distortion that no pinhole view undoes.
     """
     try:
         pinholes = [distortion.pinhole_camera(*lens, width, height) for lens in lenses]
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from None
+
+    def undistorted(load):
+        return lambda i: distortion.undistort(load(i), *lenses[i], pinholes[i])
+
     return PosedViews(
         names=names,
         pixtocams=np.linalg.inv(np.stack(pinholes)),
         camtoworlds=camtoworlds,
         width=width,
         height=height,
-        load=lambda i: distortion.undistort(load(i), *lenses[i], pinholes[i]),
+        load=undistorted(load),
+        load_mask=load_mask and undistorted(load_mask),
     )
 
 
@@ -97,6 +109,7 @@ def sort_by_name(views: PosedViews) -> PosedViews:
         pixtocams=np.asarray(views.pixtocams)[order],
         camtoworlds=np.asarray(views.camtoworlds)[order],
         load=lambda i: views.load(order[i]),
+        load_mask=views.load_mask and (lambda i: views.load_mask(order[i])),
         bounds=None if views.bounds is None else views.bounds[order],
         split=None if views.split is None else views.split[order],
     )
@@ -135,8 +148,8 @@ def downscale(views: PosedViews, factor: int | float) -> PosedViews:
     if factor == 1:
         return views
 
-    def load(i):
-        return shrink(views.load(i), width, height)
+    def smaller_of(load):
+        return lambda i: shrink(load(i), width, height)
 
     return views._replace(
         pixtocams=cameras.rescale_intrinsics(
@@ -144,7 +157,8 @@ def downscale(views: PosedViews, factor: int | float) -> PosedViews:
         ),
         width=width,
         height=height,
-        load=load,
+        load=smaller_of(views.load),
+        load_mask=views.load_mask and smaller_of(views.load_mask),
     )
 
 
@@ -166,17 +180,33 @@ def split_views(n, *, test_every):
 def write_views(folder, views: PosedViews, *, split):
     """Write images/<name>.png and cameras.npz into a folder.
 
-    And points.npz and bounds.npz, where the views have them.
+    And points.npz, bounds.npz and masks/<name>.npz, where the views have them.
     """
     (folder / "images").mkdir(parents=True)
     for i, name in enumerate(views.names):
         images.write(folder / "images" / f"{name}.png", views.load(i))
+    if views.load_mask is not None:
+        write_masks(folder / "masks", views)
     write_cameras(folder / "cameras.npz", views, split=split)
     if views.points is not None:
         positions, colours = views.points
         np.savez(folder / "points.npz", points=positions, colours=colours)
     if views.bounds is not None:
         np.savez(folder / "bounds.npz", bounds=views.bounds)
+
+
+def write_masks(folder, views: PosedViews):
+    """Write <name>.npz with `valid` [h, w], where a view's pixels count.
+
+    A pixel to which anything that does not count has contributed counts no more.
+    Raises ValueError naming a view of which nothing counts.
+    """
+    folder.mkdir()
+    for i, name in enumerate(views.names):
+        valid = (views.load_mask(i) >= WHITE).all(axis=-1)
+        if not valid.any():
+            raise ValueError(f"{name}: its mask leaves no pixel")
+        np.savez_compressed(folder / f"{name}.npz", valid=valid)
 
 
 def write_cameras(path, views: PosedViews, *, split):

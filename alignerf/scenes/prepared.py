@@ -14,6 +14,8 @@ from alignerf.command import archives, images, machine
 from alignerf.scenes import cameras
 
 SPLITS = ("train", "test")
+# Folder of <view>.npz {valid}, of scenes whose photos do not count everywhere.
+MASKS = "masks"
 # Beyond it squares, as of distances between cameras, leave float32.
 LARGEST = 1e18
 # JAX copies arrays that start elsewhere.
@@ -149,6 +151,14 @@ def empty_images(shape):
     buffer = np.empty(size + ALIGNMENT, np.uint8)
     start = -buffer.ctypes.data % ALIGNMENT
     return buffer[start : start + size].reshape(shape)
+
+
+def read_masks(scene: Scene, views) -> np.ndarray:
+    """Masks [views, h, w] bool: where the photos of these views count; all, usually."""
+    folder = scene.folder / MASKS
+    if folder.is_dir():
+        return read_validity(scene, views, folder)
+    return np.ones((len(views), scene.height, scene.width), bool)
 
 
 def read_validity(scene: Scene, views, folder) -> np.ndarray:

@@ -72,10 +72,14 @@ def view_shapes(loaded: prepared.Scene, chosen) -> Views:
 def load_views(loaded: prepared.Scene, chosen, photos, valid=None) -> Views:
     """The training views in the host's memory, with what says which pixels count."""
     packed = [all_valid(len(chosen), loaded.height, loaded.width)]
-    if valid:
-        packed = [
-            pack_valid(prepared.read_validity(loaded, [view], valid)) for view in chosen
-        ]
+    if valid or (loaded.folder / prepared.MASKS).is_dir():
+        # View by view: masks of all photos are a third of their size.
+        packed = []
+        for view in chosen:
+            mask = prepared.read_masks(loaded, [view])
+            if valid:
+                mask &= prepared.read_validity(loaded, [view], valid)
+            packed.append(pack_valid(mask))
     return Views(
         photos=prepared.read_images(loaded, chosen, photos),
         valid=np.concatenate(packed),

@@ -35,6 +35,7 @@ def read_views(loaded: prepared.Scene, base, splits):
             (photo,) = prepared.read_images(loaded, [view], loaded.folder / "images")
             (render,) = prepared.read_images(loaded, [view], folder)
             _, valid = read_flow(base, split, name)
+            (counts,) = prepared.read_masks(loaded, [view])
             row = parts.loc[name]
             found.append(
                 views.View(
@@ -45,7 +46,7 @@ def read_views(loaded: prepared.Scene, base, splits):
                     remainder_px=row["remainder_median_px"],
                     moved_share=moved_share(base, split, name, row["camera_median_px"]),
                     blur_sigma_px=lengths.loc[name, "blur_sigma_px"],
-                    **views.measured(photo, render, valid),
+                    **views.measured(photo, render, valid, counts),
                 )
             )
     return views.named(found)

@@ -42,9 +42,13 @@ class View(NamedTuple):
 COLUMNS = View._fields
 
 
-def measured(photo, render, valid):
-    """What `View` has of a photo and the render of its view, without their flow."""
-    everywhere = np.ones(photo.shape[:2], bool)
+def measured(photo, render, valid, counts=None):
+    """What `View` has of a photo and the render of its view, without their flow.
+
+    counts [h, w]: where the photo counts; everywhere, where None.
+    """
+    everywhere = np.ones(photo.shape[:2], bool) if counts is None else counts
+    photo = np.where(everywhere[..., None], photo, render)
     chosen = valid if valid.any() else everywhere
     stops = exposure_ev(photo, render, chosen)
     even = np.clip(np.round(render * 2.0**stops), 0, 255).astype(np.uint8)

@@ -40,15 +40,19 @@ def align(renders, photos, targets, stats_out, **options):
 
 
 def align_view(
-    view, render, photo, folders, *, kernel="lanczos", depth=None, **options
+    view, render, photo, folders, *, kernel="lanczos", depth=None, masks=None, **options
 ):
     """Write one view's flow and, where `folders` has one for it, its warped photo.
 
     Returns its statistics. depth: folder of <view>.npz, of the render: what is hidden
-    in the photo is not valid. options: those of `flow_of_view`.
+    in the photo is not valid. masks: as of `files.masked_photo`. options: those of
+    `flow_of_view`.
     """
     try:
+        photo, counts = files.masked_photo(view, render, photo, masks)
         flow_px, valid, sigma_px = flow_of_view(view, render, photo, **options)
+        if counts is not None:
+            valid &= warp.sees_only(flow_px, counts)
         if (found := read_depth(depth, view)) is not None:
             valid &= warp.unoccluded(flow_px, found)
     except ValueError as error:

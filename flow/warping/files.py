@@ -41,6 +41,21 @@ def read_flow(path):
     return flow_px, valid
 
 
+def masked_photo(view, render, photo, masks):
+    """(the photo, the render in it where it does not count; where it counts or None).
+
+    masks: folder of <view>.npz with `valid` [h, w], or a path where there is none: then
+    all counts. What does not count would else be matched to something.
+    """
+    if masks is None or not Path(masks).is_dir():
+        return photo, None
+    path = Path(masks) / f"{view}.npz"
+    counts = archives.read(path, ["valid"])["valid"]
+    if counts.dtype != bool or counts.shape != photo.shape[:2]:
+        raise ValueError(f"{path}: valid is not of its photo's size")
+    return np.where(counts[..., None], photo, render), counts
+
+
 def read_split(path, split, *keys):
     """{view: its part of each named array} of a split of a cameras.npz, by name.
 

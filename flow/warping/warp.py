@@ -78,6 +78,12 @@ def in_frame(flow_px):
         return inside_x & (at[..., 1] >= -0.5) & (at[..., 1] <= h - 0.5)
 
 
+def sees_only(flow_px, counts):
+    """Mask [h, w]: x + flow_px(x) lies among pixels that count, those around too."""
+    shown = np.repeat(np.where(counts, np.uint8(255), np.uint8(0))[..., None], 3, -1)
+    return (warp(shown, flow_px, kernel="bilinear") == 255).all(axis=-1)
+
+
 def consistent(forward_px, backward_px, *, tolerance_px):
     """Mask [h, w]: |forward(x) + backward(x + forward(x))| <= tolerance_px, in frame.
 

@@ -34,7 +34,9 @@ def courtyard(tmp_path_factory):
 
 def test_products_of_the_courtyard(courtyard):
     found = {path.name for path in courtyard.iterdir()}
-    assert found == {*poses.PRODUCTS} - {"points.npz", "bounds.npz", "colmap"}
+    assert found == {*poses.PRODUCTS} - {
+        *("points.npz", "bounds.npz", "colmap", "masks")
+    }
     stored = load(courtyard / "cameras.npz")
     assert stored["pixtocams"].shape == (4, 3, 3)
     assert stored["camtoworlds"].shape == (4, 3, 4)

@@ -3,6 +3,7 @@
 rule poses:
     input:
         lambda w: experiment.scenes[w.scene]["path"] or [],
+        lambda w: experiment.scenes[w.scene]["masks"] or [],
     output:
         images=directory("results/{scene}/images"),
         cameras="results/{scene}/cameras.npz",

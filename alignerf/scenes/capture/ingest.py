@@ -1,4 +1,4 @@
-"""A folder of photos and films as COLMAP and the training want them: of one size.
+"""A folder of photos, films and masks, as COLMAP and the training want them.
 
 COLMAP gets copies that are no larger than it looks at; the photos themselves are
 decoded again where they are needed, and never copied in full.
@@ -19,76 +19,143 @@ SAME_ZOOM = 0.04
 
 
 class Taken(NamedTuple):
-    """Photos of one size, sorted by name, with a copy <folder>/<name>.png of each."""
+    """Photos, sorted by name, with a copy <folder>/<name>.png of each."""
 
     names: list[str]
     paths: list[Path]
     lays: list[orientation.Lay]
-    width: int
-    height: int
-    copy_width: int
-    copy_height: int
+    sizes: list[tuple[int, int]]
+    """(width, height) of each photo as it lies."""
+    copy_sizes: list[tuple[int, int]]
     folder: Path
     focals_px: Float[np.ndarray, " n"]
     """From EXIF; NaN where a photo has none."""
     cameras: Int[np.ndarray, " n"]
     """Photos with one number have one camera; numbers go from 0."""
     background: str | None
+    masks: list[Path | None]
+    """Of each photo, where there is one."""
 
     def load(self, i):
         """Photo i [height, width, 3] uint8."""
         image, _ = photos.decode(self.paths[i], self.background, upright=False)
         return self.lays[i].apply(image)
 
-    def of_camera(self, number):
-        """(names, the focal length in px that EXIF gives them or None)."""
+    def load_mask(self, i):
+        """An image like photo i: 255 where its mask is not black, else 0."""
+        if self.masks[i] is None:
+            return np.full((*self.sizes[i][::-1], 3), 255, np.uint8)
+        return self.lays[i].apply(read_mask(self.masks[i], self.paths[i]))
+
+    def camera(self, number):
+        """The Camera of a number."""
         chosen = np.flatnonzero(self.cameras == number)
         known = self.focals_px[chosen][np.isfinite(self.focals_px[chosen])]
-        focal_px = float(np.median(known)) if len(known) else None
-        return [self.names[i] for i in chosen], focal_px
+        return Camera(
+            names=[self.names[i] for i in chosen],
+            size=self.sizes[chosen[0]],
+            copy_size=self.copy_sizes[chosen[0]],
+            focal_px=float(np.median(known)) if len(known) else None,
+        )
 
 
-def ingest(folder, work_folder, *, background=None, most_side_px=1600) -> Taken:
+class Camera(NamedTuple):
+    """Photos that one camera took; sizes are (width, height)."""
+
+    names: list[str]
+    size: tuple[int, int]
+    copy_size: tuple[int, int]
+    # Of the photos, as EXIF gives it.
+    focal_px: float | None
+
+    def of_copies(self):
+        """The same camera, of the copies."""
+        shrunk = np.array(self.copy_size) / self.size
+        focal_px = None if self.focal_px is None else self.focal_px * shrunk.mean()
+        return self._replace(size=self.copy_size, focal_px=focal_px)
+
+
+def ingest(
+    folder, work_folder, *, background=None, most_side_px=1600, masks=None
+) -> Taken:
     """Look through a folder, and decode every photo once to be sure that it is whole.
 
     Films become frames, in <work_folder>/frames. background: as of `photos.decode`.
-    most_side_px: of the copies. Raises ValueError naming the file for what is broken,
-    and what differs in size before anything is decoded.
+    most_side_px: of the copies. masks: a folder of <photo's file name>.png, black where
+    a photo does not count; a photo without one counts everywhere. Raises ValueError
+    naming the file for what is broken.
     """
     work_folder = Path(work_folder)
     paths = find(folder, work_folder)
-    names = [path.stem for path in paths]
     heads = [photos.head(path) for path in paths]
-    (width, height), lays = orientation.lay_alike(
-        [path.name for path in paths],
-        [(head.size, head.orientation) for head in heads],
-        folder,
-    )
-    shrunk = min(1.0, most_side_px / max(width, height))
-    copy_size = round(shrunk * width), round(shrunk * height)
+    laid = orientation.lay_alike([(head.size, head.orientation) for head in heads])
+    sizes = [size for size, _ in laid]
+    lays = [lay for _, lay in laid]
     copies = work_folder / "copies"
     copies.mkdir()
-    focals_px = []
-    for path, lay in progress.over(list(zip(paths, lays, strict=True)), "photos"):
+    copy_sizes, focals_px = [], []
+    for path, (size, lay) in progress.over(zip(paths, laid, strict=True), "photos"):
         image, focal_px = photos.decode(path, background, upright=False)
+        shrunk = min(1.0, most_side_px / max(size))
+        copy_sizes.append((round(shrunk * size[0]), round(shrunk * size[1])))
         focals_px.append(focal_px)
-        small = prepare.shrink(lay.apply(image), *copy_size)
+        small = prepare.shrink(lay.apply(image), *copy_sizes[-1])
         images.write(copies / f"{path.stem}.png", small)
     focals_px = np.array(focals_px)
-    kinds = [lay.kind for lay in lays]
-    return Taken(
-        names=names,
+    taken = Taken(
+        names=[path.stem for path in paths],
         paths=paths,
         lays=lays,
-        width=width,
-        height=height,
-        copy_width=copy_size[0],
-        copy_height=copy_size[1],
+        sizes=sizes,
+        copy_sizes=copy_sizes,
         folder=copies,
         focals_px=focals_px,
-        cameras=share_cameras(kinds, focals_px),
+        cameras=share_cameras([lay.kind for lay in lays], focals_px),
         background=background,
+        masks=find_masks(masks, paths),
     )
+    if masks is not None:
+        write_copies_of_masks(taken, work_folder / "copies_masks")
+    return taken
+
+
+def find_masks(folder, paths):
+    """The mask of each photo in a folder of <photo's file name>.png, else None.
+
+    So COLMAP calls them; <view>.png will do too. Raises ValueError where there is no
+    mask of any photo.
+    """
+    if folder is None:
+        return [None] * len(paths)
+    folder = Path(folder)
+    found = []
+    for path in paths:
+        names = (f"{path.name}.png", f"{path.stem}.png")
+        there = [folder / name for name in names if (folder / name).is_file()]
+        found.append(there[0] if there else None)
+    if not any(found):
+        raise ValueError(f"{folder}: no mask <photo's file name>.png of any photo")
+    return found
+
+
+def read_mask(path, photo):
+    """A mask [h, w, 3] uint8, 0 or 255; ValueError if not of its photo's size."""
+    mask, _ = photos.decode(path, "black", upright=False)
+    size = photos.head(photo).size
+    if mask.shape[1::-1] != size:
+        raise ValueError(
+            f"{path} is {mask.shape[1]}x{mask.shape[0]}, its photo {size[0]}x{size[1]}"
+        )
+    counts = (mask > 0).any(axis=-1, keepdims=True)
+    return np.where(counts, np.uint8(255), np.uint8(0)).repeat(3, axis=-1)
+
+
+def write_copies_of_masks(taken, folder):
+    """Masks of the copies, as COLMAP looks for them."""
+    folder.mkdir()
+    for i, name in enumerate(taken.names):
+        mask = prepare.shrink(taken.load_mask(i), *taken.copy_sizes[i])
+        images.write(folder / f"{name}.png.png", mask)
 
 
 def find(folder, work_folder):

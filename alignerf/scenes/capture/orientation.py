@@ -11,8 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.command import faults
-
 # EXIF's orientation -> what brings the rows as stored upright.
 UPRIGHT = {
     1: lambda image: image,
@@ -53,38 +51,29 @@ def upright_size(size, orientation):
     return size[::-1] if orientation in SIDEWAYS else size
 
 
-def lay_alike(names, heads, where):
-    """(the one size, a Lay of each photo); ValueError names those of another size.
+def lay_alike(heads):
+    """((width, height), Lay) of each photo as it comes to lie.
 
-    heads: (stored (width, height), orientation) of each photo.
+    heads: (stored (width, height), orientation) of each photo. Photos of another size
+    lie with their longer side as most photos have it.
     """
     plain = Counter(o for _, o in heads if o in TURNS)
     # Of equally many the least: 1, as stored.
     common = min(plain, key=lambda o: (-plain[o], o)) if plain else 1
     shapes = Counter(upright_size(s, common if o in TURNS else o) for s, o in heads)
     usual = max(shapes, key=lambda size: (shapes[size], size))
-    lays = [_lay(size, o, common, usual) for size, o in heads]
-    odd = [
-        f"{name} ({size[0]}x{size[1]})"
-        for name, (size, _), lay in zip(names, heads, lays, strict=True)
-        if lay is None
-    ]
-    if odd:
-        raise ValueError(
-            f"{where}: images must have one size; {len(names) - len(odd)} are "
-            f"{usual[0]}x{usual[1]}, but not {faults.some_names(odd)}"
-        )
-    return usual, lays
+    return [_lay(size, o, common, usual) for size, o in heads]
 
 
 def _lay(size, orientation, common, usual):
-    """The Lay that gives a photo the usual size, None if none does."""
+    """((width, height), Lay) of one photo: as most lie, where it can."""
     if orientation in TURNS and upright_size(size, common) == usual:
         turns = (TURNS[orientation] - TURNS[common]) % 4
-        return Lay(common, False, turns, "sensor")
+        return usual, Lay(common, False, turns, "sensor")
     own = upright_size(size, orientation)
     if own == usual:
-        return Lay(orientation, False, 0, "upright")
-    if own == usual[::-1]:
-        return Lay(orientation, True, 1, "across")
-    return None
+        return usual, Lay(orientation, False, 0, "upright")
+    kind = "" if own == usual[::-1] else f"{max(own)}x{min(own)}"
+    if (own[0] < own[1]) == (usual[0] < usual[1]) or own[0] == own[1]:
+        return own, Lay(orientation, False, 0, kind)
+    return own[::-1], Lay(orientation, True, 1, f"{kind} across".strip())

@@ -1,5 +1,6 @@
 """Structure from motion: our conventions, the same result twice, clear failures."""
 
+import cv2
 import numpy as np
 import pycolmap
 import pytest
@@ -7,6 +8,7 @@ from PIL import Image
 
 from alignerf.command import images
 from alignerf.scenes import cameras, colmap, distortion
+from alignerf.scenes.capture import ingest
 from alignerf.scenes.courtyard import scene as courtyard
 
 # Parameters of a camera of 1024x768 with noticeable, invertible distortion.
@@ -63,7 +65,11 @@ def estimate(photos, tmp_path, **options):
     folder, names, *_ = photos
     tmp_path.mkdir(exist_ok=True)
     options = {"camera_model": "SIMPLE_PINHOLE", "seed": 3} | options
-    return colmap.estimate_poses(folder, tmp_path, [(names, None)], **options)
+    return colmap.estimate_poses(folder, tmp_path, [camera_of(names)], **options)
+
+
+def camera_of(names):
+    return ingest.Camera(names, (240, 180), (240, 180), None)
 
 
 def test_poses_are_near_the_truth_and_the_same_twice(photos, tmp_path):
@@ -126,11 +132,67 @@ def test_photos_turned_by_a_program_have_a_camera_of_their_own(
     )
     assert [lay.kind for lay in taken.lays] == ["across"] * 3 + ["sensor"] * 4
     assert len(set(model.camera_of)) == 2
-    assert "2 cameras, of 3, 4 photos" in caplog.text
+    assert "2 cameras: 3 of 240x180, 4 of 240x180" in caplog.text
     # They lie as the others do again.
     first = images.read(photos[0] / f"{photos[1][0]}.png")
     np.testing.assert_array_equal(taken.load(0), first)
     np.testing.assert_array_equal(views.camtoworlds, model.camtoworlds)
+
+
+def test_photos_of_another_size_and_lens_are_laid_on_one_canvas(photos, tmp_path):
+    """Three photos of fewer pixels, cut to another shape."""
+
+    def take(i, image):
+        if i % 2 == 0:
+            return image, 1
+        small = cv2.resize(image, (180, 135), interpolation=cv2.INTER_AREA)
+        return small[8:127], 1
+
+    views, _, taken = pose_taken(photos, tmp_path, take)
+    assert sorted(set(taken.sizes)) == [(180, 119), (240, 180)]
+    assert (views.width, views.height) == (240, 180)
+    names = photos[1]
+    smaller = set(names[1::2]) & set(views.names)
+    assert len(smaller) >= 2
+    for name in smaller:
+        i = views.names.index(name)
+        image, mask = views.load(i), views.load_mask(i) == 255
+        whole = images.read(photos[0] / f"{name}.png")
+        # As large again, in the middle; what it does not see is free.
+        assert 0.85 < mask.all(axis=-1).mean() < 0.93
+        inner = mask.all(axis=-1) & np.pad(np.ones((120, 180), bool), ((30, 30),) * 2)
+        difference = np.abs(image.astype(int) - whole)[inner]
+        assert np.median(difference) < 12
+        assert not image[~mask.all(axis=-1)].any()
+    for i, name in enumerate(views.names):
+        if name in names[0::2]:
+            assert (views.load_mask(i) == 255).all()
+    # All at one angle a pixel, each with its own axis.
+    focal_px = np.linalg.inv(views.pixtocams)[:, [0, 1], [0, 1]]
+    np.testing.assert_allclose(focal_px, np.median(focal_px), rtol=0.02)
+
+
+def test_masks_go_the_way_of_their_photos(photos, tmp_path):
+    """What a mask hides gives no feature and does not count."""
+    (tmp_path / "masks").mkdir()
+    mask = np.full((180, 240, 3), 255, np.uint8)
+    mask[:, :60] = 0
+    for name in photos[1][:3]:
+        images.write(tmp_path / f"masks/{name}.png.png", mask)
+    options = {"max_size_px": 240, "seed": 0, "where": "HERE"}
+    views, model, _ = colmap.pose_folder(
+        photos[0],
+        tmp_path,
+        camera_model="SIMPLE_PINHOLE",
+        masks=tmp_path / "masks",
+        **options,
+    )
+    for i, name in enumerate(views.names):
+        hidden = 0.25 if name in photos[1][:3] else 0.0
+        assert (views.load_mask(i) < 255).mean() == pytest.approx(hidden)
+    for image in model.found.images.values():
+        left = min(point.xy[0] for point in image.points2D)
+        assert (left >= 60) == (image.name[:-4] in photos[1][:3])
 
 
 def test_errors_are_told_photo_by_photo_in_pixels_of_the_photo(photos, tmp_path):
@@ -168,13 +230,13 @@ def test_photos_that_do_not_overlap(tmp_path):
         noise = rng.integers(0, 256, (12, 16, 3), dtype=np.uint8)
         images.write(tmp_path / f"{name}.png", noise.repeat(8, 0).repeat(8, 1))
     with pytest.raises(ValueError, match=r"HERE: .* registered 0 of 3 images"):
-        colmap.estimate_poses(tmp_path, tmp_path, [(names, None)], where="HERE")
+        colmap.estimate_poses(tmp_path, tmp_path, [camera_of(names)], where="HERE")
 
 
 def test_too_few_photos_and_unknown_models(tmp_path):
-    few = [(["a"], None), (["b"], None)]
+    few = [camera_of(["a"]), camera_of(["b"])]
     with pytest.raises(ValueError, match="HERE: 2 images"):
         colmap.estimate_poses(tmp_path, tmp_path, few, where="HERE")
-    names = [(list("abc"), None)]
+    names = [camera_of(list("abc"))]
     with pytest.raises(ValueError, match=r"colmap.camera_model: .*FISHEYE"):
         colmap.estimate_poses(tmp_path, tmp_path, names, camera_model="FISHEYE")

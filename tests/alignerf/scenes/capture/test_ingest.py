@@ -30,7 +30,7 @@ def test_photos_are_sorted_by_view_name_and_the_rest_is_left_out(
     (source / "folder.jpg").mkdir()
     taken = ingest.ingest(source, target)
     assert taken.names == ["a", "a.b", "b 2", "ä"]
-    assert (taken.width, taken.height) == (20, 12)
+    assert set(taken.sizes) == {(20, 12)}
     assert "notes.txt" in caplog.text
     assert "hidden" not in caplog.text
     for i, name in enumerate(taken.names):
@@ -44,20 +44,55 @@ def test_copies_are_no_larger_than_asked_and_photos_stay_whole(tmp_path, pixels)
     source.mkdir(), target.mkdir()
     save(source / "a.png", pixels.repeat(10, 0).repeat(10, 1))
     taken = ingest.ingest(source, target, most_side_px=100)
-    assert (taken.copy_width, taken.copy_height) == (100, 60)
+    assert taken.copy_sizes == [(100, 60)]
     assert images.read(taken.folder / "a.png").shape == (60, 100, 3)
     assert taken.load(0).shape == (120, 200, 3)
 
 
-def test_odd_sizes_are_named_before_anything_is_decoded(tmp_path, pixels, monkeypatch):
-    target = tmp_path / "out"
-    target.mkdir()
-    for name in ("a", "b", "c"):
-        save(tmp_path / f"{name}.png", pixels)
-    save(tmp_path / "odd one.png", pixels[:, :10])
-    monkeypatch.setattr(ingest.photos, "decode", None)
-    with pytest.raises(ValueError, match=r"3 are 20x12, but not odd one.png \(10x12\)"):
-        ingest.ingest(tmp_path, target)
+def test_each_size_has_a_camera_of_its_own(tmp_path, pixels):
+    source, target = tmp_path / "in", tmp_path / "out"
+    source.mkdir(), target.mkdir()
+    for name, image in {"a": pixels, "b": pixels, "odd one": pixels[:, :10]}.items():
+        save(source / f"{name}.png", image)
+    taken = ingest.ingest(source, target)
+    assert taken.cameras.tolist() == [0, 0, 1]
+    # It lies with its longer side as the others.
+    assert taken.sizes[2] == (12, 10)
+    assert taken.camera(1).names == ["odd one"]
+    assert taken.load(2).shape == (10, 12, 3)
+
+
+@pytest.mark.parametrize("name", ["a.jpg.png", "a.png"])
+def test_a_mask_lies_as_its_photo_does(tmp_path, pixels, name):
+    source, target, masks = (tmp_path / part for part in ("in", "out", "masks"))
+    for folder in (source, target, masks):
+        folder.mkdir()
+    exif = Image.Exif()
+    exif[0x0112] = 3
+    save(source / "a.jpg", pixels, exif=exif)
+    save(source / "b.jpg", pixels)
+    save(source / "c.jpg", pixels)
+    mask = np.full((12, 20), 255, np.uint8)
+    mask[:, :5] = 0
+    Image.fromarray(mask).save(masks / name)
+    taken = ingest.ingest(source, target, masks=masks)
+    # Most lie as stored, and so does the mask of the one that is upside down.
+    np.testing.assert_array_equal(taken.load_mask(0)[..., 0], mask)
+    assert (taken.load_mask(1) == 255).all()
+    copy = images.read(target / "copies_masks/a.png.png")
+    np.testing.assert_array_equal(copy, taken.load_mask(0))
+
+
+def test_masks_that_do_not_belong_are_named(tmp_path, pixels):
+    save(tmp_path / "a.png", pixels)
+    (tmp_path / "masks").mkdir()
+    (tmp_path / "out").mkdir()
+    with pytest.raises(ValueError, match="masks: no mask <photo's file name>"):
+        ingest.ingest(tmp_path, tmp_path / "out", masks=tmp_path / "masks")
+    save(tmp_path / "masks/a.png.png", pixels[:6])
+    (tmp_path / "out2").mkdir()
+    with pytest.raises(ValueError, match=r"a\.png\.png is 20x6, its photo 20x12"):
+        ingest.ingest(tmp_path, tmp_path / "out2", masks=tmp_path / "masks")
 
 
 def test_a_photo_and_a_frame_of_one_name_are_refused(tmp_path, pixels, monkeypatch):

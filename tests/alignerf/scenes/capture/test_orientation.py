@@ -8,13 +8,13 @@ from alignerf.scenes.capture import orientation
 
 
 def lay_alike(heads):
-    names = [f"{i}.jpg" for i in range(len(heads))]
-    return orientation.lay_alike(names, heads, "HERE")
+    sizes, lays = zip(*orientation.lay_alike(heads), strict=True)
+    return sizes, lays
 
 
 def test_what_most_photos_are_is_applied_to_all():
-    usual, lays = lay_alike([((400, 300), 6)] * 3 + [((400, 300), 1)] * 2)
-    assert usual == (300, 400)
+    sizes, lays = lay_alike([((400, 300), 6)] * 3 + [((400, 300), 1)] * 2)
+    assert set(sizes) == {(300, 400)}
     assert {lay.kind for lay in lays} == {"sensor"}
     assert {lay.orientation for lay in lays} == {6}
     # A landscape photo among portraits lies on its side; three turns put it right.
@@ -48,8 +48,8 @@ def test_upright_is_what_pillow_calls_so(tmp_path, number, rng):
 
 def test_photos_across_without_a_word_are_turned_back():
     stored = np.arange(12, dtype=np.uint8).reshape(4, 3, 1)
-    usual, lays = lay_alike([((4, 3), 1)] * 2 + [((3, 4), 1)])
-    assert usual == (4, 3)
+    sizes, lays = lay_alike([((4, 3), 1)] * 2 + [((3, 4), 1)])
+    assert set(sizes) == {(4, 3)}
     assert [lay.kind for lay in lays] == ["sensor", "sensor", "across"]
     lies = lays[2].apply(stored)
     assert lies.shape == (3, 4, 1)
@@ -62,12 +62,28 @@ def test_of_equally_many_the_rows_stay_as_stored():
     assert [lay.turns for lay in lays] == [1, 0]
 
 
-def test_another_size_is_named_with_what_is_usual():
-    with pytest.raises(ValueError, match=r"HERE: .* 2 are 4x3, but not 2.jpg \(5x3\)"):
-        lay_alike([((4, 3), 1)] * 2 + [((5, 3), 1)])
+@pytest.mark.parametrize(
+    ("head", "size", "turns", "kind"),
+    [
+        (((8, 5), 1), (8, 5), 0, "8x5"),
+        # Portrait among landscapes, by EXIF's word or without.
+        (((8, 5), 6), (8, 5), 1, "8x5 across"),
+        (((5, 8), 1), (8, 5), 1, "8x5 across"),
+        (((6, 6), 1), (6, 6), 0, "6x6"),
+    ],
+)
+def test_another_size_lies_with_its_longer_side_as_the_others(head, size, turns, kind):
+    sizes, lays = lay_alike([((4, 3), 1)] * 2 + [head])
+    assert sizes[2] == size
+    assert (lays[2].turns, lays[2].kind) == (turns, kind)
+    stored = np.arange(np.prod(head[0]), dtype=np.uint8).reshape(*head[0][::-1], 1)
+    lies = lays[2].apply(stored)
+    assert lies.shape[1::-1] == size
+    upright = orientation.UPRIGHT[head[1]](stored)
+    np.testing.assert_array_equal(np.rot90(lies, -turns), upright)
 
 
 def test_a_square_photo_lies_any_way():
-    usual, lays = lay_alike([((4, 4), 6), ((4, 4), 1)])
-    assert usual == (4, 4)
+    sizes, lays = lay_alike([((4, 4), 6), ((4, 4), 1)])
+    assert set(sizes) == {(4, 4)}
     assert {lay.kind for lay in lays} == {"sensor"}

@@ -1,0 +1,116 @@
+"""From a folder to a config that runs, whatever lies in the folder."""
+
+import pytest
+import yaml
+
+from alignerf.experiment import check
+from alignerf.start import __main__ as start
+from alignerf.start import folders
+
+
+def fill(folder, *names):
+    for name in names:
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("names", "source", "below"),
+    [
+        (["a.JPG", "b.heic", "notes.txt"], "photos", "."),
+        (["walk.mov"], "photos", "."),
+        (["images/a.png", "masks/a.png.png"], "photos", "images"),
+        (["images/a.png", "transforms.json"], "transforms", "."),
+        (["transforms_train.json", "transforms_test.json"], "blender", "."),
+        (["images/a.png", "sparse/0/cameras.bin"], "mipnerf360", "."),
+        # 360_v2 has both.
+        (["sparse/0/cameras.bin", "poses_bounds.npy"], "mipnerf360", "."),
+        (["images/a.png", "poses_bounds.npy"], "llff", "."),
+    ],
+)
+def test_names_tell_what_a_folder_is(tmp_path, names, source, below):
+    folder = fill(tmp_path / "my scene", *names)
+    (name, scene), *rest = folders.scenes_of(folder).items()
+    assert (name, rest) == ("my_scene", [])
+    masks = {"masks": str(folder / "masks")} if "masks/a.png.png" in names else {}
+    assert scene == {"source": source, "path": str(folder / below), **masks}
+
+
+def test_a_film_alone_and_a_folder_of_scenes(tmp_path):
+    fill(
+        tmp_path,
+        "a/1.jpg",
+        "b c/2.jpg",
+        "films/walk.mp4",
+        "empty/notes.txt",
+        ".d/1.jpg",
+    )
+    found = folders.scenes_of(tmp_path)
+    assert list(found) == ["a", "b_c", "films"]
+    film = folders.scenes_of(tmp_path / "films/walk.mp4")
+    assert film == {
+        "walk": {"source": "photos", "path": str(tmp_path / "films/walk.mp4")}
+    }
+
+
+def test_two_scenes_of_one_name_are_refused(tmp_path):
+    fill(tmp_path, "a b/1.jpg", "a_b/2.jpg")
+    with pytest.raises(ValueError, match="another scene is called a_b"):
+        folders.scenes_of(tmp_path)
+
+
+@pytest.mark.parametrize("names", [[], ["notes.txt"], ["deep/deeper/a.jpg"]])
+def test_a_folder_without_photos_says_what_was_looked_for(tmp_path, names):
+    fill(tmp_path, *names)
+    with pytest.raises(ValueError, match=r"no photos \(.*\.heic.*films \(.*\.mp4"):
+        folders.scenes_of(tmp_path)
+    with pytest.raises(ValueError, match="nowhere does not exist"):
+        folders.scenes_of(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("train", "train_photos"),
+        ("all", "all_photos"),
+        ("published", "published_photos"),
+        ("--x", "x"),
+        ("Größe 3", "Gr_e_3"),
+        ("é", "photos"),
+        ("a" * 200, "a" * 60),
+    ],
+)
+def test_a_name_is_one_that_files_and_rules_can_have(tmp_path, name, expected):
+    assert folders.name_of(tmp_path / name) == expected
+
+
+def test_the_config_is_one_that_can_be_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    fill(tmp_path, "my\nphotos/a.jpg")
+    start.main(["my\nphotos", "--only-config", "--background", "white"])
+    path = tmp_path / "results/my_photos.yaml"
+    config = yaml.safe_load(path.read_text())
+    checked = check.checked(config)
+    assert checked["decide"]
+    assert checked["scenes"]["my_photos"]["background"] == "white"
+    assert "results/my_photos/index.html" in capsys.readouterr().out
+    # What a user changed stays.
+    path.write_text(path.read_text() + "training: {steps: 7}\n")
+    start.main(["my\nphotos", "--only-config"])
+    assert yaml.safe_load(path.read_text())["training"] == {"steps": 7}
+
+
+def test_its_exit_code_is_that_of_the_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    fill(tmp_path, "p/a.jpg")
+    monkeypatch.setattr(start, "run", lambda path, cores: 3)
+    with pytest.raises(SystemExit) as stopped:
+        start.main(["p"])
+    assert stopped.value.code == 3
+
+
+def test_a_missing_folder_is_said():
+    with pytest.raises(ValueError, match="make photos FOLDER=my_photos"):
+        start.main([""])
