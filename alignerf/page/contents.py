@@ -162,6 +162,9 @@ def cell(row, key, form):
         return Cell(str(value), str(value))
     if form == "interval":
         ends = (row["difference_low_db"], row["difference_high_db"])
+        if value == 0 and ends == (0, 0):
+            # To itself.
+            return Cell("", -math.inf)
         return Cell(scores.with_interval(value, *ends, sign="+"), value)
     if form == "%":
         return Cell(f"{100 * value:.0f}", value)

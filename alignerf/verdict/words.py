@@ -196,7 +196,8 @@ def gains_of(path):
 def gain_line(gain, e):
     """What a remedy brought in this run; no claim from few views."""
     name, db, low, high, minutes = gain
-    text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}] in {minutes:.0f} min"
+    took = f"{minutes:.0f} min" if minutes >= 1 else "under a minute"
+    text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}] in {took}"
     if e.test_views < causes.FEW_TEST_VIEWS:
         return f"{text}; {e.test_views} held-out photos are too few to be sure."
     if low > 0 or high < 0:

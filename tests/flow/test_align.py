@@ -76,6 +76,44 @@ def write_depth(scene, depth):
         np.savez(scene / "depth" / f"{view}.npz", depth=np.float32(depth))
 
 
+def test_what_does_not_count_in_the_photo_is_not_valid_and_pulls_nothing(scene):
+    """Garbage behind a mask changes no flow outside, and no pixel that leads there."""
+    for view in ("a", "b c", "d"):
+        photo = images.read(scene / "photos" / f"{view}.png")
+        counts = np.ones(photo.shape[:2], bool)
+        counts[:, 60:] = False
+        photo[~counts] = 0
+        images.write(scene / "photos" / f"{view}.png", photo)
+        (scene / "masks").mkdir(exist_ok=True)
+        np.savez_compressed(scene / "masks" / f"{view}.npz", valid=counts)
+    assert align.run(arguments(scene, "--masks", str(scene / "masks"))) == 0
+    for view in ("a", "b c", "d"):
+        flow_px, valid = files.read_flow(scene / "out" / "flow" / f"{view}.npz")
+        # A render's pixel is seen 2 px further right in the photo.
+        assert not valid[:, 60:].any()
+        inner = valid[6:-6, 6:50]
+        assert inner.mean() > 0.9
+        middle = np.median(flow_px[6:-6, 6:50].reshape(-1, 2), axis=0)
+        np.testing.assert_allclose(np.abs(middle), np.abs(SHIFT_PX), atol=0.1)
+
+
+def test_a_folder_of_masks_that_is_not_there_hides_nothing(scene):
+    assert align.run(arguments(scene)) == 0
+    plain = (scene / "out/flow/a.npz").read_bytes()
+    shutil.rmtree(scene / "out")
+    assert align.run(arguments(scene, "--masks", str(scene / "none"))) == 0
+    assert (scene / "out/flow/a.npz").read_bytes() == plain
+
+
+def test_a_mask_of_another_size_is_named(scene, capsys):
+    (scene / "masks").mkdir()
+    for view in ("a", "b c", "d"):
+        np.savez(scene / "masks" / f"{view}.npz", valid=np.ones((3, 4), bool))
+    assert align.run(arguments(scene, "--masks", str(scene / "masks"))) == 1
+    assert "a.npz: valid is not of its photo's size" in capsys.readouterr().err
+    assert not [path for path in (scene / "out").rglob("*") if path.is_file()]
+
+
 def test_what_is_occluded_is_not_valid(scene, monkeypatch):
     assert align.run(arguments(scene)) == 0
     before = {v: files.read_flow(scene / "out/flow" / f"{v}.npz") for v in ("a", "d")}

@@ -1,0 +1,135 @@
+"""Where photos do not count: nothing is learnt, nothing scored, and it is handed on."""
+
+import json
+
+import numpy as np
+import pytest
+
+from alignerf import evaluate, export, facts
+from alignerf.command import images
+from alignerf.scenes import prepare, prepared
+from alignerf.training import batches
+from alignerf.verdict import views as verdict_views
+from tests.bench import cases
+
+WIDTH, HEIGHT = 48, 32
+HIDDEN = 12
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A prepared scene whose photos do not count in their first columns."""
+    cases.write_scene(tmp_path / "scene", cases.orbit(width=WIDTH, height=HEIGHT))
+    folder = tmp_path / "scene" / prepared.MASKS
+    folder.mkdir()
+    valid = np.ones((HEIGHT, WIDTH), bool)
+    valid[:, :HIDDEN] = False
+    for name in prepared.load(tmp_path / "scene").names:
+        np.savez_compressed(folder / f"{name}.npz", valid=valid)
+    return tmp_path / "scene"
+
+
+def unpacked(views):
+    return np.unpackbits(np.asarray(views.valid), axis=-1)[..., :WIDTH].astype(bool)
+
+
+def test_hidden_pixels_teach_nothing_also_where_photos_are_warped(scene, tmp_path):
+    loaded = prepared.load(scene)
+    chosen = loaded.views("train")
+    plain = batches.load_views(loaded, chosen, scene / "images")
+    assert not unpacked(plain)[:, :, :HIDDEN].any()
+    assert unpacked(plain)[:, :, HIDDEN:].all()
+    (tmp_path / "flow").mkdir()
+    valid = np.ones((HEIGHT, WIDTH), bool)
+    valid[:5] = False
+    for view in chosen:
+        np.savez(tmp_path / "flow" / f"{loaded.names[view]}.npz", valid=valid)
+    warped = batches.load_views(loaded, chosen, scene / "images", tmp_path / "flow")
+    both = valid.copy()
+    both[:, :HIDDEN] = False
+    np.testing.assert_array_equal(unpacked(warped), np.stack([both] * len(chosen)))
+
+
+def test_hidden_pixels_are_not_scored(scene):
+    loaded = prepared.load(scene)
+    view = loaded.views("test")[0]
+    photo, mask = evaluate.targets_of(loaded, view, None, None)["standard"]
+    render = np.clip(photo.astype(int) + 20, 0, 255).astype(np.uint8)
+    wrong = render.copy()
+    wrong[:, :HIDDEN] = 255 - wrong[:, :HIDDEN]
+
+    def psnr_db(image, mask):
+        return evaluate.score(photo, image, mask, {})["psnr_db"]
+
+    assert psnr_db(render, mask) == psnr_db(wrong, mask)
+    everywhere = np.ones_like(mask)
+    assert psnr_db(render, everywhere) > psnr_db(wrong, everywhere)
+    right, found = (
+        verdict_views.measured(photo, image, mask, mask) for image in (render, wrong)
+    )
+    assert right["psnr_db"] == found["psnr_db"]
+    assert right["exposure_ev"] == found["exposure_ev"]
+
+
+def test_hidden_pixels_are_neither_dark_nor_bright(scene):
+    loaded = prepared.load(scene)
+    for name in loaded.names:
+        image = images.read(scene / f"images/{name}.png")
+        image[:, HIDDEN:] = 100
+        image[:, :HIDDEN] = 255
+        images.write(scene / f"images/{name}.png", image)
+    facts.main(["--scene", str(scene), "--facts", str(scene / "facts.json")])
+    found = json.loads((scene / "facts.json").read_text())
+    assert found["brightness"] == pytest.approx(100 / 255, abs=1e-3)
+    assert found["white_share"] == 0
+
+
+def test_masks_are_exported(scene, tmp_path):
+    export.main(["--scene", str(scene), "--out", str(tmp_path / "out")])
+    frames = json.loads((tmp_path / "out/transforms.json").read_text())["frames"]
+    names = prepared.load(scene).names
+    assert len(frames) == len(names)
+    for frame in frames:
+        mask = images.read(tmp_path / "out" / frame["mask_path"])
+        assert not mask[:, :HIDDEN].any()
+        assert (mask[:, HIDDEN:] == 255).all()
+
+
+def test_a_mask_becomes_smaller_with_its_photo_and_keeps_no_mixed_pixel(tmp_path):
+    """Of 9 columns hidden the third that a smaller pixel mixes is hidden too."""
+    photo = np.zeros((60, 80, 3), np.uint8)
+    mask = np.full_like(photo, 255)
+    mask[:, :9] = 0
+    views = prepare.PosedViews(
+        names=["b", "a"],
+        pixtocams=np.stack([np.eye(3)] * 2),
+        camtoworlds=np.stack([np.eye(3, 4)] * 2),
+        width=80,
+        height=60,
+        load=lambda i: photo,
+        # Of `b` only: sorted by name, it comes second.
+        load_mask=lambda i: mask if i == 0 else np.full_like(photo, 255),
+    )
+    views = prepare.downscale(prepare.sort_by_name(views), 1.25)
+    prepare.write_views(tmp_path / "new", views, split=np.array(["train", "test"]))
+    with np.load(tmp_path / "new/masks/b.npz") as archive:
+        valid = archive["valid"]
+    assert valid.shape == (48, 64)
+    assert not valid[:, :8].any()
+    assert valid[:, 8:].all()
+    with np.load(tmp_path / "new/masks/a.npz") as archive:
+        assert archive["valid"].all()
+
+
+def test_a_mask_that_hides_all_is_refused_by_name(tmp_path):
+    views = prepare.PosedViews(
+        names=["a"],
+        pixtocams=np.eye(3)[None],
+        camtoworlds=np.eye(3, 4)[None],
+        width=40,
+        height=40,
+        load=lambda i: np.zeros((40, 40, 3), np.uint8),
+        load_mask=lambda i: np.zeros((40, 40, 3), np.uint8),
+    )
+    with pytest.raises(ValueError, match="a: its mask leaves no pixel"):
+        prepare.write_views(tmp_path / "new", views, split=np.array(["train"]))
