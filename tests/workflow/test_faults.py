@@ -3,7 +3,6 @@
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 import skimage.data
 import yaml
@@ -82,18 +81,12 @@ def three_apart(folder):
         Image.fromarray(image[:240, :320]).save(folder / f"{name}.jpg", quality=90)
 
 
-def two_sizes(folder):
-    for name, size in {"a": 40, "b": 40, "odd one": 50}.items():
-        Image.fromarray(np.zeros((size, 64, 3), np.uint8)).save(folder / f"{name}.png")
-
-
 @pytest.mark.parametrize(
     ("fill", "reason"),
     [
         (no_photos, "no images in my photos"),
         (broken_photo, "cannot decode my photos/b.jpg"),
         (three_apart, "my photos"),
-        (two_sizes, "my photos: .*odd one.png"),
     ],
 )
 def test_bad_photos_end_in_one_line(tmp_path, snakemake, fill, reason):
