@@ -26,6 +26,15 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 
 
+# Files whose single tests or fixtures take minutes.
+LONGEST = ("test_chain.py", "test_bench.py", "test_sooner.py")
+
+
+def pytest_collection_modifyitems(items):
+    """The longest first: begun last, one of them keeps a core idle for minutes."""
+    items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
 @pytest.fixture(scope="session")
 def root():
     """The project's top folder."""
