@@ -38,6 +38,9 @@ experiment = plan.Experiment(
 sources.set_environment(experiment.scenes)
 
 
+report: "workflow/report/workflow.rst"
+
+
 wildcard_constraints:
     scene=plan.one_of(experiment.scenes),
     method=plan.one_of(experiment.methods),

@@ -10,7 +10,8 @@ rule page:
             "results/{scene}/index.html",
             caption="../report/page.rst",
             category="{scene}",
-            labels={"what": "the page", "kind": "page"},
+            # Labels are sorted: this one comes first.
+            labels={"what": "1. the page", "kind": "page"},
         ),
     log:
         "results/{scene}/logs/page.log",
