@@ -17,8 +17,10 @@ run: $(VENV)/.installed
 	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
 	@python -m alignerf.show
 
+# By the environment: a shell would see more than a name in some names.
+photos: export PHOTOS_FOLDER := $(value FOLDER)
 photos: $(VENV)/.installed
-	@python -m alignerf.start "$(FOLDER)" --cores $(CORES) $(PHOTOS)
+	@python -m alignerf.start --cores $(CORES) $(PHOTOS) -- "$$PHOTOS_FOLDER"
 
 test: $(VENV)/.installed
 	@pytest -n 2 --dist worksteal

@@ -7,6 +7,8 @@ smaller photos can be rendered and scored at the scene's own size.
 import argparse
 import pathlib
 
+import numpy as np
+
 from alignerf.command import archives, faults, images, whole
 from alignerf.scenes import prepare, prepared
 
@@ -23,6 +25,12 @@ def main(argv=None):
     # As stored: normalising the normalised poses anew could turn the frame.
     stored = archives.read(loaded.folder / "cameras.npz", ["camtoworlds"])
     paths = [loaded.folder / "images" / f"{name}.png" for name in loaded.names]
+
+    def load_mask(i):
+        (mask,) = prepared.read_masks(loaded, [i])
+        return np.where(mask[..., None], np.uint8(255), np.uint8(0)).repeat(3, -1)
+
+    masked = (loaded.folder / prepared.MASKS).is_dir()
     views = prepare.PosedViews(
         names=loaded.names,
         pixtocams=loaded.pixtocams,
@@ -30,6 +38,7 @@ def main(argv=None):
         width=loaded.width,
         height=loaded.height,
         load=lambda i: images.read(paths[i], size=(loaded.width, loaded.height)),
+        load_mask=load_mask if masked else None,
     )
     smaller = prepare.downscale(views, args.factor)
     out = pathlib.Path(args.out)

@@ -21,6 +21,7 @@ FILES = {
 FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
     *("facts", "decisions", "poses", "cameras", "config", "tradeoff", "preflight"),
+    *("masks", "colmap", "points", "bounds", "verdict", "index"),
 }
 # The Snakefile asks nothing but this package.
 or_exit = faults.or_exit

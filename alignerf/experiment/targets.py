@@ -122,8 +122,15 @@ def cause(log):
     lines = [line.split("\r")[-1].strip() for line in text.splitlines()]
     lines = [line for line in lines if line]
     errors = [line for line in lines if line.startswith("error: ")]
-    last = (errors or lines or ["error: a job stopped without a word"])[-1]
-    return [last, f"  in {log}"]
+    if errors:
+        return [errors[-1], f"  in {log}"]
+    if "Traceback (most recent call last):" in lines:
+        return [f"error: {lines[-1]}", f"  in {log}"]
+    said = f"; its last line: {lines[-1]}" if lines else ""
+    return [
+        "error: a job stopped without a word (killed, or out of memory?)" + said,
+        f"  in {log}",
+    ]
 
 
 def exports(experiment):

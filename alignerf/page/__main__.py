@@ -64,7 +64,7 @@ def render(folder, *, rounds, base):
 
 def shown_views(folder, rounds, base, leak_px):
     """`pictures.Shown` of the views that the page has."""
-    table = read_csv(folder / "tables" / "views.csv", dtype={"view": str})
+    table = read_csv(folder / "tables" / "views.csv", **contents.PLAIN)
     table["stands_out"] = table["stands_out"].fillna("").astype(str)
     found = [views.View(**row) for row in table[list(views.COLUMNS)].to_dict("records")]
     turns = contents.read_json(folder / "poses.json").get("quarter_turns", {})

@@ -84,6 +84,8 @@ TABLES = {
         },
     ),
 }
+# A photo may be called NA, or 0042.
+PLAIN = {"dtype": {"view": str}, "keep_default_na": False, "na_values": [""]}
 # What a visitor may take home, with what it is; only what is there is shown.
 DOWNLOADS = {
     "verdict.json": "the verdict, in numbers",
@@ -126,7 +128,7 @@ def tables(folder):
     for name, (heading, note, columns) in TABLES.items():
         path = folder / "tables" / f"{name}.csv"
         if path.is_file():
-            data = read_csv(path, columns=[], dtype={"view": str})
+            data = read_csv(path, columns=[], **PLAIN)
             found.append(
                 {"name": name, "heading": heading, "note": note}
                 | table_of(data, columns)

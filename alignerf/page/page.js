@@ -1,4 +1,4 @@
-// Two layers of one view under the slider; what was chosen stays in the address.
+// Two layers of one view under the slider.
 "use strict";
 (() => {
   const read = (id) => JSON.parse(document.getElementById(id).textContent);

@@ -31,6 +31,8 @@ CAMERA_MODELS = {
 MOST_EXHAUSTIVE = 150
 # Each photo then meets so many that follow it by name, and that look most like it.
 FOLLOWING, ALIKE = 10, 30
+# With fewer photos a camera's distortion is one number instead of four.
+FEW_OF_A_CAMERA = 5
 # Two views fix no scale and three are the least that anything can be trained on.
 MIN_REGISTERED = 3
 
@@ -101,9 +103,11 @@ def estimate_poses(
     # them out in any order, and the result depends on them.
     for camera in taken_by:
         reader = pycolmap.ImageReaderOptions()
-        reader.camera_model = camera_model
+        # Few photos do not tell a lens's distortion in full: it folds their image over.
+        simple = camera_model == "OPENCV" and len(camera.names) < FEW_OF_A_CAMERA
+        reader.camera_model = "SIMPLE_RADIAL" if simple else camera_model
         if camera.focal_px is not None:
-            start = _start_params(camera_model, camera.focal_px, *camera.size)
+            start = _start_params(reader.camera_model, camera.focal_px, *camera.size)
             reader.camera_params = start
         pycolmap.import_images(
             database,
@@ -177,7 +181,8 @@ def pose_folder(
     sizes = [taken.sizes[i] for i in kept]
     copy_sizes = [taken.copy_sizes[i] for i in kept]
     model = model.of_size(np.array(sizes) / np.array(copy_sizes))
-    write_model(model, Path(work_folder) / "colmap", sizes)
+    files = {name: taken.paths[place[name]].name for name in model.names}
+    write_model(model, Path(work_folder) / "colmap", sizes, files)
     if model.left_out:
         log.warning("COLMAP left out %s", faults.some_names(model.left_out))
     views = canvas.views_of(
@@ -185,6 +190,7 @@ def pose_folder(
         list(zip(model.camtopix, model.distortion, strict=True)),
         sizes,
         model.camtoworlds,
+        camera_of=model.camera_of,
         load=lambda i: taken.load(kept[i]),
         load_mask=None if masks is None else lambda i: taken.load_mask(kept[i]),
         where=where,
@@ -192,12 +198,23 @@ def pose_folder(
     return views._replace(points=(model.points, model.colours)), model, taken
 
 
-def write_model(model: Reconstruction, folder, sizes):
-    """COLMAP's own model, its cameras those of photos of these sizes."""
+def write_model(model: Reconstruction, folder, sizes, files):
+    """COLMAP's own model, as if it had seen photos of these sizes.
+
+    files: name of each view's photo.
+    """
     folder.mkdir()
+    found, times = model.found, {}
     for number, size in dict(zip(model.camera_of, sizes, strict=True)).items():
-        model.found.cameras[number].rescale(*size)
-    model.found.write(folder)
+        camera = found.cameras[number]
+        times[number] = np.array(size) / [camera.width, camera.height]
+        camera.rescale(*size)
+    for image in found.images.values():
+        image.name = files[image.name.removesuffix(".png")]
+        for point in image.points2D:
+            point.xy = point.xy * times[image.camera_id]
+    found.update_point_3d_errors()
+    found.write(folder)
 
 
 def convert(model, names, *, models=()) -> Reconstruction:

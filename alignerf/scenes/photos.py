@@ -5,7 +5,7 @@ disagree on orientation, depth and colour. Handled: HEIC, EXIF orientation (appl
 16-bit (rounded to 8), grey and palette (to RGB), CMYK (to RGB), opaque alpha (dropped),
 transparency where a background is given, spaces in names. Refused by name: broken
 files, transparency without one (what lies behind is unknown), floating-point images,
-two files of one view name, photos of different sizes. Left out: hidden files; others
+two files of one view name, names that cannot be printed. Left out: hidden files; others
 that are no images, with a warning. Colour profiles are ignored: they are the same for
 all photos of a camera.
 """
@@ -34,6 +34,23 @@ EXIF_IFD, FOCAL_35MM_TAG, ORIENTATION_TAG = 0x8769, 0xA405, 0x0112
 # The diagonal of 36 x 24 mm film, to which EXIF's 35 mm equivalent refers (CIPA).
 FILM_DIAGONAL_MM = 43.2666
 
+# EXIF's orientation -> what brings the rows as stored upright.
+UPRIGHT = {
+    1: lambda image: image,
+    2: np.fliplr,
+    3: lambda image: np.rot90(image, 2),
+    4: np.flipud,
+    5: lambda image: image.swapaxes(0, 1),
+    6: lambda image: np.rot90(image, -1),
+    7: lambda image: np.rot90(image, 2).swapaxes(0, 1),
+    8: np.rot90,
+}
+# Those that change width and height, and of each orientation the one that undoes it.
+SIDEWAYS = (5, 6, 7, 8)
+UNDONE_BY = {o: {6: 8, 8: 6}.get(o, o) for o in UPRIGHT}
+# Maker, model, and the lens among EXIF's own.
+MAKE_TAG, MODEL_TAG, LENS_TAG = 0x010F, 0x0110, 0xA434
+
 pillow_heif.register_heif_opener()
 
 
@@ -44,6 +61,8 @@ class Head(NamedTuple):
     size: tuple[int, int]
     # EXIF's, 1 to 8.
     orientation: int
+    # Maker, model and lens, as EXIF has them; empty where it has none.
+    camera: str = ""
 
 
 def find_images(folder, others=()):
@@ -56,21 +75,32 @@ def find_images(folder, others=()):
     folder = Path(folder)
     if not folder.is_dir():
         raise ValueError(f"no folder of photos at {folder}")
-    files = [p for p in folder.iterdir() if p.is_file() and not p.name.startswith(".")]
+    found = [p for p in folder.iterdir() if not p.name.startswith(".")]
     paths = sorted(
-        (p for p in files if p.suffix.lower() in SUFFIXES), key=lambda p: p.stem
+        (p for p in found if p.is_file() and p.suffix.lower() in SUFFIXES),
+        key=lambda p: p.stem,
     )
-    unknown = sorted({p.name for p in files} - {p.name for p in [*paths, *others]})
+    unknown = {p.name for p in found} - {p.name for p in [*paths, *others]} - {"masks"}
     if unknown:
-        log.warning("%s: ignored %s: not images", folder, faults.some_names(unknown))
+        few = faults.some_names(sorted(map(ascii_of, unknown)))
+        log.warning("%s: ignored %s: not images", folder, few)
     if not (paths or others):
         raise ValueError(f"no images in {folder}")
     check_names(paths, folder)
     return paths
 
 
+def ascii_of(name):
+    """A name that can be printed, whatever bytes it is of."""
+    return name if name.isprintable() else ascii(name)
+
+
 def check_names(paths, folder):
-    """ValueError where two files of a sorted list have one view name."""
+    """ValueError where two files of a sorted list have one view name, or none."""
+    for path in paths:
+        # Among them bytes that are no UTF-8.
+        if not path.name.isprintable():
+            raise ValueError(f"{folder}: {ascii_of(path.name)}: rename this file")
     for first, second in itertools.pairwise(paths):
         if first.stem == second.stem:
             raise ValueError(
@@ -91,19 +121,37 @@ def decode(path, background=None, *, upright=True):
     decoded whole or cannot be an 8-bit RGB photo without inventing something.
     """
     with _opened(path) as opened:
+        turned_by = _turned_by(opened)
         opened.load()
         focal_35mm_mm = opened.getexif().get_ifd(EXIF_IFD).get(FOCAL_35MM_TAG)
         image = ImageOps.exif_transpose(opened) if upright else opened.copy()
     rgb = _to_rgb(image, path, background)
+    if not upright and turned_by != 1:
+        rgb = np.ascontiguousarray(UPRIGHT[UNDONE_BY[turned_by]](rgb))
     return rgb, _focal_px(focal_35mm_mm, *image.size)
+
+
+def _turned_by(opened):
+    """The orientation that a decoder applies by itself: of HEIC, 1 of all others."""
+    found = opened.info.get("original_orientation") if opened.format == "HEIF" else 1
+    return found if found in UPRIGHT else 1
 
 
 def head(path) -> Head:
     """A photo's size and orientation, by its first bytes; ValueError as of `decode`."""
     with _opened(path) as opened:
-        orientation = opened.getexif().get(ORIENTATION_TAG, 1)
-        # Others are none that EXIF has.
-        return Head(opened.size, orientation if orientation in range(1, 9) else 1)
+        exif = opened.getexif()
+        texts = [exif.get(MAKE_TAG), exif.get(MODEL_TAG)]
+        texts.append(exif.get_ifd(EXIF_IFD).get(LENS_TAG))
+        camera = " ".join(str(text).strip("\0 ") for text in texts if text)
+        if (turned_by := _turned_by(opened)) != 1:
+            size = opened.size[::-1] if turned_by in SIDEWAYS else opened.size
+            return Head(size, turned_by, camera)
+        orientation = exif.get(ORIENTATION_TAG, 1)
+        # Pillow turns the rows of a TIFF itself; others are none that EXIF has.
+        if opened.format == "TIFF" or orientation not in UPRIGHT:
+            orientation = 1
+        return Head(opened.size, orientation, camera)
 
 
 @contextlib.contextmanager

@@ -12,13 +12,15 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from alignerf.command import images
+from alignerf.command import images, progress
 from alignerf.scenes import cameras, distortion
 
 # Under this no method of the analysis works: SSIM needs 11 pixels, flow more.
 MIN_SIZE_PX = 32
 # Rounding a photo's size at a smaller scale changes its shape by less than this.
 SAME_SHAPE = 1.02
+# How far Lanczos reaches.
+KERNEL_PX = 4
 # Of a mask that was resampled: less is a pixel that something else has touched.
 WHITE = 254
 # Files print six digits; what is further from a rotation is scaled or mirrored.
@@ -55,13 +57,20 @@ def pinhole_views(
     is the photo [h, w, 3] uint8, load_mask(i) what of it counts. Raises ValueError
     naming `where` for a distortion that no pinhole view undoes.
     """
-    try:
-        pinholes = [distortion.pinhole_camera(*lens, width, height) for lens in lenses]
-    except ValueError as error:
-        raise ValueError(f"{where}: {error}") from None
+    pinholes = []
+    for name, lens in zip(names, lenses, strict=True):
+        try:
+            pinholes.append(distortion.pinhole_camera(*lens, width, height))
+        except ValueError as error:
+            raise ValueError(f"{where}: {name}: {error}") from None
 
     def undistorted(load):
         return lambda i: distortion.undistort(load(i), *lenses[i], pinholes[i])
+
+    def undistorted_mask(i):
+        # What is hidden must not come through a kernel that reaches over its edge.
+        hidden = eroded(load_mask(i)) if np.any(lenses[i][1]) else load_mask(i)
+        return distortion.undistort(hidden, *lenses[i], pinholes[i])
 
     return PosedViews(
         names=names,
@@ -70,8 +79,15 @@ def pinhole_views(
         width=width,
         height=height,
         load=undistorted(load),
-        load_mask=load_mask and undistorted(load_mask),
+        load_mask=load_mask and undistorted_mask,
     )
+
+
+def eroded(mask):
+    """A mask [h, w, 3] uint8 without what a Lanczos kernel mixes with hidden pixels."""
+    side = 2 * KERNEL_PX + 1
+    # Beyond the border nothing is hidden.
+    return cv2.erode(mask, np.ones((side, side), np.uint8), borderValue=(255,) * 4)
 
 
 def true_scale(given_size, true_size, *, where):
@@ -183,7 +199,7 @@ def write_views(folder, views: PosedViews, *, split):
     And points.npz, bounds.npz and masks/<name>.npz, where the views have them.
     """
     (folder / "images").mkdir(parents=True)
-    for i, name in enumerate(views.names):
+    for i, name in progress.over(enumerate(views.names), "images"):
         images.write(folder / "images" / f"{name}.png", views.load(i))
     if views.load_mask is not None:
         write_masks(folder / "masks", views)
@@ -202,7 +218,7 @@ def write_masks(folder, views: PosedViews):
     Raises ValueError naming a view of which nothing counts.
     """
     folder.mkdir()
-    for i, name in enumerate(views.names):
+    for i, name in progress.over(enumerate(views.names), "masks"):
         valid = (views.load_mask(i) >= WHITE).all(axis=-1)
         if not valid.any():
             raise ValueError(f"{name}: its mask leaves no pixel")

@@ -7,6 +7,8 @@ written beside the results; it is yours to edit, and is kept the next time.
 
 import argparse
 import contextlib
+import hashlib
+import logging
 import os
 import signal
 import subprocess
@@ -15,14 +17,18 @@ from pathlib import Path
 
 import yaml
 
-from alignerf.command import faults, machine, whole
+from alignerf.command import faults, machine, whole, yaml_files
 from alignerf.experiment import sources, targets
 from alignerf.scenes import photos
 from alignerf.start import folders
 
+log = logging.getLogger("alignerf")
+
 HEAD = """\
-# Written by `make photos FOLDER={folder}`. Yours to edit: it is kept. Every key:
-# alignerf/experiment/settings.py. To run it again: the same command.
+# Written by `make photos`, of {folder}
+# Yours to edit: then it is kept. Every key: alignerf/experiment/settings.py.
+# To run it: the same command again.
+# as written: {digest}
 """
 
 
@@ -30,15 +36,15 @@ def main(argv=None):
     args = parse(argv)
     if not args.folder:
         raise ValueError("FOLDER is missing: make photos FOLDER=my_photos")
-    found = folders.scenes_of(args.folder)
-    path = Path("results") / f"{folders.name_of(args.folder)}.yaml"
-    for name, scene in found.items():
-        print(f"{name}: {scene['source']} in {scene['path']}")
-    if path.exists():
-        print(f"config: {path}, as it is there")
-    else:
-        write(path, config_of(found, args), args.folder)
-        print(f"config: {path}")
+    folder = Path(args.folder).expanduser()
+    found = folders.scenes_of(folder)
+    name = args.name or folders.name_of(folder)
+    if args.name and len(found) == 1:
+        found = {args.name: next(iter(found.values()))}
+    path = Path("results") / f"{name}.yaml"
+    for scene, content in found.items():
+        print(f"{scene}: {content['source']} in {content['path']}")
+    say_where(path, config_of(found, args), folder)
     print(f"page, in the end: {', '.join(map(targets.page_of, found))}", flush=True)
     if not args.only_config and (code := run(path, args.cores)):
         sys.exit(code)
@@ -54,13 +60,50 @@ def config_of(scenes, args):
     return config
 
 
-def write(path, config, folder):
-    """Write a config that says where it comes from."""
+def say_where(path, config, folder):
+    """Write the config, unless one is there that a user has changed, which is kept.
+
+    Raises ValueError where that is of other folders, or says otherwise than asked.
+    """
+    if path.exists():
+        there = yaml_files.read(path)
+        check_same(path, there, config)
+        if not is_untouched(path):
+            asked = {key: value for key, value in config.items() if key != "scenes"}
+            if differing := [k for k, v in asked.items() if there.get(k) != v]:
+                log.warning("%s is yours: its %s is kept", path, ", ".join(differing))
+            print(f"config: {path}, as it is there")
+            return
     text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
-    # A name may hold a line's end.
-    head = HEAD.format(folder=" ".join(str(folder).split()))
+    head = HEAD.format(folder=ascii(str(folder)), digest=digest_of(text))
     with whole.replace_file(path) as temporary:
         temporary.write_text(head + text, encoding="utf-8")
+    print(f"config: {path}")
+
+
+def check_same(path, there, config):
+    """ValueError where a config's scenes are of other folders: results would mix."""
+    scenes = there.get("scenes")
+    for name, scene in config["scenes"].items():
+        before = scenes.get(name) if isinstance(scenes, dict) else None
+        own = before.get("path") if isinstance(before, dict) else None
+        if own is not None and Path(own).resolve() != Path(scene["path"]).resolve():
+            raise ValueError(
+                f"{path}: scene {name} is of {own}, not of {scene['path']}. Give "
+                'another name: make photos FOLDER=... PHOTOS="--name other"'
+            )
+
+
+def digest_of(text):
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def is_untouched(path):
+    """Whether a config is as it was written here."""
+    text = path.read_text(encoding="utf-8")
+    _, mark, rest = text.partition("# as written: ")
+    digest, _, body = rest.partition("\n")
+    return bool(mark) and digest == digest_of(body)
 
 
 def run(path, cores):
@@ -84,6 +127,9 @@ def parse(argv=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="alignerf.start", description=__doc__)
     parser.add_argument("folder", help="photos or films, or folders of such")
+    parser.add_argument(
+        "--name", type=name, help="of the scene, instead of its folder's"
+    )
     parser.add_argument("--cores", type=int, default=machine.cores())
     parser.add_argument(
         "--background", choices=sorted(photos.BACKGROUNDS), help="behind alpha"
@@ -91,6 +137,13 @@ def parse(argv=None):
     parser.add_argument("--budget-min", type=float, help="minutes of each training")
     parser.add_argument("--only-config", action="store_true", help="do not run it")
     return parser.parse_args(argv)
+
+
+def name(text):
+    """A name that files and rules can have."""
+    if folders.name_of(text) != text:
+        raise argparse.ArgumentTypeError(f"{text!r}: letters, digits and _, and free")
+    return text
 
 
 if __name__ == "__main__":

@@ -3,12 +3,15 @@
 Nothing is opened here: names tell. A folder of such folders holds several scenes.
 """
 
+import logging
 import re
 from pathlib import Path
 
 from alignerf.experiment import sources
 from alignerf.scenes import photos
 from alignerf.scenes.capture import video
+
+log = logging.getLogger("alignerf")
 
 # Files that say which cameras took the photos, and the source that reads them; in this
 # order, as some come together.
@@ -51,6 +54,8 @@ def scene_of(path):
     if path.is_dir():
         for name, source in CAMERAS:
             if (path / name).exists():
+                if (path / "masks").is_dir():
+                    log.warning("%s/masks: not used where cameras are given", path)
                 return {"source": source, "path": str(path)}
         if not any(is_taken(p) for p in path.iterdir()):
             # As other programs lay it out.

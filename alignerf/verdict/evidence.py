@@ -54,7 +54,9 @@ def read_views(loaded: prepared.Scene, base, splits):
 
 def table(path):
     """A CSV of views, by their names."""
-    found = table_files.read_csv(path, columns=["view"], dtype={"view": str})
+    # A photo may be called NA.
+    plain = {"keep_default_na": False, "na_values": [""]}
+    found = table_files.read_csv(path, columns=["view"], dtype={"view": str}, **plain)
     return found.set_index("view")
 
 

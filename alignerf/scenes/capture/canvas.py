@@ -11,36 +11,48 @@ import numpy as np
 
 from alignerf.scenes import cameras, prepare
 
+# Of one lens, estimated twice, focal lengths differ by less: its photos stay as they
+# are, which costs no sharpness.
+SAME_ANGLE = 0.03
 
-def views_of(names, lenses, sizes, camtoworlds, *, load, load_mask=None, where):
-    """PosedViews of photos of any sizes, distortion undone, on one canvas.
 
-    lenses: (camtopix [3, 3], distortion [5]); sizes: (width, height); load(i) is the
-    photo, and load_mask(i), where there are masks, an image [h, w, 3] uint8 that is 255
-    where the photo counts. Raises ValueError naming `where`, as
-    `prepare.pinhole_views`.
+def views_of(
+    names, lenses, sizes, camtoworlds, *, camera_of, load, load_mask=None, where
+):
+    """PosedViews of photos of any sizes and lenses, distortion undone, on one canvas.
+
+    lenses: (camtopix [3, 3], distortion [5]); sizes: (width, height); camera_of: which
+    camera took each; load(i) is the photo, and load_mask(i), where there are masks, an
+    image [h, w, 3] uint8 that is 255 where the photo counts. Raises ValueError naming
+    `where`, as `prepare.pinhole_views`.
     """
-    usual = max(set(sizes), key=lambda size: (sizes.count(size), size))
-    groups = {
-        size: prepare.pinhole_views(
+    keys = list(zip(sizes, camera_of, strict=True))
+    groups = {}
+    for key in dict.fromkeys(keys):
+        chosen = [i for i, one in enumerate(keys) if one == key]
+        groups[key] = prepare.pinhole_views(
             [names[i] for i in chosen],
             [lenses[i] for i in chosen],
             camtoworlds[chosen],
-            width=size[0],
-            height=size[1],
+            width=key[0][0],
+            height=key[0][1],
             load=_of(load, chosen),
             load_mask=load_mask and _of(load_mask, chosen),
             where=where,
         )
-        for size in dict.fromkeys(sizes)
-        if len(chosen := [i for i, one in enumerate(sizes) if one == size])
-    }
-    focal_px = np.median(np.linalg.inv(groups[usual].pixtocams)[:, [0, 1], [0, 1]], 0)
-    laid = [
-        group if size == usual else lay(group, focal_px, usual)
-        for size, group in groups.items()
-    ]
-    return laid[0] if len(laid) == 1 else join(laid, usual)
+    size = max(set(sizes), key=lambda one: (sizes.count(one), one))
+    usual = max((k for k in groups if k[0] == size), key=keys.count)
+    focal_px = focal_of(groups[usual])
+    laid = []
+    for key, group in groups.items():
+        differs = np.abs(focal_of(group) / focal_px - 1).max() > SAME_ANGLE
+        laid.append(lay(group, focal_px, size) if key[0] != size or differs else group)
+    return laid[0] if len(laid) == 1 else join(laid, size)
+
+
+def focal_of(views):
+    """Focal length [2] in px along x and y, of the view in the middle."""
+    return np.median(np.linalg.inv(views.pixtocams)[:, [0, 1], [0, 1]], axis=0)
 
 
 def _of(load, chosen):
@@ -48,38 +60,45 @@ def _of(load, chosen):
 
 
 def lay(views: prepare.PosedViews, focal_px, size):
-    """Pinhole views of another size [width, height] on a canvas of this one.
+    """Pinhole views of another size or lens on a canvas [width, height].
 
     focal_px [2]: along x and y, on the canvas. A view keeps its aspect to a rounding.
     """
     camtopix = np.linalg.inv(views.pixtocams)
-    places = [
-        place(one, focal_px, (views.width, views.height), size) for one in camtopix
-    ]
+    own = views.width, views.height
+    places = [place(one, focal_px, own, size) for one in camtopix]
 
-    def put(image, i, interpolation=None):
+    def put(image, i):
         (width, height), (left, top) = places[i]
-        if interpolation is None:
-            smaller = width < views.width
-            interpolation = cv2.INTER_AREA if smaller else cv2.INTER_LANCZOS4
-        scaled = cv2.resize(image, (width, height), interpolation=interpolation)
-        canvas = np.zeros((size[1], size[0], 3), np.uint8)
-        x, y = max(left, 0), max(top, 0)
-        part = scaled[y - top : size[1] - top, x - left : size[0] - left]
-        canvas[y : y + part.shape[0], x : x + part.shape[1]] = part
+        free = ~inside(places[i], size)
+        if width < own[0]:
+            image = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+        # Pixel centres lie at +0.5 in both; straight onto the canvas, which cuts off
+        # what would be far larger.
+        scale = np.array([width, height]) / image.shape[1::-1]
+        move = np.array([left, top]) + 0.5 * scale - 0.5
+        matrix = np.concatenate([np.diag(scale), move[:, None]], axis=1)
+        canvas = cv2.warpAffine(
+            image,
+            matrix,
+            size,
+            flags=cv2.INTER_LANCZOS4 if width > own[0] else cv2.INTER_NEAREST,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+        canvas[free] = 0
         return canvas
 
     def load_mask(i):
-        if views.load_mask is not None:
-            return put(views.load_mask(i), i)
-        full = np.full((views.height, views.width, 3), 255, np.uint8)
-        return put(full, i, cv2.INTER_NEAREST)
+        if views.load_mask is None:
+            shown = inside(places[i], size)[..., None].repeat(3, -1)
+            return np.where(shown, np.uint8(255), np.uint8(0))
+        larger = places[i][0][0] > own[0]
+        mask = views.load_mask(i)
+        return put(prepare.eroded(mask) if larger else mask, i)
 
     pixtocams = [
         moved(
-            cameras.rescale_intrinsics(
-                pixtocam, new[0] / views.width, new[1] / views.height
-            ),
+            cameras.rescale_intrinsics(pixtocam, new[0] / own[0], new[1] / own[1]),
             corner,
         )
         for pixtocam, (new, corner) in zip(views.pixtocams, places, strict=True)
@@ -91,6 +110,15 @@ def lay(views: prepare.PosedViews, focal_px, size):
         load=lambda i: put(views.load(i), i),
         load_mask=load_mask,
     )
+
+
+def inside(placed, size):
+    """Mask [h, w] of a canvas [width, height]: where a photo lies."""
+    (width, height), (left, top) = placed
+    shown = np.zeros(size[::-1], bool)
+    rows = slice(max(top, 0), max(top + height, 0))
+    shown[rows, max(left, 0) : max(left + width, 0)] = True
+    return shown
 
 
 def place(camtopix, focal_px, own, size):

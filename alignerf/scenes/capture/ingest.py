@@ -102,6 +102,16 @@ def ingest(
         small = prepare.shrink(lay.apply(image), *copy_sizes[-1])
         images.write(copies / f"{path.stem}.png", small)
     focals_px = np.array(focals_px)
+    # Frames of a film are by its camera, which may be cut otherwise than the photos'.
+    kinds = [
+        (
+            lay.kind,
+            path.stem.rpartition("_")[0]
+            if path.parent.parent == work_folder
+            else head.camera,
+        )
+        for path, lay, head in zip(paths, lays, heads, strict=True)
+    ]
     taken = Taken(
         names=[path.stem for path in paths],
         paths=paths,
@@ -110,7 +120,7 @@ def ingest(
         copy_sizes=copy_sizes,
         folder=copies,
         focals_px=focals_px,
-        cameras=share_cameras([lay.kind for lay in lays], focals_px),
+        cameras=share_cameras(kinds, focals_px),
         background=background,
         masks=find_masks(masks, paths),
     )
@@ -163,6 +173,7 @@ def find(folder, work_folder):
     films = video.find(folder)
     alone = films == [Path(folder)]
     paths = [] if alone else photos.find_images(folder, others=films)
+    films = video.without_live_photos(films, paths)
     for film in films:
         frames = work_folder / "frames"
         frames.mkdir(exist_ok=True)
@@ -177,11 +188,10 @@ def share_cameras(kinds, focals_px):
 
     Where zooms differ from photo to photo, each has a camera of its own.
     """
-    kinds = np.array(kinds)
-    keys = np.empty(len(kinds), object)
-    for kind in dict.fromkeys(kinds):
-        for i in np.flatnonzero(kinds == kind):
-            keys[i] = (kind, zoom_of(focals_px[i], focals_px[kinds == kind]))
+    keys = []
+    for kind, focal_px in zip(kinds, focals_px, strict=True):
+        alike = np.array([other == kind for other in kinds])
+        keys.append((kind, zoom_of(focal_px, focals_px[alike])))
     known = list(dict.fromkeys(keys))
     if len(known) > max(2, len(keys) // 3):
         return np.arange(len(keys))

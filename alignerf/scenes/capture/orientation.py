@@ -11,20 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-# EXIF's orientation -> what brings the rows as stored upright.
-UPRIGHT = {
-    1: lambda image: image,
-    2: np.fliplr,
-    3: lambda image: np.rot90(image, 2),
-    4: np.flipud,
-    5: lambda image: image.swapaxes(0, 1),
-    6: lambda image: np.rot90(image, -1),
-    7: lambda image: np.rot90(image, 2).swapaxes(0, 1),
-    8: np.rot90,
-}
+from alignerf.scenes.photos import SIDEWAYS, UPRIGHT
+
 # Those without a mirror, and the turns that they ask for.
 TURNS = {1: 0, 6: 1, 3: 2, 8: 3}
-SIDEWAYS = (5, 6, 7, 8)
 
 
 class Lay(NamedTuple):

@@ -5,13 +5,14 @@ frames that follow one another. It is cut into equal pieces, and of each the sha
 frame is taken.
 """
 
+import itertools
 import logging
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from alignerf.command import images, progress
+from alignerf.command import faults, images, progress
 
 log = logging.getLogger(__name__)
 
@@ -21,6 +22,8 @@ STEP_WIDTHS = 0.1
 LEAST_FRAMES, MOST_FRAMES = 20, 120
 # Measured at this width.
 SMALL_PX = 192
+# A film with fewer of its frames than this share is cut short.
+TRUNCATED = 0.9
 # Frames that are looked at; of longer films evenly spaced ones.
 MOST_LOOKED_AT = 3000
 
@@ -39,12 +42,29 @@ def find(folder):
     )
 
 
+def without_live_photos(films, photos):
+    """The films that are none of a phone's seconds around a photo, of its name."""
+    stems = {path.stem for path in photos}
+    live = [film.name for film in films if film.stem in stems]
+    if live:
+        named = faults.some_names(live)
+        log.warning("left out %s: a photo of that name is there", named)
+    kept = [film for film in films if film.stem not in stems]
+    for first, second in itertools.pairwise(kept):
+        if first.stem == second.stem:
+            raise ValueError(f"{first} and {second.name} would give the same views")
+    return kept
+
+
 def extract(path, folder):
     """Write a film's chosen frames to <folder>/<film>_<frame>.png; returns the paths.
 
     Raises ValueError naming the film where it cannot be decoded.
     """
     numbers, sharpness, steps = measure(path)
+    told = frame_count(path)
+    if numbers[-1] + 1 < TRUNCATED * told:
+        log.warning("%s: ends after %d of %d frames", path, numbers[-1] + 1, told)
     chosen = choose(sharpness, steps)
     wanted = {numbers[i] for i in chosen}
     log.info("%s: %d of %d frames", path.name, len(wanted), numbers[-1] + 1)
@@ -101,15 +121,25 @@ def choose(sharpness, steps):
     ]
 
 
+def frame_count(path):
+    """How many frames a film says that it has; 0 where it does not say."""
+    film = cv2.VideoCapture(str(path))
+    try:
+        return max(int(film.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
+    finally:
+        film.release()
+
+
 def frames(path, doing):
     """(number, frame [h, w, 3] BGR), turned upright, of those that are looked at."""
     film = cv2.VideoCapture(str(path))
     try:
         if not film.isOpened():
             raise ValueError(f"cannot decode {path}: no film that OpenCV knows")
-        total = max(int(film.get(cv2.CAP_PROP_FRAME_COUNT)), 1)
-        every = -(-total // MOST_LOOKED_AT)
-        bar = progress.Progress(f"{doing} {path.name}", total, unit="frame")
+        total = frame_count(path)
+        every = max(1, -(-total // MOST_LOOKED_AT))
+        # Of a film that does not tell, time alone lets a line be shown.
+        bar = progress.Progress(f"{doing} {path.name}", total or 10**9, unit="frame")
         number = 0
         while film.grab():
             if number % every == 0:

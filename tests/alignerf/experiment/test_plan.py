@@ -1,6 +1,7 @@
 """An experiment: which methods and rounds it has, and where they lie."""
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -236,3 +237,31 @@ def test_jobs_find_the_sources_and_this_python(monkeypatch, root):
     assert os.environ["PATH"].endswith(f"{os.pathsep}/somewhere")
     assert os.environ["PATH"].count(os.pathsep) == 1
     assert os.environ["JAX_COMPILATION_CACHE_DIR"] == "as it was"
+
+
+def test_the_cause_of_a_failure_is_its_jobs_last_error(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    logs = {
+        "a.log": "fine\nerror: x.jpg is broken\n",
+        "b c.log": "step 1\rstep 2  eta 3:00\n",
+        "d.log": "Traceback (most recent call last):\n  File\nKeyError: 'x'\n",
+    }
+    for name, text in logs.items():
+        Path(name).write_text(text)
+    Path("snakemake.log").write_text(
+        "    log: a.log (check log file(s) for error details)\n"
+        "Command 'set -e; python 2>&1 | tee a.log' returned non-zero exit status 1.\n"
+        "Command 'python 2>&1 | tee 'b c.log'' returned non-zero exit status 137.\n"
+        "    log: d.log (check log file(s) for error details)\n"
+        "    log: none.log (check log file(s) for error details)\n"
+    )
+    found = targets.causes(["snakemake.log"])
+    assert sorted(found[:-1:2]) == [
+        "error: KeyError: 'x'",
+        "error: a job stopped without a word (killed, or out of memory?); its last "
+        "line: step 2  eta 3:00",
+        "error: x.jpg is broken",
+    ]
+    assert set(found[1:-1:2]) == {f"  in {name}" for name in logs}
+    Path("snakemake.log").write_text("nothing of the kind")
+    assert targets.causes(["snakemake.log"]) == []

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from alignerf import evaluate, export, facts
+from alignerf import evaluate, export, facts, shrink
 from alignerf.command import images
 from alignerf.scenes import prepare, prepared
 from alignerf.training import batches
@@ -133,3 +133,34 @@ def test_a_mask_that_hides_all_is_refused_by_name(tmp_path):
     )
     with pytest.raises(ValueError, match="a: its mask leaves no pixel"):
         prepare.write_views(tmp_path / "new", views, split=np.array(["train"]))
+
+
+def test_smaller_photos_of_a_sweep_have_smaller_masks(scene, tmp_path):
+    arguments = ["--scene", str(scene), "--factor", "1", "--out"]
+    shrink.main([*arguments, str(tmp_path / "small")])
+    small = prepared.load(tmp_path / "small")
+    masks = prepared.read_masks(small, range(len(small.names)))
+    assert not masks[:, :, :HIDDEN].any()
+    assert masks[:, :, HIDDEN:].all()
+
+
+def test_what_is_hidden_does_not_come_through_an_undistorted_edge():
+    """A bright thing behind a mask, seen through a lens that bends."""
+    photo = np.full((120, 160, 3), 60, np.uint8)
+    photo[40:80, 60:100] = 255
+    mask = np.full_like(photo, 255)
+    mask[40:80, 60:100] = 0
+    lens = np.array([[120.0, 0, 80], [0, 120, 60], [0, 0, 1]])
+    views = prepare.pinhole_views(
+        ["a"],
+        [(lens, np.array([-0.1, 0.0, 0.0, 0.0, 0.0]))],
+        np.eye(3, 4)[None],
+        width=160,
+        height=120,
+        load=lambda i: photo,
+        load_mask=lambda i: mask,
+        where="HERE",
+    )
+    valid = (views.load_mask(0) >= prepare.WHITE).all(axis=-1)
+    assert valid.mean() > 0.7
+    assert (views.load(0)[valid] == 60).all()

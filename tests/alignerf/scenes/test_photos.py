@@ -151,7 +151,7 @@ def test_a_heic_photo_is_decoded_and_tells_its_size(tmp_path, pixels):
     exif.get_ifd(photos.EXIF_IFD)[photos.FOCAL_35MM_TAG] = 26
     save(tmp_path / "a.heic", big, quality=95, exif=exif)
     assert photos.find_images(tmp_path) == [tmp_path / "a.heic"]
-    assert photos.head(tmp_path / "a.heic") == ((160, 96), 1)
+    assert photos.head(tmp_path / "a.heic")[:2] == ((160, 96), 1)
     image, focal_px = photos.decode(tmp_path / "a.heic")
     assert image.shape == big.shape
     assert np.abs(image.astype(int) - big).mean() < 10
@@ -162,7 +162,7 @@ def test_a_head_is_read_before_the_pixels(tmp_path, pixels):
     save(tmp_path / "a.jpg", pixels.repeat(40, 0).repeat(40, 1))
     whole = (tmp_path / "a.jpg").read_bytes()
     (tmp_path / "a.jpg").write_bytes(whole[: len(whole) // 2])
-    assert photos.head(tmp_path / "a.jpg") == ((800, 480), 1)
+    assert photos.head(tmp_path / "a.jpg") == ((800, 480), 1, "")
     with pytest.raises(ValueError, match=r"cannot decode .*a\.jpg"):
         photos.decode(tmp_path / "a.jpg")
 
@@ -181,3 +181,52 @@ def test_a_file_of_another_kind_is_not_opened_whatever_its_name(tmp_path):
     )
     with pytest.raises(ValueError, match=r"cannot decode .*a\.png"):
         photos.decode(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize("orientation", [1, 3, 6, 8])
+def test_heic_of_one_phone_is_as_its_sensor_saw_it(tmp_path, pixels, orientation):
+    """A phone writes how it was held into the file, and decoders turn the rows."""
+    stored = pixels.repeat(8, 0).repeat(8, 1)
+    image = Image.fromarray(stored)
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    image.info["exif"] = exif.tobytes()
+    image.save(tmp_path / "a.heic", quality=95)
+    assert photos.head(tmp_path / "a.heic")[:2] == ((160, 96), orientation)
+    found, _ = photos.decode(tmp_path / "a.heic", upright=False)
+    assert np.abs(found.astype(int) - stored).mean() < 10
+    upright, _ = photos.decode(tmp_path / "a.heic")
+    meant = photos.UPRIGHT[orientation](stored)
+    assert np.abs(upright.astype(int) - meant).mean() < 10
+
+
+@pytest.mark.parametrize("orientation", [3, 6])
+def test_a_tiff_that_pillow_turns_is_not_turned_again(tmp_path, pixels, orientation):
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    save(tmp_path / "a.tif", pixels, exif=exif)
+    found = photos.head(tmp_path / "a.tif")
+    image, _ = photos.decode(tmp_path / "a.tif", upright=False)
+    assert found == (image.shape[1::-1], 1, "")
+    np.testing.assert_array_equal(image, photos.UPRIGHT[orientation](pixels))
+
+
+def test_undoing_an_orientation_gives_the_rows_back(pixels):
+    for number, upright in photos.UPRIGHT.items():
+        undo = photos.UPRIGHT[photos.UNDONE_BY[number]]
+        np.testing.assert_array_equal(undo(upright(pixels)), pixels)
+
+
+def test_a_name_that_cannot_be_printed_is_refused(tmp_path, pixels):
+    save(tmp_path / "a\rb.png", pixels)
+    with pytest.raises(ValueError, match=r"'a\\rb\.png': rename this file"):
+        photos.find_images(tmp_path)
+
+
+def test_folders_and_dead_links_beside_photos_are_named(tmp_path, pixels, caplog):
+    save(tmp_path / "a.png", pixels)
+    (tmp_path / "100APPLE").mkdir()
+    (tmp_path / "masks").mkdir()
+    (tmp_path / "b.png").symlink_to(tmp_path / "nowhere")
+    assert photos.find_images(tmp_path) == [tmp_path / "a.png"]
+    assert "ignored 100APPLE, b.png: not images" in caplog.text

@@ -86,25 +86,63 @@ def test_a_name_is_one_that_files_and_rules_can_have(tmp_path, name, expected):
     assert folders.name_of(tmp_path / name) == expected
 
 
-def test_the_config_is_one_that_can_be_run(tmp_path, monkeypatch, capsys):
+@pytest.fixture
+def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    fill(tmp_path, "my\nphotos/a.jpg")
-    start.main(["my\nphotos", "--only-config", "--background", "white"])
-    path = tmp_path / "results/my_photos.yaml"
-    config = yaml.safe_load(path.read_text())
-    checked = check.checked(config)
-    assert checked["decide"]
-    assert checked["scenes"]["my_photos"]["background"] == "white"
-    assert "results/my_photos/index.html" in capsys.readouterr().out
-    # What a user changed stays.
+    return tmp_path
+
+
+def config_at(path):
+    return check.checked(yaml.safe_load(path.read_text()))
+
+
+def test_the_config_is_one_that_can_be_run(here, capsys):
+    fill(here, "my\nph\x01otos/a.jpg")
+    start.main(["my\nph\x01otos", "--only-config", "--background", "white"])
+    config = config_at(here / "results/my_ph_otos.yaml")
+    assert config["decide"]
+    assert config["scenes"]["my_ph_otos"]["background"] == "white"
+    assert "results/my_ph_otos/index.html" in capsys.readouterr().out
+
+
+def test_what_was_forgotten_is_said_the_next_time(here):
+    fill(here, "p/a.png")
+    start.main(["p", "--only-config"])
+    start.main(["p", "--only-config", "--background", "black", "--budget-min", "5"])
+    config = config_at(here / "results/p.yaml")
+    assert config["scenes"]["p"]["background"] == "black"
+    assert config["training"]["budget_min"] == 5
+
+
+def test_what_a_user_changed_stays_and_is_said(here, caplog):
+    fill(here, "p/a.png")
+    start.main(["p", "--only-config"])
+    path = here / "results/p.yaml"
     path.write_text(path.read_text() + "training: {steps: 7}\n")
-    start.main(["my\nphotos", "--only-config"])
+    start.main(["p", "--only-config", "--budget-min", "5"])
     assert yaml.safe_load(path.read_text())["training"] == {"steps": 7}
+    assert "is yours: its training is kept" in caplog.text
 
 
-def test_its_exit_code_is_that_of_the_run(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    fill(tmp_path, "p/a.jpg")
+def test_results_of_two_folders_of_one_name_are_not_mixed(here):
+    fill(here, "a/photos/1.jpg", "b/photos/1.jpg")
+    start.main(["a/photos", "--only-config"])
+    with pytest.raises(ValueError, match=r"scene photos is of a/photos.*--name other"):
+        start.main(["b/photos", "--only-config"])
+    start.main(["b/photos", "--only-config", "--name", "other"])
+    config = config_at(here / "results/other.yaml")
+    assert config["scenes"]["other"]["path"] == "b/photos"
+
+
+def test_a_config_that_cannot_be_read_is_named(here):
+    fill(here, "p/a.png", "results/p.yaml")
+    (here / "results/p.yaml").write_text("{")
+    with pytest.raises(ValueError, match=r"results/p\.yaml"):
+        start.main(["p", "--only-config"])
+
+
+def test_its_exit_code_is_that_of_the_run(here, monkeypatch):
+    fill(here, "p/a.jpg")
     monkeypatch.setattr(start, "run", lambda path, cores: 3)
     with pytest.raises(SystemExit) as stopped:
         start.main(["p"])

@@ -119,7 +119,8 @@ def test_a_photo_and_a_frame_of_one_name_are_refused(tmp_path, pixels, monkeypat
         ("ssa", [1000, 1000, 1000], [0, 0, 1]),
         # A zoom that is never the same: all alone.
         ("sssss", [1000, 1100, 1210, 1331, 1464], [0, 1, 2, 3, 4]),
-        ("ssss", [1000, 2000, np.nan, 1000], [0, 1, 2, 0]),
+        # A film, or another phone, is of another kind.
+        (["s", "s", ("s", "film")], [1000, 1000, np.nan], [0, 0, 1]),
     ],
 )
 def test_what_lies_alike_at_one_zoom_is_one_camera(kinds, focals_px, numbers):
@@ -128,3 +129,32 @@ def test_what_lies_alike_at_one_zoom_is_one_camera(kinds, focals_px, numbers):
     if len(set(numbers)) > max(2, len(numbers) // 3):
         numbers = list(range(len(numbers)))
     assert found.tolist() == numbers
+
+
+def test_a_live_photo_is_a_photo(tmp_path, pixels, caplog, monkeypatch):
+    monkeypatch.setattr(ingest.video, "extract", None)
+    (tmp_path / "in").mkdir()
+    (tmp_path / "out").mkdir()
+    save(tmp_path / "in/IMG_1.jpg", pixels)
+    (tmp_path / "in/IMG_1.MOV").write_bytes(b"x")
+    taken = ingest.ingest(tmp_path / "in", tmp_path / "out")
+    assert taken.names == ["IMG_1"]
+    assert "left out IMG_1.MOV: a photo of that name is there" in caplog.text
+
+
+def test_two_films_of_one_name_are_refused(tmp_path):
+    for name in ("w.avi", "w.mkv"):
+        (tmp_path / name).write_bytes(b"x")
+    with pytest.raises(ValueError, match=r"w\.avi and w\.mkv would give the same"):
+        ingest.find(tmp_path, tmp_path)
+
+
+def test_two_phones_of_one_size_are_two_cameras(tmp_path, pixels):
+    (tmp_path / "in").mkdir()
+    (tmp_path / "out").mkdir()
+    for name, model in {"a": "One", "b": "Two", "c": "One"}.items():
+        exif = Image.Exif()
+        exif[0x0110] = model
+        save(tmp_path / f"in/{name}.jpg", pixels, exif=exif)
+    taken = ingest.ingest(tmp_path / "in", tmp_path / "out")
+    assert taken.cameras.tolist() == [0, 1, 0]
