@@ -9,6 +9,7 @@ import base64
 from pathlib import Path
 
 import jinja2
+import numpy as np
 
 from alignerf.command import faults, whole
 from alignerf.experiment import rows
@@ -65,7 +66,9 @@ def render(folder, *, rounds, base):
 def shown_views(folder, rounds, base, leak_px):
     """`pictures.Shown` of the views that the page has."""
     table = read_csv(folder / "tables" / "views.csv", **contents.PLAIN)
-    table["stands_out"] = table["stands_out"].fillna("").astype(str)
+    # Empty where a view does not, which is read as a number where none does.
+    reasons = [why if isinstance(why, str) else "" for why in table["stands_out"]]
+    table["stands_out"] = np.array(reasons, object)
     found = [views.View(**row) for row in table[list(views.COLUMNS)].to_dict("records")]
     turns = contents.read_json(folder / "poses.json").get("quarter_turns", {})
     truth = folder / "truth" / "oracle"

@@ -138,3 +138,20 @@ def test_a_missing_image_stops_it_by_name_and_leaves_the_old_page(results, capsy
         page.main([*arguments, "--out", str(results / "index.html")])
     assert (results / "index.html").read_text() == "old"
     assert not list(results.glob(".index*"))
+
+
+def test_where_no_photo_stands_out_the_page_is_made_all_the_same(render, results):
+    path = results / "tables/views.csv"
+    table = pd.read_csv(path, dtype={"view": str}).assign(stands_out=np.nan)
+    table.to_csv(path, index=False)
+    assert "held out: 3.00 px apart" in render()
+
+
+def test_a_photo_may_be_called_na(render, results):
+    for folder in results.rglob("*/test"):
+        for kept in folder.glob("01.*"):
+            kept.rename(kept.with_stem("NA"))
+    (results / "images/01.png").rename(results / "images/NA.png")
+    path = results / "tables/views.csv"
+    path.write_text(path.read_text().replace("01,", "NA,", 1))
+    assert "test/NA" in render()
