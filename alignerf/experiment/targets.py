@@ -82,6 +82,9 @@ def verdicts(scenes, results="results"):
     return lines
 
 
+# What Snakemake says of Ctrl-C, and of SIGTERM.
+STOPPED = "Terminating processes on user request"
+GOES_ON = "What is finished stays. The same command goes on from there."
 # How Snakemake names the log of a job that failed; the second also where it is quiet.
 FAILED_LOGS = (
     re.compile(r"log: (.*) \(check log file\(s\) for error details\)"),
@@ -98,12 +101,14 @@ def causes(snakemake_logs):
     logs = []
     for path in snakemake_logs:
         text = Path(path).read_text(encoding="utf-8", errors="replace")
+        if STOPPED in text:
+            return ["stopped, as asked.", GOES_ON]
         logs += [found for one in FAILED_LOGS for found in one.findall(text)]
     # The second quotes a name with spaces.
     paths = dict.fromkeys(Path(log.strip("'")) for log in logs)
     found = [line for path in paths for line in cause(path)]
     if found:
-        found.append("What is finished stays. The same command goes on from there.")
+        found.append(GOES_ON)
     return found
 
 

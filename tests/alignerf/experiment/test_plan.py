@@ -263,5 +263,8 @@ def test_the_cause_of_a_failure_is_its_jobs_last_error(tmp_path, monkeypatch):
         "error: x.jpg is broken",
     ]
     assert set(found[1:-1:2]) == {f"  in {name}" for name in logs}
+    with open("snakemake.log", "a") as file:
+        file.write("Terminating processes on user request, this might take some time")
+    assert targets.causes(["snakemake.log"])[0] == "stopped, as asked."
     Path("snakemake.log").write_text("nothing of the kind")
     assert targets.causes(["snakemake.log"]) == []
