@@ -19,6 +19,7 @@ import numpy as np
 
 from alignerf.command import faults
 from alignerf.scenes import photos, prepare
+from alignerf.scenes.capture import ingest
 
 log = logging.getLogger(__name__)
 
@@ -52,6 +53,13 @@ def read(path, background=None):
         _lens(path, {**scene, **frame}, width, height, where=str(frame["file_path"]))
         for frame, _ in kept
     ]
+    masks = [_find_mask(path, frame) for frame, _ in kept]
+
+    def load_mask(i):
+        if masks[i] is None:
+            return np.full((height, width, 3), 255, np.uint8)
+        return ingest.read_mask(masks[i], kept[i][1])
+
     views = prepare.pinhole_views(
         names,
         lenses,
@@ -59,6 +67,7 @@ def read(path, background=None):
         width=width,
         height=height,
         load=lambda i: photos.decode(kept[i][1], background, upright=False)[0],
+        load_mask=load_mask if any(masks) else None,
         where=path,
     )
     return views, left_out
@@ -100,13 +109,23 @@ def _frames_with_image(path, frames):
     return kept, sorted(Path(name).stem for name in missing)
 
 
+def _find_mask(path, frame):
+    """The mask that a frame names under nerfstudio's key, None where it names none."""
+    name = frame.get("mask_path")
+    if name is None:
+        return None
+    if not isinstance(name, str) or (mask := _find_image(path, name)) is None:
+        raise ValueError(f"{path}: no mask {name!r} of {frame['file_path']}")
+    return mask
+
+
 def _find_image(path, file_path):
     """The image a frame names, or None; ValueError where it lies outside the scene."""
     folder = Path(os.path.abspath(path.parent))
     # By name, not resolved: a link inside the folder is the user's own decision.
     candidate = Path(os.path.normpath(folder / file_path))
     if folder not in candidate.parents:
-        raise ValueError(f"{path}: file_path {file_path!r} leads out of its folder")
+        raise ValueError(f"{path}: {file_path!r} leads out of its folder")
     # instant-ngp's synthetic scenes leave the suffix away.
     for suffix in ("", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"):
         image = candidate.with_name(candidate.name + suffix)

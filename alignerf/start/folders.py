@@ -54,7 +54,8 @@ def scene_of(path):
     if path.is_dir():
         for name, source in CAMERAS:
             if (path / name).exists():
-                if (path / "masks").is_dir():
+                # A transforms.json names them itself.
+                if (path / "masks").is_dir() and source != "transforms":
                     log.warning("%s/masks: not used where cameras are given", path)
                 return {"source": source, "path": str(path)}
         if not any(is_taken(p) for p in path.iterdir()):

@@ -7,7 +7,7 @@ import pytest
 
 from alignerf import evaluate, export, facts, shrink
 from alignerf.command import images
-from alignerf.scenes import prepare, prepared
+from alignerf.scenes import prepare, prepared, transforms
 from alignerf.training import batches
 from alignerf.verdict import views as verdict_views
 from tests.bench import cases
@@ -164,3 +164,19 @@ def test_what_is_hidden_does_not_come_through_an_undistorted_edge():
     valid = (views.load_mask(0) >= prepare.WHITE).all(axis=-1)
     assert valid.mean() > 0.7
     assert (views.load(0)[valid] == 60).all()
+
+
+def test_exported_masks_come_back_through_our_own_source(scene, tmp_path):
+    out = tmp_path / "out"
+    export.main(["--scene", str(scene), "--out", str(out)])
+    views, _ = transforms.read(out)
+    for i in range(len(views.names)):
+        mask = views.load_mask(i)
+        assert not mask[:, :HIDDEN].any()
+        assert (mask[:, HIDDEN:] == 255).all()
+    content = json.loads((out / "transforms.json").read_text())
+    for wrong in ("masks/none.png", "../secret.png", 5):
+        content["frames"][1]["mask_path"] = wrong
+        (out / "transforms.json").write_text(json.dumps(content))
+        with pytest.raises(ValueError, match=r"transforms\.json: .*(mask|leads out)"):
+            transforms.read(out)
