@@ -13,26 +13,13 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float, UInt8
 
-from alignerf.command import faults, progress
+from alignerf.command import faults
 from alignerf.scenes import cameras
-from alignerf.scenes.capture import canvas, ingest, vocabulary
+from alignerf.scenes.capture import canvas, ingest, mapping
 
 log = logging.getLogger(__name__)
 
-# Camera model -> places of fx, fy, cx, cy and of k1, k2, p1, p2 among its parameters.
-CAMERA_MODELS = {
-    "SIMPLE_PINHOLE": ((0, 0, 1, 2), ()),
-    "PINHOLE": ((0, 1, 2, 3), ()),
-    "SIMPLE_RADIAL": ((0, 0, 1, 2), (3,)),
-    "RADIAL": ((0, 0, 1, 2), (3, 4)),
-    "OPENCV": ((0, 1, 2, 3), (4, 5, 6, 7)),
-}
-# With more photos not all pairs are matched: 150 have 11,175, 300 have 44,850.
-MOST_EXHAUSTIVE = 150
-# Each photo then meets so many that follow it by name, and that look most like it.
-FOLLOWING, ALIKE = 10, 30
-# With fewer photos a camera's distortion is one number instead of four.
-FEW_OF_A_CAMERA = 5
+CAMERA_MODELS = mapping.CAMERA_MODELS
 # Two views fix no scale and three are the least that anything can be trained on.
 MIN_REGISTERED = 3
 
@@ -96,32 +83,15 @@ def estimate_poses(
     names = sorted(name for camera in taken_by for name in camera.names)
     if len(names) < MIN_REGISTERED:
         raise ValueError(f"{where}: {len(names)} images; COLMAP needs more to overlap")
-    database = Path(work_folder) / "database.db"
-    pycolmap.Database.open(database).close()
-    _quiet(seed)
-    # Imported first, so that image ids follow the names: parallel extraction hands
-    # them out in any order, and the result depends on them.
-    for camera in taken_by:
-        reader = pycolmap.ImageReaderOptions()
-        # Few photos do not tell a lens's distortion in full: it folds their image over.
-        simple = camera_model == "OPENCV" and len(camera.names) < FEW_OF_A_CAMERA
-        reader.camera_model = "SIMPLE_RADIAL" if simple else camera_model
-        if camera.focal_px is not None:
-            start = _start_params(reader.camera_model, camera.focal_px, *camera.size)
-            reader.camera_params = start
-        pycolmap.import_images(
-            database,
-            image_folder,
-            camera_mode=pycolmap.CameraMode.SINGLE,
-            image_names=[f"{name}.png" for name in sorted(camera.names)],
-            options=reader,
-        )
-    with progress.heartbeat("COLMAP: features"):
-        _extract(database, image_folder, names, max_size_px, masks)
-    with progress.heartbeat("COLMAP: matching"):
-        _match(database, len(names), seed)
-    with progress.heartbeat("COLMAP: poses"):
-        models = _map(database, image_folder, work_folder, seed)
+    models = mapping.models_of(
+        image_folder,
+        work_folder,
+        taken_by,
+        camera_model=camera_model,
+        max_size_px=max_size_px,
+        masks=masks,
+        seed=seed,
+    )
     models = sorted(models, key=lambda model: -model.num_reg_images())
     registered = models[0].num_reg_images() if models else 0
     if registered < MIN_REGISTERED:
@@ -257,72 +227,6 @@ def _error_px(model, image):
         is not None
     ]
     return float(np.mean(errors)) if errors else np.nan
-
-
-def _quiet(seed):
-    """Only COLMAP's errors reach stderr; its random numbers start from the seed."""
-    pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
-    pycolmap.set_random_seed(seed)
-
-
-def _extract(database, image_folder, names, max_size_px, masks):
-    reader = pycolmap.ImageReaderOptions()
-    if masks is not None:
-        reader.mask_path = masks
-    extraction = pycolmap.FeatureExtractionOptions()
-    extraction.use_gpu = False
-    extraction.max_image_size = max_size_px
-    pycolmap.extract_features(
-        database,
-        image_folder,
-        image_names=[f"{name}.png" for name in names],
-        reader_options=reader,
-        extraction_options=extraction,
-        device=pycolmap.Device.cpu,
-    )
-
-
-def _match(database, count, seed):
-    """Match all pairs; of many photos those that look alike or follow one another."""
-    matching = pycolmap.FeatureMatchingOptions()
-    matching.use_gpu = False
-    verification = pycolmap.TwoViewGeometryOptions()
-    verification.ransac.random_seed = seed
-    options = {
-        "matching_options": matching,
-        "verification_options": verification,
-        "device": pycolmap.Device.cpu,
-    }
-    if count <= MOST_EXHAUSTIVE:
-        pycolmap.match_exhaustive(database, **options)
-        return
-    neighbours = pycolmap.SequentialPairingOptions()
-    neighbours.overlap = FOLLOWING
-    neighbours.quadratic_overlap = False
-    pycolmap.match_sequential(database, pairing_options=neighbours, **options)
-    words = vocabulary.build(database)
-    alike = pycolmap.VocabTreePairingOptions()
-    alike.num_images, alike.vocab_tree_path = ALIKE, words
-    pycolmap.match_vocabtree(database, pairing_options=alike, **options)
-
-
-def _map(database, image_folder, work_folder, seed):
-    sparse = Path(work_folder) / "sparse"
-    sparse.mkdir()
-    options = pycolmap.IncrementalPipelineOptions()
-    options.random_seed = seed
-    # Sums over threads come in any order, and poses would differ by 0.1 px.
-    options.num_threads = 1
-    models = pycolmap.incremental_mapping(database, image_folder, sparse, options)
-    return list(models.values())
-
-
-def _start_params(camera_model, focal_px, width, height):
-    """COLMAP's parameter text: focal length, centre, no distortion."""
-    places, rest = CAMERA_MODELS[camera_model]
-    params = np.zeros(max((*places, *rest)) + 1)
-    params[list(places)] = [focal_px, focal_px, width / 2, height / 2]
-    return ", ".join(repr(float(value)) for value in params)
 
 
 def lens(model, params):

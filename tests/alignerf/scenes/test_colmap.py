@@ -8,7 +8,7 @@ from PIL import Image
 
 from alignerf.command import images
 from alignerf.scenes import cameras, colmap, distortion
-from alignerf.scenes.capture import ingest
+from alignerf.scenes.capture import ingest, mapping
 from alignerf.scenes.courtyard import scene as courtyard
 
 # Parameters of a camera of 1024x768 with noticeable, invertible distortion.
@@ -218,9 +218,9 @@ def test_errors_are_told_photo_by_photo_in_pixels_of_the_photo(photos, tmp_path)
 
 
 def test_of_many_photos_not_all_pairs_are_matched(photos, tmp_path, monkeypatch):
-    monkeypatch.setattr(colmap, "MOST_EXHAUSTIVE", 3)
-    monkeypatch.setattr(colmap, "FOLLOWING", 1)
-    monkeypatch.setattr(colmap, "ALIKE", 3)
+    monkeypatch.setattr(mapping, "MOST_EXHAUSTIVE", 3)
+    monkeypatch.setattr(mapping, "FOLLOWING", 1)
+    monkeypatch.setattr(mapping, "ALIKE", 3)
     found = estimate(photos, tmp_path / "a")
     assert found.names == photos[1]
     database = pycolmap.Database.open(tmp_path / "a/database.db")
