@@ -123,9 +123,10 @@ def test_every_fault_is_one_line_and_leaves_nothing(tmp_path, capsys):
 
 def test_the_command_itself(tmp_path):
     out = tmp_path / "scene"
-    status, lines = run_cli({"source": "photos", "path": str(tmp_path)}, out)
+    (tmp_path / "empty").mkdir()
+    status, lines = run_cli({"source": "photos", "path": str(tmp_path / "empty")}, out)
     assert status == 1
-    assert lines == [f"error: no images in {tmp_path}"]
+    assert lines == [f"error: no images in {tmp_path / 'empty'}"]
     assert not out.exists()
     photo_folder(tmp_path / "three")
     status, lines = run_cli({"source": "photos", "path": str(tmp_path / "three")}, out)
