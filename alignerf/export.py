@@ -41,8 +41,8 @@ def main(argv=None):
             if view in warped:
                 mask &= prepared.read_validity(loaded, [view], args.valid)[0]
             (folder / "masks").mkdir(exist_ok=True)
-            shown = np.repeat(255 * mask[..., None].astype(np.uint8), 3, axis=-1)
-            images.write(folder / f"masks/{loaded.names[view]}.png", shown)
+            path = folder / f"masks/{loaded.names[view]}.png"
+            images.write(path, images.of_mask(mask))
         masks = [loaded.names[view] for view in chosen]
         points = loaded.folder / "points.npz"
         if points.is_file():

@@ -7,8 +7,6 @@ smaller photos can be rendered and scored at the scene's own size.
 import argparse
 import pathlib
 
-import numpy as np
-
 from alignerf.command import archives, faults, images, whole
 from alignerf.scenes import prepare, prepared
 
@@ -28,7 +26,7 @@ def main(argv=None):
 
     def load_mask(i):
         (mask,) = prepared.read_masks(loaded, [i])
-        return np.where(mask[..., None], np.uint8(255), np.uint8(0)).repeat(3, -1)
+        return images.of_mask(mask)
 
     masked = (loaded.folder / prepared.MASKS).is_dir()
     views = prepare.PosedViews(

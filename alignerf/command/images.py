@@ -47,6 +47,11 @@ def check(path, *, size=None):
         pass
 
 
+def of_mask(mask):
+    """An image [h, w, 3] of a mask [h, w]: white where it holds, else black."""
+    return np.where(mask[..., None], np.uint8(255), np.uint8(0)).repeat(3, axis=-1)
+
+
 def write(path, image):
     """Write an image as PNG, whole or not at all; ValueError where it is none."""
     image = np.asarray(image)

@@ -15,7 +15,7 @@ from alignerf.command import faults, whole
 from alignerf.experiment import rows
 from alignerf.page import contents, pictures
 from alignerf.tables.files import read_csv
-from alignerf.verdict import views
+from alignerf.verdict import evidence, views
 
 HERE = Path(__file__).resolve().parent
 
@@ -70,7 +70,7 @@ def shown_views(folder, rounds, base, leak_px):
     reasons = [why if isinstance(why, str) else "" for why in table["stands_out"]]
     table["stands_out"] = np.array(reasons, object)
     found = [views.View(**row) for row in table[list(views.COLUMNS)].to_dict("records")]
-    turns = contents.read_json(folder / "poses.json").get("quarter_turns", {})
+    turns = evidence.read_json(folder / "poses.json").get("quarter_turns", {})
     truth = folder / "truth" / "oracle"
     of_split = {
         "test": pictures.Source(

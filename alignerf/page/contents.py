@@ -4,16 +4,16 @@ A *table* here is {name, note, columns, rows}: texts to show, and beside each wh
 sorted by.
 """
 
-import json
 import math
-from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
 
 from alignerf.command import yaml_files
+from alignerf.decisions import fill
 from alignerf.tables import scores
 from alignerf.tables.files import read_csv
+from alignerf.verdict import evidence
 
 # File in tables/ -> (heading, note, {column: (heading, format)}).
 TABLES = {
@@ -110,7 +110,7 @@ class Cell(NamedTuple):
 
 def verdict(folder):
     """The content of verdict.json; its state is a class of the page's style."""
-    found = read_json(folder / "verdict.json")
+    found = evidence.read_json(folder / "verdict.json")
     head, *lines = found["verdict"]
     todo = [line.removeprefix("To do: ") for line in lines if line.startswith("To do:")]
     return {
@@ -182,11 +182,11 @@ def decisions(folder):
         key for model in config["models"].values() for key in model.get("decided", [])
     }
     open_keys |= set(config["training"]["decided"])
-    if read_json(folder / "poses.json").get("downscale_decided"):
+    if evidence.read_json(folder / "poses.json").get("downscale_decided"):
         open_keys.add("downscale")
     rows = [
-        entry | {"taken": entry["key"].rpartition(".")[2] in open_keys}
-        for entry in read_json(folder / "decisions.json")["decisions"]
+        found._asdict() | {"taken": key.rpartition(".")[2] in open_keys}
+        for key, found in fill.read(folder / "decisions.json").items()
     ]
     return rows, any(row["taken"] for row in rows)
 
@@ -194,7 +194,7 @@ def decisions(folder):
 def costs(folder):
     """Sentences on what the run was to cost, from its preflight; none without one."""
     path = folder / "preflight.json"
-    plan = read_json(path) if path.is_file() else {}
+    plan = evidence.read_json(path) if path.is_file() else {}
     if not plan:
         return []
     hours = plan["wall_s"] / 3600
@@ -226,7 +226,7 @@ def downloads(folder):
 
 def facts(folder):
     """(name, text) of what a visitor asks first: photos, size, poses."""
-    poses = read_json(folder / "poses.json")
+    poses = evidence.read_json(folder / "poses.json")
     found = [
         ("photos", f"{poses['registered']} of {poses['total']} placed"),
         ("held out", f"{poses['test_views']}"),
@@ -236,15 +236,4 @@ def facts(folder):
     error = poses.get("mean_reprojection_error_px")
     if error is not None:
         found.append(("reprojection error", f"{error:.2f} px of the photo"))
-    return found
-
-
-def read_json(path):
-    """The content of a JSON object's file; ValueError names one that is broken."""
-    try:
-        found = json.loads(Path(path).read_text(encoding="utf-8"))
-        if not isinstance(found, dict):
-            raise ValueError("not an object")
-    except ValueError as error:
-        raise ValueError(f"{path}: not JSON as stages write it: {error}") from None
     return found

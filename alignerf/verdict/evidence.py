@@ -156,8 +156,11 @@ def mean(found, key):
 
 
 def read_json(path):
-    """The content of a JSON file; ValueError names one that is none."""
+    """The content of a JSON object's file; ValueError names one that is none."""
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
+        found = json.loads(Path(path).read_text(encoding="utf-8"))
+        if not isinstance(found, dict):
+            raise ValueError("not an object")
     except ValueError as error:
         raise ValueError(f"{path}: not JSON: {error}") from None
+    return found

@@ -8,6 +8,8 @@ around an integer and the image covers [-0.5, w - 0.5] x [-0.5, h - 0.5].
 import cv2
 import numpy as np
 
+from alignerf.command import images
+
 KERNELS = {
     "lanczos": cv2.INTER_LANCZOS4,
     "cubic": cv2.INTER_CUBIC,
@@ -80,8 +82,8 @@ def in_frame(flow_px):
 
 def sees_only(flow_px, counts):
     """Mask [h, w]: x + flow_px(x) lies among pixels that count, those around too."""
-    shown = np.repeat(np.where(counts, np.uint8(255), np.uint8(0))[..., None], 3, -1)
-    return (warp(shown, flow_px, kernel="bilinear") == 255).all(axis=-1)
+    shown = warp(images.of_mask(counts), flow_px, kernel="bilinear")
+    return (shown == 255).all(axis=-1)
 
 
 def consistent(forward_px, backward_px, *, tolerance_px):

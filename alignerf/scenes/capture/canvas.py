@@ -9,6 +9,7 @@ nowhere.
 import cv2
 import numpy as np
 
+from alignerf.command import images
 from alignerf.scenes import cameras, prepare
 
 # Of one lens, estimated twice, focal lengths differ by less: its photos stay as they
@@ -90,8 +91,7 @@ def lay(views: prepare.PosedViews, focal_px, size):
 
     def load_mask(i):
         if views.load_mask is None:
-            shown = inside(places[i], size)[..., None].repeat(3, -1)
-            return np.where(shown, np.uint8(255), np.uint8(0))
+            return images.of_mask(inside(places[i], size))
         larger = places[i][0][0] > own[0]
         mask = views.load_mask(i)
         return put(prepare.eroded(mask) if larger else mask, i)

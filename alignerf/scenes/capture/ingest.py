@@ -156,8 +156,7 @@ def read_mask(path, photo):
         raise ValueError(
             f"{path} is {mask.shape[1]}x{mask.shape[0]}, its photo {size[0]}x{size[1]}"
         )
-    counts = (mask > 0).any(axis=-1, keepdims=True)
-    return np.where(counts, np.uint8(255), np.uint8(0)).repeat(3, axis=-1)
+    return images.of_mask((mask > 0).any(axis=-1))
 
 
 def write_copies_of_masks(taken, folder):
