@@ -11,7 +11,7 @@ import json
 
 import numpy as np
 
-from alignerf.command import archives, faults, whole
+from alignerf.command import archives, faults, json_files, whole
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import cameras, prepared
 
@@ -167,6 +167,12 @@ def depths_of_bounds(loaded: prepared.Scene, transform):
     return np.concatenate([near, 2 / (1 / near + 1 / far), far])
 
 
+# What a poses.json has to say of them.
+POSES = dict.fromkeys(
+    ("width", "photo_width", "registered", "total"), json_files.NUMBER
+) | {"mean_reprojection_error_px": json_files.NUMBER_OR_NONE}
+
+
 def pose_facts(path):
     """How well the poses fit, in pixels of the training size."""
     empty = dict.fromkeys(
@@ -177,7 +183,7 @@ def pose_facts(path):
     )
     if not path.is_file():
         return empty
-    report = json.loads(path.read_text(encoding="utf-8"))
+    report = json_files.read(path, POSES)
     error_px = report["mean_reprojection_error_px"]
     if error_px is not None:
         error_px = round(error_px * report["width"] / report["photo_width"], 4)

@@ -5,7 +5,7 @@ import pathlib
 
 import pandas as pd
 
-from alignerf.command import faults, yaml_files
+from alignerf.command import csv_files, faults, yaml_files
 from alignerf.experiment import targets
 from alignerf.tables import scores
 
@@ -26,7 +26,7 @@ def main(argv=None):
         raise ValueError(f"{args.results}: no misalignment table in it yet")
     for path in tables:
         print(f"\n{path.parent.parent.name}")
-        table = pd.read_csv(path)
+        table = csv_files.read(path)
         print(pivot(table).to_string(na_rep="--"))
         print("difference to the same model without warping; *: beyond chance (95 %)")
         for line in below_baseline(table, staged_of(path.parent.parent)):
@@ -34,7 +34,7 @@ def main(argv=None):
         controls = path.with_name("controls.csv")
         if controls.is_file():
             print("\nof the gain from standard to warped, in dB")
-            print(breakdown(pd.read_csv(controls)).to_string(na_rep="--"))
+            print(breakdown(csv_files.read(controls)).to_string(na_rep="--"))
         print(f"tables   {path}, {path.with_suffix('.tex').name}")
         print(f"figures  {path.parent.parent / 'figures'}/")
     scenes = [path.parent.parent.name for path in tables]

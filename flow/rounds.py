@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import faults, whole
+from alignerf.command import faults, json_files, whole
 from flow.warping import files
 
 # A smaller share is within what a training's random numbers change.
@@ -63,10 +63,7 @@ def decide(now_px, before_px=None, *, least_fall=LEAST_FALL):
 
 def read_number(path, key):
     """A number of a JSON file. Raises ValueError naming the file."""
-    try:
-        return float(json.loads(Path(path).read_text())[key])
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: no number {key} in it ({error})") from None
+    return float(json_files.read(path, {key: json_files.NUMBER})[key])
 
 
 def main(out, *, flow=None, before_flow=None, corrections=None, before=None):

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import yaml
 
+from alignerf.command import json_files
+
 ROOT = Path(__file__).resolve().parents[2]
 LOCK = "requirements.lock"
 # What a training's timing.json tells of it.
@@ -110,11 +112,8 @@ def processor():
 
 def training(path):
     """A training's path and KEYS, None for those that its timing.json lacks."""
-    try:
-        timing = json.loads(Path(path).read_text())
-        found = {key: timing.get(key) for key in KEYS}
-    except (AttributeError, RecursionError, ValueError) as error:
-        raise ValueError(f"{path}: not the timing that it should be: {error}") from None
+    timing = json_files.read(path)
+    found = {key: timing.get(key) for key in KEYS}
     for key, value in found.items():
         if not isinstance(value, str | None):
             raise ValueError(f"{path}: {key} is {value!r:.60} instead of text")

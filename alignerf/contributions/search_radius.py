@@ -8,7 +8,8 @@ import logging
 import math
 
 import numpy as np
-import pandas as pd
+
+from alignerf.command import csv_files
 
 log = logging.getLogger("alignerf")
 
@@ -55,8 +56,6 @@ def read_lengths_px(path) -> np.ndarray:
     some view no length.
     """
     try:
-        return check(pd.to_numeric(pd.read_csv(path)[COLUMN]))
-    except KeyError:
-        raise ValueError(f"{path}: no column {COLUMN}") from None
+        return check(csv_files.read(path, columns=[COLUMN])[COLUMN])
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

@@ -9,7 +9,7 @@ import argparse
 import json
 from pathlib import Path
 
-from alignerf.command import faults, whole
+from alignerf.command import faults, json_files, whole
 from alignerf.decisions import fill, rules
 
 
@@ -48,12 +48,13 @@ def shown(paths, asked):
 
 def read_facts(path):
     """The facts of a facts.json; ValueError names a file that is none."""
-    try:
-        found = json.loads(Path(path).read_text(encoding="utf-8"))
-        if missing := sorted(rules.FACTS - found.keys()):
-            raise ValueError(f"no {', '.join(missing)} in it")
-    except (ValueError, AttributeError) as error:
-        raise ValueError(f"{path}: not the facts of a scene: {error}") from None
+    found = json_files.read(path, rules.FACTS)
+    counts = rules.COUNTS
+    if found.get("downscale_decided"):
+        counts = (*counts, *rules.OF_DOWNSCALE, "downscale")
+    for name in counts:
+        if not rules.known(found.get(name)):
+            raise ValueError(f"{path}: {name} is {found.get(name)!r:.60}")
     return found
 
 

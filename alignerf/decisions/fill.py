@@ -1,8 +1,6 @@
 """Jobs with what the facts decided, and the file that says what that is."""
 
-import json
-from pathlib import Path
-
+from alignerf.command import json_files
 from alignerf.decisions import rules
 from alignerf.experiment import jobs, settings
 
@@ -51,15 +49,13 @@ def one(found, name, path):
 
 def read(path):
     """{key: Decision} of a decisions.json; ValueError names a file that is none."""
+    entries = json_files.read(path, {"decisions": list})["decisions"]
     try:
-        entries = json.loads(Path(path).read_text(encoding="utf-8"))["decisions"]
         found = {entry["key"]: rules.Decision(**entry) for entry in entries}
         for key, decision in found.items():
             numbers = (decision.default, decision.value)
             if not isinstance(key, str) or not all(map(rules.known, numbers)):
                 raise ValueError(f"{key}: {decision.value} is no value")
-    except FileNotFoundError:
-        raise ValueError(f"{path}: not found") from None
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path}: not a file of decisions: {error}") from None
     return found

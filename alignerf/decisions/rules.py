@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from alignerf.command import json_files
 from alignerf.experiment import settings
 
 # Of the nearest point's distance: COLMAP's points are corners, smooth surfaces may be
@@ -26,8 +27,11 @@ FINEST = (256, 8192)
 PASSES = 0.5
 STEPS = (2000, 20000)
 # Facts that decide something.
-FACTS = {"nearest", "median_depth", "pixel_angle_mrad"}
-FACTS |= {"train_views", "width_px", "height_px"}
+FACTS = dict.fromkeys(("nearest", "median_depth"), json_files.NUMBER_OR_NONE)
+FACTS["pixel_angle_mrad"] = json_files.NUMBER
+COUNTS = ("train_views", "width_px", "height_px")
+FACTS |= dict.fromkeys(COUNTS, int)
+OF_DOWNSCALE = ("photo_width_px", "photo_height_px", "views")
 
 
 class Decision(NamedTuple):
@@ -52,15 +56,14 @@ def decide(facts) -> list[Decision]:
 
 def downscale(facts):
     """By how much photos were made smaller, where stage `poses` had to decide it."""
-    names = ("photo_width_px", "photo_height_px", "views")
-    width, height, views = (facts[name] for name in names)
+    width, height, views = (facts[name] for name in OF_DOWNSCALE)
     return Decision(
         "scenes.downscale",
         settings.Scene.downscale,
         facts["downscale"],
         f"{views} photos of {width}x{height} have {views * width * height / 1e6:.3g} "
         "million pixels",
-        {name: facts[name] for name in names},
+        {name: facts[name] for name in OF_DOWNSCALE},
     )
 
 
@@ -120,8 +123,7 @@ def contraction_across(distance):
 def steps(facts):
     """Pixels are seen as often in a large scene as in a small one."""
     default, batch = settings.Training.steps, settings.Training.batch_rays
-    names = ("train_views", "width_px", "height_px")
-    pixels = math.prod(facts[name] for name in names)
+    pixels = math.prod(facts[name] for name in COUNTS)
     found = int(np.clip(100 * math.ceil(PASSES * pixels / batch / 100), *STEPS))
     seen = found * batch / pixels
     return Decision(
@@ -130,7 +132,7 @@ def steps(facts):
         found,
         f"each of {pixels / 1e6:.3g} million pixels is seen {seen:.2g} times, with "
         f"{batch} rays a step",
-        {name: facts[name] for name in names},
+        {name: facts[name] for name in COUNTS},
     )
 
 

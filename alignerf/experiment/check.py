@@ -475,6 +475,10 @@ def check_names(config):
         "methods": (FOLDERS, "a folder of every scene"),
         "models": (set(), ""),
     }
+    variants = config.get("tradeoff")
+    if isinstance(variants, dict):
+        config = config | {"tradeoff.variants": variants.get("variants")}
+        taken["tradeoff.variants"] = (set(), "")
     for section, (names, what) in taken.items():
         entries = config.get(section)
         for name in entries if isinstance(entries, dict) else ():

@@ -5,10 +5,9 @@ k - 1 warped. *Staged* methods pre-train and fine-tune (AligNeRF), *plain* ones 
 in one go; *warm* plain ones go on from the weights of the round before.
 """
 
-import json
 import re
-from pathlib import Path
 
+from alignerf.command import json_files
 from alignerf.experiment import settings
 
 
@@ -199,7 +198,7 @@ class Experiment:
 
 def goes_on(path):
     """What `flow.rounds` decided, from its file."""
-    return json.loads(Path(path).read_text())["go_on"]
+    return json_files.read(path, {"go_on": bool})["go_on"]
 
 
 def at_rounds(found, *, others=False):

@@ -11,11 +11,10 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from alignerf.command import faults, whole
+from alignerf.command import csv_files, faults, json_files, whole
 from alignerf.experiment import rows
 from alignerf.page import contents, pictures
-from alignerf.tables.files import read_csv
-from alignerf.verdict import evidence, views
+from alignerf.verdict import views
 
 HERE = Path(__file__).resolve().parent
 
@@ -65,12 +64,12 @@ def render(folder, *, rounds, base):
 
 def shown_views(folder, rounds, base, leak_px):
     """`pictures.Shown` of the views that the page has."""
-    table = read_csv(folder / "tables" / "views.csv", **contents.PLAIN)
+    table = csv_files.read(folder / "tables" / "views.csv")
     # Empty where a view does not, which is read as a number where none does.
     reasons = [why if isinstance(why, str) else "" for why in table["stands_out"]]
     table["stands_out"] = np.array(reasons, object)
     found = [views.View(**row) for row in table[list(views.COLUMNS)].to_dict("records")]
-    turns = evidence.read_json(folder / "poses.json").get("quarter_turns", {})
+    turns = json_files.read(folder / "poses.json").get("quarter_turns", {})
     truth = folder / "truth" / "oracle"
     of_split = {
         "test": pictures.Source(

@@ -9,11 +9,9 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from alignerf.command import yaml_files
+from alignerf.command import csv_files, json_files, yaml_files
 from alignerf.decisions import fill
 from alignerf.tables import scores
-from alignerf.tables.files import read_csv
-from alignerf.verdict import evidence
 
 # File in tables/ -> (heading, note, {column: (heading, format)}).
 TABLES = {
@@ -84,8 +82,6 @@ TABLES = {
         },
     ),
 }
-# A photo may be called NA, or 0042.
-PLAIN = {"dtype": {"view": str}, "keep_default_na": False, "na_values": [""]}
 # What a visitor may take home, with what it is; only what is there is shown.
 DOWNLOADS = {
     "verdict.json": "the verdict, in numbers",
@@ -110,7 +106,7 @@ class Cell(NamedTuple):
 
 def verdict(folder):
     """The content of verdict.json; its state is a class of the page's style."""
-    found = evidence.read_json(folder / "verdict.json")
+    found = json_files.read(folder / "verdict.json")
     head, *lines = found["verdict"]
     todo = [line.removeprefix("To do: ") for line in lines if line.startswith("To do:")]
     return {
@@ -128,7 +124,7 @@ def tables(folder):
     for name, (heading, note, columns) in TABLES.items():
         path = folder / "tables" / f"{name}.csv"
         if path.is_file():
-            data = read_csv(path, columns=[], **PLAIN)
+            data = csv_files.read(path)
             found.append(
                 {"name": name, "heading": heading, "note": note}
                 | table_of(data, columns)
@@ -182,7 +178,7 @@ def decisions(folder):
         key for model in config["models"].values() for key in model.get("decided", [])
     }
     open_keys |= set(config["training"]["decided"])
-    if evidence.read_json(folder / "poses.json").get("downscale_decided"):
+    if json_files.read(folder / "poses.json").get("downscale_decided"):
         open_keys.add("downscale")
     rows = [
         found._asdict() | {"taken": key.rpartition(".")[2] in open_keys}
@@ -194,7 +190,7 @@ def decisions(folder):
 def costs(folder):
     """Sentences on what the run was to cost, from its preflight; none without one."""
     path = folder / "preflight.json"
-    plan = evidence.read_json(path) if path.is_file() else {}
+    plan = json_files.read(path) if path.is_file() else {}
     if not plan:
         return []
     hours = plan["wall_s"] / 3600
@@ -226,7 +222,7 @@ def downloads(folder):
 
 def facts(folder):
     """(name, text) of what a visitor asks first: photos, size, poses."""
-    poses = evidence.read_json(folder / "poses.json")
+    poses = json_files.read(folder / "poses.json")
     found = [
         ("photos", f"{poses['registered']} of {poses['total']} placed"),
         ("held out", f"{poses['test_views']}"),

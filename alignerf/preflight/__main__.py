@@ -16,7 +16,7 @@ import sys
 import time
 from pathlib import Path
 
-from alignerf.command import faults, whole
+from alignerf.command import faults, json_files, whole
 from alignerf.decisions import fill
 from alignerf.experiment import slices
 from alignerf.preflight import fit, flow, lanes, schedule
@@ -73,10 +73,10 @@ def shown(paths):
 def read(path):
     """The content of a preflight.json; ValueError names a file that is none."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json_files.read(path)
         if found and not fit.lines(found, found["scene"]):
             raise ValueError("it says nothing")
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, AttributeError, ZeroDivisionError) as error:
         raise ValueError(f"{path}: not a preflight: {error}") from None
     return found
 

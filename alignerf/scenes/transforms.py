@@ -9,7 +9,6 @@ neither of the programs that write these files does.
 """
 
 import collections
-import json
 import logging
 import math
 import os
@@ -17,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import faults
+from alignerf.command import faults, json_files
 from alignerf.scenes import photos, prepare
 from alignerf.scenes.capture import ingest
 
@@ -38,9 +37,8 @@ def read(path, background=None):
     path = Path(path)
     if path.is_dir():
         path = path / "transforms.json"
-    scene = _read_json(path)
-    frames = scene.get("frames")
-    if not isinstance(frames, list) or not frames:
+    scene = json_files.read(path, {"frames": list})
+    if not (frames := scene["frames"]):
         raise ValueError(f"{path}: 'frames' must be a list that is not empty")
     kept, left_out = _frames_with_image(path, frames)
     names = [image.stem for _, image in kept]
@@ -71,18 +69,6 @@ def read(path, background=None):
         where=path,
     )
     return views, left_out
-
-
-def _read_json(path):
-    if not path.is_file():
-        raise ValueError(f"no file {path}")
-    try:
-        scene = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{path} is not JSON: {error}") from None
-    if not isinstance(scene, dict):
-        raise ValueError(f"{path}: not a JSON object")
-    return scene
 
 
 def _frames_with_image(path, frames):

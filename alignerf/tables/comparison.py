@@ -13,7 +13,7 @@ import itertools
 import numpy as np
 import pandas as pd
 
-from alignerf.command import faults, whole
+from alignerf.command import csv_files, faults, whole
 from alignerf.experiment import regimes as regime_rows
 from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
@@ -138,7 +138,7 @@ def mean_costs(methods):
 
 def memory_mib(path):
     """MiB of the training's process, from Snakemake's benchmark."""
-    found = table_files.read_csv(path, sep="\t", columns=["max_rss"])
+    found = csv_files.read(path, sep="\t", columns=["max_rss"])
     return pd.to_numeric(found["max_rss"], errors="coerce").max()
 
 
@@ -147,7 +147,7 @@ def printed_lines(path, number):
     if not path or number is None:
         return []
     columns = ("source", "table", "group", "method", "test_set", "hours", "params_m")
-    table = table_files.read_csv(path, columns=(*columns, *PRINTED, "origin"))
+    table = csv_files.read(path, columns=(*columns, *PRINTED, "origin"))
     lines = []
     for row in table[table["table"] == number].to_dict("records"):
         params = row["params_m"]

@@ -5,7 +5,7 @@ A row per method and round: means over the views of what `flow.decompose` wrote.
 
 import pandas as pd
 
-from alignerf.tables import files as table_files
+from alignerf.command import csv_files
 from alignerf.tables import scores
 
 PARTS = {"flow": "Flow", "model": "Model", "camera": "Camera", "remainder": "Remainder"}
@@ -27,7 +27,7 @@ def make_table(rows):
 
 def line_of(row):
     """Means over views; a column that some view lacks stays empty."""
-    views = table_files.read_csv(row.stats, columns=COLUMNS)
+    views = csv_files.read(row.stats, columns=COLUMNS)
     labels = {"method": row.method, "round": row.round, "views": len(views)}
     return labels | {name: views[name].mean(skipna=False) for name in COLUMNS}
 

@@ -2,12 +2,8 @@
 
 import argparse
 import contextlib
-import json
-import pathlib
 
-import pandas as pd
-
-from alignerf.command import provenance, whole
+from alignerf.command import csv_files, json_files, provenance, whole
 
 # What tells a table's rows apart, in provenance.
 LABELS = ("scene", "variant", "method", "round")
@@ -64,19 +60,10 @@ def trainings_of(rows):
 
 def read_timing(path, *keys):
     """These entries of a timing file as a dict; ValueError names one without them."""
-    try:
-        timing = json.loads(pathlib.Path(path).read_text())
-        return {key: entry(timing, key) for key in keys}
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: not the timing that it should be: {error}") from None
-
-
-def entry(timing, key):
-    """An entry of a timing file: a number, but for the device's name."""
-    kinds = str if key == "device" else int | float
-    if isinstance(timing[key], bool) or not isinstance(timing[key], kinds):
-        raise ValueError(f"{key} is {timing[key]!r:.60}")
-    return timing[key]
+    # All are numbers, but for the device's name.
+    kinds = {key: str if key == "device" else json_files.NUMBER for key in keys}
+    found = json_files.read(path, kinds)
+    return {key: found[key] for key in keys}
 
 
 def costs_of(row):
@@ -108,19 +95,6 @@ def training_costs(paths):
     return costs | {"params": stages[-1]["params"]}
 
 
-def read_csv(path, *, columns=(), **options):
-    """`pandas.read_csv` of a file with rows and `columns`; ValueError names another."""
-    try:
-        table = pd.read_csv(path, **options)
-    except ValueError as error:
-        raise ValueError(f"{path}: not a table: {error}") from None
-    if table.empty:
-        raise ValueError(f"{path}: no row")
-    if missing := set(columns) - set(table):
-        raise ValueError(f"{path}: no column {min(missing)}")
-    return table
-
-
 def views_time_s(path):
     """Seconds of all views of a CSV of displacements; NaN where one view has none."""
-    return float(read_csv(path, columns=["time_s"])["time_s"].sum(skipna=False))
+    return float(csv_files.read(path, columns=["time_s"])["time_s"].sum(skipna=False))

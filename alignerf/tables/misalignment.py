@@ -8,6 +8,7 @@ papers print for a scene of this name stands below, and is compared with nothing
 
 import pandas as pd
 
+from alignerf.command import csv_files
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 
@@ -66,7 +67,7 @@ def published(path, scene):
     the whole way, `params_m` millions, `size` that of the photos.
     """
     columns = ("source", "method", "scene", *PRINTED)
-    table = table_files.read_csv(path, columns=columns)
+    table = csv_files.read(path, columns=columns)
     places = {"warping": scores.warping(0), "test_set": "standard"}
     table = table.assign(**{k: v for k, v in places.items() if k not in table})
     found = table[table["scene"] == scene]

@@ -14,7 +14,7 @@ import logging
 import numpy as np
 import pandas as pd
 
-from alignerf.command import faults, whole
+from alignerf.command import csv_files, faults, whole
 from alignerf.experiment import regimes as regime_rows
 from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
@@ -167,7 +167,7 @@ def median_px(path):
 
     NaN where one view has none.
     """
-    views = table_files.read_csv(path, columns=["median_px"])
+    views = csv_files.read(path, columns=["median_px"])
     return views["median_px"].mean(skipna=False)
 
 

@@ -8,6 +8,7 @@ for the test views is no part of a round.
 
 import pandas as pd
 
+from alignerf.command import csv_files
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 
@@ -58,7 +59,7 @@ def line_of(row):
 
 def wall_s(path):
     """Seconds that a process ran, from Snakemake's benchmark file."""
-    found = table_files.read_csv(path, sep="\t")
+    found = csv_files.read(path, sep="\t")
     if "s" not in found or len(found) != 1:
         raise ValueError(f"{path}: not the benchmark of one run")
     return float(found["s"].iloc[0])

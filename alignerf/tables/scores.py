@@ -6,6 +6,7 @@ Notation: `psnr_db` is a table of one row a view and one column a test set.
 import numpy as np
 import pandas as pd
 
+from alignerf.command import csv_files
 from alignerf.tables import intervals
 
 WARPINGS = {0: "none", 1: "once", 2: "twice", 3: "three times"}
@@ -33,8 +34,9 @@ def read(path, metrics=("psnr_db",), more=None):
             raise ValueError(f"{more}: not the views of {path}")
         return pd.concat([first, second], axis=1)
     try:
-        scores = pd.read_csv(path).pivot(index="view", columns="test_set")
-    except (KeyError, ValueError) as error:
+        scores = csv_files.read(path, columns=("view", "test_set"))
+        scores = scores.pivot(index="view", columns="test_set")
+    except ValueError as error:
         raise ValueError(f"{path}: not the scores of views: {error}") from None
     if scores.empty:
         raise ValueError(f"{path}: not the scores of views: there is none")

@@ -9,7 +9,7 @@ import json
 
 import pandas as pd
 
-from alignerf.command import faults, whole
+from alignerf.command import faults, json_files, whole
 from alignerf.scenes import prepared
 from alignerf.verdict import causes, evidence, views, words
 
@@ -22,8 +22,8 @@ def main(argv=None):
         loaded,
         found,
         evidence.read_pattern(loaded, args.base),
-        poses=evidence.read_json(f"{args.scene}/poses.json"),
-        timing=evidence.read_json(f"{args.base}/timing.json"),
+        poses=json_files.read(f"{args.scene}/poses.json", evidence.POSES),
+        timing=json_files.read(f"{args.base}/timing.json", evidence.TIMING),
         leak=args.leak,
     )
     findings = causes.of(known)

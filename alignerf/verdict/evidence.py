@@ -3,15 +3,13 @@
 Reads what the stages wrote: photos, renders, flow and its parts, trainings, poses.
 """
 
-import json
 import math
 from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import archives
+from alignerf.command import archives, csv_files, json_files
 from alignerf.scenes import prepared
-from alignerf.tables import files as table_files
 from alignerf.verdict import causes, pattern, views
 
 # Flows of so many training views tell what all have in common.
@@ -52,12 +50,16 @@ def read_views(loaded: prepared.Scene, base, splits):
     return views.named(found)
 
 
+# What it takes from a poses.json, and from the reference's timing.json.
+POSES = dict.fromkeys(
+    ("width", "photo_width", "registered", "total"), json_files.NUMBER
+) | {"mean_reprojection_error_px": json_files.NUMBER_OR_NONE, "poses": str}
+TIMING = {"rays_seen": json_files.NUMBER}
+
+
 def table(path):
     """A CSV of views, by their names."""
-    # A photo may be called NA.
-    plain = {"keep_default_na": False, "na_values": [""]}
-    found = table_files.read_csv(path, columns=["view"], dtype={"view": str}, **plain)
-    return found.set_index("view")
+    return csv_files.read(path, columns=["view"]).set_index("view")
 
 
 def read_flow(base, split, name):
@@ -153,14 +155,3 @@ def spread(found, key):
 def mean(found, key):
     """Over views; NaN of none."""
     return float(np.mean([getattr(v, key) for v in found])) if found else math.nan
-
-
-def read_json(path):
-    """The content of a JSON object's file; ValueError names one that is none."""
-    try:
-        found = json.loads(Path(path).read_text(encoding="utf-8"))
-        if not isinstance(found, dict):
-            raise ValueError("not an object")
-    except ValueError as error:
-        raise ValueError(f"{path}: not JSON: {error}") from None
-    return found

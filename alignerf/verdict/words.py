@@ -8,6 +8,7 @@ import math
 
 import pandas as pd
 
+from alignerf.command import csv_files
 from alignerf.tables import scores
 from alignerf.verdict import causes
 
@@ -174,12 +175,16 @@ def photos(views):
     return [f"Photos that stand out: {named}{more}."]
 
 
+OF_GAINS = ("method", "warping", "test_set", "difference_to", "total_time_s")
+OF_GAINS += ("difference_db", "difference_low_db", "difference_high_db")
+
+
 def gains_of(path):
     """(name, dB, low, high, minutes) of each warping round or correction of a table.
 
     Against the oracle where it is known, else on the held-out photos as they are.
     """
-    table = pd.read_csv(path)
+    table = csv_files.read(path, columns=OF_GAINS)
     known = "oracle" in set(table["test_set"])
     chosen = table[table["test_set"] == ("oracle" if known else "standard")]
     found = []

@@ -10,7 +10,7 @@ import matplotlib.figure
 import numpy as np
 import pandas as pd
 
-from alignerf.command import archives, faults, images
+from alignerf.command import archives, csv_files, faults, images
 from flow.figures import drawing
 
 log = logging.getLogger("alignerf")
@@ -130,14 +130,12 @@ def read_rounds(rows):
     """
     found = []
     for row in rows:
-        stats, metrics = pd.read_csv(row["stats"]), pd.read_csv(row["metrics"])
-        for path, table, column in (
-            (row["stats"], stats, "flow_median_px"),
-            (row["metrics"], metrics, "psnr_db"),
-        ):
-            if column not in table or len(table) == 0:
-                raise ValueError(f"{path}: no {column} in it")
-            say_empty(path, table, column)
+        stats = csv_files.read(row["stats"], columns=("view", "flow_median_px"))
+        metrics = csv_files.read(
+            row["metrics"], columns=("view", "test_set", "psnr_db")
+        )
+        say_empty(row["stats"], stats, "flow_median_px")
+        say_empty(row["metrics"], metrics, "psnr_db")
         psnr_db = metrics.groupby("test_set")["psnr_db"].mean(skipna=False)
         labels = {"method": row["method"], "round": row["round"]}
         median_px = stats["flow_median_px"].mean(skipna=False)

@@ -9,14 +9,13 @@ rounds. Where there are staged methods, crops.png: see `crops`.
 """
 
 import argparse
-import csv
 import json
 import sys
 from pathlib import Path
 
 import matplotlib.figure
 
-from alignerf.command import faults, images
+from alignerf.command import csv_files, faults, images
 from flow.figures import crops as crop_figure
 from flow.figures import drawing
 from flow.figures import parts as part_figures
@@ -64,11 +63,10 @@ def draw_middle_view(photos, testset, reference, rounds, figures):
 
 def middle_view(path):
     """The view of middle misalignment: neither best nor worst case for the scene."""
-    with open(path, newline="") as file:
-        rows = sorted(csv.DictReader(file), key=lambda row: float(row["median_px"]))
-    if not rows:
-        raise ValueError(f"{path}: no view")
-    return rows[len(rows) // 2]["view"]
+    table = csv_files.read(path, columns=("view", "median_px"))
+    # Python's sort, stable: of views that are equally far, the order by name.
+    rows = sorted(table.itertuples(), key=lambda row: row.median_px)
+    return rows[len(rows) // 2].view
 
 
 def draw_flow(view, photo, render, flow, path):

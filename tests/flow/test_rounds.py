@@ -102,7 +102,10 @@ def test_cameras_go_on_until_their_corrections_no_longer_shrink(tmp_path, capsys
     assert [f["remaining_px"] for f in found] == [1.2, 0.4, 0.39]
     report.write_text("{}")
     assert rounds.run(arguments) == 1
-    assert "report2.json: no number correction_px" in capsys.readouterr().err
+    assert (
+        "report2.json: not the JSON that it should be: no correction_px"
+        in capsys.readouterr().err
+    )
     with pytest.raises(SystemExit):
         rounds.run(["--out", str(out)])
 
@@ -115,11 +118,11 @@ def test_cameras_go_on_until_their_corrections_no_longer_shrink(tmp_path, capsys
         (lambda f: (f / "before" / "a.npz").unlink(), "before/a.npz"),
         (
             lambda f: (f / "before.json").write_text("{}"),
-            "before.json: no number",
+            "before.json: not the JSON",
         ),
         (
             lambda f: (f / "before.json").write_text("["),
-            "before.json: no number",
+            "before.json: not the JSON",
         ),
         (lambda f: (f / "before.json").unlink(), "before.json"),
     ],

@@ -123,7 +123,7 @@ def test_costs_are_told_where_a_preflight_was_asked_for(results):
 @pytest.mark.parametrize("text", ["", "[]", "{", "\x00"])
 def test_a_broken_file_is_named(results, text):
     (results / "verdict.json").write_text(text)
-    with pytest.raises(ValueError, match=r"verdict\.json: not JSON"):
+    with pytest.raises(ValueError, match=r"verdict\.json: not the JSON"):
         contents.verdict(results)
 
 

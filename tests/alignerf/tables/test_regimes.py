@@ -157,7 +157,7 @@ def test_the_same_scene_twice_is_refused_by_name(scene_of):
 def test_what_is_missing_is_named(scene_of):
     scene = scene_of("a", (0.5, 1.5), regime=regime())
     pd.DataFrame({"view": ["v"]}).to_csv(scene.displacement, index=False)
-    with pytest.raises(ValueError, match=r"a\.csv: no column median_px"):
+    with pytest.raises(ValueError, match=r"a\.csv: .*: no column median_px"):
         regimes.make_table([scene])
     metrics = scene.methods[1].metrics
     pd.read_csv(metrics).drop(columns="psnr_db").to_csv(metrics, index=False)

@@ -88,5 +88,5 @@ def test_a_round_without_its_files_is_refused(tmp_path):
         row._replace(alignment=None),
         row._replace(walls=row.walls._replace(render=None)),
     ):
-        with pytest.raises(ValueError, match="not a table"):
+        with pytest.raises(ValueError, match="no table"):
             round_times.line_of(broken)

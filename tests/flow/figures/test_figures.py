@@ -143,7 +143,7 @@ def cut_flow(scene):
     ("damage", "reason"),
     [
         (lose_statistics, "displacement.csv"),
-        (empty_statistics, "displacement.csv: no view"),
+        (empty_statistics, "displacement.csv: not the table that it should be: no row"),
         (cut_flow, "not the .npz that it should be"),
         (lose_renders, "renders/"),
     ],
@@ -234,7 +234,7 @@ def empty_metrics(scene):
     [
         (lose_parts, "parts: no parts"),
         (cut_parts, "parts/a.npz: not the .npz that it should be"),
-        (empty_metrics, "metrics1.csv: no psnr_db"),
+        (empty_metrics, "metrics1.csv: not the table that it should be: no row"),
     ],
 )
 def test_no_figure_of_broken_parts(scene, rng, capsys, damage, reason):

@@ -1,0 +1,69 @@
+"""Reading tables of ours: whatever is wrong with one is a ValueError that names it."""
+
+import csv
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+# Columns of numbers, told by their units.
+NUMBERS = re.compile(
+    r"(^|_)(db|px|s|deg|ev|share|ratio|pixels|params|params_m|steps|rays_seen|hours)$"
+    r"|^(ssim|lpips_\w+)$"
+)
+
+
+def read(path, *, columns=(), sep=","):
+    """A table with rows, `columns` among its columns, and numbers where they belong.
+
+    Names of views stay text: a photo may be called NA, or 0042. An empty cell is no
+    number. Raises ValueError naming the file, and the column, for anything else.
+    """
+    if path is None:
+        raise ValueError("no table is given")
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+        check_rows(text, sep)
+        table = pd.read_csv(
+            io.StringIO(text),
+            sep=sep,
+            dtype={"view": str},
+            keep_default_na=False,
+            na_values=[""],
+        )
+        check_columns(table, columns)
+    except FileNotFoundError:
+        raise ValueError(f"{path}: not found") from None
+    # What a parser stumbles over is nothing that one can choose from.
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"{path}: not the table that it should be: {error}") from None
+    return table
+
+
+def check_rows(text, sep):
+    """Every row has as many cells as the head: one that was cut off has fewer."""
+    if "\0" in text:
+        raise ValueError("a byte of zero in it")
+    rows = csv.reader(io.StringIO(text, newline=""), delimiter=sep, strict=True)
+    head = next(rows, [])
+    if len(set(head)) < len(head):
+        raise ValueError("a column stands twice")
+    count = 0
+    for count, row in enumerate(rows, 1):
+        if len(row) != len(head):
+            raise ValueError(f"row {count} has {len(row)} cells, the head {len(head)}")
+    if not count:
+        raise ValueError("no row")
+
+
+def check_columns(table, columns):
+    """All that are asked for are there, and those of numbers hold some, or nothing."""
+    if missing := set(columns) - set(table):
+        raise ValueError(f"no column {min(missing)}")
+    for name in filter(NUMBERS.search, table):
+        if table[name].dtype.kind not in "fiu":
+            raise ValueError(f"column {name}: not numbers")
+        if np.isinf(table[name]).any():
+            raise ValueError(f"column {name}: not finite")

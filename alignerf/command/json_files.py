@@ -1,0 +1,42 @@
+"""Reading JSON of ours: whatever is wrong with a file is a ValueError that names it."""
+
+import json
+import math
+from pathlib import Path
+
+NUMBER = (int, float)
+NUMBER_OR_NONE = (int, float, type(None))
+
+
+def read(path, kinds=None):
+    """The object in a file.
+
+    kinds: {key: its type, or several} of keys that it must have; numbers among them are
+    finite. Raises ValueError naming the file, and the key, for anything else.
+    """
+    try:
+        found = json.loads(Path(path).read_text(encoding="utf-8"))
+        check(found, kinds or {})
+    except FileNotFoundError:
+        raise ValueError(f"{path}: not found") from None
+    except RecursionError:
+        raise ValueError(f"{path}: nested too deeply") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: not the JSON that it should be: {error}") from None
+    return found
+
+
+def check(found, kinds):
+    """It is an object, and its keys are of their kinds; ValueError names one."""
+    if not isinstance(found, dict):
+        raise ValueError("not an object")
+    for key, kind in kinds.items():
+        if key not in found:
+            raise ValueError(f"no {key} in it")
+        value = found[key]
+        # Python calls True a number.
+        is_truth = isinstance(value, bool) and kind is not bool
+        if is_truth or not isinstance(value, kind):
+            raise ValueError(f"{key} is {value!r:.60}")
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ValueError(f"{key} is {value}")
