@@ -75,6 +75,11 @@ rule all:
 check.or_exit(check.check_free, experiment.scenes, [r.name for r in workflow.rules])
 
 
+# What a killed run has half written.
+onstart:
+    targets.tidy(experiment.scenes)
+
+
 # The last lines of a run: what is wrong with each scene, and what to do. Not those of a
 # run before, where only its cost is asked for.
 onsuccess:

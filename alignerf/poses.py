@@ -51,6 +51,7 @@ def main(config, out):
     with whole.scratch_folder(out) as scratch:
         views, report, scene = READERS[config["source"]](config, scratch)
         photo_size = views.width, views.height
+        prepared.check_views(config["path"] or out, views)
         views = prepare.sort_by_name(views)
         report["downscale_decided"] = config["downscale"] == "auto"
         if report["downscale_decided"]:

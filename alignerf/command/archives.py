@@ -1,12 +1,36 @@
-"""Reading .npz and .npy: whatever is wrong with one is a ValueError that names it."""
+"""Reading .npz and .npy: whatever is wrong with one is a ValueError that names it.
 
+The head of an array says how large it is: it is looked at before any of its values.
+"""
+
+import math
+import os
 import tokenize
 import zipfile
 import zlib
 
 import numpy as np
 
-# What np.load raises on files that are no archive, cut short or altered.
+# Of one array: a flow of 16384 x 16384 pixels, the largest photo there may be.
+MOST_BYTES = 2**31
+# Kinds of numbers, and sides, of the arrays that stages exchange; `n`, `h` and `w` may
+# be any. Others are checked by who reads them.
+LAYOUTS = {
+    **dict.fromkeys(("flow_px", "camera_px", "remainder_px", "model_px"), ("f", "hw2")),
+    **dict.fromkeys(("depth", "depth_m"), ("f", "hw")),
+    **dict.fromkeys(("valid", "moved", "moving"), ("b", "hw")),
+    "pixtocams": ("f", "n33"),
+    "camtoworlds": ("f", "n34"),
+    **dict.fromkeys(("names", "split"), ("U", "n")),
+    **dict.fromkeys(("width", "height"), ("i", "")),
+    "points": ("f", "n3"),
+    "colours": ("u", "n3"),
+    "bounds": ("f", "n2"),
+}
+KINDS = {"f": "floating numbers", "b": "truth values", "U": "text", "i": "integers"}
+KINDS["u"] = "unsigned integers"
+
+# What reading raises on files that are no archive, cut short, altered or encrypted.
 _BROKEN = (
     ValueError,
     KeyError,
@@ -15,6 +39,9 @@ _BROKEN = (
     NotImplementedError,
     OverflowError,
     MemoryError,
+    RecursionError,
+    RuntimeError,
+    SyntaxError,
     tokenize.TokenError,
     zipfile.BadZipFile,
     zlib.error,
@@ -24,18 +51,95 @@ _BROKEN = (
 def read(path, names):
     """{name: array} of these arrays of an .npz; never unpickles.
 
-    Raises ValueError where the file is missing, no whole .npz, or lacks one.
+    Raises ValueError where the file is missing, no whole .npz, or lacks one, and where
+    one is too large, or not of its LAYOUTS, or arrays do not fit each other.
     """
     try:
-        # Opened here, since np.load leaves its own handle open on broken archives.
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as stored:
-            if missing := sorted(set(names) - set(stored)):
+        with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
+            inside = set(archive.namelist())
+            if missing := sorted(n for n in names if f"{n}.npy" not in inside):
                 raise ValueError(f"no array {', '.join(missing)} in it")
-            return {name: stored[name] for name in names}
+            found = {name: read_member(archive, name) for name in names}
+        check_together(found)
+        return found
     except FileNotFoundError:
         raise ValueError(f"{path}: not found") from None
     except _BROKEN as error:
         raise ValueError(f"{path}: not the .npz that it should be: {error}") from None
+
+
+def has(path, name):
+    """Whether an .npz has an array of this name; ValueError as of `read`."""
+    try:
+        with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
+            return f"{name}.npy" in archive.namelist()
+    except FileNotFoundError:
+        raise ValueError(f"{path}: not found") from None
+    except _BROKEN as error:
+        raise ValueError(f"{path}: not the .npz that it should be: {error}") from None
+
+
+def read_member(archive, name):
+    """An array of an open archive, its head checked before its values are there."""
+    info = archive.getinfo(f"{name}.npy")
+    with archive.open(info) as member:
+        shape, dtype, head_bytes = read_head(member)
+    check_size(shape, dtype, info.file_size - head_bytes)
+    if name in LAYOUTS:
+        check_layout(name, shape, dtype)
+    with archive.open(info) as member:
+        return np.lib.format.read_array(member, allow_pickle=False)
+
+
+def read_head(file):
+    """(shape, dtype, its own bytes) of an .npy whose values come next."""
+    version = np.lib.format.read_magic(file)
+    heads = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }
+    if version not in heads:
+        raise ValueError(f"version {version} of its format")
+    shape, _, dtype = heads[version](file)
+    if dtype.hasobject:
+        raise ValueError("objects, which nothing here unpickles")
+    return shape, dtype, file.tell()
+
+
+def check_size(shape, dtype, held_bytes):
+    """An array is no larger than arrays are, and all of it is there."""
+    if min(shape, default=0) < 0:
+        raise ValueError(f"a shape of {shape}")
+    size = math.prod(shape) * dtype.itemsize
+    if size > MOST_BYTES:
+        raise ValueError(f"{size / 2**30:.3g} GiB are more than {MOST_BYTES / 2**30:g}")
+    if size != held_bytes:
+        raise ValueError(f"{held_bytes} bytes instead of {size}")
+
+
+def check_layout(name, shape, dtype):
+    """An array of a name that stages know is of its kind and sides."""
+    kind, sides = LAYOUTS[name]
+    fits = len(shape) == len(sides) and all(
+        not side.isdigit() or int(side) == length
+        for side, length in zip(sides, shape, strict=True)
+    )
+    if dtype.kind != kind or not fits:
+        raise ValueError(
+            f"{name} is {dtype} {list(shape)} instead of {KINDS[kind]} "
+            f"[{', '.join(sides)}]"
+        )
+
+
+def check_together(arrays):
+    """Sides of one letter are of one length in all arrays of a file."""
+    known = {}
+    for name in arrays.keys() & LAYOUTS.keys():
+        sides = LAYOUTS[name][1]
+        for side, length in zip(sides, arrays[name].shape, strict=True):
+            first, other = known.setdefault(side, (length, name))
+            if length != first:
+                raise ValueError(f"{name} has {side} = {length}, {other} {first}")
 
 
 def read_array(path):
@@ -45,9 +149,12 @@ def read_array(path):
     """
     try:
         with open(path, "rb") as file:
+            shape, dtype, head_bytes = read_head(file)
+            check_size(shape, dtype, os.fstat(file.fileno()).st_size - head_bytes)
+            file.seek(0)
             return np.lib.format.read_array(file, allow_pickle=False)
     except FileNotFoundError:
         raise ValueError(f"{path}: not found") from None
     # A damaged header may ask for more values than there is memory.
-    except (*_BROKEN, MemoryError) as error:
+    except _BROKEN as error:
         raise ValueError(f"{path}: not the .npy that it should be: {error}") from None

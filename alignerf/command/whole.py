@@ -1,10 +1,22 @@
-"""Outputs that are whole or not there: written beside their place, then renamed."""
+"""Outputs that are whole or not there: written beside their place, then renamed.
+
+A temporary name tells the machine and the process that it belongs to: what a killed
+one has left behind, the next run removes.
+"""
 
 import contextlib
+import errno
 import os
+import platform
+import re
 import shutil
 import tempfile
 from pathlib import Path
+
+# Behind a temporary name's own part: `.model.~host~123~abc.msgpack`.
+OWNER = re.compile(r"\.[^/]*~(?P<host>[^~/]*)~(?P<process>\d+)~[^/]*\Z")
+# Errors of writing that do not say which file.
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 @contextlib.contextmanager
@@ -14,16 +26,19 @@ def replace_file(path):
     The temporary name keeps the suffix, which writers choose their format by.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(
-        dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix
-    )
-    os.close(handle)
+    with naming(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        prefix = temporary_prefix(path.stem)
+        handle, name = tempfile.mkstemp(
+            dir=path.parent, prefix=prefix, suffix=path.suffix
+        )
+        os.close(handle)
     temporary = Path(name)
     try:
-        yield temporary
-        os.chmod(temporary, 0o666 & ~_UMASK)
-        os.replace(temporary, path)
+        with naming(path):
+            yield temporary
+            os.chmod(temporary, 0o666 & ~_UMASK)
+            os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -32,19 +47,20 @@ def replace_file(path):
 def replace_folder(path):
     """Yield a temporary folder beside `path` that takes its place on success."""
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with scratch_folder(path.parent, prefix=f".{path.name}.") as scratch:
-        fresh = scratch / "new"
-        fresh.mkdir()
-        yield fresh
-        move(fresh, path)
+    with naming(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with scratch_folder(path.parent, name=path.name) as scratch:
+            fresh = scratch / "new"
+            fresh.mkdir()
+            yield fresh
+            move(fresh, path)
 
 
 def move(source, target):
     """Rename a whole file or folder onto `target`, on the same file system."""
     if Path(source).is_dir():
         # A folder cannot be renamed onto a full one: the old one steps aside first.
-        with scratch_folder(Path(target).parent, prefix=".old.") as scratch:
+        with scratch_folder(Path(target).parent, name="old") as scratch:
             with contextlib.suppress(FileNotFoundError):
                 os.rename(target, scratch / "old")
             os.rename(source, target)
@@ -53,7 +69,7 @@ def move(source, target):
 
 
 @contextlib.contextmanager
-def scratch_folder(parent, *, prefix=".scratch."):
+def scratch_folder(parent, *, name="scratch"):
     """Yield a folder inside `parent` that is gone afterwards, whatever happens.
 
     A `parent` that did not exist and is still empty goes with it, so that a failed
@@ -61,15 +77,73 @@ def scratch_folder(parent, *, prefix=".scratch."):
     """
     parent = Path(parent)
     existed = parent.exists()
-    parent.mkdir(parents=True, exist_ok=True)
-    scratch = Path(tempfile.mkdtemp(dir=parent, prefix=prefix))
+    # Of a folder that is about to be replaced, errors name that.
+    place = parent if name == "scratch" else parent / name
+    with naming(place):
+        parent.mkdir(parents=True, exist_ok=True)
+        prefix = temporary_prefix(name)
+        scratch = Path(tempfile.mkdtemp(dir=parent, prefix=prefix))
     try:
-        yield scratch
+        with naming(place):
+            yield scratch
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
         if not existed:
             with contextlib.suppress(OSError):
                 parent.rmdir()
+
+
+def temporary_prefix(name):
+    """Of a temporary name of this process; a long name is cut."""
+    return f".{name[:100]}.~{platform.node().replace('~', '')}~{os.getpid()}~"
+
+
+@contextlib.contextmanager
+def naming(path):
+    """An error of a full disk inside says what was being written."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in NO_ROOM and error.filename is None:
+            error.filename = str(path)
+        raise
+
+
+def sweep(folder):
+    """Remove what dead processes of this machine have left in a folder and below.
+
+    Returns the paths. Those of processes that live, or of other machines, stay.
+    """
+    found = []
+    for place, folders, files in os.walk(folder):
+        for name in [*folders, *files]:
+            if is_left_behind(name):
+                path = Path(place, name)
+                if name in folders:
+                    folders.remove(name)
+                    shutil.rmtree(path, ignore_errors=True)
+                else:
+                    with contextlib.suppress(OSError):
+                        path.unlink()
+                found.append(path)
+    return found
+
+
+def is_left_behind(name):
+    """Whether a name is that of a temporary file whose process is no more."""
+    owner = OWNER.match(name)
+    if not owner or owner["host"] != platform.node().replace("~", ""):
+        return False
+    try:
+        os.kill(int(owner["process"]), 0)
+    except ProcessLookupError:
+        return True
+    # Another user's process lives; a number too large belongs to none.
+    except OverflowError:
+        return True
+    except OSError:
+        return False
+    return False
 
 
 def _umask():

@@ -3,8 +3,10 @@
 import atexit
 import json
 import re
+import sys
 from pathlib import Path
 
+from alignerf.command import faults, whole
 from alignerf.experiment import flows, plan, slices
 
 TABLES = ("misalignment", "round_times", "controls", "displacement")
@@ -110,6 +112,14 @@ def causes(snakemake_logs):
     if found:
         found.append(GOES_ON)
     return found
+
+
+def tidy(scenes):
+    """Remove what killed processes of earlier runs have half written, and say so."""
+    found = [path for name in scenes for path in whole.sweep(f"results/{name}")]
+    if found:
+        few = faults.some_names(list(map(str, found)))
+        print(f"removed what a killed run had half written: {few}", file=sys.stderr)
 
 
 def say_in_the_end(lines):

@@ -13,6 +13,15 @@ import numpy as np
 # Of NumPy or of JAX, which most users of cameras need not wait for.
 Array = Any
 
+# Beyond it squares, as of distances between cameras, leave float32.
+LARGEST = 1e18
+# Of the width of a photo over its focal length: no lens sees less, or more.
+FIELD = 1e-6, 1e6
+# Of the principal point's distance to a photo's middle, in its widths.
+MOST_OFF_CENTRE = 100
+# Files print six digits; what is further from a rotation is scaled or mirrored.
+ROTATION_ERROR = 1e-2
+
 # OpenCV axes (x right, y down, z forwards) from OpenGL axes, and back.
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
 
@@ -75,6 +84,36 @@ def pixels_to_rays(x_px, y_px, pixtocams, camtoworlds) -> Rays:
         viewdirs=directions / xp.linalg.vector_norm(directions, axis=-1, keepdims=True),
         radii=xp.broadcast_to(radii[..., None], (*batch, 1)),
     )
+
+
+def check(where, names, pixtocams, camtoworlds, size):
+    """Every camera is finite, sees, and is turned, not mirrored or scaled.
+
+    names [n]; size: (width, height). Raises ValueError with `where` and the view.
+    """
+    finite = (np.abs(camtoworlds) < LARGEST).all(axis=(1, 2))
+    turns = np.where(finite[:, None, None], camtoworlds[:, :, :3], np.eye(3))
+    off = np.abs(turns @ turns.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
+    turned = (off <= ROTATION_ERROR) & (np.linalg.det(turns) > 0)
+    known = np.isfinite(pixtocams).all(axis=(1, 2))
+    lenses = np.where(known[:, None, None], pixtocams, np.eye(3))
+    last = np.abs(lenses[:, [1, 2, 2, 2], [0, 0, 1, 2]] - [0, 0, 0, 1])
+    plain = (last < 1e-9).all(axis=1)
+    across = lenses[:, [0, 1], [0, 1]] * np.array(size)
+    sees = (across > FIELD[0]) & (across < FIELD[1])
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        off_centre = np.abs(lenses[:, :2, 2] / across + 0.5)
+    middle = (off_centre < MOST_OFF_CENTRE).all(axis=1)
+    for good, fault in (
+        (finite, "camtoworlds {} is not finite"),
+        (turned, "camtoworlds {} is not a rotation and a place"),
+        (known, "pixtocams {} is not finite"),
+        (plain & sees.all(axis=1), "pixtocams {}: no lens has such a focal length"),
+        (middle, "pixtocams {}: the principal point is far outside"),
+    ):
+        if not good.all():
+            name = names[int(np.argmin(good))]
+            raise ValueError(f"{where}: " + fault.format(f"of view {str(name)!r}"))
 
 
 def project(points, pixtocam, camtoworld):

@@ -23,8 +23,6 @@ SAME_SHAPE = 1.02
 KERNEL_PX = 4
 # Of a mask that was resampled: less is a pixel that something else has touched.
 WHITE = 254
-# Files print six digits; what is further from a rotation is scaled or mirrored.
-ROTATION_ERROR = 1e-2
 
 
 class PosedViews(NamedTuple):
@@ -111,7 +109,7 @@ def true_scale(given_size, true_size, *, where):
 def nearest_rotation(matrix, *, where):
     """The rotation [3, 3] that a printed one means; ValueError if it is none."""
     off = np.abs(matrix @ matrix.T - np.eye(3)).max()
-    if off > ROTATION_ERROR or np.linalg.det(matrix) < 0:
+    if off > cameras.ROTATION_ERROR or np.linalg.det(matrix) < 0:
         raise ValueError(f"{where} is not a rotation")
     u, _, vt = np.linalg.svd(matrix)
     return u @ vt

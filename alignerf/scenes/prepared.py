@@ -7,6 +7,8 @@
 import dataclasses
 import math
 import pathlib
+import re
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -16,8 +18,10 @@ from alignerf.scenes import cameras
 SPLITS = ("train", "test")
 # Folder of <view>.npz {valid}, of scenes whose photos do not count everywhere.
 MASKS = "masks"
-# Beyond it squares, as of distances between cameras, leave float32.
-LARGEST = 1e18
+# What OpenCV can warp.
+MOST_SIDE_PX = 32766
+# No folder, and no hidden file.
+NAME = re.compile(r"(?!\.)[^/\\\0]{1,200}\Z")
 # JAX copies arrays that start elsewhere.
 ALIGNMENT = 64
 
@@ -90,32 +94,34 @@ def read_cameras(path):
     data = archives.read(
         path, ("pixtocams", "camtoworlds", "names", "width", "height", "split")
     )
-    check_cameras(path, data)
+    views = dict(data, names=data["names"].tolist())
+    del views["split"]
+    check_views(path, SimpleNamespace(**views))
     if bad := set(data["split"].tolist()) - set(SPLITS):
         raise ValueError(f"{path}: split holds {sorted(bad)[0]!r}")
     return data
 
 
-def check_cameras(path, data):
-    """Every view's camera is finite and sees: no ray may lack a direction."""
-    names = data["names"].tolist()
-    for key, shape in (("pixtocams", (3, 3)), ("camtoworlds", (3, 4))):
-        matrices = data[key]
-        if matrices.shape != (len(names), *shape):
-            raise ValueError(f"{path}: {key} is not an array of {(len(names), *shape)}")
-        finite = (np.abs(matrices) < LARGEST).all(axis=(1, 2))
-        sees = flatness(np.where(finite[:, None, None], matrices, 0)) > 1e-6
-        for good, fault in ((finite, "not finite"), (sees, "singular")):
-            if not good.all():
-                name = names[int(np.argmin(good))]
-                raise ValueError(f"{path}: {key} of view {name!r} is {fault}")
+def check_views(path, views):
+    """ValueError, naming the path, where views could not be found again, or not seen.
+
+    views: with names, pixtocams, camtoworlds, width and height.
+    """
+    size = int(views.width), int(views.height)
+    if not all(0 < side <= MOST_SIDE_PX for side in size):
+        raise ValueError(f"{path}: photos of {size[0]}x{size[1]} pixels")
+    check_names(path, views.names)
+    cameras.check(path, views.names, views.pixtocams, views.camtoworlds, size)
 
 
-def flatness(matrices):
-    """Volumes [n] of the first three columns over those of boxes of their lengths."""
-    columns = matrices[:, :, :3]
-    lengths = np.linalg.norm(columns, axis=1, keepdims=True)
-    return np.abs(np.linalg.det(columns / np.maximum(lengths, 1e-30)))
+def check_names(path, names):
+    """Views' names are names of files, each in the folder that it is looked for in."""
+    for name in names:
+        if not NAME.match(name) or not name.isprintable():
+            raise ValueError(f"{path}: {name!r:.60} cannot be a view's name")
+    if len(set(names)) < len(names):
+        name = max(names, key=names.count)
+        raise ValueError(f"{path}: two views have the name {name!r}")
 
 
 def check_images(scene: Scene, views, folder):

@@ -9,6 +9,7 @@ neither of the programs that write these files does.
 """
 
 import collections
+import functools
 import logging
 import math
 import os
@@ -25,6 +26,10 @@ log = logging.getLogger(__name__)
 CAMERA_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
 UNKNOWN_DISTORTION_KEYS = ("k4", "k5", "k6")
+# Of any number in the file.
+LARGEST = 1e30
+# instant-ngp's synthetic scenes leave the suffix away.
+SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
 
 
 def read(path, background=None):
@@ -51,7 +56,8 @@ def read(path, background=None):
         _lens(path, {**scene, **frame}, width, height, where=str(frame["file_path"]))
         for frame, _ in kept
     ]
-    masks = [_find_mask(path, frame) for frame, _ in kept]
+    images = Images(path)
+    masks = [_find_mask(images, frame) for frame, _ in kept]
 
     def load_mask(i):
         if masks[i] is None:
@@ -73,11 +79,11 @@ def read(path, background=None):
 
 def _frames_with_image(path, frames):
     """[(frame, image path)] and the names of frames without one, with a warning."""
-    kept, missing = [], []
+    kept, missing, images = [], [], Images(path)
     for i, frame in enumerate(frames):
         if not isinstance(frame, dict) or not isinstance(frame.get("file_path"), str):
             raise ValueError(f"{path}: frame {i} has no text under 'file_path'")
-        image = _find_image(path, frame["file_path"])
+        image = images.find(frame["file_path"])
         if image is None:
             missing.append(frame["file_path"])
         else:
@@ -95,29 +101,45 @@ def _frames_with_image(path, frames):
     return kept, sorted(Path(name).stem for name in missing)
 
 
-def _find_mask(path, frame):
+def _find_mask(images, frame):
     """The mask that a frame names under nerfstudio's key, None where it names none."""
     name = frame.get("mask_path")
     if name is None:
         return None
-    if not isinstance(name, str) or (mask := _find_image(path, name)) is None:
-        raise ValueError(f"{path}: no mask {name!r} of {frame['file_path']}")
+    if not isinstance(name, str) or (mask := images.find(name)) is None:
+        raise ValueError(f"{images.path}: no mask {name!r} of {frame['file_path']}")
     return mask
 
 
-def _find_image(path, file_path):
-    """The image a frame names, or None; ValueError where it lies outside the scene."""
-    folder = Path(os.path.abspath(path.parent))
-    # By name, not resolved: a link inside the folder is the user's own decision.
-    candidate = Path(os.path.normpath(folder / file_path))
-    if folder not in candidate.parents:
-        raise ValueError(f"{path}: {file_path!r} leads out of its folder")
-    # instant-ngp's synthetic scenes leave the suffix away.
-    for suffix in ("", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"):
-        image = candidate.with_name(candidate.name + suffix)
-        if image.is_file():
-            return image
-    return None
+class Images:
+    """The files beside a json, each folder listed once: there may be 100,000 frames."""
+
+    def __init__(self, path):
+        self.path, self.folder = path, os.path.abspath(path.parent)
+        self.listed = functools.cache(self.names_in)
+
+    def find(self, file_path):
+        """The image a frame names, or None; ValueError where it lies outside."""
+        # By name, not resolved: a link inside the folder is the user's own decision.
+        place = os.path.normpath(os.path.join(self.folder, file_path))
+        if not place.startswith(self.folder.rstrip(os.sep) + os.sep):
+            raise ValueError(f"{self.path}: {file_path!r:.200} leads out of its folder")
+        folder, name = os.path.split(place)
+        for suffix in SUFFIXES:
+            if name + suffix in self.listed(folder):
+                image = Path(folder, name + suffix)
+                if image.is_file():
+                    return image
+        return None
+
+    @staticmethod
+    def names_in(folder):
+        """Names of all that lies in a folder; none where there is no such folder."""
+        try:
+            return frozenset(os.listdir(folder))
+        # A name may be too long, or hold a zero, for any file.
+        except (OSError, ValueError):
+            return frozenset()
 
 
 def _lens(path, values, width, height, *, where):
@@ -164,8 +186,9 @@ def _number(path, values, key, default, *, where):
         return None
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"{path}: {key!r} of {where} must be a number, not {value!r}")
-    if not math.isfinite(value):
-        raise ValueError(f"{path}: {key!r} of {where} is not finite")
+    # A whole number of 400 digits has no floating one.
+    if not abs(value) < LARGEST:
+        raise ValueError(f"{path}: {key!r} of {where} is {value!r:.60}")
     return float(value)
 
 
@@ -174,7 +197,7 @@ def _pose(path, frame):
     where = frame["file_path"]
     try:
         pose = np.array(frame["transform_matrix"], dtype=np.float64)
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         pose = np.zeros(())
     if pose.shape not in ((3, 4), (4, 4)) or not np.isfinite(pose).all():
         raise ValueError(f"{path}: 'transform_matrix' of {where} is not 4x4 numbers")

@@ -14,15 +14,23 @@ import json
 import logging
 import os
 import pathlib
+import re
 
 import filelock
 import flax.serialization
 import jax
 import numpy as np
 
-from alignerf.command import whole
+from alignerf.command import json_files, whole
 
 log = logging.getLogger("alignerf")
+
+# What the files of a folder of checkpoints say, and of what kind it is.
+MANIFEST = dict.fromkeys(("file", "sha256", "identity"), str)
+MANIFEST |= {"time_s": json_files.NUMBER, "parts": int, "final": dict}
+BUDGET = {"identity": str, "steps": int, "steps_per_s": json_files.NUMBER}
+# No other file is read, wherever a manifest points.
+STATE = re.compile(r"state-\d+\.msgpack\Z")
 
 
 def fingerprint(*parts) -> str:
@@ -57,10 +65,11 @@ def lock(folder):
         ) from None
 
 
-def save(folder, state, *, identity, time_s, parts):
+def save(folder, state, *, identity, time_s, parts, final):
     """Write a state as the folder's newest checkpoint.
 
-    `parts` is the number of micro-batches, on which the rounding of a step hangs.
+    `parts` is the number of micro-batches, on which the rounding of a step hangs;
+    `final` the numbers of the last steps.
     """
     folder = pathlib.Path(folder)
     state = jax.device_get(state)
@@ -73,6 +82,7 @@ def save(folder, state, *, identity, time_s, parts):
         "identity": identity,
         "time_s": time_s,
         "parts": parts,
+        "final": final,
     }
     _write(folder / "manifest.json", json.dumps(manifest, indent=1).encode())
     for old in folder.glob("state-*.msgpack"):
@@ -86,11 +96,9 @@ def read_parts(folder) -> int | None:
     What is wrong with the manifest is left to `restore` to say.
     """
     try:
-        manifest = json.loads((pathlib.Path(folder) / "manifest.json").read_text())
-        parts = manifest["parts"]
-    except (OSError, ValueError, KeyError, TypeError):
+        return _read_manifest(folder)["parts"]
+    except (OSError, ValueError):
         return None
-    return parts if isinstance(parts, int) and parts > 0 else None
 
 
 def save_budget(folder, *, identity, steps, steps_per_s):
@@ -102,20 +110,19 @@ def save_budget(folder, *, identity, steps, steps_per_s):
 def read_budget(folder, *, identity) -> dict | None:
     """{steps, steps_per_s} of this very job's budget; None where none was written."""
     path = pathlib.Path(folder) / "budget.json"
+    if not path.exists():
+        return None
     try:
-        found = json.loads(path.read_text())
-        if found.pop("identity") != identity:
+        found = json_files.read(path, BUDGET)
+        if found["identity"] != identity:
             log.info("%s: of another configuration, timing anew", path)
             return None
-        steps, steps_per_s = int(found["steps"]), float(found["steps_per_s"])
-        if steps < 1:
-            raise ValueError
-    except FileNotFoundError:
+        if not (found["steps"] >= 1 and found["steps_per_s"] > 0):
+            raise ValueError(f"{path}: no such speed")
+    except (OSError, ValueError) as error:
+        log.warning("timing anew: %s", error)
         return None
-    except (KeyError, TypeError, ValueError, AttributeError):
-        log.warning("%s: not readable, timing anew", path)
-        return None
-    return {"steps": steps, "steps_per_s": steps_per_s}
+    return {key: found[key] for key in ("steps", "steps_per_s")}
 
 
 def restore(folder, template, *, identity):
@@ -126,20 +133,34 @@ def restore(folder, template, *, identity):
     """
     folder = pathlib.Path(folder)
     try:
-        manifest = json.loads((folder / "manifest.json").read_text())
+        manifest = _read_manifest(folder)
+        if manifest["identity"] != identity:
+            log.info("%s: checkpoint of another configuration, starting anew", folder)
+            return None
         data = (folder / manifest["file"]).read_bytes()
+        if hashlib.sha256(data).hexdigest() != manifest["sha256"]:
+            raise ValueError("its state is damaged")
+        return _from_bytes(template, data, folder), manifest
     except FileNotFoundError:
         return None
-    except (KeyError, TypeError, json.JSONDecodeError):
-        log.warning("%s: manifest not readable, starting anew", folder)
+    except (OSError, ValueError) as error:
+        log.warning("%s: checkpoint not usable, starting anew: %s", folder, error)
         return None
-    if manifest.get("identity") != identity:
-        log.info("%s: checkpoint of another configuration, starting anew", folder)
-        return None
-    if hashlib.sha256(data).hexdigest() != manifest["sha256"]:
-        log.warning("%s: checkpoint is damaged, starting anew", folder)
-        return None
-    return _from_bytes(template, data, folder), manifest
+
+
+def _read_manifest(folder):
+    """The manifest of a folder; ValueError where it is none, or points elsewhere."""
+    path = pathlib.Path(folder) / "manifest.json"
+    if not path.exists():
+        raise FileNotFoundError(path)
+    found = json_files.read(path, MANIFEST)
+    if not STATE.match(found["file"]):
+        raise ValueError(f"file is {found['file']!r:.60}")
+    if not (found["time_s"] >= 0 and found["parts"] >= 1):
+        raise ValueError("time_s or parts is negative")
+    for key, value in found["final"].items():
+        json_files.check({key: value}, {key: json_files.NUMBER})
+    return found
 
 
 def write_params(path, params):
@@ -160,7 +181,8 @@ def _from_bytes(template, data, where):
     """flax accepts surplus entries, other shapes and NaN: all are checked here."""
     try:
         stored = flax.serialization.msgpack_restore(data)
-    except (ValueError, KeyError, TypeError) as error:
+    # What msgpack raises on bytes that are none, or that nest without end.
+    except (ValueError, KeyError, TypeError, RecursionError, MemoryError) as error:
         raise ValueError(f"{where}: not a file of parameters ({error})") from None
     wanted = flax.serialization.to_state_dict(template)
     if jax.tree.structure(stored) != jax.tree.structure(wanted):

@@ -20,7 +20,8 @@ from alignerf.training import checkpoint, diagnose, memory, program
 log = logging.getLogger("alignerf")
 
 CHECKPOINT_EVERY_S = 60.0
-# Numbers are fetched from the device for this many steps at once.
+# Numbers are fetched from the device for this many steps at once. Several CPU devices
+# end the process once about 40 steps of theirs wait: at most 16, a test holds.
 FETCH_EVERY = 10
 # A budget's steps are timed for a share of it, and not for longer than this.
 TIMING_SHARE, TIMING_S = 0.05, 5.0
@@ -52,7 +53,7 @@ def fit(
         "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)
     )
     state = program.fresh_state(built.optimizer, params)
-    state, spent_s, parts = resume(checkpoints, state, identity, job.steps)
+    state, spent_s, parts, last = resume(checkpoints, state, identity, job.steps)
     built = with_parts(built, parts, job, method, params, views)
     program.log_memory(job, built, state, views)
     state, views = program.place((state, views), built.mesh)
@@ -61,10 +62,10 @@ def fit(
     def time_s():
         return round(spent_s + time.perf_counter() - start, 3)
 
-    def save(state):
+    def save(state, numbers):
         check_finite(state)
         facts = {"identity": identity, "time_s": time_s(), "parts": built.parts}
-        checkpoint.save(checkpoints, state, **facts)
+        checkpoint.save(checkpoints, state, final=numbers, **facts)
 
     def explain(state):
         options = {"steps": job.schedule_steps, "seed": job.seed, "parts": built.parts}
@@ -76,6 +77,8 @@ def fit(
         return built.step(state, views, schedule)
 
     state, numbers = run_steps(job, step, state, views, save, explain, note)
+    # A finished training that was resumed made no step.
+    numbers = numbers or last
     return state.params, facts | {
         "train_time_s": time_s(),
         "compile_time_s": built.compile_time_s,
@@ -131,14 +134,14 @@ def step_time_s(job, built, params, views, *, most_s):
 
 
 def resume(checkpoints, state, identity, steps):
-    """The state to go on from, the seconds that it took so far, its micro-batches."""
+    """The state to go on from, its seconds so far, micro-batches and last numbers."""
     found = checkpoint.restore(checkpoints, state, identity=identity)
     if found is None:
-        return state, 0.0, None
+        return state, 0.0, None, {}
     state, manifest = found
     log.info("resuming at step %d of %d", int(state.step), steps)
     state = jax.tree.map(jnp.asarray, state)
-    return state, manifest["time_s"], manifest["parts"]
+    return state, manifest["time_s"], manifest["parts"], manifest["final"]
 
 
 def with_parts(built, parts, job, method, params, views):
@@ -219,7 +222,7 @@ def run_steps(job, step, state, views, save, explain, note):
             )
             fetched, pending = now, []
             if now - saved > CHECKPOINT_EVERY_S or done == job.steps:
-                save(state)
+                save(state, history)
                 saved = time.perf_counter()
     return state, history
 

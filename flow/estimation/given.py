@@ -5,7 +5,6 @@ and `valid` [h, w] bool unless all is), from render to photo in pixels of the re
 and, if there is a check to be made, <view>.back.flo or .npz from photo to render.
 """
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -53,28 +52,13 @@ def read(folder, name, shape):
 
 
 def _read_npz(path):
-    keys = ("flow_px", "valid") if _has_mask(path) else ("flow_px",)
+    keys = ("flow_px", "valid") if archives.has(path, "valid") else ("flow_px",)
     flow_px, *mask = archives.read(path, keys).values()
-    if flow_px.ndim != 3 or flow_px.shape[2] != 2 or flow_px.dtype.kind != "f":
-        raise ValueError(
-            f"{path}: flow_px must be floating [h, w, 2], "
-            f"not {flow_px.dtype} {list(flow_px.shape)}"
-        )
     # Written so that NaN is unknown too.
     known = (np.abs(flow_px) <= files.UNKNOWN_FLOW_PX).all(axis=-1)
     for valid in mask:
-        if valid.dtype != bool or valid.shape != known.shape:
-            raise ValueError(f"{path}: valid must be bool {list(known.shape)}")
         known &= valid
     return flow_px.astype(np.float32), known
-
-
-def _has_mask(path):
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return "valid.npy" in archive.namelist()
-    except zipfile.BadZipFile as error:
-        raise ValueError(f"{path}: not an .npz archive ({error})") from error
 
 
 def _paths(folder, name):

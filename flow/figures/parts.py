@@ -50,9 +50,8 @@ def read_parts(folder):
 def read_view(path):
     """The parts of a view, their sum as flow_px, and valid."""
     keys = ("camera_px", "remainder_px", "valid")
+    model = archives.read(path, ["model_px"]) if archives.has(path, "model_px") else {}
     camera_px, remainder_px, valid = archives.read(path, keys).values()
-    with np.load(path, allow_pickle=False) as archive:
-        model = {"model_px": archive["model_px"]} if "model_px" in archive else {}
     flow_px = camera_px + remainder_px + model.get("model_px", 0)
     parts = {"flow_px": flow_px, **model, "camera_px": camera_px}
     return parts | {"remainder_px": remainder_px, "valid": valid}

@@ -64,10 +64,6 @@ def read_split(path, split, *keys):
     """
     found = archives.read(path, ("names", "split", *keys))
     names, splits, *arrays = found.values()
-    fit = all(values.shape[:1] == names.shape for values in arrays)
-    if names.ndim != 1 or splits.shape != names.shape or not fit:
-        what = ", ".join(("names", "split", *keys))
-        raise ValueError(f"{path}: {what} do not fit each other")
     views = {
         str(names[i]): [a[i] for a in arrays] for i in np.flatnonzero(splits == split)
     }

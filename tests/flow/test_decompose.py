@@ -17,6 +17,7 @@ from flow.warping import files
 from tests import table_cases
 
 SIZE = WIDTH, HEIGHT = 80, 60
+NO_TABLE = "not the table that it should be"
 VIEWS = 4
 
 
@@ -234,7 +235,7 @@ def lose_camera(folder):
         (nothing_valid, "view a: no pixel"),
         (all_train, "cameras.npz: no view in split 'test'"),
         (flat_camera, "view a: pixtocam is singular"),
-        (lose_camera, "cameras.npz: names, split, pixtocams do not fit each other"),
+        (lose_camera, "pixtocams has n = 1"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(tmp_path, capsys, damage, reason):
@@ -276,11 +277,11 @@ def test_table_of_means_over_views(tmp_path, capsys):
     assert "Model" not in tex
     views.drop(columns="noise_px").to_csv(tmp_path / "other.csv", index=False)
     assert make_table(tmp_path, stats) == 1
-    assert "other.csv: no column noise_px" in capsys.readouterr().err
+    assert f"other.csv: {NO_TABLE}: no column noise_px" in capsys.readouterr().err
     whole = (tmp_path / "displacement.csv").read_bytes()
     empty = ",".join(views) + "\n"
-    for text, reason in (("", "not a table: No columns"), (empty, "no row")):
+    for text in ("", empty):
         (tmp_path / "other.csv").write_text(text)
         assert make_table(tmp_path, stats) == 1
-        assert f"other.csv: {reason}" in capsys.readouterr().err
+        assert f"other.csv: {NO_TABLE}: no row" in capsys.readouterr().err
     assert (tmp_path / "displacement.csv").read_bytes() == whole

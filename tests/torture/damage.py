@@ -214,13 +214,16 @@ def bomb(data, rng):
     found = io.BytesIO()
     head = f"{{'descr': '|u1', 'fortran_order': False, 'shape': ({BOMB_BYTES},), }}"
     head += " " * (-(len(head) + 11) % 64) + "\n"
-    with zipfile.ZipFile(found, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        with archive.open(name, "w", force_zip64=True) as member:
-            member.write(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)))
-            member.write(head.encode())
-            block = bytes(2**24)
-            for _ in range(BOMB_BYTES // len(block)):
-                member.write(block)
+    packed = {"compression": zipfile.ZIP_DEFLATED, "compresslevel": 1}
+    with (
+        zipfile.ZipFile(found, "w", **packed) as archive,
+        archive.open(name, "w", force_zip64=True) as member,
+    ):
+        member.write(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)))
+        member.write(head.encode())
+        block = bytes(2**24)
+        for _ in range(BOMB_BYTES // len(block)):
+            member.write(block)
     return found.getvalue()
 
 

@@ -1,6 +1,10 @@
 """Outputs are whole or not there."""
 
+import errno
 import os
+import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -44,4 +48,53 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
     with whole.replace_file(path) as temporary:
         temporary.write_text("new")
     assert os.listdir(tmp_path) == ["a.csv"]
+    assert path.read_text() == "new"
+
+
+WRITER = """
+import sys, time
+from alignerf.command import whole
+with (
+    whole.replace_file(sys.argv[1] + "/a.csv"),
+    whole.replace_folder(sys.argv[1] + "/out") as folder,
+    whole.scratch_folder(sys.argv[1] + "/work"),
+):
+    (folder / "half").write_text("half")
+    print("ready", flush=True)
+    time.sleep(600)
+"""
+
+
+def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path, root):
+    (tmp_path / ".kept").mkdir()
+    (tmp_path / ".kept.~host~1~x").touch()
+    command = [sys.executable, "-c", WRITER, str(tmp_path)]
+    writer = subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE)
+    try:
+        assert writer.stdout.readline() == b"ready\n"
+        # It lives: what it writes stays.
+        assert whole.sweep(tmp_path) == []
+        assert len(os.listdir(tmp_path)) == 5
+    finally:
+        writer.send_signal(signal.SIGKILL)
+        writer.communicate()
+    assert len(whole.sweep(tmp_path)) == 3
+    assert sorted(os.listdir(tmp_path)) == [".kept", ".kept.~host~1~x", "work"]
+    assert os.listdir(tmp_path / "work") == []
+
+
+@pytest.mark.parametrize("how", [whole.replace_file, whole.replace_folder])
+def test_a_full_disk_says_what_was_being_written(tmp_path, how):
+    with (
+        pytest.raises(OSError, match=r"No space left on device: .*a\.npz"),
+        how(tmp_path / "a.npz"),
+    ):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert os.listdir(tmp_path) == []
+
+
+def test_the_longest_name_of_a_photo_can_be_written(tmp_path):
+    path = tmp_path / f"{'n' * 200}.png"
+    with whole.replace_file(path) as temporary:
+        temporary.write_text("new")
     assert path.read_text() == "new"

@@ -1,5 +1,6 @@
 """Training states on disk: whole or refused, and never two writers."""
 
+import hashlib
 import json
 import multiprocessing
 import os
@@ -34,7 +35,9 @@ def state(rng):
 
 
 def save(folder, state, time_s=2.5):
-    checkpoint.save(folder, state, identity="job", time_s=time_s, parts=4)
+    checkpoint.save(
+        folder, state, identity="job", time_s=time_s, parts=4, final={"loss": 0.5}
+    )
 
 
 def restore(folder, state, identity="job"):
@@ -55,6 +58,7 @@ def test_comes_back_bit_for_bit(tmp_path, state):
     found, manifest = restore(tmp_path, state)
     same(found, state)
     assert (manifest["time_s"], manifest["parts"]) == (2.5, 4)
+    assert manifest["final"] == {"loss": 0.5}
 
 
 def test_only_the_newest_is_kept(tmp_path, state):
@@ -91,10 +95,42 @@ def test_a_flipped_byte_anywhere_starts_anew(tmp_path, state, caplog, rng):
     assert restore(tmp_path, state) is None
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", "{}", "null"])
+@pytest.mark.parametrize("content", ["", "{", "[]", "{}", "null", "[" * 10**5])
 def test_an_unreadable_manifest_starts_anew(tmp_path, state, content):
     save(tmp_path, state)
     (tmp_path / "manifest.json").write_text(content)
+    assert restore(tmp_path, state) is None
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        *({"file": 3}, {"file": "../state-9.msgpack"}, {"file": "manifest.json"}),
+        *({"sha256": None}, {"sha256": "x"}, {"identity": 1}, {"final": None}),
+        *({"final": {"loss": "x"}}, {"final": {"loss": float("nan")}}),
+        *({"time_s": "x"}, {"time_s": float("inf")}, {"time_s": -1}),
+        *({"parts": 0}, {"parts": True}, {"parts": 1.5}, {"parts": None}),
+        *({key: ...} for key in checkpoint.MANIFEST),
+    ],
+)
+def test_a_manifest_that_was_changed_starts_anew(tmp_path, state, changes):
+    save(tmp_path, state)
+    path = tmp_path / "manifest.json"
+    found = json.loads(path.read_text()) | changes
+    found = {key: value for key, value in found.items() if value is not ...}
+    path.write_text(json.dumps(found))
+    assert restore(tmp_path, state) is None
+    assert checkpoint.read_parts(tmp_path) in (None, 4)
+
+
+@pytest.mark.parametrize("data", [b"\x91" * 10**5, b"\xdf\xff\xff\xff\xff", b"\x07"])
+def test_a_state_of_other_bytes_starts_anew(tmp_path, state, data):
+    """Whose digest fits: somebody has made it."""
+    save(tmp_path, state)
+    path = tmp_path / "manifest.json"
+    found = json.loads(path.read_text())
+    (tmp_path / found["file"]).write_bytes(data)
+    path.write_text(json.dumps(found | {"sha256": hashlib.sha256(data).hexdigest()}))
     assert restore(tmp_path, state) is None
 
 
@@ -119,7 +155,7 @@ def test_the_steps_of_a_budget_are_those_of_this_very_job(tmp_path, caplog):
 def test_an_unreadable_budget_is_timed_anew(tmp_path, content, caplog):
     (tmp_path / "budget.json").write_text(content)
     assert checkpoint.read_budget(tmp_path, identity="job") is None
-    assert "budget.json: not readable, timing anew" in caplog.text
+    assert "timing anew: " in caplog.text
 
 
 class Killed(BaseException):
