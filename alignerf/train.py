@@ -14,7 +14,7 @@ import logging
 
 import jax
 
-from alignerf.command import faults, machine, whole
+from alignerf.command import archives, faults, machine, whole
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.decisions import fill
 from alignerf.experiment import jobs
@@ -71,6 +71,9 @@ def train(job, args):
     check_patches(job, loaded)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
     prepared.check_images(loaded, chosen, photos)
+    for view in chosen if args.valid else ():
+        archives.check(f"{args.valid}/{loaded.names[view]}.npz", ["valid"])
+    compared = to_truth(loaded, args.truth) if job.refine and args.truth else None
     method = compose.make_method(job, lambda: refine.views_of(loaded))
     params = initial_params(job, method, args.initial)
     shapes = batches.view_shapes(loaded, chosen)
@@ -94,19 +97,19 @@ def train(job, args):
         learnt = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
         with whole.replace_file(args.cameras_out) as path:
             prepared.write_cameras(path, learnt, args.cameras)
-        if args.truth:
-            timing["pose_error_px"] = pose_errors(loaded, learnt, args.truth)
+        if compared:
+            timing["pose_error_px"] = {
+                "given": compared(loaded),
+                "after": compared(learnt),
+            }
     return params, timing
 
 
-def pose_errors(loaded: prepared.Scene, learnt: prepared.Scene, truth):
-    """Of the training views' cameras, as given and as learnt, in px."""
+def to_truth(loaded: prepared.Scene, truth):
+    """A function: a scene -> median error of its training views' cameras, in px."""
     true, chosen = prepared.read_cameras(f"{truth}/cameras.npz"), loaded.views("train")
     depths = pose_error.true_depths(loaded, truth, chosen)
-    return {
-        name: pose_error.median_px(state, true, chosen, depths)
-        for name, state in (("given", loaded), ("after", learnt))
-    }
+    return lambda scene: pose_error.median_px(scene, true, chosen, depths)
 
 
 def with_radius(job, displacement) -> jobs.Job:

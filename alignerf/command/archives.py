@@ -3,6 +3,7 @@
 The head of an array says how large it is: it is looked at before any of its values.
 """
 
+import contextlib
 import math
 import os
 import tokenize
@@ -54,41 +55,55 @@ def read(path, names):
     Raises ValueError where the file is missing, no whole .npz, or lacks one, and where
     one is too large, or not of its LAYOUTS, or arrays do not fit each other.
     """
+    with _opened(path, names) as archive:
+        found = {name: read_member(archive, name) for name in names}
+        check_together(found)
+        return found
+
+
+def has(path, name):
+    """Whether an .npz has an array of this name; ValueError as of `read`."""
+    with _opened(path, ()) as archive:
+        return f"{name}.npy" in archive.namelist()
+
+
+@contextlib.contextmanager
+def _opened(path, names):
+    """An .npz that has arrays of these names; faults in it are a line with its name."""
     try:
         with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
             inside = set(archive.namelist())
             if missing := sorted(n for n in names if f"{n}.npy" not in inside):
                 raise ValueError(f"no array {', '.join(missing)} in it")
-            found = {name: read_member(archive, name) for name in names}
-        check_together(found)
-        return found
+            yield archive
     except FileNotFoundError:
         raise ValueError(f"{path}: not found") from None
     except _BROKEN as error:
         raise ValueError(f"{path}: not the .npz that it should be: {error}") from None
 
 
-def has(path, name):
-    """Whether an .npz has an array of this name; ValueError as of `read`."""
-    try:
-        with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
-            return f"{name}.npy" in archive.namelist()
-    except FileNotFoundError:
-        raise ValueError(f"{path}: not found") from None
-    except _BROKEN as error:
-        raise ValueError(f"{path}: not the .npz that it should be: {error}") from None
+def check(path, names):
+    """Refuse now, by the heads, most of what `read` refuses."""
+    with _opened(path, names) as archive:
+        for name in names:
+            check_member(archive, name)
 
 
 def read_member(archive, name):
     """An array of an open archive, its head checked before its values are there."""
+    check_member(archive, name)
+    with archive.open(f"{name}.npy") as member:
+        return np.lib.format.read_array(member, allow_pickle=False)
+
+
+def check_member(archive, name):
+    """Size and kind of an array, by its head."""
     info = archive.getinfo(f"{name}.npy")
     with archive.open(info) as member:
         shape, dtype, head_bytes = read_head(member)
     check_size(shape, dtype, info.file_size - head_bytes)
     if name in LAYOUTS:
         check_layout(name, shape, dtype)
-    with archive.open(info) as member:
-        return np.lib.format.read_array(member, allow_pickle=False)
 
 
 def read_head(file):

@@ -62,6 +62,10 @@ def check_columns(table, columns):
     """All that are asked for are there, and those of numbers hold some, or nothing."""
     if missing := set(columns) - set(table):
         raise ValueError(f"no column {min(missing)}")
+    if "view" in table and table.duplicated().any():
+        raise ValueError(
+            f"two equal rows of view {table.view[table.duplicated()][:1].item()}"
+        )
     for name in filter(NUMBERS.search, table):
         if table[name].dtype.kind not in "fiu":
             raise ValueError(f"column {name}: not numbers")

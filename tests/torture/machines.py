@@ -1,0 +1,165 @@
+"""What a machine does to a run: full disks, folders one may not write, clocks, company.
+
+Each function returns what it found wrong, None where this machine lets it not be tried.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+
+from tests.torture import chains, running
+
+DISK_MIB = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12)
+NOBODY = 65534
+DAY_S = 86400.0
+# Of resident memory from the first tenth of a training to its end.
+MOST_GROWTH = 0.05
+
+
+def full_disks(reference, folder):
+    """A run on a disk that is full ends in a line with a file; with room it goes on."""
+    if os.geteuid() != 0:
+        return None
+    found, place = [], folder / "disk"
+    place.mkdir(parents=True, exist_ok=True)
+    for size in DISK_MIB:
+        if not mounted(place, size):
+            return None
+        try:
+            found += [f"{size} MiB: {fault}" for fault in full_disk(reference, place)]
+        finally:
+            subprocess.run(["umount", place], check=False)
+    return found
+
+
+def mounted(place, size_mib, *more):
+    options = ",".join([*more, f"size={size_mib}m"])
+    command = ["mount", "-t", "tmpfs", "-o", options, "tmpfs", place]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+def full_disk(reference, place):
+    """Findings of one size: how the run ended, and whether it can go on."""
+    # Snakemake's own files lie elsewhere, as with --directory on a scratch disk.
+    chain = chains.Chain(reference.root, place)
+    (place / "tiny.yaml").write_text(chains.CONFIG)
+    child = chain.start(environment={"JAX_COMPILATION_CACHE_DIR": cache(reference)})
+    code, said = child.wait(), words(chain)
+    found = []
+    if code == 0:
+        found.append("it fitted")
+    elif "Traceback" in said and "alignerf" in said.split("Traceback")[-1]:
+        found.append("traceback")
+    elif not re.search(r"error: .*(No space left on device|disk is full).*", said):
+        found.append("no line of error")
+    mounted(place, 256, "remount")
+    chain.unlock()
+    try:
+        chains.finish(
+            chain, environment={"JAX_COMPILATION_CACHE_DIR": cache(reference)}
+        )
+    except RuntimeError as error:
+        return [*found, f"does not go on: {error}"[-200:]]
+    return found + [f"differs: {n}" for n in chains.differences(reference, chain)]
+
+
+def words(chain):
+    """What was said, of logs that found room: a full disk may cut its own."""
+    logs = [*chain.folder.rglob("*.log")]
+    return "\n".join(path.read_text(errors="replace") for path in logs)
+
+
+def cache(reference):
+    return str(chains.cache_of(reference))
+
+
+def unwritable(reference, folder):
+    """A normal user whose results may not be written: one line, nothing else."""
+    chain = chains.make(reference.root, folder / "unwritable")
+    (chain.folder / "results").chmod(0o555)
+    scene = {"source": "courtyard", "courtyard": {"views": 4, "width": 40}}
+    command = [sys.executable, "-m", "alignerf.poses", "--config", str(scene)]
+    command[-1] = str(scene).replace("'", '"')
+    command += ["--out", "results/scene"]
+    if os.geteuid() == 0:
+        user = ["setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups"]
+        if shutil.which("setpriv") is None:
+            return None
+        command = [*user, *command]
+    environment = {"PYTHONPATH": str(reference.root)}
+    ended = running.run(command, chain.folder, environment)
+    fault = running.fault_of(ended, ["results"])
+    return [f"{fault}: {ended.output[-200:]}"] if fault else []
+
+
+def side_by_side(reference, folder):
+    """Two chains at once with one cache of compiled programs: both as they should be.
+
+    And two in one folder: the second is refused.
+    """
+    shared = {"JAX_COMPILATION_CACHE_DIR": str(folder / "cache")}
+    pair = [chains.make(reference.root, folder / f"beside{i}") for i in range(2)]
+    children = [chain.start(environment=shared) for chain in pair]
+    time.sleep(15)
+    third = pair[0].start(environment=shared)
+    found = []
+    if third.wait() == 0 or children[0].poll() is not None:
+        found.append("a second run in one folder is not refused")
+    codes = [child.wait() for child in children]
+    if any(codes):
+        return [*found, f"exit {codes}"]
+    return found + [
+        f"differs: {name}"
+        for chain in pair
+        for name in chains.differences(reference, chain)
+    ]
+
+
+def clock_set_back(reference, folder):
+    """Files that were made tomorrow: a run goes on, and ends as it should."""
+    chain = chains.make(reference.root, folder / "clock", reference)
+    child = chain.start()
+    time.sleep(40)
+    chains.kill(child, 9)
+    tomorrow = time.time() + DAY_S
+    for path in (chain.folder / "results").rglob("*"):
+        os.utime(path, (tomorrow, tomorrow), follow_symlinks=False)
+    chain.unlock()
+    chains.finish(chain)
+    return [f"differs: {name}" for name in chains.differences(reference, chain)]
+
+
+def memory_growth(reference, folder):
+    """A long training holds at its end what it held when it had begun."""
+    from tests.torture import interrupts
+
+    scene = reference.folder / "results" / chains.SCENE
+    out = folder / "long"
+    command = [sys.executable, "-m", "alignerf.train"]
+    child = subprocess.Popen(
+        [*command, *interrupts.arguments(scene, out)],
+        cwd=reference.root,
+        stderr=subprocess.DEVNULL,
+    )
+    held = []
+    while child.poll() is None:
+        held.append(resident_mib(child.pid))
+        time.sleep(0.5)
+    if child.returncode:
+        return [f"exit {child.returncode}"]
+    steady = [value for value in held[len(held) // 3 :] if value]
+    growth = steady[-1] / steady[0] - 1
+    return [f"{100 * growth:.0f} % more"] if growth > MOST_GROWTH else []
+
+
+def resident_mib(pid):
+    """0 of a process that has ended."""
+    try:
+        with open(f"/proc/{pid}/statm") as file:
+            pages = int(file.read().split()[1])
+    except OSError:
+        return 0
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
