@@ -47,10 +47,11 @@ class Chain(NamedTuple):
     def command(self, *more, cores=1):
         """The words of its Snakemake run, as `make run` has them."""
         return [
-            *(sys.executable, "-m", "snakemake", "--cores", str(cores)),
+            # Before options, of which some take several words.
+            *(sys.executable, "-m", "snakemake", *more, "--cores", str(cores)),
             *("--snakefile", str(self.root / "Snakefile")),
             *("--workflow-profile", str(self.root / "workflow/profiles/default")),
-            *("--configfile", "tiny.yaml", *more),
+            *("--configfile", "tiny.yaml"),
         ]
 
     def start(self, *more, environment=None, **options):

@@ -46,7 +46,8 @@ def full_disk(reference, place):
     # Snakemake's own files lie elsewhere, as with --directory on a scratch disk.
     chain = chains.Chain(reference.root, place)
     (place / "tiny.yaml").write_text(chains.CONFIG)
-    child = chain.start(environment={"JAX_COMPILATION_CACHE_DIR": cache(reference)})
+    cached = {"JAX_COMPILATION_CACHE_DIR": str(chains.cache_of(reference))}
+    child = chain.start(environment=cached)
     code, said = child.wait(), words(chain)
     found = []
     if code == 0:
@@ -58,9 +59,7 @@ def full_disk(reference, place):
     mounted(place, 256, "remount")
     chain.unlock()
     try:
-        chains.finish(
-            chain, environment={"JAX_COMPILATION_CACHE_DIR": cache(reference)}
-        )
+        chains.finish(chain, environment=cached)
     except RuntimeError as error:
         return [*found, f"does not go on: {error}"[-200:]]
     return found + [f"differs: {n}" for n in chains.differences(reference, chain)]
@@ -70,10 +69,6 @@ def words(chain):
     """What was said, of logs that found room: a full disk may cut its own."""
     logs = [*chain.folder.rglob("*.log")]
     return "\n".join(path.read_text(errors="replace") for path in logs)
-
-
-def cache(reference):
-    return str(chains.cache_of(reference))
 
 
 def unwritable(reference, folder):
