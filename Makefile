@@ -2,6 +2,7 @@
 # make photos FOLDER=my_photos    the same of your own photos or film, to a page
 # make test   the whole test suite
 # make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
+# make torture  the attack: damaged inputs, kills, full disks; three hours
 # make docs   tables of docs/ from the CSVs in docs/measured/
 # make lint   formatters, linters, workflow checks
 # make lock   pin all versions anew (needs uv)
@@ -11,7 +12,7 @@ BIN := $(VENV)/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
 
-.PHONY: run photos test bench docs lint lock clean
+.PHONY: run photos test bench torture docs lint lock clean
 
 run: $(VENV)/.installed
 	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
@@ -27,6 +28,9 @@ test: $(VENV)/.installed
 
 bench: $(VENV)/.installed
 	@python -m tests.bench $(if $(PEER),--peer $(PEER)) $(BENCH)
+
+torture: $(VENV)/.installed
+	@python -m tests.torture $(TORTURE)
 
 docs: $(VENV)/.installed
 	@python -m docs.tables

@@ -11,6 +11,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+# Of a length: below it a slope of its cube root leaves float32.
+TINY = 1e-30
+
 
 class Gaussians(NamedTuple):
     """Gaussians that stand for the frustums of a ray (mip-NeRF, section 3.1)."""
@@ -71,6 +74,8 @@ def contract_spheres(
     length_std = gaussians.t_std * jnp.linalg.norm(gaussians.direction, axis=-1)
     along_std = inverse_radius * (inverse_radius * length_std)
     across_std = (2.0 - inverse_radius) * (inverse_radius * gaussians.r_std)
+    # A cube root has no slope at 0, where a deviation is so small, or so far out.
+    along_std, across_std = jnp.maximum(along_std, TINY), jnp.maximum(across_std, TINY)
     return contract(gaussians.mean), jnp.cbrt(along_std) * jnp.cbrt(across_std) ** 2
 
 

@@ -15,11 +15,9 @@ import pycolmap
 
 from alignerf.command import faults
 from alignerf.scenes import colmap, llff, photos, prepare
+from alignerf.scenes.capture import model_files
 
 log = logging.getLogger(__name__)
-
-# Of an entry in any of COLMAP's files.
-LEAST_ENTRY_BYTES = 8
 
 
 def read(folder, images=None):
@@ -75,24 +73,12 @@ def images_of(folder, number):
     return chosen
 
 
-def check_counts(path):
-    """COLMAP's files begin with how many entries come: its reader believes any number.
-
-    Raises ValueError naming a file that is too short for what it says.
-    """
-    for file in sorted(Path(path).glob("*.bin")):
-        content = file.read_bytes()
-        count = int.from_bytes(content[:8], "little")
-        if len(content) < 8 or LEAST_ENTRY_BYTES * count > len(content):
-            raise ValueError(f"{file}: truncated or damaged: {count} entries")
-
-
 def read_model(path):
     """{view name: (camtopix, distortion, (width, height), camera-to-world)}.
 
     And its points, None where it has none: positions and colours (uint8), both [m, 3].
     """
-    check_counts(path)
+    model_files.check(path)
     try:
         model = pycolmap.Reconstruction(path)
     # Whatever COLMAP's reader finds wrong is the file's fault.

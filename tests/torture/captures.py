@@ -212,14 +212,14 @@ def cases(source, folder):
             yield path.relative_to(folder), name, way
 
 
-def attack(source, path, way, chain, place, rng):
+def attack(source, path, way, chain, place, rng, *, run=running.run):
     """(finding or None, Ended) of one damage; (None, None) where it does not apply."""
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
     capture = make(source, chain, place / "capture")
     if not way(place / "capture" / path, rng):
         return None, None
-    ended = pose(source, capture, place)
+    ended = pose(source, capture, place, run)
     names = [path.name, path.stem, path.parent.name, "capture", *keys_of(place)]
     if ended.code == 0:
         return of_accepted(ended, place, names), ended
@@ -228,13 +228,13 @@ def attack(source, path, way, chain, place, rng):
     return running.fault_of(ended, names), ended
 
 
-def pose(source, capture, place):
+def pose(source, capture, place, run=running.run):
     """Stage `poses` of a capture."""
     scene = {"source": source, "path": str(capture.relative_to(place))}
     if source == "blender":
         scene["background"] = "white"
     command = [sys.executable, "-m", "alignerf.poses", "--config", json.dumps(scene)]
-    return running.run([*command, "--out", "results/scene"], place)
+    return run([*command, "--out", "results/scene"], place)
 
 
 def keys_of(place):

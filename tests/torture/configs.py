@@ -5,10 +5,9 @@ The check has to refuse the value and to name the key; what it accepts it has to
 
 import copy
 import json
-import math
 import time
 
-from alignerf.experiment import check, jobs, plan, schema, settings, slices, targets
+from alignerf.experiment import check, jobs, plan, slices, targets
 from tests.torture import damage
 
 HOSTILE = (
@@ -111,18 +110,15 @@ def job_of(config):
     """A fine-tuning's job of a complete config, as its rule would be given it."""
     experiment = plan.Experiment(config, lambda **place: False)
     (staged, *_) = experiment.staged()
-    return json.loads(slices.of_round(experiment, experiment.scenes[0], staged))
+    return json.loads(
+        slices.of_round(experiment, next(iter(experiment.scenes)), staged)
+    )
 
 
-def is_sound(value):
-    """Whether nothing in accepted values is NaN or infinite."""
-    if isinstance(value, dict):
-        return all(map(is_sound, value.values()))
-    if isinstance(value, list):
-        return all(map(is_sound, value))
-    return not isinstance(value, float) or math.isfinite(value)
-
-
-def complete(name):
-    """A complete config of ours, with every section that a config can have."""
-    return check.checked(schema.as_config(settings.Config(scenes={name: {}})))
+def complete(config):
+    """A config with every section that it can have, and models of every kind."""
+    kinds = ("nerf", "mipnerf", "nerfpp", "ngp")
+    config = copy.deepcopy(config)
+    config["models"] |= {kind: {"kind": kind} for kind in kinds}
+    config["methods"] |= {f"{kind}_": {"model": kind} for kind in kinds}
+    return check.checked(config)

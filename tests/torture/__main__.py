@@ -1,0 +1,204 @@
+"""`make torture`: the attack on the program, and its report.
+
+Parts: inputs (a finished chain's files, folders of photos, configs and jobs), numbers,
+kills, stops, disks, company, clocks, memory. Writes report.csv and findings.txt; exits
+with 1 where anything was found. The whole takes some three hours on two cores; `--only
+numbers` takes a minute.
+"""
+
+import argparse
+import os
+import random
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from alignerf.command import progress, provenance
+from alignerf.experiment import check
+from tests.torture import (
+    captures,
+    chains,
+    configs,
+    damage,
+    interrupts,
+    machines,
+    numbers,
+    stages,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+# It measures this machine, for half a minute each time.
+NOT_ATTACKED = ("alignerf.preflight",)
+
+
+def main(argv=None):
+    args = parse(argv)
+    os.environ["PYTHONPATH"] = str(ROOT)
+    os.environ.setdefault("JAX_PLATFORMS", "cpu")
+    args.out.mkdir(parents=True, exist_ok=True)
+    reference = reference_of(args.out / "reference")
+    rows, said = [], []
+    for name in args.only or PARTS:
+        started = time.monotonic()
+        rng = np.random.default_rng(args.seed)
+        for what, cases, found in PARTS[name](reference, args, rng):
+            minutes = (time.monotonic() - started) / 60
+            count = "" if found is None else len(found)
+            rows.append([name, what, cases, count, round(minutes, 1)])
+            said += [f"{name}, {what}: {line}" for line in found or ()]
+            print(f"{name}, {what}: {cases} cases, {count} findings", flush=True)
+    write(rows, said, args.out)
+    return int(bool(said))
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(prog="tests.torture", description=__doc__)
+    parser.add_argument("--only", nargs="*", choices=PARTS, help="these parts")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "torture")
+    parser.add_argument(
+        "--ways", type=int, default=4, help="tried on each input of each stage"
+    )
+    parser.add_argument("--kills", type=int, default=50)
+    return parser.parse_args(argv)
+
+
+def reference_of(folder):
+    """A finished chain: made once, and kept."""
+    chain = chains.Chain(ROOT, folder)
+    if not (folder / "results" / chains.SCENE / "index.html").exists():
+        chain = chains.make(ROOT, folder)
+        chains.finish(chain)
+    return chain
+
+
+def of_stages(reference, args, rng):
+    """Every input of every stage, in some of the ways in which it may be damaged."""
+    choice = random.Random(args.seed)
+    cases = []
+    for stage in stages.plan(ROOT, reference.folder, "tiny.yaml"):
+        if stage.module in NOT_ATTACKED:
+            continue
+        for path in stages.inputs_of(stage, reference.folder):
+            ways = list(damage.ways_of(reference.folder / path))
+            chosen = choice.sample(ways, min(args.ways, len(ways)))
+            cases += [(stage, path, way) for way in chosen]
+
+    def attack(case):
+        place = args.out / "place"
+        found, ended = stages.attack(*case, reference.folder, place, rng)
+        stage, path, way = case
+        return (
+            False
+            if ended is None
+            else found and f"{stage.module}, {path}, {way}: {found}"
+        )
+
+    yield "files of a chain", *tried(attack, cases)
+
+
+def of_captures(reference, args, rng):
+    """Every file of a folder of each source, in every way."""
+    for source in captures.SOURCES:
+        place = args.out / "capture"
+        base = captures.make(source, reference.folder, place / "whole")
+        folder = base.parent if source == "photos" else base
+        cases = list(captures.cases(source, folder))
+
+        def attack(case, source=source):
+            path, name, way = case
+            where = args.out / "place"
+            found, ended = captures.attack(
+                source, path, way, reference.folder, where, rng
+            )
+            return False if ended is None else found and f"{path}, {name}: {found}"
+
+        yield f"a folder of {source}", *tried(attack, cases)
+        chains.shutil.rmtree(place)
+
+
+def of_configs(reference, args, rng):
+    """Every key of a config and of a job, with every hostile value."""
+    config = configs.complete(yaml.safe_load(chains.CONFIG))
+    sweep = yaml.safe_load((ROOT / "workflow/config/demo.yaml").read_text())
+    whole = [config, check.checked(sweep)]
+
+    def attack(case):
+        place, value, changed = case
+        found, _ = configs.of_config(changed, place)
+        return found and f"{'.'.join(map(str, place))} = {value!r:.40}: {found}"
+
+    cases = [case for one in whole for case in configs.cases_of(one)]
+    yield "keys of a config", *tried(attack, cases)
+
+    def of_job(case):
+        place, value, changed = case
+        found, _ = configs.of_job(changed, place)
+        return found and f"{'.'.join(map(str, place))} = {value!r:.40}: {found}"
+
+    cases = list(configs.cases_of(configs.job_of(config)))
+    yield "keys of a job", *tried(of_job, cases)
+
+
+def tried(attack, cases):
+    """(how many applied, what was found)."""
+    found = [attack(case) for case in progress.over(cases, "attack", unit="case")]
+    return sum(one is not False for one in found), [one for one in found if one]
+
+
+def of_numbers(reference, args, rng):
+    for name in numbers.FUNCTIONS:
+        yield name, numbers.CASES, numbers.check(name, rng)
+
+
+def of_kills(reference, args, rng):
+    found, done = interrupts.killed(reference, args.out / "kills", args.kills, rng)
+    yield "kill -9 of the chain", done, found
+    found, done = interrupts.trainings(reference, args.out / "kills", 16, rng)
+    yield "kill -9 of a training", done, found
+
+
+def of_stops(reference, args, rng):
+    found = interrupts.stopped(reference, args.out / "stops", rng)
+    yield "SIGTERM and Ctrl-C", 2, found
+
+
+def of_machine(function, what, cases):
+    def part(reference, args, rng):
+        yield what, cases, function(reference, args.out / "machine")
+
+    return part
+
+
+PARTS = {
+    "numbers": of_numbers,
+    "configs": of_configs,
+    "captures": of_captures,
+    "stages": of_stages,
+    "kills": of_kills,
+    "stops": of_stops,
+    "disks": of_machine(machines.full_disks, "full disks", len(machines.DISK_MIB)),
+    "users": of_machine(machines.unwritable, "a folder of another user", 1),
+    "company": of_machine(machines.side_by_side, "two chains, one cache", 3),
+    "clocks": of_machine(machines.clock_set_back, "files of tomorrow", 1),
+    "memory": of_machine(machines.memory_growth, "a long training's memory", 1),
+}
+
+
+def write(rows, said, out):
+    """The table, and all findings in words."""
+    columns = ["part", "what", "cases", "findings", "minutes"]
+    pd.DataFrame(rows, columns=columns).to_csv(out / "report.csv", index=False)
+    (out / "findings.txt").write_text("".join(f"{line}\n" for line in said))
+    path = provenance.path_beside(out / "report.csv")
+    path.write_text(provenance.as_json(provenance.facts()))
+    print(f"{len(said)} findings: {out / 'findings.txt'}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
