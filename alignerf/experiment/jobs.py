@@ -133,7 +133,9 @@ def parse(values) -> Job:
     kind = settings.field_kind(values["model"])
     values["training"] |= settings.rates(values["training"], kind)
     job = instance(Job, values)
-    if job.decisions or job.training.decided or getattr(job.model, "decided", None):
+    if job.decisions:
+        raise ValueError("config: decisions: they are not filled in")
+    if job.training.decided or getattr(job.model, "decided", None):
         raise ValueError("config: decided: keys that are still left to facts")
     if job.stage in ("pretrain", "finetune") and job.alignerf is None:
         raise ValueError("config: alignerf: a staged training needs it")
@@ -179,6 +181,8 @@ def typed(hint, value):
         return instance(kind, value)
     if float in options and isinstance(value, int):
         return float(value)
+    if isinstance(value, list) and list[float] in options:
+        return list(map(float, value))
     return value
 
 

@@ -23,7 +23,7 @@ def say(evidence, findings, gains, views):
     lines.append(alignment(evidence))
     lines += photos(views)
     lines += [gain_line(gain, evidence) for gain in gains]
-    lines.append("To do: " + advice(evidence, findings))
+    lines.append("To do: " + advice(evidence, findings, gains))
     return lines
 
 
@@ -210,15 +210,30 @@ def gain_line(gain, e):
     return f"{text}: not more than chance."
 
 
-def advice(e, findings):
-    """What to do first."""
+def advice(e, findings, gains=()):
+    """What to do first; a remedy that this run tried in vain is not recommended."""
     named = {finding.cause for finding in findings}
     for cause, text in ADVICE:
-        if cause in named:
+        if cause in named and not (cause in REMEDIED and in_vain(e, gains)):
             return text
+    if in_vain(e, gains):
+        return (
+            "leave the photos as they are: this run warped them, and that brought no "
+            "more than chance."
+        )
     if causes.misaligned(e):
         return "warp the photos once (rounds: 1), and look at what remains."
     return "nothing about alignment. For sharper renders take more steps."
+
+
+# Causes whose remedy is what a warping round does.
+REMEDIED = ("motion",)
+
+
+def in_vain(e, gains):
+    """Whether this run warped photos, and enough views say that nothing came of it."""
+    lows = [low for name, _, low, _, _ in gains if "warped" in name]
+    return bool(lows) and e.test_views >= causes.FEW_TEST_VIEWS and max(lows) <= 0
 
 
 ADVICE = (

@@ -1,10 +1,13 @@
 """The whole chain on a tiny courtyard: photos to tables, then what reruns when."""
 
+import random
 import re
 import shutil
 
+import numpy as np
 import yaml
 
+from tests.torture import damage, stages
 from tests.workflow import chain_checks as chain
 
 # Share of patches x patch_px^2 = 2 x batch_rays: the shares .6 and .2 of the steps
@@ -50,6 +53,11 @@ tradeoff:
 """
 
 
+# Stages that start in a second, and how many of their inputs are damaged.
+CHEAP = ("flow.align", "flow.decompose", "flow.control_sets", "flow.figures.scene")
+CHEAP += ("alignerf.evaluate", "alignerf.tabulate", "alignerf.verdict")
+DAMAGED = 25
+
 # First in its kind: what else runs follows from these.
 EVERYTHING = {"poses_courtyard", "config"}
 BY_CAMERA = {"decompose_courtyard", "decompose_photos"}
@@ -93,6 +101,29 @@ def check_reruns(plan, root, config):
     assert "Nothing to be done" in plan()
 
 
+def check_damage(folder, project):
+    """Some of what `make torture` does to the files of a chain, stage by stage."""
+    chosen, rng = random.Random(0), np.random.default_rng(0)
+    known = stages.plan(project, folder, "tiny.yaml")
+    cases = [
+        (stage, path, way)
+        for stage in known
+        if stage.module in CHEAP
+        for path in stages.inputs_of(stage, folder)
+        for way in damage.ways_of(folder / path)
+    ]
+    assert {stage.module for stage, _, _ in cases} == set(CHEAP)
+    tried, found = 0, []
+    while tried < DAMAGED:
+        case = chosen.choice(cases)
+        fault, ended = stages.attack(*case, folder, folder / "damaged", rng)
+        tried += ended is not None
+        if fault:
+            found.append(f"{case[0].module}, {case[1]}, {case[2]}: {fault}")
+    shutil.rmtree(folder / "damaged")
+    assert found == []
+
+
 def planned(output):
     """Rules that a plan would run, for whatever reason."""
     stats = output.split("Job stats:")[1].split("\n\n")[0]
@@ -123,6 +154,8 @@ def test_the_whole_chain(tmp_path, root, snakemake, subtests):
     assert code == 0, output
     assert re.search(r"^train +4$", output, re.MULTILINE)
     scene = tmp_path / "results" / "tiny"
+    with subtests.test("damage"):
+        check_damage(tmp_path, project)
     with subtests.test("scene"):
         chain.check_scene(scene)
     with subtests.test("table"):

@@ -1,11 +1,14 @@
 """Both packages' reading of .npz: a header that numpy stumbles over is named."""
 
+import resource
 import zipfile
 
+import numpy as np
 import pytest
 
 from alignerf.command import archives
 from flow.warping import files
+from tests.torture import damage
 
 READ = {
     "alignerf": lambda path: archives.read(path, ["flow_px", "valid"]),
@@ -29,3 +32,57 @@ def test_a_header_that_means_nothing_is_named(tmp_path, shape, read):
             archive.writestr(f"{name}.npy", start + bytes(64))
     with pytest.raises(ValueError, match=r"view\.npz: not "):
         read(path)
+
+
+@pytest.fixture
+def flow_path(tmp_path):
+    path = tmp_path / "view.npz"
+    valid = np.ones((3, 4), bool)
+    np.savez(path, flow_px=np.zeros((3, 4, 2), np.float32), valid=valid)
+    return path
+
+
+@pytest.mark.parametrize("read", READ.values(), ids=READ)
+def test_a_zip_bomb_is_refused_by_its_head(flow_path, read, rng):
+    damage.NPZ_WAYS["a zip bomb"](flow_path, rng)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(ValueError, match=r"view\.npz: not .*"):
+        read(flow_path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 2**18
+
+
+@pytest.mark.parametrize("read", READ.values(), ids=READ)
+def test_an_encrypted_archive_is_named(flow_path, read, rng):
+    damage.NPZ_WAYS["encrypted"](flow_path, rng)
+    with pytest.raises(ValueError, match=r"view\.npz: .*encrypted"):
+        read(flow_path)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "reason"),
+    [
+        (
+            {"flow_px": np.zeros((3, 4, 3), np.float32)},
+            r"instead of floating .*h, w, 2",
+        ),
+        ({"flow_px": np.zeros((3, 4, 2), int)}, "instead of floating numbers"),
+        ({"valid": np.ones((3, 4))}, "instead of truth values"),
+        ({"valid": np.ones((3, 5), bool)}, r"w = (4|5), .* (5|4)"),
+        ({"valid": np.array([{}])}, "objects"),
+    ],
+)
+def test_an_array_of_another_kind_is_named(flow_path, arrays, reason):
+    whole = dict(np.load(flow_path)) | arrays
+    np.savez(flow_path, **whole)
+    with pytest.raises(ValueError, match=rf"view\.npz: .*{reason}"):
+        archives.read(flow_path, ["flow_px", "valid"])
+
+
+def test_an_npy_longer_than_it_says_is_refused(tmp_path):
+    path = tmp_path / "a.npy"
+    np.save(path, np.zeros(4))
+    assert archives.read_array(path).tolist() == [0, 0, 0, 0]
+    with open(path, "ab") as file:
+        file.write(bytes(8))
+    with pytest.raises(ValueError, match=r"a\.npy: .*40 bytes instead of 32"):
+        archives.read_array(path)

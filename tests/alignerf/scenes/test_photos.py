@@ -1,8 +1,11 @@
 """Every kind of image file that real folders hold: handled, or refused by name."""
 
 import struct
+import subprocess
+import sys
 import zlib
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -230,3 +233,42 @@ def test_folders_and_dead_links_beside_photos_are_named(tmp_path, pixels, caplog
     (tmp_path / "b.png").symlink_to(tmp_path / "nowhere")
     assert photos.find_images(tmp_path) == [tmp_path / "a.png"]
     assert "ignored 100APPLE, b.png: not images" in caplog.text
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+def test_16_bits_a_colour_are_rounded_not_cut(tmp_path, rng, channels):
+    deep = rng.integers(0, 65536, (40, 50, channels), dtype=np.uint16)
+    deep[..., 3:] = 65535
+    deep[0, 0, :3] = (65535, 128, 129)
+    order = [2, 1, 0, 3][:channels]
+    cv2.imwrite(str(tmp_path / "a.png"), deep[..., order])
+    found, _ = photos.decode(tmp_path / "a.png")
+    assert (found == np.round(deep[..., :3] / 257).astype(np.uint8)).all()
+
+
+def test_16_bits_and_transparent_stand_on_a_background(tmp_path):
+    deep = np.full((40, 50, 4), 30000, np.uint16)
+    deep[:20, :, 3] = 0
+    cv2.imwrite(str(tmp_path / "a.png"), deep)
+    with pytest.raises(ValueError, match=r"a\.png has transparent pixels"):
+        photos.decode(tmp_path / "a.png")
+    found, _ = photos.decode(tmp_path / "a.png", "white")
+    assert (found[:20] == 255).all()
+    assert (found[20:] < 255).all()
+
+
+DECODE = """
+import resource, sys
+from alignerf.scenes import photos
+image, _ = photos.decode(sys.argv[1])
+print(*image.shape, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def test_the_largest_photo_takes_less_than_two_gigabytes(tmp_path, root):
+    Image.new("RGB", (13000, 13000), (9, 8, 7)).save(tmp_path / "a.png")
+    command = [sys.executable, "-c", DECODE, str(tmp_path / "a.png")]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True)
+    height, width, _, peak_kib = map(int, done.stdout.split())
+    assert (height, width) == (13000, 13000)
+    assert peak_kib < 2 * 2**20

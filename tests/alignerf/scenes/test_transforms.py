@@ -1,6 +1,7 @@
 """Scenes with known cameras, and the lens distortion that they name."""
 
 import json
+import time
 
 import cv2
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from PIL import Image
 
 from alignerf.command import images
-from alignerf.scenes import distortion, prepare, transforms
+from alignerf.scenes import distortion, prepare, prepared, transforms
 from tests import camera_twins
 
 LENSES = [
@@ -194,6 +195,9 @@ def change(content, path, value):
         (["fl_x"], -70.0, "fl_x"),
         (["k1"], float("inf"), "k1"),
         (["k1"], -3.0, "distortion"),
+        (["fl_x"], 10**400, "fl_x"),
+        (["cx"], 1e308, "cx"),
+        (["frames", 0, "transform_matrix", 0, 0], 10**400, "transform_matrix"),
         (["k4"], 0.1, "k4"),
         (["camera_model"], "OPENCV_FISHEYE", "OPENCV_FISHEYE"),
     ],
@@ -217,6 +221,39 @@ def test_files_that_are_no_scene(tmp_path, scene):
         (tmp_path / "images" / name).unlink()
     with pytest.raises(ValueError, match="none of its 4 frames"):
         read(scene)
+
+
+def test_a_file_of_brackets_is_named(tmp_path):
+    for text in ("[" * 10**5, '{"frames": ' + "[" * 10**5, "1" * 5000):
+        (tmp_path / "t.json").write_text(text)
+        with pytest.raises(ValueError, match=r"t\.json: (nested|not the JSON)"):
+            transforms.read(tmp_path / "t.json")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "named"),
+    [
+        (["fl_x"], 1e29, "no lens has such a focal length"),
+        (["fl_x"], 1e-20, "no lens has such a focal length"),
+        (["cx"], 1e20, "principal point"),
+        (["frames", 0, "transform_matrix", 0, 3], 1e300, "not finite"),
+    ],
+)
+def test_cameras_that_see_nothing_are_refused_with_the_file(scene, path, value, named):
+    """By stage `poses`, of every source."""
+    change(scene[1], path, value)
+    with pytest.raises(ValueError, match=named):
+        prepared.check_views(scene[0], read(scene)[0])
+
+
+def test_many_frames_without_an_image_take_seconds(scene):
+    frame = scene[1]["frames"][0]
+    more = [frame | {"file_path": f"images/no{i}"} for i in range(100_000)]
+    scene[1]["frames"] += more
+    started = time.perf_counter()
+    views, left_out = read(scene)
+    assert time.perf_counter() - started < 20
+    assert (len(views.names), len(left_out)) == (3, 100_001)
 
 
 def test_fox(shared_data):

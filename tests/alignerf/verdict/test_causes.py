@@ -98,6 +98,23 @@ def test_the_words_have_the_numbers_and_one_thing_to_do(cause):
         assert "misaligned: poses are off" in lines[0]
 
 
+@pytest.mark.parametrize(
+    ("gains", "views", "said"),
+    [
+        ([], 9, "warp the photos once"),
+        ([("base, warped once", 0.4, 0.1, 0.7, 3.0)], 9, "warp the photos once"),
+        ([("base, warped once", -0.1, -0.2, 0.03, 3.0)], 9, "leave the photos"),
+        # A staged training says nothing of warping, and few views nothing at all.
+        ([("alignerf", -1.1, -1.4, -0.9, 3.0)], 9, "warp the photos once"),
+        ([("base, warped once", -0.1, -0.2, 0.03, 3.0)], 2, "warp the photos once"),
+    ],
+)
+def test_what_was_tried_in_vain_is_not_recommended(gains, views, said):
+    known = WELL._replace(moved_share=0.03, test_views=views)
+    found = [causes.Finding("motion", 0.03, False)]
+    assert words.advice(known, found, gains).startswith(said)
+
+
 def test_gains_from_few_views_are_no_gains():
     gain = ("once", 1.5, 1.2, 1.8, 4.0)
     assert words.gain_line(gain, WELL).endswith("in 4 min.")
