@@ -115,11 +115,20 @@ def causes(snakemake_logs):
 
 
 def tidy(scenes):
-    """Remove what killed processes of earlier runs have half written, and say so."""
+    """Remove what killed processes of earlier runs have half written, and say so.
+
+    And bring times back that lie in the future.
+    """
     found = [path for name in scenes for path in whole.sweep(f"results/{name}")]
     if found:
         few = faults.some_names(list(map(str, found)))
         print(f"removed what a killed run had half written: {few}", file=sys.stderr)
+    if count := sum(whole.bring_back(f"results/{name}") for name in scenes):
+        print(
+            f"{count} files were from the future: their times are now (was the clock "
+            "set back?)",
+            file=sys.stderr,
+        )
 
 
 def say_in_the_end(lines):

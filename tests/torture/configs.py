@@ -100,7 +100,9 @@ def taken(function, place):
 
 def line_fault(text, place):
     """A refusal is one line of a readable length that names a key of the place."""
-    if "\n" in text or len(text) > 600:
+    # Commands join what is on several lines, see `faults.say`.
+    text = " ".join(text.split())
+    if len(text) > 600:
         return f"{len(text)} letters"
     keys = [str(key) for key in place if not isinstance(key, int)]
     return None if any(key in text for key in keys) else f"names no key: {text[:80]}"

@@ -4,6 +4,7 @@ Each function returns what it found wrong, None where this machine lets it not b
 """
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -62,8 +63,9 @@ def full_disk(chain, cache):
     chain.unlock()
     if code == 0:
         return ["it fitted"]
-    if "Traceback" in said and "/alignerf/" in said.split("Traceback")[-1]:
-        return ["traceback"]
+    # Snakemake's own tracebacks, of its records, are not ours.
+    if ours := re.search(r'File "[^"]*/(alignerf|flow)/.*', said):
+        return [f"traceback: {said[ours.start() :][-500:]}"]
     return []
 
 

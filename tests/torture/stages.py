@@ -26,7 +26,7 @@ REPORTS = ("facts.json", "decisions.json", "poses.json", "preflight.json")
 NOT_READ = ("checkpoints", "logs")
 # What holds a time as its content, besides keys and columns that end in _s.
 TIMED = (".html", ".log", ".tsv", ".provenance.json", "preflight.json", "timing.json")
-TIMED += ("round_times.csv", "round_times.tex")
+TIMED += ("round_times.csv", "round_times.tex", "misalignment.tex")
 
 
 class Stage(NamedTuple):

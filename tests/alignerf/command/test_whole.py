@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -98,3 +99,17 @@ def test_the_longest_name_of_a_photo_can_be_written(tmp_path):
     with whole.replace_file(path) as temporary:
         temporary.write_text("new")
     assert path.read_text() == "new"
+
+
+def test_files_of_tomorrow_are_brought_back_in_their_order(tmp_path):
+    now_ns, day_ns = time.time_ns(), 86400 * 10**9
+    times = {"a": -5, "b": 1, "c": 2, "d": 1, "e": 3}
+    for name, days in times.items():
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, ns=(now_ns, now_ns + days * day_ns))
+    assert whole.bring_back(tmp_path) == 4
+    found = {name: os.stat(tmp_path / name).st_mtime_ns for name in times}
+    assert found["a"] == now_ns - 5 * day_ns
+    assert found["a"] < found["b"] == found["d"] < found["c"] < found["e"]
+    assert found["e"] <= time.time_ns()
+    assert whole.bring_back(tmp_path) == 0
