@@ -2,6 +2,8 @@
 
 import argparse
 import pathlib
+import shutil
+import sys
 
 import pandas as pd
 
@@ -27,18 +29,24 @@ def main(argv=None):
     for path in tables:
         print(f"\n{path.parent.parent.name}")
         table = csv_files.read(path)
-        print(pivot(table).to_string(na_rep="--"))
+        print(fitting(pivot(table)))
         print("difference to the same model without warping; *: beyond chance (95 %)")
         for line in below_baseline(table, staged_of(path.parent.parent)):
             print(line)
         controls = path.with_name("controls.csv")
         if controls.is_file():
             print("\nof the gain from standard to warped, in dB")
-            print(breakdown(csv_files.read(controls)).to_string(na_rep="--"))
+            print(fitting(breakdown(csv_files.read(controls))))
         print(f"tables   {path}, {path.with_suffix('.tex').name}")
         print(f"figures  {path.parent.parent / 'figures'}/")
     scenes = [path.parent.parent.name for path in tables]
     print("\n".join(targets.verdicts(scenes, args.results)))
+
+
+def fitting(table):
+    """A table as text, in blocks of columns where the terminal is narrower."""
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    return table.to_string(na_rep="--", line_width=width)
 
 
 def pivot(table):

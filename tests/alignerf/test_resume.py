@@ -166,3 +166,13 @@ def test_a_manifest_without_micro_batches_is_no_hint(
     compiled.clear()
     assert cases.run(folder, tmp_path) == wanted
     assert compiled == [1]
+
+
+def test_a_finished_training_that_is_run_again_tells_the_same(folder, tmp_path):
+    found = []
+    for _ in range(2):
+        model = cases.run(folder, tmp_path)
+        timing = json.loads((tmp_path / "timing.json").read_text())
+        found.append((model, timing["final"]))
+    assert found[0] == found[1]
+    assert found[0][1]["loss"] > 0

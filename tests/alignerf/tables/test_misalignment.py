@@ -231,3 +231,13 @@ def test_a_view_without_seconds_leaves_the_costs_empty(entry, tmp_path):
     assert table["train_time_s"].tolist() == [30.0] * 3
     costs = [cell.split()[-1] for cell in cells(misalignment.to_latex(table))[0][-4:]]
     assert costs[:3] == ["0.50", "--", "--"]
+
+
+def test_a_table_fits_into_a_narrow_terminal(monkeypatch):
+    table = pd.DataFrame({f"column {n}": [1.5, 2.5] for n in range(12)})
+    assert len(show.fitting(table).splitlines()) == 3
+    monkeypatch.setattr(show.sys.stdout, "isatty", lambda: True, raising=False)
+    monkeypatch.setenv("COLUMNS", "72")
+    found = show.fitting(table).splitlines()
+    assert max(map(len, found)) <= 72
+    assert len(found) > 6
