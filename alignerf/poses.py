@@ -51,13 +51,13 @@ def main(config, out):
     with whole.scratch_folder(out) as scratch:
         views, report, scene = READERS[config["source"]](config, scratch)
         photo_size = views.width, views.height
-        prepared.check_views(config["path"] or out, views)
         views = prepare.sort_by_name(views)
         report["downscale_decided"] = config["downscale"] == "auto"
         if report["downscale_decided"]:
             config["downscale"] = prepare.factor_for(views, MOST_PIXELS, LEAST_SIDE_PX)
             log.info("downscale: %d", config["downscale"])
         views = prepare.downscale(views, config["downscale"])
+        prepared.check_views(config["path"] or out, views)
         rng = np.random.default_rng([config["seed"], 1])
         views = views._replace(
             camtoworlds=cameras.perturb_poses(

@@ -4,6 +4,7 @@ The head of an array says how large it is: it is looked at before any of its val
 """
 
 import contextlib
+import lzma
 import math
 import os
 import tokenize
@@ -11,6 +12,8 @@ import zipfile
 import zlib
 
 import numpy as np
+
+from alignerf.command import faults
 
 # Of one array: a flow of 16384 x 16384 pixels, the largest photo there may be.
 MOST_BYTES = 2**31
@@ -23,7 +26,7 @@ LAYOUTS = {
     "pixtocams": ("f", "n33"),
     "camtoworlds": ("f", "n34"),
     **dict.fromkeys(("names", "split"), ("U", "n")),
-    **dict.fromkeys(("width", "height"), ("i", "")),
+    **dict.fromkeys(("width", "height"), ("iu", "")),
     "points": ("f", "n3"),
     "colours": ("u", "n3"),
     "bounds": ("f", "n2"),
@@ -44,6 +47,7 @@ _BROKEN = (
     RuntimeError,
     SyntaxError,
     tokenize.TokenError,
+    lzma.LZMAError,
     zipfile.BadZipFile,
     zlib.error,
 )
@@ -70,7 +74,9 @@ def has(path, name):
 @contextlib.contextmanager
 def _opened(path, names):
     """An .npz that has arrays of these names; faults in it are a line with its name."""
+    fault = f"{path}: not the .npz that it should be"
     try:
+        faults.check_regular(path)
         with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
             inside = set(archive.namelist())
             if missing := sorted(n for n in names if f"{n}.npy" not in inside):
@@ -78,8 +84,13 @@ def _opened(path, names):
             yield archive
     except FileNotFoundError:
         raise ValueError(f"{path}: not found") from None
+    except OSError as error:
+        # A decoder's, or a place before the file's beginning.
+        if error.filename is None:
+            raise ValueError(f"{fault}: {error}") from None
+        raise
     except _BROKEN as error:
-        raise ValueError(f"{path}: not the .npz that it should be: {error}") from None
+        raise ValueError(f"{fault}: {error}") from None
 
 
 def check(path, names):
@@ -139,9 +150,9 @@ def check_layout(name, shape, dtype):
         not side.isdigit() or int(side) == length
         for side, length in zip(sides, shape, strict=True)
     )
-    if dtype.kind != kind or not fits:
+    if dtype.kind not in kind or not fits:
         raise ValueError(
-            f"{name} is {dtype} {list(shape)} instead of {KINDS[kind]} "
+            f"{name} is {dtype} {list(shape)} instead of {KINDS[kind[0]]} "
             f"[{', '.join(sides)}]"
         )
 
@@ -163,6 +174,7 @@ def read_array(path):
     Raises ValueError where the file is missing or no whole .npy of plain values.
     """
     try:
+        faults.check_regular(path)
         with open(path, "rb") as file:
             shape, dtype, head_bytes = read_head(file)
             check_size(shape, dtype, os.fstat(file.fileno()).st_size - head_bytes)

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from alignerf.command import faults
+
 # Columns of numbers, told by their units.
 NUMBERS = re.compile(
     r"(^|_)(db|px|s|deg|ev|share|ratio|pixels|params|params_m|steps|rays_seen|hours)$"
@@ -24,6 +26,7 @@ def read(path, *, columns=(), sep=","):
     if path is None:
         raise ValueError("no table is given")
     try:
+        faults.check_regular(path)
         text = Path(path).read_text(encoding="utf-8")
         check_rows(text, sep)
         table = pd.read_csv(
@@ -52,7 +55,8 @@ def check_rows(text, sep):
         raise ValueError("a column stands twice")
     count = 0
     for count, row in enumerate(rows, 1):
-        if len(row) != len(head):
+        # As pandas does, which leaves an empty line out.
+        if row and len(row) != len(head):
             raise ValueError(f"row {count} has {len(row)} cells, the head {len(head)}")
     if not count:
         raise ValueError("no row")

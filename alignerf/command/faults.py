@@ -2,6 +2,7 @@
 
 import logging
 import os
+import stat
 import sys
 
 log = logging.getLogger("alignerf")
@@ -48,6 +49,13 @@ def say(error):
         raise error
     message = " ".join(str(error).split()) or type(error).__name__
     print(f"error: {message}", file=sys.stderr)
+
+
+def check_regular(path):
+    """ValueError for a pipe or a device: who opens one may wait for ever."""
+    kind = os.stat(path).st_mode
+    if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):
+        raise ValueError(f"{path}: not a file")
 
 
 def some_names(names, *, at_most=3):

@@ -11,7 +11,7 @@ import zlib
 import numpy as np
 from PIL import Image
 
-from alignerf.command import whole
+from alignerf.command import faults, whole
 
 # Where a PNG's head says how deep its samples are, and of what colour type.
 KIND = slice(24, 26)
@@ -68,6 +68,7 @@ def write(path, image):
 def _opened(path, size):
     """A Pillow image whose pixels are yet to be read."""
     try:
+        faults.check_regular(path)
         with open(path, "rb") as file:
             kind = file.read(KIND.stop)[KIND]
             file.seek(0)

@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+from alignerf.command import faults
+
 LARGEST = 1e300
 NUMBER = (int, float)
 NUMBER_OR_NONE = (int, float, type(None))
@@ -15,6 +17,7 @@ def read(path, kinds=None):
     finite. Raises ValueError naming the file, and the key, for anything else.
     """
     try:
+        faults.check_regular(path)
         found = json.loads(Path(path).read_text(encoding="utf-8"))
         check(found, kinds or {})
     except FileNotFoundError:

@@ -6,6 +6,7 @@ one has left behind, the next run removes.
 
 import contextlib
 import errno
+import functools
 import os
 import platform
 import re
@@ -97,8 +98,19 @@ def scratch_folder(parent, *, name="scratch"):
 
 
 def temporary_prefix(name):
-    """Of a temporary name of this process; a long name is cut."""
-    return f".{name[:100]}.~{platform.node().replace('~', '')}~{os.getpid()}~"
+    """Of a temporary name of this process; a long name is cut, a letter has 4 bytes."""
+    name = name.encode(errors="ignore")[:60].decode(errors="ignore")
+    return f".{name}.~{machine()}~{os.getpid()}~"
+
+
+@functools.cache
+def machine():
+    """This machine, and where there are several rooms for process ids, the room."""
+    try:
+        room = os.stat("/proc/self/ns/pid").st_ino
+    except OSError:
+        room = 0
+    return f"{platform.node().replace('~', '')[:60]}-{room}"
 
 
 @contextlib.contextmanager
@@ -124,6 +136,7 @@ def sweep(folder):
                 path = Path(place, name)
                 if name in folders:
                     folders.remove(name)
+                if path.is_dir() and not path.is_symlink():
                     shutil.rmtree(path, ignore_errors=True)
                 else:
                     with contextlib.suppress(OSError):
@@ -144,8 +157,11 @@ def bring_back(folder):
             path = os.path.join(place, name)
             with contextlib.suppress(OSError):
                 time_ns = os.lstat(path).st_mtime_ns
-                if time_ns > now_ns + AHEAD_NS:
+                if time_ns > now_ns:
                     late.setdefault(time_ns, []).append(path)
+    # All or none: those that are a little ahead may be older than the others.
+    if max(late, default=0) <= now_ns + AHEAD_NS:
+        return 0
     for place, time_ns in enumerate(sorted(late)):
         then_ns = now_ns - 1000 * (len(late) - place)
         for path in late[time_ns]:
@@ -157,7 +173,7 @@ def bring_back(folder):
 def is_left_behind(name):
     """Whether a name is that of a temporary file whose process is no more."""
     owner = OWNER.match(name)
-    if not owner or owner["host"] != platform.node().replace("~", ""):
+    if not owner or owner["host"] != machine():
         return False
     try:
         os.kill(int(owner["process"]), 0)

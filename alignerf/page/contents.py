@@ -97,6 +97,20 @@ FIGURES = {
 }
 
 
+# What it takes from a verdict.json, a poses.json and a preflight.json.
+VERDICT = {"verdict": list, "state": str, "evidence": dict}
+POSES = dict.fromkeys(
+    (
+        *("registered", "total", "test_views", "width", "height"),
+        *("photo_width", "photo_height"),
+    ),
+    json_files.NUMBER,
+) | {"mean_reprojection_error_px": json_files.NUMBER_OR_NONE}
+PLAN = dict.fromkeys(
+    ("wall_s", "cores", "memory_bytes", "disk_bytes"), json_files.NUMBER
+)
+
+
 class Cell(NamedTuple):
     """A place of a table: what is shown, and what it is sorted by."""
 
@@ -106,7 +120,10 @@ class Cell(NamedTuple):
 
 def verdict(folder):
     """The content of verdict.json; its state is a class of the page's style."""
-    found = json_files.read(folder / "verdict.json")
+    found = json_files.read(folder / "verdict.json", VERDICT)
+    for line in found["verdict"] or [None]:
+        if not isinstance(line, str):
+            raise ValueError(f"{folder / 'verdict.json'}: verdict is not lines of text")
     head, *lines = found["verdict"]
     todo = [line.removeprefix("To do: ") for line in lines if line.startswith("To do:")]
     return {
@@ -190,9 +207,9 @@ def decisions(folder):
 def costs(folder):
     """Sentences on what the run was to cost, from its preflight; none without one."""
     path = folder / "preflight.json"
-    plan = json_files.read(path) if path.is_file() else {}
-    if not plan:
+    if not path.is_file() or not (plan := json_files.read(path)):
         return []
+    plan = json_files.read(path, PLAN)
     hours = plan["wall_s"] / 3600
     took = f"{60 * hours:.0f} minutes" if hours < 1 else f"{hours:.1f} hours"
     return [
@@ -222,7 +239,7 @@ def downloads(folder):
 
 def facts(folder):
     """(name, text) of what a visitor asks first: photos, size, poses."""
-    poses = json_files.read(folder / "poses.json")
+    poses = json_files.read(folder / "poses.json", POSES)
     found = [
         ("photos", f"{poses['registered']} of {poses['total']} placed"),
         ("held out", f"{poses['test_views']}"),

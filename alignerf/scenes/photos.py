@@ -23,6 +23,7 @@ import pillow_heif
 from PIL import Image
 
 from alignerf.command import faults
+from alignerf.scenes import prepared
 
 log = logging.getLogger(__name__)
 
@@ -101,7 +102,7 @@ def check_names(paths, folder):
     """ValueError where two files of a sorted list have one view name, or none."""
     for path in paths:
         # Among them bytes that are no UTF-8.
-        if not path.name.isprintable():
+        if not prepared.is_name(path.stem):
             raise ValueError(f"{folder}: {ascii_of(path.name)}: rename this file")
     for first, second in itertools.pairwise(paths):
         if first.stem == second.stem:
@@ -129,7 +130,8 @@ def decode(path, background=None, *, upright=True):
         focal_35mm_mm = exif.get_ifd(EXIF_IFD).get(FOCAL_35MM_TAG)
         # Nothing is copied without need: a photo of 170 megapixels takes 0.7 GB.
         orientation = exif.get(ORIENTATION_TAG, 1) if opened.format != "TIFF" else 1
-        rgb = _to_rgb(opened, path, background)
+    # What it refuses has words of its own.
+    rgb = _to_rgb(opened, path, background)
     if upright:
         turned = UPRIGHT.get(orientation, UPRIGHT[1])(rgb)
     else:
@@ -164,6 +166,7 @@ def head(path) -> Head:
 @contextlib.contextmanager
 def _opened(path):
     """A photo's file for Pillow, whatever goes wrong named with it."""
+    faults.check_regular(path)
     try:
         with warnings.catch_warnings():
             # Phones take 108 megapixels; Pillow still refuses twice its warning's size.

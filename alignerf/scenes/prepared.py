@@ -7,7 +7,7 @@
 import dataclasses
 import math
 import pathlib
-import re
+import unicodedata
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,8 +20,11 @@ SPLITS = ("train", "test")
 MASKS = "masks"
 # What OpenCV can warp.
 MOST_SIDE_PX = 32766
-# No folder, and no hidden file.
-NAME = re.compile(r"(?!\.)[^/\\\0]{1,200}\Z")
+# Bytes of a view's name: with suffixes, and beside it what is being written, it has to
+# be a file's.
+MOST_NAME_BYTES = 180
+# Control characters, halves of others, ends of lines and paragraphs.
+NO_LETTERS = ("Cc", "Cs", "Zl", "Zp")
 # JAX copies arrays that start elsewhere.
 ALIGNMENT = 64
 
@@ -107,6 +110,8 @@ def check_views(path, views):
 
     views: with names, pixtocams, camtoworlds, width and height.
     """
+    if not len(views.names):
+        raise ValueError(f"{path}: no view")
     size = int(views.width), int(views.height)
     if not all(0 < side <= MOST_SIDE_PX for side in size):
         raise ValueError(f"{path}: photos of {size[0]}x{size[1]} pixels")
@@ -114,10 +119,22 @@ def check_views(path, views):
     cameras.check(path, views.names, views.pixtocams, views.camtoworlds, size)
 
 
+def is_name(name):
+    """Whether a text can be a view's name: no folder, no hidden file, and printable."""
+    letters = set(map(unicodedata.category, name))
+    size = len(name.encode(errors="replace"))
+    return (
+        0 < size <= MOST_NAME_BYTES
+        and not name.startswith(".")
+        and not set(name) & set("/\\")
+        and not letters & set(NO_LETTERS)
+    )
+
+
 def check_names(path, names):
     """Views' names are names of files, each in the folder that it is looked for in."""
     for name in names:
-        if not NAME.match(name) or not name.isprintable():
+        if not is_name(name):
             raise ValueError(f"{path}: {name!r:.60} cannot be a view's name")
     if len(set(names)) < len(names):
         name = max(names, key=names.count)

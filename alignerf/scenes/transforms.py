@@ -13,6 +13,7 @@ import functools
 import logging
 import math
 import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,8 @@ DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
 UNKNOWN_DISTORTION_KEYS = ("k4", "k5", "k6")
 # Of any number in the file.
 LARGEST = 1e30
+# Whether names that differ in case alone are those of two files.
+TELLS_APART = sys.platform == "linux"
 # instant-ngp's synthetic scenes leave the suffix away.
 SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
 
@@ -126,7 +129,8 @@ class Images:
             raise ValueError(f"{self.path}: {file_path!r:.200} leads out of its folder")
         folder, name = os.path.split(place)
         for suffix in SUFFIXES:
-            if name + suffix in self.listed(folder):
+            # Where case or accents do not tell names apart, the disk is asked itself.
+            if not TELLS_APART or name + suffix in self.listed(folder):
                 image = Path(folder, name + suffix)
                 if image.is_file():
                     return image

@@ -21,13 +21,13 @@ import flax.serialization
 import jax
 import numpy as np
 
-from alignerf.command import json_files, whole
+from alignerf.command import faults, json_files, whole
 
 log = logging.getLogger("alignerf")
 
 # What the files of a folder of checkpoints say, and of what kind it is.
 MANIFEST = dict.fromkeys(("file", "sha256", "identity"), str)
-MANIFEST |= {"time_s": json_files.NUMBER, "parts": int, "final": dict}
+MANIFEST |= {"time_s": json_files.NUMBER, "parts": int}
 BUDGET = {"identity": str, "steps": int, "steps_per_s": json_files.NUMBER}
 # No other file is read, wherever a manifest points.
 STATE = re.compile(r"state-\d+\.msgpack\Z")
@@ -153,7 +153,9 @@ def _read_manifest(folder):
     path = pathlib.Path(folder) / "manifest.json"
     if not path.exists():
         raise FileNotFoundError(path)
-    found = json_files.read(path, MANIFEST)
+    # Older ones say nothing of the last numbers.
+    found = {"final": {}} | json_files.read(path, MANIFEST)
+    json_files.check(found, {"final": dict})
     if not STATE.match(found["file"]):
         raise ValueError(f"file is {found['file']!r:.60}")
     if not (found["time_s"] >= 0 and found["parts"] >= 1):
@@ -171,6 +173,7 @@ def write_params(path, params):
 def read_params(path, template):
     """Parameters of the template's shapes; anything else names the file."""
     try:
+        faults.check_regular(path)
         data = pathlib.Path(path).read_bytes()
     except FileNotFoundError:
         raise ValueError(f"{path}: model file not found") from None
@@ -179,13 +182,14 @@ def read_params(path, template):
 
 def _from_bytes(template, data, where):
     """flax accepts surplus entries, other shapes and NaN: all are checked here."""
+    wanted = flax.serialization.to_state_dict(template)
     try:
         stored = flax.serialization.msgpack_restore(data)
+        same = jax.tree.structure(stored) == jax.tree.structure(wanted)
     # What msgpack raises on bytes that are none, or that nest without end.
     except (ValueError, KeyError, TypeError, RecursionError, MemoryError) as error:
         raise ValueError(f"{where}: not a file of parameters ({error})") from None
-    wanted = flax.serialization.to_state_dict(template)
-    if jax.tree.structure(stored) != jax.tree.structure(wanted):
+    if not same:
         raise ValueError(f"{where}: not parameters of this model")
     found = flax.serialization.from_state_dict(template, stored)
     for (path, wanted), leaf in zip(

@@ -89,6 +89,7 @@ ANY_WAYS = {
     "a folder": as_folder,
     "a link to nothing": as_link("nowhere"),
     "a link to itself": as_link(None),
+    "a pipe": as_fifo,
     "empty": rewritten(lambda data, rng: b""),
     "first half": rewritten(lambda data, rng: data[: len(data) // 2]),
     "last bytes missing": rewritten(lambda data, rng: data[:-9]),
@@ -247,7 +248,7 @@ NPZ_WAYS = {
     "an array missing": rearranged(lambda a, rng: dict(list(a.items())[1:])),
     "NaN": of_largest(with_value(np.nan)),
     "infinite": of_largest(with_value(np.inf)),
-    "1e300": of_largest(with_value(1e30)),
+    "1e30": of_largest(with_value(1e30)),
     "complex": of_each(
         lambda a, rng: a.astype(complex) if a.dtype.kind in "fiub" else a
     ),

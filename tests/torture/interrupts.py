@@ -95,7 +95,7 @@ def trainings(reference, folder, kills, rng):
             child = subprocess.Popen(
                 command,
                 cwd=reference.root,
-                stderr=subprocess.DEVNULL,
+                stderr=open(out.with_suffix(".log"), "ab"),  # noqa: SIM115
                 start_new_session=True,
             )
             try:
@@ -109,8 +109,12 @@ def trainings(reference, folder, kills, rng):
             break
         timing = json.loads((out / "timing.json").read_text())
         models[name] = (out / "model").read_bytes(), timing["final"]
-    same = models["once"] == models["killed"]
-    return [] if same else ["a killed training ends in another model"], done
+    found = []
+    if models["once"] != models["killed"]:
+        found.append("a killed training ends in another model")
+    if kills and "resuming at step" not in (folder / "killed.log").read_text():
+        found.append("it never resumed: nothing was tried")
+    return found, done
 
 
 def arguments(scene, out):

@@ -63,6 +63,8 @@ def full_disk(chain, cache):
     chain.unlock()
     if code == 0:
         return ["it fitted"]
+    if "No space left" not in said + chain.words():
+        return ["no word of a full disk"]
     # Snakemake's own tracebacks, of its records, are not ours.
     if ours := re.search(r'File "[^"]*/(alignerf|flow)/.*', said):
         return [f"traceback: {said[ours.start() :][-500:]}"]

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.contributions import align_loss
+from alignerf.contributions import align_loss, contextual_loss, frequency_loss
 from alignerf.fields import encoding, grid, mlp, shading, space
 from alignerf.mipnerf360 import coord, losses, render, stepfun
 from alignerf.scenes import cameras
@@ -201,6 +201,31 @@ def costs_twin(rendered, photo):
     return np.stack(found, axis=-1).reshape(len(photo), 5, 5)
 
 
+def align_costs(rendered, photo):
+    """Of the best offset; its patch carries no gradient."""
+    valid = jnp.ones(photo.shape[1:3])
+    each = lambda r, p: align_loss.align(r, p, valid).cost  # noqa: E731
+    return jax.vmap(each)(rendered, photo)
+
+
+def aligned_twin(rendered, photo):
+    dy, dx = np.indices((5, 5)) - 2
+    costs = costs_twin(rendered, photo) + 0.01 * np.hypot(dx, dy)
+    return costs.min(axis=(1, 2))
+
+
+def matched(rendered, photo):
+    valid = jnp.ones(photo.shape[1:3])
+    each = lambda r, p: contextual_loss.match(r, p, valid).loss  # noqa: E731
+    return jax.vmap(each)(rendered, photo)
+
+
+def frequencies(rendered, photo):
+    features = frequency_loss.bank_features
+    each = lambda r, p: frequency_loss.frequency_loss(features, p, r)  # noqa: E731
+    return jax.vmap(each)(rendered[:, None], photo[:, None, 2:6, 2:6])
+
+
 def rays_of_sphere(rng, count):
     """Points outside the unit sphere by 1 / |x|, an origin inside, a direction."""
     origins = directions(rng, count)
@@ -335,6 +360,9 @@ FUNCTIONS = {
     "squared_errors": Function(
         patches, jax.vmap(align_loss.squared_errors), costs_twin
     ),
+    "align": Function(patches, align_costs, aligned_twin),
+    "contextual_loss": Function(patches, matched),
+    "frequency_loss": Function(patches, frequencies),
     "integrated_encoding": Function(
         # Beyond a variance of 160 what is left is e^-80, not nothing.
         *(mean_and_variance, encoded, encoded_twin),

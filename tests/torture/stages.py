@@ -161,7 +161,7 @@ def keys_of(path):
         return [found.name for found in path.rglob("*") if found.is_file()]
     if path.suffix == ".json":
         places = damage.json_places(json.loads(path.read_text()))
-        return [str(place[-1]) for place in places if place]
+        return [place[-1] for place in places if place and isinstance(place[-1], str)]
     return []
 
 

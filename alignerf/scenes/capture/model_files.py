@@ -7,6 +7,8 @@ takes minutes. Formats: COLMAP's src/colmap/scene/reconstruction_io_binary.cc.
 import struct
 from pathlib import Path
 
+from alignerf.command import faults
+
 # Numbers of parameters by the model's number.
 PARAMETERS = (3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12, 16, 4, 5, 3, 4, 6, 2)
 OF_POINT_2D, OF_TRACK, OF_DATA, OF_POSE = 24, 8, 16, 56
@@ -80,6 +82,7 @@ def check(folder):
         path = Path(folder) / f"{name}.bin"
         if not path.exists():
             continue
+        faults.check_regular(path)
         walk = Walk(path.read_bytes())
         try:
             for _ in range(walk.read("<Q")):
