@@ -15,7 +15,7 @@ from alignerf.experiment import rows, schema, settings, slices
 SUFFIXES = (".csv", ".tex", ".png", ".provenance.json")
 TABLES = ("tradeoff", "flow_benchmark", "remedies", "comparison", "comparison_ranking")
 FILES = {
-    *("published", "logs", "bench", "README.md"),
+    *("published", "logs", "bench", "torture", "README.md"),
     *(f"{name}{end}" for name in TABLES for end in SUFFIXES),
 }
 FOLDERS = {
