@@ -86,3 +86,18 @@ def test_an_npy_longer_than_it_says_is_refused(tmp_path):
         file.write(bytes(8))
     with pytest.raises(ValueError, match=r"a\.npy: .*40 bytes instead of 32"):
         archives.read_array(path)
+
+
+def test_a_damaged_archive_of_any_compression_is_named(tmp_path, rng):
+    """Its decoders raise errors of their own."""
+    for method in (zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2, zipfile.ZIP_DEFLATED):
+        path = tmp_path / "view.npz"
+        with zipfile.ZipFile(path, "w", method) as archive:
+            archive.writestr(
+                "valid.npy", header("{'descr': '|b1', 'x': 1}") + bytes(999)
+            )
+        content = bytearray(path.read_bytes())
+        content[45:60] = rng.bytes(15)
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match=r"view\.npz: not the \.npz"):
+            archives.read(path, ["valid"])

@@ -1,9 +1,16 @@
 """Tables and JSON of ours: what is wrong with a file is a line that names it."""
 
+import os
+
 import numpy as np
 import pytest
 
-from alignerf.command import csv_files, json_files
+from alignerf.command import archives, csv_files, json_files
+
+
+def read_archive(path):
+    return archives.read(path, ["valid"])
+
 
 GOOD = "view,psnr_db,note\n0042,20.5,\nNA,,x\n"
 
@@ -74,3 +81,10 @@ def test_json_that_is_as_it_should_be_is_read(tmp_path):
     path = tmp_path / "a.json"
     path.write_text('{"steps": 3, "time_s": 2, "go_on": false, "more": [1]}')
     assert json_files.read(path, KINDS)["more"] == [1]
+
+
+@pytest.mark.parametrize("read", [csv_files.read, json_files.read, read_archive])
+def test_a_pipe_is_not_waited_for(tmp_path, read):
+    os.mkfifo(tmp_path / "a")
+    with pytest.raises(ValueError, match="a: .*not a file"):
+        read(tmp_path / "a")

@@ -113,3 +113,23 @@ def test_files_of_tomorrow_are_brought_back_in_their_order(tmp_path):
     assert found["a"] < found["b"] == found["d"] < found["c"] < found["e"]
     assert found["e"] <= time.time_ns()
     assert whole.bring_back(tmp_path) == 0
+
+
+def test_what_is_a_little_ahead_is_brought_back_with_the_rest(tmp_path):
+    """Else it would be newer than what was made of it."""
+    now_ns, second_ns = time.time_ns(), 10**9
+    for name, ahead_s in (("a", 30), ("b", 90)):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, ns=(now_ns, now_ns + ahead_s * second_ns))
+    assert whole.bring_back(tmp_path) == 2
+    first, second = (os.stat(tmp_path / name).st_mtime_ns for name in "ab")
+    assert first < second <= time.time_ns()
+    # Clocks of machines that share a folder differ by seconds.
+    os.utime(tmp_path / "a", ns=(now_ns, time.time_ns() + 30 * second_ns))
+    assert whole.bring_back(tmp_path) == 0
+
+
+def test_a_long_name_of_long_letters_can_be_written(tmp_path):
+    with whole.replace_file(tmp_path / f"{'写' * 60}.png") as temporary:
+        temporary.write_text("new")
+    assert os.listdir(tmp_path) == [f"{'写' * 60}.png"]

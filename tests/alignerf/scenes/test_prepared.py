@@ -151,6 +151,15 @@ def test_a_name_that_leads_elsewhere_is_refused(folder, arrays, name):
         prepared.load(folder)
 
 
+@pytest.mark.parametrize(
+    "name", ["Screenshot at 10.00.00\u202fPM", "é 写 (2)", "-rf", "$(x)", "a\u00a0b"]
+)
+def test_names_that_people_have_are_taken(folder, arrays, name):
+    arrays["names"] = np.array([name, *NAMES[1:]])
+    np.savez(folder / "cameras.npz", **arrays)
+    assert prepared.load(folder).names[0] == name
+
+
 def test_two_views_of_one_name_are_refused(folder, arrays):
     arrays["names"] = np.array([NAMES[1], *NAMES[1:]])
     np.savez(folder / "cameras.npz", **arrays)
