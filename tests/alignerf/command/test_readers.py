@@ -86,5 +86,5 @@ def test_json_that_is_as_it_should_be_is_read(tmp_path):
 @pytest.mark.parametrize("read", [csv_files.read, json_files.read, read_archive])
 def test_a_pipe_is_not_waited_for(tmp_path, read):
     os.mkfifo(tmp_path / "a")
-    with pytest.raises(ValueError, match="a: .*not a file"):
+    with pytest.raises(ValueError, match=r"a: .*not a file"):
         read(tmp_path / "a")
