@@ -55,7 +55,8 @@ def read_lengths_px(path) -> np.ndarray:
     Raises ValueError, naming the file, where it has no such column, no view, or in
     some view no length.
     """
+    lengths_px = csv_files.read(path, columns=[COLUMN])[COLUMN]
     try:
-        return check(csv_files.read(path, columns=[COLUMN])[COLUMN])
+        return check(lengths_px)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

@@ -5,6 +5,7 @@ import importlib.util
 import io
 import logging
 import os
+import re
 import resource
 import runpy
 import signal
@@ -48,7 +49,7 @@ def run(command, folder, environment=None) -> Ended:
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
-        usage = wait(child, started + ENDED_S)
+        usage, peak_mib = wait(child, started + ENDED_S)
         clock_s = time.perf_counter() - started
         said.seek(0)
         output = said.read().decode(errors="replace")
@@ -59,7 +60,7 @@ def run(command, folder, environment=None) -> Ended:
         code=child.returncode,
         output=output,
         time_s=clock_s if waited else min(clock_s, spent_s),
-        peak_mib=usage.ru_maxrss / (2**20 if sys.platform == "darwin" else 1024),
+        peak_mib=peak_mib,
     )
 
 
@@ -91,17 +92,35 @@ def in_process(command, folder, environment=None) -> Ended:
     return Ended(code, said.getvalue(), 0.0, 0.0)
 
 
-def wait(child, until) -> resource.struct_rusage:
-    """Wait for a child, and end its whole session when it is over time."""
+def wait(child, until) -> tuple[resource.struct_rusage, float]:
+    """Wait for a child, and end its whole session when it is over time.
+
+    Returns its usage, and its peak of memory in MiB.
+    """
+    peak_mib = 0.0
     while True:
+        peak_mib = max(peak_mib, held_mib(child.pid))
         pid, status, usage = os.wait4(child.pid, os.WNOHANG)
         if pid:
             child.returncode = os.waitstatus_to_exitcode(status)
-            return usage
+            return usage, peak_mib
         if time.perf_counter() > until:
             os.killpg(child.pid, signal.SIGKILL)
             until = float("inf")
         time.sleep(0.01)
+
+
+def held_mib(pid):
+    """The most that a process has held so far; 0 where the system does not say.
+
+    Not that of wait4: it begins with what the process held that started this one.
+    """
+    try:
+        with open(f"/proc/{pid}/status") as file:
+            found = re.search(r"VmHWM:\s+(\d+)", file.read())
+    except OSError:
+        return 0.0
+    return int(found[1]) / 1024 if found else 0.0
 
 
 def fault_of(ended: Ended, names) -> str | None:

@@ -139,7 +139,7 @@ def changed(output):
     return set(found[1].split(", ")) if found else set()
 
 
-def test_the_whole_chain(tmp_path, root, snakemake, subtests):
+def test_the_whole_chain(tmp_path, root, snakemake, subtests, monkeypatch):
     project = tmp_path / "a project"
     for name in ("alignerf", "flow", "workflow"):
         skipped = shutil.ignore_patterns("__pycache__")
@@ -155,7 +155,9 @@ def test_the_whole_chain(tmp_path, root, snakemake, subtests):
     assert re.search(r"^train +4$", output, re.MULTILINE)
     scene = tmp_path / "results" / "tiny"
     with subtests.test("damage"):
+        monkeypatch.setenv("PYTHONPATH", str(project))
         check_damage(tmp_path, project)
+        monkeypatch.undo()
     with subtests.test("scene"):
         chain.check_scene(scene)
     with subtests.test("table"):

@@ -65,11 +65,11 @@ def test_lengths_are_read_from_what_the_alignment_writes(tmp_path):
     ("content", "told"),
     [
         ("view,median_px\na,1\n", "no column p95_px"),
-        ("view,p95_px\n", "no view"),
+        ("view,p95_px\n", "no row"),
         ("view,p95_px\na,1\nb,\n", "not finite"),
-        ("view,p95_px\na,far\n", "far"),
-        ("", "No columns"),
-        ('view,p95_px\n"a,1\n', "EOF"),
+        ("view,p95_px\na,far\n", "p95_px: not numbers"),
+        ("", "no row"),
+        ('view,p95_px\n"a,1\n', "unexpected end"),
     ],
 )
 def test_a_bad_table_is_named(tmp_path, content, told):
