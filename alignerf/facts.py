@@ -167,12 +167,6 @@ def depths_of_bounds(loaded: prepared.Scene, transform):
     return np.concatenate([near, 2 / (1 / near + 1 / far), far])
 
 
-# What a poses.json has to say of them.
-POSES = dict.fromkeys(
-    ("width", "photo_width", "registered", "total"), json_files.NUMBER
-) | {"mean_reprojection_error_px": json_files.NUMBER_OR_NONE}
-
-
 def pose_facts(path):
     """How well the poses fit, in pixels of the training size."""
     empty = dict.fromkeys(
@@ -183,7 +177,7 @@ def pose_facts(path):
     )
     if not path.is_file():
         return empty
-    report = json_files.read(path, POSES)
+    report = json_files.read(path, prepared.POSES)
     error_px = report["mean_reprojection_error_px"]
     if error_px is not None:
         error_px = round(error_px * report["width"] / report["photo_width"], 4)

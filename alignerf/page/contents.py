@@ -11,6 +11,7 @@ import pandas as pd
 
 from alignerf.command import csv_files, json_files, yaml_files
 from alignerf.decisions import fill
+from alignerf.scenes import prepared
 from alignerf.tables import scores
 
 # File in tables/ -> (heading, note, {column: (heading, format)}).
@@ -99,13 +100,9 @@ FIGURES = {
 
 # What it takes from a verdict.json, a poses.json and a preflight.json.
 VERDICT = {"verdict": list, "state": str, "evidence": dict}
-POSES = dict.fromkeys(
-    (
-        *("registered", "total", "test_views", "width", "height"),
-        *("photo_width", "photo_height"),
-    ),
-    json_files.NUMBER,
-) | {"mean_reprojection_error_px": json_files.NUMBER_OR_NONE}
+POSES = prepared.POSES | dict.fromkeys(
+    ("test_views", "height", "photo_height"), json_files.NUMBER
+)
 PLAN = dict.fromkeys(
     ("wall_s", "cores", "memory_bytes", "disk_bytes"), json_files.NUMBER
 )

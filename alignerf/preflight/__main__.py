@@ -72,11 +72,17 @@ def shown(paths):
 
 def read(path):
     """The content of a preflight.json; ValueError names a file that is none."""
+    found = json_files.read(path)
     try:
-        found = json_files.read(path)
         if found and not fit.lines(found, found["scene"]):
             raise ValueError("it says nothing")
-    except (KeyError, TypeError, AttributeError, ZeroDivisionError) as error:
+    except (
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        ZeroDivisionError,
+    ) as error:
         raise ValueError(f"{path}: not a preflight: {error}") from None
     return found
 

@@ -12,10 +12,14 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from alignerf.command import archives, images, machine
+from alignerf.command import archives, images, json_files, machine
 from alignerf.scenes import cameras
 
 SPLITS = ("train", "test")
+# What every poses.json says; its readers may ask for more.
+POSES = dict.fromkeys(
+    ("width", "photo_width", "registered", "total"), json_files.NUMBER
+) | {"mean_reprojection_error_px": json_files.NUMBER_OR_NONE}
 # Folder of <view>.npz {valid}, of scenes whose photos do not count everywhere.
 MASKS = "masks"
 # What OpenCV can warp.

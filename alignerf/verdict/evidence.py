@@ -51,9 +51,7 @@ def read_views(loaded: prepared.Scene, base, splits):
 
 
 # What it takes from a poses.json, and from the reference's timing.json.
-POSES = dict.fromkeys(
-    ("width", "photo_width", "registered", "total"), json_files.NUMBER
-) | {"mean_reprojection_error_px": json_files.NUMBER_OR_NONE, "poses": str}
+POSES = prepared.POSES | {"poses": str}
 TIMING = {"rays_seen": json_files.NUMBER}
 
 

@@ -7,8 +7,10 @@ numbers` takes a minute.
 """
 
 import argparse
+import functools
 import os
 import random
+import shutil
 import sys
 import time
 from pathlib import Path
@@ -93,11 +95,9 @@ def of_stages(reference, args, rng):
         place = args.out / "place"
         found, ended = stages.attack(*case, reference.folder, place, rng)
         stage, path, way = case
-        return (
-            False
-            if ended is None
-            else found and f"{stage.module}, {path}, {way}: {found}"
-        )
+        if ended is None:
+            return False
+        return found and f"{stage.module}, {path}, {way}: {found}"
 
     yield "files of a chain", *tried(attack, cases)
 
@@ -116,10 +116,12 @@ def of_captures(reference, args, rng):
             found, ended = captures.attack(
                 source, path, way, reference.folder, where, rng
             )
-            return False if ended is None else found and f"{path}, {name}: {found}"
+            if ended is None:
+                return False
+            return found and f"{path}, {name}: {found}"
 
         yield f"a folder of {source}", *tried(attack, cases)
-        chains.shutil.rmtree(place)
+        shutil.rmtree(place)
 
 
 def of_configs(reference, args, rng):
@@ -128,25 +130,21 @@ def of_configs(reference, args, rng):
     sweep = yaml.safe_load((ROOT / "workflow/config/demo.yaml").read_text())
     whole = [config, check.checked(sweep)]
 
-    def attack(case):
+    def attack(case, taken):
         place, value, changed = case
-        found, _ = configs.of_config(changed, place)
+        found, _ = taken(changed, place)
         return found and f"{'.'.join(map(str, place))} = {value!r:.40}: {found}"
 
     cases = [case for one in whole for case in configs.cases_of(one)]
-    yield "keys of a config", *tried(attack, cases)
-
-    def of_job(case):
-        place, value, changed = case
-        found, _ = configs.of_job(changed, place)
-        return found and f"{'.'.join(map(str, place))} = {value!r:.40}: {found}"
-
+    of_config = functools.partial(attack, taken=configs.of_config)
+    yield "keys of a config", *tried(of_config, cases)
     cases = list(configs.cases_of(configs.job_of(config)))
+    of_job = functools.partial(attack, taken=configs.of_job)
     yield "keys of a job", *tried(of_job, cases)
 
 
 def tried(attack, cases):
-    """(how many applied, what was found)."""
+    """(how many applied, what was found); `attack` says False where a case does not."""
     found = [attack(case) for case in progress.over(cases, "attack", unit="case")]
     return sum(one is not False for one in found), [one for one in found if one]
 

@@ -180,8 +180,8 @@ def of_bytes(path, rng):
     return True
 
 
-def deep(path, rng):
-    """16 bits a channel, and transparent."""
+def transparent(path, rng):
+    """Something lies behind, and nobody says what."""
     Image.fromarray(np.full((*SIZE[::-1], 4), 9, np.uint8)).save(path)
     return True
 
@@ -193,7 +193,7 @@ PHOTO_WAYS = {
     "an empty film": beside("film.mp4", b""),
     "a broken HEIC": beside("a.heic", b"\0\0\0\x18ftypheic" + bytes(99)),
     "a name that is no UTF-8": of_bytes,
-    "transparent": deep,
+    "transparent": transparent,
 }
 
 

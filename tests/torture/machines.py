@@ -3,6 +3,7 @@
 Each function returns what it found wrong, None where this machine lets it not be tried.
 """
 
+import json
 import os
 import re
 import shutil
@@ -10,12 +11,12 @@ import subprocess
 import sys
 import time
 
-from tests.torture import chains, running
+from tests.torture import chains, interrupts, running
 
 DISK_MIB = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)
 NOBODY = 65534
 DAY_S = 86400.0
-# Of resident memory from the first tenth of a training to its end.
+# Of resident memory from a third of a training to its end.
 MOST_GROWTH = 0.05
 
 
@@ -82,8 +83,7 @@ def unwritable(reference, folder):
     chain = chains.make(reference.root, folder / "unwritable")
     (chain.folder / "results").chmod(0o555)
     scene = {"source": "courtyard", "courtyard": {"views": 4, "width": 40}}
-    command = [sys.executable, "-m", "alignerf.poses", "--config", str(scene)]
-    command[-1] = str(scene).replace("'", '"')
+    command = [sys.executable, "-m", "alignerf.poses", "--config", json.dumps(scene)]
     command += ["--out", "results/scene"]
     if os.geteuid() == 0:
         user = ["setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups"]
@@ -135,8 +135,6 @@ def clock_set_back(reference, folder):
 
 def memory_growth(reference, folder):
     """A long training holds at its end what it held when it had begun."""
-    from tests.torture import interrupts
-
     scene = reference.folder / "results" / chains.SCENE
     out = folder / "long"
     command = [sys.executable, "-m", "alignerf.train"]

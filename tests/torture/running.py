@@ -72,7 +72,7 @@ def in_process(command, folder, environment=None) -> Ended:
     _, _, module, *words = command
     origin = importlib.util.find_spec(module).origin
     said = io.StringIO()
-    before, code = (os.getcwd(), sys.argv), 0
+    folder_before, words_before, code = os.getcwd(), sys.argv, 0
     handler = logging.StreamHandler(said)
     logging.getLogger().addHandler(handler)
     os.chdir(folder)
@@ -86,8 +86,8 @@ def in_process(command, folder, environment=None) -> Ended:
         code = 1
         said.write(f"Traceback: {error!r:.500}\n")
     finally:
-        os.chdir(before[0])
-        sys.argv = before[1]
+        os.chdir(folder_before)
+        sys.argv = words_before
         logging.getLogger().removeHandler(handler)
     return Ended(code, said.getvalue(), 0.0, 0.0)
 
