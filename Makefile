@@ -5,6 +5,7 @@
 # make torture  the attack: damaged inputs, kills, full disks; three hours
 # make docs   tables of docs/ from the CSVs in docs/measured/
 # make lint   formatters, linters, workflow checks
+# make cluster  plugins for Slurm, Kubernetes and S3 besides; see docs/cluster.md
 # make lock   pin all versions anew (needs uv)
 PYTHON ?= python3
 VENV := .venv
@@ -12,7 +13,7 @@ BIN := $(VENV)/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
 
-.PHONY: run photos test bench torture docs lint lock clean
+.PHONY: run photos test bench torture docs lint cluster lock clean
 
 run: $(VENV)/.installed
 	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
@@ -41,6 +42,10 @@ lint: $(VENV)/.installed
 	snakefmt --check Snakefile workflow
 	snakemake --lint
 
+cluster: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+		--require-hashes -r requirements-cluster.lock
+
 # Made anew when the pins change; marked whole only once all is installed.
 $(VENV)/.installed: requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
@@ -54,6 +59,9 @@ lock:
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 \
 		--fork-strategy fewest --no-annotate --no-header --generate-hashes \
 		--output-file requirements.lock
+	uv pip compile pyproject.toml --extra cluster --universal --python-version 3.11 \
+		--fork-strategy fewest --no-annotate --no-header --generate-hashes \
+		--constraint requirements.lock --output-file requirements-cluster.lock
 
 clean:
 	find results -mindepth 1 -maxdepth 1 ! -name README.md ! -name published \

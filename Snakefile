@@ -18,6 +18,7 @@ from snakemake.utils import min_version
 
 from alignerf.experiment import check, flows, plan, regimes, rows, slices, sources
 from alignerf.experiment import sweep, targets
+from alignerf.experiment.cluster import needs
 
 sources_of = sources.sources_of
 min_version("9.0")

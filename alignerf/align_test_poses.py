@@ -31,7 +31,7 @@ from scipy import ndimage
 from alignerf.command import archives, faults, images, machine, progress, whole
 from alignerf.scenes import pose_error, prepared
 from alignerf.systems import pose_fit
-from alignerf.training import cores, renderer
+from alignerf.training import devices, renderer
 from flow.camera import fit as camera_fit
 from flow.camera import motion as camera_motion
 from flow.warping import controls, files
@@ -101,7 +101,7 @@ def main(argv=None):
         # The first one alone: it compiles.
         rows += one(todo[0])
         bar.advance()
-        for found in cores.map_in_threads(one, todo[1:]):
+        for found in devices.map_in_threads(one, todo[1:]):
             rows += found
             bar.advance()
         with open(out / "poses.csv", "w", newline="", encoding="utf-8") as file:

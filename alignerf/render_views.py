@@ -20,7 +20,7 @@ import numpy as np
 from alignerf.command import faults, images, machine, progress, split_paths, whole
 from alignerf.preflight import eta
 from alignerf.scenes import prepared
-from alignerf.training import cores, renderer
+from alignerf.training import devices, renderer
 
 log = logging.getLogger("alignerf")
 
@@ -69,7 +69,7 @@ def render_split(loaded: prepared.Scene, split, render, renders, depth=None):
         bar.advance()
         if len(views) > 1:
             begun = time.perf_counter()
-        for _ in cores.map_in_threads(render_view, views[1:]):
+        for _ in devices.map_in_threads(render_view, views[1:]):
             bar.advance()
         rendered = time.perf_counter()
     view_time_s = round((rendered - begun) / max(len(views) - 1, 1), 4)

@@ -3,10 +3,12 @@
 One product: the parameters, beside a `timing.json`. Resumes from its checkpoint
 folder bit for bit, with the same number of threads, devices and micro-batches (those
 of the checkpoint are taken again, where they fit). The first loss or gradient that is
-not finite ends it; the last checkpoint is kept.
+not finite ends it; the last checkpoint is kept. Several processes, as of `srun`, train
+one model (`alignerf.processes`).
 """
 
 import argparse
+import contextlib
 import dataclasses
 import hashlib
 import json
@@ -19,9 +21,18 @@ from alignerf.contributions import patch_conv, search_radius
 from alignerf.decisions import fill
 from alignerf.experiment import jobs
 from alignerf.preflight import eta
+from alignerf.processes import agree, place, together
 from alignerf.scenes import pose_error, prepared
 from alignerf.systems import refine
-from alignerf.training import batches, checkpoint, compose, cores, loop, memory, program
+from alignerf.training import (
+    batches,
+    checkpoint,
+    compose,
+    devices,
+    loop,
+    memory,
+    program,
+)
 
 log = logging.getLogger("alignerf")
 
@@ -29,12 +40,22 @@ log = logging.getLogger("alignerf")
 def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
+    with together.together():
+        run(args)
+
+
+def run(args):
+    """Train, and write what came out; with several processes only the first writes."""
     job = with_radius(fill.read_job(args.config), args.displacement)
     if (job.refine is None) != (args.cameras_out is None):
         raise ValueError("--cameras-out: for a job that learns cameras, and only there")
-    # Before all that takes time: a second trainer is refused at once.
-    with checkpoint.lock(args.checkpoints):
+    with contextlib.ExitStack() as stack:
+        if place.is_first():
+            # Before all that takes time: a second trainer is refused at once.
+            stack.enter_context(checkpoint.lock(args.checkpoints))
         params, timing = train(job, args)
+    if not place.is_first():
+        return
     if job.stage == "finetune":
         timing["radius_px"] = job.alignerf.radius_px
     checkpoint.write_params(args.model, params)
@@ -66,7 +87,7 @@ def train(job, args):
     """(parameters, timing) of the job, from its checkpoint or from the beginning."""
     if program.hashed(job.model):
         # An MLP gains little by it, and each device holds all its parameters.
-        cores.use_as_devices()
+        devices.use_as_devices()
     loaded = prepared.load(args.scene, args.cameras)
     check_patches(job, loaded)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
@@ -84,7 +105,7 @@ def train(job, args):
     if text := left.of():
         log.info(text)
     # Whether the checkpoint is this job's shows when the photos are there.
-    parts = checkpoint.read_parts(args.checkpoints)
+    parts = agree.on(checkpoint.read_parts(args.checkpoints))
     built = program.build(job, method, params, shapes, parts=parts, to_come=to_come)
     params, timing = loop.fit(
         *(job, method, built, params),
@@ -95,8 +116,9 @@ def train(job, args):
     )
     if job.refine:
         learnt = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
-        with whole.replace_file(args.cameras_out) as path:
-            prepared.write_cameras(path, learnt, args.cameras)
+        if place.is_first():
+            with whole.replace_file(args.cameras_out) as path:
+                prepared.write_cameras(path, learnt, args.cameras)
         if compared:
             timing["pose_error_px"] = {
                 "given": compared(loaded),

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import yaml
 
-# One device in this process, whatever stage it calls first (see training/cores.py).
+# One device in this process, whatever stage it calls first (see training/devices.py).
 jax.devices()
 # Arrays of other ranks meet by name, [:, None], or not at all.
 jax.config.update("jax_numpy_rank_promotion", "raise")

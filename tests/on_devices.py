@@ -6,18 +6,18 @@ import re
 import jax
 import numpy as np
 
-from alignerf.training import gradients, program
+from alignerf.training import devices, gradients
 from tests import training_cases as cases
 
 METHODS = {"mipnerf360": cases.baseline(), "alignerf": cases.alignerf(patches=16)}
 STEPS = 4
 
 
-def losses(method, views, *, parts, devices):
+def losses(method, views, *, parts, used):
     """The losses of a few steps, and the collectives of the compiled step."""
-    mesh = gradients.make_mesh(method.units, devices)
+    mesh = gradients.make_mesh(method.units, used)
     state, step = cases.start(method, parts=parts, mesh=mesh)
-    state, views = program.place((state, views), mesh)
+    state, views = devices.place((state, views), mesh)
     compiled = step.func.lower(state, views, **step.keywords).compile()
     collectives = re.findall(
         r" (all-\w+|collective-\w+|reduce-scatter)\(", compiled.as_text()
@@ -32,11 +32,11 @@ def losses(method, views, *, parts, devices):
 
 
 def main():
-    views, devices = cases.make_views(), jax.local_devices()
+    views, every = cases.make_views(), jax.local_devices()
     found = {
         name: {
-            "one": losses(method, views, parts=1, devices=devices[:1]),
-            "all": losses(method, views, parts=2, devices=devices),
+            "one": losses(method, views, parts=1, used=every[:1]),
+            "all": losses(method, views, parts=2, used=every),
         }
         for name, method in METHODS.items()
     }

@@ -17,7 +17,7 @@ SOURCES = {
 # Lowest first. A folder imports itself and folders of lower floors, nothing else.
 FLOORS = [
     {"alignerf.command", "alignerf.mipnerf360"},
-    {"alignerf.experiment"},
+    {"alignerf.experiment", "alignerf.processes"},
     {
         *("alignerf.fields", "alignerf.scenes", "alignerf.metrics", "alignerf.tables"),
         "alignerf.decisions",

@@ -17,22 +17,33 @@ class Progress:
     """Counts steps; shows numbers, speed and the time left.
 
     note: a function of the share that is done; its text stands behind the numbers.
+    silent: nothing is shown, as where another process shows the same.
     """
 
     def __init__(
-        self, title, total, *, done=0, unit="step", log_every_s=10.0, note=nothing
+        self,
+        title,
+        total,
+        *,
+        done=0,
+        unit="step",
+        log_every_s=10.0,
+        note=nothing,
+        silent=False,
     ):
         self.title, self.total, self.done, self.unit = title, total, done, unit
         self.note = note
         self.first, self.start = done, time.perf_counter()
         self.shown, self.log_every_s = self.start, log_every_s
-        self.bar = None
-        if sys.stderr.isatty():
+        self.bar, self.silent = None, silent
+        if sys.stderr.isatty() and not silent:
             self.bar = tqdm.tqdm(desc=title, total=total, initial=done, unit=unit)
 
     def advance(self, count=1, **numbers):
         """`count` further steps; `numbers` are shown as name value."""
         self.done += count
+        if self.silent:
+            return
         text = "  ".join(f"{name} {value:.4g}" for name, value in numbers.items())
         share = self.done / max(self.total, 1)
         if self.bar is not None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from alignerf.command import faults, whole
 from alignerf.experiment import flows, plan, slices
+from alignerf.experiment.cluster import ends
 
 TABLES = ("misalignment", "round_times", "controls", "displacement")
 # Not in Snakemake's report.
@@ -100,15 +101,16 @@ def causes(snakemake_logs):
     snakemake_logs: files that Snakemake has written of the run. None is found where no
     job has failed, as when the plan itself was wrong.
     """
-    logs = []
+    logs, ended = [], []
     for path in snakemake_logs:
         text = Path(path).read_text(encoding="utf-8", errors="replace")
         if STOPPED in text:
             return ["stopped, as asked.", GOES_ON]
         logs += [found for one in FAILED_LOGS for found in one.findall(text)]
+        ended += ends.lines(text)
     # The second quotes a name with spaces.
     paths = dict.fromkeys(Path(log.strip("'")) for log in logs)
-    found = [line for path in paths for line in cause(path)]
+    found = ended + [line for path in paths for line in cause(path)]
     if found:
         found.append(GOES_ON)
     return found

@@ -24,7 +24,7 @@ from alignerf.training import (
     batches,
     checkpoint,
     compose,
-    cores,
+    devices,
     loop,
     memory,
     program,
@@ -64,7 +64,7 @@ def with_radius(job):
 def of_training(job, scene, started):
     """Seconds to start, to compile from the cache and of a step; peak in bytes."""
     if program.hashed(job.model):
-        cores.use_as_devices()
+        devices.use_as_devices()
     loaded = prepared.load(scene)
     chosen = loaded.views("train")
     method = compose.make_method(job, lambda: refine.views_of(loaded))
@@ -108,7 +108,7 @@ def of_rendering(job, scene, started):
             render(loaded.pixtocams[view], loaded.camtoworlds[view])
 
         begun = time.perf_counter()
-        list(cores.map_in_threads(one, views))
+        list(devices.map_in_threads(one, views))
         return time.perf_counter() - begun, render
 
     timed(views[:1])

@@ -15,7 +15,8 @@ import numpy as np
 
 from alignerf.command import progress, provenance
 from alignerf.experiment import jobs
-from alignerf.training import checkpoint, diagnose, memory, program
+from alignerf.processes import agree, place
+from alignerf.training import checkpoint, devices, diagnose, memory, program
 
 log = logging.getLogger("alignerf")
 
@@ -48,6 +49,7 @@ def fit(
     data = checkpoint.digest((params, views)), sources
     job, built, facts = in_budget(job, method, built, params, views, checkpoints, data)
     identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
+    agree.check_same(identity, "config, code, photos and initial parameters")
     facts |= describe(job, params)
     log.info(
         "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)
@@ -56,20 +58,24 @@ def fit(
     state, spent_s, parts, last = resume(checkpoints, state, identity, job.steps)
     built = with_parts(built, parts, job, method, params, views)
     program.log_memory(job, built, state, views)
-    state, views = program.place((state, views), built.mesh)
+    state, views = devices.place((state, views), built.mesh)
     start = time.perf_counter()
 
     def time_s():
         return round(spent_s + time.perf_counter() - start, 3)
 
     def save(state, numbers):
+        state = devices.local(state)
         check_finite(state)
         facts = {"identity": identity, "time_s": time_s(), "parts": built.parts}
-        checkpoint.save(checkpoints, state, final=numbers, **facts)
+        if place.is_first():
+            checkpoint.save(checkpoints, state, final=numbers, **facts)
 
     def explain(state):
         options = {"steps": job.schedule_steps, "seed": job.seed, "parts": built.parts}
-        return diagnose.explain(method, state, views, names, **options)
+        return diagnose.explain(
+            method, *devices.local((state, views)), names, **options
+        )
 
     schedule = program.schedule_of(job, built.mesh)
 
@@ -79,7 +85,7 @@ def fit(
     state, numbers = run_steps(job, step, state, views, save, explain, note)
     # A finished training that was resumed made no step.
     numbers = numbers or last
-    return state.params, facts | {
+    return devices.local(state.params), facts | {
         "train_time_s": time_s(),
         "compile_time_s": built.compile_time_s,
         "micro_batches": built.parts,
@@ -96,12 +102,13 @@ def in_budget(job, method, built, params, views, checkpoints, data):
     if job.budget_min is None:
         return job, built, {}
     identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
-    found = checkpoint.read_budget(checkpoints, identity=identity)
+    found = agree.on(checkpoint.read_budget(checkpoints, identity=identity))
     if found is None:
         # A new training begins in the usual micro-batches.
         built = with_parts(built, None, job, method, params, views)
         found = time_budget(job, built, params, views)
-        checkpoint.save_budget(checkpoints, identity=identity, **found)
+        if place.is_first():
+            checkpoint.save_budget(checkpoints, identity=identity, **found)
     minutes, job = job.budget_min, jobs.with_steps(job, found["steps"])
     speed_text = f"{found['steps_per_s']:.3g} steps/s"
     log.info("budget %g min: %d steps at %s", minutes, job.steps, speed_text)
@@ -123,7 +130,7 @@ def time_budget(job, built, params, views):
 def step_time_s(job, built, params, views, *, most_s):
     """Median seconds of a job's step, timed for about `most_s`; it uses up `params`."""
     state = program.fresh_state(built.optimizer, params)
-    state, views = program.place((state, views), built.mesh)
+    state, views = devices.place((state, views), built.mesh)
     schedule = program.schedule_of(jobs.with_steps(job, jobs.MOST_STEPS), built.mesh)
     return program.step_time_s(
         lambda state: built.step(state, views, schedule),
@@ -134,11 +141,17 @@ def step_time_s(job, built, params, views, *, most_s):
 
 
 def resume(checkpoints, state, identity, steps):
-    """The state to go on from, its seconds so far, micro-batches and last numbers."""
-    found = checkpoint.restore(checkpoints, state, identity=identity)
-    if found is None:
+    """The state to go on from, its seconds so far, micro-batches and last numbers.
+
+    The first process reads it, whatever number of processes has written it.
+    """
+    found = None
+    if place.is_first():
+        found = checkpoint.restore(checkpoints, state, identity=identity)
+    manifest = agree.on(found and found[1])
+    if manifest is None:
         return state, 0.0, None, {}
-    state, manifest = found
+    state = agree.on_arrays(found[0] if found else state)
     log.info("resuming at step %d of %d", int(state.step), steps)
     state = jax.tree.map(jnp.asarray, state)
     return state, manifest["time_s"], manifest["parts"], manifest["final"]
@@ -184,6 +197,7 @@ def describe(job, params):
         "rays_seen": job.steps * job.rays_per_step,
         "params": sum(leaf.size for leaf in jax.tree.leaves(params)),
         "device": jax.devices()[0].device_kind,
+        "processes": place.here().count,
         **provenance.facts(),
     }
 
@@ -198,7 +212,8 @@ def run_steps(job, step, state, views, save, explain, note):
     done = int(state.step)
     pending, history = [], {}
     saved = fetched = time.perf_counter()
-    bar = progress.Progress(job.stage, job.steps, done=done, note=note)
+    options = {"done": done, "note": note, "silent": not place.is_first()}
+    bar = progress.Progress(job.stage, job.steps, **options)
     with contextlib.closing(bar):
         while done < job.steps:
             state, stats = step(state, views)

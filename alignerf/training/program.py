@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jax.sharding import NamedSharding, PartitionSpec, SingleDeviceSharding
 
 from alignerf.experiment import settings
-from alignerf.training import gradients, memory
+from alignerf.processes import agree, place
+from alignerf.training import devices, gradients, memory
 from alignerf.training import step as train_step
 
 log = logging.getLogger("alignerf")
@@ -50,10 +50,12 @@ def build(job, method, params, views, *, parts=None, to_come=0) -> Program:
     optimizer_of = functools.partial(make_optimizer, job)
     # What it keeps does not depend on how long a training is.
     optimizer = optimizer_of(train_step.Schedule(1, 0))
-    mesh = gradients.make_mesh(method.units, jax.local_devices())
+    mesh = gradients.make_mesh(
+        method.units, jax.devices(), all_of_them=place.are_several()
+    )
     shapes = jax.tree.map(
         lambda leaf: jax.ShapeDtypeStruct(
-            leaf.shape, leaf.dtype, sharding=everywhere(mesh)
+            leaf.shape, leaf.dtype, sharding=devices.everywhere(mesh)
         ),
         (jax.eval_shape(lambda p: fresh_state(optimizer, p), params), views, SCALARS),
     )
@@ -88,22 +90,7 @@ def make_optimizer(job, schedule):
 def schedule_of(job, mesh=None) -> train_step.Schedule:
     """The schedule of a job whose steps are known, placed as a step takes it."""
     schedule = train_step.Schedule(job.schedule_steps, job.warmup_steps)
-    return place(train_step.Schedule(*map(jnp.int32, schedule)), mesh)
-
-
-def everywhere(mesh):
-    """The sharding of what is whole on each device of a mesh, or on the only one."""
-    if mesh is None:
-        return SingleDeviceSharding(jax.local_devices()[0])
-    return NamedSharding(mesh, PartitionSpec())
-
-
-def place(tree, mesh):
-    """The tree on the device, or whole on each of the mesh's.
-
-    On a CPU, arrays at an aligned address are taken as they are, without a copy.
-    """
-    return jax.device_put(tree, everywhere(mesh))
+    return devices.place(train_step.Schedule(*map(jnp.int32, schedule)), mesh)
 
 
 def first_parts(job, method, mesh, parts=None) -> int:
@@ -111,11 +98,11 @@ def first_parts(job, method, mesh, parts=None) -> int:
 
     Those of a checkpoint from other devices may not come out even.
     """
-    devices, units = share(method, mesh)
+    mine, units = share(method, mesh)
     if parts is not None and units % parts == 0:
         return parts
     points = job.rays_per_step * settings.points_a_ray(job.model) // method.units
-    return gradients.parts_for_caches(units, points, devices[0], hashed(job.model))
+    return gradients.parts_for_caches(units, points, mine[0], hashed(job.model))
 
 
 def hashed(model):
@@ -124,9 +111,10 @@ def hashed(model):
 
 
 def share(method, mesh):
-    """(the devices of a mesh, or the only one; rays or patches that each takes)."""
-    devices = mesh.devices.tolist() if mesh else jax.local_devices()[:1]
-    return devices, method.units // len(devices)
+    """(this process's devices of a mesh, or the only one; units that each takes)."""
+    if mesh is None:
+        return jax.local_devices()[:1], method.units
+    return list(mesh.local_devices), method.units // mesh.size
 
 
 def compile_step(job, method, optimizer_of, *inputs, parts, mesh=None, to_come=0):
@@ -134,7 +122,7 @@ def compile_step(job, method, optimizer_of, *inputs, parts, mesh=None, to_come=0
 
     inputs: shapes of the state, the views and the schedule.
     """
-    devices, units = share(method, mesh)
+    mine, units = share(method, mesh)
 
     def compile_parts(parts):
         step = train_step.make_step(
@@ -146,16 +134,19 @@ def compile_step(job, method, optimizer_of, *inputs, parts, mesh=None, to_come=0
             mesh=mesh,
         )
         compiled = step.lower(*inputs).compile()
-        return compiled, memory.step_bytes(compiled, devices)
+        return compiled, memory.step_bytes(compiled, mine)
 
-    free = max(0, memory.free_bytes(devices[0]) - to_come)
-    return memory.compile_to_fit(compile_parts, units, free, parts=parts)
+    free = max(0, memory.free_bytes(mine[0]) - to_come)
+    step, parts = memory.compile_to_fit(compile_parts, units, free, parts=parts)
+    # Hosts with less memory decide for all.
+    most = agree.on_largest(parts)
+    return (step, parts) if parts == most else (compile_parts(most)[0], most)
 
 
 def log_memory(job, program, state, views):
     """Say what the training takes, and what was free."""
-    devices = program.mesh.devices.tolist() if program.mesh else [None]
-    rays = job.rays_per_step // (program.parts * len(devices))
+    count = program.mesh.size if program.mesh else 1
+    rays = job.rays_per_step // (program.parts * count)
     params = memory.tree_bytes(state.params)
     activations = memory.step_bytes(program.step, jax.local_devices()[:1]) - params
     sizes = {
@@ -168,11 +159,11 @@ def log_memory(job, program, state, views):
     log.info(
         "memory: %s; %d micro-batches of %d rays on %d devices",
         ", ".join(f"{name} {memory.text(size)}" for name, size in sizes.items()),
-        *(program.parts, rays, len(devices)),
+        *(program.parts, rays, count),
     )
 
 
-def step_time_s(step, state, *, most_s, at_once, clock=time.perf_counter):
+def step_time_s(step, state, *, most_s, at_once, clock=agree.clock):
     """Median seconds of a step on this machine, timed for about `most_s` seconds.
 
     step: state -> (state, numbers); it uses up `state`. `at_once` steps are run

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.training import batches, compose, program, renderer
+from alignerf.training import batches, compose, devices, program, renderer
 
 
 class Training:
@@ -19,7 +19,7 @@ class Training:
         params = jax.jit(self.method.init)(jax.random.key(job.seed))
         built = program.build(job, self.method, params, views)
         state = program.fresh_state(built.optimizer, params)
-        self._state, self._views = program.place((state, views), built.mesh)
+        self._state, self._views = devices.place((state, views), built.mesh)
         self._step, self.compile_s = built.step, built.compile_time_s
         self._schedule = program.schedule_of(job, built.mesh)
 

@@ -18,13 +18,14 @@ rule preflight:
     threads: sources.WHOLE_MACHINE
     resources:
         gpu=sources.ACCELERATORS,
+        mem_mb=lambda w, attempt: needs.MEMORY_MB * attempt,
+        of_training=sources.OF_TRAINING,
     params:
         work=lambda w: slices.as_json(targets.work(experiment, w.scene)),
-        of_training=sources.OF_TRAINING,
         sources=sources_of("alignerf.preflight") if config["preflight"] else "",
     shell:
         "python -m alignerf.preflight --scene results/{wildcards.scene:q}"
-        " --work {params.work:q} --cores {threads} --threads {params.of_training}"
+        " --work {params.work:q} --cores {threads} --threads {resources.of_training}"
         " --out {output:q} 2>&1 | tee {log:q}"
 
 

@@ -17,6 +17,8 @@ rule poses:
     conda:
         "../../environment.yml"
     threads: sources.WHOLE_MACHINE
+    resources:
+        mem_mb=lambda w, attempt: needs.MEMORY_MB * attempt,
     params:
         config=lambda w: slices.of_scene(experiment, w.scene),
         sources=sources_of("alignerf.poses"),

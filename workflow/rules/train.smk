@@ -24,6 +24,9 @@ rule train:
     threads: sources.OF_TRAINING
     resources:
         gpu=sources.ACCELERATORS,
+        launcher="",
+        mem_mb=needs.memory_mb("{method}/round{round}/timing.json"),
+        runtime=needs.minutes("{method}/round{round}/timing.json"),
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
         scene=subpath(input.cameras, parent=True),
@@ -32,7 +35,7 @@ rule train:
         checkpoints=subpath(output.model, parent=True),
         sources=sources_of("alignerf.train"),
     shell:
-        "python -m alignerf.train --config {params.config:q}"
+        "{resources.launcher} python -m alignerf.train --config {params.config:q}"
         " --scene {params.scene:q} --photos {input.photos:q}"
         " --cameras {input.used:q} {params.valid:q} {params.more:q}"
         " --checkpoints {params.checkpoints:q}/checkpoints"
@@ -93,12 +96,15 @@ rule pretrain:
     threads: sources.OF_TRAINING
     resources:
         gpu=sources.ACCELERATORS,
+        launcher="",
+        mem_mb=needs.memory_mb("pretrain/{model}/timing.json"),
+        runtime=needs.minutes("pretrain/{model}/timing.json"),
     params:
         config=lambda w: slices.of_pretraining(experiment, w.scene, w.model),
         checkpoints=subpath(output.model, parent=True),
         sources=sources_of("alignerf.train"),
     shell:
-        "python -m alignerf.train --config {params.config:q}"
+        "{resources.launcher} python -m alignerf.train --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --photos {input.images:q}"
         " --checkpoints {params.checkpoints:q}/checkpoints"
         " --sources {params.sources} --model {output.model:q}"
@@ -131,6 +137,9 @@ rule finetune:
     threads: sources.OF_TRAINING
     resources:
         gpu=sources.ACCELERATORS,
+        launcher="",
+        mem_mb=needs.memory_mb("{method}/round0/timing.json"),
+        runtime=needs.minutes("{method}/round0/timing.json"),
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
         displacement=lambda w, input: flows.option(
@@ -139,7 +148,7 @@ rule finetune:
         checkpoints=subpath(output.model, parent=True),
         sources=sources_of("alignerf.train"),
     shell:
-        "python -m alignerf.train --config {params.config:q}"
+        "{resources.launcher} python -m alignerf.train --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --photos {input.images:q}"
         " --initial {input.initial:q} --cameras {input.used:q}"
         " {params.displacement:q} --checkpoints {params.checkpoints:q}/checkpoints"
@@ -168,6 +177,8 @@ rule render_views:
     threads: sources.OF_TRAINING
     resources:
         gpu=sources.ACCELERATORS,
+        mem_mb=needs.memory_mb("{method}/round{round}/render_test.json"),
+        runtime=needs.minutes("{method}/round{round}/render_test.json"),
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
         splits=["test"],
@@ -215,6 +226,9 @@ use rule render_views as render_pretrained with:
         "results/{scene}/pretrain/{model}/logs/render.tsv"
     wildcard_constraints:
         model=plan.one_of(config["models"]),
+    resources:
+        mem_mb=needs.memory_mb("pretrain/{model}/render_train.json"),
+        runtime=needs.minutes("pretrain/{model}/render_train.json"),
     params:
         config=lambda w: slices.of_pretraining(experiment, w.scene, w.model),
         splits=["train"],

@@ -11,7 +11,7 @@ SCRIPT = """
 import json, pathlib, sys
 import jax
 from alignerf.scenes import prepared
-from alignerf.training import batches, checkpoint, program
+from alignerf.training import batches, checkpoint, devices
 
 def resident(key):
     lines = pathlib.Path("/proc/self/status").read_text().splitlines()
@@ -23,7 +23,7 @@ jax.block_until_ready(jax.numpy.ones(3))
 before = resident("VmRSS")
 views = batches.load_views(loaded, chosen, loaded.folder / "images", None)
 checkpoint.digest(views)
-placed = program.place(views, None)
+placed = devices.place(views, None)
 assert placed.photos.unsafe_buffer_pointer() == views.photos.ctypes.data
 print(json.dumps([resident("VmHWM") - before, placed.photos.nbytes]))
 """

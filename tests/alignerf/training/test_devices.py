@@ -8,7 +8,7 @@ import jax
 import pytest
 
 from alignerf.command import machine
-from alignerf.training import cores
+from alignerf.training import devices
 
 EVERY_MODULE = """
 import importlib, pkgutil
@@ -36,10 +36,10 @@ def test_no_import_starts_jax(root):
     """What an import started would leave a training one device."""
     code = """
 from alignerf.command import machine
-from alignerf.training import cores
+from alignerf.training import devices
 import jax
 machine.cores = lambda: 3
-cores.use_as_devices()
+devices.use_as_devices()
 print(len(jax.local_devices()))
 """
     done = in_a_fresh_interpreter(root, EVERY_MODULE + code)
@@ -52,9 +52,9 @@ def test_a_limit_is_all_that_jax_takes(root):
     code = """
 from pathlib import Path
 from alignerf.command import machine
-from alignerf.training import cores
+from alignerf.training import devices
 machine.limit(1)
-cores.use_as_devices()
+devices.use_as_devices()
 import jax
 jax.jit(lambda x: x @ x)(jax.numpy.ones((64, 64))).block_until_ready()
 tasks = [p.read_text().strip() for p in Path("/proc/self/task").glob("*/comm")]
@@ -69,7 +69,7 @@ def test_too_late_is_said(monkeypatch, caplog):
     there = len(jax.local_devices())
     monkeypatch.delenv("XLA_FLAGS", raising=False)
     monkeypatch.setattr(machine, "cores", lambda: there + 1)
-    cores.use_as_devices()
+    devices.use_as_devices()
     (record,) = caplog.records
     assert (record.name, record.levelname) == ("alignerf", "WARNING")
     said = f"too late for a device each of {there + 1} cores: JAX has started with "
@@ -83,5 +83,5 @@ def test_nothing_is_said_where_nothing_is_lost(monkeypatch, caplog, by_user):
     monkeypatch.setenv("XLA_FLAGS", flags)
     there = len(jax.local_devices())
     monkeypatch.setattr(machine, "cores", lambda: there + by_user)
-    cores.use_as_devices()
+    devices.use_as_devices()
     assert not caplog.records

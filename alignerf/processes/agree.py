@@ -1,0 +1,57 @@
+"""Values on which all processes of a training agree: those of the first.
+
+Each function is a collective: all processes call it, in the same order. With one
+process it returns what it is given, and does not start JAX.
+"""
+
+import json
+import time
+
+import jax
+import numpy as np
+from jax.experimental import multihost_utils
+
+from alignerf.command import faults
+from alignerf.processes import place
+
+
+def on(value):
+    """The first process's value, in all of them; JSON-able."""
+    if not place.are_several():
+        return value
+    data = np.frombuffer(json.dumps(value).encode(), np.uint8)
+    size = int(multihost_utils.broadcast_one_to_all(np.int32(data.size)))
+    mine = data if place.is_first() else np.zeros(size, np.uint8)
+    sent = multihost_utils.broadcast_one_to_all(mine)
+    return json.loads(np.asarray(sent, np.uint8).tobytes())
+
+
+def on_arrays(tree):
+    """The first process's arrays, in all of them; of the same shapes everywhere."""
+    if not place.are_several():
+        return tree
+    return jax.tree.map(np.asarray, multihost_utils.broadcast_one_to_all(tree))
+
+
+def check_same(digest, what):
+    """ValueError where a process has another SHA-256 of `what` than the first."""
+    if not place.are_several():
+        return
+    mine = np.frombuffer(bytes.fromhex(digest), np.uint8)
+    every = np.asarray(multihost_utils.process_allgather(mine))
+    others = np.flatnonzero((every != every[0]).any(axis=1))
+    if others.size:
+        numbers = faults.some_names([str(number) for number in others])
+        raise ValueError(f"{what}: not the same in process {numbers} as in process 0")
+
+
+def on_largest(number: int) -> int:
+    """The largest of the processes' numbers."""
+    if not place.are_several():
+        return number
+    return int(np.max(multihost_utils.process_allgather(np.int32(number))))
+
+
+def clock() -> float:
+    """Seconds, the same in all processes, so that they decide the same by them."""
+    return on(time.perf_counter())

@@ -1,0 +1,97 @@
+"""Which of how many processes this is, and how a launcher says so. No JAX here.
+
+`srun` and `mpirun` say it in variables of their own; by hand it is
+JAX_COORDINATOR_ADDRESS (host:port of the first process), JAX_NUM_PROCESSES and
+JAX_PROCESS_ID (from 0).
+"""
+
+from typing import NamedTuple
+
+# By hand; and how srun and mpirun tell a process of how many it is, and which.
+ADDRESS = "JAX_COORDINATOR_ADDRESS"
+BY_HAND = ("JAX_NUM_PROCESSES", "JAX_PROCESS_ID")
+LAUNCHERS = (
+    ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID"),
+    ("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"),
+)
+# The ports of a job's steps, of which none is another's: two trainings on a node.
+FIRST_PORT, PORTS = 61440, 4096
+
+
+class Place(NamedTuple):
+    """Which of how many processes."""
+
+    number: int
+    count: int
+
+
+_here = Place(0, 1)
+
+
+def here() -> Place:
+    """This process's place: the only one, until `take`."""
+    return _here
+
+
+def take(found: Place):
+    """Let this process be the one of that place."""
+    global _here
+    _here = found
+
+
+def is_first() -> bool:
+    """Whether this process reads checkpoints and writes files."""
+    return _here.number == 0
+
+
+def are_several() -> bool:
+    """Whether there are other processes."""
+    return _here.count > 1
+
+
+def of(environ) -> Place:
+    """Which of how many processes the environment says that this is.
+
+    ValueError where it says half of it. A batch job of Slurm with several tasks is one
+    process until `srun` starts them.
+    """
+    said = [name for name in BY_HAND if environ.get(name)]
+    if said:
+        missing = [name for name in (ADDRESS, *BY_HAND) if not environ.get(name)]
+        if missing:
+            raise ValueError(f"environment: {said[0]} without {', '.join(missing)}")
+        return numbered(environ, *BY_HAND)
+    for names in LAUNCHERS:
+        if all(environ.get(name) for name in names):
+            return numbered(environ, *names)
+    return Place(0, 1)
+
+
+def numbered(environ, count, number) -> Place:
+    """The place that two environment variables name; ValueError where they do not."""
+    for name in (count, number):
+        if not (environ[name].isascii() and environ[name].isdigit()):
+            raise ValueError(f"environment: {name}={environ[name]!r:.40}: no number")
+    place = Place(int(environ[number]), int(environ[count]))
+    if not place.number < place.count:
+        raise ValueError(
+            f"environment: {number}={place.number} of {count}={place.count} processes: "
+            "they count from 0"
+        )
+    return place
+
+
+def port(environ) -> int:
+    """A port for the first process of a Slurm job step."""
+    job, step = (int(environ.get(n, 0)) for n in ("SLURM_JOB_ID", "SLURM_STEP_ID"))
+    return FIRST_PORT + (job * 31 + step) % PORTS
+
+
+def accelerators(environ):
+    """Which of the devices that it sees a process takes; None: JAX decides.
+
+    JAX takes the one with the process's number on its host. Where `srun` shows each
+    process one of its own (`--gpus-per-task`), that one has number 0.
+    """
+    seen = environ.get("CUDA_VISIBLE_DEVICES", "").split(",")
+    return [0] if seen != [""] and len(seen) == 1 else None

@@ -1,0 +1,143 @@
+"""Several processes train what one does, and end together."""
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+
+from alignerf.training import checkpoint, loop
+from tests import job_cases as cases
+
+STOPPED_AT = 7
+# So long the same to 1e-5: Adam divides each gradient by its size, so that rounding in
+# small ones grows from step to step.
+ALIKE = 4
+
+
+@contextlib.contextmanager
+def started(root, count, *arguments):
+    """`count` processes of tests.on_processes that know of each other; ended after."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "tests.on_processes", *map(str, arguments)]
+    shared = {
+        "JAX_COORDINATOR_ADDRESS": f"127.0.0.1:{port}",
+        "JAX_NUM_PROCESSES": str(count),
+        # Compiles in half the time.
+        "JAX_DISABLE_MOST_OPTIMIZATIONS": "1",
+    }
+    found = [
+        subprocess.Popen(
+            command,
+            cwd=root,
+            env=os.environ | shared | {"JAX_PROCESS_ID": str(number)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for number in range(count)
+    ]
+    try:
+        yield found
+    finally:
+        for process in found:
+            process.kill()
+            process.communicate()
+
+
+def losses(text):
+    """[(step, loss)] of what the first process has said."""
+    lines = [json.loads(line) for line in text.splitlines() if line.startswith("{")]
+    return [(line["step"], line["loss"]) for line in lines]
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return cases.make_scene(tmp_path_factory.mktemp("scene"))
+
+
+@pytest.fixture(scope="module")
+def of_one(scene, tmp_path_factory):
+    """{step: loss} of one process."""
+    found, save = {}, checkpoint.save
+
+    def save_and_note(folder, state, *, final, **facts):
+        save(folder, state, final=final, **facts)
+        found[int(state.step)] = final["loss"]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(checkpoint, "save", save_and_note)
+        patch.setattr(loop, "CHECKPOINT_EVERY_S", 0.0)
+        patch.setattr(loop, "FETCH_EVERY", 1)
+        cases.run(scene, tmp_path_factory.mktemp("one"))
+    return found
+
+
+@pytest.fixture(scope="module")
+def two(root, scene, tmp_path_factory):
+    """(folder, losses) of two processes; how the other ended when the first died."""
+    out = tmp_path_factory.mktemp("two")
+    more = ["--scene", scene, "--out", out, "--config", json.dumps(cases.JOB)]
+    with started(root, 2, *more, "--dies-at", STOPPED_AT) as (first, other):
+        said, _ = first.communicate(timeout=300)
+        died_s = time.monotonic()
+        _, error = other.communicate(timeout=60)
+        return out, losses(said), error, other.returncode, time.monotonic() - died_s
+
+
+def test_two_processes_learn_what_one_does(two, of_one):
+    _, found, *_ = two
+    assert [step for step, _ in found] == list(range(1, STOPPED_AT + 1))
+    check_alike(found, of_one)
+
+
+def check_alike(found, of_one):
+    """[(step, loss)] as of one process: first steps closely, the others nearly."""
+    for step, loss in found:
+        rel = 1e-5 if step <= ALIKE else 1e-3
+        assert loss == pytest.approx(of_one[step], rel=rel), step
+
+
+def test_one_that_dies_ends_the_other_with_one_line(two):
+    *_, error, code, seconds = two
+    said = [line for line in error.splitlines() if line.startswith("error: ")]
+    wanted = "error: process 1 of 2: another process of this training has ended"
+    assert (len(said), said[0].startswith(wanted)) == (1, True), error
+    assert "Traceback" not in error
+    assert code != 0
+    assert seconds < 60
+
+
+def test_four_go_on_from_two_and_end_when_one_freezes(
+    root, scene, two, of_one, tmp_path
+):
+    out, *_ = two
+    more = ["--scene", scene, "--out", out, "--config", json.dumps(cases.JOB)]
+    more += ["--again", tmp_path, "--freezes-at", 5, "--silent-s", 8]
+    with started(root, 4, *more) as processes:
+        first, last = processes[0], processes[-1]
+        said, error = first.communicate(timeout=300)
+        for other in processes[1:-1]:
+            other.communicate(timeout=60)
+        # It cannot end by itself.
+        assert last.poll() is None
+        assert all(process.returncode != 0 for process in processes[:-1])
+        last.send_signal(signal.SIGKILL)
+    found = losses(said)
+    resumed, again = (
+        found[: cases.STEPS - STOPPED_AT],
+        found[cases.STEPS - STOPPED_AT :],
+    )
+    assert [step for step, _ in resumed] == list(range(STOPPED_AT + 1, cases.STEPS + 1))
+    assert "resuming at step 7 of 14" in error
+    check_alike(resumed, of_one)
+    check_alike(again, of_one)
+    assert len(again) >= 4
+    assert json.loads((out / "timing.json").read_text())["processes"] == 4

@@ -1,0 +1,68 @@
+"""One of several processes that train: run by test_together, with its number set.
+
+Writes the loss of each step as JSON lines. What is to befall it is said by name.
+"""
+
+import argparse
+import json
+import os
+import signal
+import sys
+
+from alignerf import train
+from alignerf.command import faults
+from alignerf.processes import place, together
+from alignerf.training import checkpoint, loop
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scene", required=True)
+    parser.add_argument("--out", required=True)
+    parser.add_argument("--config", required=True)
+    # The first process ends after this step, or the last one freezes before it.
+    parser.add_argument("--dies-at", type=int)
+    parser.add_argument("--freezes-at", type=int)
+    parser.add_argument("--silent-s", type=int, default=together.SILENT_S)
+    # Trained once more, from the beginning, in another folder.
+    parser.add_argument("--again")
+    args = parser.parse_args()
+    together.SILENT_S, together.HOLD_S = args.silent_s, 0.0
+    loop.FETCH_EVERY, loop.CHECKPOINT_EVERY_S = 1, 0.0
+    todo = [out for out in (args.out, args.again) if out]
+    let_happen(args, todo)
+    with together.together():
+        while todo:
+            train.run(train.parse(arguments(args, todo.pop(0))))
+
+
+def arguments(args, out):
+    return [
+        *("--config", args.config, "--scene", args.scene),
+        *("--checkpoints", f"{out}/checkpoints", "--model", f"{out}/model.msgpack"),
+        *("--timing", f"{out}/timing.json", "--threads", "1"),
+    ]
+
+
+def let_happen(args, todo):
+    """Each step's loss is said; in the last training what is asked for happens."""
+    save, check = checkpoint.save, loop.check_finite
+
+    def save_and_say(folder, state, *, final, **facts):
+        save(folder, state, final=final, **facts)
+        print(json.dumps({"step": int(state.step), "loss": final["loss"]}), flush=True)
+        if not todo and int(state.step) == args.dies_at:
+            os._exit(9)
+
+    def check_and_freeze(state):
+        check(state)
+        here = place.here()
+        is_last = here.number == here.count - 1
+        if not todo and is_last and int(state.step) == args.freezes_at:
+            os.kill(os.getpid(), signal.SIGSTOP)
+
+    checkpoint.save, loop.check_finite = save_and_say, check_and_freeze
+
+
+if __name__ == "__main__":
+    sys.exit(faults.exit_code(main))
