@@ -1,0 +1,228 @@
+"""A tiny chain through a real Slurm, of this host alone (see one_host.py)."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import yaml
+
+from tests.cluster import one_host
+
+pytest.importorskip("snakemake_executor_plugin_slurm", reason="make cluster")
+if reason := one_host.missing():
+    pytest.skip(reason, allow_module_level=True)
+
+CONFIG = {
+    "scenes": {
+        "tiny": {
+            "source": "courtyard",
+            "poses": "truth",
+            "test_every": 4,
+            "courtyard": {
+                "views": 8,
+                "width": 64,
+                "height": 48,
+                "supersample": 1,
+                "lens_sigma_px": 0.0,
+            },
+        }
+    },
+    "models": {
+        "base": {
+            "samples": [16, 8],
+            "proposal": {
+                "kind": "grid",
+                "levels": 4,
+                "log2_entries": 10,
+                "finest": 64,
+                "width": 8,
+            },
+            "field": {
+                "kind": "grid",
+                "levels": 4,
+                "log2_entries": 10,
+                "finest": 64,
+                "width": 8,
+                "view_widths": [8],
+            },
+        }
+    },
+    "methods": {"mipnerf360": {}},
+    "training": {"steps": 60, "batch_rays": 128},
+}
+PREFLIGHT = "results/tiny/preflight.json"
+TRAINED = "results/tiny/mipnerf360/round0/timing.json"
+LOG = "results/tiny/mipnerf360/round0/logs/train.log"
+# Comment, cores, memory, minutes, accelerators, state of every job.
+JOB = "%k|%C|%m|%l|%b|%T"
+
+
+@pytest.fixture(scope="module")
+def slurm():
+    with one_host.cluster() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def begun(root, slurm, tmp_path_factory):
+    """A folder in which the chain has come as far as its preflight, by Slurm."""
+    folder = tmp_path_factory.mktemp("chain")
+    (folder / "tiny.yaml").write_text(yaml.safe_dump(CONFIG))
+    done = run(root, slurm, folder, PREFLIGHT)
+    assert done.returncode == 0, done.stdout
+    return folder
+
+
+def command(root, *more):
+    return [
+        *(sys.executable, "-m", "snakemake", *more, "--configfile", "tiny.yaml"),
+        *("--snakefile", str(root / "Snakefile"), "--latency-wait", "5"),
+        *("--workflow-profile", str(root / "workflow/profiles/slurm")),
+        # As there is no accounting database; and soon, since jobs are short.
+        *("--slurm-status-command", "squeue"),
+        *("--slurm-init-seconds-before-status-checks", "2"),
+    ]
+
+
+def run(root, slurm, folder, *more, **environ):
+    return subprocess.run(
+        command(root, *more),
+        cwd=folder,
+        env=slurm.environ | environ,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=500,
+    )
+
+
+def jobs_of(slurm, rule):
+    """(cores, memory, minutes, accelerators, state) of each of a rule's jobs."""
+    said = slurm.says(
+        *("squeue", "--states=all", "--noheader", "--sort=i", f"--format={JOB}")
+    )
+    lines = [line.split("|") for line in said.splitlines()]
+    return [line[1:] for line in lines if re.match(rf"rule_{rule}(_|$)", line[0])]
+
+
+def retrain(folder, *, peak_bytes=None, steps=60):
+    """Let the training run again, with another preflight and length."""
+    (folder / TRAINED).unlink(missing_ok=True)
+    plan = json.loads((folder / PREFLIGHT).read_text())
+    for task in plan["tasks"]:
+        if TRAINED.endswith(task["file"]) and peak_bytes:
+            task["peak_bytes"] = peak_bytes
+    (folder / PREFLIGHT).write_text(json.dumps(plan))
+    config = CONFIG | {"training": CONFIG["training"] | {"steps": steps}}
+    (folder / "tiny.yaml").write_text(yaml.safe_dump(config))
+
+
+def test_jobs_have_what_they_ask_for(root, slurm, begun):
+    """Memory and minutes of the preflight's, the profile's cores, accelerators."""
+    done = run(root, slurm, begun, TRAINED, "--set-resources", "train:gpu=1")
+    assert done.returncode == 0, done.stdout
+    plan = json.loads((begun / PREFLIGHT).read_text())
+    (task,) = [t for t in plan["tasks"] if TRAINED.endswith(t["file"])]
+    (job,) = jobs_of(slurm, "train")
+    cores, memory, minutes, gpus, state = job
+    assert (cores, gpus, state) == ("4", "gres:gpu:1", "COMPLETED")
+    asked_mb = int(memory.removesuffix("M"))
+    assert 1.25 * task["peak_bytes"] < 1e6 * asked_mb < 1.5 * task["peak_bytes"] + 6e8
+    assert re.fullmatch(r"1\d:00", minutes)
+    assert jobs_of(slurm, "facts")[0][1] == "3000M"
+
+
+def test_a_job_of_too_much_memory_gets_more(root, slurm, begun):
+    retrain(begun, peak_bytes=1)
+    before = len(jobs_of(slurm, "train"))
+    done = run(root, slurm, begun, TRAINED, "--forcerun", "train")
+    assert done.returncode == 0, done.stdout
+    found = [(memory, state) for _, memory, *_, state in jobs_of(slurm, "train")]
+    first, *_, last = found[before:]
+    assert first == ("501M", "OUT_OF_MEMORY")
+    assert (last[1], int(last[0][:-1]) >= 1002) == ("COMPLETED", True)
+
+
+def test_a_job_of_too_much_time_gets_more_and_goes_on(root, slurm, begun):
+    """The second attempt begins at the first one's checkpoint."""
+    retrain(begun, peak_bytes=10**9, steps=40_000)
+    before = len(jobs_of(slurm, "train"))
+    limit = ["--set-resources", "train:runtime=attempt"]
+    done = run(root, slurm, begun, TRAINED, *limit)
+    found = [(line[2], line[-1]) for line in jobs_of(slurm, "train")[before:]]
+    assert found[0] == ("1:00", "TIMEOUT")
+    assert found[1][0] == "2:00"
+    assert "resuming at step" in (begun / LOG).read_text()
+    assert (done.returncode == 0) == (found[-1][1] == "COMPLETED")
+
+
+def test_a_dead_node_and_a_cancelled_run_cost_no_more_than_a_minute(root, slurm, begun):
+    """What was trained until the last checkpoint is there for the next node."""
+    retrain(begun, peak_bytes=10**9, steps=1_000_000)
+    before = len(jobs_of(slurm, "train"))
+    process = subprocess.Popen(
+        command(root, TRAINED),
+        cwd=begun,
+        env=slurm.environ,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    manifest = begun / "results/tiny/mipnerf360/round0/checkpoints/manifest.json"
+    first = wait_for_step(manifest, above=0)
+    (node,) = slurm.says("squeue", "--noheader", "--states=R", "--format=%N").split()
+    slurm.kill_node(node)
+    second = wait_for_step(manifest, above=first)
+    process.send_signal(signal.SIGINT)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode != 0
+    until = time.monotonic() + 30
+    while slurm.says("squeue", "--noheader", "--states=R") and time.monotonic() < until:
+        time.sleep(1)
+    assert not slurm.says("squeue", "--noheader", "--states=R")
+    # Both jobs, on another node and after the run, went on where the one before was.
+    retrain(begun, steps=1_000_000)
+    assert second > first
+    assert jobs_of(slurm, "train")[before:], said
+
+
+def wait_for_step(manifest, *, above):
+    """The step of a checkpoint that is younger than another."""
+    until = time.monotonic() + 240
+    while time.monotonic() < until:
+        time.sleep(1)
+        if manifest.exists():
+            step = int(re.findall(r"state-(\d+)", manifest.read_text())[0])
+            if step > above:
+                return step
+    raise AssertionError("no checkpoint")
+
+
+def test_two_nodes_train_one_model(root, slurm, begun):
+    retrain(begun, peak_bytes=10**9)
+    srun = "srun --nodes=2 --ntasks=2 --cpus-per-task=1 --kill-on-bad-exit=1"
+    (port,) = one_host.free_ports(1)
+    done = run(
+        *(root, slurm, begun, TRAINED, "--set-resources"),
+        *("train:mpi=srun", "train:tasks=2", "train:nodes=2"),
+        *(f"train:launcher={srun}", "--set-threads", "train=1"),
+        # Nodes have names that this host cannot look up.
+        JAX_COORDINATOR_ADDRESS=f"127.0.0.1:{port}",
+    )
+    assert done.returncode == 0, done.stdout
+    assert json.loads((begun / TRAINED).read_text())["processes"] == 2
+
+
+def test_more_accelerators_than_there_are_is_said(root, slurm, begun):
+    retrain(begun)
+    more = ["--set-resources", "train:gpu=64", "--retries", "0"]
+    done = run(root, slurm, begun, TRAINED, *more)
+    assert done.returncode != 0
+    assert "Requested node configuration is not available" in done.stdout
+    assert os.listdir(begun / "results/tiny/mipnerf360/round0")
