@@ -11,6 +11,7 @@
 #   snakemake --cores N export             cameras and photos for other programs
 #   snakemake --cores N --configfile workflow/config/own_photos.yaml
 import sys
+from pathlib import Path
 
 sys.path.insert(0, workflow.basedir)
 
@@ -18,7 +19,7 @@ from snakemake.utils import min_version
 
 from alignerf.experiment import check, flows, plan, regimes, rows, slices, sources
 from alignerf.experiment import sweep, targets
-from alignerf.experiment.cluster import needs
+from alignerf.experiment.cluster import needs, stored
 
 sources_of = sources.sources_of
 min_version("9.0")
@@ -34,7 +35,10 @@ if not workflow.overwrite_configfiles:
 config = check.or_exit(check.checked, config, workflow.configfiles)
 # Whether a method with `rounds: auto` goes on is known once rule `decide` has run.
 experiment = plan.Experiment(
-    config, lambda **place: plan.goes_on(checkpoints.decide.get(**place).output[0])
+    config,
+    lambda **place: plan.goes_on(
+        stored.here(checkpoints.decide.get(**place).output[0])
+    ),
 )
 sources.set_environment(experiment.scenes)
 
@@ -74,6 +78,8 @@ rule all:
 
 
 check.or_exit(check.check_free, experiment.scenes, [r.name for r in workflow.rules])
+# Snakemake has a rule's output where its storage keeps it, if it is told of one.
+check.or_exit(stored.link, experiment.scenes, Path(rules.config.output[0]).parents[1])
 
 
 # What a killed run has half written.

@@ -44,12 +44,12 @@ def main(argv=None):
             path = folder / f"masks/{loaded.names[view]}.png"
             images.write(path, images.of_mask(mask))
         masks = [loaded.names[view] for view in chosen]
-        points = loaded.folder / "points.npz"
+        points = loaded.folder / prepared.POINTS
         if points.is_file():
             found |= archives.read(points, ("points", "colours"))
         exported.write_colmap(folder, found)
         exported.write_transforms(folder / "transforms.json", found, masks=masks)
-        bounds = loaded.folder / "bounds.npz"
+        bounds = loaded.folder / prepared.BOUNDS
         if bounds.is_file():
             write_llff(folder / "poses_bounds.npy", found, bounds)
 

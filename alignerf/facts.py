@@ -140,7 +140,7 @@ def point_facts(loaded: prepared.Scene):
 
 def depths_of_points(loaded: prepared.Scene, transform):
     """Depths of COLMAP's points; one is taken to be seen where it lies in an image."""
-    path = loaded.folder / "points.npz"
+    path = loaded.folder / prepared.POINTS
     if not path.is_file():
         return np.zeros(0)
     points = archives.read(path, ("points",))["points"]
@@ -156,7 +156,7 @@ def depths_of_points(loaded: prepared.Scene, transform):
 
 def depths_of_bounds(loaded: prepared.Scene, transform):
     """LLFF's two depths of each view, and their harmonic mean."""
-    path = loaded.folder / "bounds.npz"
+    path = loaded.folder / prepared.BOUNDS
     if not path.is_file():
         return np.zeros(0)
     scale = np.cbrt(np.linalg.det(transform[:3, :3]))

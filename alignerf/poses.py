@@ -37,10 +37,7 @@ FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
 # With `downscale: auto`: a training that sees each half a time takes minutes on a core.
 # Many photos may have more together, rather than sides under this.
 MOST_PIXELS, LEAST_SIDE_PX = 10_000_000, 200
-PRODUCTS = (
-    *("images", "masks", "truth", "points.npz", "bounds.npz", "colmap"),
-    *("cameras.npz", "poses.json"),
-)
+PRODUCTS = ("images", "truth", "colmap", "cameras.npz", "poses.json")
 
 
 def main(config, out):

@@ -84,20 +84,23 @@ def experiment_of():
 
 @pytest.fixture(scope="session")
 def snakemake():
-    """Run Snakemake: (folder, *arguments) -> (exit code, all that it printed)."""
+    """Run Snakemake: (folder, *arguments) -> (exit code, all that it printed).
+
+    root: of the project; more: variables of its environment.
+    """
     here = str(pathlib.Path(sys.executable).parent)
     environment = os.environ | {"PATH": os.pathsep.join([here, os.environ["PATH"]])}
     # Each run compiles into its own folder, as on a fresh machine.
     environment.pop("JAX_COMPILATION_CACHE_DIR", None)
 
-    def run(folder, *arguments, root=ROOT):
+    def run(folder, *arguments, root=ROOT, more=None):
         command = [sys.executable, "-m", "snakemake", "--directory", folder]
         done = subprocess.run(
             [*command, "--snakefile", root / "Snakefile", *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env=environment,
+            env=environment | (more or {}),
         )
         return done.returncode, done.stdout
 

@@ -307,6 +307,17 @@ def of_verdict(experiment, scene):
     return found
 
 
+def of_page(experiment, scene):
+    """What its images are of besides: those views' warped photos, and the truth."""
+    found = of_verdict(experiment, scene)
+    warped = {
+        f"{split}_warped": f"{experiment.reference_folder(scene, 0)}/warped/{split}"
+        for split in ("train", "test")
+        if f"{split}_renders" in found
+    }
+    return found | warped | truth_of(experiment, scene)
+
+
 def options_of(tables):
     """Command line of tables' rows, of `tables`."""
     return [

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from alignerf.command import images, progress
-from alignerf.scenes import cameras, distortion
+from alignerf.scenes import cameras, distortion, prepared
 
 # Under this no method of the analysis works: SSIM needs 11 pixels, flow more.
 MIN_SIZE_PX = 32
@@ -194,19 +194,19 @@ def split_views(n, *, test_every):
 def write_views(folder, views: PosedViews, *, split):
     """Write images/<name>.png and cameras.npz into a folder.
 
-    And points.npz, bounds.npz and masks/<name>.npz, where the views have them.
+    And `prepared.POINTS`, `BOUNDS` and MASKS/<name>.npz, where the views have them.
     """
     (folder / "images").mkdir(parents=True)
     for i, name in progress.over(enumerate(views.names), "images"):
         images.write(folder / "images" / f"{name}.png", views.load(i))
     if views.load_mask is not None:
-        write_masks(folder / "masks", views)
+        write_masks(folder / prepared.MASKS, views)
     write_cameras(folder / "cameras.npz", views, split=split)
     if views.points is not None:
         positions, colours = views.points
-        np.savez(folder / "points.npz", points=positions, colours=colours)
+        np.savez(folder / prepared.POINTS, points=positions, colours=colours)
     if views.bounds is not None:
-        np.savez(folder / "bounds.npz", bounds=views.bounds)
+        np.savez(folder / prepared.BOUNDS, bounds=views.bounds)
 
 
 def write_masks(folder, views: PosedViews):

@@ -20,8 +20,11 @@ SPLITS = ("train", "test")
 POSES = dict.fromkeys(
     ("width", "photo_width", "registered", "total"), json_files.NUMBER
 ) | {"mean_reprojection_error_px": json_files.NUMBER_OR_NONE}
+# What some scenes have besides lies among their images, which go wherever a stage is.
 # Folder of <view>.npz {valid}, of scenes whose photos do not count everywhere.
-MASKS = "masks"
+MASKS = "images/masks"
+# COLMAP's points {points, colours}, and LLFF's depths {bounds} of each view.
+POINTS, BOUNDS = "images/points.npz", "images/bounds.npz"
 # What OpenCV can warp.
 MOST_SIDE_PX = 32766
 # Bytes of a view's name: with suffixes, and beside it what is being written, it has to

@@ -59,7 +59,7 @@ def test_cameras_come_back_from_transforms_and_from_colmap(scene, moved):
 def test_points_of_the_poses_come_along(scene, rng):
     points = rng.normal(size=(30, 3))
     colours = rng.integers(0, 256, (30, 3), dtype=np.uint8)
-    np.savez(scene / "points.npz", points=points, colours=colours)
+    np.savez(scene / prepared.POINTS, points=points, colours=colours)
     _, out = run(scene)
     model = pycolmap.Reconstruction(out / "sparse" / "0")
     found = sorted((p.xyz.tolist(), p.color.tolist()) for p in model.points3D.values())
@@ -86,7 +86,7 @@ def test_what_came_as_llff_goes_as_llff(scene, moved, rng):
     found["names"] = np.array(renamed)
     np.savez(scene / "cameras.npz", **found)
     bounds = np.sort(rng.uniform(1, 9, (len(names), 2)), axis=1)
-    np.savez(scene / "bounds.npz", bounds=bounds)
+    np.savez(scene / prepared.BOUNDS, bounds=bounds)
     code, out = run(scene)
     assert code == 0
     views = prepare.sort_by_name(llff.read(out))
@@ -101,7 +101,7 @@ def test_what_came_as_llff_goes_as_llff(scene, moved, rng):
 
 def test_lenses_that_llff_cannot_say_are_said(scene, moved, caplog):
     views = len(prepared.read_cameras(moved)["names"])
-    np.savez(scene / "bounds.npz", bounds=np.ones((views, 2)))
+    np.savez(scene / prepared.BOUNDS, bounds=np.ones((views, 2)))
     code, out = run(scene, "--cameras", moved)
     assert code == 0
     assert not (out / "poses_bounds.npy").exists()

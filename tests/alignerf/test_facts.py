@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from alignerf import facts
-from alignerf.scenes import cameras
+from alignerf.scenes import cameras, prepared
 
 
 def ring(count, radius=2.0):
@@ -114,7 +114,9 @@ def test_points_say_how_near_and_far_a_scene_is(scene, rng, far, bounded):
         angles = rng.uniform(0, 2 * np.pi, size=40)
         ends = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
         points = np.concatenate([points, far * ends])
-    np.savez(scene / "points.npz", points=points, colours=np.zeros_like(points, "u1"))
+    np.savez(
+        scene / prepared.POINTS, points=points, colours=np.zeros_like(points, "u1")
+    )
     found = facts_of(scene)
     # Cameras at distance 2 have a largest coordinate of 2: lengths are half of these.
     assert found["median_depth"] == pytest.approx(1.0, abs=0.05)
@@ -156,9 +158,9 @@ def test_soft_and_dark_photos_are_found(scene, rng):
 
 def test_bounds_that_are_no_depths_are_no_facts(scene):
     unknown = [[0, 5], [-1, 5], [np.nan, 5], [5, 2]]
-    np.savez(scene / "bounds.npz", bounds=unknown)
+    np.savez(scene / prepared.BOUNDS, bounds=unknown)
     assert facts_of(scene)["nearest"] is None
-    np.savez(scene / "bounds.npz", bounds=[*unknown, [1.0, np.inf], [2.0, 6.0]])
+    np.savez(scene / prepared.BOUNDS, bounds=[*unknown, [1.0, np.inf], [2.0, 6.0]])
     found = facts_of(scene)
     # Lengths are half of these, see above; 3 is the harmonic mean.
     names = ("nearest", "median_depth", "farthest")

@@ -26,7 +26,7 @@ rule align:
         "python -m flow.align {params.flow:q} --splits {params.splits}"
         " --renders {params.folder:q}/renders/{{split}}"
         " --depth {params.folder:q}/depth/{{split}} --photos {input.photos:q}"
-        " --masks results/{wildcards.scene:q}/masks"
+        " --masks {input.photos:q}/masks"
         " --flow-out {params.folder:q}/flow/{{split}}"
         " --warped-out {params.folder:q}/warped/{{split}}"
         " --stats-out {params.folder:q}/displacement_{{split}}.csv 2>&1 | tee {log:q}"
@@ -74,7 +74,7 @@ rule testset:
     shell:
         "python -m flow.align {params.flow:q} --renders {input.renders:q}"
         " --depth {input.depth:q}"
-        " --photos {input.photos:q} --masks results/{wildcards.scene:q}/masks"
+        " --photos {input.photos:q} --masks {input.photos:q}/masks"
         " --flow-out {output.flow:q}"
         " --warped-out {output.warped:q} --stats-out {output.stats:q}"
         " 2>&1 | tee {log:q}"
@@ -102,7 +102,7 @@ rule control_sets:
         sources=sources_of("flow.control_sets"),
     shell:
         "python -m flow.control_sets {params.flow:q} --renders {input.renders:q}"
-        " --photos {input.photos:q} --masks results/{wildcards.scene:q}/masks"
+        " --photos {input.photos:q} --masks {input.photos:q}/masks"
         " --flow {input.flow:q} {params.truth:q}"
         " --out results/{wildcards.scene:q}/testset 2>&1 | tee {log:q}"
 

@@ -3,7 +3,7 @@ rule comparison:
     input:
         lambda w: rows.files_of(check.or_exit(regimes.comparison, experiment)),
         configs=expand("results/{scene}/config.yaml", scene=experiment.scenes),
-        published=rows.published_table(),
+        published=local(rows.published_table()),
     output:
         csv=report(
             "results/comparison.csv",

@@ -1,9 +1,10 @@
 # What a visitor opens: verdict, images, tables and costs of a scene in one file.
 rule page:
     input:
-        unpack(lambda w: rows.of_verdict(experiment, w.scene)),
+        unpack(lambda w: rows.of_page(experiment, w.scene)),
         lambda w: rows.files_of(rows.figure_rounds(experiment, w.scene)),
         images="results/{scene}/images",
+        preflight=ancient("results/{scene}/preflight.json"),
         tables=lambda w: targets.of_page(experiment, w.scene),
     output:
         report(

@@ -2,8 +2,8 @@
 # Poses are computed once and kept: no later rule changes them.
 rule poses:
     input:
-        lambda w: experiment.scenes[w.scene]["path"] or [],
-        lambda w: experiment.scenes[w.scene]["masks"] or [],
+        lambda w: local(experiment.scenes[w.scene]["path"] or []),
+        lambda w: local(experiment.scenes[w.scene]["masks"] or []),
     output:
         images=directory("results/{scene}/images"),
         cameras="results/{scene}/cameras.npz",

@@ -3,7 +3,7 @@ rule tables:
     input:
         lambda w: rows.files_of(rows.tables(experiment, w.scene).values()),
         configs="results/{scene}/config.yaml",
-        published=lambda w: rows.published(w.scene),
+        published=lambda w: local(rows.published(w.scene)),
     output:
         [
             report(
@@ -54,6 +54,7 @@ rule figures:
         lambda w: rows.files_of(rows.figure_rounds(experiment, w.scene)),
         lambda w: rows.files_of(rows.crops(experiment, w.scene)),
         images="results/{scene}/images",
+        flow="results/{scene}/testset/flow",
         testset="results/{scene}/testset/displacement.csv",
         reference=lambda w: f"{experiment.reference_folder(w.scene)}/renders/test",
         parts=lambda w: f"{experiment.reference_folder(w.scene, 0)}/parts/test",

@@ -65,7 +65,7 @@ use rule evaluate as evaluate_variant with:
         renders="results/{scene}/tradeoff/{variant}/renders/test",
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
-        weights=list(config["lpips"].values()),
+        weights=local(list(config["lpips"].values())),
     output:
         "results/{scene}/tradeoff/{variant}/metrics.csv",
     log:

@@ -117,7 +117,7 @@ rule finetune:
         initial=lambda w: "{}/model.msgpack".format(
             experiment.pretrained(w.scene, w.method)
         ),
-        weights=lambda w: slices.frequency_weights_of(experiment, w.method) or [],
+        weights=lambda w: local(slices.frequency_weights_of(experiment, w.method) or []),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
         decisions=lambda w: rows.decisions_of(experiment, w.scene),

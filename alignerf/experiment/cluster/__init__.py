@@ -1,1 +1,1 @@
-"""What jobs ask of a cluster, and what it says when it ends them."""
+"""Beyond one machine: what jobs ask for, why they ended, where results are stored."""

@@ -112,12 +112,12 @@ def test_a_mask_becomes_smaller_with_its_photo_and_keeps_no_mixed_pixel(tmp_path
     )
     views = prepare.downscale(prepare.sort_by_name(views), 1.25)
     prepare.write_views(tmp_path / "new", views, split=np.array(["train", "test"]))
-    with np.load(tmp_path / "new/masks/b.npz") as archive:
+    with np.load(tmp_path / "new/images/masks/b.npz") as archive:
         valid = archive["valid"]
     assert valid.shape == (48, 64)
     assert not valid[:, :8].any()
     assert valid[:, 8:].all()
-    with np.load(tmp_path / "new/masks/a.npz") as archive:
+    with np.load(tmp_path / "new/images/masks/a.npz") as archive:
         assert archive["valid"].all()
 
 

@@ -1,0 +1,34 @@
+"""results/SCENE, where a storage of Snakemake's keeps its files elsewhere."""
+
+import pytest
+
+from alignerf.experiment.cluster import stored
+
+
+@pytest.fixture
+def places(tmp_path):
+    return tmp_path / "copies" / "results", tmp_path / "results"
+
+
+def test_scenes_lead_to_the_copies(places):
+    copies, results = places
+    for _ in range(2):
+        stored.link(["a", "b c"], copies, results)
+        (results / "b c" / "facts.json").write_text("{}")
+        assert (copies / "b c" / "facts.json").read_text() == "{}"
+    # What is in another bucket is not its.
+    with pytest.raises(ValueError, match="in another storage"):
+        stored.link(["a"], copies.parent / "other", results)
+
+
+def test_without_a_storage_nothing_is_made(tmp_path):
+    stored.link(["a"], tmp_path / "results", tmp_path / "results")
+    assert not list(tmp_path.iterdir())
+
+
+def test_results_on_the_disk_are_left_alone(places):
+    copies, results = places
+    (results / "a").mkdir(parents=True)
+    with pytest.raises(ValueError, match="lies on the disk"):
+        stored.link(["a"], copies, results)
+    assert not (results / "a").is_symlink()
