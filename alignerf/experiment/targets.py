@@ -106,10 +106,12 @@ def causes(snakemake_logs):
         text = Path(path).read_text(encoding="utf-8", errors="replace")
         if STOPPED in text:
             return ["stopped, as asked.", GOES_ON]
-        logs += [found for one in FAILED_LOGS for found in one.findall(text)]
-        ended += ends.lines(text)
-    # The second quotes a name with spaces.
-    paths = dict.fromkeys(Path(log.strip("'")) for log in logs)
+        named = [found for one in FAILED_LOGS for found in one.findall(text)]
+        # The second quotes a name with spaces.
+        of_jobs = [log.strip("'") for names in named for log in names.split(", ")]
+        ended += ends.lines(text, of_jobs)
+        logs += [log for log in of_jobs if not ends.is_slurms(log)]
+    paths = map(Path, dict.fromkeys(logs))
     found = ended + [line for path in paths for line in cause(path)]
     if found:
         found.append(GOES_ON)

@@ -48,6 +48,7 @@ SelectType=select/cons_tres
 SelectTypeParameters=CR_Core_Memory
 SchedulerParameters=sched_interval=1,batch_sched_delay=0
 GresTypes=gpu
+AccountingStorageTRES=gres/gpu
 MpiDefault=none
 # Nodes may be said to be larger than this host.
 SlurmdParameters=config_overrides
