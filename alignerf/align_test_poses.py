@@ -67,6 +67,7 @@ class Fitted(NamedTuple):
 def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
+    devices.take_accelerator()
     loaded = prepared.load(args.scene, args.cameras)
     moving = args.gradient_steps > 0
     method, params = renderer.read_model(args.config, args.model, loaded, moving=moving)

@@ -28,6 +28,7 @@ log = logging.getLogger("alignerf")
 def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
+    devices.take_accelerator()
     if left := eta.Left(args.scene, args.timing).of():
         log.info(left)
     split_paths.check(args.splits, (args.renders, args.depth, args.timing))

@@ -13,6 +13,7 @@ import dataclasses
 import hashlib
 import json
 import logging
+import os
 
 import jax
 
@@ -40,6 +41,8 @@ log = logging.getLogger("alignerf")
 def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
+    if place.of(os.environ).count == 1:
+        devices.take_accelerator()
     with together.together():
         run(args)
 

@@ -1,11 +1,15 @@
 """What a command may use of the machine that it runs on."""
 
 import concurrent.futures
+import hashlib
 import os
+import platform
 from pathlib import Path
 
 # Device files of NVIDIA's and AMD's drivers, and of Google's TPUs.
 ACCELERATORS = ("nvidia[0-9]*", "kfd", "accel[0-9]*")
+# Lines of /proc/cpuinfo, on x86 and on ARM.
+FLAGS = ("flags", "features")
 _limit = None
 
 
@@ -42,6 +46,20 @@ def map_in_threads(function, items, *, threads=None):
         yield from pool.map(function, items)
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def processor(cpuinfo=Path("/proc/cpuinfo")) -> str:
+    """A short name of the kind of processor; programs for one kind run on all of it.
+
+    Its architecture and, on Linux, a hash of the abilities that the first core lists.
+    """
+    found = platform.machine()
+    try:
+        lines = cpuinfo.read_text().splitlines()
+    except OSError:
+        return found
+    flags = next((line for line in lines if line.lower().startswith(FLAGS)), "")
+    return f"{found}-{hashlib.sha256(flags.encode()).hexdigest()[:8]}"
 
 
 def has_accelerator(devices=Path("/dev")) -> bool:

@@ -25,6 +25,8 @@ ACCELERATORS = int(machine.has_accelerator())
 # alignerf/training/devices.py).
 OF_TRAINING = WHOLE_MACHINE if ACCELERATORS else min(max(WHOLE_MACHINE // 2, 1), 4)
 
+# Compiled JAX programs.
+CACHE = Path("results/.jax_cache")
 # What a page is made of besides code.
 DATA = (".html", ".css", ".js")
 
@@ -96,7 +98,10 @@ def set_environment(scenes=()):
     all that the run has, for the time that is left (`alignerf.preflight.eta`).
     """
     os.environ["ALIGNERF_SCENES"] = "\n".join(scenes)
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path("results/.jax_cache")))
+    # Programs for one kind of processor can end the process on another: each kind has a
+    # folder, also where the machine that submits jobs has named that of its own.
+    if Path(os.environ.get("JAX_COMPILATION_CACHE_DIR", CACHE / "any")).parent == CACHE:
+        os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE / machine.processor())
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")
     prepend("PYTHONPATH", ROOT)
     prepend("PATH", Path(sys.executable).parent)

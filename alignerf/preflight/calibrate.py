@@ -46,6 +46,7 @@ def main(argv=None):
     parser.add_argument("--started", type=float, help="when, in seconds since 1970")
     args = parser.parse_args(argv)
     machine.limit(args.threads)
+    devices.take_accelerator()
     started = time.time() if args.started is None else args.started
     job = with_radius(jobs.parse(jobs.read(args.config)))
     measure = {"train": of_training, "render": of_rendering}[args.what]

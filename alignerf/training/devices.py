@@ -5,10 +5,14 @@ threads on two cores render a hash grid 1.9 times as fast as one does, and as tw
 devices they train it 1.3 times as fast as one of two threads, an MLP 1.05 times.
 """
 
+import contextlib
 import functools
 import logging
 import os
+import tempfile
+from pathlib import Path
 
+import filelock
 import jax
 import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec, SingleDeviceSharding
@@ -20,6 +24,8 @@ log = logging.getLogger("alignerf")
 
 # Beyond these, further devices have less to do and more gradients to add up.
 MOST_DEVICES = 4
+# Locks of accelerators that this process has taken.
+_held = []
 
 
 def use_as_devices():
@@ -40,6 +46,37 @@ def use_as_devices():
                 "too late for a device each of %d cores: JAX has started with %d",
                 *(wanted, len(devices)),
             )
+
+
+def take_accelerator(device_files=Path("/dev"), locks=None):
+    """Take one of this host's NVIDIA accelerators that no other job of this user has.
+
+    Where there are several and nobody, as Slurm does, has said which. It is held until
+    the process ends. Where each process takes a share of its memory
+    (XLA_PYTHON_CLIENT_MEM_FRACTION), as many share one as fit. ValueError where all are
+    taken.
+    """
+    numbers = sorted(
+        int(path.name.removeprefix("nvidia"))
+        for path in device_files.glob("nvidia[0-9]*")
+    )
+    if len(numbers) < 2 or "CUDA_VISIBLE_DEVICES" in os.environ:
+        return
+    share = float(os.environ.get("XLA_PYTHON_CLIENT_MEM_FRACTION") or 1)
+    folder = Path(locks or tempfile.gettempdir())
+    # Empty ones first.
+    for slot in range(int(1 / min(max(share, 0.01), 1))):
+        for number in numbers:
+            name = f"alignerf-{os.getuid()}-gpu{number}-{slot}.lock"
+            lock = filelock.FileLock(folder / name, timeout=0)
+            with contextlib.suppress(filelock.Timeout):
+                lock.acquire()
+                _held.append(lock)
+                os.environ["CUDA_VISIBLE_DEVICES"] = str(number)
+                return
+    raise ValueError(
+        f"all {len(numbers)} accelerators are taken: --resources gpu={len(numbers)}"
+    )
 
 
 def map_in_threads(function, items):

@@ -48,7 +48,6 @@ SelectType=select/cons_tres
 SelectTypeParameters=CR_Core_Memory
 SchedulerParameters=sched_interval=1,batch_sched_delay=0
 GresTypes=gpu
-AccountingStorageTRES=gres/gpu
 MpiDefault=none
 # Nodes may be said to be larger than this host.
 SlurmdParameters=config_overrides
@@ -214,7 +213,8 @@ def start(folder, names, environ):
         if states.stdout.split() == ["idle"] * len(names):
             return
         if time.monotonic() > until:
-            raise RuntimeError(f"the nodes do not come up: {states}")
+            log = (folder / "slurmctld.log").read_text()
+            raise RuntimeError(f"the nodes do not come up: {states}\n{log[-1000:]}")
         time.sleep(0.5)
 
 

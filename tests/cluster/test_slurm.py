@@ -59,7 +59,7 @@ TRAINED = "results/tiny/mipnerf360/round0/timing.json"
 LOG = "results/tiny/mipnerf360/round0/logs/train.log"
 # Of every job, in columns of so many letters.
 WIDTH = 200
-COLUMNS = ("Comment", "NumCPUs", "MinMemory", "TimeLimit", "tres-alloc", "State")
+COLUMNS = ("Comment", "NumCPUs", "MinMemory", "TimeLimit", "tres-per-job", "State")
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +135,7 @@ def test_jobs_have_what_they_ask_for(root, slurm, begun):
     (job,) = jobs_of(slurm, "train")
     cores, memory, minutes, held, state = job
     assert (cores, state) == ("4", "COMPLETED")
-    assert "gres/gpu=1" in held.split(",")
+    assert held == "gres:gpu:1"
     asked_mb = int(memory.removesuffix("M"))
     assert 1.25 * task["peak_bytes"] < 1e6 * asked_mb < 1.5 * task["peak_bytes"] + 6e8
     assert re.fullmatch(r"1\d:00", minutes)

@@ -54,6 +54,22 @@ def test_an_accelerator_shows_in_its_device_file(tmp_path, files, found):
     assert machine.has_accelerator(tmp_path) == found
 
 
+def test_processors_of_other_abilities_have_other_names(tmp_path):
+    info = tmp_path / "cpuinfo"
+    names = []
+    for text in (
+        "processor : 0\nmodel name : A\nflags : sse avx\nflags : sse avx\n",
+        "processor : 0\nmodel name : B\nflags : sse avx\n",
+        "processor : 0\nmodel name : A\nflags : sse\n",
+        "processor : 0\nFeatures : neon\n",
+    ):
+        info.write_text(text)
+        names.append(machine.processor(info))
+    assert names[0] == names[1]
+    assert len({*names, machine.processor(tmp_path / "none")}) == 4
+    assert all("/" not in name for name in names)
+
+
 def test_photos_are_decoded_by_as_many_threads(three_of_many, tmp_path, monkeypatch):
     (tmp_path / "images").mkdir()
     Image.fromarray(np.zeros((3, 4, 3), np.uint8)).save(tmp_path / "images" / "a.png")

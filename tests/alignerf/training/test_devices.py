@@ -1,5 +1,6 @@
 """Every core a device: in time, or said that it is too late."""
 
+import os
 import pathlib
 import subprocess
 import sys
@@ -85,3 +86,50 @@ def test_nothing_is_said_where_nothing_is_lost(monkeypatch, caplog, by_user):
     monkeypatch.setattr(machine, "cores", lambda: there + by_user)
     devices.use_as_devices()
     assert not caplog.records
+
+
+@pytest.fixture
+def four(tmp_path, monkeypatch):
+    """A host with four accelerators, as their device files and locks tell."""
+    for name in ("nvidia0", "nvidia1", "nvidia2", "nvidia10", "nvidiactl"):
+        (tmp_path / name).touch()
+    monkeypatch.setattr(devices, "_held", [])
+    monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
+
+    def take():
+        monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
+        devices.take_accelerator(tmp_path, tmp_path)
+        return os.environ.get("CUDA_VISIBLE_DEVICES")
+
+    yield take
+    for lock in devices._held:
+        lock.release()
+
+
+def test_each_job_takes_an_accelerator_of_its_own(four):
+    assert [four() for _ in range(4)] == ["0", "1", "2", "10"]
+    with pytest.raises(ValueError, match=r"all 4 accelerators .* --resources gpu=4"):
+        four()
+    # One that has ended gives back what it had.
+    devices._held.pop(1).release()
+    assert four() == "1"
+
+
+def test_jobs_share_accelerators_where_their_memory_says_so(four, monkeypatch):
+    monkeypatch.setenv("XLA_PYTHON_CLIENT_MEM_FRACTION", ".45")
+    assert [four() for _ in range(8)] == ["0", "1", "2", "10"] * 2
+
+
+def test_what_a_cluster_has_given_is_taken(four, tmp_path, monkeypatch):
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "7")
+    devices.take_accelerator(tmp_path, tmp_path)
+    assert os.environ["CUDA_VISIBLE_DEVICES"] == "7"
+    assert not devices._held
+
+
+def test_one_accelerator_or_none_is_left_to_jax(tmp_path, monkeypatch):
+    monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
+    for _ in range(2):
+        devices.take_accelerator(tmp_path, tmp_path)
+        assert "CUDA_VISIBLE_DEVICES" not in os.environ
+        (tmp_path / "nvidia0").touch()
