@@ -21,6 +21,8 @@ class Training:
         state = program.fresh_state(built.optimizer, params)
         self._state, self._views = devices.place((state, views), built.mesh)
         self._step, self.compile_s = built.step, built.compile_time_s
+        # What the compiler counts, as {"flops": ...} of a step.
+        self.cost = built.step.cost_analysis()
         self._schedule = program.schedule_of(job, built.mesh)
 
     def __call__(self):

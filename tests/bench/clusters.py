@@ -1,0 +1,111 @@
+"""What the paper's Tables 2 and 3 cost on a cluster: hours and money.
+
+Trainings and their lengths are those of outdoor_high.yaml and outdoor_low.yaml, as the
+preflight is told of them. A ray's seconds are measured here, with a step of a few rays
+of each system at its published size; a ray's arithmetic is what the compiler counts.
+Renders of the test views cost a third of a ray's step: no gradient, no Adam.
+
+Nothing here was measured on an accelerator: its hours follow from the arithmetic and
+from TFLOPS, which you should replace by yours.
+"""
+
+import json
+import os
+import tempfile
+from pathlib import Path
+from unittest import mock
+
+import yaml
+
+from alignerf.experiment import check, jobs, plan, targets
+from tests.bench import cases, measure, ours
+
+ROOT = Path(__file__).resolve().parents[2]
+TABLES = {2: "outdoor_high", 3: "outdoor_low"}
+# Test views of the five scenes, index % 8 == 0, and their size by table.
+TEST_VIEWS = 25 + 22 + 24 + 16 + 18
+PIXELS = {2: 2560 * 1680, 3: 1280 * 840}
+RENDERING = 1 / 3
+# Assumptions: what a rented accelerator reaches in such networks, a
+# quarter of its peak in bfloat16; and prices of an hour, in US dollars.
+TFLOPS, GPU_USD, CORE_USD = 75.0, 2.5, 0.04
+# Rays of a step; fine-tuning takes a patch.
+RAYS = 64
+
+
+def run(options):
+    """Rows: hours of each system's trainings of a table, here and by arithmetic."""
+    found = [row for table in TABLES for row in trainings_of(table)]
+    if options.quick:
+        found = found[:1]
+    programs = {key: job for _, _, key, job, _ in found}
+    costs = {key: of_ray(job, options) for key, job in programs.items()}
+    rows = []
+    for table, name, key, _, rays in found:
+        seconds, flop = costs[key]
+        rows.append(
+            measure.Row(
+                what=f"Table {table}: {name}",
+                unit="hours of these cores",
+                ours=measure.one(rays * seconds / 3600),
+                note=note(rays, flop),
+            )
+        )
+    return rows
+
+
+def trainings_of(table):
+    """(table, system, its program, a job of it, rays of all scenes and lengths)."""
+    experiment = experiment_of(ROOT / f"workflow/config/{TABLES[table]}.yaml")
+    found = {}
+    for scene in experiment.scenes:
+        for one in targets.work(experiment, scene)["trainings"]:
+            job = jobs.parse(one["job"])
+            name = one["name"].removesuffix("/round0")
+            rays = job.steps * job.rays_per_step
+            if job.stage != "pretrain":
+                rays += RENDERING * PIXELS[table] * TEST_VIEWS / 5
+            key, before = program(one["job"]), found.get(name, (None, None, 0))[2]
+            found[name] = (key, one["job"], before + rays)
+    return [(table, name, *rest) for name, rest in found.items()]
+
+
+def experiment_of(path):
+    """The experiment of a config whose photos need not be there."""
+    with tempfile.TemporaryDirectory() as data:
+        config = yaml.safe_load(path.read_text())
+        for scene in config["scenes"]:
+            (Path(data) / "360_v2" / scene).mkdir(parents=True)
+        with mock.patch.dict(os.environ, ALIGNERF_DATA=data):
+            return plan.Experiment(check.checked(config, [str(path)]), None)
+
+
+def program(job):
+    """What of a job decides a ray's cost."""
+    return json.dumps([job["model"], job["stage"], job["alignerf"]], sort_keys=True)
+
+
+def of_ray(job, options):
+    """(seconds here, floating-point operations) of a ray of a job's training."""
+    job = json.loads(json.dumps(job))
+    job["training"]["batch_rays"] = RAYS
+    if job["stage"] == "finetune":
+        job["alignerf"]["patches"] = 1
+        job["alignerf"] |= {"radius_px": job["alignerf"]["radius_px"] or 8}
+    if options.quick:
+        job["model"] = {**cases.TINY, "kind": "mipnerf360", "training": {}}
+    parsed = jobs.parse(job)
+    training = ours.Training(parsed, cases.orbit())
+    analysis = training.cost
+    times = measure.interleave({"ours": training}, max(1, options.repeats // 2))
+    rays = parsed.rays_per_step
+    return measure.spread(times["ours"]).median / rays, analysis["flops"] / rays
+
+
+def note(rays, flop):
+    """The rest of a row's columns: rays, arithmetic, an accelerator's hours, money."""
+    gpu_h = rays * flop / TFLOPS / 1e12 / 3600
+    return (
+        f"{rays / 1e9:.1f} G rays, {flop / 1e9:.2f} GFLOP a ray, {gpu_h:.0f} GPU hours "
+        f"at {TFLOPS:g} TFLOP/s, {gpu_h * GPU_USD:.0f} USD"
+    )

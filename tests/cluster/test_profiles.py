@@ -1,0 +1,60 @@
+"""The profiles of clusters name what the workflow has."""
+
+import re
+
+import pytest
+import yaml
+
+ON_ACCELERATORS = {
+    *("train", "train_warm", "train_refining", "pretrain", "finetune"),
+    *("train_variant", "render_views", "render_all_views", "render_pretrained"),
+    *("render_variant", "align_test_poses"),
+}
+
+
+@pytest.fixture(scope="module")
+def profiles(root):
+    return {
+        path.parent.name: yaml.safe_load(path.read_text())
+        for path in (root / "workflow/profiles").glob("*/config.yaml")
+    }
+
+
+@pytest.fixture(scope="module")
+def rules(root):
+    text = "".join(path.read_text() for path in (root / "workflow/rules").glob("*.smk"))
+    return {*re.findall(r"^rule (\w+):", text, re.MULTILINE)} | {
+        *re.findall(r"^use rule \w+ as (\w+) with:", text, re.MULTILINE)
+    }
+
+
+@pytest.mark.parametrize("name", ["slurm", "slurm_gpu", "kubernetes"])
+def test_only_rules_that_there_are(profiles, rules, name):
+    named = {*profiles[name].get("set-threads", {}), *profiles[name]["set-resources"]}
+    assert named <= rules
+
+
+def test_all_that_trains_or_renders_has_an_accelerator(profiles):
+    for name in ("slurm_gpu", "kubernetes"):
+        found = profiles[name]["set-resources"]
+        having = {rule for rule, said in found.items() if said.get("gpu") == 1}
+        assert having == ON_ACCELERATORS | {"preflight"}
+
+
+def test_a_training_has_as_many_cores_on_every_node(profiles):
+    """The machine that submits says nothing of those that compute."""
+    for name in ("slurm", "slurm_gpu"):
+        threads = profiles[name]["set-threads"]
+        assert {*threads} == ON_ACCELERATORS | {"preflight", "poses", "poses_courtyard"}
+        count = {threads[rule] for rule in ON_ACCELERATORS | {"preflight"}}
+        of_training = profiles[name]["set-resources"]["preflight"]["of_training"]
+        assert count == {of_training}
+
+
+def test_with_accelerators_nothing_else_is_different(profiles):
+    unlike = ("set-threads", "set-resources")
+    plain, gpu = (
+        {key: value for key, value in profiles[name].items() if key not in unlike}
+        for name in ("slurm", "slurm_gpu")
+    )
+    assert plain == gpu
