@@ -31,6 +31,20 @@ CACHE = Path("results/.jax_cache")
 DATA = (".html", ".css", ".js")
 
 
+class Unnoted(str):
+    """A text among a rule's params whose change makes nothing again.
+
+    Snakemake notes what repr() says of a param. For the preflight, on which trainings
+    wait as on an `ancient` input: Snakemake (9.27, its issue 4166) leaves out all that
+    waits so for a job that is made again, though its output is not there.
+    """
+
+    __slots__ = ()
+
+    def __repr__(self):
+        return "''"
+
+
 @functools.cache
 def sources_of(*modules):
     """SHA-256 of all that `python -m module` runs, for each of the modules.

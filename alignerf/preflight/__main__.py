@@ -9,6 +9,7 @@ machine is refused. `--show` prints what such files say.
 import argparse
 import concurrent.futures
 import functools
+import hashlib
 import json
 import shutil
 import subprocess
@@ -16,9 +17,9 @@ import sys
 import time
 from pathlib import Path
 
-from alignerf.command import faults, json_files, whole
+from alignerf.command import faults, json_files, whole, yaml_files
 from alignerf.decisions import fill
-from alignerf.experiment import slices
+from alignerf.experiment import check, plan, slices, targets
 from alignerf.preflight import fit, flow, lanes, schedule
 from alignerf.scenes import prepared
 from alignerf.training import memory
@@ -27,21 +28,50 @@ from alignerf.training import memory
 def main(argv=None):
     args = parse(argv)
     if args.show:
+        if args.configs:
+            renew(args)
         print("\n".join(shown(args.show)))
         return
-    work = decided(json.loads(args.work))
-    plan = {} if work is None else plan_of(args, work)
-    if plan:
-        print("\n".join(fit.lines(plan, plan["scene"])))
-        fit.check(plan)
-    with whole.replace_file(args.out) as path:
-        path.write_text(json.dumps(plan, indent=1) + "\n")
+    write(args, args.scene, json.loads(args.work), args.out)
+
+
+def renew(args):
+    """Measure anew what says nothing of the plan that there is now."""
+    for path, config in zip(args.show, args.configs, strict=True):
+        work = work_of(config, path.parent.name)
+        if work is not None and read(path).get("work") != digest(work):
+            write(args, path.parent, work, path)
+
+
+def work_of(config, scene):
+    """What there is to do for a scene, of its complete config."""
+    found = check.checked(yaml_files.read(config), [str(config)])
+    # With `rounds: auto` all rounds are counted that there may be.
+    return targets.work(plan.Experiment(found, None), scene)
+
+
+def write(args, scene, work, out):
+    """Measure a scene's plan, say what it costs, and write it down."""
+    filled = decided(work)
+    cost = {} if filled is None else plan_of(args, scene, filled)
+    if cost:
+        cost["work"] = digest(work)
+        print("\n".join(fit.lines(cost, cost["scene"])))
+        fit.check(cost)
+    with whole.replace_file(out) as path:
+        path.write_text(json.dumps(cost, indent=1) + "\n")
+
+
+def digest(work) -> str:
+    """SHA-256 of what there is to do."""
+    return hashlib.sha256(slices.as_json(work).encode()).hexdigest()
 
 
 def parse(argv=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="alignerf.preflight", description=__doc__)
     parser.add_argument("--show", nargs="+", type=Path, help="preflight.json, printed")
+    parser.add_argument("--configs", nargs="+", type=Path, help="config.yaml of each")
     parser.add_argument("--scene", type=Path, help="prepared scene folder")
     parser.add_argument("--work", help="JSON: what there is to do; null: say nothing")
     parser.add_argument("--cores", type=int, default=1, help="of the whole plan")
@@ -63,10 +93,10 @@ def decided(work):
 
 def shown(paths):
     """Lines of files that are there already, and of all together."""
-    plans = [plan for path in paths if (plan := read(path))]
-    found = [line for plan in plans for line in fit.lines(plan, plan["scene"])]
-    if len(plans) > 1:
-        found.append(f"all scenes: about {fit.minutes(fit.in_all(plans))}")
+    costs = [cost for path in paths if (cost := read(path))]
+    found = [line for cost in costs for line in fit.lines(cost, cost["scene"])]
+    if len(costs) > 1:
+        found.append(f"all scenes: about {fit.minutes(fit.in_all(costs))}")
     return found or ["nothing is said with `preflight: false`"]
 
 
@@ -87,19 +117,19 @@ def read(path):
     return found
 
 
-def plan_of(args, work):
+def plan_of(args, scene, work):
     """The content of preflight.json."""
     threads = min(args.threads, args.cores)
-    loaded = prepared.load(args.scene)
+    loaded = prepared.load(scene)
     views = views_of(loaded)
     begun = time.perf_counter()
     at_once = max(1, args.cores // threads)
-    rates, of_flow = calibrated(args.scene, loaded, work, threads, at_once)
+    rates, of_flow = calibrated(scene, loaded, work, threads, at_once)
     tasks = schedule.tasks_of(work, rates, of_flow, views, threads=threads)
-    missing = [t for t in tasks if not (args.scene / t.file).exists()]
+    missing = [t for t in tasks if not (scene / t.file).exists()]
     wall_s = lanes.wall_s(tasks, args.cores)
     return {
-        "scene": args.scene.name,
+        "scene": scene.name,
         "cores": args.cores,
         "lanes": at_once,
         "wall_s": round(wall_s, 1),
@@ -108,7 +138,7 @@ def plan_of(args, work):
         "memory_free_bytes": memory.free_host_bytes(),
         # What is there from before takes no more.
         "disk_bytes": sum(task.new_bytes for task in missing),
-        "disk_free_bytes": shutil.disk_usage(args.scene).free,
+        "disk_free_bytes": shutil.disk_usage(scene).free,
         "calibration_s": round(time.perf_counter() - begun, 1),
         "measured": {
             "flow": of_flow._asdict(),

@@ -10,6 +10,7 @@ ON_ACCELERATORS = {
     *("train_variant", "render_views", "render_all_views", "render_pretrained"),
     *("render_variant", "align_test_poses"),
 }
+MEASURING = {"preflight", "preview"}
 
 
 @pytest.fixture(scope="module")
@@ -38,15 +39,15 @@ def test_all_that_trains_or_renders_has_an_accelerator(profiles):
     for name in ("slurm_gpu", "kubernetes"):
         found = profiles[name]["set-resources"]
         having = {rule for rule, said in found.items() if said.get("gpu") == 1}
-        assert having == ON_ACCELERATORS | {"preflight"}
+        assert having == ON_ACCELERATORS | MEASURING
 
 
 def test_a_training_has_as_many_cores_on_every_node(profiles):
     """The machine that submits says nothing of those that compute."""
     for name in ("slurm", "slurm_gpu"):
         threads = profiles[name]["set-threads"]
-        assert {*threads} == ON_ACCELERATORS | {"preflight", "poses", "poses_courtyard"}
-        count = {threads[rule] for rule in ON_ACCELERATORS | {"preflight"}}
+        assert {*threads} == ON_ACCELERATORS | MEASURING | {"poses", "poses_courtyard"}
+        count = {threads[rule] for rule in ON_ACCELERATORS | MEASURING}
         of_training = profiles[name]["set-resources"]["preflight"]["of_training"]
         assert count == {of_training}
 

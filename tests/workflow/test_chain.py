@@ -80,6 +80,8 @@ def check_reruns(plan, root, config):
         (root / "flow/camera/fit.py", "\n", "\n\n", BY_CAMERA),
         (root / "requirements.lock", "\n", "\n\n", EVERYTHING),
         (config, "features: 4", "features: 5", {"config", "finetune"}),
+        # It is not measured again, or Snakemake would leave out what waits for it.
+        (config, "preflight: false", "preflight: true", {"config"}),
         (config, "tolerance_px: 4.0", "tolerance_px: 2.0", aligned | {"config"}),
         # Tables run too, since the complete config that they cite is made again.
         (

@@ -51,12 +51,13 @@ def test_a_preview_trains_nothing_also_where_rounds_are_to_be_decided(
     code, output = snakemake(*options, "preview")
     assert code == 0, output
     assert planned(output) == {
+        "config": 2,
         "poses_courtyard": 2,
         "facts": 2,
         "decisions": 2,
         "preflight": 2,
         "preview": 1,
-        "total": 9,
+        "total": 11,
     }
 
 

@@ -1,7 +1,8 @@
 # Hours, memory and disk of a scene's whole plan, from a calibration of this machine.
 # It takes the machine as long, and what it compiles its trainings need not. With
 # `preflight: false` the file says nothing: it is there even so, since a training whose
-# inputs are others than before is made again.
+# inputs are others than before is made again. For another config it is measured again
+# by `preview` alone (see sources.Unnoted).
 rule preflight:
     input:
         images="results/{scene}/images",
@@ -21,8 +22,9 @@ rule preflight:
         mem_mb=lambda w, attempt: needs.MEMORY_MB * attempt,
         of_training=sources.OF_TRAINING,
     params:
-        work=lambda w: slices.as_json(targets.work(experiment, w.scene)),
-        sources=sources_of("alignerf.preflight") if config["preflight"] else "",
+        work=lambda w: sources.Unnoted(
+            slices.as_json(targets.work(experiment, w.scene))
+        ),
     shell:
         "python -m alignerf.preflight --scene results/{wildcards.scene:q}"
         " --work {params.work:q} --cores {threads} --threads {resources.of_training}"
@@ -34,13 +36,19 @@ rule preview:
     input:
         decisions=expand("results/{scene}/decisions.json", scene=experiment.scenes),
         costs=expand("results/{scene}/preflight.json", scene=experiment.scenes),
+        configs=expand("results/{scene}/config.yaml", scene=experiment.scenes),
     log:
         "results/logs/preview.log",
     conda:
         "../../environment.yml"
+    threads: sources.WHOLE_MACHINE
+    resources:
+        gpu=sources.ACCELERATORS,
+        of_training=sources.OF_TRAINING,
     params:
         asked=[] if config["decide"] else ["--unasked"],
         sources=sources_of("alignerf.decisions", "alignerf.preflight"),
     shell:
         "(python -m alignerf.decisions --show {input.decisions:q} {params.asked} &&"
-        " python -m alignerf.preflight --show {input.costs:q}) 2>&1 | tee {log:q}"
+        " python -m alignerf.preflight --show {input.costs:q} --configs {input.configs:q}"
+        " --cores {threads} --threads {resources.of_training}) 2>&1 | tee {log:q}"
