@@ -16,6 +16,7 @@ PSNR, SSIM, LPIPS               `metrics`
 images, cameras, the truth      `scenes`, the embedded scene in `scenes.courtyard`
 
 `experiment` is what a config means, without JAX: which jobs there are, and what each of
-them depends on. `command` is what all commands share: errors in one line, files that
+them depends on, and what they ask of a cluster. `processes` lets several train one
+model. `command` is what all commands share: errors in one line, files that
 are whole or not there.
 """

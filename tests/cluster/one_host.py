@@ -91,6 +91,11 @@ class Cluster:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
 
+    def start_node(self, name):
+        """Let a node that died come back."""
+        call("slurmd", "-N", name, env=self.environ)
+        wait_for(self.nodes, self.environ)
+
 
 def steps_of(folder, name):
     """Process ids of a node's steps, and of what they run."""
@@ -202,6 +207,11 @@ def start(folder, names, environ):
     call("slurmctld", "-c", env=environ)
     for name in names:
         call("slurmd", "-N", name, env=environ)
+    wait_for(names, environ)
+
+
+def wait_for(names, environ):
+    """Until all nodes are idle; RuntimeError where they are not within a minute."""
     until = time.monotonic() + 60
     while True:
         states = subprocess.run(
@@ -213,8 +223,7 @@ def start(folder, names, environ):
         if states.stdout.split() == ["idle"] * len(names):
             return
         if time.monotonic() > until:
-            log = (folder / "slurmctld.log").read_text()
-            raise RuntimeError(f"the nodes do not come up: {states}\n{log[-1000:]}")
+            raise RuntimeError(f"the nodes do not come up: {states}")
         time.sleep(0.5)
 
 

@@ -169,7 +169,7 @@ def test_a_job_of_too_much_time_gets_more_and_goes_on(root, slurm, begun):
     assert (done.returncode == 0) == (found[-1][1] == "COMPLETED")
 
 
-def test_a_dead_node_and_a_cancelled_run_cost_no_more_than_a_minute(root, slurm, begun):
+def test_a_dead_node_and_a_cancelled_run_cost_a_minute_of_training(root, slurm, begun):
     """What was trained until the last checkpoint is there for the next node."""
     retrain(begun, peak_bytes=10**9, steps=1_000_000)
     process = subprocess.Popen(
@@ -197,13 +197,14 @@ def test_a_dead_node_and_a_cancelled_run_cost_no_more_than_a_minute(root, slurm,
     while slurm.says(*running) and time.monotonic() < until:
         time.sleep(1)
     assert not slurm.says(*running)
+    slurm.start_node(node)
     words = re.findall(r"resuming at step (\d+)", (begun / LOG).read_text())
     assert int(words[-1]) >= first
 
 
-def wait_for_step(manifest, *, above):
+def wait_for_step(manifest, *, above, most_s=420):
     """The step of a checkpoint that is younger than another."""
-    until = time.monotonic() + 240
+    until = time.monotonic() + most_s
     while time.monotonic() < until:
         time.sleep(1)
         if manifest.exists():
