@@ -237,6 +237,11 @@ def stop(folder, environ):
     """End what `start` has started, by its process ids."""
     # Jobs first: what a dead slurmd leaves behind nobody ends.
     subprocess.run(["scancel", "--user=root"], env=environ, capture_output=True)
+    waiting = ["squeue", "--noheader", "--states=R,CG"]
+    for _ in range(20):
+        if not subprocess.run(waiting, env=environ, capture_output=True).stdout:
+            break
+        time.sleep(1)
     subprocess.run(["scontrol", "shutdown"], env=environ, capture_output=True)
     time.sleep(1)
     for path in sorted(folder.glob("*.pid")):
