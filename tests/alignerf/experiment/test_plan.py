@@ -268,3 +268,20 @@ def test_the_cause_of_a_failure_is_its_jobs_last_error(tmp_path, monkeypatch):
     assert targets.causes(["snakemake.log"])[0] == "stopped, as asked."
     Path("snakemake.log").write_text("nothing of the kind")
     assert targets.causes(["snakemake.log"]) == []
+
+
+def test_what_is_asked_of_each_scene_is_found_once(demo, experiment_of):
+    demo["methods"]["warm"] = {"model": "base", "rounds": 1, "warm_start": WARM}
+
+    def found(count):
+        (scene,) = demo["scenes"].values()
+        names = [f"scene_{k}" for k in range(count)]
+        experiment = experiment_of(demo | {"scenes": dict.fromkeys(names, scene)})
+        for name in names:
+            targets.of_scene(experiment, name)
+            rows.tables(experiment, name)
+            rows.of_verdict(experiment, name)
+            rows.crops(experiment, name)
+        return experiment.known
+
+    assert found(40) == found(1)
