@@ -24,7 +24,7 @@ sources_of = sources.sources_of
 min_version("9.0")
 # A plan's jobs live until its end: of a large one, a sixth of the time goes into looking
 # for garbage among them (docs/measured/planning.csv).
-gc.set_threshold(100_000)
+gc.set_threshold(1_000_000)
 
 
 # Not merged with a config of the user's: that one differs from the defaults, not from

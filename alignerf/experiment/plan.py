@@ -6,6 +6,7 @@ in one go; *warm* plain ones go on from the weights of the round before.
 """
 
 import functools
+import itertools
 import re
 
 from alignerf.command import json_files
@@ -248,4 +249,16 @@ def at_rounds(found, *, others=False):
 
 def one_of(names):
     """Regular expression of these names; of none, it matches nothing."""
-    return "|".join(map(re.escape, sorted(names))) or r"(?!)"
+    return letters(sorted(names)) or r"(?!)"
+
+
+def letters(names):
+    """The same of sorted names, letter by letter; of none, nothing.
+
+    A plan matches every file with many expressions. One name after the other, what
+    that takes grows with the number of scenes.
+    """
+    parts = []
+    for letter, group in itertools.groupby(names, key=lambda name: name[:1]):
+        parts.append(re.escape(letter) + letters([name[1:] for name in group if name]))
+    return parts[0] if len(parts) == 1 else f"(?:{'|'.join(parts)})" if parts else ""

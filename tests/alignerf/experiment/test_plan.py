@@ -177,8 +177,13 @@ def test_the_truth_is_known_of_the_embedded_scene(demo, tmp_path, experiment_of)
 
 
 def test_names_become_a_pattern_that_matches_them_alone():
-    assert plan.one_of(["a.b", "c"]) == r"a\.b|c"
+    assert plan.one_of(["a.b", "c"]) == r"(?:a\.b|c)"
     assert plan.one_of([]) == "(?!)"
+    names = ["scene_1", "scene_10", "scene_2", "my-yard.1"]
+    found = re.compile(f"results/({plan.one_of(names)})/")
+    assert [found.fullmatch(f"results/{name}/")[1] for name in names] == names
+    for name in ("scene_", "scene_100", "my-yardx1", ""):
+        assert found.fullmatch(f"results/{name}/") is None
 
 
 def test_a_change_of_code_or_of_versions_changes_a_job(tmp_path, monkeypatch):
