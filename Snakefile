@@ -10,6 +10,7 @@
 #   snakemake --cores N flow_benchmark     how right and how fast the flow estimators are
 #   snakemake --cores N export             cameras and photos for other programs
 #   snakemake --cores N --configfile workflow/config/own_photos.yaml
+import gc
 import sys
 from pathlib import Path
 
@@ -23,6 +24,9 @@ from alignerf.experiment.cluster import needs, stored
 
 sources_of = sources.sources_of
 min_version("9.0")
+# A plan's jobs live until its end: of a large one, a sixth of the time goes into looking
+# for garbage among them (docs/measured/planning.csv).
+gc.set_threshold(1_000_000)
 
 
 # Not merged with a config of the user's: that one differs from the defaults, not from

@@ -99,7 +99,7 @@ def aligned_pose_inputs(experiment, scene, method, round):
     folder = experiment.folder(scene, method, round)
     by_flow = experiment.config["aligned_pose"]["flow"]
     found = {"flow": f"{folder}/flow/test"} if by_flow else {}
-    if scene in experiment.with_truth():
+    if experiment.has_truth(scene):
         found["truth"] = f"results/{scene}/truth"
         if by_flow:
             found["truth_flow"] = f"{folder}/flow_oracle/test"

@@ -5,15 +5,35 @@ k - 1 warped. *Staged* methods pre-train and fine-tune (AligNeRF), *plain* ones 
 in one go; *warm* plain ones go on from the weights of the round before.
 """
 
+import functools
+import itertools
 import re
 
 from alignerf.command import json_files
 from alignerf.experiment import settings
 
 
+def kept(method):
+    """Of an experiment: found once for each of its arguments, then looked up.
+
+    A plan of many scenes asks for the same millions of times. Not for what
+    `decided` says, which is another when a checkpoint has run.
+    """
+
+    @functools.wraps(method)
+    def found(self, *arguments):
+        key = (method.__name__, *arguments)
+        if key not in self.known:
+            self.known[key] = method(self, *arguments)
+        return self.known[key]
+
+    return found
+
+
 class Experiment:
     """A config as `check.checked` returns it, and what follows from it.
 
+    The config does not change from then on, nor what the methods return.
     decided(scene=, method=, round=) says whether a method with `rounds: auto` trains
     another round after this one. It is asked only where nothing else says how many.
     """
@@ -23,32 +43,40 @@ class Experiment:
         self.decided = decided
         self.methods = config["methods"]
         self.scenes = config["scenes"]
+        self.known = {}
 
+    @kept
     def staged(self):
         """Methods that pre-train and fine-tune."""
         return [name for name, m in self.methods.items() if m["alignerf"]]
 
+    @kept
     def given(self):
         """Methods that are another program's renders: they are scored, and no more."""
         return [name for name, m in self.methods.items() if m["renders"]]
 
+    @kept
     def trained(self):
         """All other methods."""
         return [name for name, m in self.methods.items() if not m["renders"]]
 
+    @kept
     def plain(self):
         """Methods trained in one go, on photos or warped photos."""
         return [name for name in self.trained() if name not in self.staged()]
 
+    @kept
     def warm(self):
         """Methods whose rounds go on from the weights of the round before."""
         return [name for name, m in self.methods.items() if m["warm_start"]]
 
+    @kept
     def from_scratch(self):
         """Plain methods that train every round from scratch."""
         others = {*self.warm(), *self.refining()}
         return [name for name in self.plain() if name not in others]
 
+    @kept
     def base_of(self, method):
         """Whose round 0 a method is set against, and a plain one begins with.
 
@@ -66,6 +94,7 @@ class Experiment:
         same = [name for name in scratch if self.methods[name]["model"] == model]
         return same[0] if same else method
 
+    @kept
     def owner_of(self, method, round):
         """Under whose name a method's round is trained: the first that does the same.
 
@@ -83,10 +112,12 @@ class Experiment:
             if self.methods[name]["model"] == model and self.changes(name)[:k] == done
         )
 
+    @kept
     def refining(self):
         """Methods that learn the cameras with the scene."""
         return [name for name, m in self.methods.items() if m["refine"]]
 
+    @kept
     def correcting(self):
         """Staged methods whose cameras are put right between their stages."""
         return [
@@ -101,6 +132,7 @@ class Experiment:
         """Folder of a method's round, which may be another method's (`owner_of`)."""
         return f"results/{scene}/{self.owner_of(method, round)}/round{round}"
 
+    @kept
     def changes(self, method):
         """What each round after the first changes: `photos` or `cameras`.
 
@@ -161,6 +193,7 @@ class Experiment:
         """Where the cameras of a round lie that were put right for it."""
         return f"{self.folder(scene, method, round)}/corrected"
 
+    @kept
     def followed(self):
         """{method: its rounds whose training views are rendered and aligned}.
 
@@ -189,11 +222,11 @@ class Experiment:
 
     def with_truth(self, known=True):
         """Scenes whose truth is known (or not)."""
-        return [
-            name
-            for name, scene in self.scenes.items()
-            if settings.SOURCES[scene["source"]].has_truth == known
-        ]
+        return [name for name in self.scenes if self.has_truth(name) == known]
+
+    def has_truth(self, scene):
+        """Whether a scene's truth is known."""
+        return settings.SOURCES[self.scenes[scene]["source"]].has_truth
 
 
 def goes_on(path):
@@ -216,4 +249,16 @@ def at_rounds(found, *, others=False):
 
 def one_of(names):
     """Regular expression of these names; of none, it matches nothing."""
-    return "|".join(map(re.escape, sorted(names))) or r"(?!)"
+    return letters(sorted(names)) or r"(?!)"
+
+
+def letters(names):
+    """The same of sorted names, letter by letter; of none, nothing.
+
+    A plan matches every file with many expressions. One name after the other, what
+    that takes grows with the number of scenes.
+    """
+    parts = []
+    for letter, group in itertools.groupby(names, key=lambda name: name[:1]):
+        parts.append(re.escape(letter) + letters([name[1:] for name in group if name]))
+    return parts[0] if len(parts) == 1 else f"(?:{'|'.join(parts)})" if parts else ""

@@ -197,7 +197,7 @@ def decisions_of(experiment, scene):
 
 def truth_of(experiment, scene):
     """The oracle's folder, where the scene's truth is known."""
-    known = scene in experiment.with_truth()
+    known = experiment.has_truth(scene)
     return {"truth": f"results/{scene}/truth"} if known else {}
 
 
@@ -285,7 +285,7 @@ def tables(experiment, scene):
         "controls": scores(experiment, scene),
         "displacement": displacement(experiment, scene),
     }
-    if scene in experiment.with_truth():
+    if experiment.has_truth(scene):
         found["ranking"] = scores(experiment, scene)
     return found
 

@@ -65,7 +65,7 @@ def of_page(experiment, scene):
         f"{folder}/tables/views.csv",
         *(
             f"{folder}/tables/{name}.{kind}"
-            for name in tables(scene in experiment.with_truth())
+            for name in tables(experiment.has_truth(scene))
             for kind in ("csv", "tex")
         ),
         *(f"{folder}/figures/{name}.png" for name in figures(experiment)),
@@ -204,7 +204,7 @@ def work(experiment, scene):
         ],
         "given": len(longest.given()),
         "aligned_pose": experiment.config["aligned_pose"],
-        "truth": scene in experiment.with_truth(),
+        "truth": experiment.has_truth(scene),
         "flow": flows.estimator_options(experiment),
     }
 

@@ -1,7 +1,10 @@
 """Plans of every config, and targets by name."""
 
 import importlib
+import pstats
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,6 +12,7 @@ import yaml
 
 from alignerf.command import machine
 from alignerf.experiment import sources
+from tests.bench import planning
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = sorted((ROOT / "workflow" / "config").glob("*.yaml"))
@@ -256,3 +260,19 @@ def test_what_the_readme_prints_needs_no_number_of_cores(tmp_path, snakemake):
     assert "train" in output
     code, output = snakemake(tmp_path, "--lint")
     assert code == 0, output
+
+
+def test_a_plan_asks_each_job_little(tmp_path):
+    """Calls, not seconds, which depend on the machine. Of 275 a job 105 are left."""
+    written = write(tmp_path, planning.config_of(scenes=5))
+    command = [sys.executable, "-m", "cProfile", "-o", tmp_path / "profile"]
+    command += ["-m", "snakemake", "--snakefile", ROOT / "Snakefile"]
+    command += ["--configfile", written, "-n", "--quiet", "rules"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = pstats.Stats(str(tmp_path / "profile")).stats
+    ours = str(ROOT / "alignerf" / "experiment")
+    calls = sum(n for (path, *_), (_, n, *_) in found.items() if path.startswith(ours))
+    jobs = sum(jobs_of(done.stdout + "\n\n").values())
+    assert jobs == 5 * 70 + 1
+    assert calls / jobs < 2 * 105

@@ -54,7 +54,7 @@ def task_of(wildcards, file) -> dict:
         return {}
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=1024)
 def tasks_in(path, written_ns) -> dict:
     """{file: task} of a preflight.json as it was then; none where it is no such file.
 

@@ -177,8 +177,13 @@ def test_the_truth_is_known_of_the_embedded_scene(demo, tmp_path, experiment_of)
 
 
 def test_names_become_a_pattern_that_matches_them_alone():
-    assert plan.one_of(["a.b", "c"]) == r"a\.b|c"
+    assert plan.one_of(["a.b", "c"]) == r"(?:a\.b|c)"
     assert plan.one_of([]) == "(?!)"
+    names = ["scene_1", "scene_10", "scene_2", "my-yard.1"]
+    found = re.compile(f"results/({plan.one_of(names)})/")
+    assert [found.fullmatch(f"results/{name}/")[1] for name in names] == names
+    for name in ("scene_", "scene_100", "my-yardx1", ""):
+        assert found.fullmatch(f"results/{name}/") is None
 
 
 def test_a_change_of_code_or_of_versions_changes_a_job(tmp_path, monkeypatch):
@@ -268,3 +273,20 @@ def test_the_cause_of_a_failure_is_its_jobs_last_error(tmp_path, monkeypatch):
     assert targets.causes(["snakemake.log"])[0] == "stopped, as asked."
     Path("snakemake.log").write_text("nothing of the kind")
     assert targets.causes(["snakemake.log"]) == []
+
+
+def test_what_is_asked_of_each_scene_is_found_once(demo, experiment_of):
+    demo["methods"]["warm"] = {"model": "base", "rounds": 1, "warm_start": WARM}
+
+    def found(count):
+        (scene,) = demo["scenes"].values()
+        names = [f"scene_{k}" for k in range(count)]
+        experiment = experiment_of(demo | {"scenes": dict.fromkeys(names, scene)})
+        for name in names:
+            targets.of_scene(experiment, name)
+            rows.tables(experiment, name)
+            rows.of_verdict(experiment, name)
+            rows.crops(experiment, name)
+        return experiment.known
+
+    assert found(40) == found(1)
