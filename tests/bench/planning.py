@@ -2,7 +2,8 @@
 
 CPU seconds and the peak of memory are of Snakemake and of all that it starts. Jobs that
 do nothing stand in for ours: as many wildcards, a log and a benchmark, and a shell that
-touches its output. They are run as they are, as one group a scene, and batch by batch.
+touches its output. They are run as they are, by the greedy scheduler, as one group a
+scene, and batch by batch.
 
 `python -m tests.bench.planning SCENES` times the latter of so many scenes alone.
 """
@@ -54,6 +55,7 @@ rule step:
 """
 WAYS = {
     "plain": [[]],
+    "greedy": [["--scheduler", "greedy"]],
     "group a scene": [["--groups", "step=scene", "page=scene"]],
     f"{BATCHES} batches": [
         ["--batch", f"all={k + 1}/{BATCHES}"] for k in range(BATCHES)
@@ -139,14 +141,21 @@ def config_of(scenes):
 def nothing_rows(scenes, repeats):
     """Time and memory of jobs that do nothing, first without Snakemake."""
     jobs = scenes * (METHODS * STEPS + 1)
-    note = f"{jobs} jobs"
-    rows = rows_of(f"{jobs} shells alone", [shells(jobs)], note)
+    what, note = f"{jobs} jobs of nothing", f"{jobs} jobs"
+    # What a cluster starts for each job, or for each group, is a Snakemake of its own.
+    alone = [["out/scene_000/method_0/round0"]]
+    arms = [(f"{what}, one of them alone", alone, [])]
     for name, calls in WAYS.items():
         # A batch has a scene at least.
         if len(calls) <= scenes:
-            for what, more in ((", planned", ["-n", "--quiet"]), (", run", [])):
-                costs = [nothing(scenes, calls, more) for _ in range(repeats)]
-                rows += rows_of(f"{jobs} jobs of nothing, {name}{what}", costs, note)
+            # A later batch can be planned only when those before have been run.
+            first = f"{what}, {name}, planned" + ", the first" * (len(calls) > 1)
+            arms.append((first, calls[:1], ["-n", "--quiet"]))
+            arms.append((f"{what}, {name}, run", calls, []))
+    rows = rows_of(f"{jobs} shells without Snakemake", [shells(jobs)], note)
+    for name, calls, more in arms:
+        costs = [nothing(scenes, calls, more) for _ in range(repeats)]
+        rows += rows_of(name, costs, note)
     return rows
 
 
@@ -162,8 +171,8 @@ def nothing(scenes, calls, more):
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder) / "Snakefile"
         path.write_text(textwrap.dedent(NOTHING))
-        options = ("--cores", "2", "--config", f"scenes={scenes}", *more)
-        costs = [snakemake(folder, *options, *call) for call in calls]
+        options = ("--cores", "2", *more, "--config", f"scenes={scenes}")
+        costs = [snakemake(folder, *call, *options) for call in calls]
         shutil.rmtree(pathlib.Path(folder) / "out", ignore_errors=True)
     return sum(costs[1:], costs[0])
 
