@@ -20,7 +20,7 @@ from snakemake.utils import min_version
 
 from alignerf.experiment import check, flows, plan, regimes, rows, slices, sources
 from alignerf.experiment import sweep, targets
-from alignerf.experiment.cluster import needs, stored
+from alignerf.experiment.cluster import needs, stored, work
 
 sources_of = sources.sources_of
 min_version("9.0")
@@ -44,7 +44,8 @@ experiment = plan.Experiment(
         stored.here(checkpoints.decide.get(**place).output[0])
     ),
 )
-sources.set_environment(experiment.scenes)
+costs = work.Digests(experiment)
+sources.set_environment(costs.of_measured())
 
 
 report: "workflow/report/workflow.rst"

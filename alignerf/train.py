@@ -91,6 +91,7 @@ def train(job, args):
     if program.hashed(job.model):
         # An MLP gains little by it, and each device holds all its parameters.
         devices.use_as_devices()
+    agree.check_same(checkpoint.fingerprint(jobs.as_dict(job), args.sources), "config")
     loaded = prepared.load(args.scene, args.cameras)
     check_patches(job, loaded)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
@@ -119,15 +120,18 @@ def train(job, args):
     )
     if job.refine:
         learnt = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
-        if place.is_first():
-            with whole.replace_file(args.cameras_out) as path:
-                prepared.write_cameras(path, learnt, args.cameras)
+        write_cameras(args, learnt)
         if compared:
-            timing["pose_error_px"] = {
-                "given": compared(loaded),
-                "after": compared(learnt),
-            }
+            found = {"given": compared(loaded), "after": compared(learnt)}
+            timing["pose_error_px"] = found
     return params, timing
+
+
+def write_cameras(args, learnt):
+    """The cameras that a job has learnt."""
+    if place.is_first():
+        with whole.replace_file(args.cameras_out) as path:
+            prepared.write_cameras(path, learnt, args.cameras)
 
 
 def to_truth(loaded: prepared.Scene, truth):

@@ -201,4 +201,6 @@ def test_the_workflow_imports_the_experiment_only():
         ]
         assert not heads or path.name == "Snakefile", path
         for line in heads:
-            assert line[1].startswith(("alignerf.experiment", "snakemake", "sys")), line
+            assert line[1].startswith(
+                ("alignerf.experiment", "snakemake", "gc", "sys")
+            ), line

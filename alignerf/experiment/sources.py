@@ -104,14 +104,16 @@ def imports(path):
     return found
 
 
-def set_environment(scenes=()):
+def set_environment(scenes=None):
     """Let jobs find these sources, wherever the results go, and our Python.
 
     That is the Python that runs Snakemake, also where its environment is not
-    activated. Compiled JAX programs are kept between jobs and runs. scenes: names of
-    all that the run has, for the time that is left (`alignerf.preflight.eta`).
+    activated. Compiled JAX programs are kept between jobs and runs. scenes: {name:
+    digest of what it has to do, or nothing} of all that the run has, for the time that
+    is left (`alignerf.preflight.eta`).
     """
-    os.environ["ALIGNERF_SCENES"] = "\n".join(scenes)
+    lines = (f"{name} {digest}" for name, digest in (scenes or {}).items())
+    os.environ["ALIGNERF_SCENES"] = "\n".join(lines)
     # Programs for one kind of processor can end the process on another: each kind has a
     # folder, also where the machine that submits jobs has named that of its own.
     if Path(os.environ.get("JAX_COMPILATION_CACHE_DIR", CACHE / "any")).parent == CACHE:

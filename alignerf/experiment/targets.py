@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 from alignerf.command import faults, whole
-from alignerf.experiment import flows, plan, slices
 from alignerf.experiment.cluster import ends
 
 TABLES = ("misalignment", "round_times", "controls", "displacement")
@@ -177,81 +176,3 @@ def exports(experiment):
             if experiment.change_of(method, last) == "photos":
                 found.append(f"{folder}/photos")
     return found
-
-
-def work(experiment, scene):
-    """What `snakemake SCENE` has to do, as JSON can have it: for its cost.
-
-    trainings, in an order in which they can run: `name`, the folder below the scene's;
-    `job`, the slice; `after`, names of those that it needs; `corrects`, whether cameras
-    are put right for it; `renders`, the splits that are rendered and aligned;
-    `scored`, whether its test views are. reference: by whose renders the test set is
-    made; verdict: whose views the verdict looks at.
-
-    With `rounds: auto` all rounds are counted that there may be, so that none has to be
-    decided on. None where no cost is asked for (`preflight: false`).
-    """
-    if not experiment.config["preflight"]:
-        return None
-    longest = plan.Experiment(experiment.config, lambda **place: True)
-    root = f"results/{scene}/"
-    return {
-        "reference": longest.reference_folder(scene).removeprefix(root),
-        "verdict": longest.reference_folder(scene, 0).removeprefix(root),
-        "trainings": [
-            *pretrainings(longest, scene),
-            *(training(longest, scene, *one) for one in longest.all_rounds(scene)),
-        ],
-        "given": len(longest.given()),
-        "aligned_pose": experiment.config["aligned_pose"],
-        "truth": experiment.has_truth(scene),
-        "flow": flows.estimator_options(experiment),
-    }
-
-
-def pretrainings(experiment, scene):
-    """The stage that staged methods of a model share, of each of their models."""
-    corrected = {experiment.pretrained(scene, m) for m in experiment.correcting()}
-    users = {experiment.methods[m]["model"]: m for m in experiment.staged()}
-    found = []
-    for model, method in users.items():
-        folder = experiment.pretrained(scene, method)
-        job = json.loads(slices.of_pretraining(experiment, scene, model))
-        splits = ["train"] if folder in corrected else []
-        found.append(one_of_work(scene, folder, job, renders=splits, scored=False))
-    return found
-
-
-def training(experiment, scene, method, round):
-    """A method's round, after the trainings that it learns from."""
-    followed = experiment.followed()[method]
-    after = []
-    if round > 0:
-        after.append(experiment.folder(scene, method, round - 1))
-    if method in experiment.staged():
-        after.append(experiment.pretrained(scene, method))
-        if experiment.methods[method]["alignerf"]["radius_px"] == "auto":
-            after.append(experiment.folder(scene, experiment.base_of(method), 0))
-    corrects = experiment.change_of(method, round) == "cameras"
-    return one_of_work(
-        scene,
-        experiment.folder(scene, method, round),
-        slices.round_job(experiment, scene, method),
-        after=after,
-        corrects=corrects or method in experiment.correcting(),
-        renders=["train", "test"] if round in followed else ["test"],
-        scored=True,
-    )
-
-
-def one_of_work(scene, folder, job, *, after=(), corrects=False, renders, scored):
-    """An entry of `work`, whose names are folders without the scene's."""
-    root = f"results/{scene}/"
-    return {
-        "name": folder.removeprefix(root),
-        "job": job,
-        "after": [before.removeprefix(root) for before in after],
-        "corrects": corrects,
-        "renders": renders,
-        "scored": scored,
-    }

@@ -9,7 +9,6 @@ machine is refused. `--show` prints what such files say.
 import argparse
 import concurrent.futures
 import functools
-import hashlib
 import json
 import shutil
 import subprocess
@@ -19,7 +18,8 @@ from pathlib import Path
 
 from alignerf.command import faults, json_files, whole, yaml_files
 from alignerf.decisions import fill
-from alignerf.experiment import check, plan, slices, targets
+from alignerf.experiment import check, plan, slices
+from alignerf.experiment.cluster import work
 from alignerf.preflight import fit, flow, lanes, schedule
 from alignerf.scenes import prepared
 from alignerf.training import memory
@@ -38,33 +38,28 @@ def main(argv=None):
 def renew(args):
     """Measure anew what says nothing of the plan that there is now."""
     for path, config in zip(args.show, args.configs, strict=True):
-        work = work_of(config, path.parent.name)
-        if work is not None and read(path).get("work") != digest(work):
-            write(args, path.parent, work, path)
+        found = work_of(config, path.parent.name)
+        if read(path).get("work") != (found and work.digest(found)):
+            write(args, path.parent, found, path)
 
 
 def work_of(config, scene):
     """What there is to do for a scene, of its complete config."""
     found = check.checked(yaml_files.read(config), [str(config)])
     # With `rounds: auto` all rounds are counted that there may be.
-    return targets.work(plan.Experiment(found, None), scene)
+    return work.of_scene(plan.Experiment(found, None), scene)
 
 
-def write(args, scene, work, out):
+def write(args, scene, todo, out):
     """Measure a scene's plan, say what it costs, and write it down."""
-    filled = decided(work)
+    filled = decided(todo)
     cost = {} if filled is None else plan_of(args, scene, filled)
     if cost:
-        cost["work"] = digest(work)
+        cost["work"] = work.digest(todo)
         print("\n".join(fit.lines(cost, cost["scene"])))
         fit.check(cost)
     with whole.replace_file(out) as path:
         path.write_text(json.dumps(cost, indent=1) + "\n")
-
-
-def digest(work) -> str:
-    """SHA-256 of what there is to do."""
-    return hashlib.sha256(slices.as_json(work).encode()).hexdigest()
 
 
 def parse(argv=None):
@@ -83,12 +78,12 @@ def parse(argv=None):
     return args
 
 
-def decided(work):
+def decided(todo):
     """The work with what the scene's facts decided, steps above all."""
-    if work is None:
+    if todo is None:
         return None
-    found = [one | {"job": fill.fill(one["job"])} for one in work["trainings"]]
-    return work | {"trainings": found}
+    found = [one | {"job": fill.fill(one["job"])} for one in todo["trainings"]]
+    return todo | {"trainings": found}
 
 
 def shown(paths):
@@ -117,15 +112,15 @@ def read(path):
     return found
 
 
-def plan_of(args, scene, work):
+def plan_of(args, scene, todo):
     """The content of preflight.json."""
     threads = min(args.threads, args.cores)
     loaded = prepared.load(scene)
     views = views_of(loaded)
     begun = time.perf_counter()
     at_once = max(1, args.cores // threads)
-    rates, of_flow = calibrated(scene, loaded, work, threads, at_once)
-    tasks = schedule.tasks_of(work, rates, of_flow, views, threads=threads)
+    rates, of_flow = calibrated(scene, loaded, todo, threads, at_once)
+    tasks = schedule.tasks_of(todo, rates, of_flow, views, threads=threads)
     missing = [t for t in tasks if not (scene / t.file).exists()]
     wall_s = lanes.wall_s(tasks, args.cores)
     return {
@@ -144,7 +139,7 @@ def plan_of(args, scene, work):
             "flow": of_flow._asdict(),
             "trainings": {
                 one["name"]: rate._asdict()
-                for one, rate in zip(work["trainings"], rates, strict=True)
+                for one, rate in zip(todo["trainings"], rates, strict=True)
             },
         },
         "tasks": [
@@ -164,17 +159,17 @@ def views_of(loaded: prepared.Scene) -> schedule.Views:
     )
 
 
-def calibrated(scene, loaded: prepared.Scene, work, threads, at_once):
+def calibrated(scene, loaded: prepared.Scene, todo, threads, at_once):
     """(rates of each training, the flow's), measured `at_once` at a time."""
-    keys = [slices.as_json(schedule.program_of(t["job"])) for t in work["trainings"]]
-    jobs = {key: t["job"] for key, t in zip(keys, work["trainings"], strict=True)}
-    todo = [(key, what) for what in ("train", "render") for key in jobs]
+    keys = [slices.as_json(schedule.program_of(t["job"])) for t in todo["trainings"]]
+    jobs = {key: t["job"] for key, t in zip(keys, todo["trainings"], strict=True)}
+    pairs = [(key, what) for what in ("train", "render") for key in jobs]
     measure = functools.partial(calibrate, scene, threads)
     pool = concurrent.futures.ThreadPoolExecutor(min(at_once, len(jobs)))
     try:
         photos, names = loaded.folder / "images", loaded.names
-        of_flow = pool.submit(flow.measure, photos, names, work["flow"])
-        found = {one: pool.submit(measure, jobs[one[0]], one[1]) for one in todo}
+        of_flow = pool.submit(flow.measure, photos, names, todo["flow"])
+        found = {one: pool.submit(measure, jobs[one[0]], one[1]) for one in pairs}
         of_flow = of_flow.result()
         results = {one: future.result() for one, future in found.items()}
     finally:

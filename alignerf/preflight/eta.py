@@ -12,7 +12,8 @@ from pathlib import Path
 
 from alignerf.preflight import fit, lanes
 
-# Names of the config's scenes, one a line: set for all jobs of a run.
+# Of the config's scenes, one a line: name, and the digest of what each has to do. Set
+# for all jobs of a run.
 SCENES = "ALIGNERF_SCENES"
 ASK_EVERY_S, ASK_SHARE = 10.0, 100.0
 # What a file that is no plan, or a damaged one, ends in.
@@ -45,13 +46,17 @@ class Left:
 
 def plans_of(scene: Path):
     """The plans of the run's scenes, of which this is one: those that are there."""
-    names = os.environ.get(SCENES, scene.name).split("\n")
-    folders = [scene.parent / name for name in dict.fromkeys([scene.name, *names])]
+    lines = os.environ.get(SCENES, "").split("\n")
+    digests = {scene.name: ""} | dict(
+        line.partition(" ")[::2] for line in lines if line
+    )
     found = []
-    for folder in folders:
-        path = folder / "preflight.json"
-        if path.is_file() and (plan := json.loads(path.read_text())):
-            found.append((folder, plan))
+    for name, digest in digests.items():
+        path = scene.parent / name / "preflight.json"
+        plan = path.is_file() and json.loads(path.read_text())
+        # What was measured for another config says nothing of this one.
+        if plan and digest in ("", plan.get("work", "")):
+            found.append((path.parent, plan))
     return found
 
 

@@ -45,11 +45,12 @@ def check_same(digest, what):
         raise ValueError(f"{what}: not the same in process {numbers} as in process 0")
 
 
-def on_largest(number: int) -> int:
-    """The largest of the processes' numbers."""
+def on_smallest(size: int) -> int:
+    """The smallest of the processes' numbers of bytes, to a megabyte."""
     if not place.are_several():
-        return number
-    return int(np.max(multihost_utils.process_allgather(np.int32(number))))
+        return size
+    every = multihost_utils.process_allgather(np.int32(size // 10**6))
+    return int(np.min(every)) * 10**6
 
 
 def clock() -> float:

@@ -5,16 +5,18 @@ JAX_COORDINATOR_ADDRESS (host:port of the first process), JAX_NUM_PROCESSES and
 JAX_PROCESS_ID (from 0).
 """
 
+import re
 from typing import NamedTuple
 
 # By hand; and how srun and mpirun tell a process of how many it is, and which.
 ADDRESS = "JAX_COORDINATOR_ADDRESS"
 BY_HAND = ("JAX_NUM_PROCESSES", "JAX_PROCESS_ID")
+# mpirun first: inside a step of Slurm's both speak.
 LAUNCHERS = (
-    ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID"),
     ("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"),
+    ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID"),
 )
-# The ports of a job's steps, of which none is another's: two trainings on a node.
+# The ports of a job's steps: trainings on one node have others, but for a chance.
 FIRST_PORT, PORTS = 61440, 4096
 
 
@@ -52,14 +54,16 @@ def are_several() -> bool:
 def of(environ) -> Place:
     """Which of how many processes the environment says that this is.
 
-    ValueError where it says half of it. A batch job of Slurm with several tasks is one
-    process until `srun` starts them.
+    ValueError where it says half of what is said by hand. A batch job of Slurm with
+    several tasks is one process until `srun` starts them.
     """
     said = [name for name in BY_HAND if environ.get(name)]
     if said:
         missing = [name for name in (ADDRESS, *BY_HAND) if not environ.get(name)]
         if missing:
             raise ValueError(f"environment: {said[0]} without {', '.join(missing)}")
+        if not re.search(r".:\d+\Z", environ[ADDRESS]):
+            raise ValueError(f"environment: {ADDRESS}={environ[ADDRESS]}: no host:port")
         return numbered(environ, *BY_HAND)
     for names in LAUNCHERS:
         if all(environ.get(name) for name in names):

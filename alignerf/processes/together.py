@@ -10,7 +10,6 @@ import traceback
 
 import jax
 
-from alignerf.command import faults
 from alignerf.processes import place
 
 log = logging.getLogger("alignerf")
@@ -18,23 +17,26 @@ log = logging.getLogger("alignerf")
 # A process that is silent for so long is given up: a frozen host, a cut cable. One that
 # dies is noticed at once.
 SILENT_S = 40
-# How long the first process waits for the others to start, or they for it to end.
-MEET_S = 300
+# How long processes wait for each other to start, and for the first one to write.
+MEET_S, END_S = 120, 300
 # What a collective of XLA says that has lost a process, and what we say then.
-LOST = ("Gloo", "NCCL", "UNAVAILABLE", "coordination service")
+LOST = ("Gloo", "NCCL", "coordination", "Connection", "connection")
 LOST_LINE = (
-    "error: process {} of {}: another process of this training has ended, or does "
-    "not answer: its own line says why"
+    "error: process {} of {}: another process of this training has ended, did not "
+    "come, or does not answer"
 )
 # What C++ begins to say then; the rest is left out. Signals are left to the others.
 SHORTEN = """
 import re, signal, sys
 for name in ("SIGINT", "SIGTERM", "SIGHUP"):
     signal.signal(getattr(signal, name), signal.SIG_IGN)
-start = re.compile(rb"[EF]\\d{4} .*(coordination_service|client.h)")
+start = re.compile(rb"[EF]\\d{4} .*(coordination_service|client\\.h)")
+noise = re.compile(rb"[WE]\\d{4} .*preemption_sync_manager")
 said = False
 for line in sys.stdin.buffer:
     said = said or line.startswith(b"error: ")
+    if noise.match(line):
+        continue
     if start.match(line):
         if not said:
             print(sys.argv[1], file=sys.stderr, flush=True)
@@ -60,40 +62,49 @@ def together():
     if not place.are_several():
         yield
         return
-    code = 1
     try:
         join(os.environ)
         yield
         jax.distributed.shutdown()
         return
-    except (ValueError, OSError, RuntimeError) as error:
+    except BaseException as error:
+        end(error)
+
+
+def end(error):
+    """Say what ended this process, and end it, whatever the others wait for."""
+    try:
         if not place.is_first():
             time.sleep(HOLD_S)
         say(error)
-    except KeyboardInterrupt:
-        code = 130
-    except Exception:
-        traceback.print_exc()
-    sys.stdout.flush()
-    sys.stderr.flush()
-    # Not sys.exit, which would wait for processes that wait for this one.
-    os._exit(code)
+        sys.stdout.flush()
+        sys.stderr.flush()
+    finally:
+        # Not sys.exit, which would wait for processes that wait for this one.
+        os._exit(130 if isinstance(error, KeyboardInterrupt) else 1)
 
 
 def say(error):
-    """Print what ended this process, with its number."""
-    if is_lost(str(error)):
-        print(LOST_LINE.format(*place.here()), file=sys.stderr)
-        return
-    if isinstance(error, RuntimeError):
-        traceback.print_exception(error)
+    """Print what ended this process, with its number; of our own faults a traceback."""
     number, count = place.here()
-    faults.say(ValueError(f"process {number} of {count}: {error}"))
+    if isinstance(error, KeyboardInterrupt):
+        return
+    if is_lost(str(error)):
+        print(f"{LOST_LINE.format(number, count)} ({error!s:.80})", file=sys.stderr)
+        return
+    if not isinstance(error, (ValueError, OSError)) or os.environ.get("ALIGNERF_DEBUG"):
+        traceback.print_exception(error)
+    message = " ".join(str(error).split()) or type(error).__name__
+    print(f"error: process {number} of {count}: {message}", file=sys.stderr)
 
 
 def is_lost(text):
-    """Whether a message is that of a collective whose other side is gone."""
-    return any(word in text for word in LOST)
+    """Whether a message is that of a collective whose other side is gone.
+
+    Those of XLA begin with a status in capitals.
+    """
+    status, _, rest = text.partition(": ")
+    return status.isupper() and any(word in rest for word in LOST)
 
 
 def join(environ):
@@ -106,12 +117,19 @@ def join(environ):
         environ.setdefault("JAX_COORDINATOR_PORT", str(place.port(environ)))
         options["local_device_ids"] = place.accelerators(environ)
     shorten_stderr()
-    jax.distributed.initialize(
-        **options,
-        heartbeat_timeout_seconds=SILENT_S,
-        initialization_timeout=MEET_S,
-        shutdown_timeout_seconds=MEET_S,
-    )
+    try:
+        jax.distributed.initialize(
+            **options,
+            heartbeat_timeout_seconds=SILENT_S,
+            initialization_timeout=MEET_S,
+            shutdown_timeout_seconds=END_S,
+        )
+    except (RuntimeError, ValueError) as error:
+        where = environ.get(place.ADDRESS, "the address that the launcher gives")
+        raise ValueError(
+            f"{count} processes do not meet at {where} within {MEET_S} s: "
+            f"{str(error).splitlines()[0]:.200}"
+        ) from None
     if not place.is_first():
         # What all do is said once.
         log.setLevel(logging.ERROR)

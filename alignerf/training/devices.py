@@ -8,6 +8,7 @@ devices they train it 1.3 times as fast as one of two threads, an MLP 1.05 times
 import contextlib
 import functools
 import logging
+import math
 import os
 import tempfile
 from pathlib import Path
@@ -24,6 +25,8 @@ log = logging.getLogger("alignerf")
 
 # Beyond these, further devices have less to do and more gradients to add up.
 MOST_DEVICES = 4
+# What JAX calls it, and called it before.
+MEMORY_SHARES = ("XLA_CLIENT_MEM_FRACTION", "XLA_PYTHON_CLIENT_MEM_FRACTION")
 # Locks of accelerators that this process has taken.
 _held = []
 
@@ -53,7 +56,7 @@ def take_accelerator(device_files=Path("/dev"), locks=None):
 
     Where there are several and nobody, as Slurm does, has said which. It is held until
     the process ends. Where each process takes a share of its memory
-    (XLA_PYTHON_CLIENT_MEM_FRACTION), as many share one as fit. ValueError where all are
+    (XLA_CLIENT_MEM_FRACTION), as many share one as fit. ValueError where all are
     taken.
     """
     numbers = sorted(
@@ -62,21 +65,36 @@ def take_accelerator(device_files=Path("/dev"), locks=None):
     )
     if len(numbers) < 2 or "CUDA_VISIBLE_DEVICES" in os.environ:
         return
-    share = float(os.environ.get("XLA_PYTHON_CLIENT_MEM_FRACTION") or 1)
     folder = Path(locks or tempfile.gettempdir())
     # Empty ones first.
-    for slot in range(int(1 / min(max(share, 0.01), 1))):
-        for number in numbers:
+    for slot in range(int(1 / share_of_memory(os.environ))):
+        for index, number in enumerate(numbers):
             name = f"alignerf-{os.getuid()}-gpu{number}-{slot}.lock"
             lock = filelock.FileLock(folder / name, timeout=0)
-            with contextlib.suppress(filelock.Timeout):
+            with contextlib.suppress(OSError):  # taken, or another user's file
                 lock.acquire()
                 _held.append(lock)
-                os.environ["CUDA_VISIBLE_DEVICES"] = str(number)
+                # Of those that a container shows CUDA counts from 0.
+                os.environ["CUDA_DEVICE_ORDER"] = "PCI_BUS_ID"
+                os.environ["CUDA_VISIBLE_DEVICES"] = str(index)
                 return
     raise ValueError(
         f"all {len(numbers)} accelerators are taken: --resources gpu={len(numbers)}"
     )
+
+
+def share_of_memory(environ) -> float:
+    """The share of an accelerator's memory that the user gives each process, or 1."""
+    for name in MEMORY_SHARES:
+        if text := environ.get(name):
+            try:
+                share = float(text)
+            except ValueError:
+                share = math.nan
+            if not 0.01 <= share <= 1:
+                raise ValueError(f"environment: {name}={text!r:.40}: not from .01 to 1")
+            return share
+    return 1.0
 
 
 def map_in_threads(function, items):

@@ -47,9 +47,9 @@ def fit(
     often saves it. note: what the progress line says besides, of the share done.
     """
     data = checkpoint.digest((params, views)), sources
+    agree.check_same(data[0], "photos, cameras and initial parameters")
     job, built, facts = in_budget(job, method, built, params, views, checkpoints, data)
     identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
-    agree.check_same(identity, "config, code, photos and initial parameters")
     facts |= describe(job, params)
     log.info(
         "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)

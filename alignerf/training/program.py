@@ -136,11 +136,9 @@ def compile_step(job, method, optimizer_of, *inputs, parts, mesh=None, to_come=0
         compiled = step.lower(*inputs).compile()
         return compiled, memory.step_bytes(compiled, mine)
 
-    free = max(0, memory.free_bytes(mine[0]) - to_come)
-    step, parts = memory.compile_to_fit(compile_parts, units, free, parts=parts)
-    # Hosts with less memory decide for all.
-    most = agree.on_largest(parts)
-    return (step, parts) if parts == most else (compile_parts(most)[0], most)
+    # The host with the least memory decides for all: each compiles the same.
+    free = agree.on_smallest(max(0, memory.free_bytes(mine[0]) - to_come))
+    return memory.compile_to_fit(compile_parts, units, free, parts=parts)
 
 
 def log_memory(job, program, state, views):

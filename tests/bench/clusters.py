@@ -17,7 +17,8 @@ from unittest import mock
 
 import yaml
 
-from alignerf.experiment import check, jobs, plan, targets
+from alignerf.experiment import check, jobs, plan
+from alignerf.experiment.cluster import work
 from tests.bench import cases, measure, ours
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,7 +60,7 @@ def trainings_of(table):
     experiment = experiment_of(ROOT / f"workflow/config/{TABLES[table]}.yaml")
     found = {}
     for scene in experiment.scenes:
-        for one in targets.work(experiment, scene)["trainings"]:
+        for one in work.of_scene(experiment, scene)["trainings"]:
             job = jobs.parse(one["job"])
             name = one["name"].removesuffix("/round0")
             rays = job.steps * job.rays_per_step

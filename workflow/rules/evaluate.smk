@@ -21,8 +21,8 @@ rule align_test_poses:
     threads: sources.OF_TRAINING
     resources:
         gpu=sources.ACCELERATORS,
-        mem_mb=needs.memory_mb("{method}/round{round}/render_test.json"),
-        runtime=needs.minutes("{method}/round{round}/metrics_aligned_pose.csv"),
+        mem_mb=needs.memory_mb(costs, "{method}/round{round}/render_test.json"),
+        runtime=needs.minutes(costs, "{method}/round{round}/metrics_aligned_pose.csv"),
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
         fits=lambda w, input: flows.aligned_pose_options(experiment, input),

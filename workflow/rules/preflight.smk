@@ -19,11 +19,11 @@ rule preflight:
     threads: sources.WHOLE_MACHINE
     resources:
         gpu=sources.ACCELERATORS,
-        mem_mb=lambda w, attempt: needs.MEMORY_MB * attempt,
+        mem_mb=needs.usual_mb,
         of_training=sources.OF_TRAINING,
     params:
         work=lambda w: sources.Unnoted(
-            slices.as_json(targets.work(experiment, w.scene))
+            slices.as_json(work.of_scene(experiment, w.scene))
         ),
     shell:
         "python -m alignerf.preflight --scene results/{wildcards.scene:q}"
@@ -44,6 +44,8 @@ rule preview:
     threads: sources.WHOLE_MACHINE
     resources:
         gpu=sources.ACCELERATORS,
+        mem_mb=needs.usual_mb,
+        runtime=lambda w, attempt: 30 * len(experiment.scenes) * 2 ** (attempt - 1),
         of_training=sources.OF_TRAINING,
     params:
         asked=[] if config["decide"] else ["--unasked"],

@@ -18,7 +18,7 @@ rule poses:
         "../../environment.yml"
     threads: sources.WHOLE_MACHINE
     resources:
-        mem_mb=lambda w, attempt: needs.MEMORY_MB * attempt,
+        mem_mb=needs.usual_mb,
     params:
         config=lambda w: slices.of_scene(experiment, w.scene),
         sources=sources_of("alignerf.poses"),

@@ -25,8 +25,8 @@ rule train:
     resources:
         gpu=sources.ACCELERATORS,
         launcher="",
-        mem_mb=needs.memory_mb("{method}/round{round}/timing.json"),
-        runtime=needs.minutes("{method}/round{round}/timing.json"),
+        mem_mb=needs.memory_mb(costs, "{method}/round{round}/timing.json"),
+        runtime=needs.minutes(costs, "{method}/round{round}/timing.json"),
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
         scene=subpath(input.cameras, parent=True),
@@ -97,8 +97,8 @@ rule pretrain:
     resources:
         gpu=sources.ACCELERATORS,
         launcher="",
-        mem_mb=needs.memory_mb("pretrain/{model}/timing.json"),
-        runtime=needs.minutes("pretrain/{model}/timing.json"),
+        mem_mb=needs.memory_mb(costs, "pretrain/{model}/timing.json"),
+        runtime=needs.minutes(costs, "pretrain/{model}/timing.json"),
     params:
         config=lambda w: slices.of_pretraining(experiment, w.scene, w.model),
         checkpoints=subpath(output.model, parent=True),
@@ -138,8 +138,8 @@ rule finetune:
     resources:
         gpu=sources.ACCELERATORS,
         launcher="",
-        mem_mb=needs.memory_mb("{method}/round0/timing.json"),
-        runtime=needs.minutes("{method}/round0/timing.json"),
+        mem_mb=needs.memory_mb(costs, "{method}/round0/timing.json"),
+        runtime=needs.minutes(costs, "{method}/round0/timing.json"),
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
         displacement=lambda w, input: flows.option(
@@ -177,8 +177,8 @@ rule render_views:
     threads: sources.OF_TRAINING
     resources:
         gpu=sources.ACCELERATORS,
-        mem_mb=needs.memory_mb("{method}/round{round}/render_test.json"),
-        runtime=needs.minutes("{method}/round{round}/render_test.json"),
+        mem_mb=needs.memory_mb(costs, "{method}/round{round}/render_test.json"),
+        runtime=needs.minutes(costs, "{method}/round{round}/render_test.json"),
     params:
         config=lambda w: slices.of_round(experiment, w.scene, w.method),
         splits=["test"],
@@ -227,8 +227,9 @@ use rule render_views as render_pretrained with:
     wildcard_constraints:
         model=plan.one_of(config["models"]),
     resources:
-        mem_mb=needs.memory_mb("pretrain/{model}/render_train.json"),
-        runtime=needs.minutes("pretrain/{model}/render_train.json"),
+        gpu=sources.ACCELERATORS,
+        mem_mb=needs.memory_mb(costs, "pretrain/{model}/render_train.json"),
+        runtime=needs.minutes(costs, "pretrain/{model}/render_train.json"),
     params:
         config=lambda w: slices.of_pretraining(experiment, w.scene, w.model),
         splits=["train"],

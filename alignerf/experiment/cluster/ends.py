@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-STATUS = re.compile(r"SLURM-job '(\d+)' failed.*?SLURM status is:\s+'(\w+)'", re.DOTALL)
+STATUS = re.compile(r"SLURM-job '(\d+)' failed.*?SLURM status is:\s+'(\w+)")
 REFUSED = re.compile(
     r"SLURM sbatch failed\. The error message was '(.*?)'\.", re.DOTALL
 )
@@ -11,6 +11,8 @@ WORDS = {
     "OUT_OF_MEMORY": "took more memory than it had asked for",
     "TIMEOUT": "took longer than it had asked for",
     "NODE_FAIL": "lost its node",
+    "BOOT_FAIL": "lost its node",
+    "DEADLINE": "took longer than it had asked for",
     "CANCELLED": "was cancelled",
     "PREEMPTED": "had to give way to another",
 }

@@ -13,18 +13,22 @@ from pathlib import Path
 MEMORY_MB, MINUTES = 8000, 240
 # Beside the process that was measured runs Snakemake itself; all grows a little.
 MORE_MEMORY, SNAKEMAKE_MB = 1.25, 500
+# No number of a preflight is as large.
+LARGEST = 1e15
 # Nodes differ, and are shared.
 MORE_TIME, START_MIN = 2.0, 10
 
 
-def memory_mb(file):
+def memory_mb(costs, file):
     """The resource mem_mb of the job that ends with a file below its scene's folder.
 
+    costs: a mapping of scenes to the digest of what each has to do (`work.Digests`): a
+    preflight of other work says nothing.
     file: with wildcards in braces, as `{method}/round{round}/timing.json`.
     """
 
     def of(wildcards, attempt):
-        task = task_of(wildcards, file)
+        task = task_of(costs, wildcards, file)
         needed = task.get("peak_bytes", 0) / 1e6
         needed = MORE_MEMORY * needed + SNAKEMAKE_MB if needed else MEMORY_MB
         return math.ceil(needed) * 2 ** (attempt - 1)
@@ -32,40 +36,50 @@ def memory_mb(file):
     return of
 
 
-def minutes(file):
+def minutes(costs, file):
     """The resource runtime, in minutes, of the same job."""
 
     def of(wildcards, attempt):
-        seconds = task_of(wildcards, file).get("seconds")
+        seconds = task_of(costs, wildcards, file).get("seconds")
         needed = MORE_TIME * seconds / 60 + START_MIN if seconds else MINUTES
         return math.ceil(needed) * 2 ** (attempt - 1)
 
     return of
 
 
-def task_of(wildcards, file) -> dict:
+def usual_mb(wildcards, attempt):
+    """The resource mem_mb of a job of which no preflight can tell."""
+    return MEMORY_MB * 2 ** (attempt - 1)
+
+
+def task_of(costs, wildcards, file) -> dict:
     """What the preflight says of the task that ends with a file; nothing without it."""
     path = Path("results") / wildcards.scene / "preflight.json"
+    if not path.is_file():
+        return {}
+    digest, tasks = read(path, path.stat().st_mtime_ns)
+    if digest is None or digest != costs[wildcards.scene]:
+        return {}
     try:
-        written_ns = path.stat().st_mtime_ns
-        return tasks_in(path, written_ns).get(file.format(**wildcards), {})
-    # No preflight yet; or a point of the sweep, of which it knows nothing.
-    except (OSError, KeyError):
+        return tasks.get(file.format(**wildcards), {})
+    except KeyError:
+        # A point of the sweep, of which it knows nothing.
         return {}
 
 
 @functools.lru_cache(maxsize=1024)
-def tasks_in(path, written_ns) -> dict:
-    """{file: task} of a preflight.json as it was then; none where it is no such file.
+def read(path, written_ns):
+    """(digest of its work, {file: task}) of a preflight.json, as it was then.
 
-    A plan must not end by it: the preflight itself says what is wrong with it.
+    Of what is no such file nothing: a plan must not end by it, since the preflight
+    itself says what is wrong with it.
     """
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         tasks = {task["file"]: task for task in found.get("tasks", [])}
-        # Numbers that can be calculated with.
-        for task in tasks.values():
-            math.ceil(task["seconds"] + task["peak_bytes"])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError):
-        return {}
-    return tasks
+        numbers = [t[key] for t in tasks.values() for key in ("seconds", "peak_bytes")]
+        if not all(0 <= number < LARGEST for number in numbers):
+            return None, {}
+        return found.get("work"), tasks
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None, {}

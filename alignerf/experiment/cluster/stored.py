@@ -1,6 +1,10 @@
 """Results in a storage of Snakemake's (`--default-storage-provider`)."""
 
+import os
 from pathlib import Path
+
+# Where Snakemake has the copies of files that lie in a storage.
+STORAGE = ".snakemake/storage"
 
 
 def here(file):
@@ -21,16 +25,18 @@ def link(scenes, copies, results="results"):
     without a storage, below the scene's folder. copies: where Snakemake has `results`.
     Raises ValueError for results that are others'.
     """
-    if Path(copies) == Path(results):
-        return
+    in_storage = Path(copies) != Path(results)
     for scene in scenes:
-        there = Path(results) / scene
-        copy = Path(copies).absolute() / scene
+        there, copy = Path(results) / scene, Path(copies).absolute() / scene
+        if not in_storage:
+            if there.is_symlink() and STORAGE in os.readlink(there):
+                raise ValueError(f"{there}: leads into a storage: remove this link")
+            continue
         copy.mkdir(parents=True, exist_ok=True)
-        if not there.exists():
-            there.parent.mkdir(exist_ok=True)
+        there.parent.mkdir(exist_ok=True)
+        if not os.path.lexists(there):
             there.symlink_to(copy)
-        elif there.resolve() != copy.resolve():
+        if there.resolve() != copy.resolve():
             raise ValueError(
                 f"{there}: lies on the disk, or in another storage: run where it does "
                 "not, or move it away"

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from alignerf.experiment import targets
+from alignerf.experiment.cluster import work as work_of
 from alignerf.preflight import __main__ as command
 from alignerf.preflight import eta, fit, lanes, schedule
 
@@ -35,7 +35,7 @@ def task(name, seconds, *after, threads=1):
 
 
 def tasks_of(experiment, scene="courtyard", rates=RATES):
-    work = targets.work(experiment, scene)
+    work = work_of.of_scene(experiment, scene)
     rates = [rates] * len(work["trainings"])
     return schedule.tasks_of(work, rates, FLOW, VIEWS, threads=1)
 
@@ -75,7 +75,7 @@ def test_work_lists_what_is_trained_in_an_order_that_runs(demo, experiment_of):
         "auto": {"model": "large", "rounds": "auto", "most_rounds": 3},
     }
     demo["methods"]["alignerf"]["alignerf"]["radius_px"] = "auto"
-    found = targets.work(experiment_of(demo), "courtyard")["trainings"]
+    found = work_of.of_scene(experiment_of(demo), "courtyard")["trainings"]
     after = {one["name"]: one["after"] for one in found}
     assert after == {
         "pretrain/base": [],
@@ -135,7 +135,7 @@ def test_every_task_waits_for_tasks_and_ends(demo, experiment_of):
 
 
 def test_trainings_of_one_program_are_timed_once(demo, experiment_of):
-    work = targets.work(experiment_of(demo), "courtyard")
+    work = work_of.of_scene(experiment_of(demo), "courtyard")
     programs = {
         one["name"]: json.dumps(schedule.program_of(one["job"]), sort_keys=True)
         for one in work["trainings"]

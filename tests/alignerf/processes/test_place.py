@@ -17,6 +17,16 @@ BY_HAND = {"JAX_COORDINATOR_ADDRESS": "a:1", "JAX_NUM_PROCESSES": "3"}
         ({"SLURM_NTASKS": "4", "SLURM_PROCID": "0", "SLURM_JOB_ID": "7"}, (0, 1)),
         ({"OMPI_COMM_WORLD_SIZE": "2", "OMPI_COMM_WORLD_RANK": "1"}, (1, 2)),
         (BY_HAND | {"JAX_PROCESS_ID": "1"}, (1, 3)),
+        # mpirun within a step of one task.
+        (
+            {
+                "SLURM_STEP_NUM_TASKS": "1",
+                "SLURM_PROCID": "0",
+                "OMPI_COMM_WORLD_SIZE": "4",
+                "OMPI_COMM_WORLD_RANK": "2",
+            },
+            (2, 4),
+        ),
         (SLURM | BY_HAND | {"JAX_PROCESS_ID": "0"}, (0, 3)),
     ],
 )
@@ -30,6 +40,10 @@ def test_the_environment_says_which_process_this_is(environ, found):
         (BY_HAND, "JAX_NUM_PROCESSES without JAX_PROCESS_ID"),
         ({"JAX_NUM_PROCESSES": "2", "JAX_PROCESS_ID": "0"}, "JAX_COORDINATOR_ADDRESS"),
         (BY_HAND | {"JAX_PROCESS_ID": "3"}, "JAX_PROCESS_ID=3 of JAX_NUM_PROCESSES=3"),
+        (
+            {**BY_HAND, "JAX_PROCESS_ID": "1", "JAX_COORDINATOR_ADDRESS": "nonsense"},
+            "JAX_COORDINATOR_ADDRESS=nonsense: no host:port",
+        ),
         (BY_HAND | {"JAX_PROCESS_ID": "-1"}, "JAX_PROCESS_ID='-1': no number"),
         (SLURM | {"SLURM_STEP_NUM_TASKS": "x"}, "SLURM_STEP_NUM_TASKS='x': no number"),
     ],

@@ -19,8 +19,11 @@ STOPPED_AT = 7
 
 
 @contextlib.contextmanager
-def started(root, count, *arguments):
-    """`count` processes of tests.on_processes that know of each other; ended after."""
+def started(root, count, *arguments, each=None):
+    """`count` processes of tests.on_processes that know of each other; ended after.
+
+    each: a last argument of each one's own.
+    """
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -33,7 +36,7 @@ def started(root, count, *arguments):
     }
     found = [
         subprocess.Popen(
-            command,
+            [*command, *([each[number]] if each else [])],
             cwd=root,
             env=os.environ | shared | {"JAX_PROCESS_ID": str(number)},
             stdout=subprocess.PIPE,
@@ -117,6 +120,17 @@ def test_one_that_dies_ends_the_other_with_one_line(two):
     assert "Traceback" not in error
     assert code != 0
     assert seconds < 60
+
+
+def test_processes_of_other_configs_say_so_and_end(root, scene, tmp_path):
+    """Before the first step, or steps and minutes would wait for each other."""
+    budget = {"training": {**cases.TRAINING, "steps": None, "budget_min": 0.1}}
+    configs = [json.dumps(cases.JOB), json.dumps(cases.JOB | budget)]
+    more = ["--scene", scene, "--out", tmp_path, "--config"]
+    with started(root, 2, *more, each=configs) as processes:
+        said = [process.communicate(timeout=120)[1] for process in processes]
+    wanted = "config: not the same in process 1 as in process 0"
+    assert [wanted in text for text in said] == [True, True]
 
 
 def test_four_go_on_from_two_and_end_when_one_freezes(

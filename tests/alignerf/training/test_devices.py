@@ -94,7 +94,8 @@ def four(tmp_path, monkeypatch):
     for name in ("nvidia0", "nvidia1", "nvidia2", "nvidia10", "nvidiactl"):
         (tmp_path / name).touch()
     monkeypatch.setattr(devices, "_held", [])
-    monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
+    for name in ("CUDA_VISIBLE_DEVICES", "CUDA_DEVICE_ORDER", *devices.MEMORY_SHARES):
+        monkeypatch.delenv(name, raising=False)
 
     def take():
         monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
@@ -107,7 +108,7 @@ def four(tmp_path, monkeypatch):
 
 
 def test_each_job_takes_an_accelerator_of_its_own(four):
-    assert [four() for _ in range(4)] == ["0", "1", "2", "10"]
+    assert [four() for _ in range(4)] == ["0", "1", "2", "3"]
     with pytest.raises(ValueError, match=r"all 4 accelerators .* --resources gpu=4"):
         four()
     # One that has ended gives back what it had.
@@ -117,7 +118,14 @@ def test_each_job_takes_an_accelerator_of_its_own(four):
 
 def test_jobs_share_accelerators_where_their_memory_says_so(four, monkeypatch):
     monkeypatch.setenv("XLA_PYTHON_CLIENT_MEM_FRACTION", ".45")
-    assert [four() for _ in range(8)] == ["0", "1", "2", "10"] * 2
+    assert [four() for _ in range(8)] == ["0", "1", "2", "3"] * 2
+
+
+@pytest.mark.parametrize("text", ["abc", "nan", "0", "-1", "2"])
+def test_a_share_of_memory_is_checked(four, monkeypatch, text):
+    monkeypatch.setenv("XLA_CLIENT_MEM_FRACTION", text)
+    with pytest.raises(ValueError, match="XLA_CLIENT_MEM_FRACTION='?" + text):
+        four()
 
 
 def test_what_a_cluster_has_given_is_taken(four, tmp_path, monkeypatch):

@@ -8,6 +8,7 @@ import pytest
 from alignerf.experiment.cluster import ends, needs
 
 FILE = "{method}/round{round}/timing.json"
+COSTS = {"s": "the work"}
 
 
 class Wildcards(types.SimpleNamespace):
@@ -29,33 +30,34 @@ def preflight(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "results/s/preflight.json"
     path.parent.mkdir(parents=True)
-    needs.tasks_in.cache_clear()
+    needs.read.cache_clear()
     return lambda text: path.write_text(
         text if isinstance(text, str) else json.dumps(text)
     )
 
 
 def of(file="m/round0/timing.json", **task):
-    return {"tasks": [{"file": file, "seconds": 600.0, "peak_bytes": 2e9} | task]}
+    tasks = [{"file": file, "seconds": 600.0, "peak_bytes": 2e9} | task]
+    return {"work": "the work", "tasks": tasks}
 
 
 def test_memory_and_minutes_are_the_preflights_with_room(preflight):
     preflight(of())
-    assert needs.memory_mb(FILE)(HERE, 1) == 3000
-    assert needs.minutes(FILE)(HERE, 1) == 30
+    assert needs.memory_mb(COSTS, FILE)(HERE, 1) == 3000
+    assert needs.minutes(COSTS, FILE)(HERE, 1) == 30
 
 
 @pytest.mark.parametrize("attempt", [1, 2, 3])
 def test_each_attempt_asks_for_twice_as_much(preflight, attempt):
     preflight(of())
-    assert needs.memory_mb(FILE)(HERE, attempt) == 3000 * 2 ** (attempt - 1)
-    assert needs.minutes(FILE)(HERE, attempt) == 30 * 2 ** (attempt - 1)
+    assert needs.memory_mb(COSTS, FILE)(HERE, attempt) == 3000 * 2 ** (attempt - 1)
+    assert needs.minutes(COSTS, FILE)(HERE, attempt) == 30 * 2 ** (attempt - 1)
 
 
 def test_a_small_task_has_room_for_snakemake(preflight):
     preflight(of(peak_bytes=1, seconds=0.1))
-    assert needs.memory_mb(FILE)(HERE, 1) == 501
-    assert needs.minutes(FILE)(HERE, 1) == 11
+    assert needs.memory_mb(COSTS, FILE)(HERE, 1) == 501
+    assert needs.minutes(COSTS, FILE)(HERE, 1) == 11
 
 
 @pytest.mark.parametrize(
@@ -66,19 +68,23 @@ def test_a_small_task_has_room_for_snakemake(preflight):
         of(seconds=None),
         json.dumps(of(peak_bytes=float("nan"))),
         json.dumps(of(seconds=float("inf"))),
-        "9" * 5000,
+        *("9" * 5000, "[" * 100_000, of() | {"work": "other"}, of(seconds=1e308)),
+        *(of(seconds=-1), of(peak_bytes=int("9" * 400))),
     ],
 )
 def test_without_figures_a_job_asks_for_the_usual(preflight, text):
     preflight(text)
-    assert needs.memory_mb(FILE)(HERE, 1) == needs.MEMORY_MB
-    assert needs.minutes(FILE)(HERE, 1) == needs.MINUTES
+    assert needs.memory_mb(COSTS, FILE)(HERE, 1) == needs.MEMORY_MB
+    assert needs.minutes(COSTS, FILE)(HERE, 1) == needs.MINUTES
 
 
 def test_no_file_and_no_such_wildcard_are_the_usual_too(preflight):
-    assert needs.memory_mb(FILE)(HERE, 1) == needs.MEMORY_MB
+    assert needs.memory_mb(COSTS, FILE)(HERE, 1) == needs.MEMORY_MB
     preflight(of())
-    assert needs.minutes(FILE)(Wildcards(scene="s", variant="v"), 1) == needs.MINUTES
+    assert (
+        needs.minutes(COSTS, FILE)(Wildcards(scene="s", variant="v"), 1)
+        == needs.MINUTES
+    )
 
 
 LOST = """

@@ -32,3 +32,18 @@ def test_results_on_the_disk_are_left_alone(places):
     with pytest.raises(ValueError, match="lies on the disk"):
         stored.link(["a"], copies, results)
     assert not (results / "a").is_symlink()
+
+
+def test_a_link_that_a_storage_has_left_is_named(tmp_path):
+    copies = tmp_path / ".snakemake/storage/s3/bucket/results"
+    results = tmp_path / "results"
+    stored.link(["a"], copies, results)
+    with pytest.raises(ValueError, match="leads into a storage"):
+        stored.link(["a"], results, results)
+    # Its copies may have been cleaned away.
+    (copies / "a").rmdir()
+    stored.link(["a"], copies, results)
+    assert (results / "a").is_dir()
+    (copies / "a").rmdir()
+    with pytest.raises(ValueError, match="in another storage"):
+        stored.link(["a"], tmp_path / "other", results)
