@@ -1,12 +1,13 @@
-"""What the paper's Tables 2 and 3 cost on a cluster: hours and money.
+"""What the paper's Tables 2 and 3 cost on a cluster: hours of accelerators, money.
 
 Trainings and their lengths are those of outdoor_high.yaml and outdoor_low.yaml, as the
-preflight is told of them. A ray's seconds are measured here, with a step of a few rays
-of each system at its published size; a ray's arithmetic is what the compiler counts.
-Renders of the test views cost a third of a ray's step: no gradient, no Adam.
+preflight is told of them. What a ray takes is what the compiler counts of a step of
+each system at its published size. Renders of the test views cost a third of a ray's
+step: no gradient, no Adam.
 
-Nothing here was measured on an accelerator: its hours follow from the arithmetic and
-from TFLOPS, which you should replace by yours.
+Nothing here was measured on an accelerator: hours follow from the arithmetic and from
+TFLOPS, which you should replace by yours. A hash grid waits for memory instead, so that
+its hours are too few.
 """
 
 import json
@@ -29,30 +30,27 @@ PIXELS = {2: 2560 * 1680, 3: 1280 * 840}
 RENDERING = 1 / 3
 # Assumptions: what a rented accelerator reaches in such networks, a
 # quarter of its peak in bfloat16; and prices of an hour, in US dollars.
-TFLOPS, GPU_USD, CORE_USD = 75.0, 2.5, 0.04
+TFLOPS, GPU_USD = 75.0, 2.5
 # Rays of a step; fine-tuning takes a patch.
 RAYS = 64
 
 
 def run(options):
-    """Rows: hours of each system's trainings of a table, here and by arithmetic."""
+    """Rows: the arithmetic of each system's rays in a table; the rest in its note."""
     found = [row for table in TABLES for row in trainings_of(table)]
     if options.quick:
         found = found[:1]
     programs = {key: job for _, _, key, job, _ in found}
-    costs = {key: of_ray(job, options) for key, job in programs.items()}
-    rows = []
-    for table, name, key, _, rays in found:
-        seconds, flop = costs[key]
-        rows.append(
-            measure.Row(
-                what=f"Table {table}: {name}",
-                unit="hours of these cores",
-                ours=measure.one(rays * seconds / 3600),
-                note=note(rays, flop),
-            )
+    flop = {key: of_ray(job, options) for key, job in programs.items()}
+    return [
+        measure.Row(
+            what=f"Table {table}: {name}",
+            unit="GFLOP a ray",
+            ours=measure.one(flop[key] / 1e9),
+            note=note(rays, flop[key]),
         )
-    return rows
+        for table, name, key, _, rays in found
+    ]
 
 
 def trainings_of(table):
@@ -87,7 +85,7 @@ def program(job):
 
 
 def of_ray(job, options):
-    """(seconds here, floating-point operations) of a ray of a job's training."""
+    """Floating-point operations of a ray of a job's training."""
     job = json.loads(json.dumps(job))
     job["training"]["batch_rays"] = RAYS
     if job["stage"] == "finetune":
@@ -97,16 +95,10 @@ def of_ray(job, options):
         job["model"] = {**cases.TINY, "kind": "mipnerf360", "training": {}}
     parsed = jobs.parse(job)
     training = ours.Training(parsed, cases.orbit())
-    analysis = training.cost
-    times = measure.interleave({"ours": training}, max(1, options.repeats // 2))
-    rays = parsed.rays_per_step
-    return measure.spread(times["ours"]).median / rays, analysis["flops"] / rays
+    return training.flop / parsed.rays_per_step
 
 
 def note(rays, flop):
-    """The rest of a row's columns: rays, arithmetic, an accelerator's hours, money."""
-    gpu_h = rays * flop / TFLOPS / 1e12 / 3600
-    return (
-        f"{rays / 1e9:.1f} G rays, {flop / 1e9:.2f} GFLOP a ray, {gpu_h:.0f} GPU hours "
-        f"at {TFLOPS:g} TFLOP/s, {gpu_h * GPU_USD:.0f} USD"
-    )
+    """Rays of all trainings, and an accelerator's hours and money for them."""
+    hours = rays * flop / TFLOPS / 1e12 / 3600
+    return f"{rays / 1e9:.1f} G rays, {hours:.0f} h, {hours * GPU_USD:.0f} USD"

@@ -21,8 +21,8 @@ class Training:
         state = program.fresh_state(built.optimizer, params)
         self._state, self._views = devices.place((state, views), built.mesh)
         self._step, self.compile_s = built.step, built.compile_time_s
-        # What the compiler counts, as {"flops": ...} of a step.
-        self.cost = built.step.cost_analysis()
+        # What the compiler counts of a step; of its micro-batches it counts one.
+        self.flop = built.step.cost_analysis()["flops"] * built.parts
         self._schedule = program.schedule_of(job, built.mesh)
 
     def __call__(self):
