@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -58,6 +59,12 @@ PREFLIGHT = "results/tiny/preflight.json"
 TRAINED = "results/tiny/mipnerf360/round0/timing.json"
 CHECKPOINTS = "results/tiny/mipnerf360/round0/checkpoints"
 LOG = "results/tiny/mipnerf360/round0/logs/train.log"
+# A process started in the background ignores SIGINT, and so do those that it starts.
+INTERRUPTIBLE = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
 # Of every job, in columns of so many letters.
 WIDTH = 200
 COLUMNS = ("Comment", "NumCPUs", "MinMemory", "TimeLimit", "tres-per-job", "State")
@@ -173,7 +180,7 @@ def test_a_dead_node_and_a_cancelled_run_cost_a_minute_of_training(root, slurm, 
     """What was trained until the last checkpoint is there for the next node."""
     retrain(begun, peak_bytes=10**9, steps=1_000_000)
     process = subprocess.Popen(
-        command(root, TRAINED),
+        [sys.executable, "-c", INTERRUPTIBLE, *command(root, TRAINED)],
         cwd=begun,
         env=slurm.environ,
         stdout=subprocess.PIPE,
@@ -188,7 +195,8 @@ def test_a_dead_node_and_a_cancelled_run_cost_a_minute_of_training(root, slurm, 
         ).split()
         slurm.kill_node(node)
         wait_for_step(manifest, above=first)
-        process.terminate()
+        # As Ctrl-C does; SIGTERM would let running jobs end first.
+        process.send_signal(signal.SIGINT)
         process.communicate(timeout=90)
     finally:
         process.kill()
