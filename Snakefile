@@ -12,7 +12,6 @@
 #   snakemake --cores N --configfile workflow/config/own_photos.yaml
 import gc
 import sys
-from pathlib import Path
 
 sys.path.insert(0, workflow.basedir)
 
@@ -84,7 +83,7 @@ rule all:
 
 check.or_exit(check.check_free, experiment.scenes, [r.name for r in workflow.rules])
 # Snakemake has a rule's output where its storage keeps it, if it is told of one.
-check.or_exit(stored.link, experiment.scenes, Path(rules.config.output[0]).parents[1])
+check.or_exit(stored.link, experiment.scenes, rules.config.output[0])
 
 
 # What a killed run has half written.

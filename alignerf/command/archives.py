@@ -160,7 +160,8 @@ def check_layout(name, shape, dtype):
 def check_together(arrays):
     """Sides of one letter are of one length in all arrays of a file."""
     known = {}
-    for name in arrays.keys() & LAYOUTS.keys():
+    # In an order, so that the same array is named each time.
+    for name in sorted(arrays.keys() & LAYOUTS.keys(), reverse=True):
         sides = LAYOUTS[name][1]
         for side, length in zip(sides, arrays[name].shape, strict=True):
             first, other = known.setdefault(side, (length, name))

@@ -18,16 +18,18 @@ def here(file):
     return file
 
 
-def link(scenes, copies, results="results"):
+def link(scenes, output, results="results"):
     """Let results/SCENE lead to where a storage's files lie while jobs use them.
 
     Of a job Snakemake moves the files that its rule names; its command finds these, as
-    without a storage, below the scene's folder. copies: where Snakemake has `results`.
+    without a storage, below the scene's folder. output: where Snakemake has a file that
+    a rule writes there.
     Raises ValueError for results that are others'.
     """
-    in_storage = Path(copies) != Path(results)
+    copies = Path(output).parents[1]
+    in_storage = copies != Path(results)
     for scene in scenes:
-        there, copy = Path(results) / scene, Path(copies).absolute() / scene
+        there, copy = Path(results) / scene, copies.absolute() / scene
         if not in_storage:
             if there.is_symlink() and STORAGE in os.readlink(there):
                 raise ValueError(f"{there}: leads into a storage: remove this link")
