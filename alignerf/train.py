@@ -13,7 +13,6 @@ import dataclasses
 import hashlib
 import json
 import logging
-import os
 
 import jax
 
@@ -41,9 +40,8 @@ log = logging.getLogger("alignerf")
 def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
-    if place.of(os.environ).count == 1:
-        devices.take_accelerator()
     with together.together():
+        devices.take_accelerator()
         run(args)
 
 

@@ -65,6 +65,9 @@ def take_accelerator(device_files=Path("/dev"), locks=None):
     )
     if len(numbers) < 2 or "CUDA_VISIBLE_DEVICES" in os.environ:
         return
+    if processes.are_several():
+        # Each takes the one of its number on its host.
+        return
     folder = Path(locks or tempfile.gettempdir())
     # Empty ones first.
     for slot in range(int(1 / share_of_memory(os.environ))):
