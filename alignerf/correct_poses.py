@@ -61,6 +61,15 @@ def main(argv=None):
         moved = [v for v, c in zip(train, found, strict=True) if not c.left_alone]
         prepared.write_cameras(path, after, args.cameras, moved)
         report_path.write_text(json.dumps(report, indent=1) + "\n")
+    say(report)
+
+
+def say(report):
+    """Log which cameras stayed, and why; by how far the others moved."""
+    reasons = {line["left_alone"] for line in report["of_views"]}
+    if len(reasons) == 1 and report["left_alone"]:
+        log.warning("all cameras stay: %s", *reasons)
+        return
     for line in report["of_views"]:
         if line["left_alone"]:
             log.warning("view %s stays: %s", line["view"], line["left_alone"])

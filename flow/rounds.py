@@ -50,6 +50,8 @@ def remaining_px(flow, before=None):
 
 def decide(now_px, before_px=None, *, least_fall=LEAST_FALL):
     """(whether to go on, why) by what remains after this round and the one before."""
+    if now_px == 0:
+        return False, f"{now_px:.3f} px remain to be corrected"
     if before_px is None:
         return True, f"{now_px:.3f} px remain to be corrected"
     fall = (before_px - now_px) / before_px if before_px > 0 else 0.0

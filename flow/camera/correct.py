@@ -20,6 +20,9 @@ LEAST_VALID_SHARE = 0.05
 NOISE_RATIO, LEAST_NOISE_PX = 4.0, 0.5
 # A motion unlike the others': so many times longer than theirs, and by this at least.
 LENGTH_RATIO, LEAST_LENGTH_PX = 10.0, 3.0
+# Motions that are shorter in the median view are a flow's own error: with true poses it
+# is 0.05 to 0.08 px, and cameras that follow it make the next round blurrier.
+LEAST_MEDIAN_PX = 0.1
 # The focal length moves where the views' median zoom is beyond so many of its standard
 # errors: what the views do not agree on is no property of their lens.
 ZOOM_ERRORS = 4.0
@@ -74,6 +77,12 @@ def corrections(views) -> list[Correction]:
         name: float(np.median([getattr(correction, name) for correction in kept]))
         for name in (("noise_px", "length_px") if kept else ())
     }
+    if kept and usual["length_px"] < LEAST_MEDIAN_PX:
+        reason = (
+            f"the median view would move by {usual['length_px']:.2f} px, and under "
+            f"{LEAST_MEDIAN_PX} px that is the flow's error"
+        )
+        return [c if c.left_alone else _left_alone(c, reason) for c in found]
     return [c if c.left_alone else _with_others(c, **usual) for c in found]
 
 

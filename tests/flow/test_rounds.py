@@ -13,7 +13,7 @@ from flow.warping import files
     ("before_px", "now_px", "goes_on"),
     [
         (None, 1.0, True),
-        (None, 0.0, True),
+        (None, 0.0, False),
         (1.0, 0.5, True),
         (1.0, 1.0, False),
         (1.0, 0.95, False),

@@ -102,6 +102,18 @@ def test_a_view_that_cannot_be_trusted_stays_and_says_why(rng):
             assert correction.length_px > 0.05
 
 
+def test_motions_as_short_as_a_flows_error_move_no_camera(rng):
+    """With true poses flows ask for 0.05 to 0.08 px, which harms the next round."""
+    for size_px, stay in ((0.02, True), (0.3, False)):
+        views = [view_of(rng, random_motion(rng, size_px)) for _ in range(8)]
+        for correction in correct.corrections(lambda seen=views: iter(seen)):
+            assert bool(correction.left_alone) == stay
+            if stay:
+                assert "that is the flow's error" in correction.left_alone
+                assert correction.motion is camera_motion.STILL
+                assert correction.length_px == 0
+
+
 def test_one_view_alone_is_found_too(rng):
     (found,) = correct.corrections(lambda: iter([view_of(rng, random_motion(rng, 1))]))
     assert found.left_alone == ""
