@@ -26,6 +26,7 @@ from alignerf.scenes import (
     prepared,
     transforms,
 )
+from alignerf.scenes.capture import triangulate
 from alignerf.scenes.courtyard import scene as courtyard
 from alignerf.scenes.courtyard import truth
 
@@ -69,6 +70,8 @@ def main(config, out):
         warn_of_few(out, split)
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
+        if wants_points(config, views):
+            report |= add_points(fresh, scratch, photo_size[0] / views.width, config)
         if scene is not None:
             log.info("rendering the truth of %d views", len(views.names))
             scene = truth.select(scene, views.names)
@@ -207,6 +210,49 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
     return views, report
 
 
+def wants_points(config, views):
+    """Whether a scene's points are to be found: of given poses that come without."""
+    given = config["poses"] == "given" and config["triangulate"]
+    return given and views.points is None
+
+
+def add_points(fresh, scratch, photo_scale, config):
+    """Triangulate what the given views see: the part of the report about points.
+
+    The source's own bounds are kept. photo_scale: a photo's width over its view's;
+    errors of the report are in pixels of the photo.
+    """
+    views = prepared.read_cameras(fresh / "cameras.npz")
+    found = triangulate.triangulate(
+        fresh / "images", scratch, views, seed=config["seed"]
+    )
+    if not len(found.points):
+        log.warning("%s: its views share no points", config["path"])
+        return {}
+    if not (fresh / prepared.BOUNDS).exists():
+        points = fresh / prepared.POINTS
+        np.savez(points, points=found.points, colours=found.colours)
+    log.info(
+        "%d points, which the given cameras see %.2f px from where they are found",
+        *(len(found.points), found.mean_reprojection_error_px),
+    )
+    found = found.of_size(np.full((len(found.names), 2), photo_scale))
+    return {
+        "mean_reprojection_error_px": found.mean_reprojection_error_px,
+        "points": len(found.points),
+        "points_in_3_views": found.points_in_3_views,
+        "reprojection_errors_px": errors_of(found),
+    }
+
+
+def errors_of(model):
+    """{view: mean reprojection error in px}; None of a view that sees no point."""
+    return {
+        name: None if np.isnan(error) else round(float(error), 4)
+        for name, error in zip(model.names, model.errors_px, strict=True)
+    }
+
+
 def describe_photos(model, taken):
     """The part of the report about photos: how they lie, their lenses, their errors."""
     place = {name: i for i, name in enumerate(taken.names)}
@@ -224,10 +270,7 @@ def describe_photos(model, taken):
         "exif_focal_px": focals[0] if len(focals) == 1 else None,
         # Clockwise, until a view stands upright; the others do.
         "quarter_turns": {name: turn for name, turn in turns.items() if turn},
-        "reprojection_errors_px": {
-            name: None if np.isnan(error) else round(float(error), 4)
-            for name, error in zip(model.names, model.errors_px, strict=True)
-        },
+        "reprojection_errors_px": errors_of(model),
     }
 
 

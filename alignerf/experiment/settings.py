@@ -177,6 +177,11 @@ class Scene:
         least=0,
         most=1000,
     )
+    triangulate: bool = key(
+        True,
+        "with given poses: the points that views share are found, for what facts "
+        "decide, and to say how right the poses are",
+    )
     colmap: Colmap = key(Colmap())
     courtyard: Courtyard = key(Courtyard())
 

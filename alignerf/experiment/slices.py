@@ -40,6 +40,8 @@ def of_scene(experiment, name):
         unused.add("courtyard")
     if scene["poses"] != "colmap":
         unused.add("colmap")
+    if scene["poses"] != "given":
+        unused.add("triangulate")
     if scene["masks"] is None:
         unused.add("masks")
     return as_json({key: scene[key] for key in scene.keys() - unused})

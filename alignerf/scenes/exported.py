@@ -67,10 +67,23 @@ def write_colmap(folder, found):
     """Write COLMAP's model of the same arrays: sparse/0, and of its points POINTS.
 
     `points` [m, 3] and `colours` may be among them; they do not know the views that
-    they were seen in. Views that share their intrinsics share a camera.
+    they were seen in.
     """
     sparse = Path(folder) / "sparse" / "0"
     sparse.mkdir(parents=True)
+    model = model_of(found)
+    if "points" in found:
+        for point, colour in zip(found["points"], found["colours"], strict=True):
+            model.add_point3D(point, pycolmap.Track(), colour)
+        model.export_PLY(Path(folder) / POINTS)
+    model.write(sparse)
+
+
+def model_of(found) -> pycolmap.Reconstruction:
+    """COLMAP's model of the arrays of a cameras.npz, without points.
+
+    Views that share their intrinsics share a camera.
+    """
     model, camera_ids = pycolmap.Reconstruction(), {}
     size = {"width": int(found["width"]), "height": int(found["height"])}
     views = zip(
@@ -94,11 +107,7 @@ def write_colmap(folder, found):
         turn = (pose[:, :3] @ cameras.OPENGL_FROM_OPENCV).T
         moved = pycolmap.Rigid3d(pycolmap.Rotation3d(turn), -turn @ pose[:, 3])
         model.add_image_with_trivial_frame(image, moved)
-    if "points" in found:
-        for point, colour in zip(found["points"], found["colours"], strict=True):
-            model.add_point3D(point, pycolmap.Track(), colour)
-        model.export_PLY(Path(folder) / POINTS)
-    model.write(sparse)
+    return model
 
 
 def write_llff(path, found, bounds):

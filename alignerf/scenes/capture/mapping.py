@@ -31,7 +31,7 @@ def models_of(
     names = sorted(name for camera in taken_by for name in camera.names)
     database = Path(work_folder) / "database.db"
     pycolmap.Database.open(database).close()
-    _quiet(seed)
+    quiet(seed)
     # Imported first, so that image ids follow the names: parallel extraction hands
     # them out in any order, and the result depends on them.
     for camera in taken_by:
@@ -50,26 +50,32 @@ def models_of(
             options=reader,
         )
     with progress.heartbeat("COLMAP: features"):
-        _extract(database, image_folder, names, max_size_px, masks)
+        extract(database, image_folder, names, max_size_px, masks)
     with progress.heartbeat("COLMAP: matching"):
-        _match(database, len(names), seed)
+        match(database, len(names), seed)
     with progress.heartbeat("COLMAP: poses"):
         return _map(database, image_folder, work_folder, seed)
 
 
-def _quiet(seed):
+def quiet(seed):
     """Only COLMAP's errors reach stderr; its random numbers start from the seed."""
     pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
     pycolmap.set_random_seed(seed)
 
 
-def _extract(database, image_folder, names, max_size_px, masks):
+def extract(database, image_folder, names, max_size_px, masks=None, most=None):
+    """SIFT on <name>.png of a folder, of images that the database knows.
+
+    most: features of an image, the largest ones; None for COLMAP's default.
+    """
     reader = pycolmap.ImageReaderOptions()
     if masks is not None:
         reader.mask_path = masks
     extraction = pycolmap.FeatureExtractionOptions()
     extraction.use_gpu = False
     extraction.max_image_size = max_size_px
+    if most is not None:
+        extraction.sift.max_num_features = most
     pycolmap.extract_features(
         database,
         image_folder,
@@ -80,7 +86,7 @@ def _extract(database, image_folder, names, max_size_px, masks):
     )
 
 
-def _match(database, count, seed):
+def match(database, count, seed):
     """Match all pairs; of many photos those that look alike or follow one another."""
     matching = pycolmap.FeatureMatchingOptions()
     matching.use_gpu = False
