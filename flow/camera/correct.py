@@ -21,7 +21,7 @@ NOISE_RATIO, LEAST_NOISE_PX = 4.0, 0.5
 # A motion unlike the others': so many times longer than theirs, and by this at least.
 LENGTH_RATIO, LEAST_LENGTH_PX = 10.0, 3.0
 # Motions that are shorter in the median view are a flow's own error: with true poses it
-# is 0.05 to 0.08 px, and cameras that follow it make the next round blurrier.
+# is 0.05 to 0.08 px, and cameras that follow it made the next round blurrier.
 LEAST_MEDIAN_PX = 0.1
 # The focal length moves where the views' median zoom is beyond so many of its standard
 # errors: what the views do not agree on is no property of their lens.
