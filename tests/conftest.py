@@ -8,6 +8,13 @@ import sys
 
 # Before JAX is imported: tests run on the CPU, and compiled programs are not kept.
 os.environ["JAX_PLATFORMS"] = "cpu"
+# Most of a test is compiling what runs for a moment. Without the optimisations of the
+# machine code that takes half as long; the program that it is made from is the same.
+# The chains that `snakemake` below runs have them, and so has this:
+#   ALIGNERF_OPTIMISED=1 make test
+if not os.environ.get("ALIGNERF_OPTIMISED"):
+    flags = os.environ.get("XLA_FLAGS", "")
+    os.environ["XLA_FLAGS"] = f"{flags} --xla_backend_optimization_level=0".strip()
 
 import jaxtyping
 

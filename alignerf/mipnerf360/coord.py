@@ -8,6 +8,7 @@ that no 3 x 3 matrix is ever built.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -85,7 +86,10 @@ def _polar(x):
     The stand-ins keep the gradient finite at 0, the scale keeps |x|^2 in range (up
     to 1e37, beyond which float32 has no reciprocal).
     """
-    scale = jnp.maximum(jnp.max(jnp.abs(x), axis=-1, keepdims=True), 1.0)
+    # Nothing depends on the scale. Its gradient would be 0 / 0 where the compiler works
+    # x out twice, to other roundings, and finds no entry that is the largest.
+    largest = jnp.max(jnp.abs(jax.lax.stop_gradient(x)), axis=-1, keepdims=True)
+    scale = jnp.maximum(largest, 1.0)
     scaled = x / scale
     outside = jnp.sum(scaled**2, axis=-1, keepdims=True) * scale > 1.0 / scale
     safe = jnp.where(outside, scaled, jnp.array([1.0, 0.0, 0.0], x.dtype))

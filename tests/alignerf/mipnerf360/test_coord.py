@@ -1,6 +1,7 @@
 """Contraction, Gaussians and ray distance against the papers' formulas."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -8,6 +9,8 @@ from alignerf.mipnerf360 import coord
 from tests import twins
 
 COUNT = 2000
+# Distances along a ray.
+T = np.geomspace(0.2, 1e6, 8, dtype=np.float32)[:, None]
 
 
 def unit_vectors(rng, count=COUNT):
@@ -101,3 +104,22 @@ def test_ray_distance_both_ways(rng):
     twins.assert_close(t, wanted, rtol=1e-6)
     back = twins.normalised_distance(*twins.f64(t, near, far))
     np.testing.assert_allclose(back, s, atol=1e-6 * np.max(far / (far - near)))
+
+
+def test_points_that_are_worked_out_twice_have_a_slope(rng):
+    """The compiler may round them otherwise where a gradient needs them again.
+
+    A slope through the largest coordinate was then 0 / 0 (tests run code that is not
+    optimised, where it was so on this machine).
+    """
+    gaussians = along_rays(rng)
+
+    def total(origins, directions):
+        x = origins[:, None] + T[None] * directions[:, None]
+        moved = coord.Gaussians(x, *(jnp.asarray(y)[:, None] for y in gaussians[1:]))
+        return jnp.sum(coord.contract(x)) + jnp.sum(coord.contract_spheres(moved)[1])
+
+    origins = np.float32(rng.normal(size=(COUNT, 3)) * 1e-3 + [0, 0, 1])
+    directions = np.float32(unit_vectors(rng))
+    slopes = jax.jit(jax.grad(total, argnums=(0, 1)))(origins, directions)
+    assert all(np.isfinite(slope).all() for slope in slopes)
