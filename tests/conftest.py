@@ -12,9 +12,11 @@ os.environ["JAX_PLATFORMS"] = "cpu"
 # machine code that takes half as long; the program that it is made from is the same.
 # The chains that `snakemake` below runs have them, and so has this:
 #   ALIGNERF_OPTIMISED=1 make test
+AS_USERS = {"XLA_FLAGS": os.environ.get("XLA_FLAGS", "")}
 if not os.environ.get("ALIGNERF_OPTIMISED"):
-    flags = os.environ.get("XLA_FLAGS", "")
-    os.environ["XLA_FLAGS"] = f"{flags} --xla_backend_optimization_level=0".strip()
+    os.environ["XLA_FLAGS"] = (
+        f"{AS_USERS['XLA_FLAGS']} --xla_backend_optimization_level=0".strip()
+    )
 
 import jaxtyping
 
@@ -99,6 +101,7 @@ def snakemake():
     environment = os.environ | {"PATH": os.pathsep.join([here, os.environ["PATH"]])}
     # Each run compiles into its own folder, as on a fresh machine.
     environment.pop("JAX_COMPILATION_CACHE_DIR", None)
+    environment |= AS_USERS
 
     def run(folder, *arguments, root=ROOT, more=None):
         command = [sys.executable, "-m", "snakemake", "--directory", folder]
