@@ -113,12 +113,18 @@ def match(database, count, seed):
 def _map(database, image_folder, work_folder, seed):
     sparse = Path(work_folder) / "sparse"
     sparse.mkdir()
+    options = pipeline_options(seed)
+    models = pycolmap.incremental_mapping(database, image_folder, sparse, options)
+    return list(models.values())
+
+
+def pipeline_options(seed):
+    """COLMAP's, with the same result on every run."""
     options = pycolmap.IncrementalPipelineOptions()
     options.random_seed = seed
     # Sums over threads come in any order, and poses would differ by 0.1 px.
     options.num_threads = 1
-    models = pycolmap.incremental_mapping(database, image_folder, sparse, options)
-    return list(models.values())
+    return options
 
 
 def _start_params(camera_model, focal_px, width, height):

@@ -34,10 +34,8 @@ def triangulate(image_folder, work_folder, views, *, seed) -> colmap.Reconstruct
         mapping.extract(database, image_folder, names, side_px, most=MOST_FEATURES)
     with progress.heartbeat("COLMAP: matching"):
         mapping.match(database, len(names), seed)
-    options = pycolmap.IncrementalPipelineOptions()
-    # As for poses: sums over threads come in any order.
-    options.random_seed, options.num_threads = seed, 1
     with progress.heartbeat("COLMAP: points"):
+        options = mapping.pipeline_options(seed)
         found = pycolmap.triangulate_points(
             model, database, image_folder, out, options=options
         )

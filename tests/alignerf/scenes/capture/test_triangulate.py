@@ -7,7 +7,7 @@ import pytest
 
 from alignerf import facts, poses
 from alignerf.command import images
-from alignerf.scenes import cameras, prepared
+from alignerf.scenes import cameras, exported, prepared
 from alignerf.scenes.capture import triangulate
 from alignerf.scenes.courtyard import scene as courtyard
 
@@ -90,17 +90,12 @@ def test_blank_photos_have_no_points(scene, tmp_path):
 def given_scene(folder, scene, *, blank=False):
     """The same as a user's transforms.json."""
     photos, views, _ = scene
-    (folder / "photos").mkdir(parents=True)
-    frames = []
-    for name, pose in zip(views["names"], views["camtoworlds"], strict=True):
+    (folder / "images").mkdir(parents=True)
+    for name in views["names"]:
         photo = images.read(photos / f"{name}.png")
-        images.write(folder / "photos" / f"{name}.png", photo | (255 * blank))
-        matrix = np.concatenate([pose, [[0, 0, 0, 1]]]).tolist()
-        frames.append({"file_path": f"photos/{name}.png", "transform_matrix": matrix})
-    camtopix = np.linalg.inv(views["pixtocams"][0])
-    lens = {"fl_x": camtopix[0, 0], "cx": camtopix[0, 2], "cy": camtopix[1, 2]}
-    lens |= {"fl_y": camtopix[1, 1], "w": WIDTH, "h": HEIGHT, "frames": frames}
-    (folder / "transforms.json").write_text(json.dumps(lens))
+        images.write(folder / "images" / f"{name}.png", photo | (255 * blank))
+    split = np.full(VIEWS, "train")
+    exported.write_transforms(folder / "transforms.json", views | {"split": split})
     return {"source": "transforms", "path": str(folder), "test_every": 3}
 
 
