@@ -70,7 +70,7 @@ def main(config, out):
         warn_of_few(out, split)
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
-        if wants_points(config, views):
+        if settings.wants_points(config) and views.points is None:
             report |= add_points(fresh, scratch, photo_size[0] / views.width, config)
         if scene is not None:
             log.info("rendering the truth of %d views", len(views.names))
@@ -210,12 +210,6 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
     return views, report
 
 
-def wants_points(config, views):
-    """Whether a scene's points are to be found: of given poses that come without."""
-    given = config["poses"] == "given" and config["triangulate"]
-    return given and views.points is None
-
-
 def add_points(fresh, scratch, photo_scale, config):
     """Triangulate what the given views see: the part of the report about points.
 
@@ -227,7 +221,7 @@ def add_points(fresh, scratch, photo_scale, config):
         fresh / "images", scratch, views, seed=config["seed"]
     )
     if not len(found.points):
-        log.warning("%s: its views share no points", config["path"])
+        log.warning("%s: its views share no points", config["path"] or config["source"])
         return {}
     if not (fresh / prepared.BOUNDS).exists():
         points = fresh / prepared.POINTS

@@ -57,6 +57,15 @@ def poses_of(scene):
     return scene["poses"] or SOURCES[scene["source"]].poses[0]
 
 
+def wants_points(scene):
+    """Whether points of a scene's cameras are to be found, where they have none yet.
+
+    Of given cameras unless it says no, of the courtyard's true ones where it says so.
+    """
+    poses, wanted = poses_of(scene), scene["triangulate"]
+    return poses == "given" if wanted is None else wanted and poses != "colmap"
+
+
 CAMERA_MODELS = Literal[
     "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"
 ]
@@ -177,10 +186,11 @@ class Scene:
         least=0,
         most=1000,
     )
-    triangulate: bool = key(
-        True,
-        "with given poses: the points that views share are found, for what facts "
-        "decide, and to say how right the poses are",
+    triangulate: bool | None = key(
+        None,
+        "the points that views share are found, for what facts decide, and to say how "
+        "right the poses are; null: those of given poses (of the courtyard's true ones "
+        "where asked; COLMAP has its own)",
     )
     colmap: Colmap = key(Colmap())
     courtyard: Courtyard = key(Courtyard())

@@ -40,7 +40,7 @@ def of_scene(experiment, name):
         unused.add("courtyard")
     if scene["poses"] != "colmap":
         unused.add("colmap")
-    if scene["poses"] != "given":
+    if not settings.wants_points(scene):
         unused.add("triangulate")
     if scene["masks"] is None:
         unused.add("masks")

@@ -87,6 +87,11 @@ def alignment(e):
 
 
 def camera(finding, e):
+    if not causes.by_flow(e):
+        return (
+            f"Cameras are {sure(finding)}off: they see what photos share "
+            f"{both(e.reprojection_px, e)} from where it is found."
+        )
     return (
         f"Poses are {sure(finding)}off: a moved camera explains {both(e.camera_px, e)}"
         f" of it."

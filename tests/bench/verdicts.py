@@ -18,7 +18,7 @@ from alignerf.command import images
 from tests.bench import measure
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-SEEDS = (0, 2)
+SEEDS = (4,)
 STEPS, FEW_STEPS = 1500, 125
 # Fault -> the cause that is to be named. What has none is below what can be told.
 CAUSES = {
@@ -102,6 +102,7 @@ def make_scene(folder, faults, seed, *, quick):
     scene = {
         "source": "courtyard",
         "poses": "truth",
+        "triangulate": True,
         "seed": seed,
         "downscale": 2,
         "perturb_px": 2.0 * ("pose" in faults) + 0.5 * ("half_pose" in faults),

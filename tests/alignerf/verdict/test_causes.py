@@ -78,6 +78,21 @@ def test_more_flow_on_test_views_alone_is_not_misalignment():
     assert "too few photos" in words.headline(found, causes.of(found))
 
 
+@pytest.mark.parametrize(
+    ("changes", "causes_named"),
+    [
+        # Renders of the training views fit, and the points say what they hide.
+        ({"reprojection_px": 1.3}, ["sparse", "camera"]),
+        ({"reprojection_px": 0.4}, ["sparse"]),
+        ({"reprojection_px": math.nan}, ["sparse"]),
+        # Where photos suffice, the flow tells.
+        ({"reprojection_px": 1.3, "flow_test_px": 0.09, "psnr_test_db": 27.2}, []),
+    ],
+)
+def test_from_too_few_photos_points_tell_of_poses(changes, causes_named):
+    assert named(**FAULTS["sparse"] | changes) == causes_named
+
+
 def test_without_training_renders_test_views_tell():
     nothing = WELL._replace(flow_train_px=math.nan, psnr_train_db=math.nan)
     assert causes.of(nothing) == []
@@ -96,6 +111,14 @@ def test_the_words_have_the_numbers_and_one_thing_to_do(cause):
     if cause == "camera":
         assert "1.20 px (2.40 px of the photo)" in " ".join(lines)
         assert "misaligned: poses are off" in lines[0]
+
+
+def test_the_words_say_what_points_told():
+    known = WELL._replace(**FAULTS["sparse"], reprojection_px=1.3)
+    lines = words.say(known, causes.of(known), [], [])
+    told = "Cameras are off: they see what photos share 1.30 px (2.60 px of the photo)"
+    assert any(line.startswith(told) for line in lines)
+    assert lines[-1].startswith("To do: take more photos")
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 
 from alignerf import facts, poses
 from alignerf.command import images
+from alignerf.experiment import settings
 from alignerf.scenes import cameras, exported, prepared
 from alignerf.scenes.capture import triangulate
 from alignerf.scenes.courtyard import scene as courtyard
@@ -125,3 +126,17 @@ def test_points_can_be_left_out_and_may_be_missing(scene, tmp_path, caplog):
         assert report["mean_reprojection_error_px"] is None
         assert not (tmp_path / out / prepared.POINTS).exists()
     assert f"{blank['path']}: its views share no points" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("has", "asked", "wanted"),
+    [
+        *(("given", None, True), ("given", False, False), ("given", True, True)),
+        *(("truth", None, False), ("truth", True, True)),
+        # COLMAP's poses come with points.
+        *(("colmap", None, False), ("colmap", True, False)),
+    ],
+)
+def test_points_are_found_where_they_are_missing(has, asked, wanted):
+    scene = {"source": "courtyard", "poses": has, "triangulate": asked}
+    assert settings.wants_points(scene) is wanted
