@@ -26,7 +26,7 @@ from alignerf.scenes import (
     prepared,
     transforms,
 )
-from alignerf.scenes.capture import triangulate
+from alignerf.scenes.capture import report, triangulate
 from alignerf.scenes.courtyard import scene as courtyard
 from alignerf.scenes.courtyard import truth
 
@@ -47,11 +47,11 @@ def main(config, out):
     config = checked(config)
     out = Path(out)
     with whole.scratch_folder(out) as scratch:
-        views, report, scene = READERS[config["source"]](config, scratch)
+        views, told, scene = READERS[config["source"]](config, scratch)
         photo_size = views.width, views.height
         views = prepare.sort_by_name(views)
-        report["downscale_decided"] = config["downscale"] == "auto"
-        if report["downscale_decided"]:
+        told["downscale_decided"] = config["downscale"] == "auto"
+        if told["downscale_decided"]:
             config["downscale"] = prepare.factor_for(views, MOST_PIXELS, LEAST_SIDE_PX)
             log.info("downscale: %d", config["downscale"])
         views = prepare.downscale(views, config["downscale"])
@@ -71,11 +71,11 @@ def main(config, out):
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
         if settings.wants_points(config) and views.points is None:
-            report |= add_points(fresh, scratch, photo_size[0] / views.width, config)
+            told |= add_points(fresh, scratch, photo_size[0] / views.width, config)
         if scene is not None:
             log.info("rendering the truth of %d views", len(views.names))
             scene = truth.select(scene, views.names)
-            report["true_misalignment_px"] = truth.write_truth(
+            told["true_misalignment_px"] = truth.write_truth(
                 fresh / "truth",
                 scene,
                 views,
@@ -84,11 +84,11 @@ def main(config, out):
             )
         if (scratch / "colmap").is_dir():
             whole.move(scratch / "colmap", fresh / "colmap")
-        report |= describe_views(views, photo_size, split, config)
-        report["time_s"] = round(time.monotonic() - started, 1)
-        (fresh / "poses.json").write_text(json.dumps(report, indent=1) + "\n")
+        told |= describe_views(views, photo_size, split, config)
+        told["time_s"] = round(time.monotonic() - started, 1)
+        (fresh / "poses.json").write_text(json.dumps(told, indent=1) + "\n")
         publish(fresh, out)
-    log.info("%s: %d of %d views", out, report["registered"], report["total"])
+    log.info("%s: %d of %d views", out, told["registered"], told["total"])
 
 
 def check_enough(split, least, where):
@@ -125,32 +125,32 @@ def checked(values):
 
 def load_photos(config, scratch):
     """Photos by COLMAP: (views at full size, the report so far, no truth)."""
-    views, report = pose_photos(config["path"], scratch, config, camera_model="OPENCV")
-    return views, report, None
+    views, told = pose_photos(config["path"], scratch, config, camera_model="OPENCV")
+    return views, told, None
 
 
 def load_transforms(config, scratch):
     """The same of a transforms.json, with the poses that it gives."""
     views, left_out = transforms.read(config["path"], config["background"])
-    return views, registration(views.names, left_out), None
+    return views, report.registration(views.names, left_out), None
 
 
 def load_blender(config, scratch):
     """The same of NeRF's synthetic scenes, with their own split."""
     views, left_out = blender.read(config["path"], config["background"])
-    return views, registration(views.names, left_out), None
+    return views, report.registration(views.names, left_out), None
 
 
 def load_mipnerf360(config, scratch):
     """The same of mip-NeRF 360's layout, with the poses of its COLMAP model."""
     views, left_out = mipnerf360.read(config["path"], config["images"])
-    return views, registration(views.names, left_out), None
+    return views, report.registration(views.names, left_out), None
 
 
 def load_llff(config, scratch):
     """The same of LLFF's poses_bounds.npy."""
     views = llff.read(config["path"])
-    return views, registration(views.names, []), None
+    return views, report.registration(views.names, []), None
 
 
 def load_courtyard(config, scratch):
@@ -173,7 +173,7 @@ def load_courtyard(config, scratch):
         height=scene.height,
         load=lambda i: images.read(folder / f"{scene.names[i]}.png"),
     )
-    return views, registration(scene.names, []), scene
+    return views, report.registration(scene.names, []), scene
 
 
 # Source, as settings.SOURCES has them -> its reader.
@@ -199,15 +199,11 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
         background=config["background"],
         masks=config["masks"],
     )
-    check_registered(model, config["colmap"]["least_registered"], where or folder)
-    report = registration(model.names, model.left_out) | {
-        "mean_reprojection_error_px": model.mean_reprojection_error_px,
-        "points": len(model.points),
-        "points_in_3_views": model.points_in_3_views,
-        "models": model.models,
-        **describe_photos(model, taken),
-    }
-    return views, report
+    least = config["colmap"]["least_registered"]
+    report.check_registered(model, least, where or folder)
+    found = report.registration(model.names, model.left_out)
+    found |= report.points(model) | report.photos(model, taken)
+    return views, found | {"models": model.models}
 
 
 def add_points(fresh, scratch, photo_scale, config):
@@ -231,54 +227,7 @@ def add_points(fresh, scratch, photo_scale, config):
         *(len(found.points), found.mean_reprojection_error_px),
     )
     found = found.of_size(np.full((len(found.names), 2), photo_scale))
-    return {
-        "mean_reprojection_error_px": found.mean_reprojection_error_px,
-        "points": len(found.points),
-        "points_in_3_views": found.points_in_3_views,
-        "reprojection_errors_px": errors_of(found),
-    }
-
-
-def errors_of(model):
-    """{view: mean reprojection error in px}; None of a view that sees no point."""
-    return {
-        name: None if np.isnan(error) else round(float(error), 4)
-        for name, error in zip(model.names, model.errors_px, strict=True)
-    }
-
-
-def describe_photos(model, taken):
-    """The part of the report about photos: how they lie, their lenses, their errors."""
-    place = {name: i for i, name in enumerate(taken.names)}
-    turns = {name: taken.lays[place[name]].turns for name in model.names}
-    lenses = {}
-    for i, number in enumerate(model.camera_of):
-        lens = {"focal_px": [float(model.camtopix[i][k, k]) for k in (0, 1)]}
-        lens |= {"centre_px": model.camtopix[i][:2, 2].tolist()}
-        lens |= {"distortion": model.distortion[i].tolist()}
-        lenses.setdefault(number, lens | {"views": 0})["views"] += 1
-    focals = [taken.camera(k).focal_px for k in range(taken.cameras.max() + 1)]
-    return {
-        "camera_model": model.camera_model,
-        "cameras": list(lenses.values()),
-        "exif_focal_px": focals[0] if len(focals) == 1 else None,
-        # Clockwise, until a view stands upright; the others do.
-        "quarter_turns": {name: turn for name, turn in turns.items() if turn},
-        "reprojection_errors_px": errors_of(model),
-    }
-
-
-def check_registered(model, least, where):
-    """ValueError where too few photos are in the largest model."""
-    count = len(model.names) + len(model.left_out)
-    if len(model.names) < least * count:
-        others = ", ".join(map(str, model.models[1:]))
-        apart = f"; others are in models of {others}: two scenes?" if others else ""
-        raise ValueError(
-            f"{where}: COLMAP registered {len(model.names)} of {count} photos together"
-            f"{apart}. Take more photos that overlap, sort out those of other places, "
-            "or lower colmap.least_registered"
-        )
+    return report.points(found)
 
 
 def pose_courtyard(folder, scratch, scene, config):
@@ -290,7 +239,7 @@ def pose_courtyard(folder, scratch, scene, config):
     the still scene 0.77 px of a 200x150 image from where it is on average, and
     0.07 px when nothing moves.
     """
-    views, report = pose_photos(
+    views, told = pose_photos(
         folder, scratch, config, where="courtyard", camera_model="SIMPLE_PINHOLE"
     )
     true = truth.select(scene, views.names)
@@ -300,22 +249,10 @@ def pose_courtyard(folder, scratch, scene, config):
         camtoworlds=cameras.apply_similarity(views.camtoworlds, *similarity),
         points=(scale * points @ rotation.T + translation, colours),
     )
-    report["compared_to_truth"] = truth.compare_cameras(
+    told["compared_to_truth"] = truth.compare_cameras(
         (views.pixtocams, views.camtoworlds), (true.pixtocams, true.camtoworlds)
     )
-    return views, report
-
-
-def registration(names, left_out):
-    """The part of the report that every source has."""
-    return {
-        "registered": len(names),
-        "total": len(names) + len(left_out),
-        "left_out": list(left_out),
-        "mean_reprojection_error_px": None,
-        "points": None,
-        "models": None,
-    }
+    return views, told
 
 
 def describe_views(views, photo_size, split, config):
