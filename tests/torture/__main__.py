@@ -1,9 +1,9 @@
 """`make torture`: the attack on the program, and its report.
 
 Parts: inputs (a finished chain's files, folders of photos, configs and jobs), numbers,
-kills, stops, disks, company, clocks, memory. Writes report.csv and findings.txt; exits
-with 1 where anything was found. The whole takes some three hours on two cores; `--only
-numbers` takes a minute.
+kills, stops, disks, company, matching, clocks, memory. Writes report.csv and
+findings.txt; exits with 1 where anything was found. The whole takes some three hours on
+two cores; `--only numbers` takes a minute.
 """
 
 import argparse
@@ -28,6 +28,7 @@ from tests.torture import (
     damage,
     interrupts,
     machines,
+    matching,
     numbers,
     stages,
 )
@@ -183,6 +184,7 @@ PARTS = {
     "disks": of_machine(machines.full_disks, "full disks", len(machines.DISK_MIB)),
     "users": of_machine(machines.unwritable, "a folder of another user", 1),
     "company": of_machine(machines.side_by_side, "two chains, one cache", 3),
+    "matching": of_machine(matching.beside_others, "pairs of photos", matching.PAIRS),
     "clocks": of_machine(machines.clock_set_back, "files of tomorrow", 1),
     "memory": of_machine(machines.memory_growth, "a long training's memory", 1),
 }

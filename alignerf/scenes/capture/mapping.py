@@ -1,5 +1,6 @@
 """COLMAP's own steps, the same on every run: features, matching, mapping."""
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
@@ -90,6 +91,9 @@ def match(database, count, seed):
     """Match all pairs; of many photos those that look alike or follow one another."""
     matching = pycolmap.FeatureMatchingOptions()
     matching.use_gpu = False
+    # With several, pycolmap 4.2.1 loses nearly all matches of one pair in 400 on a busy
+    # machine, of another pair on every run (make torture TORTURE="--only matching").
+    matching.num_threads = 1
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = seed
     options = {
@@ -100,14 +104,48 @@ def match(database, count, seed):
     if count <= MOST_EXHAUSTIVE:
         pycolmap.match_exhaustive(database, **options)
         return
-    neighbours = pycolmap.SequentialPairingOptions()
-    neighbours.overlap = FOLLOWING
-    neighbours.quadratic_overlap = False
-    pycolmap.match_sequential(database, pairing_options=neighbours, **options)
-    words = vocabulary.build(database)
+    listed = Path(database).with_suffix(".pairs")
+    pairs = _neighbours(database)
+    listed.write_text("".join(f"{one} {other}\n" for one, other in sorted(pairs)))
+    by_list = pycolmap.ImportedPairingOptions()
+    by_list.match_list_path = listed
+    with _numbers_as_names(database):
+        pycolmap.match_image_pairs(database, pairing_options=by_list, **options)
+
+
+def _neighbours(database):
+    """Pairs of image ids: those that follow one another, and those that look alike.
+
+    Found before any pair is matched: beside matching, COLMAP finds other pairs in one
+    run of thirty. Likely its linear algebra is not safe among threads.
+    """
+    following = pycolmap.SequentialPairingOptions()
+    following.overlap = FOLLOWING
+    following.quadratic_overlap = False
     alike = pycolmap.VocabTreePairingOptions()
-    alike.num_images, alike.vocab_tree_path = ALIKE, words
-    pycolmap.match_vocabtree(database, pairing_options=alike, **options)
+    alike.num_images, alike.vocab_tree_path = ALIKE, vocabulary.build(database)
+    alike.num_threads = 1
+    with pycolmap.Database.open(database) as opened:
+        found = pycolmap.SequentialPairGenerator(following, opened).all_pairs()
+        found += pycolmap.VocabTreePairGenerator(alike, opened).all_pairs()
+    return {(min(pair), max(pair)) for pair in found if pair[0] != pair[1]}
+
+
+@contextlib.contextmanager
+def _numbers_as_names(database):
+    """Its images are called as their ids within: COLMAP's list takes no spaces."""
+    with pycolmap.Database.open(database) as opened:
+        names = {image.image_id: image.name for image in opened.read_all_images()}
+    _rename(database, {number: str(number) for number in names})
+    yield
+    _rename(database, names)
+
+
+def _rename(database, names):
+    with pycolmap.Database.open(database) as opened:
+        for image in opened.read_all_images():
+            image.name = names[image.image_id]
+            opened.update_image(image)
 
 
 def _map(database, image_folder, work_folder, seed):

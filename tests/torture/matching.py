@@ -1,0 +1,71 @@
+"""COLMAP's matching beside other work: the same matches on every run.
+
+With several threads, pycolmap 4.2.1 loses nearly all matches of a pair now and then,
+about one in 400 where other processes take the cores. Nothing says so.
+"""
+
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+from collections import Counter, defaultdict
+
+import pycolmap
+
+from alignerf.command import images
+from alignerf.scenes.capture import mapping
+from alignerf.scenes.courtyard import scene as courtyard
+
+VIEWS, SIZE = 56, (240, 180)
+RUNS = 12
+PAIRS = RUNS * VIEWS * (VIEWS - 1) // 2
+
+
+def beside_others(reference, folder):
+    """Matches of each pair are the same in all runs, while every core is busy."""
+    database = features(folder / "matching")
+    busy = [
+        subprocess.Popen([sys.executable, "-c", "while True: pass"])
+        for _ in range(os.cpu_count())
+    ]
+    try:
+        seen = defaultdict(Counter)
+        for run in range(RUNS):
+            copy = shutil.copy(database, folder / f"matching/{run}.db")
+            mapping.match(copy, VIEWS, seed=0)
+            for pair, found in matches(copy):
+                seen[pair][found] += 1
+    finally:
+        for child in busy:
+            child.kill()
+            child.wait()
+    others = {p: RUNS - max(c.values()) for p, c in seen.items() if len(c) > 1}
+    return [f"pair {pair}: {count} of {RUNS} runs" for pair, count in others.items()]
+
+
+def features(folder):
+    """A database of the features of some views of the courtyard."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    world = courtyard.build_world(seed=0)
+    pixtocams, poses = courtyard.make_cameras(
+        views=VIEWS, width=SIZE[0], height=SIZE[1], seed=0
+    )
+    names = [f"view {i:02d}" for i in range(VIEWS)]
+    for name, pixtocam, pose in zip(names, pixtocams, poses, strict=True):
+        rendered = courtyard.render(world, pixtocam, pose, *SIZE, courtyard.at_rest())
+        images.write(folder / f"{name}.png", rendered.image)
+    database = folder / "database.db"
+    pycolmap.Database.open(database).close()
+    mapping.quiet(0)
+    files = [f"{name}.png" for name in names]
+    pycolmap.import_images(database, folder, image_names=files)
+    mapping.extract(database, folder, names, max(SIZE))
+    return database
+
+
+def matches(database):
+    """[(pair id, bytes of its matches)]"""
+    with sqlite3.connect(database) as opened:
+        return opened.execute("SELECT pair_id, data FROM matches").fetchall()
