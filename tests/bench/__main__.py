@@ -16,7 +16,7 @@ from tests.bench import cases, report
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 USUAL = ("speed", "quality", "grid", "job", "memory", "scale", "split", "align")
 # They take hours, or gigabytes: only where they are asked for.
-LONG = ("clusters", "decided", "planning", "sooner", "systems", "verdicts")
+LONG = ("clusters", "decided", "parts", "planning", "sooner", "systems", "verdicts")
 
 
 def main(argv=None):
