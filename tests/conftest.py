@@ -10,13 +10,11 @@ import sys
 os.environ["JAX_PLATFORMS"] = "cpu"
 # Most of a test is compiling what runs for a moment. Without the optimisations of the
 # machine code that takes half as long; the program that it is made from is the same.
-# The chains that `snakemake` below runs have them, and so has this:
+# Users' runs have them, and so has this:
 #   ALIGNERF_OPTIMISED=1 make test
-AS_USERS = {"XLA_FLAGS": os.environ.get("XLA_FLAGS", "")}
 if not os.environ.get("ALIGNERF_OPTIMISED"):
-    os.environ["XLA_FLAGS"] = (
-        f"{AS_USERS['XLA_FLAGS']} --xla_backend_optimization_level=0".strip()
-    )
+    given = os.environ.get("XLA_FLAGS", "")
+    os.environ["XLA_FLAGS"] = f"{given} --xla_backend_optimization_level=0".strip()
 
 import jaxtyping
 
@@ -101,7 +99,6 @@ def snakemake():
     environment = os.environ | {"PATH": os.pathsep.join([here, os.environ["PATH"]])}
     # Each run compiles into its own folder, as on a fresh machine.
     environment.pop("JAX_COMPILATION_CACHE_DIR", None)
-    environment |= AS_USERS
 
     def run(folder, *arguments, root=ROOT, more=None):
         command = [sys.executable, "-m", "snakemake", "--directory", folder]

@@ -189,8 +189,8 @@ class Scene:
     triangulate: bool | None = key(
         None,
         "the points that views share are found, for what facts decide, and to say how "
-        "right the poses are; null: those of given poses (of the courtyard's true ones "
-        "where asked; COLMAP has its own)",
+        "right the poses are; null: yes with given poses, no otherwise (COLMAP has its "
+        "own points); true: also with the courtyard's true poses",
     )
     colmap: Colmap = key(Colmap())
     courtyard: Courtyard = key(Courtyard())

@@ -43,7 +43,8 @@ def headline(e, findings):
     """One line: aligned or not, and the gravest cause."""
     named = [finding.cause for finding in findings]
     if "sparse" in named:
-        return "Verdict: too few photos, or too far apart: aligning them is no help."
+        poses = " Poses are off, too." if "camera" in named else ""
+        return f"Verdict: too few photos, or too far apart: aligning is no help.{poses}"
     if "few_views" in named:
         return "Verdict: too few photos to say much."
     what = [CALLED[name] for name in named if name in CALLED]
@@ -89,8 +90,8 @@ def alignment(e):
 def camera(finding, e):
     if not causes.by_flow(e):
         return (
-            f"Cameras are {sure(finding)}off: they see what photos share "
-            f"{both(e.reprojection_px, e)} from where it is found."
+            f"Poses are {sure(finding)}off: points that several photos show lie "
+            f"{both(e.reprojection_px, e)} from where the cameras expect them."
         )
     return (
         f"Poses are {sure(finding)}off: a moved camera explains {both(e.camera_px, e)}"
@@ -220,7 +221,8 @@ def advice(e, findings, gains=()):
     named = {finding.cause for finding in findings}
     for cause, text in ADVICE:
         if cause in named and not (cause in REMEDIED and in_vain(e, gains)):
-            return text
+            anew = cause == "sparse" and "camera" in named
+            return f"{text} Have their poses found anew, too." if anew else text
     if in_vain(e, gains):
         return (
             "leave the photos as they are: this run warped them, and that brought no "

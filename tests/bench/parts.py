@@ -10,10 +10,11 @@ from unittest import mock
 
 import jax.numpy as jnp
 
+from alignerf.experiment import jobs
 from alignerf.mipnerf360 import coord
 from tests.bench import cases, measure, ours
 
-BATCH_RAYS, STEPS = 512, 10
+STEPS = 10
 # What is left out -> (keys of the model, of its field, another contraction).
 PARTS = {
     "the contraction": ({}, {}, True),
@@ -52,10 +53,18 @@ def run(options):
 
 
 def steps_of(photos, model, field, straight):
-    """A call that takes some steps of the demo's grid with other keys."""
+    """A call that takes some steps of the demo's grid and training, with other keys."""
     changed = cases.GRID | model
     changed = changed | {"field": changed["field"] | field}
-    job = cases.make_job(changed, batch_rays=BATCH_RAYS, steps=2000)
+    job = jobs.parse(
+        {
+            "seed": 0,
+            "stage": "full",
+            "model": changed,
+            "training": {"steps": 2000},
+            "alignerf": None,
+        }
+    )
     if straight:
         with mock.patch.object(coord, "contract_spheres", as_they_are):
             return functools.partial(several, ours.Training(job, photos))

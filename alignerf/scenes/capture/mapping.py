@@ -105,7 +105,7 @@ def match(database, count, seed):
         pycolmap.match_exhaustive(database, **options)
         return
     listed = Path(database).with_suffix(".pairs")
-    pairs = _neighbours(database)
+    pairs = _neighbours(database, seed)
     listed.write_text("".join(f"{one} {other}\n" for one, other in sorted(pairs)))
     by_list = pycolmap.ImportedPairingOptions()
     by_list.match_list_path = listed
@@ -113,7 +113,7 @@ def match(database, count, seed):
         pycolmap.match_image_pairs(database, pairing_options=by_list, **options)
 
 
-def _neighbours(database):
+def _neighbours(database, seed):
     """Pairs of image ids: those that follow one another, and those that look alike.
 
     Found before any pair is matched: beside matching, COLMAP finds other pairs in one
@@ -122,6 +122,8 @@ def _neighbours(database):
     following = pycolmap.SequentialPairingOptions()
     following.overlap = FOLLOWING
     following.quadratic_overlap = False
+    # Words depend on it, and then on nothing that came before.
+    pycolmap.set_random_seed(seed)
     alike = pycolmap.VocabTreePairingOptions()
     alike.num_images, alike.vocab_tree_path = ALIKE, vocabulary.build(database)
     alike.num_threads = 1
@@ -137,8 +139,10 @@ def _numbers_as_names(database):
     with pycolmap.Database.open(database) as opened:
         names = {image.image_id: image.name for image in opened.read_all_images()}
     _rename(database, {number: str(number) for number in names})
-    yield
-    _rename(database, names)
+    try:
+        yield
+    finally:
+        _rename(database, names)
 
 
 def _rename(database, names):

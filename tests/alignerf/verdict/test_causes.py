@@ -116,9 +116,11 @@ def test_the_words_have_the_numbers_and_one_thing_to_do(cause):
 def test_the_words_say_what_points_told():
     known = WELL._replace(**FAULTS["sparse"], reprojection_px=1.7)
     lines = words.say(known, causes.of(known), [], [])
-    told = "Cameras are off: they see what photos share 1.70 px (3.40 px of the photo)"
+    assert lines[0].endswith("Poses are off, too.")
+    told = "Poses are off: points that several photos show lie 1.70 px (3.40 px of the "
     assert any(line.startswith(told) for line in lines)
     assert lines[-1].startswith("To do: take more photos")
+    assert lines[-1].endswith("Have their poses found anew, too.")
 
 
 @pytest.mark.parametrize(
