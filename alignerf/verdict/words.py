@@ -10,7 +10,7 @@ import pandas as pd
 
 from alignerf.command import csv_files
 from alignerf.tables import scores
-from alignerf.verdict import causes
+from alignerf.verdict import advice, causes
 
 
 def say(evidence, findings, gains, views):
@@ -23,7 +23,7 @@ def say(evidence, findings, gains, views):
     lines.append(alignment(evidence))
     lines += photos(views)
     lines += [gain_line(gain, evidence) for gain in gains]
-    lines.append("To do: " + advice(evidence, findings, gains))
+    lines.append("To do: " + advice.of(evidence, findings, gains))
     return lines
 
 
@@ -214,48 +214,3 @@ def gain_line(gain, e):
     if low > 0 or high < 0:
         return f"{text}."
     return f"{text}: not more than chance."
-
-
-def advice(e, findings, gains=()):
-    """What to do first; a remedy that this run tried in vain is not recommended."""
-    named = {finding.cause for finding in findings}
-    for cause, text in ADVICE:
-        if cause in named and not (cause in REMEDIED and in_vain(e, gains)):
-            anew = cause == "sparse" and "camera" in named
-            return f"{text} Have their poses found anew, too." if anew else text
-    if in_vain(e, gains):
-        return (
-            "leave the photos as they are: this run warped them, and that brought no "
-            "more than chance."
-        )
-    if causes.misaligned(e):
-        return "warp the photos once (rounds: 1), and look at what remains."
-    return "nothing about alignment. For sharper renders take more steps."
-
-
-# Causes whose remedy is what a warping round does.
-REMEDIED = ("motion",)
-
-
-def in_vain(e, gains):
-    """Whether this run warped photos, and enough views say that nothing came of it."""
-    lows = [low for name, _, low, _, _ in gains if "warped" in name]
-    return bool(lows) and e.test_views >= causes.FEW_TEST_VIEWS and max(lows) <= 0
-
-
-ADVICE = (
-    ("few_views", "take more photos: 20 or more that overlap."),
-    ("unregistered", "take photos between those that are left out and the others."),
-    ("sparse", "take more photos between those you have. Warping would not help."),
-    ("undertrained", "train longer first: more steps, or budget_min."),
-    ("lens_shift", "check pixel centres and principal point of the given cameras."),
-    ("lens_distortion", "calibrate the lens anew, or let COLMAP find it."),
-    ("blurred", "leave out the blurred photos, see tables/views.csv."),
-    ("exposure", "fix the exposure, or even it out before training."),
-    (
-        "camera",
-        "learn the cameras with the scene (a method with refine: {}), or put them "
-        "right by the flow (rounds: 2, changes: cameras).",
-    ),
-    ("motion", "warp the photos once (rounds: 1)."),
-)

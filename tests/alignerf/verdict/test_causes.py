@@ -2,10 +2,11 @@
 
 import math
 
+import pandas as pd
 import pytest
 
 from alignerf import poses
-from alignerf.verdict import causes, words
+from alignerf.verdict import advice, causes, words
 
 # A scene in which nothing is wrong, as measured on courtyard.
 WELL = causes.Evidence(
@@ -137,7 +138,19 @@ def test_the_words_say_what_points_told():
 def test_what_was_tried_in_vain_is_not_recommended(gains, views, said):
     known = WELL._replace(moved_share=0.03, test_views=views)
     found = [causes.Finding("motion", 0.03, False)]
-    assert words.advice(known, found, gains).startswith(said)
+    assert advice.of(known, found, gains).startswith(said)
+
+
+def test_what_is_promised_is_what_was_measured(root):
+    measured = root / "docs/measured"
+    rows = pd.read_csv(measured / "remedies.csv", comment="#")
+    gain = rows.set_index(["budget", "remedy"])["gain_db"]
+    learnt, warped = "cameras learnt with the scene", "photos warped once, from scratch"
+    assert round(gain[1, learnt], 1) == advice.LEARNT_DB
+    assert round(gain[2, learnt], 1) == advice.LEARNT_TWICE_DB
+    assert round(gain[2, warped], 1) == advice.WARPED_TWICE_DB
+    sweep = pd.read_csv(measured / "tradeoff.csv", comment="#").set_index("setting")
+    assert round(sweep.loc["4000 steps", "difference_db"], 1) == advice.LONGER_DB
 
 
 def test_gains_from_few_views_are_no_gains():
@@ -159,4 +172,4 @@ def test_after_too_short_a_training_nothing_of_alignment_is_told():
     found = causes.of(known)
     assert [finding.cause for finding in found] == ["undertrained"]
     assert "too short to tell" in words.headline(known, found)
-    assert words.advice(known, found).startswith("train longer")
+    assert advice.of(known, found).startswith("train longer")
