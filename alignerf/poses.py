@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.command import faults, images, whole
-from alignerf.experiment import check, jobs, schema, settings
+from alignerf.experiment import jobs, schema, settings
+from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.scenes import (
     blender,
     cameras,
@@ -119,7 +120,7 @@ def checked(values):
     config = schema.filled(settings.Scene, values)
     config["poses"] = settings.poses_of(config)
     config["seed"] = config["seed"] or 0
-    check.check_scene(config)
+    of_scenes.check_scene(config)
     return config
 
 

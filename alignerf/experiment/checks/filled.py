@@ -1,0 +1,84 @@
+"""Defaults that depend on other keys, paths written out, scenes varied."""
+
+import copy
+import itertools
+import os
+import re
+from pathlib import Path
+
+from alignerf.experiment import schema, settings
+from alignerf.experiment.checks.common import fault, first, is_derived
+
+DATA = re.compile(r"\$\{ALIGNERF_DATA:-([^{}]*)\}")
+
+
+def completed(config):
+    """Fills the defaults that depend on other keys, and writes out paths."""
+    given = (config["lpips"] or {}).items()
+    config["lpips"] = {net: home(path) for net, path in given if path}
+    config["frequency_weights"] = home(config["frequency_weights"])
+    config["flow"]["folder"] = home(config["flow"]["folder"])
+    if not any((config["aligned_pose"] or {}).values()):
+        config["aligned_pose"] = None
+    training = config["training"]
+    training |= settings.length(training)
+    for scene in config["scenes"].values():
+        scene |= {key: home(scene[key]) for key in ("path", "masks")}
+        scene["poses"] = settings.poses_of(scene)
+        if scene["seed"] is None:
+            scene["seed"] = config["seed"]
+        if not (scene["steps"] or scene["budget_min"]):
+            scene |= settings.length(training)
+    config["scenes"] = varied(config)
+    config["vary"] = None
+    for method in config["methods"].values():
+        method["renders"] = home(method["renders"])
+        if not method["renders"]:
+            method["model"] = method["model"] or first(config["models"])
+    scratch = [n for n, m in config["methods"].items() if not is_derived(m)]
+    reference = config["reference"]
+    reference["method"] = reference["method"] or first([*scratch, *config["methods"]])
+    if sweep := config["tradeoff"]:
+        sweep["scene"] = sweep["scene"] or first(config["scenes"])
+        sweep["model"] = sweep["model"] or first(config["models"])
+    return config
+
+
+def varied(config):
+    """The scenes, each with all seeds and lengths that `vary` asks for."""
+    vary, found = config["vary"], {}
+    if not vary:
+        return config["scenes"]
+    for name, scene in config["scenes"].items():
+        seeds = vary["seeds"] or [scene["seed"]]
+        # The scene as it is comes first: other keys may mean the first scene.
+        lengths = sorted(vary["lengths"], key=lambda share: share != 1)
+        for seed, share in itertools.product(seeds, lengths):
+            again = name if seed == seeds[0] else f"{name}_seed{seed}"
+            if share != 1:
+                again += f"_x{share:g}"
+            if again in found or (again != name and again in config["scenes"]):
+                fault("vary", f"there would be two scenes {again}")
+            steps, budget_min = scene["steps"], scene["budget_min"]
+            found[again] = copy.deepcopy(scene) | {
+                "seed": seed,
+                "steps": steps and max(1, round(share * steps)),
+                "budget_min": budget_min and share * budget_min,
+            }
+            schema.check(settings.Scene, found[again], "scenes", again)
+    return found
+
+
+def home(path):
+    """A path with `~` and ${ALIGNERF_DATA:-default} written out, as a shell does it.
+
+    The variable names the folder of real data, the default stands in the config.
+    """
+    if path is None:
+        return None
+    given = os.environ.get("ALIGNERF_DATA")
+    path = DATA.sub(lambda found: given or found[1], path)
+    try:
+        return str(Path(path).expanduser())
+    except RuntimeError:
+        raise ValueError(f"config: {path}: no such user's home") from None

@@ -1,0 +1,68 @@
+"""A model, and the sweep that varies one."""
+
+import math
+
+from alignerf.experiment import schema, settings, slices
+from alignerf.experiment.checks.common import fault
+
+# What no machine is asked for: parameters and all of their training.
+MOST_BYTES = 2**38
+# Keys of a training that do nothing for a kind of model.
+OF_PROPOSALS = ("interlevel_weight", "distortion_weight", "proposal_share")
+NOT_OF_SYSTEMS = dict.fromkeys(("nerf", "mipnerf", "nerfpp"), OF_PROPOSALS)
+NOT_OF_SYSTEMS |= {"ngp": ("distortion_weight",)}
+# A side, as of a grid's finest level: their third power is a 64-bit number.
+MOST_CELLS = 2**20
+# In units of the largest camera coordinate.
+MOST_FAR = 100
+
+
+def check_model(model, *place):
+    """Its depths are in order, and its fields' parameters fit into a machine."""
+    where = ".".join(place)
+    if model["near"] >= model.get("far", math.inf):
+        fault(where, "near must be smaller than far")
+    if settings.field_kind(model) == "nerf" and model["far"] > MOST_FAR:
+        # Sines of distant points are noise, and nothing contracts them.
+        fault(f"{where}.far", f"field nerf sees no farther than {MOST_FAR}")
+    for key in NOT_OF_SYSTEMS.get(model["kind"], ()):
+        if key in model["training"]:
+            fault(f"{where}.training.{key}", f"kind {model['kind']} has none")
+    if model["kind"] == "ngp":
+        cells = model["finest"] * model["side"]
+        if not model["coarsest"] < cells <= MOST_CELLS:
+            fault(
+                f"{where}.finest",
+                f"{cells:g} cells over the box are not from {model['coarsest'] + 1} to "
+                f"{MOST_CELLS}",
+            )
+    parts = {key: model[key] for key in ("proposal", "field") if key in model}
+    for key, field in (parts or {"width": model}).items():
+        if "log2_entries" in field:
+            values = field["levels"] * field["features"] * 2 ** field["log2_entries"]
+        else:
+            networks = settings.NETWORKS.get(model["kind"], 1)
+            values = networks * field["depth"] * field["width"] ** 2
+        # Besides the parameters, their gradients and the two moments of Adam.
+        if 16 * values > MOST_BYTES:
+            size = f"{16 * values / 2**30:.0f} GiB to train are more than"
+            fault(f"{where}.{key}", f"{size} {MOST_BYTES / 2**30:g} GiB")
+
+
+def check_tradeoff(config):
+    """The names that a sweep refers to, and each variant's model and training."""
+    sweep = config["tradeoff"]
+    for key, section in (("scene", "scenes"), ("model", "models")):
+        if sweep[key] not in config[section]:
+            fault(f"tradeoff.{key}", f"no {key} {sweep[key]!r}")
+    kind = config["models"][sweep["model"]]["kind"]
+    if kind != "mipnerf360":
+        fault("tradeoff.model", f"a sweep varies mipnerf360, not {kind}")
+    if "base" in sweep["variants"]:
+        fault("tradeoff.variants.base", "the model itself has this name")
+    for name in sweep["variants"]:
+        found = slices.variant_of(config, name)
+        place = ("tradeoff", "variants", name)
+        schema.check(settings.Model, found["model"], *place)
+        schema.check(settings.Training, found["training"], *place)
+        check_model(schema.filled(settings.Model, found["model"]), *place)

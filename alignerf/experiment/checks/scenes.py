@@ -1,0 +1,47 @@
+"""Scenes: what a source allows, and that its folders are there."""
+
+from alignerf.experiment import settings
+from alignerf.experiment.checks.common import fault, is_there
+
+# Sources whose photos may have alpha.
+TRANSPARENT = ("photos", "transforms", "blender")
+# Courtyard's photos, eight bits a channel.
+MOST_PHOTO_BYTES = 2**35
+
+
+def check_scene(scene, *place):
+    """What the keys of a scene ask of each other; `place` are the keys above them."""
+    where = "".join(f"{key}." for key in place)
+    source = settings.SOURCES[scene["source"]]
+    if scene["poses"] not in source.poses:
+        fault(
+            f"{where}poses",
+            f"{scene['poses']!r} is not possible for source {scene['source']!r}, only "
+            + " or ".join(source.poses),
+        )
+    if source.has_path and not scene["path"]:
+        fault(f"{where}path", f"source {scene['source']!r} needs one")
+    if scene["images"] is not None and scene["source"] != "mipnerf360":
+        fault(f"{where}images", f"source {scene['source']!r} has no such folders")
+    if scene["background"] and scene["source"] not in TRANSPARENT:
+        fault(f"{where}background", f"source {scene['source']!r} has no alpha")
+    if scene["masks"] and scene["source"] != "photos":
+        fault(f"{where}masks", f"only of source 'photos', not {scene['source']!r}")
+    model = scene["colmap"]["camera_model"]
+    if source.has_truth and model not in (None, "PINHOLE", "SIMPLE_PINHOLE"):
+        # Undoing a distortion that is not there would move photos off their true flow.
+        fault(f"{where}colmap.camera_model", f"courtyard is a PINHOLE, not {model}")
+    views, width, height = (scene["courtyard"][k] for k in ("views", "width", "height"))
+    if source.has_truth and 3 * views * width * height > MOST_PHOTO_BYTES:
+        size = f"{views} photos of {width}x{height} are more than"
+        fault(f"{where}courtyard", f"{size} {MOST_PHOTO_BYTES / 2**30:g} GiB")
+
+
+def check_path(scene, name):
+    """The folders of a scene are there, their names without meaning for Snakemake."""
+    for key in ("path", "masks"):
+        where, path = f"scenes.{name}.{key}", scene[key]
+        if path and set(path) & set("{}"):
+            fault(where, f"{path}: braces mean wildcards, rename it")
+        if path and not is_there(path):
+            fault(where, f"{path} does not exist")
