@@ -23,9 +23,10 @@ CONTRACTED_SIDE = 4.0
 # Cells of the finest level across what a pixel covers at the median depth.
 CELLS_A_PIXEL = 1.0
 FINEST = (256, 8192)
-# How often each pixel is seen, and between how many steps.
+# How often each pixel is seen, and between how many steps: 2000 were 0.7 dB below 4000
+# on courtyard's 1.26 million pixels.
 PASSES = 0.5
-STEPS = (2000, 20000)
+STEPS = (4000, 20000)
 # Facts that decide something.
 FACTS = dict.fromkeys(("nearest", "median_depth"), json_files.NUMBER_OR_NONE)
 FACTS["pixel_angle_mrad"] = json_files.NUMBER
