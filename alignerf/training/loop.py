@@ -59,6 +59,7 @@ def fit(
     built = with_parts(built, parts, job, method, params, views)
     program.log_memory(job, built, state, views)
     state, views = devices.place((state, views), built.mesh)
+    memory.keep_freed()
     start = time.perf_counter()
 
     def time_s():

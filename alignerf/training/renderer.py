@@ -15,7 +15,7 @@ from alignerf.contributions import strips
 from alignerf.decisions import fill
 from alignerf.scenes import cameras, prepared
 from alignerf.systems import refine
-from alignerf.training import checkpoint, compose
+from alignerf.training import checkpoint, compose, memory
 
 # Rays at once: large enough to fill the machine, small enough for its memory.
 CHUNK_RAYS = 4096
@@ -46,6 +46,7 @@ def make_renderer(method, params, width, height):
     Its third argument, a mask [h, w], may say which pixels are wanted: others are
     black, or no colours, with a depth of 0.
     """
+    memory.keep_freed()
     count = width * height
     chunk = min(CHUNK_RAYS, -(-count // CACHED_RAYS) * CACHED_RAYS)
     on_cpu = jax.local_devices()[0].platform == "cpu"

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.training import batches, compose, devices, program, renderer
+from alignerf.training import batches, compose, devices, memory, program, renderer
 
 
 class Training:
@@ -24,6 +24,7 @@ class Training:
         # What the compiler counts of a step; of its micro-batches it counts one.
         self.flop = built.step.cost_analysis()["flops"] * built.parts
         self._schedule = program.schedule_of(job, built.mesh)
+        memory.keep_freed()
 
     def __call__(self):
         self._state, stats = self._step(self._state, self._views, self._schedule)
