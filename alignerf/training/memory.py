@@ -99,8 +99,8 @@ def tree_bytes(tree) -> int:
 def keep_freed():
     """Let freed memory stay with the process, in pieces of up to a GiB.
 
-    A step computes in one piece of memory. Above 32 MiB, glibc gives that back after
-    each step and takes it anew, page by page: a third of a step's time on a CPU.
+    A step computes in one large piece of memory, which glibc may give back after each
+    step and take anew, page by page: up to a third of a large step's time on a CPU.
     """
     with contextlib.suppress(OSError, AttributeError):
         adjust = ctypes.CDLL(None).mallopt
