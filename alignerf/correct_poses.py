@@ -5,9 +5,10 @@ each camera must move so that its render falls onto its photo (see
 `flow.camera.correct`). Writes the cameras for the next round, and what was done to
 each.
 
-What all corrections have in common (a turn, a shift and a scale of the world) cannot
-be seen in any photo. It is taken out, against the given poses, so that the frame of
-the test views, which stay as they are, does not drift from that of the training views.
+What all corrections of a round have in common (a turn, a shift and a scale of the
+world) cannot be seen in any photo. It is taken out, so that the frame of the training
+views does not drift from that of the test views, which stay as they are. Views that are
+left alone count as corrected by nothing: they hold the frame.
 """
 
 import argparse
@@ -34,11 +35,11 @@ def main(argv=None):
     before = prepared.load(args.scene, args.cameras)
     train = before.views("train")
     found = correct.corrections(lambda: views_of(before, train, args))
-    after = corrected(given, before, train, found)
+    after = corrected(before, train, found)
     report = {
         "views": len(train),
         "left_alone": sum(bool(correction.left_alone) for correction in found),
-        "correction_px": float(np.median([c.length_px for c in found])),
+        "correction_px": median_px(found),
         "focal_ratio": float(np.exp(zoom_of(found))),
     }
     if args.truth:
@@ -66,13 +67,16 @@ def main(argv=None):
 
 def say(report):
     """Log which cameras stayed, and why; by how far the others moved."""
-    reasons = {line["left_alone"] for line in report["of_views"]}
-    if len(reasons) == 1 and report["left_alone"]:
-        log.warning("all cameras stay: %s", *reasons)
-        return
+    staying = {}
     for line in report["of_views"]:
         if line["left_alone"]:
-            log.warning("view %s stays: %s", line["view"], line["left_alone"])
+            staying.setdefault(line["left_alone"], []).append(line["view"])
+    for reason, views in staying.items():
+        if len(views) == report["views"]:
+            log.warning("all cameras stay: %s", reason)
+            return
+        named = f"view {views[0]} stays" if len(views) == 1 else f"{len(views)} stay"
+        log.warning("%s: %s", named, reason)
     log.info("cameras moved by %.3f px in the median", report["correction_px"])
 
 
@@ -102,7 +106,13 @@ def views_of(before: prepared.Scene, train, args):
         yield correct.View(flow_px, valid, before.pixtocams[view], depth)
 
 
-def corrected(given: prepared.Scene, before, train, found) -> prepared.Scene:
+def median_px(found):
+    """Median length of the corrections that are made; 0 where there is none."""
+    lengths_px = [c.length_px for c in found if not c.left_alone]
+    return float(np.median(lengths_px)) if lengths_px else 0.0
+
+
+def corrected(before: prepared.Scene, train, found) -> prepared.Scene:
     """The scene with its cameras moved, and the frame where it was.
 
     A lens that is put right is every view's.
@@ -115,26 +125,15 @@ def corrected(given: prepared.Scene, before, train, found) -> prepared.Scene:
         _, camtoworlds[view] = camera_motion.apply(
             correction.motion, pixtocams[view], camtoworlds[view]
         )
-    camtoworlds[moved] = without_gauge(camtoworlds[moved], given.camtoworlds[moved])
+    if moved:
+        gauge = cameras.align_similarity(camtoworlds[train], before.camtoworlds[train])
+        camtoworlds[moved] = cameras.apply_similarity(camtoworlds[moved], *gauge)
     return dataclasses.replace(before, pixtocams=pixtocams, camtoworlds=camtoworlds)
 
 
 def zoom_of(found):
     """The log_focal that all corrections share."""
     return max((c.motion.log_focal for c in found), key=abs)
-
-
-def without_gauge(camtoworlds, given):
-    """Poses [n, 3, 4] moved by the similarity that brings them nearest to the given.
-
-    One camera is all gauge. Several at one place have no scale, and stay.
-    """
-    if len(given) == 1:
-        return given
-    if len(given) == 0 or np.ptp(given[:, :, 3], axis=0).max() < 1e-9:
-        return camtoworlds
-    similarity = cameras.align_similarity(camtoworlds, given)
-    return cameras.apply_similarity(camtoworlds, *similarity)
 
 
 def row(given: prepared.Scene, after: prepared.Scene, view, correction):

@@ -2,7 +2,7 @@
 
 One folder with images/, transforms.json (nerfstudio, instant-ngp) and sparse/0 (COLMAP,
 Gaussian splatting). With warped photos the training views are these, and masks/ says
-which of their pixels are valid; the other views keep the photos as taken. The points
+which pixels are valid; the other views keep the photos as taken. The points
 that COLMAP found when it made the poses come with them; poses that came as LLFF's
 poses_bounds.npy go as that too.
 """
@@ -34,24 +34,30 @@ def main(argv=None):
             # Whole, and of the scene's size, before it is handed on.
             prepared.read_images(loaded, [view], source)
             shutil.copyfile(Path(source) / f"{name}.png", folder / f"images/{name}.png")
-        masked = (loaded.folder / prepared.MASKS).is_dir()
-        chosen = range(len(loaded.names)) if masked else warped
-        for view in chosen:
-            (mask,) = prepared.read_masks(loaded, [view])
-            if view in warped:
-                mask &= prepared.read_validity(loaded, [view], args.valid)[0]
-            (folder / "masks").mkdir(exist_ok=True)
-            path = folder / f"masks/{loaded.names[view]}.png"
-            images.write(path, images.of_mask(mask))
-        masks = [loaded.names[view] for view in chosen]
+        masked = args.warped is not None or (loaded.folder / prepared.MASKS).is_dir()
+        if masked:
+            write_masks(folder / "masks", loaded, warped, args.valid)
         points = loaded.folder / prepared.POINTS
         if points.is_file():
             found |= archives.read(points, ("points", "colours"))
         exported.write_colmap(folder, found)
-        exported.write_transforms(folder / "transforms.json", found, masks=masks)
+        exported.write_transforms(folder / "transforms.json", found, masked=masked)
         bounds = loaded.folder / prepared.BOUNDS
         if bounds.is_file():
             write_llff(folder / "poses_bounds.npy", found, bounds)
+
+
+def write_masks(folder, loaded, warped, valid):
+    """Write a mask of every view: nerfstudio takes one for each photo, or none.
+
+    warped: views of which the folder `valid` says which pixels hold.
+    """
+    folder.mkdir()
+    for view, name in enumerate(loaded.names):
+        (mask,) = prepared.read_masks(loaded, [view])
+        if view in warped:
+            mask &= prepared.read_validity(loaded, [view], valid)[0]
+        images.write_mask(folder / f"{name}.png", mask)
 
 
 def write_llff(path, found, bounds):

@@ -11,6 +11,8 @@ from fractions import Fraction
 import jax.numpy as jnp
 import numpy as np
 
+PRIMES = (1, 2654435761, 805459861)
+
 
 def f32(*arrays):
     """What the code under test is given."""
@@ -221,3 +223,31 @@ def gradient(function, x, step=1e-5):
         )
         columns.append((4 * near - far) / 3)
     return np.stack(columns, axis=-1)
+
+
+def look_up(table, point, levels):
+    """A point's features [levels, features] in a hash grid, corner by corner.
+
+    instant-ngp, arXiv 2201.05989, Eq. 4; dense where a level's corners fit.
+    """
+    found = []
+    for resolution, entries, offset in zip(
+        levels.resolutions, levels.entries, levels.offsets, strict=True
+    ):
+        scaled = point * resolution
+        cell = np.clip(np.floor(scaled).astype(int), 0, resolution - 1)
+        total = 0.0
+        for bits in itertools.product((0, 1), repeat=3):
+            corner = cell + bits
+            weight = np.prod(np.where(bits, scaled - cell, 1 - (scaled - cell)))
+            side = resolution + 1
+            if side**3 <= entries:
+                row = corner @ [1, side, side**2]
+            else:
+                hashed = [
+                    int(c) * p % 2**32 for c, p in zip(corner, PRIMES, strict=True)
+                ]
+                row = (hashed[0] ^ hashed[1] ^ hashed[2]) % entries
+            total = total + weight * table[offset + row]
+        found.append(total)
+    return np.stack(found)

@@ -64,6 +64,13 @@ def write(path, image):
         Image.fromarray(image).save(temporary, **WRITING)
 
 
+def write_mask(path, mask):
+    """Write a mask [h, w] as a PNG of one channel, as other programs take masks."""
+    with whole.replace_file(path) as temporary:
+        grey = np.where(mask, np.uint8(255), np.uint8(0))
+        Image.fromarray(grey).save(temporary, **WRITING)
+
+
 @contextlib.contextmanager
 def _opened(path, size):
     """A Pillow image whose pixels are yet to be read."""

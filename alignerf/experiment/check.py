@@ -37,7 +37,7 @@ def checked(config, files=()):
         scenes.check_scene(scene, "scenes", name)
         scenes.check_path(scene, name)
     names.check_published(config)
-    check_flow(config["flow"])
+    check_flow(config["flow"], config["methods"])
     check_weights(config)
     if config["tradeoff"]:
         models.check_tradeoff(config)
@@ -66,7 +66,7 @@ def check_given(config):
             fault(f"methods.{name}.most_rounds", "only with `rounds: auto`")
 
 
-def check_flow(flow):
+def check_flow(flow, methods):
     """The folder of flows made elsewhere, with the names that stand for renders."""
     template = flow["folder"]
     if flow["estimator"] == "files" and not template:
@@ -84,6 +84,13 @@ def check_flow(flow):
             "flow.folder",
             f"{template}: in braces only scene, method, round and split have a meaning",
         )
+    for name, method in methods.items():
+        if method["rounds"] not in (0, 1) and "{round}" not in template:
+            fault(
+                "flow.folder",
+                f"{template}: without {{round}} every round of methods.{name} would "
+                "follow the flow of the first one's renders",
+            )
 
 
 def check_weights(config):

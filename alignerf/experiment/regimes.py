@@ -183,6 +183,8 @@ class Comparison(NamedTuple):
     """A scene, how long it is trained, and all that is scored."""
 
     scene: str
+    # What scenes have in common that differ in seed and length only.
+    alike: str
     seed: int
     # Its length over that of the config's training.
     share: int | float
@@ -194,6 +196,7 @@ def comparison(experiment):
     return [
         Comparison(
             scene=scene,
+            alike=slices.as_json({k: found[k] for k in found if k not in LENGTH}),
             seed=found["seed"],
             share=length_share(experiment, scene),
             methods=[

@@ -182,8 +182,8 @@ def align_similarity(source, target):
     Least squares over camera centres *and* axes of poses [n, 3, 4]: each camera
     contributes its centre and, so that cameras on a line still fix the rotation,
     its orientation. Rotation from the orientations' chordal mean (Umeyama 1991
-    for scale and translation). Raises ValueError where the source's centres
-    coincide, since then no scale exists.
+    for scale and translation). Where the centres of either coincide, as of a
+    panorama, no scale exists: it is 1, and orientations alone fix the rotation.
     """
     relative = np.einsum("nij,nkj->ik", target[:, :3, :3], source[:, :3, :3])
     source_mean = source[:, :3, 3].mean(axis=0)
@@ -191,13 +191,13 @@ def align_similarity(source, target):
     source_spread = source[:, :3, 3] - source_mean
     target_spread = target[:, :3, 3] - target_mean
     extent = np.sqrt((source_spread**2).sum() * (target_spread**2).sum())
-    if extent < 1e-18:
-        raise ValueError("cameras at one place: no similarity aligns them")
-    relative = relative / len(source) + target_spread.T @ source_spread / extent
+    apart = extent > 1e-18
+    if apart:
+        relative = relative / len(source) + target_spread.T @ source_spread / extent
     u, _, vt = np.linalg.svd(relative)
     rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     rotated = source_spread @ rotation.T
-    scale = (rotated * target_spread).sum() / (source_spread**2).sum()
+    scale = (rotated * target_spread).sum() / (source_spread**2).sum() if apart else 1.0
     return scale, rotation, target_mean - scale * rotation @ source_mean
 
 

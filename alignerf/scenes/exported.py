@@ -18,12 +18,12 @@ from alignerf.scenes import cameras, llff
 POINTS = "points.ply"
 
 
-def write_transforms(path, found, *, masks=()):
+def write_transforms(path, found, *, masked=False):
     """Write transforms.json of cameras as `prepared.read_cameras` has them.
 
     Images are named images/<view>.png; `points` among the arrays are those of POINTS,
-    see `write_colmap`. masks: views that have a masks/<view>.png, black where a pixel
-    is not to be learnt from.
+    see `write_colmap`. masked: each view has a masks/<view>.png, black where a pixel is
+    not to be learnt from.
     """
     camtopix = np.linalg.inv(found["pixtocams"])
     frames = []
@@ -38,7 +38,7 @@ def write_transforms(path, found, *, masks=()):
             "cy": matrix[1, 2],
             "transform_matrix": [*pose.tolist(), [0.0, 0.0, 0.0, 1.0]],
         }
-        if name in masks:
+        if masked:
             frame["mask_path"] = f"masks/{name}.png"
         frames.append(frame)
     files = {
@@ -114,12 +114,15 @@ def write_llff(path, found, bounds):
     """Write poses_bounds.npy of the same arrays, beside `write_colmap`'s sparse/0.
 
     bounds [n, 2]: nearest and farthest depth of each view. Raises ValueError where
-    views differ in their lens: the format has one for all, and of it the focal length
-    alone. The principal point stands in sparse/0.
+    views differ in their lens, or one focal length does not say it: the format has no
+    more. The principal point stands in sparse/0.
     """
-    if np.ptp(np.linalg.inv(found["pixtocams"]), axis=0).max() > 1e-9:
+    lenses = np.linalg.inv(found["pixtocams"])
+    if np.ptp(lenses, axis=0).max() > 1e-9:
         raise ValueError("the views' lenses differ")
-    focal_px = 1 / found["pixtocams"][0, 0, 0]
+    focal_px = lenses[0, 0, 0]
+    if abs(lenses[0, 1, 1] / focal_px - 1) > 1e-6:
+        raise ValueError("focal lengths differ along and across the rows")
     lens = np.array([found["height"], found["width"], focal_px], np.float64)
     # In the order of the file names, which is not that of the names alone.
     order = sorted(range(len(bounds)), key=lambda i: f"{found['names'][i]}.png")

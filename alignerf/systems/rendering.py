@@ -52,7 +52,8 @@ def mean_square(values, photo, weight):
 def huber(rendering, photo, weight):
     """Square up to HUBER, line beyond, of one slope where they meet."""
     error = jnp.abs(rendering.values - photo)
-    found = jnp.where(
-        error > HUBER, error - 0.5 * HUBER, 0.5 / HUBER * jnp.minimum(error, HUBER) ** 2
-    )
+    large = error > HUBER
+    # Not the minimum, whose slope is halved where both are equal.
+    square = 0.5 / HUBER * jnp.where(large, HUBER, error) ** 2
+    found = jnp.where(large, error - 0.5 * HUBER, square)
     return losses.weighted_mean(jnp.mean(found, axis=-1), weight)

@@ -1,10 +1,12 @@
 """The paper's Tables 2 and 3: `python -m alignerf.tables.comparison`.
 
 Reads the scores of all that was trained, or given as renders, on all scenes; writes CSV
-and LaTeX. Means are over scenes; scenes that were trained for another share of the
-steps are a group of their own (the paper's 1x and 4x). Differences are paired by view;
+and LaTeX. Means are over scenes, and the CSV has each scene's own lines below; scenes
+that were trained for another share of the steps are a group of their own (the paper's
+1x and 4x). Differences are paired by view;
 95 % intervals are over scenes, seeds and views. What the paper prints for a method
-stands below ours, and is compared with nothing. Also writes whether test sets rank the
+stands below ours, or at the end where no method is called so, and is compared with
+nothing. Also writes whether test sets rank the
 methods alike, which the paper's Table 2 claims.
 """
 
@@ -27,8 +29,10 @@ PRINTED = misalignment.PRINTED
 # The largest resident set of the training's process; not of an accelerator.
 MEMORY = "memory_mib"
 COSTS = ("train_time_s", "total_time_s", "rays_seen", "params", MEMORY)
+# In column `scene`: means over all.
+ALL = "all"
 COLUMNS = (
-    *("group", "method", "field", "warping", "test_set", "scenes", "views"),
+    *("group", "scene", "method", "field", "warping", "test_set", "scenes", "views"),
     *METRICS,
     misalignment.PRINTED_ONLY,
     *("difference_to", "difference_db", "difference_low_db", "difference_high_db"),
@@ -66,17 +70,31 @@ def make_table(scenes, printed=()):
     """Lines of `regimes.Comparison` rows, each with what is printed for it below."""
     lines = []
     for name, group in groups_of(scenes).items():
+        left = [line | {"scene": ALL} for line in printed if line["group"] == name]
         for key in shared_methods(group):
-            lines += lines_of(name, group, key)
+            lines += lines_of({"group": name, "scene": ALL}, group, key)
             called = method_of(group[0], key).published
-            lines += [
-                line
-                for line in printed
-                if (line["called"], line["group"]) == (called, name)
-            ]
+            lines += [line for line in left if line["called"] == called]
+            left = [line for line in left if line["called"] != called]
+        # What others run: ours can only be set beside it.
+        lines += left
+        lines += lines_by_scene(name, group)
     table = pd.DataFrame(lines, columns=COLUMNS)
     whole_numbers = ("scenes", "views", "rays_seen", "params")
     return table.astype(dict.fromkeys(whole_numbers, "Int64"))
+
+
+def lines_by_scene(name, group):
+    """Lines of each scene, its seeds together, where a group has several scenes."""
+    found = {}
+    for scene in group:
+        found.setdefault(scene.alike, []).append(scene)
+    if len(found) == 1:
+        return
+    for seeds in found.values():
+        labels = {"group": name, "scene": seeds[0].scene}
+        for key in shared_methods(seeds):
+            yield from lines_of(labels, seeds, key)
 
 
 def shared_methods(group):
@@ -97,12 +115,12 @@ def views_of(scene, key):
     return scores.read(method.metrics, METRICS, method.aligned_pose)
 
 
-def lines_of(group, scenes, key):
-    """Lines of one method, a test set each."""
+def lines_of(labels, scenes, key):
+    """Lines of one method, a test set each; labels: of all of them."""
     method = method_of(scenes[0], key)
     own = [views_of(scene, key) for scene in scenes]
     base = [views_of(scene, (method.base, 0)) for scene in scenes]
-    labels = {"group": group, "method": method.method, "field": method.parts}
+    labels = labels | {"method": method.method, "field": method.parts}
     labels |= {"warping": scores.warping(method.round), "scenes": len(scenes)}
     labels |= mean_costs([method_of(scene, key) for scene in scenes])
     for test_set in TEST_SETS:
@@ -213,11 +231,12 @@ def tau_of(first, second):
 
 
 def to_latex(table):
-    """booktabs table: a block a group, standard and warped side by side.
+    """booktabs table of the means: a block a group, standard and warped side by side.
 
     The best three of each column among ours are coloured as in the paper; published
     rows are grey. Needs booktabs and xcolor with its `table` option.
     """
+    table = table[table["scene"] == ALL]
     sets = [name for name in PRINTED_SETS if name in set(table["test_set"])]
     metrics = [
         key for key in (*METRICS, misalignment.PRINTED_ONLY) if table[key].notna().any()

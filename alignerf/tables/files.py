@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+from pathlib import Path
 
 from alignerf.command import csv_files, json_files, provenance, whole
 
@@ -79,9 +80,16 @@ def costs_of(row):
 
 
 def data_time_s(path):
-    """Seconds in a timing file, or in all views of a CSV of displacements."""
+    """Seconds in a timing file, or in all views of a CSV of displacements.
+
+    Of renders, those of the views: loading and compiling count no more than a
+    training's do.
+    """
     if path.endswith(".csv"):
         return views_time_s(path)
+    if Path(path).name.startswith("render_"):
+        timing = read_timing(path, "views", "view_time_s")
+        return timing["views"] * timing["view_time_s"]
     return read_timing(path, "time_s")["time_s"]
 
 

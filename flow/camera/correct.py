@@ -23,6 +23,9 @@ LENGTH_RATIO, LEAST_LENGTH_PX = 10.0, 3.0
 # Motions that are shorter in the median view are a flow's own error: with true poses it
 # is 0.05 to 0.08 px, and cameras that follow it made the next round blurrier.
 LEAST_MEDIAN_PX = 0.1
+# A view that would move by more is no error of its flow, whatever the others do: with
+# true poses no view of 42 asked for more than 0.20 px, objects moving.
+CLEAR_PX = 0.5
 # The focal length moves where the views' median zoom is beyond so many of its standard
 # errors: what the views do not agree on is no property of their lens.
 ZOOM_ERRORS = 4.0
@@ -82,7 +85,10 @@ def corrections(views) -> list[Correction]:
             f"the median view would move by {usual['length_px']:.2f} px, and under "
             f"{LEAST_MEDIAN_PX} px that is the flow's error"
         )
-        return [c if c.left_alone else _left_alone(c, reason) for c in found]
+        found = [
+            c if c.left_alone or c.length_px > CLEAR_PX else _left_alone(c, reason)
+            for c in found
+        ]
     return [c if c.left_alone else _with_others(c, **usual) for c in found]
 
 

@@ -126,7 +126,7 @@ def test_the_report_says_what_was_done_to_each_view(scene):
         assert (row["valid_share"], row["left_alone"]) == (1.0, "")
 
 
-def test_a_view_left_alone_does_not_move_at_all(scene, capsys):
+def test_a_view_left_alone_does_not_move_at_all(scene, caplog):
     name = NAMES[3]
     flow_px, valid = files.read_flow(scene / "flow" / f"{name}.npz")
     files.write_flow(scene / "flow" / f"{name}.npz", flow_px, valid & False)
@@ -138,6 +138,7 @@ def test_a_view_left_alone_does_not_move_at_all(scene, capsys):
     assert report["left_alone"] == 1
     (row,) = [row for row in report["of_views"] if row["left_alone"]]
     assert row["view"] == name
+    assert f"view {name} stays: only 0 pixels have a flow" in caplog.text
     assert row["left_alone"] == "only 0 pixels have a flow and a depth"
     assert row["rotation_deg"] == 0
     assert row["length_px"] == pytest.approx(0, abs=1e-9)
@@ -190,6 +191,37 @@ def test_rounds_build_on_the_cameras_before(scene):
     assert report["correction_px"] < 1e-6
     # Against the given cameras, all that was done counts.
     assert all(row["length_px"] > 0.01 for row in report["of_views"])
+
+
+def test_a_view_that_moves_alone_keeps_its_motion(scene):
+    """The others stay, and hold the frame; in a round without flow nothing moves."""
+    bent, still = NAMES[3], scene / "flow"
+    for path in still.iterdir():
+        flow_px, valid = files.read_flow(path)
+        if path.stem != bent:
+            files.write_flow(path, flow_px, valid & False)
+    _, first, report = run(scene)
+    (row,) = [row for row in report["of_views"] if not row["left_alone"]]
+    assert row["view"] == bent
+    assert report["correction_px"] == row["this_round_px"] > 1
+    # What all corrections share is taken out, and one of many shares little.
+    assert row["length_px"] > 0.5 * row["this_round_px"]
+    (scene / "new" / "cameras.npz").rename(scene / "first.npz")
+    flow_px, valid = files.read_flow(still / f"{bent}.npz")
+    files.write_flow(still / f"{bent}.npz", 0 * flow_px, valid)
+    _, second, _ = run(scene, cameras_path="first.npz")
+    np.testing.assert_allclose(second["camtoworlds"], first["camtoworlds"], atol=1e-9)
+
+
+def test_a_part_of_the_views_does_not_drift(scene):
+    """Views of a second round without flow, of which some are left alone."""
+    _, first, _ = run(scene)
+    (scene / "new" / "cameras.npz").rename(scene / "first.npz")
+    for path in (scene / "flow").iterdir():
+        flow_px, valid = files.read_flow(path)
+        files.write_flow(path, 0 * flow_px, valid & (path.stem > NAMES[4]))
+    _, second, _ = run(scene, cameras_path="first.npz")
+    np.testing.assert_allclose(second["camtoworlds"], first["camtoworlds"], atol=1e-9)
 
 
 @pytest.mark.parametrize(

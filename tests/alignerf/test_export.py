@@ -126,6 +126,17 @@ def test_a_training_on_the_exported_folder_is_the_one_on_the_scene(scene, tmp_pa
     np.testing.assert_allclose(first.camtoworlds, second.camtoworlds, atol=1e-6)
 
 
+def test_lenses_with_two_focal_lengths_are_said(scene, caplog):
+    found = prepared.read_cameras(scene / "cameras.npz")
+    found["pixtocams"][:, 1, 1] *= 1.01
+    np.savez(scene / "cameras.npz", **found)
+    np.savez(scene / prepared.BOUNDS, bounds=np.ones((len(found["names"]), 2)))
+    code, out = run(scene)
+    assert code == 0
+    assert not (out / "poses_bounds.npy").exists()
+    assert "not written: focal lengths differ" in caplog.text
+
+
 def test_photos_are_handed_on_byte_by_byte(scene):
     _, out = run(scene)
     for path in (scene / "images").iterdir():
@@ -158,12 +169,37 @@ def test_warped_photos_bring_their_masks(scene, rng):
         source = warped if name in masks else scene / "images"
         image = out / frame["file_path"]
         assert image.read_bytes() == (source / f"{name}.png").read_bytes()
-        if name in masks:
-            mask = np.asarray(Image.open(out / frame["mask_path"]))
-            np.testing.assert_array_equal(mask[..., 0] == 255, masks[name])
-            assert set(np.unique(mask)) <= {0, 255}
-        else:
-            assert "mask_path" not in frame
+        # nerfstudio takes a mask of each photo or of none, and of one channel.
+        mask = Image.open(out / frame["mask_path"])
+        assert mask.mode == "L"
+        mask = np.asarray(mask)
+        wanted = masks.get(name, np.ones_like(mask, bool))
+        np.testing.assert_array_equal(mask == 255, wanted)
+        assert set(np.unique(mask)) <= {0, 255}
+
+
+def test_masks_of_warped_photos_come_back_with_a_training(scene, rng, tmp_path):
+    """Our own source learns from the same pixels of the same warped photos."""
+    loaded = prepared.load(scene)
+    for folder in ("warped", "flow"):
+        (tmp_path / folder).mkdir()
+    train = loaded.views("train")
+    for view in train:
+        name = loaded.names[view]
+        image = rng.integers(0, 256, (32, 48, 3), dtype=np.uint8)
+        Image.fromarray(image).save(tmp_path / f"warped/{name}.png")
+        valid = rng.uniform(size=(32, 48)) < 0.5
+        np.savez(tmp_path / f"flow/{name}.npz", flow_px=np.zeros(2), valid=valid)
+    folders = [tmp_path / "warped", tmp_path / "flow"]
+    code, out = run(scene, "--warped", folders[0], "--valid", folders[1])
+    assert code == 0
+    config = {"source": "transforms", "path": str(out), "test_every": 8}
+    poses.main(config, tmp_path / "again")
+    again = prepared.load(tmp_path / "again")
+    first = batches.load_views(loaded, train, *folders)
+    second = batches.load_views(again, train, again.folder / "images", None)
+    np.testing.assert_array_equal(first.photos, second.photos)
+    np.testing.assert_array_equal(first.valid, second.valid)
 
 
 @pytest.mark.parametrize(

@@ -70,9 +70,10 @@ def trainings_of(table):
 
 
 def experiment_of(path):
-    """The experiment of a config whose photos need not be there."""
+    """The experiment of a config whose photos and weights need not be there."""
     with tempfile.TemporaryDirectory() as data:
         config = yaml.safe_load(path.read_text())
+        config |= {"frequency_weights": None, "lpips": {}}
         for scene in config["scenes"]:
             (Path(data) / "360_v2" / scene).mkdir(parents=True)
         with mock.patch.dict(os.environ, ALIGNERF_DATA=data):

@@ -63,6 +63,14 @@ use rule train as train_warm with:
 
 # Cameras learnt with the scene: its renders are made with these.
 use rule train as train_refining with:
+    input:
+        unpack(lambda w: rows.photos_of_round(experiment, w.scene, w.method, w.round)),
+        unpack(lambda w: rows.truth_of(experiment, w.scene)),
+        images="results/{scene}/images",
+        cameras="results/{scene}/cameras.npz",
+        decisions=lambda w: rows.decisions_of(experiment, w.scene),
+        used=lambda w: experiment.cameras_of(w.scene, w.method, w.round),
+        preflight=ancient("results/{scene}/preflight.json"),
     output:
         model="results/{scene}/{method}/round{round}/model.msgpack",
         timing="results/{scene}/{method}/round{round}/timing.json",
@@ -70,9 +78,9 @@ use rule train as train_refining with:
     wildcard_constraints:
         method=plan.one_of(experiment.refining()),
     params:
-        more=lambda w, output: [
+        more=lambda w, input, output: [
             *flows.option("cameras-out", output.cameras),
-            *flows.option("truth", rows.truth_of(experiment, w.scene).get("truth")),
+            *flows.option("truth", input.get("truth")),
         ],
 
 

@@ -206,6 +206,19 @@ def test_the_folder_of_flows_knows_four_names(demo, folder):
         check.checked(demo)
 
 
+@pytest.mark.parametrize(("rounds", "good"), [(1, True), (2, False), ("auto", False)])
+def test_flows_of_several_rounds_know_their_round(demo, rounds, good):
+    """Or a second round would correct by what the first one's renders show, again."""
+    demo["methods"] = {"mipnerf360": {"rounds": rounds, "changes": "cameras"}}
+    demo.pop("tradeoff", None)
+    demo["flow"] = {"estimator": "files", "folder": "flows/{scene}/{method}/{split}"}
+    if good:
+        assert check.checked(demo)
+        return
+    with pytest.raises(ValueError, match=r"flow\.folder: .* without \{round\} every"):
+        check.checked(demo)
+
+
 def test_a_scene_larger_than_a_machine_is_named():
     size = {"views": 10000, "width": 16384, "height": 16384}
     config = {"scenes": {"a": {"source": "courtyard", "courtyard": size}}}

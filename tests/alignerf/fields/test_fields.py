@@ -1,7 +1,5 @@
 """Fields: sizes as published, hash grid against a slow twin, extremes."""
 
-import itertools
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +9,7 @@ from alignerf import fields
 from alignerf.fields import grid, nerf
 from alignerf.mipnerf360 import coord, model
 from alignerf.scenes import cameras
+from tests import twins
 
 
 def gaussians(count=5, scale=1.0):
@@ -69,31 +68,6 @@ def test_barfs_encoding_is_its_formula(rng):
                 np.testing.assert_allclose(found[start : start + 3], wanted, atol=2e-5)
 
 
-def slow_look_up(table, point, levels):
-    """One point, corner by corner, in Python integers."""
-    found = []
-    for resolution, entries, offset in zip(
-        levels.resolutions, levels.entries, levels.offsets, strict=True
-    ):
-        scaled = point * resolution
-        cell = np.clip(np.floor(scaled).astype(int), 0, resolution - 1)
-        total = 0.0
-        for bits in itertools.product((0, 1), repeat=3):
-            corner = cell + bits
-            weight = np.prod(np.where(bits, scaled - cell, 1 - (scaled - cell)))
-            side = resolution + 1
-            if side**3 <= entries:
-                row = corner @ [1, side, side**2]
-            else:
-                hashed = [
-                    int(c) * p % 2**32 for c, p in zip(corner, grid.PRIMES, strict=True)
-                ]
-                row = (hashed[0] ^ hashed[1] ^ hashed[2]) % entries
-            total = total + weight * table[offset + row]
-        found.append(total)
-    return np.stack(found)
-
-
 @pytest.fixture
 def levels():
     return grid.Levels.geometric(4, 4, 60, 2**9)
@@ -106,7 +80,7 @@ def test_look_up_equals_the_slow_twin(rng, levels):
     found = grid.look_up(
         jnp.asarray(table, jnp.float32), jnp.asarray(points, jnp.float32), levels
     )
-    wanted = [slow_look_up(table, point, levels) for point in points.T.astype("f4")]
+    wanted = [twins.look_up(table, point, levels) for point in points.T.astype("f4")]
     np.testing.assert_allclose(found, np.stack(wanted, axis=1), atol=2e-4)
 
 
@@ -124,7 +98,7 @@ def test_moving_points_have_the_slope_of_finite_differences(rng, levels):
     weights = rng.normal(size=(len(levels.resolutions), points.shape[1], 3))
 
     def value(points):
-        found = [slow_look_up(table, point, levels) for point in points.T]
+        found = [twins.look_up(table, point, levels) for point in points.T]
         return (np.stack(found, axis=1) * weights).sum(axis=(0, 2))
 
     def loss(table, points, moving):

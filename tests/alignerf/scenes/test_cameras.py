@@ -154,10 +154,19 @@ def test_noise_moves_the_similarity_little():
     assert_allclose(translation, 0, atol=0.01)
 
 
-def test_cameras_at_one_place_have_no_similarity():
-    poses = np.repeat(np.eye(4)[None, :3], 3, axis=0)
-    with pytest.raises(ValueError, match="one place"):
-        cameras.align_similarity(poses, poses)
+@pytest.mark.parametrize("views", [1, 3])
+def test_cameras_at_one_place_have_no_scale(views):
+    """A panorama's turn and place are found all the same."""
+    rng = np.random.default_rng(0)
+    poses = random_poses(rng, views)
+    poses[:, :, 3] = poses[0, :, 3]
+    given = 1.0, random_rotation(rng), rng.normal(size=3)
+    moved = cameras.apply_similarity(poses, *given)
+    found = cameras.align_similarity(poses, moved)
+    for value, expected in zip(found, given, strict=True):
+        assert_allclose(value, expected, atol=1e-9)
+    found = cameras.align_similarity(random_poses(rng, views), moved)
+    assert np.isfinite(np.concatenate([np.ravel(value) for value in found])).all()
 
 
 @pytest.mark.parametrize("perturb_px", [0.0, 0.5, 2.0])

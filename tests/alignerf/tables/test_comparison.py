@@ -27,7 +27,7 @@ def scenes(tmp_path, rng, monkeypatch):
             write_method(rng, name, method, level + noise + gain, share)
             for method, gain in GAINS.items()
         ]
-        found.append(regimes.Comparison(name, 0, share, methods))
+        found.append(regimes.Comparison(name, name, 0, share, methods))
     return found
 
 
@@ -86,7 +86,12 @@ def run(scenes, tmp_path, *more):
 
 
 def test_means_are_over_scenes_and_gains_paired_by_view(scenes, tmp_path):
-    table, _, _ = run(scenes, tmp_path)
+    table, tex, _ = run(scenes, tmp_path)
+    single = table[table["scene"] != "all"]
+    assert single["scene"].drop_duplicates().tolist() == ["a", "b"]
+    assert set(single["scenes"]) == {1}
+    assert tex.count("\nnerf & ") == 2
+    table = table[table["scene"] == "all"]
     one = table[(table["group"] == "1x") & (table["test_set"] == "standard")]
     one = one.set_index("method")
     assert one["scenes"].tolist() == [2, 2, 2]
@@ -115,10 +120,13 @@ def test_given_renders_cost_nothing_that_is_known(scenes, tmp_path):
 def test_published_rows_stand_below_ours(scenes, tmp_path):
     more = ("--published", rows.published_table(), "--published-table", "2")
     table, tex, _ = run(scenes, tmp_path, *more)
-    one = table[table["group"] == "1x"]
+    one = table[(table["group"] == "1x") & (table["scene"] == "all")]
     names = one["method"].drop_duplicates().tolist()
     assert names == [
-        *("nerf", "NeRF, published", "mipnerf360", "mip-NeRF 360, published", "given")
+        *("nerf", "NeRF, published", "mipnerf360", "mip-NeRF 360, published", "given"),
+        # What no method of ours is called.
+        *("mip-NeRF, published", "mip-NeRF with a bigger MLP, published"),
+        "AligNeRF, published",
     ]
     printed = one[one["method"] == "mip-NeRF 360, published"].set_index("test_set")
     assert printed.loc["standard", "psnr_db"] == 23.71
@@ -127,6 +135,7 @@ def test_published_rows_stand_below_ours(scenes, tmp_path):
     assert printed.loc["warped", "total_time_s"] == pytest.approx(6.88 * 3600)
     assert printed["source"].notna().all()
     four = table[(table["group"] == "4x") & table["source"].notna()]
+    four = four[four["method"] == "mip-NeRF 360, published"]
     assert four[four["test_set"] == "warped"]["psnr_db"].tolist() == [24.83]
     assert r"\textcolor{gray}{NeRF, published}" in tex
 
@@ -155,7 +164,8 @@ def test_a_view_without_a_score_leaves_the_mean_empty(scenes, tmp_path):
     spoilt.loc[0, "psnr_db"] = np.nan
     spoilt.to_csv(path, index=False)
     table, _, _ = run(scenes, tmp_path)
-    chosen = table[(table["method"] == "mipnerf360") & (table["group"] == "1x")]
+    table = table[(table["group"] == "1x") & (table["scene"] == "all")]
+    chosen = table[table["method"] == "mipnerf360"]
     chosen = chosen.set_index("test_set")
     assert np.isnan(chosen.loc["standard", "psnr_db"])
     assert np.isfinite(chosen.loc["warped", "psnr_db"])

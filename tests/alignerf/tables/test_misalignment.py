@@ -32,6 +32,14 @@ def test_a_row_per_test_set_with_means_and_all_costs_so_far(entry):
             assert row[key] == pytest.approx(np.mean(views[key]))
 
 
+def test_renders_cost_what_their_views_do(entry, tmp_path):
+    """Compiling counts no more than a training's does; here 2 s of 3."""
+    path = tmp_path / "render_train.json"
+    path.write_text(json.dumps({"time_s": 3.0, "views": 4, "view_time_s": 0.25}))
+    entry = entry._replace(data=[str(path)])
+    assert {row["data_time_s"] for row in misalignment.lines_of(entry)} == {1.0}
+
+
 def test_a_view_in_which_nothing_moves_has_no_part_in_what_moves(entry):
     """A view that lacks another metric still empties its mean."""
     for path, psnr_db in ((entry.metrics, 21.0), (entry.base_metrics, 20.0)):

@@ -20,7 +20,9 @@ def write_round(folder, walls):
         json.dumps({"views": 4, "view_time_s": 0.5, "time_s": 3.0})
     )
     (folder / "displacement_train.csv").write_text("view,time_s\na,0.25\nb,0.5\n")
-    (folder / "render_test.json").write_text(json.dumps({"time_s": 1.5}))
+    (folder / "render_test.json").write_text(
+        json.dumps({"views": 3, "view_time_s": 0.5, "time_s": 2.0})
+    )
     (folder / "displacement_test.csv").write_text("view,time_s\nc,0.125\n")
     for stage, wall_s in walls.items():
         (folder / f"{stage}.tsv").write_text(f"s\th:m:s\tmax_rss\n{wall_s}\t0\t1.5\n")

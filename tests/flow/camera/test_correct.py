@@ -114,6 +114,18 @@ def test_motions_as_short_as_a_flows_error_move_no_camera(rng):
                 assert correction.length_px == 0
 
 
+def test_one_camera_that_is_off_moves_alone(rng):
+    motion = camera_motion.Motion(*np.array([[0.02, -0.02, 0], [0.01, 0, 0]]), 0.0)
+    views = [view_of(rng, random_motion(rng, 0.02)) for _ in range(7)]
+    views.insert(3, view_of(rng, motion))
+    found = correct.corrections(lambda: iter(views))
+    assert [bool(correction.left_alone) for correction in found] == [
+        number != 3 for number in range(8)
+    ]
+    for ours, true in zip(found[3].motion, motion, strict=True):
+        np.testing.assert_allclose(ours, true, atol=2e-3)
+
+
 def test_one_view_alone_is_found_too(rng):
     (found,) = correct.corrections(lambda: iter([view_of(rng, random_motion(rng, 1))]))
     assert found.left_alone == ""
