@@ -117,15 +117,15 @@ def neighbour_angle_deg(camtoworlds):
 
 
 def point_facts(loaded: prepared.Scene):
-    """How near and far what the cameras see is, by COLMAP's points or LLFF's bounds.
+    """How near and far what the cameras see is, by LLFF's bounds or COLMAP's points.
 
     `bounded`: hardly any point lies farther than a few times what the cameras look at.
     """
     own = prepared.read_cameras(loaded.folder / "cameras.npz")["camtoworlds"]
     transform = cameras.frame_of(own).transform()
-    depths = depths_of_points(loaded, transform)
+    depths = depths_of_bounds(loaded, transform)
     if not len(depths):
-        depths = depths_of_bounds(loaded, transform)
+        depths = depths_of_points(loaded, transform)
     if not len(depths):
         return dict.fromkeys(("nearest", "median_depth", "farthest", "bounded"))
     # COLMAP's outliers are not the scene's ends.

@@ -210,8 +210,8 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
 def add_points(fresh, scratch, photo_scale, config):
     """Triangulate what the given views see: the part of the report about points.
 
-    The source's own bounds are kept. photo_scale: a photo's width over its view's;
-    errors of the report are in pixels of the photo.
+    photo_scale: a photo's width over its view's; errors of the report are in pixels of
+    the photo.
     """
     views = prepared.read_cameras(fresh / "cameras.npz")
     found = triangulate.triangulate(
@@ -220,9 +220,8 @@ def add_points(fresh, scratch, photo_scale, config):
     if not len(found.points):
         log.warning("%s: its views share no points", config["path"] or config["source"])
         return {}
-    if not (fresh / prepared.BOUNDS).exists():
-        points = fresh / prepared.POINTS
-        np.savez(points, points=found.points, colours=found.colours)
+    points = fresh / prepared.POINTS
+    np.savez(points, points=found.points, colours=found.colours)
     log.info(
         "%d points, which the given cameras see %.2f px from where they are found",
         *(len(found.points), found.mean_reprojection_error_px),

@@ -165,3 +165,6 @@ def test_bounds_that_are_no_depths_are_no_facts(scene):
     # Lengths are half of these, see above; 3 is the harmonic mean.
     names = ("nearest", "median_depth", "farthest")
     np.testing.assert_allclose([found[n] for n in names], [1.0, 1.5, 3.0], rtol=0.03)
+    # Points that were triangulated later say no more than a format's own depths.
+    np.savez(scene / prepared.POINTS, points=np.zeros((4, 3)), colours=np.zeros((4, 3)))
+    assert facts_of(scene)["farthest"] == found["farthest"]
