@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from alignerf import evaluate, export, facts, shrink
 from alignerf.command import images
@@ -90,7 +91,8 @@ def test_masks_are_exported(scene, tmp_path):
     names = prepared.load(scene).names
     assert len(frames) == len(names)
     for frame in frames:
-        mask = images.read(tmp_path / "out" / frame["mask_path"])
+        mask = np.asarray(Image.open(tmp_path / "out" / frame["mask_path"]))
+        assert mask.ndim == 2
         assert not mask[:, :HIDDEN].any()
         assert (mask[:, HIDDEN:] == 255).all()
 
