@@ -75,8 +75,8 @@ def say(report):
         if len(views) == report["views"]:
             log.warning("all cameras stay: %s", reason)
             return
-        named = f"view {views[0]} stays" if len(views) == 1 else f"{len(views)} stay"
-        log.warning("%s: %s", named, reason)
+        verb = "view %s stays: %s" if len(views) == 1 else "views %s stay: %s"
+        log.warning(verb, ", ".join(views), reason)
     log.info("cameras moved by %.3f px in the median", report["correction_px"])
 
 

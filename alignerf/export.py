@@ -2,9 +2,9 @@
 
 One folder with images/, transforms.json (nerfstudio, instant-ngp) and sparse/0 (COLMAP,
 Gaussian splatting). With warped photos the training views are these, and masks/ says
-which pixels are valid; the other views keep the photos as taken. The points
-that COLMAP found when it made the poses come with them; poses that came as LLFF's
-poses_bounds.npy go as that too.
+which pixels are valid; the other views keep the photos as taken. The points that COLMAP
+found when it made the poses come with them; poses that came as LLFF's poses_bounds.npy
+go as that too.
 """
 
 import argparse

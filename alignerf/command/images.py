@@ -67,8 +67,7 @@ def write(path, image):
 def write_mask(path, mask):
     """Write a mask [h, w] as a PNG of one channel, as other programs take masks."""
     with whole.replace_file(path) as temporary:
-        grey = np.where(mask, np.uint8(255), np.uint8(0))
-        Image.fromarray(grey).save(temporary, **WRITING)
+        Image.fromarray(of_mask(mask)[..., 0]).save(temporary, **WRITING)
 
 
 @contextlib.contextmanager

@@ -106,6 +106,11 @@ def like(experiment, name):
 LENGTH = ("seed", "steps", "budget_min")
 
 
+def alike_of(scene):
+    """What a scene has in common with those that differ in seed and length only."""
+    return slices.as_json({key: scene[key] for key in scene if key not in LENGTH})
+
+
 class Remedies(NamedTuple):
     """What a scene is like, and each remedy at one length of training."""
 
@@ -139,7 +144,7 @@ def remedies(experiment):
         Remedies(
             scene=scene,
             seed=like["seed"],
-            alike=slices.as_json({k: like[k] for k in like if k not in LENGTH}),
+            alike=alike_of(like),
             share=length_share(experiment, scene),
             methods=[
                 Method(
@@ -196,7 +201,7 @@ def comparison(experiment):
     return [
         Comparison(
             scene=scene,
-            alike=slices.as_json({k: found[k] for k in found if k not in LENGTH}),
+            alike=alike_of(found),
             seed=found["seed"],
             share=length_share(experiment, scene),
             methods=[

@@ -3,11 +3,10 @@
 Reads the scores of all that was trained, or given as renders, on all scenes; writes CSV
 and LaTeX. Means are over scenes, and the CSV has each scene's own lines below; scenes
 that were trained for another share of the steps are a group of their own (the paper's
-1x and 4x). Differences are paired by view;
-95 % intervals are over scenes, seeds and views. What the paper prints for a method
-stands below ours, or at the end where no method is called so, and is compared with
-nothing. Also writes whether test sets rank the
-methods alike, which the paper's Table 2 claims.
+1x and 4x). Differences are paired by view; 95 % intervals are over scenes, seeds and
+views. What the paper prints for a method stands below ours, or at the end where no
+method is called so, and is compared with nothing. Also writes whether test sets rank
+the methods alike, which the paper's Table 2 claims.
 """
 
 import itertools

@@ -40,9 +40,7 @@ def line_of(row):
     }
     line["train_rest_time_s"] = wall_s(row.walls.train) - sum(line.values())
     if row.rendering:
-        keys = ("views", "view_time_s")
-        rendering = table_files.read_timing(row.rendering, *keys)
-        line["render_time_s"] = rendering["views"] * rendering["view_time_s"]
+        line["render_time_s"] = table_files.data_time_s(row.rendering)
         besides_s = table_files.data_time_s(row.test_rendering)
         rest_s = wall_s(row.walls.render) - besides_s - line["render_time_s"]
         line["render_rest_time_s"] = rest_s
