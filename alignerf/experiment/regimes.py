@@ -102,13 +102,14 @@ def like(experiment, name):
     }
 
 
-# What scenes of the same remedies may differ in.
+# What scenes of the same remedies may differ in, and those of one capture besides.
 LENGTH = ("seed", "steps", "budget_min")
+SIZE = (*LENGTH, "downscale", "images")
 
 
-def alike_of(scene):
+def alike_of(scene, but=LENGTH):
     """What a scene has in common with those that differ in seed and length only."""
-    return slices.as_json({key: scene[key] for key in scene if key not in LENGTH})
+    return slices.as_json({key: scene[key] for key in scene if key not in but})
 
 
 class Remedies(NamedTuple):
@@ -118,6 +119,11 @@ class Remedies(NamedTuple):
     seed: int
     # All but seed and length: equal for scenes whose times are set side by side.
     alike: str
+    # All but its photos' size, too: equal for scenes of one capture.
+    capture: str
+    # JSON of what its photos are like, and CSV of how far the plain training is off.
+    facts: str
+    displacement: str
     # Its length over that of the config's training.
     share: int | float
     # The plain training first.
@@ -140,11 +146,17 @@ def remedies(experiment):
     base = experiment.base_of(next(iter(trained)))
     last = {name: method["rounds"] for name, method in trained.items()}
     chosen = dict.fromkeys([(base, 0), *last.items()])
+    split = "train" if 0 in experiment.followed()[base] else "test"
     found = [
         Remedies(
             scene=scene,
             seed=like["seed"],
             alike=alike_of(like),
+            capture=alike_of(like, but=SIZE),
+            facts=f"results/{scene}/facts.json",
+            displacement=(
+                f"{experiment.folder(scene, base, 0)}/displacement_{split}.csv"
+            ),
             share=length_share(experiment, scene),
             methods=[
                 Method(

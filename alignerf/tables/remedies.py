@@ -11,17 +11,23 @@ only), budget (1, 2 and 4 times the plain training), remedy and test set: the sc
 what it is above plain training of the same time. Differences are paired by view; 95 %
 intervals are over views and, where there are several, seeds. A time that a remedy was
 not trained for, shorter or longer by more than 5 %, has no score.
+
+Where a capture stands there at several sizes of its photos, the figure shows gains by
+size instead: misalignment is fixed in angle, so it grows in pixels (paper, Table 2).
 """
+
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from alignerf.command import faults, whole
+from alignerf.command import csv_files, faults, json_files, whole
 from alignerf.experiment import regimes as regime_rows
 from alignerf.experiment import rows as table_rows
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 from alignerf.tables.plots import remedies as remedies_plot
+from alignerf.tables.plots import sizes as sizes_plot
 
 # The warped test set is another one at each length: its scores do not compare.
 TEST_SETS = ("standard", "aligned_pose", "aligned_pose_gradient", "oracle")
@@ -30,9 +36,22 @@ BUDGETS = (1, 2, 4)
 # A training's seconds vary from run to run by as much.
 SLACK = 1.05
 COLUMNS = (
-    *("condition", "budget", "time_s", "method", "warping", "parts", "test_set"),
+    *("condition", "width_px", "height_px", "flow_px", "flow_mrad"),
+    *("budget", "time_s", "method", "warping", "parts", "test_set"),
     *("psnr_db", "gain_db", "gain_low_db", "gain_high_db", "seeds", "views"),
 )
+
+
+class Condition(NamedTuple):
+    """Scenes that differ in seed and length only."""
+
+    name: str
+    # Alike for those that differ in their photos' size besides.
+    capture: str
+    # {seed: {(method, round, parts): {share: (seconds, PSNR of views by test set)}}}
+    seeds: dict
+    # {seed: its photos' size, and their flow in pixels and in thousandths of a radian}
+    sizes: dict
 
 
 def main(argv=None):
@@ -42,21 +61,27 @@ def main(argv=None):
     rows = table_rows.read(regime_rows.Remedies, args.rows)
     conditions = conditions_of(rows)
     table = make_table(conditions)
+    captures = by_capture(conditions)
     with whole.replace_file(args.figure) as path:
-        remedies_plot.draw({name: means_of(found) for name, found in conditions}, path)
+        if captures:
+            sizes_plot.draw(table, captures, path)
+        else:
+            remedies_plot.draw(conditions, path)
         table_files.write(table, to_latex, rows=rows, **table_files.places(args))
 
 
 def conditions_of(rows):
-    """[(name, {seed: {remedy: points}})] of `regimes.Remedies`, in their order.
+    """Conditions of `regimes.Remedies`, in their order.
 
-    remedy: (method, round, parts). points: {share: (seconds, PSNR of views by test
-    set)}. Raises ValueError where the lengths of a seed have not the same views.
+    Raises ValueError where the lengths of a seed have not the same views.
     """
     found, views = {}, {}
     for row in rows:
-        _, seeds = found.setdefault(row.alike, (row.scene, {}))
-        remedies = seeds.setdefault(row.seed, {})
+        new = Condition(row.scene, row.capture, {}, {})
+        condition = found.setdefault(row.alike, new)
+        remedies = condition.seeds.setdefault(row.seed, {})
+        if row.share == 1:
+            condition.sizes[row.seed] = size_of(row)
         for method in row.methods:
             psnr_db = scores.read_psnr(method.metrics, more=method.aligned_pose)
             first = views.setdefault((row.alike, row.seed), psnr_db.index)
@@ -71,14 +96,41 @@ def conditions_of(rows):
     return list(found.values())
 
 
+def size_of(row):
+    """Of a scene's photos, and how far the plain training's renders are off.
+
+    The flow is the median view's median length.
+    """
+    keys = ("width_px", "height_px", "pixel_angle_mrad")
+    facts = json_files.read(row.facts, dict.fromkeys(keys, json_files.NUMBER))
+    views = csv_files.read(row.displacement, columns=["median_px"])
+    flow_px = float(views["median_px"].median(skipna=False))
+    return {
+        "width_px": facts["width_px"],
+        "height_px": facts["height_px"],
+        "flow_px": flow_px,
+        "flow_mrad": flow_px * facts["pixel_angle_mrad"],
+    }
+
+
+def by_capture(conditions):
+    """Names of conditions that differ in the size of their photos alone, in lists."""
+    found = {}
+    for one in conditions:
+        found.setdefault(one.capture, []).append(one.name)
+    return [names for names in found.values() if len(names) > 1]
+
+
 def make_table(conditions):
     """Lines of all conditions, remedies and budgets."""
-    lines = [line for name, seeds in conditions for line in lines_of(name, seeds)]
+    lines = [line for condition in conditions for line in lines_of(condition)]
     return pd.DataFrame(lines, columns=COLUMNS)
 
 
-def lines_of(name, seeds):
-    """Lines of one condition; seeds as of `conditions_of`."""
+def lines_of(condition):
+    """Lines of one condition."""
+    seeds = condition.seeds
+    size = pd.DataFrame(condition.sizes.values()).mean().to_dict()
     shared = set.intersection(*(set(remedies) for remedies in seeds.values()))
     first = next(iter(seeds.values()))
     remedies = [remedy for remedy in first if remedy in shared]
@@ -91,7 +143,8 @@ def lines_of(name, seeds):
         for remedy in remedies:
             method, round, parts = remedy
             labels = {
-                "condition": name,
+                "condition": condition.name,
+                **size,
                 "budget": budget,
                 "time_s": np.mean(list(times_s.values())),
                 "method": method,
@@ -144,31 +197,6 @@ def at_time(points, time_s, test_set):
     return np.array([np.interp(at, np.log(seconds), view) for view in psnr_db.T])
 
 
-def means_of(seeds):
-    """{remedy's name: (seconds, dB)} of a condition's curves, means over the seeds.
-
-    Against the oracle where it is known, else on the standard test set.
-    """
-    found = {}
-    first = next(iter(seeds.values()))
-    for method, round, parts in first:
-        curves = [of_seed.get((method, round, parts), {}) for of_seed in seeds.values()]
-        shares = sorted(set.intersection(*map(set, curves)))
-        of_all = [curve[share][1] for curve in curves for share in shares]
-        known = all("oracle" in psnr_db for psnr_db in of_all)
-        test_set = "oracle" if known else "standard"
-        name = scores.row_name(method, scores.warping(round))
-        found[name] = (
-            [np.mean([curve[share][0] for curve in curves]) for share in shares],
-            [
-                np.mean([curve[share][1][test_set].mean() for curve in curves])
-                for share in shares
-            ],
-            test_set,
-        )
-    return found
-
-
 def to_latex(table):
     """booktabs table: a block per condition, remedies down, budgets across."""
     lines = []
@@ -182,8 +210,9 @@ def to_latex(table):
             rf"\multicolumn{{{1 + 2 * len(budgets)}}}{{l}}"
             rf"{{\emph{{{scores.latex_name(name)}, {chosen}: {title} min}}}} \\"
         )
-        for (method, warping), own in rows.groupby(["method", "warping"], sort=False):
-            cells = [scores.latex_name(scores.row_name(method, warping))]
+        rows = rows.assign(remedy=scores.short_names(rows["method"], rows["warping"]))
+        for remedy, own in rows.groupby("remedy", sort=False):
+            cells = [scores.latex_name(remedy)]
             by_budget = own.set_index("budget")
             for budget in budgets:
                 if budget not in by_budget.index:

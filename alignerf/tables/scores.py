@@ -22,6 +22,18 @@ def row_name(method, warping):
     return method if warping == WARPINGS[0] else f"{method}, warped {warping}"
 
 
+def short_names(methods, warpings):
+    """The methods' names, with their warpings where a method has rows of several.
+
+    A round may move cameras: it is called warped only where that tells rows apart.
+    """
+    pairs = list(zip(methods, warpings, strict=True))
+    several = {
+        one for one, _ in pairs if len({w for method, w in pairs if method == one}) > 1
+    }
+    return [row_name(*pair) if pair[0] in several else pair[0] for pair in pairs]
+
+
 def read(path, metrics=("psnr_db",), more=None):
     """(test set, metric) columns, a row per test view, all of `metrics` among them.
 

@@ -52,11 +52,24 @@ def test_remedies_are_every_methods_last_round_at_every_length(demo, experiment_
         ("courtyard_seed2_x0.5", 2, 0.5),
     ]
     assert len({row.alike for row in found}) == 1
+    # The flow of training views, where another round needed them.
+    displacement = "results/courtyard/plain/round0/displacement_{}.csv"
+    assert found[0].displacement == displacement.format("train")
+    assert found[0].facts == "results/courtyard/facts.json"
     methods = [(method.method, method.round) for method in found[0].methods]
     assert methods == [("plain", 0), ("photos", 2), ("joint", 0)]
     # All that leads there is counted: three trainings, and renders and flow of two.
     assert len(found[0].methods[1].trainings) == 3
     assert len(found[0].methods[1].data) == 4
+    demo["scenes"]["small"] = demo["scenes"]["courtyard"] | {"downscale": 4}
+    small = regimes.remedies(experiment_of(demo))[-1]
+    assert small.alike != found[0].alike
+    assert small.capture == found[0].capture
+    del demo["scenes"]["small"]
+    photos = demo["methods"].pop("photos")
+    found = regimes.remedies(experiment_of(demo))
+    assert found[0].displacement == displacement.format("test")
+    demo["methods"]["photos"] = photos
     demo["vary"] = {"lengths": [0.5]}
     with pytest.raises(ValueError, match=r"scenes.courtyard_x0.5: it is never trained"):
         regimes.remedies(experiment_of(demo))

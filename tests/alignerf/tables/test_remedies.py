@@ -9,6 +9,8 @@ import pytest
 from alignerf.experiment import regimes as regime_rows
 from alignerf.experiment import rows as table_rows
 from alignerf.tables import remedies
+from alignerf.tables.plots import remedies as remedies_plot
+from alignerf.tables.plots import sizes as sizes_plot
 
 VIEWS = ["a", "b", "c"]
 SHARES = (0.5, 1, 2, 4)
@@ -19,8 +21,17 @@ BASE_S = 100.0
 def row(tmp_path):
     """(name, seed, share, {method: (dB of views, seconds)}) -> its row, with files."""
 
-    def write(name, seed, share, found, *, test_sets=("standard", "oracle")):
+    def write(
+        name, seed, share, found, *, test_sets=("standard", "oracle"), width_px=200
+    ):
         methods = []
+        scene = tmp_path / f"{name}_{seed}_{share:g}"
+        facts = {"width_px": width_px, "height_px": 150, "pixel_angle_mrad": 2.0}
+        scene.with_suffix(".facts.json").write_text(json.dumps(facts))
+        # A fixed angle, whose pixels grow with the size.
+        flow_px = width_px / 400 * np.array([0.5, 1.0, 9.0])
+        displacement = scene.with_suffix(".flow.csv")
+        pd.DataFrame({"median_px": flow_px}).to_csv(displacement, index=False)
         for round, (method, (views_db, seconds)) in enumerate(found.items()):
             path = tmp_path / f"{name}_{seed}_{share:g}x_{method}".replace(".", "_")
             lines = [
@@ -38,7 +49,17 @@ def row(tmp_path):
             methods.append(
                 regime_rows.Method(method, round, method, f"{path}.csv", *files)
             )
-        return regime_rows.Remedies(f"{name}_x{share}", seed, name, share, methods)
+        return regime_rows.Remedies(
+            scene=f"{name}_x{share}",
+            seed=seed,
+            alike=name,
+            # What stands before its size.
+            capture=name.split("-")[0],
+            facts=str(scene.with_suffix(".facts.json")),
+            displacement=str(displacement),
+            share=share,
+            methods=methods,
+        )
 
     return write
 
@@ -129,9 +150,9 @@ def test_conditions_and_photos_without_truth_stand_apart(rows, row):
         "standard",
         "aligned_pose",
     }
-    means = {name: remedies.means_of(seeds) for name, seeds in conditions}
+    means = {one.name: remedies_plot.means_of(one) for one in conditions}
     assert means["fox_x0.5"]["plain"][2] == "standard"
-    seconds, psnr_db, test_set = means["wrong_x0.5"]["fix, warped once"]
+    seconds, psnr_db, test_set = means["wrong_x0.5"]["fix"]
     assert test_set == "oracle"
     assert seconds == [2 * BASE_S * share for share in SHARES]
     np.testing.assert_allclose(psnr_db, 23.5 + np.log2(SHARES))
@@ -153,6 +174,40 @@ def test_a_photo_is_one_view_however_many_seeds_there_are(row, rng):
     made = remedies.gain_of(pairs * 3, same_photos=False)
     assert made["views"] == 9
     assert made["gain_low_db"] > once["gain_low_db"]
+
+
+def test_sizes_of_a_capture_are_set_side_by_side(row, rows, tmp_path, monkeypatch):
+    """Its flow in pixels and as an angle, and a figure of gains by size."""
+    sized = [
+        row(f"fox-{width}", seed, s, curves(s, gain_db=width / 200), width_px=width)
+        for width in (400, 200)
+        for seed in (0, 2)
+        for s in SHARES
+    ]
+    conditions = remedies.conditions_of([*sized, *rows])
+    table = remedies.make_table(conditions)
+    for width in (200, 400):
+        chosen = table[table["condition"] == f"fox-{width}_x0.5"]
+        found = one(chosen, method="fix", test_set="oracle", budget=2)
+        assert (found["width_px"], found["seeds"]) == (width, 2)
+        # The median view's.
+        assert found["flow_px"] == pytest.approx(width / 400)
+        assert found["flow_mrad"] == pytest.approx(width / 200)
+        assert found["gain_db"] == pytest.approx(width / 200 - 1)
+    assert remedies.by_capture(conditions) == [["fox-400_x0.5", "fox-200_x0.5"]]
+    assert remedies.by_capture(remedies.conditions_of(rows)) == []
+    drawn = {}
+    monkeypatch.setattr(
+        "matplotlib.axes.Axes.errorbar",
+        lambda axes, x, y, *args, label, **_: drawn.update({label: (list(x), list(y))}),
+    )
+    path = tmp_path / "sizes.png"
+    sizes_plot.draw(table, remedies.by_capture(conditions), path)
+    assert path.stat().st_size > 10_000
+    # From small to large, at four times the plain training.
+    assert drawn["plain"] == ([200, 400], [0, 0])
+    assert drawn["fix"][0] == [200, 400]
+    np.testing.assert_allclose(drawn["fix"][1], [0, 1], atol=1e-9)
 
 
 def test_faults_are_named(rows, row):
