@@ -107,13 +107,14 @@ def integrated_encoding(mean, variance, degrees):
     return np.stack([np.sin(scale * mean) * damp, np.cos(scale * mean) * damp])
 
 
-def alpha_weights(density, t, d):
+def alpha_weights(density, t, d, *, opaque=True):
     """w_i = (1 - e^(-tau_i)) e^(-sum_(j<i) tau_j) (arXiv 2103.13415, Eq. 3).
 
-    The last interval is opaque, as in the released configuration.
+    opaque: the last interval is, as in the released configuration.
     """
     tau = density * np.diff(t) * np.linalg.norm(d, axis=-1, keepdims=True)
-    tau[..., -1] = np.inf
+    if opaque:
+        tau[..., -1] = np.inf
     transmitted, weights = 1.0, []
     for i in range(tau.shape[-1]):
         weights.append(-np.expm1(-tau[..., i]) * transmitted)

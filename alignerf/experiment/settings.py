@@ -280,6 +280,10 @@ OPEN_OF_MODEL = ("near", "radius", "finest")
 OPEN_OF_TRAINING = ("steps",)
 
 
+BEHIND = "colour of what lies behind a ray's last sample: black, or white"
+BEHIND_OR_OPAQUE = f"{BEHIND}; null: unknown, a ray ends opaque"
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Model:
     """A mip-NeRF 360: how rays are sampled, and the two fields."""
@@ -306,6 +310,7 @@ class Model:
         most=4096,
         length=(1, 8),
     )
+    background: Literal["black", "white"] | None = key(None, BEHIND_OR_OPAQUE)
     proposal: Grid | Mlp = key(
         Grid(levels=4, log2_entries=15, features=2, finest=256, width=16), FIELD
     )
@@ -319,9 +324,6 @@ TWO_LOOKS = "samples a ray in the first look, and more in the second"
 SPACING = (
     "of the first look's samples: inverse, in 1 / distance, for scenes without a bound"
 )
-
-
-BEHIND = "colour of what lies behind a ray's last sample: black, or white"
 
 
 def samples(*default):
@@ -425,6 +427,7 @@ class InstantNgp:
     coarsest: int = key(16, "corners a side", least=2, most=2**16)
     finest: int = key(2048, "cells over a length of 1 in the box", least=2, most=2**16)
     width: int = key(64, "of the networks", least=1, most=16384)
+    background: Literal["black", "white"] | None = key(None, BEHIND_OR_OPAQUE)
     precision: PRECISIONS = key("float32", PRECISION)
     training: Changes = changes()
 

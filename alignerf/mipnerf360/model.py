@@ -32,7 +32,8 @@ class Model(nn.Module):
     """A proposal field used once per early round of `samples`, then the field.
 
     With one round there is no proposal: a ray's samples are evenly spread. Fields see
-    positions in units of `radius`: nothing within it is contracted.
+    positions in units of `radius`: nothing within it is contracted. A ray ends opaque,
+    or before a `background` that is known; to the proposals it always ends opaque.
     """
 
     proposal: nn.Module | None
@@ -41,6 +42,7 @@ class Model(nn.Module):
     near: float
     far: float
     radius: float = 1.0
+    background: str | None = None
 
     @property
     def jitters(self):
@@ -89,10 +91,18 @@ class Model(nn.Module):
                 density, values = self.field(gaussians, rays.viewdirs, **hidden)
             else:
                 density = self.propose(gaussians, proposal_share)
-            weights = render.alpha_weights(density, tdist, rays.directions)
+            weights = render.alpha_weights(
+                density,
+                tdist,
+                rays.directions,
+                opaque=self.background is None or not last,
+            )
             histograms.append((sdist, weights))
+        values = render.integrate(weights, values)
+        if self.background is not None:
+            values = render.before(self.background, values, weights)
         return Rendering(
-            values=render.integrate(weights, values),
+            values=values,
             depth=render.median_distance(weights, tdist),
             histograms=histograms,
         )

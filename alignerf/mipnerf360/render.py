@@ -9,6 +9,8 @@ from jaxtyping import Array, Float
 
 from alignerf.mipnerf360 import coord
 
+BACKGROUNDS = {"black": 0.0, "white": 1.0}
+
 
 def cast_cones(
     tdist: Float[Array, "*batch edges"],
@@ -42,10 +44,13 @@ def alpha_weights(
     density: Float[Array, "*batch bins"],
     tdist: Float[Array, "*batch bins+1"],
     directions: Float[Array, "*batch 3"],
+    *,
+    opaque: bool = True,
 ) -> Float[Array, "*batch bins"]:
-    """Weights w_i = (1 - exp(-tau_i)) exp(-sum_(j<i) tau_j), the last opaque.
+    """Weights w_i = (1 - exp(-tau_i)) exp(-sum_(j<i) tau_j).
 
-    tau_i = density_i * length_i is capped at 80, beyond which exp(-tau) is zero
+    opaque: the last interval stops all that comes to it, so that the weights add up to
+    one. tau_i = density_i * length_i is capped at 80, beyond which exp(-tau) is zero
     in float32: no inf * 0 arises for an infinite density or a zero length.
     """
     length = (tdist[..., 1:] - tdist[..., :-1]) * jnp.linalg.norm(
@@ -53,21 +58,33 @@ def alpha_weights(
     )
     largest = jnp.finfo(density.dtype).max
     bounded = jnp.minimum(density, largest / jnp.maximum(length, 1.0) / 2)
-    tau = jnp.minimum(bounded * length, 80.0)[..., :-1]
+    tau = jnp.minimum(bounded * length, 80.0)
     before = jnp.concatenate(
-        [jnp.zeros_like(density[..., :1]), jnp.cumsum(tau, axis=-1)], axis=-1
+        [jnp.zeros_like(density[..., :1]), jnp.cumsum(tau[..., :-1], axis=-1)], axis=-1
     )
-    opacity = jnp.concatenate(
-        [-jnp.expm1(-tau), jnp.ones_like(density[..., :1])], axis=-1
-    )
+    opacity = -jnp.expm1(-tau)
+    if opaque:
+        last = jnp.ones_like(density[..., :1])
+        opacity = jnp.concatenate([opacity[..., :-1], last], axis=-1)
     return opacity * jnp.exp(-before)
 
 
 def integrate(
     weights: Float[Array, "rays bins"], values: Float[Array, "c rays bins"]
 ) -> Float[Array, "rays c"]:
-    """Sum of weighted values along the ray; the weights add up to one."""
+    """Sum of weighted values along the ray."""
     return jnp.sum(weights[None] * values, axis=-1).T
+
+
+def before(
+    background: str, values: Float[Array, "rays c"], weights: Float[Array, "rays bins"]
+) -> Float[Array, "rays c"]:
+    """Values with a black or white background added, as far as weights let it through.
+
+    The first three values are colours; others have no background.
+    """
+    passed = jnp.maximum(1.0 - jnp.sum(weights, axis=-1, keepdims=True), 0.0)
+    return values.at[:, :3].add(BACKGROUNDS[background] * passed)
 
 
 def median_distance(

@@ -41,5 +41,6 @@ def make(chosen, *, moving=False):
         samples=tuple(chosen.samples),
         near=chosen.near,
         far=chosen.far,
+        background=chosen.background,
     )
     return model, rendering.huber

@@ -32,11 +32,13 @@ def depth_of(weights: Float[Array, "rays n"], t: Float[Array, "rays n"]):
     return jnp.take_along_axis(t, index[..., None], axis=-1)[..., 0]
 
 
-def squared(*, coarse):
+def squared(*, coarse=0.0):
     """The squared error, and `coarse` times that of each earlier look."""
 
     def loss(rendering, photo, weight):
         found = mean_square(rendering.values, photo, weight)
+        if not coarse:
+            return found
         return found + coarse * sum(
             mean_square(values, photo, weight) for values in rendering.coarse
         )

@@ -138,7 +138,7 @@ def points_of(
 
 def before(background, values, passed):
     """Colours [rays, 3] before a black or white background, of what passes [rays]."""
-    return values + {"black": 0.0, "white": 1.0}[background] * passed[:, None]
+    return values + render.BACKGROUNDS[background] * passed[:, None]
 
 
 def integrate(weights: Float[Array, "rays n"], colours: Float[Array, "3 points"]):

@@ -7,7 +7,7 @@ from alignerf.contributions import frequency_loss
 from alignerf.experiment import jobs, settings
 from alignerf.metrics import vgg19
 from alignerf.mipnerf360 import model as mipnerf360
-from alignerf.systems import instant_ngp, mipnerf, nerf, nerfpp, refine
+from alignerf.systems import instant_ngp, mipnerf, nerf, nerfpp, refine, rendering
 from alignerf.training import methods
 
 # What each kind of model but mip-NeRF 360 is made by.
@@ -44,6 +44,7 @@ def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
         near=job.model.near,
         far=job.model.far,
         radius=job.model.radius,
+        background=job.model.background,
     )
     shared = {
         "loss_weights": {
@@ -53,6 +54,10 @@ def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
         "proposal_share": job.training.proposal_share,
     }
     if not fine:
+        if job.model.field.kind == "nerf":
+            # BARF's loss. Charbonnier's takes an object before white for all white.
+            shared["loss_weights"]["distortion"] = 0.0
+            shared["data_loss"] = rendering.squared()
         return methods.mipnerf360(
             model,
             batch_rays=job.training.batch_rays,
@@ -109,7 +114,7 @@ def frequency_features(chosen: jobs.Finetuning):
     return vgg19.features(chosen.frequency_weights)
 
 
-def make_field(chosen: settings.Grid | settings.Mlp, **options):
+def make_field(chosen: settings.Grid | settings.Mlp | settings.Nerf, **options):
     """The field of these settings; options, as `outputs`, are added to them."""
     found = dataclasses.asdict(chosen) | options
     return fields.make(

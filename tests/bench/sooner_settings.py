@@ -17,7 +17,7 @@ METHOD = "mipnerf360"
 # Of a job, its model and its training, what an older checkout does not know; it does
 # as the old settings say.
 NEW_KEYS = {"decisions", "refine"}
-NEW_MODEL_KEYS = {"decided", "kind", "radius", "training"}
+NEW_MODEL_KEYS = {"background", "decided", "kind", "radius", "training"}
 NEW_TRAINING_KEYS = {"budget_min", "hold_share", "adam_betas", "proposal_share"}
 NEW_TRAINING_KEYS |= {"decided"}
 
@@ -41,6 +41,7 @@ def job_of(samples, proposal, field, **training):
             "near": 0.2,
             "far": 1e6,
             "radius": 1.0,
+            "background": None,
             "decided": [],
             "samples": samples,
             "proposal": grid | proposal,

@@ -1,5 +1,7 @@
 """Volume rendering against the papers' formulas, moments against Monte Carlo."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -51,16 +53,35 @@ def test_frustums(rng):
     twins.assert_close(found.r_std[:, 0], np.sqrt(r_var), rtol=1e-6)
 
 
-def test_weights(rng):
+@pytest.mark.parametrize("opaque", [True, False])
+def test_weights(rng, opaque):
     """Free space, fog and walls; intervals from a millionth to a thousand."""
     density = 10 ** rng.uniform(-6, 6, (COUNT, 12)) * rng.choice([0, 1], (COUNT, 12))
     t = np.cumsum(10 ** rng.uniform(-6, 3, (COUNT, 13)), axis=-1)
     density, t, d = twins.f32(density, t, rng.normal(size=(COUNT, 3)))
-    found = jax.jit(render.alpha_weights)(density, t, d)
+    weights = functools.partial(render.alpha_weights, opaque=opaque)
+    found = jax.jit(weights)(density, t, d)
     # exp(-x) makes float32's rounding of x, x 2^-24, relative: 1e-5 below 1e-12.
-    wanted = twins.alpha_weights(*twins.f64(density, t, d))
+    wanted = twins.alpha_weights(*twins.f64(density, t, d), opaque=opaque)
     twins.assert_close(found, wanted, scale=np.maximum(wanted, 1e-12))
-    twins.assert_close(jnp.sum(found, axis=-1), 1.0)
+    if opaque:
+        twins.assert_close(jnp.sum(found, axis=-1), 1.0)
+
+
+@pytest.mark.parametrize("background", ["black", "white"])
+def test_what_passes_shows_the_background(rng, background):
+    """From all to nothing; values that are no colours have no background."""
+    kept = 10 ** rng.uniform(-6, 0, COUNT)
+    kept[:2] = 0, 1
+    weights, values = twins.f32(
+        kept[:, None] * rng.dirichlet(np.ones(8), COUNT), rng.uniform(size=(COUNT, 5))
+    )
+    found = render.before(background, jnp.asarray(values), weights)
+    light = {"black": 0.0, "white": 1.0}[background]
+    weights, values = twins.f64(weights, values)
+    passed = 1 - weights.sum(axis=-1, keepdims=True)
+    wanted = values + light * np.maximum(passed, 0) * np.array([1, 1, 1, 0, 0])
+    np.testing.assert_allclose(found, wanted, atol=1e-6)
 
 
 def test_the_gradient_of_the_weights(rng):

@@ -2,12 +2,14 @@
 
 import functools
 
+import flax.linen as nn
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from alignerf.experiment import jobs
+from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.scenes import cameras
 from alignerf.training import compose
 from alignerf.training import step as train_step
@@ -190,6 +192,53 @@ def test_a_system_learns_a_colour(kind):
         state, shown = step(state, views)
         psnr_db.append(float(shown["psnr_db"]))
     assert psnr_db[-1] > psnr_db[0] + 5
+
+
+class Fog(nn.Module):
+    """A field of one density and one grey; proposals take the density."""
+
+    @nn.compact
+    def __call__(self, gaussians, viewdirs=None):
+        batch = gaussians.mean.shape[:-1]
+        density = self.param("density", nn.initializers.zeros, ())
+        return jnp.broadcast_to(density, batch), jnp.full((3, *batch), 0.5)
+
+
+@pytest.mark.parametrize("background", [None, "black", "white"])
+def test_an_empty_scene_is_its_background(rng, background):
+    """Nothing along a ray: what is behind shows, and the gradient of that is finite."""
+    model = mipnerf360.Model(
+        proposal=Fog(),
+        field=Fog(),
+        samples=(4, 4),
+        near=0.5,
+        far=8.0,
+        background=background,
+    )
+    rays = random_rays(rng)
+
+    def shown(density):
+        params = {"proposal": {"density": density}, "field": {"density": density}}
+        return model.apply({"params": params}, rays).values
+
+    expected = {None: 0.5, "black": 0.0, "white": 1.0}[background]
+    np.testing.assert_allclose(shown(0.0), expected, atol=1e-6)
+    np.testing.assert_allclose(shown(100.0), 0.5, atol=1e-6)
+    slope = jax.grad(lambda density: shown(density).mean())(0.0)
+    assert np.isfinite(slope)
+    assert (slope == 0) == (background is None)
+
+
+def test_barf_learns_from_squared_errors_alone():
+    """With Charbonnier's loss it took an object before white for all white."""
+    field = {"kind": "nerf", "width": 8, "depth": 2}
+    method = compose.make_method(job_of(field=field, samples=[6]))
+    batch = train_step.draw(
+        method, cases.make_views(), jnp.int32(0), steps=jnp.int32(10), seed=0
+    )[0]
+    terms, shown = method.terms(method.init(jax.random.key(0)), batch, 0.5)
+    np.testing.assert_allclose(terms["data"], shown["mse"], rtol=1e-6)
+    assert sum(terms.values()) == terms["data"]
 
 
 @functools.cache
