@@ -122,7 +122,10 @@ def statistics(found: camera_fit.Fit, model_px=None):
     where no pixel is valid.
     """
     if not found.valid.any():
-        raise ValueError("no pixel has both a valid flow and a depth")
+        raise ValueError(
+            "no pixel has both a valid flow and a depth: its render shows nothing of "
+            "the photo; train longer, or another model"
+        )
     net_px = found.camera_px + found.remainder_px
     model = {} if model_px is None else {"model": model_px}
     vectors_px = model | {

@@ -154,7 +154,8 @@ class Scene:
     )
     test_every: int = key(
         8,
-        "every n-th view by name is held out; blender's files say which",
+        "every n-th view by name is held out; blender's files, and a transforms.json "
+        "with train_filenames and test_filenames, say which themselves",
         least=2,
         most=10000,
     )

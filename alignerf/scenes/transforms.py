@@ -2,8 +2,10 @@
 
 Handled: intrinsics for all frames or frame by frame, `camera_angle_x` where no focal
 length is given, OpenCV's distortion (k1, k2, k3, p1, p2; undone), file paths without
-a suffix, frames without an image (dropped with a warning). Refused by name: fisheye
-and other camera models, paths outside the scene's folder, images of different sizes.
+a suffix, frames without an image (dropped with a warning), nerfstudio's own split
+(`train_filenames` and `test_filenames`; frames in neither are dropped, too). Refused by
+name: fisheye and other camera models, paths outside the scene's folder, images of
+different sizes.
 Poses are camera-to-world with OpenGL axes already. EXIF's orientation is not applied:
 neither of the programs that write these files does.
 """
@@ -48,7 +50,10 @@ def read(path, background=None):
     scene = json_files.read(path, {"frames": list})
     if not (frames := scene["frames"]):
         raise ValueError(f"{path}: 'frames' must be a list that is not empty")
+    splits = _splits(path, scene)
     kept, left_out = _frames_with_image(path, frames)
+    if splits:
+        kept, left_out = _frames_with_split(path, kept, left_out, splits)
     names = [image.stem for _, image in kept]
     (name, count), *_ = collections.Counter(names).most_common(1)
     if count > 1:
@@ -77,7 +82,44 @@ def read(path, background=None):
         load_mask=load_mask if any(masks) else None,
         where=path,
     )
+    if splits:
+        own = [splits[os.path.normpath(frame["file_path"])] for frame, _ in kept]
+        views = views._replace(split=np.array(own))
     return views, left_out
+
+
+def _splits(path, scene):
+    """{file path: its split} as nerfstudio writes it; none where it does not say."""
+    found = {}
+    for split in ("train", "test"):
+        key = f"{split}_filenames"
+        names = scene.get(key, [])
+        if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
+            raise ValueError(f"{path}: {key!r} must be a list of file paths")
+        for name in map(os.path.normpath, names):
+            if found.setdefault(name, split) != split:
+                raise ValueError(
+                    f"{path}: {name!r:.200} is to be trained on and scored"
+                )
+    # One of them alone says nothing of the others' place.
+    return found if len(set(found.values())) == 2 else {}
+
+
+def _frames_with_split(path, kept, left_out, splits):
+    """Frames that are trained on or scored; the others' names join those left out.
+
+    Raises ValueError where one that is to be scored has no image.
+    """
+    places = [os.path.normpath(frame["file_path"]) for frame, _ in kept]
+    scored = {name for name, split in splits.items() if split == "test"}
+    if missing := sorted(scored.difference(places)):
+        few = faults.some_names(missing)
+        raise ValueError(f"{path}: no image of {few}: the score would be another one")
+    if others := [name for name in places if name not in splits]:
+        few = faults.some_names(others)
+        log.warning("%s: neither trained on nor scored: %s", path, few)
+    chosen = [one for one, name in zip(kept, places, strict=True) if name in splits]
+    return chosen, sorted([*left_out, *(Path(name).stem for name in others)])
 
 
 def _frames_with_image(path, frames):

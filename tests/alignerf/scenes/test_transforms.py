@@ -164,6 +164,39 @@ def test_frames_have_their_own_lenses_and_size(scene):
     assert np.abs(views.pixtocams[2] - views.pixtocams[0]).max() > 1e-4
 
 
+def test_the_files_own_split_is_kept(scene, caplog):
+    """Nerfstudio's lists: what neither trains nor is scored is left out, by name."""
+    _, content = scene
+    content["train_filenames"] = ["./images/c.png", "images/gone.png"]
+    content["test_filenames"] = ["images/a.png"]
+    views, left_out = read(scene)
+    views = prepare.sort_by_name(views)
+    assert (views.names, views.split.tolist()) == (["a", "c"], ["test", "train"])
+    assert left_out == ["b", "gone"]
+    assert "neither trained on nor scored: images/b.png" in caplog.text
+    # One list alone says nothing of the rest.
+    del content["train_filenames"]
+    views, left_out = read(scene)
+    assert views.split is None
+    assert left_out == ["gone"]
+
+
+@pytest.mark.parametrize(
+    ("test", "named"),
+    [
+        (["images/gone.png"], "no image of images/gone.png"),
+        (["images/c.png"], "images/c.png' is to be trained on and scored"),
+        ("images/a.png", "test_filenames"),
+        ([1], "test_filenames"),
+    ],
+)
+def test_faults_of_a_split_are_named(scene, test, named):
+    scene[1].update(train_filenames=["images/c.png"], test_filenames=test)
+    with pytest.raises(ValueError, match=named) as caught:
+        read(scene)
+    assert "transforms.json" in str(caught.value)
+
+
 def change(content, path, value):
     *parents, key = path
     for parent in parents:
