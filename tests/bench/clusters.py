@@ -87,16 +87,21 @@ def program(job):
 
 def of_ray(job, options):
     """Floating-point operations of a ray of a job's training."""
+    parsed = small(job, RAYS, options)
+    training = ours.Training(parsed, cases.orbit())
+    return training.flop / parsed.rays_per_step
+
+
+def small(job, rays, options):
+    """A job with so few rays a step, or with one patch."""
     job = json.loads(json.dumps(job))
-    job["training"]["batch_rays"] = RAYS
+    job["training"]["batch_rays"] = rays
     if job["stage"] == "finetune":
         job["alignerf"]["patches"] = 1
         job["alignerf"] |= {"radius_px": job["alignerf"]["radius_px"] or 8}
     if options.quick:
         job["model"] = {**cases.TINY, "kind": "mipnerf360", "training": {}}
-    parsed = jobs.parse(job)
-    training = ours.Training(parsed, cases.orbit())
-    return training.flop / parsed.rays_per_step
+    return jobs.parse(job)
 
 
 def note(rays, flop):
