@@ -4,7 +4,7 @@ One folder with images/, transforms.json (nerfstudio, instant-ngp) and sparse/0 
 Gaussian splatting). With warped photos the training views are these, and masks/ says
 which pixels are valid; the other views keep the photos as taken. The points that COLMAP
 found when it made the poses come with them; poses that came as LLFF's poses_bounds.npy
-go as that too.
+or as one of NeRF's synthetic scenes go as that too.
 """
 
 import argparse
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import archives, faults, images, whole
+from alignerf.command import archives, faults, images, json_files, whole
 from alignerf.scenes import exported, prepared
 
 log = logging.getLogger("alignerf")
@@ -41,10 +41,19 @@ def main(argv=None):
         if points.is_file():
             found |= archives.read(points, ("points", "colours"))
         exported.write_colmap(folder, found)
-        exported.write_transforms(folder / "transforms.json", found, masked=masked)
+        path = folder / "transforms.json"
+        scene = exported.write_transforms(path, found, masked=masked)
+        if source_of(loaded.folder) == "blender":
+            exported.write_blender(folder, found, scene)
         bounds = loaded.folder / prepared.BOUNDS
         if bounds.is_file():
             write_llff(folder / "poses_bounds.npy", found, bounds)
+
+
+def source_of(folder):
+    """Where the scene came from; None where it does not say."""
+    report = folder / "poses.json"
+    return json_files.read(report).get("source") if report.is_file() else None
 
 
 def write_masks(folder, loaded, warped, valid):

@@ -29,9 +29,9 @@ def read(folder, background):
             raise ValueError(
                 f"{path}: no image of {few}: the score would be another one"
             )
-        left_out += [f"{split}_{name}" for name in missing]
+        left_out += [named(split, name) for name in missing]
         parts.append(views)
-        names += [f"{split}_{name}" for name in views.names]
+        names += [named(split, name) for name in views.names]
         splits += [split] * len(views.names)
     sizes = {(views.width, views.height) for views in parts}
     if len(sizes) > 1:
@@ -48,3 +48,8 @@ def read(folder, background):
         split=np.array(splits),
     )
     return views, left_out
+
+
+def named(split, name):
+    """A view's name, which begins with its split; exported ones have it already."""
+    return name if name.startswith(f"{split}_") else f"{split}_{name}"

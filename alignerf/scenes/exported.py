@@ -1,9 +1,9 @@
 """A scene's folder for other programs: nerfstudio's transforms.json, COLMAP's model.
 
 Both in one folder, beside `images/`: nerfstudio and its kin read `transforms.json`,
-Gaussian splatting and COLMAP read `sparse/0`. What came as LLFF's `poses_bounds.npy`
-goes as that too. Cameras are pinholes with pixel centres at +0.5, in the frame in which
-the scene's cameras were given.
+Gaussian splatting and COLMAP read `sparse/0`. What came as LLFF's `poses_bounds.npy` or
+as one of NeRF's synthetic scenes goes as that too. Cameras are pinholes with pixel
+centres at +0.5, in the frame in which the scene's cameras were given.
 """
 
 import json
@@ -19,7 +19,7 @@ POINTS = "points.ply"
 
 
 def write_transforms(path, found, *, masked=False):
-    """Write transforms.json of cameras as `prepared.read_cameras` has them.
+    """Write transforms.json of cameras as `prepared.read_cameras` has them; returned.
 
     Images are named images/<view>.png; `points` among the arrays are those of POINTS,
     see `write_colmap`. masked: each view has a masks/<view>.png, black where a pixel is
@@ -60,7 +60,34 @@ def write_transforms(path, found, *, masked=False):
     }
     if "points" in found:
         scene["ply_file_path"] = POINTS
-    Path(path).write_text(json.dumps(scene, indent=1) + "\n", encoding="utf-8")
+    write_json(path, scene)
+    return scene
+
+
+def write_blender(folder, found, scene):
+    """Write transforms_train.json and transforms_test.json, as NeRF's scenes have them.
+
+    scene: what `write_transforms` wrote of the same arrays. One field of view serves
+    all views; their frames have lenses of their own for those who read these. Photos
+    are named without their suffix.
+    """
+    shared = {key: scene[key] for key in ("camera_model", "w", "h")}
+    half = found["pixtocams"][0, 0, 0] * scene["w"] / 2
+    shared["camera_angle_x"] = 2 * float(np.arctan(half))
+    for split in ("train", "test"):
+        chosen = set(scene[f"{split}_filenames"])
+        frames = [
+            frame | {"file_path": frame["file_path"].removesuffix(".png")}
+            for frame in scene["frames"]
+            if frame["file_path"] in chosen
+        ]
+        path = Path(folder) / f"transforms_{split}.json"
+        write_json(path, shared | {"frames": frames})
+
+
+def write_json(path, content):
+    """Write what a program of others reads."""
+    Path(path).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
 def write_colmap(folder, found):

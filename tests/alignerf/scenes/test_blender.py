@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf import poses
+from alignerf import export, poses
 from alignerf.experiment import check
 from alignerf.scenes import blender, photos, transforms
 
@@ -58,6 +58,26 @@ def test_views_have_the_split_of_their_file(scene, tmp_path):
     with np.load(out / "cameras.npz") as found:
         assert found["names"].tolist() == sorted(views.names)
         assert found["split"].tolist() == ["test"] * 2 + ["train"] * 3
+
+
+def test_an_exported_scene_is_one_of_its_kind(scene, tmp_path):
+    """Files of both splits, photos named without suffix, and the same cameras."""
+    config = {"source": "blender", "path": str(scene), "background": "white"}
+    poses.main(config, tmp_path / "made")
+    folder = tmp_path / "exported"
+    export.main(["--scene", str(tmp_path / "made"), "--out", str(folder)])
+    found = json.loads((folder / "transforms_test.json").read_text())
+    assert found["camera_angle_x"] == pytest.approx(ANGLE)
+    paths = [frame["file_path"] for frame in found["frames"]]
+    assert paths == ["images/test_r_0", "images/test_r_1"]
+    first, _ = blender.read(scene, "white")
+    again, _ = blender.read(folder, None)
+    assert again.names == first.names
+    np.testing.assert_array_equal(again.split, first.split)
+    np.testing.assert_allclose(again.pixtocams, first.pixtocams, atol=1e-6)
+    np.testing.assert_allclose(again.camtoworlds, first.camtoworlds, atol=1e-6)
+    for view in range(5):
+        np.testing.assert_array_equal(again.load(view), first.load(view))
 
 
 @pytest.mark.parametrize(("background", "level"), [("white", 255), ("black", 0)])
