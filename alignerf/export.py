@@ -13,6 +13,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from alignerf.command import archives, faults, images, json_files, whole
 from alignerf.scenes import exported, prepared
@@ -27,13 +28,15 @@ def main(argv=None):
     loaded = prepared.load(args.scene, args.cameras)
     found = prepared.read_cameras(args.cameras or loaded.folder / "cameras.npz")
     warped = loaded.views("train") if args.warped else np.zeros(0, int)
+    synthetic = source_of(loaded.folder) == "blender"
     with whole.replace_folder(args.out) as folder:
         (folder / "images").mkdir()
         for view, name in enumerate(loaded.names):
             source = args.warped if view in warped else loaded.folder / "images"
             # Whole, and of the scene's size, before it is handed on.
             prepared.read_images(loaded, [view], source)
-            shutil.copyfile(Path(source) / f"{name}.png", folder / f"images/{name}.png")
+            photo, target = Path(source) / f"{name}.png", folder / f"images/{name}.png"
+            (copy_with_alpha if synthetic else shutil.copyfile)(photo, target)
         masked = args.warped is not None or (loaded.folder / prepared.MASKS).is_dir()
         if masked:
             write_masks(folder / "masks", loaded, warped, args.valid)
@@ -43,8 +46,8 @@ def main(argv=None):
         exported.write_colmap(folder, found)
         path = folder / "transforms.json"
         scene = exported.write_transforms(path, found, masked=masked)
-        if source_of(loaded.folder) == "blender":
-            exported.write_blender(folder, found, scene)
+        if synthetic:
+            write_blender(folder, found, scene)
         bounds = loaded.folder / prepared.BOUNDS
         if bounds.is_file():
             write_llff(folder / "poses_bounds.npy", found, bounds)
@@ -54,6 +57,12 @@ def source_of(folder):
     """Where the scene came from; None where it does not say."""
     report = folder / "poses.json"
     return json_files.read(report).get("source") if report.is_file() else None
+
+
+def copy_with_alpha(source, target):
+    """A photo with an alpha of one, as readers of NeRF's synthetic scenes need it."""
+    with Image.open(source) as image:
+        image.convert("RGBA").save(target)
 
 
 def write_masks(folder, loaded, warped, valid):
@@ -67,6 +76,14 @@ def write_masks(folder, loaded, warped, valid):
         if view in warped:
             mask &= prepared.read_validity(loaded, [view], valid)[0]
         images.write_mask(folder / f"{name}.png", mask)
+
+
+def write_blender(folder, found, scene):
+    """Write the files of NeRF's synthetic scenes, or say why not."""
+    try:
+        exported.write_blender(folder, found, scene)
+    except ValueError as error:
+        log.warning("transforms_train.json is not written: %s", error)
 
 
 def write_llff(path, found, bounds):

@@ -67,6 +67,8 @@ def main(config, out):
         if split is None:
             every = config["test_every"]
             split = prepare.split_views(len(views.names), test_every=every)
+        elif config["test_every"] != settings.Scene.test_every:
+            log.warning("test_every: the given file itself says what is held out")
         check_enough(split, config["least_train_views"], config["path"] or out)
         warn_of_few(out, split)
         fresh = scratch / "new"
@@ -98,8 +100,8 @@ def check_enough(split, least, where):
     if count < least:
         raise ValueError(
             f"{where}: {count} of {len(split)} views to learn from are too few. Take "
-            "20 or more photos that overlap, or hold out fewer (test_every), or lower "
-            "least_train_views"
+            "20 or more photos that overlap, or hold out fewer (test_every, or the "
+            "file's own split), or lower least_train_views"
         )
 
 

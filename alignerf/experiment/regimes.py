@@ -107,9 +107,20 @@ LENGTH = ("seed", "steps", "budget_min")
 SIZE = (*LENGTH, "downscale", "images")
 
 
-def alike_of(scene, but=LENGTH):
+def alike_of(scene):
     """What a scene has in common with those that differ in seed and length only."""
-    return slices.as_json({key: scene[key] for key in scene if key not in but})
+    return slices.as_json({key: scene[key] for key in scene if key not in LENGTH})
+
+
+def capture_of(scene):
+    """What it has in common with the same photos of other sizes.
+
+    An error of the poses is told in pixels of the training size; the angle counts.
+    """
+    found = {key: scene[key] for key in scene if key not in SIZE}
+    if scene["downscale"] != "auto":
+        found["perturb_px"] = scene["perturb_px"] * scene["downscale"]
+    return slices.as_json(found)
 
 
 class Remedies(NamedTuple):
@@ -152,7 +163,7 @@ def remedies(experiment):
             scene=scene,
             seed=like["seed"],
             alike=alike_of(like),
-            capture=alike_of(like, but=SIZE),
+            capture=capture_of(like),
             facts=f"results/{scene}/facts.json",
             displacement=(
                 f"{experiment.folder(scene, base, 0)}/displacement_{split}.csv"

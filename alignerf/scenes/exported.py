@@ -67,14 +67,18 @@ def write_transforms(path, found, *, masked=False):
 def write_blender(folder, found, scene):
     """Write transforms_train.json and transforms_test.json, as NeRF's scenes have them.
 
-    scene: what `write_transforms` wrote of the same arrays. One field of view serves
-    all views; their frames have lenses of their own for those who read these. Photos
-    are named without their suffix.
+    scene: what `write_transforms` wrote of the same arrays. Photos are named without
+    their suffix; the views of `val` are those of `test`. Raises ValueError where one
+    field of view does not say all lenses: the format has no more.
     """
+    focal_px = one_focal_length(found)
+    size = found["width"], found["height"]
+    centred = np.linalg.inv(cameras.intrinsics(focal_px, *size))
+    if np.abs(np.linalg.inv(found["pixtocams"][0]) - centred).max() > 1e-6 * focal_px:
+        raise ValueError("the principal point is not the photo's middle")
     shared = {key: scene[key] for key in ("camera_model", "w", "h")}
-    half = found["pixtocams"][0, 0, 0] * scene["w"] / 2
-    shared["camera_angle_x"] = 2 * float(np.arctan(half))
-    for split in ("train", "test"):
+    shared["camera_angle_x"] = 2 * float(np.arctan(0.5 * scene["w"] / focal_px))
+    for split in ("train", "val", "test"):
         chosen = set(scene[f"{split}_filenames"])
         frames = [
             frame | {"file_path": frame["file_path"].removesuffix(".png")}
@@ -83,6 +87,17 @@ def write_blender(folder, found, scene):
         ]
         path = Path(folder) / f"transforms_{split}.json"
         write_json(path, shared | {"frames": frames})
+
+
+def one_focal_length(found):
+    """That of all views in pixels; ValueError where they differ, or the axes do."""
+    lenses = np.linalg.inv(found["pixtocams"])
+    if np.ptp(lenses, axis=0).max() > 1e-9:
+        raise ValueError("the views' lenses differ")
+    focal_px = float(lenses[0, 0, 0])
+    if abs(lenses[0, 1, 1] / focal_px - 1) > 1e-6:
+        raise ValueError("focal lengths differ along and across the rows")
+    return focal_px
 
 
 def write_json(path, content):
@@ -144,12 +159,7 @@ def write_llff(path, found, bounds):
     views differ in their lens, or one focal length does not say it: the format has no
     more. The principal point stands in sparse/0.
     """
-    lenses = np.linalg.inv(found["pixtocams"])
-    if np.ptp(lenses, axis=0).max() > 1e-9:
-        raise ValueError("the views' lenses differ")
-    focal_px = lenses[0, 0, 0]
-    if abs(lenses[0, 1, 1] / focal_px - 1) > 1e-6:
-        raise ValueError("focal lengths differ along and across the rows")
+    focal_px = one_focal_length(found)
     lens = np.array([found["height"], found["width"], focal_px], np.float64)
     # In the order of the file names, which is not that of the names alone.
     order = sorted(range(len(bounds)), key=lambda i: f"{found['names'][i]}.png")

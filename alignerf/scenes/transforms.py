@@ -37,10 +37,11 @@ TELLS_APART = sys.platform == "linux"
 SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
 
 
-def read(path, background=None):
+def read(path, background=None, *, split_by_lists=True):
     """Posed, undistorted views of a json file, or of a folder's transforms.json.
 
-    background: as of `photos.decode`. Returns prepare.PosedViews and the names of the
+    background: as of `photos.decode`. split_by_lists: the file's own lists say which
+    views are held out. Returns prepare.PosedViews and the names of the
     frames without an image. Raises ValueError with one line that names the file and the
     key or frame.
     """
@@ -50,10 +51,12 @@ def read(path, background=None):
     scene = json_files.read(path, {"frames": list})
     if not (frames := scene["frames"]):
         raise ValueError(f"{path}: 'frames' must be a list that is not empty")
-    splits = _splits(path, scene)
     kept, left_out = _frames_with_image(path, frames)
+    splits = _splits(path, scene, kept) if split_by_lists else {}
     if splits:
-        kept, left_out = _frames_with_split(path, kept, left_out, splits)
+        others = [image.stem for _, image in kept if image not in splits]
+        kept = [(frame, image) for frame, image in kept if image in splits]
+        left_out = sorted([*left_out, *others])
     names = [image.stem for _, image in kept]
     (name, count), *_ = collections.Counter(names).most_common(1)
     if count > 1:
@@ -83,43 +86,38 @@ def read(path, background=None):
         where=path,
     )
     if splits:
-        own = [splits[os.path.normpath(frame["file_path"])] for frame, _ in kept]
-        views = views._replace(split=np.array(own))
+        own = np.array([splits[image] for _, image in kept])
+        views = views._replace(split=own)
     return views, left_out
 
 
-def _splits(path, scene):
-    """{file path: its split} as nerfstudio writes it; none where it does not say."""
-    found = {}
-    for split in ("train", "test"):
-        key = f"{split}_filenames"
-        names = scene.get(key, [])
-        if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
-            raise ValueError(f"{path}: {key!r} must be a list of file paths")
-        for name in map(os.path.normpath, names):
-            if found.setdefault(name, split) != split:
-                raise ValueError(
-                    f"{path}: {name!r:.200} is to be trained on and scored"
-                )
-    # One of them alone says nothing of the others' place.
-    return found if len(set(found.values())) == 2 else {}
+def _splits(path, scene, kept):
+    """{image: its split} as nerfstudio writes it; none where it does not say.
 
-
-def _frames_with_split(path, kept, left_out, splits):
-    """Frames that are trained on or scored; the others' names join those left out.
-
-    Raises ValueError where one that is to be scored has no image.
+    Raises ValueError for a name that is to be scored and has no frame with an image.
     """
-    places = [os.path.normpath(frame["file_path"]) for frame, _ in kept]
-    scored = {name for name, split in splits.items() if split == "test"}
-    if missing := sorted(scored.difference(places)):
-        few = faults.some_names(missing)
-        raise ValueError(f"{path}: no image of {few}: the score would be another one")
-    if others := [name for name in places if name not in splits]:
+    images, have, found = Images(path), {image for _, image in kept}, {}
+    for split in ("train", "test"):
+        names = scene.get(f"{split}_filenames", [])
+        if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
+            raise ValueError(f"{path}: '{split}_filenames' must be a list of paths")
+        places = {name: images.find(name.replace("\\", "/")) for name in names}
+        if missing := [name for name, image in places.items() if image not in have]:
+            few = faults.some_names(missing)
+            if split == "test":
+                raise ValueError(f"{path}: 'test_filenames': no frame shows {few}")
+            log.warning("%s: 'train_filenames': no frame shows %s", path, few)
+        for image in have.intersection(places.values()):
+            if found.setdefault(image, split) != split:
+                raise ValueError(f"{path}: {image.name} is to be trained on and scored")
+    if len(set(found.values())) < 2:
+        if found:
+            log.warning("%s: its lists do not say what is held out", path)
+        return {}
+    if others := [image.name for _, image in kept if image not in found]:
         few = faults.some_names(others)
         log.warning("%s: neither trained on nor scored: %s", path, few)
-    chosen = [one for one, name in zip(kept, places, strict=True) if name in splits]
-    return chosen, sorted([*left_out, *(Path(name).stem for name in others)])
+    return found
 
 
 def _frames_with_image(path, frames):

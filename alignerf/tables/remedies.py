@@ -130,7 +130,11 @@ def make_table(conditions):
 def lines_of(condition):
     """Lines of one condition."""
     seeds = condition.seeds
-    size = pd.DataFrame(condition.sizes.values()).mean().to_dict()
+    sizes = pd.DataFrame(condition.sizes.values())
+    flow = ["flow_px", "flow_mrad"]
+    # Seeds differ in their flow alone.
+    size = sizes.iloc[0].to_dict() if len(sizes) else {}
+    size |= sizes.reindex(columns=flow).mean().to_dict()
     shared = set.intersection(*(set(remedies) for remedies in seeds.values()))
     first = next(iter(seeds.values()))
     remedies = [remedy for remedy in first if remedy in shared]

@@ -54,8 +54,7 @@ def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
         "proposal_share": job.training.proposal_share,
     }
     if not fine:
-        if job.model.field.kind == "nerf":
-            # BARF's loss. Charbonnier's takes an object before white for all white.
+        if settings.squares_errors(dataclasses.asdict(job.model)):
             shared["loss_weights"]["distortion"] = 0.0
             shared["data_loss"] = rendering.squared()
         return methods.mipnerf360(

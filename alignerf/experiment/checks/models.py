@@ -28,6 +28,10 @@ def check_model(model, *place):
     for key in NOT_OF_SYSTEMS.get(model["kind"], ()):
         if key in model["training"]:
             fault(f"{where}.training.{key}", f"kind {model['kind']} has none")
+    squares = model["kind"] == "mipnerf360" and settings.squares_errors(model)
+    if squares and "distortion_weight" in model["training"]:
+        reason = "none with field nerf, or with a background"
+        fault(f"{where}.training.distortion_weight", reason)
     if model["kind"] == "ngp":
         cells = model["finest"] * model["side"]
         if not model["coarsest"] < cells <= MOST_CELLS:

@@ -17,21 +17,37 @@ def draw(table, captures, path):
     """Write it.
 
     table: of `remedies.make_table`. captures: of each, the names of its conditions.
-    Gains are those of the largest budget that all sizes of a capture have.
+    Gains are those of the budget that most rows have, the largest of several such.
     """
+    names = dict.fromkeys(scores.short_names(table["method"], table["warping"]))
+    styles = {
+        name: {
+            "color": COLOURS[(place - 1) % len(COLOURS)] if place else "black",
+            "marker": MARKERS[place % len(MARKERS)],
+        }
+        for place, name in enumerate(names)
+    }
     figure = matplotlib.figure.Figure(
         figsize=(1.5 + 3.4 * len(captures), 5.4), dpi=200, layout="constrained"
     )
     axes = figure.subplots(2, len(captures), squeeze=False, sharex="col")
     for (above, below), conditions in zip(axes.T, captures, strict=True):
-        own = table[table["condition"].isin(conditions)].sort_values("width_px")
+        own = table[table["condition"].isin(conditions)]
+        own = own.sort_values("width_px", kind="stable")
         draw_flow(above, own)
         title = ", ".join(conditions).replace("_", " ")
         above.set_title(title, fontsize=LABEL_PT)
-        draw_gains(below, own)
-    handles, labels = axes[1, 0].get_legend_handles_labels()
+        draw_gains(below, own, styles)
+    shown = {}
+    for below in axes[1]:
+        handles, labels = below.get_legend_handles_labels()
+        shown |= dict(zip(labels, handles, strict=True))
     figure.legend(
-        handles, labels, loc="outside upper center", ncols=4, fontsize=SMALL_PT
+        shown.values(),
+        shown,
+        loc="outside upper center",
+        ncols=4,
+        fontsize=SMALL_PT,
     )
     figure.savefig(path)
 
@@ -55,29 +71,25 @@ def draw_flow(axes, table):
     finish(axes, width_px)
 
 
-def draw_gains(axes, table):
-    """A line a remedy, with intervals, at the largest budget that all sizes have."""
-    of_sizes = [set(own["budget"]) for _, own in table.groupby("condition")]
-    budget = max(set.intersection(*of_sizes))
+def draw_gains(axes, table, styles):
+    """A line a remedy, with intervals; the first of `styles` is plain training."""
+    budget = budget_of(table)
     test_set = next(one for one in PREFERRED if one in set(table["test_set"]))
     chosen = table[(table["budget"] == budget) & (table["test_set"] == test_set)]
     names = scores.short_names(chosen["method"], chosen["warping"])
-    lines = chosen.assign(row=names).groupby("row", sort=False)
-    for place, (name, own) in enumerate(lines):
-        plain = not own["gain_db"].any()
-        ends = own[["gain_low_db", "gain_high_db"]].to_numpy()
+    for name, own in chosen.assign(row=names).groupby("row", sort=False):
         gain_db = own["gain_db"].to_numpy()
-        errors = np.abs(ends - gain_db[:, None]).T
+        ends = own[["gain_low_db", "gain_high_db"]].to_numpy()
+        plain = name == next(iter(styles))
         axes.errorbar(
             own["width_px"],
             gain_db,
-            None if plain else errors,
+            None if plain else np.abs(ends - gain_db[:, None]).T,
             label=name.replace("_", " "),
-            color="black" if plain else COLOURS[place % len(COLOURS)],
-            marker=MARKERS[place % len(MARKERS)],
             markersize=4,
             linewidth=1.2,
             capsize=2,
+            **styles[name],
         )
     axes.set_ylabel(
         f"against plain training of the same time\n({test_set}, {budget:g}x, dB)",
@@ -85,6 +97,11 @@ def draw_gains(axes, table):
     )
     axes.set_xlabel("width of the photos (px)", fontsize=LABEL_PT)
     finish(axes, chosen["width_px"])
+
+
+def budget_of(table):
+    """The one that most rows have, the largest of several such."""
+    return max(table.groupby("budget").size().items(), key=lambda one: one[::-1])[0]
 
 
 def finish(axes, width_px):

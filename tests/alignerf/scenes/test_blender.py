@@ -9,7 +9,7 @@ from PIL import Image
 
 from alignerf import export, poses
 from alignerf.experiment import check
-from alignerf.scenes import blender, photos, transforms
+from alignerf.scenes import blender, photos, prepared, transforms
 
 SIZE, ANGLE = 40, 0.7
 COLOUR, ALPHA = np.array([200, 100, 0]), np.array([0, 64, 255])
@@ -68,6 +68,10 @@ def test_an_exported_scene_is_one_of_its_kind(scene, tmp_path):
     export.main(["--scene", str(tmp_path / "made"), "--out", str(folder)])
     found = json.loads((folder / "transforms_test.json").read_text())
     assert found["camera_angle_x"] == pytest.approx(ANGLE)
+    val = json.loads((folder / "transforms_val.json").read_text())
+    assert val == found
+    with Image.open(folder / "images" / "test_r_0.png") as image:
+        assert image.mode == "RGBA"
     paths = [frame["file_path"] for frame in found["frames"]]
     assert paths == ["images/test_r_0", "images/test_r_1"]
     first, _ = blender.read(scene, "white")
@@ -78,6 +82,43 @@ def test_an_exported_scene_is_one_of_its_kind(scene, tmp_path):
     np.testing.assert_allclose(again.camtoworlds, first.camtoworlds, atol=1e-6)
     for view in range(5):
         np.testing.assert_array_equal(again.load(view), first.load(view))
+
+
+def test_lenses_that_one_angle_does_not_say_are_not_written(scene, tmp_path, caplog):
+    config = {"source": "blender", "path": str(scene), "background": "white"}
+    poses.main(config, tmp_path / "made")
+    found = prepared.read_cameras(tmp_path / "made" / "cameras.npz")
+    for change in ([4, 0, 0], [slice(None), 0, 2]):
+        lenses = found["pixtocams"].copy()
+        lenses[tuple(change)] *= 1.1
+        other = tmp_path / "other.npz"
+        np.savez(other, **found | {"pixtocams": lenses})
+        out = tmp_path / "exported"
+        made = ["--scene", str(tmp_path / "made"), "--cameras", str(other)]
+        export.main([*made, "--out", str(out)])
+        assert not list(out.glob("transforms_t*.json"))
+        assert (out / "transforms.json").is_file()
+    assert "not written: the views' lenses differ" in caplog.text
+    assert "not written: the principal point is not the photo's middle" in caplog.text
+
+
+def test_masks_and_names_come_along(scene):
+    """Masks of frames that have one; lists of nerfstudio's mean nothing here."""
+    path = scene / "transforms_train.json"
+    content = json.loads(path.read_text())
+    mask = np.zeros((SIZE, SIZE), np.uint8)
+    Image.fromarray(mask).save(scene / "train" / "mask.png")
+    content["frames"][1]["mask_path"] = "train/mask.png"
+    content |= {"train_filenames": ["train/r_0"], "test_filenames": ["train/r_1"]}
+    path.write_text(json.dumps(content))
+    views, _ = blender.read(scene, "white")
+    assert len(views.names) == 5
+    shown = [views.load_mask(view).max() for view in range(5)]
+    assert shown == [255, 0, 255, 255, 255]
+    assert blender.prefixed_by("train", ["train_0", "0"]) == [
+        "train_train_0",
+        "train_0",
+    ]
 
 
 @pytest.mark.parametrize(("background", "level"), [("white", 255), ("black", 0)])

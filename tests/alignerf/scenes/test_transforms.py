@@ -173,19 +173,28 @@ def test_the_files_own_split_is_kept(scene, caplog):
     views = prepare.sort_by_name(views)
     assert (views.names, views.split.tolist()) == (["a", "c"], ["test", "train"])
     assert left_out == ["b", "gone"]
-    assert "neither trained on nor scored: images/b.png" in caplog.text
-    # One list alone says nothing of the rest.
+    assert "neither trained on nor scored: b.png" in caplog.text
+    assert "no frame shows images/gone.png" in caplog.text
+    # One list alone says nothing of the rest; and where they are not asked for.
+    assert transforms.read(scene[0], split_by_lists=False)[0].split is None
     del content["train_filenames"]
     views, left_out = read(scene)
     assert views.split is None
     assert left_out == ["gone"]
 
 
+@pytest.mark.parametrize("name", ["images/a", "images\\a.png", "./images/x/../a.png"])
+def test_lists_find_their_frames_however_these_are_written(scene, name):
+    scene[1].update(train_filenames=["images/b", "images/c"], test_filenames=[name])
+    views = prepare.sort_by_name(read(scene)[0])
+    assert views.split.tolist() == ["test", "train", "train"]
+
+
 @pytest.mark.parametrize(
     ("test", "named"),
     [
-        (["images/gone.png"], "no image of images/gone.png"),
-        (["images/c.png"], "images/c.png' is to be trained on and scored"),
+        (["images/gone.png"], "no frame shows images/gone.png"),
+        (["images/c.png"], "c.png is to be trained on and scored"),
         ("images/a.png", "test_filenames"),
         ([1], "test_filenames"),
     ],

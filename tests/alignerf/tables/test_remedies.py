@@ -199,15 +199,33 @@ def test_sizes_of_a_capture_are_set_side_by_side(row, rows, tmp_path, monkeypatc
     drawn = {}
     monkeypatch.setattr(
         "matplotlib.axes.Axes.errorbar",
-        lambda axes, x, y, *args, label, **_: drawn.update({label: (list(x), list(y))}),
+        lambda axes, x, y, *args, label, color, **_: drawn.update(
+            {label: (list(x), list(y), color)}
+        ),
     )
     path = tmp_path / "sizes.png"
     sizes_plot.draw(table, remedies.by_capture(conditions), path)
     assert path.stat().st_size > 10_000
-    # From small to large, at four times the plain training.
-    assert drawn["plain"] == ([200, 400], [0, 0])
+    # From small to large; the largest budget of those that all sizes have.
+    assert drawn["plain"] == ([200, 400], [0, 0], "black")
     assert drawn["fix"][0] == [200, 400]
     np.testing.assert_allclose(drawn["fix"][1], [0, 1], atol=1e-9)
+    assert sizes_plot.budget_of(table) == 4
+    assert sizes_plot.budget_of(table[table["budget"] < 4]) == 2
+    # A remedy has one colour, whichever a capture lacks.
+    lacking = table[(table["method"] != "fix") | (table["width_px"] == 200)]
+    sizes_plot.draw(lacking, [["fox-400_x0.5"], ["fox-200_x0.5"]], path)
+    assert drawn["fix"][2] == sizes_plot.COLOURS[0]
+    assert drawn["plain"][2] == "black"
+
+
+def test_the_flow_of_a_size_is_the_mean_of_its_seeds(row, rows):
+    more = row("wrong", 3, 1, curves(1), width_px=200)
+    pd.DataFrame({"median_px": [3.5]}).to_csv(more.displacement, index=False)
+    (condition,) = remedies.conditions_of([*rows, more])
+    size = next(remedies.lines_of(condition))
+    assert (size["width_px"], size["height_px"]) == (200, 150)
+    assert size["flow_px"] == pytest.approx((0.5 + 0.5 + 3.5) / 3)
 
 
 def test_faults_are_named(rows, row):
