@@ -229,10 +229,19 @@ def test_an_empty_scene_is_its_background(rng, background):
     assert (slope == 0) == (background is None)
 
 
-def test_barf_learns_from_squared_errors_alone():
-    """With Charbonnier's loss it took an object before white for all white."""
-    field = {"kind": "nerf", "width": 8, "depth": 2}
-    method = compose.make_method(job_of(field=field, samples=[6]))
+TINY_GRID = {"levels": 2, "log2_entries": 8, "finest": 32, "width": 8}
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        {"field": {"kind": "nerf", "width": 8, "depth": 2}, "samples": [6]},
+        {"field": TINY_GRID, "samples": [6], "background": "white"},
+    ],
+)
+def test_barf_and_known_backgrounds_learn_from_squared_errors_alone(model):
+    """With Charbonnier's loss an object before white was taken for all white."""
+    method = compose.make_method(job_of(**model))
     batch = train_step.draw(
         method, cases.make_views(), jnp.int32(0), steps=jnp.int32(10), seed=0
     )[0]
