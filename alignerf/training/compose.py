@@ -46,23 +46,23 @@ def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
         radius=job.model.radius,
         background=job.model.background,
     )
+    squares = settings.squares_errors(dataclasses.asdict(job.model))
     shared = {
         "loss_weights": {
             "interlevel": job.training.interlevel_weight,
-            "distortion": job.training.distortion_weight,
+            "distortion": 0.0 if squares else job.training.distortion_weight,
         },
         "proposal_share": job.training.proposal_share,
     }
     if not fine:
-        if settings.squares_errors(dataclasses.asdict(job.model)):
-            shared["loss_weights"]["distortion"] = 0.0
-            shared["data_loss"] = rendering.squared()
+        own_loss = {"data_loss": rendering.squared()} if squares else {}
         return methods.mipnerf360(
             model,
             batch_rays=job.training.batch_rays,
             annealed=job.stage != "warm",
             coarse_to_fine=job.refine and job.refine.coarse_to_fine,
             **shared,
+            **own_loss,
         )
     chosen = job.alignerf
     return methods.alignerf(

@@ -226,7 +226,9 @@ def test_keys_that_a_system_has_no_use_for_are_refused(demo, kind):
 )
 def test_what_squares_errors_has_no_distortion(demo, model):
     model |= {"training": {"distortion_weight": 0.5}}
-    with pytest.raises(ValueError, match=r"training.distortion_weight: none with field"):
+    with pytest.raises(
+        ValueError, match=r"training.distortion_weight: none with field"
+    ):
         check.checked(system(demo, **model))
     del model["training"]
     check.checked(system(demo, **model))
