@@ -59,13 +59,14 @@ def alpha_weights(
     largest = jnp.finfo(density.dtype).max
     bounded = jnp.minimum(density, largest / jnp.maximum(length, 1.0) / 2)
     tau = jnp.minimum(bounded * length, 80.0)
+    first = tau[..., :-1] if opaque else tau
     before = jnp.concatenate(
         [jnp.zeros_like(density[..., :1]), jnp.cumsum(tau[..., :-1], axis=-1)], axis=-1
     )
-    opacity = -jnp.expm1(-tau)
+    opacity = -jnp.expm1(-first)
     if opaque:
         last = jnp.ones_like(density[..., :1])
-        opacity = jnp.concatenate([opacity[..., :-1], last], axis=-1)
+        opacity = jnp.concatenate([opacity, last], axis=-1)
     return opacity * jnp.exp(-before)
 
 
