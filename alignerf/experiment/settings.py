@@ -283,8 +283,8 @@ OPEN_OF_TRAINING = ("steps",)
 
 BEHIND = "colour of what lies behind a ray's last sample: black, or white"
 BEHIND_OR_OPAQUE = (
-    f"{BEHIND}; null: unknown, a ray ends opaque. A mip-NeRF 360 with one learns from "
-    "squared errors, without distortion_weight"
+    f"{BEHIND}; null: the scene's own `background`, else unknown: a ray ends opaque. A "
+    "mip-NeRF 360 with one learns from squared errors, without distortion_weight"
 )
 
 

@@ -105,11 +105,23 @@ def job(experiment, scene, method, stage):
     return {
         "seed": experiment.scenes[scene]["seed"],
         "stage": stage,
-        "model": model | {"training": {}},
+        "model": model_of(model, experiment.scenes[scene]),
         "training": training_of(config, scene) | model["training"],
         "alignerf": found,
         "decisions": decisions_of(config, scene),
     }
+
+
+def model_of(model, scene):
+    """A model as a job has it: its training is the job's, its background a scene's.
+
+    Transparent pixels stand on the scene's background, so a model that leaves its own
+    open knows it.
+    """
+    found = model | {"training": {}}
+    if found.get("background", "") is None:
+        found["background"] = scene["background"]
+    return found
 
 
 def decisions_of(config, scene):
@@ -169,7 +181,7 @@ def variant_of(config, name):
     found = {"seed": config["scenes"][sweep["scene"]]["seed"], "downscale": 1}
     found = {key: change.pop(key, value) for key, value in found.items()}
     training |= model["training"]
-    model = model | {"training": {}}
+    model = model_of(model, config["scenes"][sweep["scene"]])
     if any(length) or "warmup_steps" in change:
         training["decided"] = []
     of_training = {key: change.pop(key) for key in set(change) & set(training)}

@@ -232,3 +232,20 @@ def test_what_squares_errors_has_no_distortion(demo, model):
         check.checked(system(demo, **model))
     del model["training"]
     check.checked(system(demo, **model))
+
+
+@pytest.mark.parametrize(
+    ("model", "found"), [({}, "white"), ({"background": "black"}, "black")]
+)
+def test_what_transparent_pixels_stand_on_is_known_to_the_model(
+    demo, experiment_of, tmp_path, model, found
+):
+    scene = {"source": "blender", "path": str(tmp_path), "background": "white"}
+    demo["scenes"]["lego"] = scene
+    experiment = experiment_of(system(demo, **model))
+    jobs_of = {
+        name: json.loads(slices.of_round(experiment, name, "other"))
+        for name in ("lego", "courtyard")
+    }
+    assert jobs_of["lego"]["model"]["background"] == found
+    assert jobs_of["courtyard"]["model"]["background"] == model.get("background")
