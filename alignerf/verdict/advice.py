@@ -6,7 +6,7 @@ from alignerf.verdict import causes
 # trainings (docs/measured/remedies.csv): where poses are off by 1.5 px and objects
 # move; where objects alone do. At as many steps: remedies_steps.csv. Twice the steps:
 # tradeoff.csv.
-LEARNT_DB, LEARNT_TWICE_DB, LONGER_DB = 1.3, 2.2, 0.3
+LEARNT_DB, LEARNT_TWICE_DB, LONGER_DB = 0.8, 1.6, 0.3
 WARPED_MOTION_DB, WARPED_MOTION_TWICE_DB = 0.2, -1.8
 
 # Of several causes the first decides.
