@@ -65,7 +65,7 @@ def write_transforms(path, found, *, masked=False):
 
 
 def write_blender(folder, found, scene):
-    """Write transforms_train.json and transforms_test.json, as NeRF's scenes have them.
+    """Write transforms_train.json, _val.json and _test.json, as NeRF's scenes have.
 
     scene: what `write_transforms` wrote of the same arrays. Photos are named without
     their suffix; the views of `val` are those of `test`. Raises ValueError where one

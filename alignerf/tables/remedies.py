@@ -35,8 +35,9 @@ TEST_SETS = ("standard", "aligned_pose", "aligned_pose_gradient", "oracle")
 BUDGETS = (1, 2, 4)
 # A training's seconds vary from run to run by as much.
 SLACK = 1.05
+FLOW = ("flow_px", "flow_mrad")
 COLUMNS = (
-    *("condition", "width_px", "height_px", "flow_px", "flow_mrad"),
+    *("condition", "width_px", "height_px", *FLOW),
     *("budget", "time_s", "method", "warping", "parts", "test_set"),
     *("psnr_db", "gain_db", "gain_low_db", "gain_high_db", "seeds", "views"),
 )
@@ -130,11 +131,10 @@ def make_table(conditions):
 def lines_of(condition):
     """Lines of one condition."""
     seeds = condition.seeds
-    sizes = pd.DataFrame(condition.sizes.values())
-    flow = ["flow_px", "flow_mrad"]
+    sizes = list(condition.sizes.values())
     # Seeds differ in their flow alone.
-    size = sizes.iloc[0].to_dict() if len(sizes) else {}
-    size |= sizes.reindex(columns=flow).mean().to_dict()
+    flow = {key: np.mean([one[key] for one in sizes]) for key in FLOW}
+    size = sizes[0] | flow
     shared = set.intersection(*(set(remedies) for remedies in seeds.values()))
     first = next(iter(seeds.values()))
     remedies = [remedy for remedy in first if remedy in shared]

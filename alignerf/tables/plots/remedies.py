@@ -23,8 +23,7 @@ def draw(conditions, path):
                 seconds,
                 psnr_db,
                 label=remedy.replace("_", " "),
-                color=COLOURS[(place - 1) % len(COLOURS)] if place else "black",
-                marker=MARKERS[place % len(MARKERS)],
+                **style_of(place),
                 markersize=4,
                 linewidth=1.2 if place else 2,
             )
@@ -41,6 +40,14 @@ def draw(conditions, path):
         handles, labels, loc="outside upper center", ncols=4, fontsize=SMALL_PT
     )
     figure.savefig(path)
+
+
+def style_of(place):
+    """Colour and marker of a remedy; the plain training, the first, is black."""
+    return {
+        "color": COLOURS[(place - 1) % len(COLOURS)] if place else "black",
+        "marker": MARKERS[place % len(MARKERS)],
+    }
 
 
 def means_of(condition):

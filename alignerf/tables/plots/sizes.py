@@ -7,7 +7,8 @@ import matplotlib.figure
 import numpy as np
 
 from alignerf.tables import scores
-from alignerf.tables.plots.regimes import COLOURS, LABEL_PT, MARKERS, SMALL_PT
+from alignerf.tables.plots import remedies
+from alignerf.tables.plots.regimes import LABEL_PT, SMALL_PT
 
 # The fair score of moved cameras, where the truth is not known.
 PREFERRED = ("oracle", "aligned_pose", "standard")
@@ -20,13 +21,7 @@ def draw(table, captures, path):
     Gains are those of the budget that most rows have, the largest of several such.
     """
     names = dict.fromkeys(scores.short_names(table["method"], table["warping"]))
-    styles = {
-        name: {
-            "color": COLOURS[(place - 1) % len(COLOURS)] if place else "black",
-            "marker": MARKERS[place % len(MARKERS)],
-        }
-        for place, name in enumerate(names)
-    }
+    styles = {name: remedies.style_of(place) for place, name in enumerate(names)}
     figure = matplotlib.figure.Figure(
         figsize=(1.5 + 3.4 * len(captures), 5.4), dpi=200, layout="constrained"
     )

@@ -215,7 +215,7 @@ def test_sizes_of_a_capture_are_set_side_by_side(row, rows, tmp_path, monkeypatc
     # A remedy has one colour, whichever a capture lacks.
     lacking = table[(table["method"] != "fix") | (table["width_px"] == 200)]
     sizes_plot.draw(lacking, [["fox-400_x0.5"], ["fox-200_x0.5"]], path)
-    assert drawn["fix"][2] == sizes_plot.COLOURS[0]
+    assert drawn["fix"][2] == remedies_plot.COLOURS[0]
     assert drawn["plain"][2] == "black"
 
 
@@ -225,6 +225,8 @@ def test_the_flow_of_a_size_is_the_mean_of_its_seeds(row, rows):
     (condition,) = remedies.conditions_of([*rows, more])
     size = next(remedies.lines_of(condition))
     assert (size["width_px"], size["height_px"]) == (200, 150)
+    # A number of pixels is whole, in the table too.
+    assert isinstance(size["width_px"], int)
     assert size["flow_px"] == pytest.approx((0.5 + 0.5 + 3.5) / 3)
 
 
