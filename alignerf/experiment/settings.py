@@ -94,6 +94,14 @@ class Courtyard:
         "courtyard", "the whole, or its boxes and the arm alone, before white"
     )
     views: int = key(48, "number of photos", least=4, most=10000)
+    distances: list[float] = key(
+        [1.0],
+        "photos are taken from so many times the arc's distance, as many from each; "
+        "others than 1 of an object alone, the courtyard's wall would hide it",
+        least=0.5,
+        most=100,
+        length=(1, 16),
+    )
     width: int = key(400, "of a photo in px", least=32, most=16384)
     height: int = key(300, "of a photo in px", least=32, most=16384)
     motion: Literal["none", "uniform", "two_states"] = key(
@@ -214,6 +222,9 @@ class Grid:
     features: int = key(4, "numbers a row", least=1, most=64)
     coarsest: int = key(16, "cells a side", least=2, most=2**20)
     finest: int = key(1024, "cells a side", least=2, most=2**20)
+    anti_aliased: bool = key(
+        True, "cells much smaller than what a sample stands for tell it nothing"
+    )
     width: int = key(64, "of the density layer", least=1, most=16384)
     bottleneck: int = key(15, "numbers to the head", least=1, most=16384)
     view_widths: list[int] = key(

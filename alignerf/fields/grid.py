@@ -144,6 +144,15 @@ def _look_up_backward(levels, moving, residuals, found_grad):
 look_up.defvjp(_look_up_forward, _look_up_backward)
 
 
+def shares_of(sigma, levels: Levels):
+    """How much [levels, n] each level tells of Gaussians of radius `sigma` [n].
+
+    A cell much smaller than the Gaussian tells it nothing.
+    """
+    cells = sigma[None] * np.array(levels.resolutions, np.float32)[:, None]
+    return jax.scipy.special.erf(1 / (np.float32(np.sqrt(8)) * cells))
+
+
 def table_init(key, shape):
     """Uniform +-1e-4: close to nothing, so that the first colours are grey."""
     return jax.random.uniform(key, shape, minval=-1e-4, maxval=1e-4)
@@ -160,6 +169,7 @@ class Grid(nn.Module):
     features: int = 4
     coarsest: int = 16
     finest: int = 1024
+    anti_aliased: bool = True
     width: int = 64
     bottleneck: int = 15
     view_widths: tuple[int, ...] = (64,)
@@ -178,9 +188,9 @@ class Grid(nn.Module):
         sigma = radius.reshape(-1) / (2 * EXTENT)
         table = self.param("table", table_init, (sum(levels.entries), self.features))
         found = look_up(table, points, levels, self.moving)
-        # A cell much smaller than the Gaussian tells it nothing.
-        cells = sigma[None] * np.array(levels.resolutions, np.float32)[:, None]
-        share = jax.scipy.special.erf(1 / (np.float32(np.sqrt(8)) * cells))
+        share = jnp.ones((self.levels, sigma.size))
+        if self.anti_aliased:
+            share = shares_of(sigma, levels)
         if fineness is not None:
             share = share * shading.fine_weights(fineness, self.levels)[:, None]
         found = jnp.moveaxis(found * share[..., None], -1, 1)

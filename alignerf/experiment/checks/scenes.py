@@ -31,6 +31,9 @@ def check_scene(scene, *place):
     if source.has_truth and model not in (None, "PINHOLE", "SIMPLE_PINHOLE"):
         # Undoing a distortion that is not there would move photos off their true flow.
         fault(f"{where}colmap.camera_model", f"courtyard is a PINHOLE, not {model}")
+    place, distances = scene["courtyard"]["place"], scene["courtyard"]["distances"]
+    if place == "courtyard" and set(distances) != {1}:
+        fault(f"{where}courtyard.distances", "other than 1 needs place: object")
     views, width, height = (scene["courtyard"][k] for k in ("views", "width", "height"))
     if source.has_truth and 3 * views * width * height > MOST_PHOTO_BYTES:
         size = f"{views} photos of {width}x{height} are more than"

@@ -58,12 +58,14 @@ def look_at(centre, target):
 
 
 def make_cameras(
-    *, views: int, width: int, height: int, seed: int = 0
+    *, views: int, width: int, height: int, distances=(1.0,), seed: int = 0
 ) -> tuple[Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 3 4"]]:
     """True cameras: pixtocams [n, 3, 3] and camtoworlds [n, 3, 4].
 
     An arc of 220 degrees about the boxes, neighbours in order, radius 1.2 to 1.9 m,
-    heights 0.35 to 0.85 m; all of one focal length, 60 degrees wide.
+    heights 0.35 to 0.85 m; then so many times as far from what they look at as
+    `distances` says, each for as many views, in an order drawn at random; all of one
+    focal length, 60 degrees wide.
     """
     if min(views, width, height) < 1:
         raise ValueError("courtyard: views, width and height must be at least 1")
@@ -76,6 +78,10 @@ def make_cameras(
         [radius * np.sin(azimuth), 0.2 - radius * np.cos(azimuth), tall], axis=1
     )
     targets = np.array([0.0, 0.2, 0.2]) + rng.uniform(-0.08, 0.08, (views, 3))
+    # Not by turns: those could be in step with the split, so that all test views have
+    # one distance.
+    times = np.random.default_rng([seed, 5]).permutation(np.resize(distances, views))
+    centres = centres + (times - 1)[:, None] * (centres - targets)
     poses = [look_at(c, t) for c, t in zip(centres, targets, strict=True)]
     focal_px = width / 2 / np.tan(FIELD_OF_VIEW / 2)
     pixtocam = cameras.intrinsics(focal_px, width, height)

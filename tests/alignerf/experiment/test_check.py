@@ -261,6 +261,10 @@ COURTYARD = {"a": {"source": "courtyard"}}
             "~nobody123/x: no such user's home",
         ),
         (
+            {"scenes": {"a": {"source": "courtyard", "courtyard": {"distances": [2]}}}},
+            "scenes.a.courtyard.distances: other than 1 needs place: object",
+        ),
+        (
             {"models": {"m": {"field": {"log2_entries": 26, "features": 64}}}},
             "models.m.field: .* GiB to train are more than 256 GiB",
         ),

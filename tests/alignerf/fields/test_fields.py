@@ -162,6 +162,25 @@ def test_a_gaussian_larger_than_all_cells_sees_nothing_of_the_grid():
     assert jnp.std(density) < 1e-7
 
 
+def test_an_aliased_grid_sees_the_middle_of_a_gaussian_however_large():
+    found = {}
+    for anti_aliased in (True, False):
+        field = fields.make(
+            "grid", levels=3, log2_entries=8, finest=64, anti_aliased=anti_aliased
+        )
+        g = gaussians(scale=0.3)
+        params = field.init(jax.random.key(0), g, None)
+        # Features that differ, where an untrained table has hardly any.
+        params = jax.tree.map(lambda leaf: 100 * leaf, params)
+        for times in (1e-4, 10.0):
+            sized = g._replace(t_std=g.t_std * times, r_std=g.r_std * times)
+            found[anti_aliased, times], _ = field.apply(params, sized, None)
+    np.testing.assert_array_equal(found[False, 1e-4], found[False, 10.0])
+    # A point is the same to both, a large Gaussian is not.
+    np.testing.assert_array_equal(found[True, 1e-4], found[False, 1e-4])
+    assert np.abs(found[True, 10.0] - found[False, 10.0]).max() > 0.01
+
+
 def test_unknown_kind_or_option_is_named():
     with pytest.raises(ValueError, match="octree"):
         fields.make("octree")

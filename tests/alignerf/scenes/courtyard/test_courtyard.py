@@ -76,6 +76,20 @@ def test_cameras_surround_the_boxes_at_the_stated_range():
         assert (np.diff(azimuth) > 0).all()
 
 
+def test_cameras_at_several_distances_look_the_same_way_from_farther():
+    size = {"views": 49, "width": 400, "height": 300, "seed": 0}
+    _, near = courtyard.make_cameras(**size)
+    _, spread = courtyard.make_cameras(**size, distances=(1, 2, 4))
+    np.testing.assert_array_equal(near[..., :3], spread[..., :3])
+    # Along its axis a camera goes back by what its distance grows by.
+    backwards = np.einsum("nij,ni->nj", near[..., :3], spread[..., 3] - near[..., 3])
+    np.testing.assert_allclose(backwards[:, :2], 0, atol=1e-9)
+    to_middle = np.linalg.norm(near[..., 3] - [0, 0.2, 0.2], axis=-1)
+    times = 1 + backwards[:, 2] / to_middle
+    assert [np.sum(np.abs(times - n) < 0.3 * n) for n in (1, 2, 4)] == [17, 16, 16]
+    assert len(set(np.round(times[::8]))) == 3
+
+
 @pytest.mark.parametrize(("views", "width"), [(0, 10), (3, 0)])
 def test_impossible_cameras_are_refused(views, width):
     with pytest.raises(ValueError, match="at least 1"):
