@@ -1,0 +1,212 @@
+"""Released code of mip-NeRF and NeRF++ beside ours, its parameters in ours.
+
+ALIGNERF_MIPNERF names a checkout of google/mipnerf, ALIGNERF_NERFPLUSPLUS one of
+Kai-46/nerfplusplus, which needs PyTorch beside our environment; without them all of
+this is skipped. Both sides run in float32.
+"""
+
+import contextlib
+import importlib
+import os
+import pathlib
+import sys
+import types
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from alignerf.experiment import jobs
+from alignerf.scenes import cameras
+from alignerf.systems import nerfpp
+from alignerf.training import compose
+
+pytestmark = pytest.mark.filterwarnings("ignore")
+RAYS = 60
+
+
+def checkout(variable):
+    """The folder that an environment variable names."""
+    if not (path := os.environ.get(variable)):
+        pytest.skip(f"no checkout of the released code (set {variable})")
+    return pathlib.Path(path).resolve()
+
+
+@contextlib.contextmanager
+def modules_of(path, *names, **stubs):
+    """Modules from a checkout, which are forgotten again: peers share their names."""
+    before = dict(sys.modules)
+    sys.modules.update(stubs)
+    sys.path.insert(0, str(path))
+    try:
+        yield [importlib.import_module(name) for name in names]
+    finally:
+        sys.path.remove(str(path))
+        for name in set(sys.modules) - set(before) | set(stubs):
+            if name.split(".")[0] in {"internal", "utils", "nerf_network", *names}:
+                del sys.modules[name]
+        sys.modules.update(before)
+
+
+def unit_rays(rng):
+    """Rays that begin near the middle, of directions longer than one."""
+    unit = rng.normal(size=(RAYS, 3))
+    unit /= np.linalg.norm(unit, axis=-1, keepdims=True)
+    found = cameras.Rays(
+        rng.uniform(-0.3, 0.3, (RAYS, 3)),
+        rng.uniform(1.0, 1.5, (RAYS, 1)) * unit,
+        unit,
+        rng.uniform(1e-3, 1e-2, (RAYS, 1)),
+    )
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), found)
+
+
+def start(bias, **model):
+    """(job, method, parameters) of that model; `bias` is added to raw densities."""
+    job = jobs.parse(
+        {
+            "seed": 0,
+            "stage": "full",
+            "model": model,
+            "training": {"steps": 10, "batch_rays": 8},
+            "alignerf": None,
+        }
+    )
+    method = compose.make_method(job)
+    return (
+        *(job, method),
+        jax.tree_util.tree_map_with_path(
+            lambda path, leaf: (
+                leaf + bias if "density" in str(path) and leaf.ndim == 1 else leaf
+            ),
+            jax.jit(method.init)(jax.random.key(1)),
+        ),
+    )
+
+
+def layers_of(network):
+    """Our layers in the order in which released codes have them."""
+    trunk = [network[f"Dense_{layer}"] for layer in range(8)]
+    rest = ("density", "bottleneck", "Dense_8", "values")
+    return trunk + [network[name] for name in rest]
+
+
+@pytest.mark.parametrize("white", [False, True])
+def test_mip_nerf(rng, white):
+    path = checkout("ALIGNERF_MIPNERF")
+    gin = types.ModuleType("gin")
+    gin.configurable = lambda kind: kind
+    # Its `utils` asks for what flax has not had for years, and the model for nothing.
+    utils = types.ModuleType("internal.utils")
+    stubs = {"gin": gin, "internal.utils": utils}
+    with (
+        modules_of(path, "internal.models", **stubs) as found,
+        jax.numpy_rank_promotion("allow"),
+    ):
+        theirs = found[0].MipNerfModel(num_samples=32)
+        rays = unit_rays(rng)
+        _, method, params = start(
+            -1.0,
+            kind="mipnerf",
+            samples=[32, 32],
+            near=0.2,
+            far=6.0,
+            spacing="linear",
+            background="white" if white else "black",
+        )
+        layers = {
+            f"Dense_{number}": {"kernel": layer["kernel"].T, "bias": layer["bias"]}
+            for number, layer in enumerate(layers_of(params["model"]["network"]))
+        }
+        wanted = theirs.apply(
+            {"params": {"MLP_0": layers}},
+            jax.random.key(0),
+            types.SimpleNamespace(
+                **rays._asdict(),
+                near=jnp.full((RAYS, 1), 0.2),
+                far=jnp.full((RAYS, 1), 6.0),
+            ),
+            randomized=False,
+            white_bkgd=white,
+        )
+    shown = method.render(params, rays)
+    (early, _, _), (late, _, seen) = wanted
+    assert 0.3 < np.mean(seen) < 0.95
+    np.testing.assert_allclose(shown.coarse[0], early, atol=2e-5)
+    np.testing.assert_allclose(shown.values, late, atol=2e-5)
+
+
+def in_their_order(kernel, channels, degrees, start=0):
+    """Columns of a layer: ours has all sines first, theirs a degree's sine and cosine.
+
+    The encoding's block begins at column `start`.
+    """
+    size = channels * degrees
+    block = start + channels
+    ours = np.arange(kernel.shape[1])
+    waves = np.arange(2 * size).reshape(2, degrees, channels) + block
+    ours[block : block + 2 * size] = waves.transpose(1, 0, 2).ravel()
+    return np.asarray(kernel)[:, ours]
+
+
+def load_part(torch, part, network, channels, degrees):
+    """Our network's parameters in one of NeRF++'s."""
+    width = len(network["Dense_0"]["bias"])
+    encoded = channels * (1 + 2 * degrees)
+    layers = layers_of(network)
+    kernels = [np.asarray(layer["kernel"]) for layer in layers]
+    kernels[0] = in_their_order(kernels[0], channels, degrees)
+    # Ours appends the encoding, theirs puts it first.
+    moved = in_their_order(kernels[5], channels, degrees, start=width)
+    kernels[5] = np.concatenate([moved[:, width:], moved[:, :width]], axis=1)
+    assert kernels[5].shape[1] == width + encoded
+    kernels[10] = in_their_order(kernels[10], 3, 4, start=kernels[10].shape[1] - 27)
+    linear = [
+        *(layer[0] for layer in part.base_layers),
+        *(part.sigma_layers[0], part.base_remap_layers[0]),
+        *(part.rgb_layers[0], part.rgb_layers[2]),
+    ]
+    with torch.no_grad():
+        for theirs, kernel, ours in zip(linear, kernels, layers, strict=True):
+            theirs.weight.copy_(torch.tensor(kernel.copy()))
+            theirs.bias.copy_(torch.tensor(np.array(ours["bias"])))
+
+
+def test_nerf_plus_plus(rng):
+    path = checkout("ALIGNERF_NERFPLUSPLUS")
+    torch = pytest.importorskip("torch")
+    degrees = 10
+    with modules_of(path, "ddp_model") as found:
+        theirs = found[0].NerfNet(
+            types.SimpleNamespace(
+                max_freq_log2=degrees,
+                max_freq_log2_viewdirs=4,
+                netdepth=8,
+                netwidth=256,
+                use_viewdirs=True,
+            )
+        )
+        job, _, params = start(0.7, kind="nerfpp", degrees=degrees, samples=[8, 8])
+        networks = params["model"]
+        load_part(torch, theirs.fg_net, networks["inside_0"], 3, degrees)
+        load_part(torch, theirs.bg_net, networks["outside_0"], 4, degrees)
+        rays = unit_rays(rng)
+        t = np.sort(rng.uniform(0.01, 0.5, (RAYS, 32)), axis=-1).astype(np.float32)
+        u = np.sort(rng.uniform(0.0, 1.0, (RAYS, 32)), axis=-1).astype(np.float32)
+        leave = np.full((RAYS, 1), 0.6, np.float32)
+        with torch.no_grad():
+            wanted = theirs(
+                *(torch.tensor(np.array(part)) for part in rays[:2]),
+                *(torch.tensor(part) for part in (leave[:, 0], t, u)),
+            )
+    model, _ = nerfpp.make(job.model)
+    values, _, weights = model.apply(
+        {"params": networks}, 0, rays, *map(jnp.asarray, (t, u, leave)), method="look"
+    )
+    assert 0.2 < wanted["bg_lambda"].mean() < 0.9
+    # Its products of 1 - alpha have 1e-6 added at each of 32 samples.
+    np.testing.assert_allclose(weights[0], wanted["fg_weights"], atol=1e-4)
+    # Its weights are in the rays' order, ours in that of u.
+    np.testing.assert_allclose(weights[1][:, ::-1], wanted["bg_weights"], atol=1e-4)
+    np.testing.assert_allclose(values, wanted["rgb"], atol=1e-4)
