@@ -88,6 +88,8 @@ def field_name(experiment, method):
     hashed = "log2_entries" in field
     size = f"2^{field['log2_entries']}" if hashed else field["width"]
     name = f"{field['kind']} {size}"
+    if not field.get("anti_aliased", True):
+        name = f"{name}, aliased"
     if method in experiment.refining():
         return f"{name}, cameras learnt"
     changes = experiment.methods[method]["changes"]

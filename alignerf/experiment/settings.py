@@ -96,9 +96,10 @@ class Courtyard:
     views: int = key(48, "number of photos", least=4, most=10000)
     distances: list[float] = key(
         [1.0],
-        "photos are taken from so many times the arc's distance, as many from each; "
-        "others than 1 of an object alone, the courtyard's wall would hide it",
-        least=0.5,
+        "photos are taken from so many times the arc's distance, from each in turn; "
+        "other than 1 only where the place is an object, since the courtyard's wall "
+        "would stand between",
+        least=0.75,
         most=100,
         length=(1, 16),
     )
@@ -223,7 +224,9 @@ class Grid:
     coarsest: int = key(16, "cells a side", least=2, most=2**20)
     finest: int = key(1024, "cells a side", least=2, most=2**20)
     anti_aliased: bool = key(
-        True, "cells much smaller than what a sample stands for tell it nothing"
+        True,
+        "true: cells much smaller than what a sample stands for tell it nothing, as in "
+        "zip-NeRF; false: a sample is a point, as in Instant-NGP",
     )
     width: int = key(64, "of the density layer", least=1, most=16384)
     bottleneck: int = key(15, "numbers to the head", least=1, most=16384)
@@ -382,6 +385,11 @@ class MipNerfSystem:
     )
     spacing: Literal["linear", "inverse"] = key("inverse", SPACING)
     degrees: int = key(16, "of the encoding", least=1, most=16)
+    anti_aliased: bool = key(
+        True,
+        "true: the encoding fades what is finer than a sample's Gaussian; false: a "
+        "sample is a point, the Gaussian's mean",
+    )
     width: int = key(256, "channels; 1024 in the bigger one", least=1, most=16384)
     depth: int = key(8, "layers", least=1, most=64)
     bottleneck: int = key(256, "numbers to the head", least=1, most=16384)

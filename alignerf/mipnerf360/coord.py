@@ -25,6 +25,12 @@ class Gaussians(NamedTuple):
     r_std: Float[Array, "*batch"]
 
 
+def points(gaussians: Gaussians) -> Gaussians:
+    """Their means alone, without extent."""
+    nothing = jnp.zeros_like(gaussians.t_std)
+    return gaussians._replace(t_std=nothing, r_std=nothing)
+
+
 def in_units(gaussians: Gaussians, length: float) -> Gaussians:
     """The same Gaussians with positions in units of a length; t stays as it is."""
     mean, direction, t_std, r_std = gaussians

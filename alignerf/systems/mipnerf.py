@@ -2,14 +2,15 @@
 
 128 intervals from near to far; their weights, blurred, say where 128 others go; the
 same network sees both. A Gaussian stands for each piece of the cone of a pixel, and its
-encoding fades what is finer than it is. The loss of the first look counts a tenth.
+encoding fades what is finer than it is (not so without `anti_aliased`, where the mean
+alone counts). The loss of the first look counts a tenth.
 """
 
 import flax.linen as nn
 import jax
 
 from alignerf.fields import encoding, radiance
-from alignerf.mipnerf360 import render
+from alignerf.mipnerf360 import coord, render
 from alignerf.systems import rendering, sampling
 
 DENSITY_BIAS, PADDING, COARSE = -1.0, 0.001, 0.1
@@ -24,6 +25,7 @@ class MipNerf(nn.Module):
     far: float
     spacing: str
     degrees: int
+    anti_aliased: bool
     background: str
 
     @property
@@ -49,6 +51,8 @@ class MipNerf(nn.Module):
     def look(self, rays, t):
         """(weights, colours, depth) of the intervals between edges t."""
         gaussians = render.cast_cones(t, rays.origins, rays.directions, rays.radii)
+        if not self.anti_aliased:
+            gaussians = coord.points(gaussians)
         encoded = encoding.integrated_axes(gaussians, self.degrees)
         raw, colours = self.network(encoded, rays.viewdirs)
         density = jax.nn.softplus(raw.reshape(gaussians.t_std.shape) + DENSITY_BIAS)
@@ -76,6 +80,7 @@ def make(chosen):
         far=chosen.far,
         spacing=chosen.spacing,
         degrees=chosen.degrees,
+        anti_aliased=chosen.anti_aliased,
         background=chosen.background,
     )
     return model, rendering.squared(coarse=COARSE)

@@ -18,6 +18,7 @@ METHOD = "mipnerf360"
 # as the old settings say.
 NEW_KEYS = {"decisions", "refine"}
 NEW_MODEL_KEYS = {"background", "decided", "kind", "radius", "training"}
+NEW_FIELD_KEYS = {"anti_aliased"}
 NEW_TRAINING_KEYS = {"budget_min", "hold_share", "adam_betas", "proposal_share"}
 NEW_TRAINING_KEYS |= {"decided"}
 
@@ -28,6 +29,7 @@ def job_of(samples, proposal, field, **training):
         "kind": "grid",
         "features": 2,
         "coarsest": 16,
+        "anti_aliased": True,
         "bottleneck": 15,
         "view_widths": [64],
         "precision": "float32",
@@ -178,8 +180,11 @@ def jobs_of(name, experiment, seed):
 
 def as_known_before(job):
     """The job without what an older checkout does not know."""
-    return {k: v for k, v in job.items() if k not in NEW_KEYS} | {
-        "model": without(NEW_MODEL_KEYS, job["model"]),
+    fields = {
+        key: without(NEW_FIELD_KEYS, job["model"][key]) for key in ("proposal", "field")
+    }
+    return without(NEW_KEYS, job) | {
+        "model": without(NEW_MODEL_KEYS, job["model"]) | fields,
         "training": without(NEW_TRAINING_KEYS, job["training"]),
     }
 

@@ -35,6 +35,9 @@ def check_scene(scene, *place):
     if place == "courtyard" and set(distances) != {1}:
         fault(f"{where}courtyard.distances", "other than 1 needs place: object")
     views, width, height = (scene["courtyard"][k] for k in ("views", "width", "height"))
+    if 1 < len(distances) > views // scene["test_every"]:
+        reason = f"{len(distances)} of them are more than there are test views"
+        fault(f"{where}courtyard.distances", reason)
     if source.has_truth and 3 * views * width * height > MOST_PHOTO_BYTES:
         size = f"{views} photos of {width}x{height} are more than"
         fault(f"{where}courtyard", f"{size} {MOST_PHOTO_BYTES / 2**30:g} GiB")

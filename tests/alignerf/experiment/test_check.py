@@ -236,6 +236,8 @@ def bomb(item):
 
 
 COURTYARD = {"a": {"source": "courtyard"}}
+# 48 views, of which six are held out.
+SIX_FROM_SEVEN = {"place": "object", "distances": [1, 2, 3, 4, 5, 6, 7]}
 
 
 @pytest.mark.parametrize(
@@ -263,6 +265,10 @@ COURTYARD = {"a": {"source": "courtyard"}}
         (
             {"scenes": {"a": {"source": "courtyard", "courtyard": {"distances": [2]}}}},
             "scenes.a.courtyard.distances: other than 1 needs place: object",
+        ),
+        (
+            {"scenes": {"a": {"source": "courtyard", "courtyard": SIX_FROM_SEVEN}}},
+            "scenes.a.courtyard.distances: 7 of them are more than there are test vie",
         ),
         (
             {"models": {"m": {"field": {"log2_entries": 26, "features": 64}}}},
