@@ -76,16 +76,24 @@ def test_cameras_surround_the_boxes_at_the_stated_range():
         assert (np.diff(azimuth) > 0).all()
 
 
+def times_as_far(near, spread, distances):
+    """Which of the distances each view's camera has, by its way from the near one."""
+    moved = np.linalg.norm(spread[..., 3] - near[..., 3], axis=-1)
+    # Each looks at a place of its own, beside this one.
+    to_middle = np.linalg.norm(near[..., 3] - [0, 0.2, 0.2], axis=-1)
+    found = 1 + moved / to_middle
+    return np.array(distances)[np.abs(found[:, None] - distances).argmin(axis=1)]
+
+
 def test_cameras_at_several_distances_look_the_same_way_from_farther():
     size = {"views": 48, "width": 400, "height": 300, "seed": 0}
     _, near = courtyard.make_cameras(**size)
     _, spread = courtyard.make_cameras(**size, distances=(1, 2, 4))
-    np.testing.assert_array_equal(near[..., :3], spread[..., :3])
-    # Along its axis a camera goes back by what its distance grows by.
-    backwards = np.einsum("nij,ni->nj", near[..., :3], spread[..., 3] - near[..., 3])
-    np.testing.assert_allclose(backwards[:, :2], 0, atol=1e-9)
-    to_middle = np.linalg.norm(near[..., 3] - [0, 0.2, 0.2], axis=-1)
-    times = np.round(1 + backwards[:, 2] / to_middle)
+    np.testing.assert_allclose(near[..., :3], spread[..., :3], atol=1e-12)
+    # Along its axis a camera goes back.
+    moved = np.einsum("nij,ni->nj", near[..., :3], spread[..., 3] - near[..., 3])
+    np.testing.assert_allclose(moved[:, :2], 0, atol=1e-9)
+    times = times_as_far(near, spread, (1, 2, 4))
     for part in (times, times[::8]):
         assert [np.mean(part == n) for n in (1, 2, 4)] == [1 / 3] * 3
 
@@ -96,12 +104,7 @@ def test_test_views_have_all_distances(distances, every):
     size = {"views": 80, "width": 40, "height": 30}
     _, near = courtyard.make_cameras(**size)
     _, spread = courtyard.make_cameras(**size, distances=distances)
-    moved = np.linalg.norm(spread[..., 3] - near[..., 3], axis=-1)
-    middle = np.array([0, 0.2, 0.2])
-    times = 1 + moved / np.linalg.norm(near[..., 3] - middle, axis=-1)
-    # Each looks at a place of its own beside the middle.
-    nearest = np.abs(times[::every, None] - distances).argmin(axis=1)
-    assert set(nearest) == set(range(len(distances)))
+    assert set(times_as_far(near, spread, distances)[::every]) == set(distances)
 
 
 @pytest.mark.parametrize(("views", "width"), [(0, 10), (3, 0)])
