@@ -94,13 +94,13 @@ class Courtyard:
         "courtyard", "the whole, or its boxes and the arm alone, before white"
     )
     views: int = key(48, "number of photos", least=4, most=10000)
-    distances: list[float] = key(
+    zooms: list[float] = key(
         [1.0],
-        "photos are taken from so many times the arc's distance, from each in turn; "
-        "other than 1 only where the place is an object, since the courtyard's wall "
-        "would stand between",
-        least=0.75,
-        most=100,
+        "focal lengths, in turn, in units of one that sees 60 degrees: by 0.25 things "
+        "are as small as from four times the distance; other than 1 with true poses "
+        "only",
+        least=0.1,
+        most=10,
         length=(1, 16),
     )
     width: int = key(400, "of a photo in px", least=32, most=16384)

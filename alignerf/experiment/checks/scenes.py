@@ -31,13 +31,14 @@ def check_scene(scene, *place):
     if source.has_truth and model not in (None, "PINHOLE", "SIMPLE_PINHOLE"):
         # Undoing a distortion that is not there would move photos off their true flow.
         fault(f"{where}colmap.camera_model", f"courtyard is a PINHOLE, not {model}")
-    place, distances = scene["courtyard"]["place"], scene["courtyard"]["distances"]
-    if place == "courtyard" and set(distances) != {1}:
-        fault(f"{where}courtyard.distances", "other than 1 needs place: object")
+    zooms = scene["courtyard"]["zooms"]
+    if scene["poses"] == "colmap" and source.has_truth and set(zooms) != {1}:
+        # COLMAP is told of one camera for all photos.
+        fault(f"{where}courtyard.zooms", "other than 1 needs poses: truth")
     views, width, height = (scene["courtyard"][k] for k in ("views", "width", "height"))
-    if 1 < len(distances) > views // scene["test_every"]:
-        reason = f"{len(distances)} of them are more than there are test views"
-        fault(f"{where}courtyard.distances", reason)
+    if 1 < len(zooms) > views // scene["test_every"]:
+        reason = f"{len(zooms)} of them are more than there are test views"
+        fault(f"{where}courtyard.zooms", reason)
     if source.has_truth and 3 * views * width * height > MOST_PHOTO_BYTES:
         size = f"{views} photos of {width}x{height} are more than"
         fault(f"{where}courtyard", f"{size} {MOST_PHOTO_BYTES / 2**30:g} GiB")

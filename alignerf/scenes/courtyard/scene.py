@@ -60,13 +60,12 @@ def look_at(centre, target):
 
 
 def make_cameras(
-    *, views: int, width: int, height: int, distances=(1.0,), seed: int = 0
+    *, views: int, width: int, height: int, zooms=(1.0,), seed: int = 0
 ) -> tuple[Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 3 4"]]:
     """True cameras: pixtocams [n, 3, 3] and camtoworlds [n, 3, 4].
 
     An arc of 220 degrees about the boxes, neighbours in order, radius 1.2 to 1.9 m,
-    heights 0.35 to 0.85 m; then so many times as far from what they look at as
-    `distances` says, in turn; all of one focal length, 60 degrees wide.
+    heights 0.35 to 0.85 m; 60 degrees wide at a zoom of 1, which are taken in turn.
     """
     if min(views, width, height) < 1:
         raise ValueError("courtyard: views, width and height must be at least 1")
@@ -79,15 +78,16 @@ def make_cameras(
         [radius * np.sin(azimuth), 0.2 - radius * np.cos(azimuth), tall], axis=1
     )
     targets = np.array([0.0, 0.2, 0.2]) + rng.uniform(-0.08, 0.08, (views, 3))
-    # In turn, and one on after every eighth view: the test views, as a rule every
-    # eighth, have all distances, too.
-    order = np.arange(views) % SPLIT + np.arange(views) // SPLIT
-    times = np.asarray(distances)[order % len(distances)]
-    centres = centres + (times - 1)[:, None] * (centres - targets)
     poses = [look_at(c, t) for c, t in zip(centres, targets, strict=True)]
+    # One on after every eighth view: the test views, as a rule every eighth, have all
+    # zooms, too.
+    order = np.arange(views) % SPLIT + np.arange(views) // SPLIT
     focal_px = width / 2 / np.tan(FIELD_OF_VIEW / 2)
-    pixtocam = cameras.intrinsics(focal_px, width, height)
-    return np.repeat(pixtocam[None], views, axis=0), np.stack(poses)
+    pixtocams = [
+        cameras.intrinsics(focal_px * zooms[turn % len(zooms)], width, height)
+        for turn in order
+    ]
+    return np.stack(pixtocams), np.stack(poses)
 
 
 def draw_displacements(

@@ -41,7 +41,7 @@ def build_courtyard(
     *,
     place,
     views,
-    distances,
+    zooms,
     width,
     height,
     motion,
@@ -54,7 +54,7 @@ def build_courtyard(
     """The courtyard of a seed; motion as in `scene.draw_displacements`."""
     # The world comes last: it takes seconds, and the rest refuses faults at once.
     pixtocams, camtoworlds = courtyard.make_cameras(
-        views=views, width=width, height=height, distances=distances, seed=seed
+        views=views, width=width, height=height, zooms=zooms, seed=seed
     )
     displacements = courtyard.draw_displacements(
         views=views, motion=motion, motion_m=motion_m, moving=moving, seed=seed

@@ -236,8 +236,9 @@ def bomb(item):
 
 
 COURTYARD = {"a": {"source": "courtyard"}}
+ZOOMED = {"source": "courtyard", "courtyard": {"zooms": [0.5]}}
 # 48 views, of which six are held out.
-SIX_FROM_SEVEN = {"place": "object", "distances": [1, 2, 3, 4, 5, 6, 7]}
+SEVEN = {"source": "courtyard", "courtyard": {"zooms": [1] * 7}}
 
 
 @pytest.mark.parametrize(
@@ -263,12 +264,12 @@ SIX_FROM_SEVEN = {"place": "object", "distances": [1, 2, 3, 4, 5, 6, 7]}
             "~nobody123/x: no such user's home",
         ),
         (
-            {"scenes": {"a": {"source": "courtyard", "courtyard": {"distances": [2]}}}},
-            "scenes.a.courtyard.distances: other than 1 needs place: object",
+            {"scenes": {"a": ZOOMED}},
+            "scenes.a.courtyard.zooms: other than 1 needs poses: truth",
         ),
         (
-            {"scenes": {"a": {"source": "courtyard", "courtyard": SIX_FROM_SEVEN}}},
-            "scenes.a.courtyard.distances: 7 of them are more than there are test vie",
+            {"scenes": {"a": SEVEN}},
+            "scenes.a.courtyard.zooms: 7 of them are more than there are test views",
         ),
         (
             {"models": {"m": {"field": {"log2_entries": 26, "features": 64}}}},

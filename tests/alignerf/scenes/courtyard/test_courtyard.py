@@ -76,35 +76,34 @@ def test_cameras_surround_the_boxes_at_the_stated_range():
         assert (np.diff(azimuth) > 0).all()
 
 
-def times_as_far(near, spread, distances):
-    """Which of the distances each view's camera has, by its way from the near one."""
-    moved = np.linalg.norm(spread[..., 3] - near[..., 3], axis=-1)
-    # Each looks at a place of its own, beside this one.
-    to_middle = np.linalg.norm(near[..., 3] - [0, 0.2, 0.2], axis=-1)
-    found = 1 + moved / to_middle
-    return np.array(distances)[np.abs(found[:, None] - distances).argmin(axis=1)]
-
-
-def test_cameras_at_several_distances_look_the_same_way_from_farther():
-    size = {"views": 48, "width": 400, "height": 300, "seed": 0}
-    _, near = courtyard.make_cameras(**size)
-    _, spread = courtyard.make_cameras(**size, distances=(1, 2, 4))
-    np.testing.assert_allclose(near[..., :3], spread[..., :3], atol=1e-12)
-    # Along its axis a camera goes back.
-    moved = np.einsum("nij,ni->nj", near[..., :3], spread[..., 3] - near[..., 3])
-    np.testing.assert_allclose(moved[:, :2], 0, atol=1e-9)
-    times = times_as_far(near, spread, (1, 2, 4))
-    for part in (times, times[::8]):
-        assert [np.mean(part == n) for n in (1, 2, 4)] == [1 / 3] * 3
-
-
-@pytest.mark.parametrize("distances", [(1, 2), (1, 2, 4, 8), (1, 2, 3, 4, 5)])
+@pytest.mark.parametrize("zooms", [(1, 0.5), (1, 0.5, 0.25), (1, 2, 4, 8), range(1, 6)])
 @pytest.mark.parametrize("every", [2, 4, 8])
-def test_test_views_have_all_distances(distances, every):
+def test_each_part_of_the_views_has_all_zooms(zooms, every):
     size = {"views": 80, "width": 40, "height": 30}
-    _, near = courtyard.make_cameras(**size)
-    _, spread = courtyard.make_cameras(**size, distances=distances)
-    assert set(times_as_far(near, spread, distances)[::every]) == set(distances)
+    lenses, poses = courtyard.make_cameras(**size)
+    zoomed, same = courtyard.make_cameras(**size, zooms=zooms)
+    np.testing.assert_array_equal(poses, same)
+    # Pixel to camera: a longer lens has smaller pixels, and the middle stays.
+    times = lenses[:, 0, 0] / zoomed[:, 0, 0]
+    middle = zoomed @ np.array([20, 15, 1])
+    np.testing.assert_allclose(middle, np.tile([0, 0, 1], (80, 1)), atol=1e-12)
+    for part in (times[::every], np.delete(times, np.s_[::every])):
+        assert set(np.round(part, 9)) == set(zooms)
+
+
+def test_what_is_zoomed_out_is_a_smaller_copy(world, posed):
+    """The middle of a wide photo is the same photo at another size."""
+    zoomed, _ = courtyard.make_cameras(
+        views=VIEWS, width=WIDTH, height=HEIGHT, seed=0, zooms=(0.5,)
+    )
+    near = see(world, posed, 2).image.astype(float)
+    far = see(world, (zoomed, posed[1]), 2).image.astype(float)
+    h, w = HEIGHT // 2, WIDTH // 2
+    halved = near.reshape(h, 2, w, 2, 3).mean(axis=(1, 3))
+    top, left = (HEIGHT - h) // 2, (WIDTH - w) // 2
+    inner = far[top : top + h, left : left + w]
+    assert np.abs(halved - inner).mean() < 6
+    assert np.abs(halved - near[:h, :w]).mean() > 20
 
 
 @pytest.mark.parametrize(("views", "width"), [(0, 10), (3, 0)])
