@@ -8,6 +8,7 @@ import numpy as np
 
 from alignerf import fields
 from alignerf.contributions import frequency_loss
+from alignerf.experiment import jobs
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.scenes import cameras
 from alignerf.training import batches, methods
@@ -25,6 +26,29 @@ def tiny_model(outputs=3):
         samples=(8, 4),
         near=0.2,
         far=1e3,
+    )
+
+
+def job_of(**model):
+    """The job of a short training of that model."""
+    return jobs.parse(
+        {
+            "seed": 0,
+            "stage": "full",
+            "model": model,
+            "training": {"steps": 10, "batch_rays": 8},
+            "alignerf": None,
+        }
+    )
+
+
+def with_density(params, bias):
+    """`bias` is added to raw densities: as they start, networks give next to none."""
+    return jax.tree_util.tree_map_with_path(
+        lambda path, leaf: (
+            leaf + bias if "density" in str(path) and "bias" in str(path) else leaf
+        ),
+        params,
     )
 
 

@@ -17,10 +17,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from alignerf.experiment import jobs
 from alignerf.scenes import cameras
 from alignerf.systems import nerfpp
 from alignerf.training import compose
+from tests import training_cases as cases
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 RAYS = 60
@@ -70,29 +70,6 @@ def unit_rays(rng):
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), found)
 
 
-def start(bias, **model):
-    """(job, method, parameters) of that model; `bias` is added to raw densities."""
-    job = jobs.parse(
-        {
-            "seed": 0,
-            "stage": "full",
-            "model": model,
-            "training": {"steps": 10, "batch_rays": 8},
-            "alignerf": None,
-        }
-    )
-    method = compose.make_method(job)
-    return (
-        *(job, method),
-        jax.tree_util.tree_map_with_path(
-            lambda path, leaf: (
-                leaf + bias if "density" in str(path) and leaf.ndim == 1 else leaf
-            ),
-            jax.jit(method.init)(jax.random.key(1)),
-        ),
-    )
-
-
 def layers_of(network):
     """Our layers in the order in which released codes have them."""
     trunk = [network[f"Dense_{layer}"] for layer in range(8)]
@@ -122,8 +99,7 @@ def test_mip_nerf(rng, white, anti_aliased):
             disable_integration=not anti_aliased,
         )
         rays = unit_rays(rng)
-        _, method, params = start(
-            -1.0,
+        job = cases.job_of(
             kind="mipnerf",
             samples=[32, 32],
             near=0.2,
@@ -133,6 +109,9 @@ def test_mip_nerf(rng, white, anti_aliased):
             degrees=degrees,
             background="white" if white else "black",
         )
+        method = compose.make_method(job)
+        params = jax.jit(method.init)(jax.random.key(1))
+        params = cases.with_density(params, -1.0)
         layers = {
             f"Dense_{number}": {"kernel": layer["kernel"].T, "bias": layer["bias"]}
             for number, layer in enumerate(layers_of(params["model"]["network"]))
@@ -205,8 +184,9 @@ def test_nerf_plus_plus(rng):
                 use_viewdirs=True,
             )
         )
-        job, _, params = start(0.7, kind="nerfpp", degrees=degrees, samples=[8, 8])
-        networks = params["model"]
+        job = cases.job_of(kind="nerfpp", degrees=degrees, samples=[8, 8])
+        params = jax.jit(compose.make_method(job).init)(jax.random.key(1))
+        networks = cases.with_density(params, 0.7)["model"]
         load_part(torch, theirs.fg_net, networks["inside_0"], 3, degrees)
         load_part(torch, theirs.bg_net, networks["outside_0"], 4, degrees)
         rays = unit_rays(rng)

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from alignerf.experiment import jobs
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.scenes import cameras
 from alignerf.training import compose
@@ -17,18 +16,6 @@ from tests import system_twins as twins
 from tests import training_cases as cases
 
 SMALL = {"width": 16, "samples": [8, 6]}
-
-
-def job_of(**model):
-    return jobs.parse(
-        {
-            "seed": 0,
-            "stage": "full",
-            "model": model,
-            "training": {"steps": 10, "batch_rays": 8},
-            "alignerf": None,
-        }
-    )
 
 
 def sizes_of(method):
@@ -54,11 +41,15 @@ def sizes_of(method):
     ],
 )
 def test_systems_have_the_published_sizes(model, parameters):
-    assert sum(sizes_of(compose.make_method(job_of(**model))).values()) == parameters
+    assert (
+        sum(sizes_of(compose.make_method(cases.job_of(**model))).values()) == parameters
+    )
 
 
 def test_instant_ngp_has_the_published_size():
-    assert sizes_of(compose.make_method(job_of(kind="ngp")))["field"] == 51_857_552
+    assert (
+        sizes_of(compose.make_method(cases.job_of(kind="ngp")))["field"] == 51_857_552
+    )
 
 
 PUBLISHED = [
@@ -72,7 +63,7 @@ PUBLISHED = [
 @pytest.mark.parametrize("model", PUBLISHED, ids=lambda model: model["kind"])
 def test_a_step_of_the_published_size_can_be_traced(model):
     """Its compiled step is timed by `make bench BENCH="--only systems"`."""
-    method = compose.make_method(job_of(**model))
+    method = compose.make_method(cases.job_of(**model))
 
     def loss(params, batch):
         return sum(method.terms(params, batch, 0.5)[0].values())
@@ -96,19 +87,9 @@ def random_rays(rng, count=5):
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), found)
 
 
-def with_some_density(params):
-    """Networks as they start give next to no density; here rays end along the way."""
-    return jax.tree_util.tree_map_with_path(
-        lambda path, leaf: (
-            leaf + 0.7 if "density" in str(path) and "bias" in str(path) else leaf
-        ),
-        params,
-    )
-
-
 def both_looks(kind, rays, **model):
-    method = compose.make_method(job_of(kind=kind, **model))
-    params = with_some_density(jax.jit(method.init)(jax.random.key(1)))
+    method = compose.make_method(cases.job_of(kind=kind, **model))
+    params = cases.with_density(jax.jit(method.init)(jax.random.key(1)), 0.7)
     found = jax.jit(method.render)(params, rays)
     wide = jax.tree.map(lambda leaf: np.asarray(leaf, np.float64), rays)
     return params["model"], found, wide
@@ -241,7 +222,7 @@ TINY_GRID = {"levels": 2, "log2_entries": 8, "finest": 32, "width": 8}
 )
 def test_barf_and_known_backgrounds_learn_from_squared_errors_alone(model):
     """With Charbonnier's loss an object before white was taken for all white."""
-    method = compose.make_method(job_of(**model))
+    method = compose.make_method(cases.job_of(**model))
     batch = train_step.draw(
         method, cases.make_views(), jnp.int32(0), steps=jnp.int32(10), seed=0
     )[0]
@@ -252,7 +233,7 @@ def test_barf_and_known_backgrounds_learn_from_squared_errors_alone(model):
 
 @functools.cache
 def method_of(kind):
-    return compose.make_method(job_of(kind=kind, **SYSTEMS[kind]))
+    return compose.make_method(cases.job_of(kind=kind, **SYSTEMS[kind]))
 
 
 @functools.cache
@@ -312,7 +293,7 @@ def test_renders_can_be_differentiated_in_their_rays(rng, kind, place):
 @functools.cache
 def ray_gradient_of(kind):
     """(params, rays) -> the gradient of all colours by origins and directions."""
-    method = compose.make_method(job_of(kind=kind, **SYSTEMS[kind]), moving=True)
+    method = compose.make_method(cases.job_of(kind=kind, **SYSTEMS[kind]), moving=True)
 
     def total(params, origins, directions, rays):
         moved = rays._replace(origins=origins, directions=directions)
