@@ -1,22 +1,28 @@
-"""Released code of mip-NeRF and NeRF++ beside ours, its parameters in ours.
+"""Released code of mip-NeRF, NeRF++ and BARF beside ours, with the same parameters.
 
 ALIGNERF_MIPNERF names a checkout of google/mipnerf, ALIGNERF_NERFPLUSPLUS one of
-Kai-46/nerfplusplus, which needs PyTorch beside our environment; without them all of
-this is skipped. Both sides run in float32.
+Kai-46/nerfplusplus, ALIGNERF_BARF one of chenhsuanlin/bundle-adjusting-NeRF. The last
+two need PyTorch beside our environment. What is not named is skipped. Both sides run
+in float32.
 """
 
 import contextlib
 import importlib
+import itertools
 import os
 import pathlib
 import sys
 import types
+from unittest import mock
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from alignerf import fields
+from alignerf.fields import shading
+from alignerf.mipnerf360 import coord
 from alignerf.scenes import cameras
 from alignerf.systems import nerfpp
 from alignerf.training import compose
@@ -34,7 +40,8 @@ def checkout(variable):
 
 
 # Top-level names of what these checkouts import from themselves, and of stand-ins.
-OF_PEERS = {"internal", "gin", "utils", "ddp_model", "nerf_network"}
+OF_PEERS = {"internal", "gin", "utils", "ddp_model", "nerf_network", "model", "camera"}
+OF_PEERS |= {"util", "util_vis", "external"}
 
 
 def take_out():
@@ -208,3 +215,84 @@ def test_nerf_plus_plus(rng):
     # Its weights are in the rays' order, ours in that of u.
     np.testing.assert_allclose(weights[1][:, ::-1], wanted["bg_weights"], atol=1e-4)
     np.testing.assert_allclose(values, wanted["rgb"], atol=1e-4)
+
+
+# What BARF's code imports, and its network does not use.
+UNUSED_BY_BARF = (
+    *("torchvision", "torchvision.transforms", "torchvision.transforms.functional"),
+    *("torch.utils.tensorboard", "easydict", "lpips", "visdom", "util_vis", "camera"),
+    *("external", "external.pohsun_ssim"),
+)
+
+
+def by_channel(kernel, degrees, start=0):
+    """Columns of a layer in BARF's order: of each channel all sines, then all cosines.
+
+    The encoding's block begins at column `start`.
+    """
+    found = np.array(kernel)
+    block = start + 3
+    waves = np.arange(6 * degrees).reshape(2, degrees, 3) + block
+    ours = waves.transpose(2, 0, 1).ravel()
+    found[:, block : block + 6 * degrees] = found[:, ours]
+    return found
+
+
+def load_barf(torch, theirs, params, degrees, view_degrees):
+    """Our field's parameters in BARF's network."""
+    names = [*(f"Dense_{layer}" for layer in range(8)), "Dense_0", "values"]
+    owners = [params] * 8 + [params["head"]] * 2
+    layers = [owner[name] for owner, name in zip(owners, names, strict=True)]
+    kernels = [np.asarray(layer["kernel"]) for layer in layers]
+    kernels[0] = by_channel(kernels[0], degrees)
+    kernels[4] = by_channel(kernels[4], degrees, start=256)
+    kernels[8] = by_channel(kernels[8], view_degrees, start=256)
+    # Its sines of a direction have a factor pi, so that it is given v / pi.
+    kernels[8][:, 256:259] *= np.pi
+    linear = [*theirs.mlp_feat, *theirs.mlp_rgb]
+    with torch.no_grad():
+        for layer, kernel, ours in zip(linear, kernels, layers, strict=True):
+            layer.weight.copy_(torch.tensor(kernel))
+            layer.bias.copy_(torch.tensor(np.array(ours["bias"])))
+
+
+@pytest.mark.parametrize("fineness", [0.0, 0.35, 1.0])
+def test_barf(rng, fineness):
+    path = checkout("ALIGNERF_BARF")
+    torch = pytest.importorskip("torch")
+    util = types.ModuleType("util")
+    util.log = util.debug = None
+    util.get_layer_dims = lambda widths: list(itertools.pairwise(widths))
+    stubs = {name: mock.MagicMock() for name in UNUSED_BY_BARF} | {"util": util}
+    degrees, view_degrees, space = 10, 4, types.SimpleNamespace
+    options = space(
+        arch=space(
+            posenc=space(L_3D=degrees, L_view=view_degrees),
+            layers_feat=[None] + [256] * 8,
+            layers_rgb=[None, 128, 3],
+            skip=[4],
+            tf_init=False,
+            density_activ="softplus",
+        ),
+        nerf=space(view_dep=True, density_noise_reg=None),
+        barf_c2f=[0.0, 1.0],
+        device="cpu",
+    )
+    x = rng.uniform(-1.0, 1.0, (RAYS, 5, 3)).astype(np.float32)
+    v = unit_rays(rng).viewdirs
+    ours = fields.make("nerf", degrees=degrees, view_degrees=view_degrees)
+    nothing = jnp.zeros((RAYS, 5))
+    points = coord.Gaussians(jnp.asarray(x), jnp.zeros_like(x), nothing, nothing)
+    params = ours.init(jax.random.key(1), points, v, fineness)
+    density, values = ours.apply(params, points, v, fineness)
+    with mock.patch.dict(sys.modules), module_of(path, "model.barf", **stubs) as barf:
+        theirs = barf.NeRF(options)
+        theirs.progress.data.fill_(fineness)
+        load_barf(torch, theirs, params["params"], degrees, view_degrees)
+        directions = torch.tensor(np.asarray(v) / np.pi)[:, None].expand(RAYS, 5, 3)
+        with torch.no_grad():
+            colours, wanted = theirs(options, torch.tensor(x), directions)
+    assert np.ptp(wanted) > 0.1
+    np.testing.assert_allclose(density, wanted, atol=2e-5)
+    padded = colours * (1 + 2 * shading.PADDING) - shading.PADDING
+    np.testing.assert_allclose(np.moveaxis(values, 0, -1), padded, atol=2e-5)
