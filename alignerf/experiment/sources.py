@@ -34,9 +34,10 @@ DATA = (".html", ".css", ".js")
 class Unnoted(str):
     """A text among a rule's params whose change makes nothing again.
 
-    Snakemake notes what repr() says of a param. For the preflight, on which trainings
-    wait as on an `ancient` input: Snakemake (9.27, its issue 4166) leaves out all that
-    waits so for a job that is made again, though its output is not there.
+    Snakemake notes what repr() says of a param. For the preflight: what a plan costs is
+    no reason to train again. The trainings' input is not `ancient` for that: of a job
+    that is made again, Snakemake (9.27, its issue 4166) leaves out all that waits for
+    it so, though its output is not there, and ends as if all were done.
     """
 
     __slots__ = ()

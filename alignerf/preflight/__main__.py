@@ -10,6 +10,7 @@ import argparse
 import concurrent.futures
 import functools
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -36,11 +37,16 @@ def main(argv=None):
 
 
 def renew(args):
-    """Measure anew what says nothing of the plan that there is now."""
+    """Measure anew what says nothing of the plan that there is now.
+
+    The file keeps its time: a newer one would have finished trainings made again.
+    """
     for path, config in zip(args.show, args.configs, strict=True):
         found = work_of(config, path.parent.name)
         if read(path).get("work") != (found and work.digest(found)):
+            before = path.stat()
             write(args, path.parent, found, path)
+            os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
 
 
 def work_of(config, scene):

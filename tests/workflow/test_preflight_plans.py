@@ -1,5 +1,6 @@
 """What waits for a scene's cost, and that `preview` trains nothing."""
 
+import os
 import re
 
 import pytest
@@ -69,3 +70,29 @@ def test_without_it_nothing_is_measured(options, snakemake):
     assert code == 0, output
     assert planned(output)["preflight"] == 2
     assert output.count("--work null") == 2
+
+
+def test_a_cost_older_than_the_scene_hides_no_training(options, snakemake):
+    """As after a run that was stopped between the poses and the preflight.
+
+    Of jobs whose `ancient` input is made again Snakemake plans none, and exits with 0.
+    """
+    folder, *arguments = options
+    arguments += ["--rerun-triggers", "mtime"]
+    _, before = snakemake(folder, *arguments)
+    made = re.findall(r"rule poses_courtyard:\n +output: (.*)", before)
+    for path in (folder / name for names in made for name in names.split(", ")):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("") if path.suffix else path.mkdir()
+    scenes = sorted((folder / "results").iterdir())
+    for scene in scenes:
+        cost = scene / "preflight.json"
+        cost.write_text("{}")
+        os.utime(cost, (1e9, 1e9))
+    code, output = snakemake(folder, *arguments)
+    assert code == 0, output
+    assert len(scenes) == 2
+    wanted = planned(before)
+    wanted["total"] -= wanted.pop("poses_courtyard")
+    assert planned(output) == wanted
+    assert wanted["train"] > 2

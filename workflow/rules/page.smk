@@ -4,7 +4,7 @@ rule page:
         unpack(lambda w: rows.of_page(experiment, w.scene)),
         lambda w: rows.files_of(rows.figure_rounds(experiment, w.scene)),
         images="results/{scene}/images",
-        preflight=ancient("results/{scene}/preflight.json"),
+        preflight="results/{scene}/preflight.json",
         tables=lambda w: targets.of_page(experiment, w.scene),
     output:
         report(

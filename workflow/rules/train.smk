@@ -9,7 +9,7 @@ rule train:
         cameras="results/{scene}/cameras.npz",
         decisions=lambda w: rows.decisions_of(experiment, w.scene),
         used=lambda w: experiment.cameras_of(w.scene, w.method, w.round),
-        preflight=ancient("results/{scene}/preflight.json"),
+        preflight="results/{scene}/preflight.json",
     output:
         model="results/{scene}/{method}/round{round}/model.msgpack",
         timing="results/{scene}/{method}/round{round}/timing.json",
@@ -53,7 +53,7 @@ use rule train as train_warm with:
         cameras="results/{scene}/cameras.npz",
         decisions=lambda w: rows.decisions_of(experiment, w.scene),
         used=lambda w: experiment.cameras_of(w.scene, w.method, w.round),
-        preflight=ancient("results/{scene}/preflight.json"),
+        preflight="results/{scene}/preflight.json",
     wildcard_constraints:
         method=plan.one_of(experiment.warm()),
         round=r"[1-9]\d*",
@@ -70,7 +70,7 @@ use rule train as train_refining with:
         cameras="results/{scene}/cameras.npz",
         decisions=lambda w: rows.decisions_of(experiment, w.scene),
         used=lambda w: experiment.cameras_of(w.scene, w.method, w.round),
-        preflight=ancient("results/{scene}/preflight.json"),
+        preflight="results/{scene}/preflight.json",
     output:
         model="results/{scene}/{method}/round{round}/model.msgpack",
         timing="results/{scene}/{method}/round{round}/timing.json",
@@ -89,7 +89,7 @@ rule pretrain:
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
         decisions=lambda w: rows.decisions_of(experiment, w.scene),
-        preflight=ancient("results/{scene}/preflight.json"),
+        preflight="results/{scene}/preflight.json",
     output:
         model="results/{scene}/pretrain/{model}/model.msgpack",
         timing="results/{scene}/pretrain/{model}/timing.json",
@@ -130,7 +130,7 @@ rule finetune:
         cameras="results/{scene}/cameras.npz",
         decisions=lambda w: rows.decisions_of(experiment, w.scene),
         used=lambda w: experiment.cameras_of(w.scene, w.method, 0),
-        preflight=ancient("results/{scene}/preflight.json"),
+        preflight="results/{scene}/preflight.json",
     output:
         model="results/{scene}/{method}/round0/model.msgpack",
         timing="results/{scene}/{method}/round0/timing.json",

@@ -108,3 +108,20 @@ def test_nothing_is_asked_for(scene, tmp_path, capsys):
     assert json.loads(out.read_text()) == {}
     preflight.main(["--show", str(out)])
     assert "preflight: false" in capsys.readouterr().out
+
+
+def test_a_cost_measured_anew_keeps_its_time(tmp_path, monkeypatch):
+    """A newer input would have its scene's trainings made again."""
+    out, config = tmp_path / "s/preflight.json", tmp_path / "s/config.yaml"
+    out.parent.mkdir()
+    out.write_text("{}")
+    os.utime(out, (1e9, 1e9))
+    monkeypatch.setattr(preflight, "work_of", lambda path, scene: {"trainings": []})
+    monkeypatch.setattr(preflight, "plan_of", lambda *_: {"scene": "s"})
+    monkeypatch.setattr(preflight.fit, "lines", lambda *_: ["about an hour"])
+    monkeypatch.setattr(preflight.fit, "check", lambda _: None)
+    preflight.main(["--show", str(out), "--configs", str(config)])
+    assert json.loads(out.read_text())["work"] == preflight.work.digest(
+        {"trainings": []}
+    )
+    assert out.stat().st_mtime == 1e9
