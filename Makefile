@@ -3,7 +3,7 @@
 # make test   the whole test suite
 # make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
 # make torture  the attack: damaged inputs, kills, full disks; three hours
-# make docs   tables of docs/ from the CSVs in docs/measured/
+# make docs   tables and figures of docs/ from the CSVs in docs/measured/
 # make lint   formatters, linters, workflow checks
 # make cluster  plugins for Slurm, Kubernetes and S3 besides; see docs/cluster.md
 # make lock   pin all versions anew (needs uv)
@@ -35,6 +35,7 @@ torture: $(VENV)/.installed
 
 docs: $(VENV)/.installed
 	@python -m docs.tables
+	@python -m docs.figures
 
 lint: $(VENV)/.installed
 	ruff format --check .
