@@ -13,6 +13,7 @@ import pandas as pd
 from alignerf.tables.plots import remedies, sizes
 from alignerf.tables.plots.regimes import LABEL_PT, SMALL_PT
 
+PLAIN = "plain training"
 # What each remedy is compared with: columns of resolution.csv, label, look of the line.
 AGAINST = (
     ("aligned", "as many steps", {"linestyle": "-"}),
@@ -44,43 +45,49 @@ def draw_resolution(table, path):
         figsize=(1.5 + 3.4 * len(captures), 5.4), dpi=200, layout="constrained"
     )
     axes = figure.subplots(2, len(captures), squeeze=False, sharex="col", sharey="row")
-    names = list(table["remedy"].unique())
+    # All the others are compared with plain training.
+    names = [name for name in table["remedy"].unique() if name != PLAIN]
+    shown = {}
     for (above, below), (capture, own) in zip(axes.T, captures, strict=True):
         above.set_title(capture, fontsize=LABEL_PT)
         sizes.draw_flow(above, own.assign(condition=own["size"]))
         # Room for what stands beside the points.
-        above.margins(x=0.22, y=0.12)
-        # The first is the plain training, which all the others are compared with.
-        for place, remedy in enumerate(names[1:], start=1):
-            draw_gains(below, own[own["remedy"] == remedy], remedies.style_of(place))
+        for axes_ in (above, below):
+            axes_.margins(x=0.28, y=0.12)
+        for place, remedy in enumerate(names, start=1):
+            draw_gains(below, own[own["remedy"] == remedy], place)
         below.axhline(0, color="black", linewidth=1)
         below.set_xlabel("width of the photos (px)", fontsize=LABEL_PT)
         sizes.finish(below, own["width_px"])
+        handles, labels = below.get_legend_handles_labels()
+        shown |= dict(zip(labels, handles, strict=True))
     axes[1, 0].set_ylabel("against plain training\n(dB)", fontsize=LABEL_PT)
-    handles, labels = axes[1, 0].get_legend_handles_labels()
     figure.legend(
-        handles, labels, loc="outside upper center", ncols=2, fontsize=SMALL_PT
+        shown.values(), shown, loc="outside upper center", ncols=2, fontsize=SMALL_PT
     )
     figure.savefig(path)
 
 
-def draw_gains(axes, own, style):
-    """A remedy's lines, one a comparison, with 95 % intervals; left out where empty."""
-    for column, of, look in AGAINST:
+def draw_gains(axes, own, place):
+    """A remedy's lines, one a comparison, with 95 % intervals; left out where empty.
+
+    Each stands a little beside the one before, so that no interval hides another.
+    """
+    for side, (column, of, look) in enumerate(AGAINST):
         known = own.dropna(subset=f"{column}_gain_db")
         if known.empty:
             continue
         gain_db = known[f"{column}_gain_db"].to_numpy()
         ends = known[[f"{column}_low_gain_db", f"{column}_high_gain_db"]].to_numpy()
         axes.errorbar(
-            known["width_px"],
+            known["width_px"] * 1.03 ** (2 * place + side - 4),
             gain_db,
             np.abs(ends - gain_db[:, None]).T,
             label=f"{own['remedy'].iloc[0]}, against {of}",
             markersize=4,
             linewidth=1.2,
             capsize=2,
-            **{**style, **look},
+            **{**remedies.style_of(place), **look},
         )
 
 

@@ -35,9 +35,9 @@ class Unnoted(str):
     """A text among a rule's params whose change makes nothing again.
 
     Snakemake notes what repr() says of a param. For the preflight: what a plan costs is
-    no reason to train again. The trainings' input is not `ancient` for that: of a job
-    that is made again, Snakemake (9.27, its issue 4166) leaves out all that waits for
-    it so, though its output is not there, and ends as if all were done.
+    no reason to train again. Trainings do not take it as `ancient` for that: when the
+    preflight itself is to be made again, Snakemake (9.27, its issue 4166) skips each
+    job that has it as an ancient input, even one without output, and exits with 0.
     """
 
     __slots__ = ()

@@ -45,8 +45,8 @@ def renew(args):
         found = work_of(config, path.parent.name)
         if read(path).get("work") != (found and work.digest(found)):
             before = path.stat()
-            write(args, path.parent, found, path)
-            os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+            times_ns = before.st_atime_ns, before.st_mtime_ns
+            write(args, path.parent, found, path, times_ns)
 
 
 def work_of(config, scene):
@@ -56,8 +56,11 @@ def work_of(config, scene):
     return work.of_scene(plan.Experiment(found, None), scene)
 
 
-def write(args, scene, todo, out):
-    """Measure a scene's plan, say what it costs, and write it down."""
+def write(args, scene, todo, out, times_ns=None):
+    """Measure a scene's plan, say what it costs, and write it down.
+
+    times_ns: of access and of change, that the file is to have.
+    """
     filled = decided(todo)
     cost = {} if filled is None else plan_of(args, scene, filled)
     if cost:
@@ -66,6 +69,8 @@ def write(args, scene, todo, out):
         fit.check(cost)
     with whole.replace_file(out) as path:
         path.write_text(json.dumps(cost, indent=1) + "\n")
+        if times_ns:
+            os.utime(path, ns=times_ns)
 
 
 def parse(argv=None):

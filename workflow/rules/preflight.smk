@@ -2,7 +2,8 @@
 # It takes the machine as long, and what it compiles its trainings need not. With
 # `preflight: false` the file says nothing: it is there even so, since a training whose
 # inputs are others than before is made again. For another config it is measured again
-# by `preview` alone (see sources.Unnoted).
+# by `preview` alone (see sources.Unnoted). Made anew by force, or since somebody deleted
+# the file, it would have all trainings of its scene made again.
 rule preflight:
     input:
         images="results/{scene}/images",

@@ -284,6 +284,10 @@ def test_barf(rng, fineness):
     nothing = jnp.zeros((RAYS, 5))
     points = coord.Gaussians(jnp.asarray(x), jnp.zeros_like(x), nothing, nothing)
     params = ours.init(jax.random.key(1), points, v, fineness)
+    # Biases start at 0: no two of them are to be alike.
+    params = jax.tree.map(
+        lambda leaf: leaf + rng.normal(0, 0.1, leaf.shape) * (leaf.ndim == 1), params
+    )
     density, values = ours.apply(params, points, v, fineness)
     with mock.patch.dict(sys.modules), module_of(path, "model.barf", **stubs) as barf:
         theirs = barf.NeRF(options)
