@@ -12,17 +12,16 @@ left alone count as corrected by nothing: they hold the frame.
 """
 
 import argparse
-import dataclasses
 import json
 import logging
 import time
 
 import numpy as np
 
+from alignerf.alignment import cameras
 from alignerf.command import archives, faults, whole
-from alignerf.scenes import cameras, pose_error, prepared
+from alignerf.scenes import pose_error, prepared
 from flow.camera import correct
-from flow.camera import motion as camera_motion
 from flow.warping import files
 
 log = logging.getLogger("alignerf")
@@ -35,12 +34,12 @@ def main(argv=None):
     before = prepared.load(args.scene, args.cameras)
     train = before.views("train")
     found = correct.corrections(lambda: views_of(before, train, args))
-    after = corrected(before, train, found)
+    after = cameras.corrected(before, train, found)
     report = {
         "views": len(train),
         "left_alone": sum(bool(correction.left_alone) for correction in found),
-        "correction_px": median_px(found),
-        "focal_ratio": float(np.exp(zoom_of(found))),
+        "correction_px": cameras.median_px(found),
+        "focal_ratio": float(np.exp(cameras.zoom_of(found))),
     }
     if args.truth:
         true = prepared.read_cameras(f"{args.truth}/cameras.npz")
@@ -59,7 +58,7 @@ def main(argv=None):
         whole.replace_file(args.report) as report_path,
         whole.replace_file(args.out) as path,
     ):
-        moved = [v for v, c in zip(train, found, strict=True) if not c.left_alone]
+        moved = cameras.moved_views(train, found)
         prepared.write_cameras(path, after, args.cameras, moved)
         report_path.write_text(json.dumps(report, indent=1) + "\n")
     say(report)
@@ -104,36 +103,6 @@ def views_of(before: prepared.Scene, train, args):
             if found.shape != size:
                 raise ValueError(f"{folder}/{name}: {found.shape}, not {size} px")
         yield correct.View(flow_px, valid, before.pixtocams[view], depth)
-
-
-def median_px(found):
-    """Median length of the corrections that are made; 0 where there is none."""
-    lengths_px = [c.length_px for c in found if not c.left_alone]
-    return float(np.median(lengths_px)) if lengths_px else 0.0
-
-
-def corrected(before: prepared.Scene, train, found) -> prepared.Scene:
-    """The scene with its cameras moved, and the frame where it was.
-
-    A lens that is put right is every view's.
-    """
-    camtoworlds = before.camtoworlds.copy()
-    moved = [v for v, c in zip(train, found, strict=True) if not c.left_alone]
-    zoom = np.exp(-zoom_of(found))
-    pixtocams = np.diag([zoom, zoom, 1.0]) @ before.pixtocams
-    for view, correction in zip(train, found, strict=True):
-        _, camtoworlds[view] = camera_motion.apply(
-            correction.motion, pixtocams[view], camtoworlds[view]
-        )
-    if moved:
-        gauge = cameras.align_similarity(camtoworlds[train], before.camtoworlds[train])
-        camtoworlds[moved] = cameras.apply_similarity(camtoworlds[moved], *gauge)
-    return dataclasses.replace(before, pixtocams=pixtocams, camtoworlds=camtoworlds)
-
-
-def zoom_of(found):
-    """The log_focal that all corrections share."""
-    return max((c.motion.log_focal for c in found), key=abs)
 
 
 def row(given: prepared.Scene, after: prepared.Scene, view, correction):

@@ -16,6 +16,7 @@ import logging
 
 import jax
 
+from alignerf.alignment import aligner, outputs
 from alignerf.command import archives, faults, machine, whole
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.decisions import fill
@@ -50,6 +51,8 @@ def run(args):
     job = with_radius(fill.read_job(args.config), args.displacement)
     if (job.refine is None) != (args.cameras_out is None):
         raise ValueError("--cameras-out: for a job that learns cameras, and only there")
+    if (job.align is not None) != (args.aligned_out is not None):
+        raise ValueError("--aligned-out: for a job that aligns itself, and only there")
     with contextlib.ExitStack() as stack:
         if place.is_first():
             # Before all that takes time: a second trainer is refused at once.
@@ -79,6 +82,10 @@ def parse(argv=None):
     parser.add_argument("--checkpoints", required=True, help="folder to resume from")
     parser.add_argument("--model", required=True, help="parameters, written")
     parser.add_argument("--cameras-out", help="cameras.npz that a job learns, written")
+    parser.add_argument(
+        "--aligned-out",
+        help="folder of the cameras and photos of a job that aligns itself, written",
+    )
     parser.add_argument("--truth", help="the truth's folder, to compare these with")
     parser.add_argument("--timing", required=True, help="timing.json, written")
     return parser.parse_args(argv)
@@ -96,11 +103,12 @@ def train(job, args):
     prepared.check_images(loaded, chosen, photos)
     for view in chosen if args.valid else ():
         archives.check(f"{args.valid}/{loaded.names[view]}.npz", ["valid"])
-    compared = to_truth(loaded, args.truth) if job.refine and args.truth else None
+    moves = job.refine or job.align
+    compared = to_truth(loaded, args.truth) if moves and args.truth else None
     method = compose.make_method(job, lambda: refine.views_of(loaded))
     params = initial_params(job, method, args.initial)
     shapes = batches.view_shapes(loaded, chosen)
-    to_come = memory.tree_bytes(shapes)
+    to_come = memory.tree_bytes(shapes) + aligner.more_bytes(job.align, shapes)
     for free in (memory.free_host_bytes(), memory.free_bytes(jax.local_devices()[0])):
         memory.check(to_come, free, f"{photos}: training views")
     left = eta.Left(args.scene, args.timing)
@@ -109,19 +117,32 @@ def train(job, args):
     # Whether the checkpoint is this job's shows when the photos are there.
     parts = agree.on(checkpoint.read_parts(args.checkpoints))
     built = program.build(job, method, params, shapes, parts=parts, to_come=to_come)
+    views = batches.load_views(loaded, chosen, photos, args.valid)
+    aligns = None
+    if job.align:
+        scene = aligner.Scene(loaded, chosen, photos)
+        shown = compose.make_method(aligner.with_fewer_samples(job), to_train=False)
+        aligns = aligner.Aligner(job.align, shown, scene, args.checkpoints)
     params, timing = loop.fit(
-        *(job, method, built, params),
-        *(batches.load_views(loaded, chosen, photos, args.valid), args.checkpoints),
+        *(job, method, built, params, views, args.checkpoints),
         names=[loaded.names[view] for view in chosen],
         sources=args.sources + weights_digest(job),
         note=left.of,
+        aligner=aligns,
     )
-    if job.refine:
-        learnt = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
-        write_cameras(args, learnt)
-        if compared:
-            found = {"given": compared(loaded), "after": compared(learnt)}
-            timing["pose_error_px"] = found
+    if not moves:
+        return params, timing
+    if job.align:
+        moved = aligns.now
+        if place.is_first():
+            aligned = aligns.views(views)
+            outputs.write(args.aligned_out, moved, chosen, aligned, args.cameras)
+    else:
+        moved = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
+        write_cameras(args, moved)
+    if compared:
+        found = {"given": compared(loaded), "after": compared(moved)}
+        timing["pose_error_px"] = found
     return params, timing
 
 

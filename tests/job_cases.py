@@ -119,8 +119,11 @@ def run(folder, out, job=JOB, *more):
     return (out / "model.msgpack").read_bytes()
 
 
-def kill_after_save(monkeypatch, at_step):
-    """Let training stop for good once it has saved the step `at_step`."""
+def kill_after_save(monkeypatch, at_step, every=4):
+    """Let training stop for good once it has saved the step `at_step`.
+
+    every: steps whose numbers are fetched at once.
+    """
     save = checkpoint.save
 
     def save_and_die(folder, state, **options):
@@ -130,7 +133,7 @@ def kill_after_save(monkeypatch, at_step):
 
     monkeypatch.setattr(checkpoint, "save", save_and_die)
     monkeypatch.setattr(loop, "CHECKPOINT_EVERY_S", 0.0)
-    monkeypatch.setattr(loop, "FETCH_EVERY", 4)
+    monkeypatch.setattr(loop, "FETCH_EVERY", every)
 
 
 def stops(capsys, call):

@@ -58,6 +58,7 @@ class Job:
     training: settings.Training = settings.key()
     alignerf: Finetuning | None = settings.key()
     refine: settings.Refine | None = settings.key(None, "learns cameras too")
+    align: settings.Align | None = settings.key(None, "aligns itself on the way")
     decisions: str | None = settings.key(
         None,
         "file of what the scene's facts decided; `alignerf.decisions.fill` takes it",
@@ -143,6 +144,8 @@ def parse(values) -> Job:
         check_finetuning(job.alignerf)
     if hasattr(job.model, "far") and job.model.near >= job.model.far:
         raise ValueError("config: model: near must be smaller than far")
+    if job.align and (job.alignerf or job.refine or job.stage != "full"):
+        raise ValueError("config: align: not beside alignerf, refine or another stage")
     others = job.alignerf or job.refine
     if others and job.model.kind != "mipnerf360":
         raise ValueError(f"config: model.kind: {job.model.kind} has no such stage")
@@ -189,6 +192,28 @@ def typed(hint, value):
 def in_stage(job: Job, stage) -> Job:
     """The same job in another stage."""
     return dataclasses.replace(job, stage=stage)
+
+
+def places(align: settings.Align, steps, where="align") -> dict:
+    """{step: what is put right before it} of a training that aligns itself.
+
+    Steps count from 0; cameras come before photos. Raises ValueError, with the key as
+    `where` begins it, where two shares of one list fall on one step, or one on the
+    first.
+    """
+    found = {}
+    for what in ("cameras", "photos"):
+        key = f"{what}_at"
+        for share in sorted(getattr(align, key)):
+            step = round(share * steps)
+            kinds = found.setdefault(step, [])
+            if what in kinds or step == 0:
+                which = "the first" if step == 0 else f"number {step}, as another is"
+                raise ValueError(
+                    f"config: {where}.{key}: {share:g} of {steps} steps is {which}"
+                )
+            kinds.append(what)
+    return dict(sorted(found.items()))
 
 
 def steps_in(job: Job, step_time_s) -> int:

@@ -73,7 +73,7 @@ class Experiment:
     @kept
     def from_scratch(self):
         """Plain methods that train every round from scratch."""
-        others = {*self.warm(), *self.refining()}
+        others = {*self.warm(), *self.refining(), *self.aligning()}
         return [name for name in self.plain() if name not in others]
 
     @kept
@@ -103,7 +103,8 @@ class Experiment:
         k = int(round)
         if method in self.warm():
             return self.base_of(method) if k == 0 else method
-        if method in (*self.staged(), *self.refining(), *self.given()):
+        alone = self.staged(), self.refining(), self.aligning(), self.given()
+        if any(method in names for names in alone):
             return method
         model, done = self.methods[method]["model"], self.changes(method)[:k]
         return next(
@@ -116,6 +117,11 @@ class Experiment:
     def refining(self):
         """Methods that learn the cameras with the scene."""
         return [name for name, m in self.methods.items() if m["refine"]]
+
+    @kept
+    def aligning(self):
+        """Methods whose training puts right what it learns from, on the way."""
+        return [name for name, m in self.methods.items() if m["align"]]
 
     @kept
     def correcting(self):
@@ -184,9 +190,11 @@ class Experiment:
         return f"results/{scene}/cameras.npz"
 
     def rendered_with(self, scene, method, round):
-        """The cameras.npz of a round's renders: trained with, or learnt."""
+        """The cameras.npz of a round's renders: trained with, learnt, or aligned."""
         if method in self.refining():
             return f"{self.folder(scene, method, round)}/refined/cameras.npz"
+        if method in self.aligning():
+            return f"{self.folder(scene, method, round)}/aligned/cameras.npz"
         return self.cameras_of(scene, method, round)
 
     def corrected_folder(self, scene, method, round):
@@ -197,13 +205,16 @@ class Experiment:
     def followed(self):
         """{method: its rounds whose training views are rendered and aligned}.
 
-        Another round trains on these, or a search radius comes from them.
+        Another round trains on these, a search radius comes from them, or they say what
+        there was to be aligned on the way.
         """
         found = {name: set() for name in self.methods}
         for name, method in self.methods.items():
             for k in range(len(self.changes(name))):
                 found[self.owner_of(name, k)].add(k)
             if method["alignerf"] and method["alignerf"]["radius_px"] == "auto":
+                found[self.base_of(name)].add(0)
+            if method["align"]:
                 found[self.base_of(name)].add(0)
         return found
 

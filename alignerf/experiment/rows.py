@@ -92,6 +92,9 @@ def field_name(experiment, method):
         name = f"{name}, aliased"
     if method in experiment.refining():
         return f"{name}, cameras learnt"
+    if chosen := experiment.methods[method]["align"]:
+        what = [key for key in ("cameras", "photos") if chosen[f"{key}_at"]]
+        return f"{name}, {' and '.join(what)} aligned on the way"
     changes = experiment.methods[method]["changes"]
     if method not in experiment.staged() and changes != "photos":
         then = ", then photos" if changes == "cameras_then_photos" else ""
@@ -183,6 +186,14 @@ def photos_of_round(experiment, scene, method, round):
         return {"photos": f"results/{scene}/images"}
     before = experiment.folder(scene, method, int(round) - 1)
     return {"photos": f"{before}/warped/train", "valid": f"{before}/flow/train"}
+
+
+def photos_learnt(experiment, scene, method, round):
+    """What a round has learnt from in the end: `photos_of_round`, or aligned photos."""
+    if method not in experiment.aligning():
+        return photos_of_round(experiment, scene, method, round)
+    folder = f"{experiment.folder(scene, method, round)}/aligned"
+    return {"photos": f"{folder}/photos", "valid": f"{folder}/valid"}
 
 
 def renders_of(experiment, scene, method, round):

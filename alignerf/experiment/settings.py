@@ -564,6 +564,52 @@ class Refine:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Align:
+    """Alignment on the way: where one training stops, and what it puts right there."""
+
+    cameras_at: list[float] = key(
+        [0.25, 0.4, 0.55, 0.7],
+        "shares of the steps at which the cameras of the training views are put right",
+        above=0,
+        most=0.99,
+        length=(0, 16),
+    )
+    photos_at: list[float] = key(
+        [0.55, 0.7],
+        "shares of the steps at which photos are warped, after the cameras if both",
+        above=0,
+        most=0.99,
+        length=(0, 16),
+    )
+    photos: Literal["moving", "whole"] = key(
+        "moving",
+        "what a photo is warped by: what no moved camera explains of its flow, or all",
+    )
+    shrink: int = key(
+        3,
+        "renders and photos are made smaller by at most this factor for the flow",
+        least=1,
+        most=16,
+    )
+    least_side_px: int = key(
+        48, "of what the flow is estimated on", least=48, most=16384
+    )
+    least_move_px: float = key(
+        0.1,
+        "where the median camera would move by less, in px of the small renders, that "
+        "is the flow's own error and all stay",
+        least=0,
+        most=100,
+    )
+    estimator: Literal[
+        "dis_ultrafast", "dis_fast", "dis_medium", "dis_fine", "dis_smooth", "deepflow"
+    ] = key("deepflow", "of the flow, see `flow.estimator`")
+    match_blur: bool = key(
+        False, "blur the photo like the render, for the estimate only"
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Method:
     model: str | None = key(None, "a key of models; null takes the first")
     rounds: int | Literal["auto"] = key(
@@ -593,6 +639,9 @@ class Method:
     )
     refine: Refine | None = key(
         None, "the training views' cameras are learnt with the scene, without flow"
+    )
+    align: Align | None = key(
+        None, "alignment on the way: the training puts right what it learns from"
     )
     renders: str | None = key(
         None,

@@ -66,7 +66,7 @@ def round_job(experiment, scene, method):
     if method in experiment.staged():
         return job(experiment, scene, method, "finetune")
     found = job(experiment, scene, method, "full")
-    found["refine"] = experiment.methods[method]["refine"]
+    found |= {key: experiment.methods[method][key] for key in ("refine", "align")}
     if method not in experiment.warm():
         return found
     start, training = experiment.methods[method]["warm_start"], found["training"]

@@ -166,13 +166,17 @@ def exports(experiment):
     Its cameras with the photos as taken and, where it learnt from warped photos, with
     these.
     """
-    found, moved = [], {*experiment.refining(), *experiment.correcting()}
+    found, aligned = [], experiment.aligning()
+    moved = {*experiment.refining(), *experiment.correcting(), *aligned}
     for scene in experiment.scenes:
         for method in experiment.trained():
             last = experiment.last_round(scene, method)
             folder = f"results/{scene}/{method}/export"
             if last > 0 or method in moved:
                 found.append(f"{folder}/cameras")
-            if experiment.change_of(method, last) == "photos":
+            warps = (
+                method in aligned and experiment.methods[method]["align"]["photos_at"]
+            )
+            if warps or experiment.change_of(method, last) == "photos":
                 found.append(f"{folder}/photos")
     return found

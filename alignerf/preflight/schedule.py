@@ -25,7 +25,7 @@ SLOW_START = 3.0
 # A round's files besides those of its views: parameters, once in the model's file and
 # three times, with Adam's moments, in the checkpoint; logs and tables.
 PARAM_BYTES, SMALL_BYTES = 16, 100_000
-DEPTH_BYTES = 4
+DEPTH_BYTES, RGB_BYTES = 4, 3
 # Folders of images, and of flows, of each test view: control sets with the warped set.
 TESTSET_IMAGES, TESTSET_FLOWS = 7, 2
 # Rays of a step of a camera's fit by gradients, forwards and backwards, in renders.
@@ -79,6 +79,7 @@ def program_of(job):
     }
     if job["stage"] == "pretrain":
         found |= {"stage": "full", "alignerf": None}
+    found.pop("align", None)
     found.pop("refine", None)
     if job.get("refine"):
         found["refine"] = job["refine"]
@@ -169,10 +170,14 @@ def training(one, rate: Rates, flow: Flow, views: Views, *, threads):
     before_s = (flow.start_s + corrects_s) if one["corrects"] else 0.0
     train = Task(
         *(f"{name}/train", "train"),
-        before_s + rate.start_s + rate.compile_s + loop_s,
+        before_s
+        + rate.start_s
+        + rate.compile_s
+        + loop_s
+        + aligns_s(job, rate, flow, views),
         *(threads, [f"{before}/flow" for before in one["after"]]),
         *(f"{name}/timing.json", PARAM_BYTES * rate.params + SMALL_BYTES),
-        rate.peak_bytes,
+        rate.peak_bytes + aligns_bytes(job, views),
     )
     if not splits:
         # Those that wait for its flow wait for the training itself.
@@ -189,6 +194,23 @@ def training(one, rate: Rates, flow: Flow, views: Views, *, threads):
         count * (flow.flow_bytes + flow.warped_bytes),
     )
     return [train, render, aligned]
+
+
+def aligns_s(job, rate: Rates, flow: Flow, views: Views):
+    """Seconds of a training's alignments: small renders, their flow, the cameras."""
+    if not job.align:
+        return 0.0
+    count = len({*job.align.cameras_at, *job.align.photos_at})
+    share = 1 / job.align.shrink**2
+    view_s = share * (views.pixels * rate.pixel_s + flow.view_s)
+    corrects_s = pace(flow) * CORRECT_S * 1e-6 * views.pixels * share
+    return rate.render_compile_s + count * views.train * (view_s + corrects_s)
+
+
+def aligns_bytes(job, views: Views):
+    """Memory of a training's alignments: photos as taken beside those warped."""
+    warps = job.align and job.align.photos_at
+    return RGB_BYTES * views.train * views.pixels if warps else 0
 
 
 def render_s(rate: Rates, pixels):

@@ -19,11 +19,18 @@ def on(value):
     """The first process's value, in all of them; JSON-able."""
     if not place.are_several():
         return value
-    data = np.frombuffer(json.dumps(value).encode(), np.uint8)
-    size = int(multihost_utils.broadcast_one_to_all(np.int32(data.size)))
-    mine = data if place.is_first() else np.zeros(size, np.uint8)
+    return json.loads(on_bytes(json.dumps(value).encode()))
+
+
+def on_bytes(data: bytes) -> bytes:
+    """The first process's bytes, in all of them; less than 2 GiB."""
+    if not place.are_several():
+        return data
+    mine = np.frombuffer(data, np.uint8)
+    size = int(multihost_utils.broadcast_one_to_all(np.int32(mine.size)))
+    mine = mine if place.is_first() else np.zeros(size, np.uint8)
     sent = multihost_utils.broadcast_one_to_all(mine)
-    return json.loads(np.asarray(sent, np.uint8).tobytes())
+    return np.asarray(sent, np.uint8).tobytes()
 
 
 def on_arrays(tree):

@@ -130,8 +130,11 @@ def _place_mine(sharding, leaf):
     return jax.make_array_from_callback(leaf.shape, sharding, lambda at: leaf[at])
 
 
-def local(tree):
+def on_first(tree):
     """What `place` has placed, on this process's first device alone: no copy."""
-    if not processes.are_several():
-        return tree
     return jax.tree.map(lambda leaf: leaf.addressable_data(0), tree)
+
+
+def local(tree):
+    """The same where there are several processes; else the tree as it is."""
+    return on_first(tree) if processes.are_several() else tree

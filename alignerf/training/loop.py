@@ -28,6 +28,23 @@ FETCH_EVERY = 10
 TIMING_SHARE, TIMING_S = 0.05, 5.0
 
 
+class NoAligner:
+    """What a training asks of `alignment.aligner.Aligner`, where nothing is aligned."""
+
+    places, report, compile_time_s = (), (), 0.0
+
+    def begin(self, steps, identity):
+        """Nothing to be fixed."""
+
+    def restore(self, step):
+        """Nothing has to be there."""
+        return True
+
+    def views(self, views):
+        """The views as they are."""
+        return views
+
+
 def fit(
     job,
     method,
@@ -39,13 +56,16 @@ def fit(
     names,
     sources="",
     note=progress.nothing,
+    aligner=None,
 ):
     """Train to the last step; returns (parameters, timing).
 
     `names` [n] are those of the views. `sources` identifies the code: a checkpoint of
     other code, config or data is not resumed. Compilation is timed apart: a cache
     often saves it. note: what the progress line says besides, of the share done.
+    aligner: puts right what the training learns from, at some of its steps.
     """
+    aligner = aligner or NoAligner()
     data = checkpoint.digest((params, views)), sources
     agree.check_same(data[0], "photos, cameras and initial parameters")
     job, built, facts = in_budget(job, method, built, params, views, checkpoints, data)
@@ -55,7 +75,11 @@ def fit(
         "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)
     )
     state = program.fresh_state(built.optimizer, params)
-    state, spent_s, parts, last = resume(checkpoints, state, identity, job.steps)
+    aligner.begin(job.steps, identity)
+    state, spent_s, parts, last = resume(
+        checkpoints, state, identity, job.steps, aligner
+    )
+    given, views = views, aligner.views(views)
     built = with_parts(built, parts, job, method, params, views)
     program.log_memory(job, built, state, views)
     state, views = devices.place((state, views), built.mesh)
@@ -63,7 +87,8 @@ def fit(
     start = time.perf_counter()
 
     def time_s():
-        return round(spent_s + time.perf_counter() - start, 3)
+        passed_s = time.perf_counter() - start - aligner.compile_time_s
+        return round(spent_s + passed_s, 3)
 
     def save(state, numbers):
         state = devices.local(state)
@@ -72,7 +97,11 @@ def fit(
         if place.is_first():
             checkpoint.save(checkpoints, state, final=numbers, **facts)
 
-    def explain(state):
+    def align(state):
+        aligner.align(devices.local(state.params), int(state.step))
+        return devices.place(aligner.views(given), built.mesh)
+
+    def explain(state, views):
         options = {"steps": job.schedule_steps, "seed": job.seed, "parts": built.parts}
         return diagnose.explain(
             method, *devices.local((state, views)), names, **options
@@ -83,14 +112,17 @@ def fit(
     def step(state, views):
         return built.step(state, views, schedule)
 
-    state, numbers = run_steps(job, step, state, views, save, explain, note)
+    loop = {"save": save, "explain": explain, "note": note}
+    loop |= {"align": align, "places": aligner.places}
+    state, numbers = run_steps(job, step, state, views, **loop)
     # A finished training that was resumed made no step.
     numbers = numbers or last
     return devices.local(state.params), facts | {
         "train_time_s": time_s(),
-        "compile_time_s": built.compile_time_s,
+        "compile_time_s": round(built.compile_time_s + aligner.compile_time_s, 3),
         "micro_batches": built.parts,
         "final": numbers,
+        **({"alignments": aligner.report} if aligner.report else {}),
     }
 
 
@@ -141,17 +173,22 @@ def step_time_s(job, built, params, views, *, most_s):
     )
 
 
-def resume(checkpoints, state, identity, steps):
+def resume(checkpoints, state, identity, steps, aligner):
     """The state to go on from, its seconds so far, micro-batches and last numbers.
 
-    The first process reads it, whatever number of processes has written it.
+    The first process reads it, whatever number of processes has written it. A state
+    whose alignments are lost is of no use.
     """
     found = None
     if place.is_first():
         found = checkpoint.restore(checkpoints, state, identity=identity)
     manifest = agree.on(found and found[1])
+    fresh = state, 0.0, None, {}
     if manifest is None:
-        return state, 0.0, None, {}
+        return fresh
+    if not aligner.restore(agree.on(found and int(found[0].step))):
+        log.warning("%s: its alignment is lost, starting anew", checkpoints)
+        return fresh
     state = agree.on_arrays(found[0] if found else state)
     log.info("resuming at step %d of %d", int(state.step), steps)
     state = jax.tree.map(jnp.asarray, state)
@@ -203,12 +240,13 @@ def describe(job, params):
     }
 
 
-def run_steps(job, step, state, views, save, explain, note):
+def run_steps(job, step, state, views, *, save, explain, note, align, places):
     """The loop: step, look at the numbers, save now and then.
 
+    Before the steps of `places` it saves, and goes on with the views of align(state).
     Returns the last state and the numbers of the last steps (none where a finished
-    training was resumed). Raises ValueError(explain(state)), with the state before
-    it, for the first step that is not finite.
+    training was resumed). Raises ValueError(explain(state, views)), with the state
+    before it, for the first step that is not finite.
     """
     done = int(state.step)
     pending, history = [], {}
@@ -217,14 +255,18 @@ def run_steps(job, step, state, views, save, explain, note):
     bar = progress.Progress(job.stage, job.steps, **options)
     with contextlib.closing(bar):
         while done < job.steps:
+            if done in places:
+                save(state, history)
+                views = align(state)
+                saved = fetched = time.perf_counter()
             state, stats = step(state, views)
             pending.append(stats)
             done += 1
-            if len(pending) < FETCH_EVERY and done < job.steps:
+            if len(pending) < FETCH_EVERY and done not in {*places, job.steps}:
                 continue
             numbers = jax.device_get(pending)
             if not all(is_finite(stats) for stats in numbers):
-                raise ValueError(explain(state))
+                raise ValueError(explain(state, views))
             history = {
                 key: float(np.mean([stats[key] for stats in numbers])) for key in stats
             }

@@ -41,10 +41,16 @@ def read_model(config, model, loaded: prepared.Scene, *, moving=False):
 
 
 def make_renderer(method, params, width, height):
-    """A function from a camera to (image [h, w, 3] uint8, depth [h, w] float32).
+    """`make_for_params` of these parameters."""
+    return functools.partial(make_for_params(method, width, height), params)
 
-    Its third argument, a mask [h, w], may say which pixels are wanted: others are
-    black, or no colours, with a depth of 0.
+
+def make_for_params(method, width, height):
+    """A function from parameters and a camera to an image and its depth.
+
+    (params, pixtocam, camtoworld) -> (image [h, w, 3] uint8, depth [h, w] float32): for
+    other parameters nothing is compiled anew. A fourth argument, a mask [h, w], may say
+    which pixels are wanted: others are black, or no colours, with a depth of 0.
     """
     memory.keep_freed()
     count = width * height
@@ -69,13 +75,13 @@ def make_renderer(method, params, width, height):
     def colours_of(params, values):
         return jnp.clip(method.colours(params, values), 0.0, 1.0)
 
-    def paint(values):
+    def paint(params, values):
         rgb = np.asarray(colours_of(params, values))
         if not np.isfinite(rgb).all():
             raise ValueError("the model renders colours that are not finite")
         return np.round(rgb * 255.0).astype(np.uint8)
 
-    def render(pixtocam, camtoworld, wanted=None):
+    def render(params, pixtocam, camtoworld, wanted=None):
         camera = [jnp.asarray(m, jnp.float32) for m in (pixtocam, camtoworld)]
         depths = np.zeros(count, np.float32)
 
@@ -93,7 +99,7 @@ def make_renderer(method, params, width, height):
                 yield np.zeros((count - done, block.shape[-1]), block.dtype)
 
         size = {"width": width, "height": height, "strip": strip, "halo": method.halo}
-        image = strips.colours(values(), paint, **size)
+        image = strips.colours(values(), functools.partial(paint, params), **size)
         return image, depths.reshape(height, width)
 
     def needed(wanted):

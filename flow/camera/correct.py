@@ -64,26 +64,32 @@ class Correction(NamedTuple):
     left_alone: str
 
 
-def corrections(views) -> list[Correction]:
+def corrections(
+    views, *, least_px=LEAST_MEDIAN_PX, zooms=True, most_pixels=camera_fit.MAX_PIXELS
+) -> list[Correction]:
     """The correction of each view, in their order; views is read one at a time, twice.
 
     views: a function that gives an iterator of `View`. All motions that are not none
-    share one log_focal. Raises ValueError where a view's arrays do not fit each other.
+    share one log_focal. least_px: where the median view would move by less, that is the
+    flow's error. zooms: whether the focal length may change. most_pixels: of a view are
+    fitted. Raises ValueError where a view's arrays do not fit each other.
     """
-    fits = [_fitted(view, log_focal=None) for view in views()]
-    log_focal = shared_zoom(
-        [fit.motion.log_focal for fit in fits if not fit.left_alone]
-    )
-    found = [_fitted(view, log_focal=log_focal) for view in views()]
+    log_focal, size = 0.0, {"most_pixels": most_pixels}
+    if zooms:
+        fits = [_fitted(view, log_focal=None, **size) for view in views()]
+        log_focal = shared_zoom(
+            [fit.motion.log_focal for fit in fits if not fit.left_alone]
+        )
+    found = [_fitted(view, log_focal=log_focal, **size) for view in views()]
     kept = [correction for correction in found if not correction.left_alone]
     usual = {
         name: float(np.median([getattr(correction, name) for correction in kept]))
         for name in (("noise_px", "length_px") if kept else ())
     }
-    if kept and usual["length_px"] < LEAST_MEDIAN_PX:
+    if kept and usual["length_px"] < least_px:
         reason = (
             f"the median view would move by {usual['length_px']:.2f} px, and under "
-            f"{LEAST_MEDIAN_PX} px that is the flow's error"
+            f"{least_px:g} px that is the flow's error"
         )
         found = [
             c if c.left_alone or c.length_px > CLEAR_PX else _left_alone(c, reason)
@@ -102,11 +108,9 @@ def shared_zoom(log_focals):
     return median if abs(median) > ZOOM_ERRORS * error else 0.0
 
 
-def _fitted(view: View, *, log_focal) -> Correction:
-    """What a view says by itself."""
-    fit = camera_fit.split(
-        view.flow_px, view.valid, view.pixtocam, view.depth, log_focal=log_focal
-    )
+def _fitted(view: View, **options) -> Correction:
+    """What a view says by itself; options: of `camera_fit.split`."""
+    fit = camera_fit.split(*view, **options)
     lengths_px = np.linalg.norm(fit.camera_px[fit.valid], axis=-1)
     share = float(fit.valid.mean())
     near = view.depth[fit.valid & np.isfinite(view.depth)]

@@ -56,17 +56,19 @@ class Fit(NamedTuple):
     pixels: int
 
 
-def split(flow_px, valid, pixtocam, depth=None, *, log_focal=None) -> Fit:
+def split(
+    flow_px, valid, pixtocam, depth=None, *, log_focal=None, most_pixels=MAX_PIXELS
+) -> Fit:
     """Split a flow [h, w, 2] into what a moved camera explains, and the rest.
 
     depth [h, w]: not positive or NaN is unknown, infinite is far away; None:
     everything is far away, and only a turn and a zoom are fitted. log_focal: a zoom
-    that is known, and not fitted. Always finite; raises ValueError where shapes do not
-    fit or pixtocam is singular.
+    that is known, and not fitted. most_pixels: about so many are fitted. Always finite;
+    raises ValueError where shapes do not fit or pixtocam is singular.
     """
     valid, depth = _checked(flow_px, valid, pixtocam, depth)
     points = camera_motion.points_of(pixtocam, depth)
-    sample = _sample(valid)
+    sample = _sample(valid, most_pixels)
     pixels = int(sample.sum())
     motion = camera_motion.STILL._replace(log_focal=log_focal or 0.0)
     if pixels >= MIN_PIXELS:
@@ -104,9 +106,9 @@ def _checked(flow_px, valid, pixtocam, depth):
     return valid & known, depth
 
 
-def _sample(usable):
-    """At most about MAX_PIXELS of the usable pixels, on a regular grid."""
-    stride = int(np.ceil(np.sqrt(max(usable.sum() / MAX_PIXELS, 1))))
+def _sample(usable, most):
+    """At most about so many of the usable pixels, on a regular grid."""
+    stride = int(np.ceil(np.sqrt(max(usable.sum() / most, 1))))
     chosen = np.zeros_like(usable)
     chosen[::stride, ::stride] = usable[::stride, ::stride]
     return chosen

@@ -6,7 +6,8 @@ import pytest
 import yaml
 
 ON_ACCELERATORS = {
-    *("train", "train_warm", "train_refining", "pretrain", "finetune"),
+    *("train", "train_warm", "train_refining", "train_aligning"),
+    *("pretrain", "finetune"),
     *("train_variant", "render_views", "render_all_views", "render_pretrained"),
     *("render_variant", "align_test_poses"),
 }

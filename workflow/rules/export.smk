@@ -26,7 +26,7 @@ rule export_cameras:
 use rule export_cameras as export_photos with:
     input:
         unpack(
-            lambda w: rows.photos_of_round(
+            lambda w: rows.photos_learnt(
                 experiment,
                 w.scene,
                 w.method,
@@ -35,7 +35,7 @@ use rule export_cameras as export_photos with:
         ),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
-        used=lambda w: experiment.cameras_of(
+        used=lambda w: experiment.rendered_with(
             w.scene, w.method, experiment.last_round(w.scene, w.method)
         ),
     output:

@@ -84,6 +84,31 @@ use rule train as train_refining with:
         ],
 
 
+# Cameras and photos put right on the way: its renders are made with these cameras.
+use rule train as train_aligning with:
+    input:
+        unpack(lambda w: rows.photos_of_round(experiment, w.scene, w.method, w.round)),
+        unpack(lambda w: rows.truth_of(experiment, w.scene)),
+        images="results/{scene}/images",
+        cameras="results/{scene}/cameras.npz",
+        decisions=lambda w: rows.decisions_of(experiment, w.scene),
+        used=lambda w: experiment.cameras_of(w.scene, w.method, w.round),
+        preflight="results/{scene}/preflight.json",
+    output:
+        model="results/{scene}/{method}/round{round}/model.msgpack",
+        timing="results/{scene}/{method}/round{round}/timing.json",
+        cameras="results/{scene}/{method}/round{round}/aligned/cameras.npz",
+        photos=directory("results/{scene}/{method}/round{round}/aligned/photos"),
+        valid=directory("results/{scene}/{method}/round{round}/aligned/valid"),
+    wildcard_constraints:
+        method=plan.one_of(experiment.aligning()),
+    params:
+        more=lambda w, input, output: [
+            *flows.option("aligned-out", output.cameras.rpartition("/")[0]),
+            *flows.option("truth", input.get("truth")),
+        ],
+
+
 rule pretrain:
     input:
         images="results/{scene}/images",

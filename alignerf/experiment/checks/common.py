@@ -21,5 +21,5 @@ def first(names):
 
 def is_derived(method):
     """Whether a method is no training from scratch that others may be set against."""
-    others = ("warm_start", "alignerf", "refine", "renders")
+    others = ("warm_start", "alignerf", "refine", "align", "renders")
     return any(method[key] for key in others)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from alignerf.experiment import schema, settings
+from alignerf.experiment import jobs, schema, settings
 from alignerf.experiment.checks.common import fault, is_derived, is_there
 
 # Keys of a method that is another program's renders.
@@ -28,6 +28,8 @@ def check_method(config, name):
         method["alignerf"] or method["warm_start"] or method["rounds"] != 0
     ):
         fault(f"methods.{name}.refine", "not beside rounds, warm_start or alignerf")
+    if method["align"]:
+        check_align(config, name)
     shares = (method["refine"] or {}).get("coarse_to_fine")
     if shares and not shares[0] < shares[1] < 1:
         fault(f"methods.{name}.refine.coarse_to_fine", "two shares, first < last < 1")
@@ -39,6 +41,21 @@ def check_method(config, name):
         fault(f"methods.{name}.alignerf.radius_px", "matching pixel needs 1 or more")
     if found["radius_px"] == "auto":
         check_radius(config, name)
+
+
+def check_align(config, name):
+    """One training, that stops at places of its own, and puts something right there."""
+    method, where = config["methods"][name], f"methods.{name}.align"
+    others = [key for key in ("alignerf", "warm_start", "refine") if method[key]]
+    if others or method["rounds"] != 0 or method["changes"] != "photos":
+        others += ["rounds"] * (method["rounds"] != 0)
+        fault(where, f"not beside {' or '.join(others or ['changes'])}")
+    chosen = jobs.instance(settings.Align, method["align"])
+    if not (chosen.cameras_at or chosen.photos_at):
+        fault(where, "cameras_at or photos_at: it needs a share at which to align")
+    lengths = [scene["steps"] for scene in config["scenes"].values()]
+    for steps in {steps for steps in lengths if steps}:
+        jobs.places(chosen, steps, where)
 
 
 def check_renders(config, name):

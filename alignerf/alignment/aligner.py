@@ -1,0 +1,277 @@
+"""The alignments of one training, made in its loop.
+
+The loop asks three things: before which steps it has to stop (`places`), what it learns
+from after the alignments so far (`views`), and to align at a step (`align`). A resumed
+training takes what is on disk (`restore`) and is bit for bit the same.
+"""
+
+import dataclasses
+import logging
+import time
+from typing import NamedTuple
+
+import flax.serialization
+import numpy as np
+
+from alignerf.alignment import cameras, look, photos, store
+from alignerf.command import faults
+from alignerf.experiment import jobs, settings
+from alignerf.processes import agree, place
+from alignerf.scenes import prepared
+from alignerf.training import devices, memory, renderer
+from flow.camera import correct
+from flow.estimation import pairs
+
+log = logging.getLogger("alignerf")
+
+# Largest forward-backward disagreement of a valid pixel, in px of the small images.
+TOLERANCE_PX = 1.0
+# Of `least_move_px`, once cameras were seen to be wrong: what is left of their error
+# is then moved too. With nothing wrong the flow asks for more than that.
+AGAIN = 0.3
+# Of the training's samples along a ray, so many are enough for small renders.
+SAMPLES_SHARE, LEAST_SAMPLES = 1.0, 4
+# Of a view as many pixels say where its camera is: a flow is smooth.
+FITTED_PIXELS = 1000
+# Of a pixel of a small image: a photo, a depth, flow and offsets, where both hold.
+SMALL_BYTES = 3 + 4 + 8 + 8 + 2
+
+
+class Scene(NamedTuple):
+    """What a training learns from, before any alignment.
+
+    loaded: the scene with the cameras as given; views [n]: its training views; photos:
+    the folder of their photos.
+    """
+
+    loaded: prepared.Scene
+    views: np.ndarray
+    photos: str
+
+
+class Aligner:
+    """State of a training's alignments: its cameras, and the offsets of its photos."""
+
+    def __init__(self, settings: settings.Align, method, scene: Scene, folder):
+        """folder: of the training's checkpoints."""
+        self.settings, self.method, self.scene = settings, method, scene
+        self.folder = folder
+        self.size = scene.loaded.height, scene.loaded.width
+        self.k = look.factor(self.size, settings.least_side_px, settings.shrink)
+        self.now = scene.loaded
+        self.offsets_px = self.valid = None
+        self.report, self.small, self.render = [], None, None
+        self.identity, self.places, self.compile_time_s = "", {}, 0.0
+
+    def begin(self, steps, identity):
+        """Fix the places of a training of so many steps; identity: its fingerprint."""
+        self.identity = identity
+        self.places = jobs.places(self.settings, steps)
+
+    def restore(self, step) -> bool:
+        """Take what the alignments before a step have found; whether it is there.
+
+        One that is done before this very step is not made again.
+        """
+        found = None
+        if place.is_first():
+            found = store.read(self.folder, identity=self.identity, size=self.sizes())
+        aligned = agree.on(found and found[1]["step"])
+        last = max((at for at in self.places if at < step), default=None)
+        if aligned is None or aligned not in (step, last):
+            return last is None
+        self.take(shared(found and found[0]))
+        self.report = agree.on(found and found[1]["report"])
+        self.places.pop(step, None) if aligned == step else None
+        return True
+
+    def align(self, params, step):
+        """Look at all training views by these parameters; put right what is off."""
+        begun, compiled_s = time.perf_counter(), self.compile_time_s
+        kinds = self.places[step]
+        arrays, row = None, {}
+        if place.is_first():
+            seen = list(self.look(devices.on_first(params)))
+            row = {"step": step, "corrects": kinds, "shrink": self.k}
+            row |= self.flow_lengths(seen)
+            if "cameras" in kinds:
+                row |= self.move_cameras(seen)
+            if "photos" in kinds:
+                row |= self.move_photos(seen)
+            arrays = self.arrays()
+        self.take(shared(arrays))
+        took_s = time.perf_counter() - begun - (self.compile_time_s - compiled_s)
+        self.report.append(agree.on(row | {"time_s": round(took_s, 3)}))
+        if place.is_first():
+            store.write(
+                self.folder,
+                arrays,
+                identity=self.identity,
+                step=step,
+                report=self.report,
+            )
+        self.say(self.report[-1])
+
+    def look(self, params):
+        """`correct.View` of each training view, as the parameters show it now."""
+        loaded, chosen, k = self.now, self.scene.views, self.k
+        if self.small is None:
+            self.small = look.read_photos(loaded, chosen, self.scene.photos, k)
+            h, w = (side // k for side in self.size)
+            self.render = renderer.make_for_params(self.method, w, h)
+            # Compiling is counted apart: a cache often saves it.
+            begun = time.perf_counter()
+            self.render(params, loaded.pixtocams[0], loaded.camtoworlds[0])
+            self.compile_time_s += time.perf_counter() - begun
+
+        def one(i):
+            def render(*camera):
+                return self.render(params, *camera)
+
+            photo = self.small[i]
+            return look.at(render, loaded, chosen[i], photo, k, self.flow_of)
+
+        return devices.map_in_threads(one, range(len(chosen)))
+
+    def flow_of(self, render, photo):
+        """(flow_px, valid) between two small images."""
+        return pairs.flow_and_validity(
+            *(render, photo),
+            method=self.settings.estimator,
+            match_blur=self.settings.match_blur,
+            tolerance_px=TOLERANCE_PX,
+        )[:2]
+
+    def flow_lengths(self, seen):
+        """What the report says of the flow, in pixels of the photos."""
+        medians = [
+            np.median(np.linalg.norm(view.flow_px[view.valid], axis=-1))
+            for view in seen
+            if view.valid.any()
+        ]
+        return {"flow_px": self.k * float(np.median(medians)) if medians else None}
+
+    def move_cameras(self, seen):
+        """Move the cameras that can be trusted; what was done."""
+        found = correct.corrections(
+            lambda: iter(seen),
+            least_px=self.settings.least_move_px * (AGAIN if self.has_moved() else 1),
+            zooms=not any("camera_px" in row for row in self.report),
+            most_pixels=FITTED_PIXELS,
+        )
+        train = self.scene.views
+        self.now = cameras.corrected(self.now, train, found)
+        staying = {}
+        for view, correction in zip(train, found, strict=True):
+            if correction.left_alone:
+                name = self.now.names[view]
+                staying.setdefault(correction.left_alone, []).append(name)
+        return {
+            "camera_px": self.k * cameras.median_px(found),
+            "cameras_moved": len(cameras.moved_views(train, found)),
+            "left_alone": staying,
+        }
+
+    def has_moved(self):
+        """Whether an alignment has found cameras that were wrong."""
+        return any(row.get("cameras_moved") for row in self.report)
+
+    def move_photos(self, seen):
+        """Find by how much each photo is to be warped; what was done."""
+        whole = self.settings.photos == "whole"
+        options = {"whole": whole, "most_pixels": FITTED_PIXELS}
+        found = [photos.offsets(view, **options) for view in seen]
+        self.offsets_px = np.stack([offset for offset, _ in found]).astype(np.float32)
+        self.valid = np.stack([valid for _, valid in found])
+        moving = (self.offsets_px != 0).any(axis=-1).mean(axis=(1, 2))
+        return {
+            "photos_warped": int((moving > 0).sum()),
+            "moving_share": float(np.median(moving)),
+        }
+
+    def views(self, views):
+        """The training views, `batches.Views`, as they are to be learnt from now."""
+        chosen = self.scene.views
+        if self.offsets_px is not None:
+            views = photos.warped(views, self.offsets_px, self.valid, self.k)
+        return views._replace(
+            pixtocams=self.now.pixtocams[chosen].astype(np.float32),
+            camtoworlds=self.now.camtoworlds[chosen].astype(np.float32),
+        )
+
+    def arrays(self):
+        """All that the alignments so far have found, as `take` takes it."""
+        found = {
+            "pixtocams": np.asarray(self.now.pixtocams),
+            "camtoworlds": np.asarray(self.now.camtoworlds),
+        }
+        if self.offsets_px is not None:
+            found |= {"offsets_px": self.offsets_px, "valid": self.valid}
+        return found
+
+    def take(self, arrays):
+        """Go on from what `arrays` gave."""
+        self.now = dataclasses.replace(
+            self.scene.loaded,
+            pixtocams=arrays["pixtocams"],
+            camtoworlds=arrays["camtoworlds"],
+        )
+        self.offsets_px, self.valid = arrays.get("offsets_px"), arrays.get("valid")
+
+    def sizes(self):
+        """(shape, dtype) of each of the arrays."""
+        n, views = len(self.now.names), len(self.scene.views)
+        h, w = (side // self.k for side in self.size)
+        return {
+            "pixtocams": ((n, 3, 3), "float64"),
+            "camtoworlds": ((n, 3, 4), "float64"),
+            "offsets_px": ((views, h, w, 2), "float32"),
+            "valid": ((views, h, w), "bool"),
+        }
+
+    def say(self, row):
+        """Log what an alignment saw and did."""
+        found = []
+        if row["flow_px"] is not None:
+            found.append(f"renders and photos are apart by {row['flow_px']:.2f} px")
+        if "cameras_moved" in row:
+            found.append(
+                f"{row['cameras_moved']} cameras move, by {row['camera_px']:.2f} px in "
+                "the median"
+            )
+        if "photos_warped" in row:
+            found.append(
+                f"{row['photos_warped']} photos warped, {row['moving_share']:.1%} of "
+                "the median one"
+            )
+        log.info("aligned at step %d: %s", row["step"], "; ".join(found))
+        for reason, views in row.get("left_alone", {}).items():
+            log.info("cameras of %s stay: %s", faults.some_names(views), reason)
+
+
+def with_fewer_samples(job: jobs.Job) -> jobs.Job:
+    """The job whose model renders what a flow is taken of: small, and so less sharp."""
+    samples = job.model.samples
+    if job.model.kind not in ("mipnerf360", "ngp") or len(samples) == 1:
+        return job
+    fewer = [max(LEAST_SAMPLES, round(n * SAMPLES_SHARE)) for n in samples]
+    model = dataclasses.replace(job.model, samples=fewer)
+    return dataclasses.replace(job, model=model)
+
+
+def more_bytes(settings: settings.Align | None, shapes):
+    """What a training that aligns itself takes besides its views; shapes: of these.
+
+    Photos as taken stay beside those that are warped; renders and flows are small.
+    """
+    if settings is None:
+        return 0
+    photos = memory.tree_bytes(shapes.photos)
+    warped = photos + memory.tree_bytes(shapes.valid) if settings.photos_at else 0
+    return warped + SMALL_BYTES * photos // (3 * settings.shrink**2)
+
+
+def shared(arrays):
+    """The first process's arrays {name: array}, to the bit, in all of them."""
+    packed = flax.serialization.msgpack_serialize(arrays) if arrays else b""
+    return flax.serialization.msgpack_restore(agree.on_bytes(packed))

@@ -1,0 +1,46 @@
+"""Cameras of a scene after corrections by flow, in the frame that they had."""
+
+import dataclasses
+
+import numpy as np
+
+from alignerf.scenes import cameras, prepared
+from flow.camera import motion as camera_motion
+
+
+def corrected(before: prepared.Scene, train, found) -> prepared.Scene:
+    """The scene with its cameras moved, and the frame where it was.
+
+    train [n]: indices of the views that `found`, their `correct.Correction`s, are of.
+    What all corrections have in common (a turn, a shift and a scale of the world)
+    cannot be seen in any photo, and is taken out. Views that are left alone count as
+    corrected by nothing: they hold the frame. A lens that is put right is every view's.
+    """
+    camtoworlds = before.camtoworlds.copy()
+    moved = moved_views(train, found)
+    zoom = np.exp(-zoom_of(found))
+    pixtocams = np.diag([zoom, zoom, 1.0]) @ before.pixtocams
+    for view, correction in zip(train, found, strict=True):
+        _, camtoworlds[view] = camera_motion.apply(
+            correction.motion, pixtocams[view], camtoworlds[view]
+        )
+    if moved:
+        gauge = cameras.align_similarity(camtoworlds[train], before.camtoworlds[train])
+        camtoworlds[moved] = cameras.apply_similarity(camtoworlds[moved], *gauge)
+    return dataclasses.replace(before, pixtocams=pixtocams, camtoworlds=camtoworlds)
+
+
+def moved_views(train, found):
+    """Those of the views `train` whose corrections are not none."""
+    return [v for v, c in zip(train, found, strict=True) if not c.left_alone]
+
+
+def zoom_of(found):
+    """The log_focal that all corrections share."""
+    return max((c.motion.log_focal for c in found), key=abs)
+
+
+def median_px(found):
+    """Median length of the corrections that are made; 0 where there is none."""
+    lengths_px = [c.length_px for c in found if not c.left_alone]
+    return float(np.median(lengths_px)) if lengths_px else 0.0

@@ -1,0 +1,69 @@
+"""What a training shows of its views when it stops: small renders, and their flow.
+
+Notation: k the factor by which renders and photos are made smaller; a small render's
+cones are k times as wide. Photos are those as taken, so that nothing compounds.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from alignerf.scenes import prepared
+from flow.camera import correct
+from flow.warping import small, warp
+
+
+class Photo(NamedTuple):
+    """A photo made small, and where it counts; None: everywhere."""
+
+    image: np.ndarray  # [h // k, w // k, 3] uint8
+    counts: np.ndarray | None  # [h // k, w // k] bool
+
+
+def factor(size, least_side_px, most):
+    """k for photos of `size` (h, w): at most `most`, and a flow needs its side in px.
+
+    Raises ValueError where even the photos as they are have less.
+    """
+    side = min(size)
+    if side < least_side_px:
+        raise ValueError(
+            f"photos of {size[1]}x{size[0]} pixels are too small to be aligned: the "
+            f"flow needs {least_side_px} px a side"
+        )
+    return max(1, min(most, side // least_side_px))
+
+
+def read_photos(loaded: prepared.Scene, views, folder, k):
+    """Small photos of these views, in their order."""
+    masked = (loaded.folder / prepared.MASKS).is_dir()
+    found = []
+    for view in views:
+        (image,) = prepared.read_images(loaded, [view], folder)
+        counts = None
+        if masked:
+            (mask,) = prepared.read_masks(loaded, [view])
+            counts = small.shrink_mask(mask, k)
+        found.append(Photo(small.shrink(image, k), counts))
+    return found
+
+
+def at(render, scene: prepared.Scene, view, photo: Photo, k, flow_of) -> correct.View:
+    """What a view's small render, and its flow to the photo, say of its camera.
+
+    render: of a `training.renderer`, for the small size. flow_of: (render, photo) ->
+    (flow_px, valid), of images of 8 bits.
+    """
+    pixtocam = small.shrink_pixtocam(scene.pixtocams[view], k)
+    image, depth = render(pixtocam, scene.camtoworlds[view])
+    target = photo.image
+    if photo.counts is not None:
+        # What does not count would else be matched to something.
+        target = np.where(photo.counts[..., None], target, image)
+    flow_px, valid = flow_of(image, target)
+    if photo.counts is not None:
+        valid &= warp.sees_only(flow_px, photo.counts)
+    usable = np.isfinite(depth) & (depth > 0)
+    near = np.where(usable, depth, np.float32(1e30))
+    valid &= usable & warp.unoccluded(flow_px, near)
+    return correct.View(flow_px, valid, pixtocam, depth)

@@ -1,0 +1,33 @@
+"""What a training that aligned itself has learnt from, as files for other stages."""
+
+from pathlib import Path
+
+import numpy as np
+
+from alignerf.command import images, whole
+from alignerf.scenes import prepared
+from alignerf.training import batches
+
+
+def write(folder, scene: prepared.Scene, chosen, views: batches.Views, cameras=None):
+    """Write cameras.npz, and of the views `chosen` photos/<view>.png, valid/<view>.npz.
+
+    scene: with its cameras as they are now. views: the photos as warped in the end, or
+    as taken, and where they hold. cameras: the file that the training began with; the
+    poses of views that did not move stay as they are there, to the bit.
+    """
+    folder = Path(folder)
+    before = prepared.load(scene.folder, cameras).camtoworlds
+    moved = np.flatnonzero((scene.camtoworlds != before).any(axis=(1, 2)))
+    with whole.replace_file(folder / "cameras.npz") as path:
+        prepared.write_cameras(path, scene, cameras, moved)
+    with (
+        whole.replace_folder(folder / "photos") as photos,
+        whole.replace_folder(folder / "valid") as valid,
+    ):
+        for slot, view in enumerate(chosen):
+            name = scene.names[view]
+            images.write(photos / f"{name}.png", np.asarray(views.photos[slot]))
+            packed = np.asarray(views.valid[slot])
+            counts = np.unpackbits(packed, axis=-1, count=scene.width).astype(bool)
+            np.savez(valid / f"{name}.npz", valid=counts)

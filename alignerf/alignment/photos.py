@@ -1,0 +1,58 @@
+"""Photos of a training as alignments warp them: always those as taken, warped once.
+
+Notation: offsets_px [n, h // k, w // k, 2] float32, in pixels of images made smaller by
+k: where a pixel of a render is seen in the photo.
+"""
+
+import numpy as np
+
+from alignerf.command import machine
+from alignerf.scenes import prepared
+from alignerf.training import batches
+from flow.camera import correct
+from flow.camera import fit as camera_fit
+from flow.warping import small, warp
+
+# Of a remainder that no camera explains, what is shorter is the flow's own error: in
+# pixels of the small image.
+LEAST_MOVE_PX = 0.2
+
+
+def offsets(view: correct.View, *, whole, most_pixels):
+    """(offsets_px, valid) of one view: by how much its photo is to be warped.
+
+    whole: all of the flow; else only what still moves when the camera has moved.
+    most_pixels: that say where the camera is.
+    """
+    if whole:
+        return view.flow_px, view.valid
+    fit = camera_fit.split(*view, log_focal=0.0, most_pixels=most_pixels)
+    length_px = np.linalg.norm(fit.remainder_px, axis=-1)
+    moves = fit.moved & (length_px > LEAST_MOVE_PX)
+    still = np.zeros_like(fit.remainder_px)
+    # What stays where it is needs no flow to be valid.
+    return np.where(moves[..., None], fit.remainder_px, still), ~moves | fit.valid
+
+
+def warped(views: batches.Views, offsets_px, valid, k, *, kernel="lanczos"):
+    """The views with their photos warped by offsets, and the pixels that then count."""
+    n, h, w, _ = views.photos.shape
+    photos = prepared.empty_images((n, h, w, 3))
+
+    def one(i):
+        if valid[i].all() and not offsets_px[i].any():
+            photos[i] = views.photos[i]
+            return views.valid[i]
+        flow_px = small.enlarge(offsets_px[i], k, (h, w))
+        photos[i] = warp.warp(views.photos[i], flow_px, kernel=kernel)
+        counts = np.unpackbits(views.valid[i], axis=-1, count=w).astype(bool)
+        inside = small.enlarge_mask(valid[i], k, (h, w)) & warp.in_frame(flow_px)
+        if not counts.all():
+            inside &= warp.sees_only(flow_px, counts)
+        # Photos of which nothing holds stay as taken: something has to be learnt.
+        if not inside.any():
+            photos[i], inside = views.photos[i], counts
+        return batches.pack_valid(inside)
+
+    packed = list(machine.map_in_threads(one, range(n)))
+    return views._replace(photos=photos, valid=np.stack(packed))

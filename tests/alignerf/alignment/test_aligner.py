@@ -1,0 +1,267 @@
+"""Alignment on the way: cameras and photos of a scene that is known exactly.
+
+A plane with a smooth texture, rendered by a method that has nothing to learn: what the
+aligner finds is the cameras' error, and the motion of a thing in one photo.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from alignerf.alignment import aligner, store
+from alignerf.command import images
+from alignerf.experiment import settings
+from alignerf.mipnerf360 import model
+from alignerf.scenes import cameras, prepared
+from alignerf.training import batches, methods, renderer
+
+WIDTH, HEIGHT, FOCAL_PX, COUNT = 180, 144, 150.0, 8
+ALIGN = {"cameras_at": [0.2, 0.4], "photos_at": [0.4], "shrink": 3}
+
+
+def texture(place):
+    """Colours of places [n, 2] on the plane; no two parts of it look alike."""
+    x, y = place[:, 0], place[:, 1]
+    waves = [
+        jnp.sin(7.0 * x + 3.1 * jnp.sin(2.3 * y)),
+        jnp.sin(9.0 * y + 2.7 * jnp.sin(3.1 * x)),
+        jnp.sin(5.0 * (x + y) + jnp.sin(4.3 * (x - y))),
+    ]
+    return 0.5 + 0.3 * jnp.stack(waves, axis=-1)
+
+
+def render(params, rays):
+    """The plane z = -2, which leans a little towards y."""
+    normal = jnp.array([0.0, 0.3, 1.0])
+    t = -(2.0 + rays.origins @ normal) / (rays.directions @ normal)
+    places = rays.origins + t[:, None] * rays.directions
+    return model.Rendering(texture(places[:, :2]), t, ())
+
+
+METHOD = methods.Method(1, None, None, None, render, lambda params, values: values)
+
+
+def poses_of(rng):
+    poses = np.repeat(np.eye(4)[None, :3], COUNT, axis=0)
+    poses[:, :, 3] = rng.uniform(-1, 1, size=(COUNT, 3)) * [1, 1, 0.2]
+    return poses
+
+
+def turned(poses, rng, px):
+    found = poses.copy()
+    for pose in found[1:]:
+        turn = Rotation.from_rotvec(rng.normal(size=3) * [1, 1, 0.3] * px / FOCAL_PX)
+        pose[:, :3] = pose[:, :3] @ turn.as_matrix()
+    return found
+
+
+def make_scene(folder, true, given, photo_of=lambda i, photo: photo):
+    """A prepared scene whose photos were taken by other cameras than are given."""
+    pixtocam = cameras.intrinsics(FOCAL_PX, WIDTH, HEIGHT)
+    (folder / "images").mkdir(parents=True)
+    np.savez(
+        folder / "cameras.npz",
+        pixtocams=np.stack([pixtocam] * COUNT),
+        camtoworlds=given,
+        names=[f"v{i}" for i in range(COUNT)],
+        width=WIDTH,
+        height=HEIGHT,
+        split=["test", *["train"] * (COUNT - 1)],
+    )
+    loaded = prepared.load(folder)
+    # The truth in the frame that the given cameras are normalised to.
+    seen = cameras.frame_of(given).normalised(true)
+    paint = renderer.make_renderer(METHOD, {}, WIDTH, HEIGHT)
+    for i in range(COUNT):
+        photo = photo_of(i, paint(pixtocam, seen[i])[0])
+        images.write(folder / f"images/v{i}.png", photo)
+    return loaded, seen
+
+
+def aligner_of(loaded, folder, **changes):
+    scene = aligner.Scene(loaded, loaded.views("train"), loaded.folder / "images")
+    found = aligner.Aligner(settings.Align(**ALIGN | changes), METHOD, scene, folder)
+    found.begin(10, "this")
+    return found
+
+
+def error_px(state, true):
+    """Mean distance of where the state's and the true cameras see the plane."""
+    train = state.views("train")
+    gauge = cameras.align_similarity(true[train], state.camtoworlds[train])
+    true = cameras.apply_similarity(true, *gauge)
+    errors = []
+    for i in train:
+        place = np.array([[0.2, -0.1, -2.0], [-0.4, 0.3, -2.0]])
+        ends = [
+            cameras.project(place, state.pixtocams[i], p[i])[0]
+            for p in (true, state.camtoworlds)
+        ]
+        errors.append(np.linalg.norm(ends[0] - ends[1], axis=-1))
+    return float(np.mean(errors))
+
+
+@pytest.fixture
+def wrong(tmp_path, rng):
+    true = poses_of(rng)
+    loaded, seen = make_scene(tmp_path / "scene", true, turned(true, rng, 3.0))
+    return loaded, seen, tmp_path / "checkpoints"
+
+
+def views_of(loaded):
+    chosen = loaded.views("train")
+    return batches.load_views(loaded, chosen, loaded.folder / "images")
+
+
+def test_wrong_cameras_come_to_the_truth_and_the_frame_stays(wrong):
+    loaded, true, folder = wrong
+    found = aligner_of(loaded, folder)
+    before = error_px(loaded, true)
+    assert before > 1.5
+    for step in found.places:
+        found.align({}, step)
+    assert error_px(found.now, true) < 0.15 * before
+    test = loaded.views("test")
+    np.testing.assert_array_equal(found.now.camtoworlds[test], loaded.camtoworlds[test])
+    train = loaded.views("train")
+    scale, turn, shift = cameras.align_similarity(
+        found.now.camtoworlds[train], loaded.camtoworlds[train]
+    )
+    assert scale == pytest.approx(1, abs=1e-3)
+    np.testing.assert_allclose(turn, np.eye(3), atol=1e-3)
+    np.testing.assert_allclose(shift, 0, atol=1e-3)
+    first, second = found.report
+    assert first["cameras_moved"] == COUNT - 1
+    assert first["flow_px"] > 1.5 > second["flow_px"]
+    assert second["corrects"] == ["cameras", "photos"]
+
+
+def test_where_nothing_is_wrong_nothing_changes_at_all(tmp_path, rng):
+    poses = poses_of(rng)
+    loaded, _ = make_scene(tmp_path / "scene", poses, poses)
+    found = aligner_of(loaded, tmp_path / "checkpoints")
+    for step in found.places:
+        found.align({}, step)
+    np.testing.assert_array_equal(found.now.camtoworlds, loaded.camtoworlds)
+    given = views_of(loaded)
+    for old, new in zip(given, found.views(given), strict=True):
+        np.testing.assert_array_equal(old, new)
+    assert [row["cameras_moved"] for row in found.report] == [0, 0]
+    (reason,) = found.report[0]["left_alone"]
+    assert "that is the flow's error" in reason
+
+
+def test_a_thing_that_moved_is_brought_back_and_the_rest_stays(tmp_path, rng):
+    """One photo shows a part elsewhere: its pixels alone are taken from there."""
+    at = (slice(45, 99), slice(60, 120))
+
+    def photo_of(i, photo):
+        return photo if i != 3 else moved(photo)
+
+    def moved(photo):
+        new = photo.copy()
+        new[at] = photo[45:99, 56:116]
+        return new
+
+    poses = poses_of(rng)
+    loaded, _ = make_scene(tmp_path / "scene", poses, poses, photo_of)
+    found = aligner_of(loaded, tmp_path / "checkpoints")
+    for step in found.places:
+        found.align({}, step)
+    given = views_of(loaded)
+    new = found.views(given)
+    slot = 2  # of view 3 among the training views
+    others = [i for i in range(COUNT - 1) if i != slot]
+    np.testing.assert_array_equal(new.photos[others], given.photos[others])
+    truth = renderer.make_renderer(METHOD, {}, WIDTH, HEIGHT)(
+        loaded.pixtocams[3], loaded.camtoworlds[3]
+    )[0]
+    inside = (slice(57, 87), slice(72, 102))
+
+    def error(photos):
+        return np.abs(photos[slot][inside].astype(float) - truth[inside]).mean()
+
+    assert error(new.photos) < 0.4 * error(given.photos)
+    far = (slice(0, 27), slice(0, 180))
+    np.testing.assert_array_equal(new.photos[slot][far], given.photos[slot][far])
+    assert found.report[-1]["photos_warped"] == 1
+
+
+def test_what_was_found_is_taken_again_to_the_bit(wrong):
+    loaded, _, folder = wrong
+    whole = aligner_of(loaded, folder)
+    for step in list(whole.places):
+        whole.align({}, step)
+    again = aligner_of(loaded, folder)
+    assert again.restore(9)
+    assert again.report == whole.report
+    given = views_of(loaded)
+    for old, new in zip(whole.views(given), again.views(given), strict=True):
+        np.testing.assert_array_equal(old, new)
+
+
+@pytest.mark.parametrize(("aligned", "step", "usable", "left"), [
+    ([], 1, True, [2, 4]),
+    ([], 3, False, [2, 4]),
+    ([2], 1, True, [2, 4]),
+    ([2], 2, True, [4]),
+    ([2], 3, True, [2, 4]),
+    ([2], 4, True, [2, 4]),
+    ([2], 5, False, [2, 4]),
+    ([2, 4], 4, True, [2]),
+    ([2, 4], 3, False, [2, 4]),
+])  # fmt: skip
+def test_a_state_goes_on_with_its_own_alignments_only(
+    wrong, aligned, step, usable, left
+):
+    """And the one before its very step is not made a second time."""
+    loaded, _, folder = wrong
+    first = aligner_of(loaded, folder)
+    for at in aligned:
+        first.align({}, at)
+    again = aligner_of(loaded, folder)
+    assert again.restore(step) == usable
+    assert sorted(again.places) == left
+
+
+@pytest.mark.parametrize("way", ["cut", "altered", "manifest", "identity", "elsewhere"])
+def test_damaged_alignments_count_as_none(wrong, way, caplog):
+    loaded, _, folder = wrong
+    aligner_of(loaded, folder).align({}, 2)
+    (path,) = folder.glob("alignment-*.msgpack")
+    manifest = folder / "alignment.json"
+    if way == "cut":
+        path.write_bytes(path.read_bytes()[:-9])
+    elif way == "altered":
+        data = bytearray(path.read_bytes())
+        data[len(data) // 2] ^= 1
+        path.write_bytes(bytes(data))
+    elif way == "manifest":
+        manifest.write_text("[]")
+    elif way == "elsewhere":
+        text = manifest.read_text().replace("alignment-2.msgpack", "../other.msgpack")
+        manifest.write_text(text)
+    other = aligner_of(loaded, folder)
+    if way == "identity":
+        other.begin(10, "another")
+    assert not other.restore(3)
+    assert ("alignment not usable" in caplog.text) == (way != "identity")
+
+
+def test_arrays_of_another_shape_are_refused(wrong):
+    loaded, _, folder = wrong
+    size = aligner_of(loaded, folder).sizes()
+    arrays = {name: np.zeros(shape, dtype) for name, (shape, dtype) in size.items()}
+    store.check(arrays, size)
+    with pytest.raises(ValueError, match="not this training's"):
+        store.check({**arrays, "valid": arrays["valid"][:2]}, size)
+    arrays["camtoworlds"][0, 0, 0] = np.nan
+    with pytest.raises(ValueError, match="camtoworlds is not finite"):
+        store.check(arrays, size)
+
+
+def test_photos_too_small_for_a_flow_are_said_so(wrong):
+    loaded, _, folder = wrong
+    with pytest.raises(ValueError, match=r"180x144 pixels .* 192 px a side"):
+        aligner_of(loaded, folder, least_side_px=192)

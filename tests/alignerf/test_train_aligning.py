@@ -1,0 +1,231 @@
+"""A training that aligns itself: its outputs, resuming, and what it refuses."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from alignerf.alignment import aligner, store
+from alignerf.scenes import cameras, prepared
+from alignerf.training import loop, memory
+from tests import job_cases as cases
+
+WIDTH, HEIGHT, COUNT = 64, 48, 6
+# All that a flow finds is taken: renders of so short a training are no match.
+ALIGN = {
+    "cameras_at": [0.3, 0.6],
+    "photos_at": [0.6],
+    "photos": "whole",
+    "shrink": 3,
+    "least_move_px": 0.0,
+    "estimator": "dis_medium",
+}
+JOB = cases.JOB | {"alignerf": None, "align": ALIGN}
+# Of 14 steps.
+FIRST, SECOND = 4, 8
+
+
+@pytest.fixture(scope="module")
+def scene(compiled_once, tmp_path_factory):
+    """Photos of one smooth picture, each shifted by some pixels."""
+    folder = tmp_path_factory.mktemp("scene")
+    (folder / "images").mkdir()
+    rng = np.random.default_rng(0)
+    noise = rng.uniform(size=(HEIGHT + 16, WIDTH + 16, 3)).astype(np.float32)
+    wide = cv2.GaussianBlur(noise, (0, 0), 4.0)
+    wide = (255 * (wide - wide.min()) / np.ptp(wide)).astype(np.uint8)
+    names = [f"v{i}" for i in range(COUNT)]
+    for i, name in enumerate(names):
+        photo = wide[8 + i : 8 + i + HEIGHT, 10 - i : 10 - i + WIDTH]
+        Image.fromarray(photo).save(folder / "images" / f"{name}.png")
+    poses = np.repeat(np.eye(4)[None, :3], COUNT, axis=0)
+    poses[:, :2, 3] = 0.05 * rng.normal(size=(COUNT, 2))
+    np.savez(
+        folder / "cameras.npz",
+        pixtocams=np.stack([cameras.intrinsics(50.0, WIDTH, HEIGHT)] * COUNT),
+        camtoworlds=poses,
+        names=names,
+        width=WIDTH,
+        height=HEIGHT,
+        split=["test", *["train"] * (COUNT - 1)],
+    )
+    return folder
+
+
+def run(scene, out, job=JOB, *more):
+    """(model's bytes, bytes of all that is written of cameras and photos)."""
+    aligned = out / "aligned"
+    model = cases.run(scene, out, job, "--aligned-out", str(aligned), *more)
+    arrays = prepared.read_cameras(aligned / "cameras.npz")
+    found = [arrays[key].tobytes() for key in ("pixtocams", "camtoworlds")]
+    for path in sorted(aligned.glob("photos/*.png")):
+        found.append(np.asarray(Image.open(path)).tobytes())
+    for path in sorted(aligned.glob("valid/*.npz")):
+        found.append(np.load(path)["valid"].tobytes())
+    assert len(found) == 2 + 2 * (COUNT - 1)
+    return model, found
+
+
+@pytest.fixture(scope="module", autouse=True)
+def clear_flow():
+    """A flow that hangs on every bit of a render, and that a camera explains.
+
+    What so short a training shows has no flow that could be trusted.
+    """
+
+    def flow_of(self, render, photo):
+        differ = photo.mean(dtype=float) - render.mean(dtype=float)
+        shift_px = [differ / 100 + 0.5, render.std(dtype=float) / 50 - 0.4]
+        flow_px = np.tile(np.float32(shift_px), (*render.shape[:2], 1))
+        return flow_px, np.ones(render.shape[:2], bool)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(aligner.Aligner, "flow_of", flow_of)
+        yield
+
+
+@pytest.fixture(scope="module")
+def whole(scene, tmp_path_factory):
+    out = tmp_path_factory.mktemp("whole")
+    return out, run(scene, out)
+
+
+def test_it_says_what_it_saw_and_did(scene, whole):
+    out, _ = whole
+    timing = json.loads((out / "timing.json").read_text())
+    assert [row["step"] for row in timing["alignments"]] == [FIRST, SECOND]
+    assert [row["corrects"] for row in timing["alignments"]] == [
+        ["cameras"],
+        ["cameras", "photos"],
+    ]
+    for row in timing["alignments"]:
+        assert row["flow_px"] > 0
+        left = sum(map(len, row["left_alone"].values()))
+        assert row["cameras_moved"] + left == COUNT - 1
+        assert 0 < row["time_s"] < timing["train_time_s"]
+    # Something was done, or the tests of resuming would show nothing.
+    assert timing["alignments"][-1]["photos_warped"] == COUNT - 1
+    given = prepared.read_cameras(scene / "cameras.npz")
+    moved = prepared.read_cameras(out / "aligned/cameras.npz")
+    assert (moved["camtoworlds"] != given["camtoworlds"]).any()
+    np.testing.assert_array_equal(moved["camtoworlds"][0], given["camtoworlds"][0])
+
+
+def test_it_learns_otherwise_than_without(scene, whole, tmp_path):
+    plain = cases.run(scene, tmp_path, JOB | {"align": None})
+    assert plain != whole[1][0]
+
+
+def killed(monkeypatch, scene, out, patch):
+    """A training that a patch ends."""
+    with monkeypatch.context() as patched:
+        patch(patched)
+        with pytest.raises(cases.Killed):
+            run(scene, out)
+    assert not (out / "model.msgpack").exists()
+    assert not (out / "aligned").exists()
+
+
+@pytest.mark.parametrize("at_step", [2, FIRST, 6, SECOND, 10])
+def test_killed_before_or_after_it_resumes_bit_for_bit(
+    scene, whole, tmp_path, monkeypatch, at_step, caplog
+):
+    monkeypatch.setattr(loop, "FETCH_EVERY", 2)
+    killed(monkeypatch, scene, tmp_path, lambda p: cases.kill_after_save(p, at_step, 2))
+    caplog.set_level("INFO", "alignerf")
+    assert run(scene, tmp_path) == whole[1]
+    assert f"resuming at step {at_step} of" in caplog.text
+
+
+@pytest.mark.parametrize("when", ["before it is written", "after"])
+@pytest.mark.parametrize("which", [0, 1])
+def test_killed_within_it_resumes_bit_for_bit(
+    scene, whole, tmp_path, monkeypatch, when, which
+):
+    """Before its file is there, and when the file is, and its step is not made."""
+    count = []
+
+    def patch(patched):
+        write = store.write
+
+        def dies(*arguments, **options):
+            count.append(1)
+            last = len(count) == which + 1
+            if not last or when == "after":
+                write(*arguments, **options)
+            if last:
+                raise cases.Killed
+
+        patched.setattr(store, "write", dies)
+
+    killed(monkeypatch, scene, tmp_path, patch)
+    looked = []
+    look = aligner.Aligner.look
+
+    def noted(self, params):
+        looked.append(1)
+        return look(self, params)
+
+    monkeypatch.setattr(aligner.Aligner, "look", noted)
+    assert run(scene, tmp_path) == whole[1]
+    # What is on disk is not looked for again.
+    assert len(looked) == 2 - which - (when == "after")
+
+
+def test_a_lost_alignment_starts_anew(scene, whole, tmp_path, monkeypatch, caplog):
+    killed(monkeypatch, scene, tmp_path, lambda p: cases.kill_after_save(p, 10, 2))
+    (tmp_path / "checkpoints/alignment.json").unlink()
+    assert run(scene, tmp_path) == whole[1]
+    assert "its alignment is lost, starting anew" in caplog.text
+
+
+def test_a_finished_one_that_is_run_again_tells_the_same(scene, tmp_path):
+    found = []
+    for _ in range(2):
+        result = run(scene, tmp_path)
+        timing = json.loads((tmp_path / "timing.json").read_text())
+        found.append((result, timing["alignments"]))
+    assert found[0] == found[1]
+
+
+def test_the_step_is_compiled_once(scene, tmp_path, monkeypatch):
+    compiled = []
+    compile_to_fit = memory.compile_to_fit
+
+    def note(*arguments, **options):
+        compiled.append(1)
+        return compile_to_fit(*arguments, **options)
+
+    monkeypatch.setattr(memory, "compile_to_fit", note)
+    run(scene, tmp_path)
+    assert len(compiled) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({"cameras_at": [0.3, 0.31]}, "align.cameras_at: 0.31 of 14 steps is number 4"),
+        ({"photos_at": [0.01]}, "align.photos_at: 0.01 of 14 steps is the first"),
+        ({"least_side_px": 64}, "too small to be aligned: the flow needs 64 px a side"),
+        ({"cameras_at": [1.5]}, "config: align.cameras_at.0: 1.5 is greater"),
+    ],
+)
+def test_what_cannot_be_is_one_line(scene, tmp_path, capsys, change, fault):
+    job = JOB | {"align": ALIGN | change}
+    line = cases.stops(capsys, lambda: run(scene, tmp_path, job))
+    assert fault in line
+    assert not (tmp_path / "model.msgpack").exists()
+
+
+def test_its_output_folder_goes_with_it(scene, tmp_path, capsys):
+    line = cases.stops(capsys, lambda: cases.run(scene, tmp_path, JOB))
+    assert "--aligned-out: for a job that aligns itself" in line
+
+
+@pytest.mark.parametrize("beside", ["refine", "alignerf"])
+def test_it_stands_alone(scene, tmp_path, capsys, beside):
+    job = JOB | {beside: {} if beside == "refine" else cases.ALIGNERF}
+    line = cases.stops(capsys, lambda: run(scene, tmp_path, job))
+    assert "config: align: not beside alignerf, refine or another stage" in line
