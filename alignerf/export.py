@@ -25,6 +25,8 @@ def main(argv=None):
     args = parse(argv)
     if (args.warped is None) != (args.valid is None):
         raise ValueError("--warped and --valid go together")
+    if args.if_pays and not pays(*args.if_pays):
+        args.cameras = args.warped = args.valid = None
     loaded = prepared.load(args.scene, args.cameras)
     found = prepared.read_cameras(args.cameras or loaded.folder / "cameras.npz")
     warped = loaded.views("train") if args.warped else np.zeros(0, int)
@@ -51,6 +53,19 @@ def main(argv=None):
         bounds = loaded.folder / prepared.BOUNDS
         if bounds.is_file():
             write_llff(folder / "poses_bounds.npy", found, bounds)
+
+
+def pays(verdict, method):
+    """Whether a scene's verdict.json says that a method's alignment paid; says so."""
+    gains = json_files.read(verdict, {"gains": list})["gains"]
+    found = [gain for gain in gains if gain.get("method") == method]
+    if any(gain.get("pays") is True for gain in found):
+        return True
+    log.warning(
+        "%s brought no more than chance in this run: all goes out as given",
+        method,
+    )
+    return False
 
 
 def source_of(folder):
@@ -104,6 +119,12 @@ def parse(argv=None):
     parser.add_argument("--cameras", help="cameras.npz (default: the scene's)")
     parser.add_argument("--warped", help="folder of warped photos of training views")
     parser.add_argument("--valid", help="folder of <view>.npz with their valid pixels")
+    parser.add_argument(
+        "--if-pays",
+        nargs=2,
+        metavar=("VERDICT", "METHOD"),
+        help="verdict.json and a method: where that brought nothing, all is as given",
+    )
     parser.add_argument("--out", required=True, help="folder, written")
     return parser.parse_args(argv)
 

@@ -11,12 +11,12 @@ import argparse
 import contextlib
 import dataclasses
 import hashlib
+import importlib
 import json
 import logging
 
 import jax
 
-from alignerf.alignment import aligner, outputs
 from alignerf.command import archives, faults, machine, whole
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.decisions import fill
@@ -108,7 +108,10 @@ def train(job, args):
     method = compose.make_method(job, lambda: refine.views_of(loaded))
     params = initial_params(job, method, args.initial)
     shapes = batches.view_shapes(loaded, chosen)
-    to_come = memory.tree_bytes(shapes) + aligner.more_bytes(job.align, shapes)
+    aligner = make_aligner(job, loaded, chosen, photos, args)
+    to_come = memory.tree_bytes(shapes)
+    if aligner:
+        to_come += aligner.more_bytes(shapes)
     for free in (memory.free_host_bytes(), memory.free_bytes(jax.local_devices()[0])):
         memory.check(to_come, free, f"{photos}: training views")
     left = eta.Left(args.scene, args.timing)
@@ -118,25 +121,19 @@ def train(job, args):
     parts = agree.on(checkpoint.read_parts(args.checkpoints))
     built = program.build(job, method, params, shapes, parts=parts, to_come=to_come)
     views = batches.load_views(loaded, chosen, photos, args.valid)
-    aligns = None
-    if job.align:
-        scene = aligner.Scene(loaded, chosen, photos)
-        shown = compose.make_method(aligner.with_fewer_samples(job), to_train=False)
-        aligns = aligner.Aligner(job.align, shown, scene, args.checkpoints)
     params, timing = loop.fit(
         *(job, method, built, params, views, args.checkpoints),
         names=[loaded.names[view] for view in chosen],
         sources=args.sources + weights_digest(job),
         note=left.of,
-        aligner=aligns,
+        aligner=aligner,
     )
     if not moves:
         return params, timing
     if job.align:
-        moved = aligns.now
+        moved = aligner.now
         if place.is_first():
-            aligned = aligns.views(views)
-            outputs.write(args.aligned_out, moved, chosen, aligned, args.cameras)
+            aligner.write(args.aligned_out, views, args.cameras)
     else:
         moved = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
         write_cameras(args, moved)
@@ -144,6 +141,20 @@ def train(job, args):
         found = {"given": compared(loaded), "after": compared(moved)}
         timing["pose_error_px"] = found
     return params, timing
+
+
+def make_aligner(job, loaded: prepared.Scene, chosen, photos, args):
+    """What puts right what the job learns from, or None.
+
+    Imported by its name: `experiment.sources` follows imports that stand in a file, and
+    a change of the flow, which this needs, is no change of all other trainings.
+    """
+    if job.align is None:
+        return None
+    alignment = importlib.import_module("alignerf.alignment.aligner")
+    shown = compose.make_method(alignment.with_fewer_samples(job), to_train=False)
+    scene = alignment.Scene(loaded, chosen, photos)
+    return alignment.Aligner(job.align, shown, scene, args.checkpoints)
 
 
 def write_cameras(args, learnt):

@@ -6,6 +6,7 @@ training takes what is on disk (`restore`) and is bit for bit the same.
 """
 
 import dataclasses
+import functools
 import logging
 import time
 from typing import NamedTuple
@@ -13,24 +14,28 @@ from typing import NamedTuple
 import flax.serialization
 import numpy as np
 
-from alignerf.alignment import cameras, look, photos, store
+from alignerf.alignment import cameras, look, outputs, photos, store
 from alignerf.command import faults
 from alignerf.experiment import jobs, settings
 from alignerf.processes import agree, place
 from alignerf.scenes import prepared
 from alignerf.training import devices, memory, renderer
 from flow.camera import correct
-from flow.estimation import pairs
+from flow.estimation import estimate, estimators, pairs
+from flow.warping import warp
 
 log = logging.getLogger("alignerf")
 
 # Largest forward-backward disagreement of a valid pixel, in px of the small images.
 TOLERANCE_PX = 1.0
+# Share of the steps from which on `least_move_px` is the flow's own error; before, in
+# proportion, it is more.
+SETTLED = 0.25
 # Of `least_move_px`, once cameras were seen to be wrong: what is left of their error
 # is then moved too. With nothing wrong the flow asks for more than that.
 AGAIN = 0.3
 # Of the training's samples along a ray, so many are enough for small renders.
-SAMPLES_SHARE, LEAST_SAMPLES = 1.0, 4
+SAMPLES_SHARE, LEAST_SAMPLES = 0.5, 4
 # Of a view as many pixels say where its camera is: a flow is smooth.
 FITTED_PIXELS = 1000
 # Of a pixel of a small image: a photo, a depth, flow and offsets, where both hold.
@@ -57,15 +62,17 @@ class Aligner:
         self.settings, self.method, self.scene = settings, method, scene
         self.folder = folder
         self.size = scene.loaded.height, scene.loaded.width
-        self.k = look.factor(self.size, settings.least_side_px, settings.shrink)
+        least_px = estimators.METHODS[settings.estimator].min_side_px
+        self.k = look.factor(self.size, least_px, settings.shrink)
         self.now = scene.loaded
         self.offsets_px = self.valid = None
         self.report, self.small, self.render = [], None, None
-        self.identity, self.places, self.compile_time_s = "", {}, 0.0
+        self.identity, self.places, self.steps = "", {}, 0
+        self.compile_time_s = 0.0
 
     def begin(self, steps, identity):
         """Fix the places of a training of so many steps; identity: its fingerprint."""
-        self.identity = identity
+        self.identity, self.steps = identity, steps
         self.places = jobs.places(self.settings, steps)
 
     def restore(self, step) -> bool:
@@ -91,11 +98,11 @@ class Aligner:
         kinds = self.places[step]
         arrays, row = None, {}
         if place.is_first():
-            seen = list(self.look(devices.on_first(params)))
+            seen = list(self.look(devices.on_first(params), "photos" in kinds))
             row = {"step": step, "corrects": kinds, "shrink": self.k}
             row |= self.flow_lengths(seen)
             if "cameras" in kinds:
-                row |= self.move_cameras(seen)
+                row |= self.move_cameras(seen, step)
             if "photos" in kinds:
                 row |= self.move_photos(seen)
             arrays = self.arrays()
@@ -112,8 +119,11 @@ class Aligner:
             )
         self.say(self.report[-1])
 
-    def look(self, params):
-        """`correct.View` of each training view, as the parameters show it now."""
+    def look(self, params, checked):
+        """`correct.View` of each training view, as the parameters show it now.
+
+        checked: pixels whose flow is not that back from the photo are not valid.
+        """
         loaded, chosen, k = self.now, self.scene.views, self.k
         if self.small is None:
             self.small = look.read_photos(loaded, chosen, self.scene.photos, k)
@@ -129,18 +139,24 @@ class Aligner:
                 return self.render(params, *camera)
 
             photo = self.small[i]
-            return look.at(render, loaded, chosen[i], photo, k, self.flow_of)
+            flow_of = functools.partial(self.flow_of, checked=checked)
+            return look.at(render, loaded, chosen[i], photo, k, flow_of)
 
         return devices.map_in_threads(one, range(len(chosen)))
 
-    def flow_of(self, render, photo):
-        """(flow_px, valid) between two small images."""
-        return pairs.flow_and_validity(
-            *(render, photo),
-            method=self.settings.estimator,
-            match_blur=self.settings.match_blur,
-            tolerance_px=TOLERANCE_PX,
-        )[:2]
+    def flow_of(self, render, photo, *, checked):
+        """(flow_px, valid) between two small images.
+
+        A camera's fit leaves out by itself what does not move with it: the flow back,
+        half of the cost, is for photos.
+        """
+        options = {"method": self.settings.estimator}
+        options["match_blur"] = self.settings.match_blur
+        if checked:
+            options["tolerance_px"] = TOLERANCE_PX
+            return pairs.flow_and_validity(render, photo, **options)[:2]
+        flow_px = estimate.estimate(render, photo, **options)
+        return flow_px, warp.in_frame(flow_px)
 
     def flow_lengths(self, seen):
         """What the report says of the flow, in pixels of the photos."""
@@ -151,11 +167,11 @@ class Aligner:
         ]
         return {"flow_px": self.k * float(np.median(medians)) if medians else None}
 
-    def move_cameras(self, seen):
+    def move_cameras(self, seen, step):
         """Move the cameras that can be trusted; what was done."""
         found = correct.corrections(
             lambda: iter(seen),
-            least_px=self.settings.least_move_px * (AGAIN if self.has_moved() else 1),
+            least_px=self.least_px(step),
             zooms=not any("camera_px" in row for row in self.report),
             most_pixels=FITTED_PIXELS,
         )
@@ -172,9 +188,14 @@ class Aligner:
             "left_alone": staying,
         }
 
-    def has_moved(self):
-        """Whether an alignment has found cameras that were wrong."""
-        return any(row.get("cameras_moved") for row in self.report)
+    def least_px(self, step):
+        """Where the median camera would move by less, the flow's own error does that.
+
+        Early in a training renders are blurred, and that error is larger.
+        """
+        if any(row.get("cameras_moved") for row in self.report):
+            return AGAIN * self.settings.least_move_px
+        return self.settings.least_move_px * max(1.0, SETTLED * self.steps / step)
 
     def move_photos(self, seen):
         """Find by how much each photo is to be warped; what was done."""
@@ -218,6 +239,25 @@ class Aligner:
         )
         self.offsets_px, self.valid = arrays.get("offsets_px"), arrays.get("valid")
 
+    def write(self, folder, views, cameras):
+        """Write cameras, photos and where they hold: see `outputs.write`.
+
+        views: the training views as given; cameras: the file of theirs, or None.
+        """
+        now = self.views(views)
+        outputs.write(folder, self.now, self.scene.views, now, cameras)
+
+    def more_bytes(self, shapes):
+        """What the alignments take besides the training's views; shapes: of these.
+
+        Photos as taken stay beside those that are warped; renders and flows are small.
+        """
+        photos = memory.tree_bytes(shapes.photos)
+        small = SMALL_BYTES * photos // (3 * self.k**2)
+        if not self.settings.photos_at:
+            return small
+        return small + photos + memory.tree_bytes(shapes.valid)
+
     def sizes(self):
         """(shape, dtype) of each of the arrays."""
         n, views = len(self.now.names), len(self.scene.views)
@@ -257,18 +297,6 @@ def with_fewer_samples(job: jobs.Job) -> jobs.Job:
     fewer = [max(LEAST_SAMPLES, round(n * SAMPLES_SHARE)) for n in samples]
     model = dataclasses.replace(job.model, samples=fewer)
     return dataclasses.replace(job, model=model)
-
-
-def more_bytes(settings: settings.Align | None, shapes):
-    """What a training that aligns itself takes besides its views; shapes: of these.
-
-    Photos as taken stay beside those that are warped; renders and flows are small.
-    """
-    if settings is None:
-        return 0
-    photos = memory.tree_bytes(shapes.photos)
-    warped = photos + memory.tree_bytes(shapes.valid) if settings.photos_at else 0
-    return warped + SMALL_BYTES * photos // (3 * settings.shrink**2)
 
 
 def shared(arrays):

@@ -196,6 +196,12 @@ def photos_learnt(experiment, scene, method, round):
     return {"photos": f"{folder}/photos", "valid": f"{folder}/valid"}
 
 
+def verdict_of(experiment, scene, method):
+    """What says whether a method's alignment on the way paid; nothing of others."""
+    aligns = method in experiment.aligning()
+    return f"results/{scene}/verdict.json" if aligns else []
+
+
 def renders_of(experiment, scene, method, round):
     """The folder of a round's test views: its own, or another program's."""
     if method in experiment.given():
@@ -347,7 +353,10 @@ def figure_rounds(experiment, scene):
         experiment.folder(scene, method, k)
         for k in range(experiment.last_round(scene, method) + 1)
     ]
-    return [Renders(f"{f}/renders/test", f"{f}/flow/test") for f in folders]
+    # And beside them what aligns itself on the way, by its name.
+    found = [(folder, None) for folder in folders]
+    found += [(experiment.folder(scene, m, 0), m) for m in experiment.aligning()]
+    return [Renders(f"{f}/renders/test", f"{f}/flow/test", m) for f, m in found]
 
 
 def crops(experiment, scene):

@@ -568,14 +568,14 @@ class Align:
     """Alignment on the way: where one training stops, and what it puts right there."""
 
     cameras_at: list[float] = key(
-        [0.25, 0.4, 0.55, 0.7],
+        [0.15, 0.3, 0.5],
         "shares of the steps at which the cameras of the training views are put right",
         above=0,
         most=0.99,
         length=(0, 16),
     )
     photos_at: list[float] = key(
-        [0.55, 0.7],
+        [0.5],
         "shares of the steps at which photos are warped, after the cameras if both",
         above=0,
         most=0.99,
@@ -587,17 +587,16 @@ class Align:
     )
     shrink: int = key(
         3,
-        "renders and photos are made smaller by at most this factor for the flow",
+        "renders and photos are made smaller by at most this factor for the flow; less "
+        "where the estimator would have too few pixels a side",
         least=1,
         most=16,
     )
-    least_side_px: int = key(
-        48, "of what the flow is estimated on", least=48, most=16384
-    )
     least_move_px: float = key(
-        0.1,
+        0.12,
         "where the median camera would move by less, in px of the small renders, that "
-        "is the flow's own error and all stay",
+        "is the flow's own error and all stay; more early in the training, less once "
+        "cameras were seen to be wrong",
         least=0,
         most=100,
     )

@@ -21,9 +21,11 @@ HERE = Path(__file__).resolve().parent
 
 def main(argv=None):
     args = parse(argv)
+    found = rows.read(rows.Renders, args.rounds)
     page = render(
         args.scene,
-        rounds=[(r.renders, r.flow) for r in rows.read(rows.Renders, args.rounds)],
+        rounds=[(r.renders, r.flow) for r in found if r.method is None],
+        others={r.method: (r.renders, r.flow) for r in found if r.method is not None},
         base=args.base,
     )
     with whole.replace_file(args.out) as path:
@@ -31,16 +33,17 @@ def main(argv=None):
     print(f"page     {args.out} ({len(page) / 1e6:.1f} MB)")
 
 
-def render(folder, *, rounds, base):
+def render(folder, *, rounds, base, others=None):
     """The page's HTML of a scene's folder of results.
 
-    rounds: (renders, flow), folders of the reference's test views round by round; base:
-    the folder of its round 0, where training views lie too if they were rendered.
+    rounds: (renders, flow), folders of the reference's test views round by round;
+    others: {name: the same of another method}; base: the folder of its round 0, where
+    training views lie too if they were rendered.
     """
     folder, base = Path(folder), Path(base)
     told = contents.verdict(folder)
     leak_px = pictures.leak_of(told["evidence"])
-    shown = shown_views(folder, rounds, base, leak_px)
+    shown = shown_views(folder, rounds, others or {}, base, leak_px)
     images = pictures.fitted(shown)
     decided, taken = contents.decisions(folder)
     return template().render(
@@ -62,7 +65,7 @@ def render(folder, *, rounds, base):
     )
 
 
-def shown_views(folder, rounds, base, leak_px):
+def shown_views(folder, rounds, others, base, leak_px):
     """`pictures.Shown` of the views that the page has."""
     table = csv_files.read(folder / "tables" / "views.csv")
     # Empty where a view does not, which is read as a number where none does.
@@ -73,7 +76,11 @@ def shown_views(folder, rounds, base, leak_px):
     truth = folder / "truth" / "oracle"
     of_split = {
         "test": pictures.Source(
-            "test", rounds, base / "warped" / "test", truth if truth.is_dir() else None
+            "test",
+            rounds,
+            base / "warped" / "test",
+            truth if truth.is_dir() else None,
+            others,
         )
     }
     if (base / "renders" / "train").is_dir():

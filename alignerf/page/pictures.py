@@ -36,6 +36,8 @@ class Source(NamedTuple):
     rounds: list
     warped: Path | None
     truth: Path | None = None
+    # {method: the same two folders} of methods beside the rounds.
+    others: dict | None = None
 
 
 class Shown(NamedTuple):
@@ -81,9 +83,12 @@ def layers_of(view, source: Source, photos, leak_px, turns=0):
 
     found = {"photo": read(photos)}
     last = len(source.rounds) - 1
-    for number in dict.fromkeys((0, last)):
-        renders, flow = source.rounds[number]
-        after = "" if number == 0 else f" after round {number}"
+    pairs = {"": source.rounds[0]}
+    if last > 0:
+        pairs[f" after round {last}"] = source.rounds[last]
+    others = (source.others or {}).items()
+    pairs |= {f", {name}": folders for name, folders in others}
+    for after, (renders, flow) in pairs.items():
         found[f"render{after}"] = read(renders)
         data = archives.read(Path(flow) / f"{view}.npz", ("flow_px", "valid"))
         flow_px, valid = turned(data["flow_px"], turns), np.rot90(data["valid"], -turns)

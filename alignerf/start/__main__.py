@@ -54,7 +54,8 @@ def config_of(scenes, args):
     """The config of scenes; what it leaves out follows from the photos."""
     if args.background:
         scenes = {n: s | {"background": args.background} for n, s in scenes.items()}
-    config = {"decide": True, "scenes": scenes}
+    methods = {"plain": {}, "aligned": {"align": {}}}
+    config = {"decide": True, "scenes": scenes, "methods": methods}
     if args.budget_min:
         config["training"] = {"budget_min": args.budget_min}
     return config
@@ -112,6 +113,8 @@ def run(path, cores):
     command = [sys.executable, "-m", "snakemake", "--cores", str(cores)]
     command += ["--snakefile", str(sources.ROOT / "Snakefile")]
     command += ["--workflow-profile", str(profile), "--configfile", str(path)]
+    # Its files for other programs, too: cameras put right, or as given.
+    command += ["--", "all", "export"]
     child = subprocess.Popen(command, env=os.environ)
     while True:
         # Ctrl-C reaches it too: it ends its jobs, and is waited for.

@@ -11,7 +11,7 @@ import pandas as pd
 
 from alignerf.command import faults, json_files, whole
 from alignerf.scenes import prepared
-from alignerf.verdict import causes, evidence, views, words
+from alignerf.verdict import advice, causes, evidence, views, words
 
 
 def main(argv=None):
@@ -33,6 +33,9 @@ def main(argv=None):
         "verdict": sentences,
         "state": words.state(known, findings),
         "findings": [finding._asdict() for finding in findings],
+        "gains": [
+            gain._asdict() | {"pays": advice.pays(known, gain)} for gain in gains
+        ],
         "evidence": known._asdict(),
         "stands_out": {v.view: v.stands_out for v in found if v.stands_out},
     }

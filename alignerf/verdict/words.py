@@ -5,6 +5,7 @@ change with `downscale`.
 """
 
 import math
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -16,7 +17,7 @@ from alignerf.verdict import advice, causes
 def say(evidence, findings, gains, views):
     """Lines of the verdict, the answer first.
 
-    gains: (remedy's name, dB, low, high, minutes), as of `gains_of`.
+    gains: as of `gains_of`.
     """
     lines = [headline(evidence, findings)]
     lines += [SENTENCES[finding.cause](finding, evidence) for finding in findings]
@@ -181,32 +182,56 @@ def photos(views):
     return [f"Photos that stand out: {named}{more}."]
 
 
-OF_GAINS = ("method", "warping", "test_set", "difference_to", "total_time_s")
+class Gain(NamedTuple):
+    """What a remedy brought in this run, in dB with its interval, and what it took."""
+
+    name: str
+    db: float
+    low: float
+    high: float
+    minutes: float
+    method: str = ""
+    # Whether it is a training that aligned itself on the way.
+    on_the_way: bool = False
+
+
+# In a table's column `field`, of a training that aligned itself (`experiment.rows`).
+ON_THE_WAY = "aligned on the way"
+# Test sets, the fairest first: moved cameras see given test views elsewhere than these
+# say.
+FAIR = ("oracle", "aligned_pose", "standard")
+OF_GAINS = ("method", "field", "warping", "test_set", "difference_to", "total_time_s")
 OF_GAINS += ("difference_db", "difference_low_db", "difference_high_db")
 
 
 def gains_of(path):
-    """(name, dB, low, high, minutes) of each warping round or correction of a table.
+    """The `Gain` of each remedy of a table over the same model without one.
 
-    Against the oracle where it is known, else on the held-out photos as they are.
+    Against the oracle where it is known, else on held-out photos by cameras that are
+    moved to fit them, else as they are.
     """
     table = csv_files.read(path, columns=OF_GAINS)
-    known = "oracle" in set(table["test_set"])
-    chosen = table[table["test_set"] == ("oracle" if known else "standard")]
+    known = set(table["test_set"])
+    fairest = next(name for name in FAIR if name in known)
+    chosen = table[table["test_set"] == fairest]
     found = []
     for row in chosen.itertuples():
         own = row.method == row.difference_to and row.warping == scores.warping(0)
         if own or pd.isna(row.difference_db):
             continue
+        on_the_way = ON_THE_WAY in str(row.field)
         name = scores.row_name(row.method, row.warping)
+        if on_the_way and not row.method.startswith("aligned"):
+            name = f"{name}, {ON_THE_WAY}"
         ends = (row.difference_low_db, row.difference_high_db)
-        found.append((name, row.difference_db, *ends, row.total_time_s / 60))
+        took = row.total_time_s / 60, row.method, on_the_way
+        found.append(Gain(name, row.difference_db, *ends, *took))
     return found
 
 
 def gain_line(gain, e):
     """What a remedy brought in this run; no claim from few views."""
-    name, db, low, high, minutes = gain
+    name, db, low, high, minutes = gain[:5]
     took = f"{minutes:.0f} min" if minutes >= 1 else "under a minute"
     text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}] in {took}"
     if e.test_views < causes.FEW_TEST_VIEWS:

@@ -28,8 +28,9 @@ def main(photos, testset, reference, rounds, parts, curves, out, crops=None):
     """Write all figures into the folder `out`. Raises ValueError or OSError.
 
     photos, reference: folders of images; testset: its folder; rounds: JSON list of
-    {renders, flow}; parts: folder of those of the first round's renders; curves: JSON
-    list of {method, round, stats, metrics}; crops: of {method, renders, flow}.
+    {renders, flow, method}, of the reference's rounds the method is null; parts: folder
+    of those of the first round's renders; curves: JSON list of {method, round, stats,
+    metrics}; crops: of {method, renders, flow}.
     """
     figures = {name: out / f"{name}.png" for name in FIGURES}
     rounds = json.loads(rounds)
@@ -53,10 +54,11 @@ def draw_middle_view(photos, testset, reference, rounds, figures):
     draw_flow(view, photo, render, flow, figures["flow"])
     steps = [
         (
+            entry.get("method") or f"round {number}",
             images.read(Path(entry["renders"]) / f"{view}.png"),
             files.read_flow(Path(entry["flow"]) / f"{view}.npz"),
         )
-        for entry in rounds
+        for number, entry in enumerate(rounds)
     ]
     draw_rounds(view, photo, steps, figures["rounds"])
 
@@ -87,7 +89,8 @@ def draw_flow(view, photo, render, flow, path):
 
 
 def draw_rounds(view, photo, rounds, path):
-    scale_px = drawing.flow_scale([flow for _, flow in rounds])
+    """rounds: (its name, render, flow to the photo) of each."""
+    scale_px = drawing.flow_scale([flow for _, _, flow in rounds])
     count = len(rounds)
     figure = matplotlib.figure.Figure(
         figsize=(3.4 * (count + 1), 5.4), layout="constrained"
@@ -96,10 +99,10 @@ def draw_rounds(view, photo, rounds, path):
     axes[0, 0].imshow(photo)
     axes[0, 0].set_title(f"photo {view}", fontsize=8)
     drawing.draw_wheel(axes[1, 0], scale_px)
-    for number, (render, flow) in enumerate(rounds):
+    for number, (name, render, flow) in enumerate(rounds):
         column = axes[:, number + 1]
         column[0].imshow(render)
-        column[0].set_title(f"render, round {number}", fontsize=8)
+        column[0].set_title(f"render, {name}", fontsize=8)
         column[1].imshow(drawing.coloured(flow, scale_px))
         title = f"its flow to the photo (median {drawing.median_px(flow):.2f} px)"
         column[1].set_title(title, fontsize=8)

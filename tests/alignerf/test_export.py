@@ -203,6 +203,22 @@ def test_masks_of_warped_photos_come_back_with_a_training(scene, rng, tmp_path):
     np.testing.assert_array_equal(first.valid, second.valid)
 
 
+@pytest.mark.parametrize("pays", [True, False])
+def test_cameras_that_brought_nothing_are_not_handed_on(scene, moved, pays, caplog):
+    """A run's verdict decides; another method's gain is nothing to this one's."""
+    verdict = scene.parent / "verdict.json"
+    gains = [{"method": "aligned", "pays": pays}, {"method": "other", "pays": not pays}]
+    verdict.write_text(json.dumps({"gains": gains}))
+    more = ("--cameras", moved, "--if-pays", verdict, "aligned")
+    code, out = run(scene, *more)
+    assert code == 0
+    views, _ = transforms.read(out)
+    wanted = moved if pays else scene / "cameras.npz"
+    wanted = prepared.read_cameras(wanted)["camtoworlds"]
+    np.testing.assert_allclose(views.camtoworlds, wanted, atol=1e-6)
+    assert ("aligned brought no more than chance" in caplog.text) == (not pays)
+
+
 @pytest.mark.parametrize(
     ("break_it", "more", "reason"),
     [

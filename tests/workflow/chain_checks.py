@@ -53,7 +53,8 @@ def check_table(scene):
     table = read_csv(path)
     sets = ["standard", "warped", "control", "oracle", "aligned_pose"]
     lines = [("mipnerf360_large", "none"), ("mipnerf360_large", "once")]
-    lines += [("mipnerf360", "none"), ("mipnerf360", "once"), ("alignerf", "none")]
+    lines += [("mipnerf360", "none"), ("mipnerf360", "once")]
+    lines += [("aligned", "none"), ("alignerf", "none")]
     found = [(row["method"], row["warping"], row["test_set"]) for row in table]
     assert found == [(*line, test_set) for line in lines for test_set in sets]
     for row in table:
@@ -66,7 +67,8 @@ def check_table(scene):
         assert row["lpips_alex"] == ""
         assert float(row["train_time_s"]) > 0
         assert (float(row["data_time_s"]) > 0) == (row["warping"] == "once")
-        base = {"alignerf": "mipnerf360"}.get(row["method"], row["method"])
+        bases = dict.fromkeys(("aligned", "alignerf"), "mipnerf360")
+        base = bases.get(row["method"], row["method"])
         assert row["difference_to"] == base
         keys = ("difference_low_db", "difference_db", "difference_high_db")
         low, difference, high = (float(row[key]) for key in keys)
@@ -117,7 +119,7 @@ def check_latex(scene, folder):
         assert mark in tex
     assert tex.count(r"\begin{") == tex.count(r"\end{") == 1
     body = tex.split(r"\midrule")[1].split(r"\bottomrule")[0].strip().splitlines()
-    assert len(body) == 5
+    assert len(body) == 6
     columns = len(re.search(r"\\begin\{tabular\}\{(\w+)\}", tex)[1])
     assert {line.count("&") for line in body} == {columns - 1}
     if shutil.which("pdflatex") is None:
@@ -135,7 +137,7 @@ def check_parts(scene):
     table = read_csv(scene / "tables" / "displacement.csv")
     found = [(row["method"], row["round"]) for row in table]
     plain = [(name, k) for name in ("mipnerf360_large", "mipnerf360") for k in "01"]
-    assert found == [*plain, ("alignerf", "0")]
+    assert found == [*plain, ("aligned", "0"), ("alignerf", "0")]
     for row in table:
         assert int(row["views"]) == len(TEST_VIEWS)
         for part in ("flow", "model", "camera", "remainder"):

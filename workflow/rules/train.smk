@@ -107,6 +107,8 @@ use rule train as train_aligning with:
             *flows.option("aligned-out", output.cameras.rpartition("/")[0]),
             *flows.option("truth", input.get("truth")),
         ],
+        # The second is what the first takes the flow by (`train.make_aligner`).
+        sources=sources_of("alignerf.train", "alignerf.alignment.aligner"),
 
 
 rule pretrain:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from alignerf.alignment import aligner, store
+from alignerf.alignment import aligner, look, store
 from alignerf.command import images
 from alignerf.experiment import settings
 from alignerf.mipnerf360 import model
@@ -261,7 +261,9 @@ def test_arrays_of_another_shape_are_refused(wrong):
         store.check(arrays, size)
 
 
-def test_photos_too_small_for_a_flow_are_said_so(wrong):
-    loaded, _, folder = wrong
-    with pytest.raises(ValueError, match=r"180x144 pixels .* 192 px a side"):
-        aligner_of(loaded, folder, least_side_px=192)
+def test_photos_too_small_for_a_flow_are_said_so():
+    with pytest.raises(ValueError, match=r"60x40 pixels .* 48 px a side"):
+        look.factor((40, 60), 48, 3)
+    assert [look.factor((h, 500), 48, 3) for h in (48, 95, 96, 144, 4800)] == [
+        *(1, 1, 2, 3, 3)
+    ]

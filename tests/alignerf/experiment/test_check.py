@@ -54,6 +54,31 @@ def edit(config, where, value):
             "tradeoff.variants.nerf.far: field nerf sees no farther",
         ),
         (
+            "methods.aligned",
+            {"model": "base", "align": {}, "rounds": 1},
+            "methods.aligned.align: not beside rounds",
+        ),
+        (
+            "methods.aligned",
+            {"model": "base", "align": {}, "refine": {}},
+            "methods.aligned.align: not beside refine",
+        ),
+        (
+            "methods.aligned",
+            {"model": "base", "align": {"cameras_at": [], "photos_at": []}},
+            "methods.aligned.align: cameras_at or photos_at: it needs a share",
+        ),
+        (
+            "methods.aligned",
+            {"model": "base", "align": {"photos_at": [0.5, 0.5001]}},
+            "methods.aligned.align.photos_at: 0.5001 of 2000 steps is number 1000",
+        ),
+        (
+            "methods.aligned",
+            {"model": "base", "align": {"cameras_at": [1.0]}},
+            "methods.aligned.align.cameras_at.0: 1.0 is greater than",
+        ),
+        (
             "methods.moved",
             {"model": "base", "changes": "cameras", "alignerf": {"radius_px": "auto"}},
             "methods.moved.changes: radius_px auto is measured before",

@@ -101,6 +101,12 @@ def test_the_config_is_one_that_can_be_run(here, capsys):
     start.main(["my\nph\x01otos", "--only-config", "--background", "white"])
     config = config_at(here / "results/my_ph_otos.yaml")
     assert config["decide"]
+    # Plain, and aligned on the way; rounds and AligNeRF where a user asks for them.
+    methods = config["methods"]
+    assert [(m["rounds"], bool(m["align"])) for m in methods.values()] == [
+        *((0, False), (0, True))
+    ]
+    assert not any(method["alignerf"] for method in methods.values())
     assert config["scenes"]["my_ph_otos"]["background"] == "white"
     assert "results/my_ph_otos/index.html" in capsys.readouterr().out
 

@@ -141,6 +141,63 @@ def test_what_was_tried_in_vain_is_not_recommended(gains, views, said):
     assert advice.of(known, found, gains).startswith(said)
 
 
+def gain(**changes):
+    found = words.Gain("aligned", 0.6, 0.3, 0.9, 4.0, "aligned", True)
+    return found._replace(**changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "views", "said", "pays"),
+    [
+        ({}, 9, "take the cameras of aligned, which this run has put right", True),
+        ({"low": -0.1}, 9, "leave cameras and photos as given", False),
+        ({}, 3, "align on the way", False),
+        # A warping round is none.
+        ({"on_the_way": False}, 9, "align on the way", True),
+    ],
+)
+def test_what_to_do_follows_what_this_run_has_tried(changes, views, said, pays):
+    known = WELL._replace(**FAULTS["camera"] | {"test_views": views})
+    tried = gain(**changes)
+    assert advice.of(known, causes.of(known), [tried]).startswith(said) or views == 3
+    assert advice.pays(known, tried) == pays
+
+
+def table_of(path, test_sets):
+    rows = [
+        {
+            "method": method,
+            "field": f"grid 2^15{', cameras aligned on the way' * (method != 'plain')}",
+            "warping": "none",
+            "test_set": test_set,
+            "difference_to": "plain",
+            "total_time_s": 120.0,
+            "difference_db": number * (method != "plain"),
+            "difference_low_db": number - 0.1,
+            "difference_high_db": number + 0.1,
+        }
+        for method in ("plain", "ours")
+        for number, test_set in enumerate(test_sets, start=1)
+    ]
+    pd.DataFrame(rows).to_csv(path, index=False)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("test_sets", "db"),
+    [
+        (("standard", "warped", "aligned_pose"), 3),
+        (("standard", "aligned_pose", "oracle"), 3),
+        (("standard", "warped"), 1),
+    ],
+)
+def test_gains_are_by_the_fairest_test_set_there_is(tmp_path, test_sets, db):
+    (found,) = words.gains_of(table_of(tmp_path / "table.csv", test_sets))
+    assert found.db == db
+    assert (found.method, found.on_the_way, found.minutes) == ("ours", True, 2.0)
+    assert found.name == "ours, aligned on the way"
+
+
 def test_what_is_promised_is_what_was_measured(root):
     measured = root / "docs/measured"
     rows = pd.read_csv(measured / "remedies.csv", comment="#")
