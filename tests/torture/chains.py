@@ -11,7 +11,8 @@ from typing import NamedTuple
 from tests.torture import stages
 
 SCENE = "tiny"
-# Every kind of stage: cameras put right, warm start, learnt cameras, staged training.
+# Every kind of stage: cameras put right, warm start, learnt cameras, alignment on the
+# way, staged training.
 CONFIG = """
 preflight: false
 scenes:
@@ -30,6 +31,7 @@ methods:
   mipnerf360: { rounds: 1, changes: cameras }
   warm: { rounds: 1, warm_start: { from: mipnerf360 } }
   learnt: { refine: {} }
+  aligned: { align: { estimator: dis_fine, least_move_px: 0 } }
   alignerf:
     alignerf: { patches: 2, patch_px: 16, radius_px: auto, features: 4 }
 training: { steps: 60, batch_rays: 128 }

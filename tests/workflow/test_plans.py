@@ -132,6 +132,7 @@ def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
         "moved": {"model": "base", "rounds": 2, "changes": "cameras"},
         "both": {"model": "base", "rounds": 2, "changes": "cameras_then_photos"},
         "joint": {"model": "base", "refine": {}},
+        "aligned": {"model": "base", "align": {}},
         "alignerf": {"model": "base", "alignerf": {}},
         "corrected": {"model": "base", "alignerf": {}, "changes": "cameras"},
     }
@@ -142,6 +143,7 @@ def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
         # Rounds 0 and 1 of photos, 1 and 2 of cameras, and photos after the first.
         "train": 5,
         "train_refining": 1,
+        "train_aligning": 1,
         "correct_poses": 2,
         # AligNeRF twice, once with cameras put right after the one pre-training.
         "pretrain": 1,
@@ -149,12 +151,12 @@ def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
         "align_pretrained": 1,
         "correct_pretrained": 1,
         "finetune": 2,
-        "align_test_poses": 8,
-        "evaluate": 8,
-        "evaluate_aligned_pose": 8,
-        "decompose_courtyard": 8,
-        "export_cameras": 5,
-        "export_photos": 2,
+        "align_test_poses": 9,
+        "evaluate": 9,
+        "evaluate_aligned_pose": 9,
+        "decompose_courtyard": 9,
+        "export_cameras": 6,
+        "export_photos": 3,
     }
     assert jobs_of(output).items() >= wanted.items()
 

@@ -21,6 +21,7 @@ def options(tmp_path, demo):
         "warm_start": {"from": "mipnerf360"},
     }
     demo["methods"]["joint"] = {"model": "base", "refine": {}}
+    demo["methods"]["on_the_way"] = {"model": "base", "align": {}}
     demo["preflight"] = True
     path = tmp_path / "config.yaml"
     path.write_text(yaml.safe_dump(demo, sort_keys=False))
@@ -32,7 +33,8 @@ def test_every_training_waits_for_its_scenes_cost(options, snakemake):
     assert code == 0, output
     assert planned(output)["preflight"] == 2
     jobs = re.split(r"\n(?=(?:rule|localrule|checkpoint) )", output)
-    trainings = ("train", "train_warm", "train_refining", "pretrain", "finetune")
+    trainings = ("train", "train_warm", "train_refining", "train_aligning")
+    trainings += ("pretrain", "finetune")
     for rule in trainings:
         found = [job for job in jobs if job.startswith(f"rule {rule}:")]
         assert found, rule

@@ -188,6 +188,20 @@ def test_a_thing_that_moved_is_brought_back_and_the_rest_stays(tmp_path, rng):
     assert found.report[-1]["photos_warped"] == 1
 
 
+def test_what_counts_as_the_flows_own_error_falls_with_the_training(wrong):
+    """More while renders are blurred; less once cameras were seen to be wrong."""
+    loaded, _, folder = wrong
+    found = aligner_of(loaded, folder, least_move_px=0.12)
+    found.begin(100, "this")
+    assert [round(found.least_px(step), 3) for step in (5, 10, 25, 60)] == [
+        *(0.6, 0.3, 0.12, 0.12)
+    ]
+    found.report = [{"cameras_moved": 0}]
+    assert found.least_px(50) == 0.12
+    found.report = [{"cameras_moved": 3}]
+    assert found.least_px(10) == found.least_px(60) < 0.12
+
+
 def test_what_was_found_is_taken_again_to_the_bit(wrong):
     loaded, _, folder = wrong
     whole = aligner_of(loaded, folder)
