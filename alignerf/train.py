@@ -152,9 +152,8 @@ def make_aligner(job, loaded: prepared.Scene, chosen, photos, args):
     if job.align is None:
         return None
     alignment = importlib.import_module("alignerf.alignment.aligner")
-    shown = compose.make_method(alignment.with_fewer_samples(job), to_train=False)
     scene = alignment.Scene(loaded, chosen, photos)
-    return alignment.Aligner(job.align, shown, scene, args.checkpoints)
+    return alignment.Aligner(job, scene, args.checkpoints)
 
 
 def write_cameras(args, learnt):

@@ -16,26 +16,21 @@ import numpy as np
 
 from alignerf.alignment import cameras, look, outputs, photos, store
 from alignerf.command import faults
-from alignerf.experiment import jobs, settings
+from alignerf.experiment import jobs
 from alignerf.processes import agree, place
 from alignerf.scenes import prepared
-from alignerf.training import devices, memory, renderer
+from alignerf.training import compose, devices, memory, renderer
 from flow.camera import correct
-from flow.estimation import estimate, estimators, pairs
-from flow.warping import warp
+from flow.estimation import estimators
 
 log = logging.getLogger("alignerf")
 
-# Largest forward-backward disagreement of a valid pixel, in px of the small images.
-TOLERANCE_PX = 1.0
 # Share of the steps from which on `least_move_px` is the flow's own error; before, in
 # proportion, it is more.
 SETTLED = 0.25
 # Of `least_move_px`, once cameras were seen to be wrong: what is left of their error
 # is then moved too. With nothing wrong the flow asks for more than that.
 AGAIN = 0.3
-# Of the training's samples along a ray, so many are enough for small renders.
-SAMPLES_SHARE, LEAST_SAMPLES = 0.5, 4
 # Of a view as many pixels say where its camera is: a flow is smooth.
 FITTED_PIXELS = 1000
 # Of a pixel of a small image: a photo, a depth, flow and offsets, where both hold.
@@ -57,13 +52,14 @@ class Scene(NamedTuple):
 class Aligner:
     """State of a training's alignments: its cameras, and the offsets of its photos."""
 
-    def __init__(self, settings: settings.Align, method, scene: Scene, folder):
-        """folder: of the training's checkpoints."""
-        self.settings, self.method, self.scene = settings, method, scene
-        self.folder = folder
+    def __init__(self, job: jobs.Job, scene: Scene, folder, method=None):
+        """folder: of the training's checkpoints. method: that shows the views."""
+        self.settings, self.scene, self.folder = job.align, scene, folder
+        few = look.with_fewer_samples(job)
+        self.method = method or compose.make_method(few, to_train=False)
         self.size = scene.loaded.height, scene.loaded.width
-        least_px = estimators.METHODS[settings.estimator].min_side_px
-        self.k = look.factor(self.size, least_px, settings.shrink)
+        least_px = estimators.METHODS[job.align.estimator].min_side_px
+        self.k = look.factor(self.size, least_px, job.align.shrink)
         self.now = scene.loaded
         self.offsets_px = self.valid = None
         self.report, self.small, self.render = [], None, None
@@ -98,7 +94,7 @@ class Aligner:
         kinds = self.places[step]
         arrays, row = None, {}
         if place.is_first():
-            seen = list(self.look(devices.on_first(params), "photos" in kinds))
+            seen = list(self.look(devices.on_first(params)))
             row = {"step": step, "corrects": kinds, "shrink": self.k}
             row |= self.flow_lengths(seen)
             if "cameras" in kinds:
@@ -119,11 +115,8 @@ class Aligner:
             )
         self.say(self.report[-1])
 
-    def look(self, params, checked):
-        """`correct.View` of each training view, as the parameters show it now.
-
-        checked: pixels whose flow is not that back from the photo are not valid.
-        """
+    def look(self, params):
+        """`correct.View` of each training view, as the parameters show it now."""
         loaded, chosen, k = self.now, self.scene.views, self.k
         if self.small is None:
             self.small = look.read_photos(loaded, chosen, self.scene.photos, k)
@@ -134,29 +127,18 @@ class Aligner:
             self.render(params, loaded.pixtocams[0], loaded.camtoworlds[0])
             self.compile_time_s += time.perf_counter() - begun
 
-        def one(i):
-            def render(*camera):
-                return self.render(params, *camera)
+        render = functools.partial(self.render, params)
+        flow_of = functools.partial(
+            look.flow_of,
+            estimator=self.settings.estimator,
+            match_blur=self.settings.match_blur,
+        )
 
+        def one(i):
             photo = self.small[i]
-            flow_of = functools.partial(self.flow_of, checked=checked)
             return look.at(render, loaded, chosen[i], photo, k, flow_of)
 
         return devices.map_in_threads(one, range(len(chosen)))
-
-    def flow_of(self, render, photo, *, checked):
-        """(flow_px, valid) between two small images.
-
-        A camera's fit leaves out by itself what does not move with it: the flow back,
-        half of the cost, is for photos.
-        """
-        options = {"method": self.settings.estimator}
-        options["match_blur"] = self.settings.match_blur
-        if checked:
-            options["tolerance_px"] = TOLERANCE_PX
-            return pairs.flow_and_validity(render, photo, **options)[:2]
-        flow_px = estimate.estimate(render, photo, **options)
-        return flow_px, warp.in_frame(flow_px)
 
     def flow_lengths(self, seen):
         """What the report says of the flow, in pixels of the photos."""
@@ -287,16 +269,6 @@ class Aligner:
         log.info("aligned at step %d: %s", row["step"], "; ".join(found))
         for reason, views in row.get("left_alone", {}).items():
             log.info("cameras of %s stay: %s", faults.some_names(views), reason)
-
-
-def with_fewer_samples(job: jobs.Job) -> jobs.Job:
-    """The job whose model renders what a flow is taken of: small, and so less sharp."""
-    samples = job.model.samples
-    if job.model.kind not in ("mipnerf360", "ngp") or len(samples) == 1:
-        return job
-    fewer = [max(LEAST_SAMPLES, round(n * SAMPLES_SHARE)) for n in samples]
-    model = dataclasses.replace(job.model, samples=fewer)
-    return dataclasses.replace(job, model=model)
 
 
 def shared(arrays):

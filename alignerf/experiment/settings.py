@@ -568,14 +568,14 @@ class Align:
     """Alignment on the way: where one training stops, and what it puts right there."""
 
     cameras_at: list[float] = key(
-        [0.15, 0.3, 0.5],
+        [0.15, 0.35],
         "shares of the steps at which the cameras of the training views are put right",
         above=0,
         most=0.99,
         length=(0, 16),
     )
     photos_at: list[float] = key(
-        [0.5],
+        [0.35],
         "shares of the steps at which photos are warped, after the cameras if both",
         above=0,
         most=0.99,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.alignment import aligner, store
+from alignerf.alignment import aligner, look, store
 from alignerf.scenes import cameras, prepared
 from alignerf.training import loop, memory
 from tests import job_cases as cases
@@ -75,14 +75,14 @@ def clear_flow():
     What so short a training shows has no flow that could be trusted.
     """
 
-    def flow_of(self, render, photo, *, checked):
+    def flow_of(render, photo, **options):
         differ = photo.mean(dtype=float) - render.mean(dtype=float)
         shift_px = [differ / 100 + 0.5, render.std(dtype=float) / 50 - 0.4]
         flow_px = np.tile(np.float32(shift_px), (*render.shape[:2], 1))
         return flow_px, np.ones(render.shape[:2], bool)
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(aligner.Aligner, "flow_of", flow_of)
+        patched.setattr(look, "flow_of", flow_of)
         yield
 
 
@@ -162,11 +162,11 @@ def test_killed_within_it_resumes_bit_for_bit(
 
     killed(monkeypatch, scene, tmp_path, patch)
     looked = []
-    look = aligner.Aligner.look
+    look_at = aligner.Aligner.look
 
-    def noted(self, *arguments):
+    def noted(self, params):
         looked.append(1)
-        return look(self, *arguments)
+        return look_at(self, params)
 
     monkeypatch.setattr(aligner.Aligner, "look", noted)
     assert run(scene, tmp_path) == whole[1]

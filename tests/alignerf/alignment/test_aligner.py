@@ -4,6 +4,8 @@ A plane with a smooth texture, rendered by a method that has nothing to learn: w
 aligner finds is the cameras' error, and the motion of a thing in one photo.
 """
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from alignerf.experiment import settings
 from alignerf.mipnerf360 import model
 from alignerf.scenes import cameras, prepared
 from alignerf.training import batches, methods, renderer
+from tests import training_cases as cases
 
 WIDTH, HEIGHT, FOCAL_PX, COUNT = 180, 144, 150.0, 8
 ALIGN = {"cameras_at": [0.2, 0.4], "photos_at": [0.4], "shrink": 3}
@@ -81,7 +84,9 @@ def make_scene(folder, true, given, photo_of=lambda i, photo: photo):
 
 def aligner_of(loaded, folder, **changes):
     scene = aligner.Scene(loaded, loaded.views("train"), loaded.folder / "images")
-    found = aligner.Aligner(settings.Align(**ALIGN | changes), METHOD, scene, folder)
+    job = cases.job_of()
+    job = dataclasses.replace(job, align=settings.Align(**ALIGN | changes))
+    found = aligner.Aligner(job, scene, folder, METHOD)
     found.begin(10, "this")
     return found
 
