@@ -84,23 +84,23 @@ def compiled_into(folder):
     compilation_cache.reset_cache()
 
 
-def make_scene(folder):
+def make_scene(folder, width=WIDTH, height=HEIGHT):
     """A prepared scene: random photos seen by cameras that differ a little."""
     (folder / "images").mkdir()
     rng = np.random.default_rng(0)
     names = [f"v{i}" for i in range(4)]
     for name in names:
-        image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+        image = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)
         Image.fromarray(image).save(folder / "images" / f"{name}.png")
     poses = np.repeat(np.eye(4)[None, :3], 4, axis=0)
     poses[:, :, 3] = rng.normal(size=(4, 3))
     np.savez(
         folder / "cameras.npz",
-        pixtocams=np.stack([cameras.intrinsics(30.0, WIDTH, HEIGHT)] * 4),
+        pixtocams=np.stack([cameras.intrinsics(30.0, width, height)] * 4),
         camtoworlds=poses,
         names=names,
-        width=WIDTH,
-        height=HEIGHT,
+        width=width,
+        height=height,
         split=["test", "train", "train", "train"],
     )
     return folder

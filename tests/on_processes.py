@@ -41,6 +41,10 @@ def arguments(args, out):
         *("--config", args.config, "--scene", args.scene),
         *("--checkpoints", f"{out}/checkpoints", "--model", f"{out}/model.msgpack"),
         *("--timing", f"{out}/timing.json", "--threads", "1"),
+        *(
+            ["--aligned-out", f"{out}/aligned"]
+            * bool(json.loads(args.config).get("align"))
+        ),
     ]
 
 

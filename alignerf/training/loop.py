@@ -99,7 +99,10 @@ def fit(
 
     def align(state):
         aligner.align(devices.local(state.params), int(state.step))
-        return devices.place(aligner.views(given), built.mesh)
+        views = aligner.views(given)
+        if place.are_several():
+            agree.check_same(checkpoint.digest(views), "views after an alignment")
+        return devices.place(views, built.mesh)
 
     def explain(state, views):
         options = {"steps": job.schedule_steps, "seed": job.seed, "parts": built.parts}

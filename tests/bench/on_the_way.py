@@ -147,7 +147,7 @@ def scores(loaded, render, view, truth):
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
     found = {"view": name, "standard_db": psnr_db(image, photo)}
     found["detail"] = float(cv2.Laplacian(grey, cv2.CV_32F).var())
-    if truth.is_dir():
+    if (truth / "oracle").is_dir():
         oracle = images.read(truth / "oracle" / f"{name}.png")
         return found | {"oracle_db": psnr_db(image, oracle)}
     fair = fair_image(loaded, render, view, image, depth, photo)

@@ -35,15 +35,16 @@ def expected_jobs(config):
     """The trainings of a config by the paper's scheme, and what each one entails."""
     default = {"mipnerf360": {"rounds": 2}, "alignerf": {"alignerf": {}}}
     scenes, methods = len(config["scenes"]), config.get("methods", default).values()
-    plain = [
-        m.get("rounds", 0) for m in methods if not {"alignerf", "warm_start"} & m.keys()
-    ]
+    others = {"alignerf", "warm_start", "align"}
+    plain = [m.get("rounds", 0) for m in methods if not others & m.keys()]
+    aligning = sum("align" in m for m in methods)
     warm = [m["rounds"] for m in methods if "warm_start" in m]
-    rows = sum(rounds + 1 for rounds in plain) + sum(warm)
+    rows = sum(rounds + 1 for rounds in plain) + sum(warm) + aligning
     staged = [m.get("model") for m in methods if "alignerf" in m]
     jobs = {
         "train": scenes * sum(rounds + 1 for rounds in plain),
         "train_warm": scenes * sum(warm),
+        "train_aligning": scenes * aligning,
         "pretrain": scenes * len(set(staged)),
         "finetune": scenes * len(staged),
         "evaluate": scenes * (rows + len(staged)),

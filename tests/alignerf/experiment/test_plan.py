@@ -113,6 +113,7 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
         "warm": "mipnerf360",
         "mipnerf360_large": "mipnerf360_large",
         "mipnerf360": "mipnerf360",
+        "aligned": "mipnerf360",
         "alignerf": "mipnerf360",
         "staged_alone": "staged_alone",
     }

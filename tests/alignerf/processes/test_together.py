@@ -116,6 +116,26 @@ def test_two_processes_learn_what_one_does(two, of_one):
     check_alike(found, of_one(2))
 
 
+def test_two_processes_learn_from_what_the_first_has_aligned(root, tmp_path):
+    """The other warps its photos by what it was told, and both go on with the same."""
+    scene = cases.make_scene(tmp_path, width=64, height=48)
+    align = {"cameras_at": [0.3], "photos_at": [0.3], "photos": "whole"}
+    align |= {"least_move_px": 0.0, "estimator": "dis_medium"}
+    job = cases.JOB | {"alignerf": None, "align": align}
+    out = tmp_path / "out"
+    more = ["--scene", scene, "--out", out, "--config", json.dumps(job)]
+    with started(root, 2, *more) as processes:
+        ends = [process.communicate(timeout=300) for process in processes]
+        assert [process.returncode for process in processes] == [0, 0], ends
+    (row,) = json.loads((out / "timing.json").read_text())["alignments"]
+    assert row["photos_warped"] == 3
+    # With other views in either they would have said so.
+    assert len(losses(ends[0][0])) >= cases.STEPS
+    assert sorted(path.name for path in (out / "aligned").iterdir()) == [
+        *("cameras.npz", "photos", "valid")
+    ]
+
+
 def check_alike(found, losses):
     """[(step, loss)] as those of one process."""
     for step, loss in found:
