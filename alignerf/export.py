@@ -62,7 +62,8 @@ def pays(verdict, method):
     if any(gain.get("pays") is True for gain in found):
         return True
     log.warning(
-        "%s brought no more than chance in this run: all goes out as given",
+        "%s did not show in this run that it brings more than chance, or too few "
+        "photos are held out to tell: all goes out as given",
         method,
     )
     return False

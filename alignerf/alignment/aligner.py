@@ -7,23 +7,19 @@ training takes what is on disk (`restore`) and is bit for bit the same.
 
 import dataclasses
 import functools
-import logging
 import time
 from typing import NamedTuple
 
 import flax.serialization
 import numpy as np
 
-from alignerf.alignment import cameras, look, outputs, photos, store
-from alignerf.command import faults
+from alignerf.alignment import cameras, look, outputs, photos, store, words
 from alignerf.experiment import jobs
 from alignerf.processes import agree, place
 from alignerf.scenes import prepared
 from alignerf.training import compose, devices, memory, renderer
 from flow.camera import correct
 from flow.estimation import estimators
-
-log = logging.getLogger("alignerf")
 
 # Share of the steps from which on `least_move_px` is the flow's own error; before, in
 # proportion, it is more.
@@ -33,8 +29,9 @@ SETTLED = 0.25
 AGAIN = 0.3
 # Of a view as many pixels say where its camera is: a flow is smooth.
 FITTED_PIXELS = 1000
-# Of a pixel of a small image: a photo, a depth, flow and offsets, where both hold.
-SMALL_BYTES = 3 + 4 + 8 + 8 + 2
+# Of a pixel of a small image: a photo and where it counts, a depth, a flow and where it
+# holds; offsets and where they hold, before, now and packed for the disk.
+SMALL_BYTES = 3 + 1 + 4 + 8 + 1 + 3 * (8 + 1)
 
 
 class Scene(NamedTuple):
@@ -59,7 +56,10 @@ class Aligner:
         self.method = method or compose.make_method(few, to_train=False)
         self.size = scene.loaded.height, scene.loaded.width
         least_px = estimators.METHODS[job.align.estimator].min_side_px
-        self.k = look.factor(self.size, least_px, job.align.shrink)
+        try:
+            self.k = look.factor(self.size, least_px, job.align.shrink)
+        except ValueError as error:
+            raise ValueError(f"{scene.photos}: {error}") from None
         self.now = scene.loaded
         self.offsets_px = self.valid = None
         self.report, self.small, self.render = [], None, None
@@ -85,7 +85,8 @@ class Aligner:
             return last is None
         self.take(shared(found and found[0]))
         self.report = agree.on(found and found[1]["report"])
-        self.places.pop(step, None) if aligned == step else None
+        if aligned == step:
+            del self.places[step]
         return True
 
     def align(self, params, step):
@@ -96,12 +97,18 @@ class Aligner:
         if place.is_first():
             seen = list(self.look(devices.on_first(params)))
             row = {"step": step, "corrects": kinds, "shrink": self.k}
-            row |= self.flow_lengths(seen)
+            row |= words.flow_length(seen, self.k)
+            found = None
             if "cameras" in kinds:
-                row |= self.move_cameras(seen, step)
+                found = self.corrections(seen, step)
+                row |= self.move_cameras(found)
             if "photos" in kinds:
-                row |= self.move_photos(seen)
+                row |= self.move_photos(seen, found)
+            elif row.get("cameras_moved"):
+                # Offsets from renders by other cameras say nothing of these.
+                self.offsets_px = self.valid = None
             arrays = self.arrays()
+            del seen
         self.take(shared(arrays))
         took_s = time.perf_counter() - begun - (self.compile_time_s - compiled_s)
         self.report.append(agree.on(row | {"time_s": round(took_s, 3)}))
@@ -113,7 +120,7 @@ class Aligner:
                 step=step,
                 report=self.report,
             )
-        self.say(self.report[-1])
+        words.say(self.report[-1])
 
     def look(self, params):
         """`correct.View` of each training view, as the parameters show it now."""
@@ -140,34 +147,29 @@ class Aligner:
 
         return devices.map_in_threads(one, range(len(chosen)))
 
-    def flow_lengths(self, seen):
-        """What the report says of the flow, in pixels of the photos."""
-        medians = [
-            np.median(np.linalg.norm(view.flow_px[view.valid], axis=-1))
-            for view in seen
-            if view.valid.any()
-        ]
-        return {"flow_px": self.k * float(np.median(medians)) if medians else None}
-
-    def move_cameras(self, seen, step):
-        """Move the cameras that can be trusted; what was done."""
+    def corrections(self, seen, step):
+        """A `correct.Correction` of each view."""
         found = correct.corrections(
             lambda: iter(seen),
             least_px=self.least_px(step),
-            zooms=not any("camera_px" in row for row in self.report),
+            zooms=not self.were_wrong(),
             most_pixels=FITTED_PIXELS,
         )
+        if len(found) > 1:
+            return found
+        # What all corrections share is taken out: of one that is all of it.
+        alone = "of one view nothing is known but by itself"
+        return [correct.left_alone(one, alone) for one in found]
+
+    def move_cameras(self, found):
+        """Move the cameras that can be trusted; what was done."""
         train = self.scene.views
         self.now = cameras.corrected(self.now, train, found)
-        staying = {}
-        for view, correction in zip(train, found, strict=True):
-            if correction.left_alone:
-                name = self.now.names[view]
-                staying.setdefault(correction.left_alone, []).append(name)
+        names = [self.now.names[view] for view in train]
         return {
             "camera_px": self.k * cameras.median_px(found),
             "cameras_moved": len(cameras.moved_views(train, found)),
-            "left_alone": staying,
+            "left_alone": words.staying(names, found, self.k),
         }
 
     def least_px(self, step):
@@ -175,15 +177,27 @@ class Aligner:
 
         Early in a training renders are blurred, and that error is larger.
         """
-        if any(row.get("cameras_moved") for row in self.report):
+        if self.were_wrong():
             return AGAIN * self.settings.least_move_px
         return self.settings.least_move_px * max(1.0, SETTLED * self.steps / step)
 
-    def move_photos(self, seen):
-        """Find by how much each photo is to be warped; what was done."""
+    def were_wrong(self):
+        """Whether the cameras were: not one among good ones, but most of them."""
+        most = len(self.scene.views) / 2
+        return any(row.get("cameras_moved", 0) >= most for row in self.report)
+
+    def move_photos(self, seen, corrections):
+        """Find by how much each photo is to be warped; what was done.
+
+        corrections: of the cameras at this step, or None.
+        """
         whole = self.settings.photos == "whole"
         options = {"whole": whole, "most_pixels": FITTED_PIXELS}
-        found = [photos.offsets(view, **options) for view in seen]
+        corrections = corrections or [None] * len(seen)
+        found = [
+            photos.offsets(view, one, **options)
+            for view, one in zip(seen, corrections, strict=True)
+        ]
         self.offsets_px = np.stack([offset for offset, _ in found]).astype(np.float32)
         self.valid = np.stack([valid for _, valid in found])
         moving = (self.offsets_px != 0).any(axis=-1).mean(axis=(1, 2))
@@ -236,8 +250,8 @@ class Aligner:
         """
         photos = memory.tree_bytes(shapes.photos)
         small = SMALL_BYTES * photos // (3 * self.k**2)
-        if not self.settings.photos_at:
-            return small
+        # Also where none is warped: views with other cameras are placed anew, beside
+        # those before.
         return small + photos + memory.tree_bytes(shapes.valid)
 
     def sizes(self):
@@ -251,27 +265,10 @@ class Aligner:
             "valid": ((views, h, w), "bool"),
         }
 
-    def say(self, row):
-        """Log what an alignment saw and did."""
-        found = []
-        if row["flow_px"] is not None:
-            found.append(f"renders and photos are apart by {row['flow_px']:.2f} px")
-        if "cameras_moved" in row:
-            found.append(
-                f"{row['cameras_moved']} cameras move, by {row['camera_px']:.2f} px in "
-                "the median"
-            )
-        if "photos_warped" in row:
-            found.append(
-                f"{row['photos_warped']} photos warped, {row['moving_share']:.1%} of "
-                "the median one"
-            )
-        log.info("aligned at step %d: %s", row["step"], "; ".join(found))
-        for reason, views in row.get("left_alone", {}).items():
-            log.info("cameras of %s stay: %s", faults.some_names(views), reason)
-
 
 def shared(arrays):
     """The first process's arrays {name: array}, to the bit, in all of them."""
+    if not place.are_several():
+        return arrays
     packed = flax.serialization.msgpack_serialize(arrays) if arrays else b""
     return flax.serialization.msgpack_restore(agree.on_bytes(packed))

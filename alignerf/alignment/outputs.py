@@ -30,4 +30,4 @@ def write(folder, scene: prepared.Scene, chosen, views: batches.Views, cameras=N
             images.write(photos / f"{name}.png", np.asarray(views.photos[slot]))
             packed = np.asarray(views.valid[slot])
             counts = np.unpackbits(packed, axis=-1, count=scene.width).astype(bool)
-            np.savez(valid / f"{name}.npz", valid=counts)
+            np.savez_compressed(valid / f"{name}.npz", valid=counts)

@@ -11,6 +11,7 @@ from alignerf.scenes import prepared
 from alignerf.training import batches
 from flow.camera import correct
 from flow.camera import fit as camera_fit
+from flow.camera import motion as camera_motion
 from flow.warping import small, warp
 
 # Of a remainder that no camera explains, what is shorter is the flow's own error: in
@@ -18,20 +19,27 @@ from flow.warping import small, warp
 LEAST_MOVE_PX = 0.2
 
 
-def offsets(view: correct.View, *, whole, most_pixels):
+def offsets(view: correct.View, correction=None, *, whole, most_pixels):
     """(offsets_px, valid) of one view: by how much its photo is to be warped.
 
-    whole: all of the flow; else only what still moves when the camera has moved.
-    most_pixels: that say where the camera is.
+    correction: by which its camera moves at this step, if it does; what that explains
+    of the flow is then no part of an offset. whole: all of the rest; else only what
+    moves otherwise than with a camera. most_pixels: that say where the camera is.
     """
+    if correction is not None and not correction.trusted:
+        # A flow that no camera explains, or too little of it, is no motion either.
+        return np.zeros_like(view.flow_px), np.ones_like(view.valid)
+    motion = camera_motion.STILL if correction is None else correction.motion
     if whole:
-        return view.flow_px, view.valid
-    fit = camera_fit.split(*view, log_focal=0.0, most_pixels=most_pixels)
+        points = camera_motion.points_of(view.pixtocam, view.depth)
+        camera_px = camera_motion.flow(motion, points).astype(np.float32)
+        return view.flow_px - camera_px, view.valid
+    fit = camera_fit.split(*view, log_focal=motion.log_focal, most_pixels=most_pixels)
     length_px = np.linalg.norm(fit.remainder_px, axis=-1)
     moves = fit.moved & (length_px > LEAST_MOVE_PX)
     still = np.zeros_like(fit.remainder_px)
-    # What stays where it is needs no flow to be valid.
-    return np.where(moves[..., None], fit.remainder_px, still), ~moves | fit.valid
+    # What stays where it is needs no flow to be valid, and what moves has one.
+    return np.where(moves[..., None], fit.remainder_px, still), np.ones_like(fit.valid)
 
 
 def warped(views: batches.Views, offsets_px, valid, k, *, kernel="lanczos"):

@@ -14,7 +14,8 @@ import re
 import flax.serialization
 import numpy as np
 
-from alignerf.command import json_files, whole
+from alignerf.command import json_files
+from alignerf.training import checkpoint
 
 log = logging.getLogger("alignerf")
 
@@ -31,8 +32,7 @@ def write(folder, arrays, *, identity, step, report):
     folder = pathlib.Path(folder)
     data = flax.serialization.msgpack_serialize(arrays)
     name = f"alignment-{step}.msgpack"
-    with whole.replace_file(folder / name) as path:
-        path.write_bytes(data)
+    checkpoint.write(folder / name, data)
     manifest = {
         "file": name,
         "sha256": hashlib.sha256(data).hexdigest(),
@@ -40,8 +40,8 @@ def write(folder, arrays, *, identity, step, report):
         "step": step,
         "report": report,
     }
-    with whole.replace_file(folder / "alignment.json") as path:
-        path.write_text(json.dumps(manifest, indent=1))
+    text = json.dumps(manifest, indent=1)
+    checkpoint.write(folder / "alignment.json", text.encode())
     for old in folder.glob("alignment-*.msgpack"):
         if old.name != name:
             old.unlink()

@@ -199,7 +199,7 @@ def places(align: settings.Align, steps, where="align") -> dict:
 
     Steps count from 0; cameras come before photos. Raises ValueError, with the key as
     `where` begins it, where two shares of one list fall on one step, or one on the
-    first.
+    first or beyond the last.
     """
     found = {}
     for what in ("cameras", "photos"):
@@ -207,8 +207,9 @@ def places(align: settings.Align, steps, where="align") -> dict:
         for share in sorted(getattr(align, key)):
             step = round(share * steps)
             kinds = found.setdefault(step, [])
-            if what in kinds or step == 0:
-                which = "the first" if step == 0 else f"number {step}, as another is"
+            outside = {0: "the first", steps: "beyond the last"}
+            if what in kinds or step in outside:
+                which = outside.get(step, f"number {step}, as another is")
                 raise ValueError(
                     f"config: {where}.{key}: {share:g} of {steps} steps is {which}"
                 )

@@ -205,8 +205,8 @@ class Experiment:
     def followed(self):
         """{method: its rounds whose training views are rendered and aligned}.
 
-        Another round trains on these, a search radius comes from them, or they say what
-        there was to be aligned on the way.
+        Another round trains on these, a search radius comes from them, or the verdict
+        looks at them, where a method aligns itself by such a flow.
         """
         found = {name: set() for name in self.methods}
         for name, method in self.methods.items():
@@ -214,8 +214,9 @@ class Experiment:
                 found[self.owner_of(name, k)].add(k)
             if method["alignerf"] and method["alignerf"]["radius_px"] == "auto":
                 found[self.base_of(name)].add(0)
-            if method["align"]:
-                found[self.base_of(name)].add(0)
+        if self.aligning():
+            # By the reference's the verdict says what there is to be aligned.
+            found[self.owner_of(self.config["reference"]["method"], 0)].add(0)
         return found
 
     def reference_round(self, scene):

@@ -167,6 +167,7 @@ def views_of(loaded: prepared.Scene) -> schedule.Views:
         test=len(loaded.views("test")),
         pixels=loaded.width * loaded.height,
         image_bytes=sum(path.stat().st_size for path in paths) // len(paths),
+        side=min(loaded.width, loaded.height),
     )
 
 

@@ -26,6 +26,9 @@ SLOW_START = 3.0
 # three times, with Adam's moments, in the checkpoint; logs and tables.
 PARAM_BYTES, SMALL_BYTES = 16, 100_000
 DEPTH_BYTES, RGB_BYTES = 4, 3
+# Of an alignment: the smaller side that its flow needs in px, and bytes of a pixel of
+# its small images.
+FLOW_SIDE, ALIGNED_BYTES = 48, 44
 # Folders of images, and of flows, of each test view: control sets with the warped set.
 TESTSET_IMAGES, TESTSET_FLOWS = 7, 2
 # Rays of a step of a camera's fit by gradients, forwards and backwards, in renders.
@@ -62,6 +65,8 @@ class Views(NamedTuple):
     test: int
     pixels: int
     image_bytes: int
+    # The smaller one, in px.
+    side: int = 0
 
     def of(self, splits):
         return sum(getattr(self, split) for split in splits)
@@ -168,6 +173,7 @@ def training(one, rate: Rates, flow: Flow, views: Views, *, threads):
     loop_s = job.steps * rate.step_s if minutes is None else 60 * minutes
     corrects_s = pace(flow) * CORRECT_S * 1e-6 * views.train * views.pixels
     before_s = (flow.start_s + corrects_s) if one["corrects"] else 0.0
+    photos_bytes = views.train * views.image_bytes if job.align else 0
     train = Task(
         *(f"{name}/train", "train"),
         before_s
@@ -176,7 +182,8 @@ def training(one, rate: Rates, flow: Flow, views: Views, *, threads):
         + loop_s
         + aligns_s(job, rate, flow, views),
         *(threads, [f"{before}/flow" for before in one["after"]]),
-        *(f"{name}/timing.json", PARAM_BYTES * rate.params + SMALL_BYTES),
+        f"{name}/timing.json",
+        PARAM_BYTES * rate.params + SMALL_BYTES + photos_bytes,
         rate.peak_bytes + aligns_bytes(job, views),
     )
     if not splits:
@@ -201,16 +208,23 @@ def aligns_s(job, rate: Rates, flow: Flow, views: Views):
     if not job.align:
         return 0.0
     count = len({*job.align.cameras_at, *job.align.photos_at})
-    share = 1 / job.align.shrink**2
+    share = 1 / shrink_of(job, views) ** 2
     view_s = share * (views.pixels * rate.pixel_s + flow.view_s)
     corrects_s = pace(flow) * CORRECT_S * 1e-6 * views.pixels * share
     return rate.render_compile_s + count * views.train * (view_s + corrects_s)
 
 
+def shrink_of(job, views: Views):
+    """By how much an alignment's renders are smaller, as of `alignment.look.factor`."""
+    return max(1, min(job.align.shrink, views.side // FLOW_SIDE))
+
+
 def aligns_bytes(job, views: Views):
-    """Memory of a training's alignments: photos as taken beside those warped."""
-    warps = job.align and job.align.photos_at
-    return RGB_BYTES * views.train * views.pixels if warps else 0
+    """Memory of a training's alignments: photos twice, and small images."""
+    if not job.align:
+        return 0
+    small = ALIGNED_BYTES / shrink_of(job, views) ** 2
+    return int((RGB_BYTES + small) * views.train * views.pixels)
 
 
 def render_s(rate: Rates, pixels):

@@ -27,6 +27,8 @@ def on_bytes(data: bytes) -> bytes:
     if not place.are_several():
         return data
     mine = np.frombuffer(data, np.uint8)
+    if mine.size >= 2**31:
+        raise ValueError(f"{mine.size} bytes are too many to tell other processes")
     size = int(multihost_utils.broadcast_one_to_all(np.int32(mine.size)))
     mine = mine if place.is_first() else np.zeros(size, np.uint8)
     sent = multihost_utils.broadcast_one_to_all(mine)

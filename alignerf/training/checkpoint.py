@@ -75,7 +75,7 @@ def save(folder, state, *, identity, time_s, parts, final):
     state = jax.device_get(state)
     data = flax.serialization.to_bytes(state)
     name = f"state-{int(state.step)}.msgpack"
-    _write(folder / name, data)
+    write(folder / name, data)
     manifest = {
         "file": name,
         "sha256": hashlib.sha256(data).hexdigest(),
@@ -84,7 +84,7 @@ def save(folder, state, *, identity, time_s, parts, final):
         "parts": parts,
         "final": final,
     }
-    _write(folder / "manifest.json", json.dumps(manifest, indent=1).encode())
+    write(folder / "manifest.json", json.dumps(manifest, indent=1).encode())
     for old in folder.glob("state-*.msgpack"):
         if old.name != name:
             old.unlink()
@@ -104,7 +104,7 @@ def read_parts(folder) -> int | None:
 def save_budget(folder, *, identity, steps, steps_per_s):
     """Write down how many steps a job's budget holds, and the speed that says so."""
     found = {"identity": identity, "steps": steps, "steps_per_s": steps_per_s}
-    _write(pathlib.Path(folder) / "budget.json", json.dumps(found, indent=1).encode())
+    write(pathlib.Path(folder) / "budget.json", json.dumps(found, indent=1).encode())
 
 
 def read_budget(folder, *, identity) -> dict | None:
@@ -167,7 +167,7 @@ def _read_manifest(folder):
 
 def write_params(path, params):
     """Trained parameters as flax msgpack, written whole."""
-    _write(pathlib.Path(path), flax.serialization.to_bytes(jax.device_get(params)))
+    write(pathlib.Path(path), flax.serialization.to_bytes(jax.device_get(params)))
 
 
 def read_params(path, template):
@@ -209,7 +209,8 @@ def _from_bytes(template, data, where):
     return found
 
 
-def _write(path, data):
+def write(path, data):
+    """Write bytes whole, and through to the disk."""
     with whole.replace_file(path) as temporary, open(temporary, "wb") as file:
         file.write(data)
         file.flush()

@@ -82,7 +82,9 @@ def fit(
     given, views = views, aligner.views(views)
     built = with_parts(built, parts, job, method, params, views)
     program.log_memory(job, built, state, views)
-    state, views = devices.place((state, views), built.mesh)
+    # Those of the first steps are let go where an alignment gives others.
+    state, *placed = devices.place((state, views), built.mesh)
+    del views
     memory.keep_freed()
     start = time.perf_counter()
 
@@ -117,7 +119,7 @@ def fit(
 
     loop = {"save": save, "explain": explain, "note": note}
     loop |= {"align": align, "places": aligner.places}
-    state, numbers = run_steps(job, step, state, views, **loop)
+    state, numbers = run_steps(job, step, state, placed.pop(), **loop)
     # A finished training that was resumed made no step.
     numbers = numbers or last
     return devices.local(state.params), facts | {

@@ -53,7 +53,8 @@ class Correction(NamedTuple):
 
     length_px: median over the pixels that were fitted of what the motion does to them.
     depth: their median depth, 1 where there is none. left_alone: why the camera stays
-    where it is (motion is then none); else empty.
+    where it is (motion is then none); else empty. trusted: its flow is one that a
+    camera explains, like the others'.
     """
 
     motion: camera_motion.Motion
@@ -62,6 +63,7 @@ class Correction(NamedTuple):
     valid_share: float
     depth: float
     left_alone: str
+    trusted: bool = True
 
 
 def corrections(
@@ -92,7 +94,7 @@ def corrections(
             f"{least_px:g} px that is the flow's error"
         )
         found = [
-            c if c.left_alone or c.length_px > CLEAR_PX else _left_alone(c, reason)
+            c if c.left_alone or c.length_px > CLEAR_PX else left_alone(c, reason)
             for c in found
         ]
     return [c if c.left_alone else _with_others(c, **usual) for c in found]
@@ -127,19 +129,19 @@ def _fitted(view: View, **options) -> Correction:
         depth=float(np.median(near)) if len(near) else 1.0,
         left_alone="",
     )
-    return _left_alone(found, reason) if reason else found
+    return _mistrusted(found, reason) if reason else found
 
 
 def _with_others(found: Correction, *, noise_px, length_px) -> Correction:
     """The correction, or none where it is unlike the others, of these medians."""
     if found.noise_px > max(LEAST_NOISE_PX, NOISE_RATIO * noise_px):
-        return _left_alone(
+        return _mistrusted(
             found,
             f"no camera explains its flow: {found.noise_px:.2f} px remain, "
             f"{noise_px:.2f} px in the median view",
         )
     if found.length_px > max(LEAST_LENGTH_PX, LENGTH_RATIO * length_px):
-        return _left_alone(
+        return _mistrusted(
             found,
             f"it would move by {found.length_px:.1f} px, the median view by "
             f"{length_px:.2f} px",
@@ -147,5 +149,10 @@ def _with_others(found: Correction, *, noise_px, length_px) -> Correction:
     return found
 
 
-def _left_alone(found: Correction, reason) -> Correction:
+def _mistrusted(found: Correction, reason) -> Correction:
+    return left_alone(found, reason)._replace(trusted=False)
+
+
+def left_alone(found: Correction, reason) -> Correction:
+    """The correction as none, with the reason why."""
     return found._replace(motion=camera_motion.STILL, length_px=0.0, left_alone=reason)

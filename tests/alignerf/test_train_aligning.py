@@ -12,12 +12,12 @@ from alignerf.scenes import cameras, prepared
 from alignerf.training import loop, memory
 from tests import job_cases as cases
 
-WIDTH, HEIGHT, COUNT = 64, 48, 6
+# The flow needs 32 px a side: renders are half as large, and a row and a column over.
+WIDTH, HEIGHT, COUNT = 81, 67, 6
 # All that a flow finds is taken: renders of so short a training are no match.
 ALIGN = {
     "cameras_at": [0.3, 0.6],
     "photos_at": [0.6],
-    "photos": "whole",
     "shrink": 3,
     "least_move_px": 0.0,
     "estimator": "dis_medium",
@@ -70,7 +70,7 @@ def run(scene, out, job=JOB, *more):
 
 @pytest.fixture(scope="module", autouse=True)
 def clear_flow():
-    """A flow that hangs on every bit of a render, and that a camera explains.
+    """A flow that hangs on every bit of a render, and that a camera explains in part.
 
     What so short a training shows has no flow that could be trusted.
     """
@@ -79,6 +79,7 @@ def clear_flow():
         differ = photo.mean(dtype=float) - render.mean(dtype=float)
         shift_px = [differ / 100 + 0.5, render.std(dtype=float) / 50 - 0.4]
         flow_px = np.tile(np.float32(shift_px), (*render.shape[:2], 1))
+        flow_px[8:20, 10:24] += [1.5, render[12, 12, 0] / 200]
         return flow_px, np.ones(render.shape[:2], bool)
 
     with pytest.MonkeyPatch.context() as patched:
@@ -107,6 +108,7 @@ def test_it_says_what_it_saw_and_did(scene, whole):
         assert 0 < row["time_s"] < timing["train_time_s"]
     # Something was done, or the tests of resuming would show nothing.
     assert timing["alignments"][-1]["photos_warped"] == COUNT - 1
+    assert [row["shrink"] for row in timing["alignments"]] == [2, 2]
     given = prepared.read_cameras(scene / "cameras.npz")
     moved = prepared.read_cameras(out / "aligned/cameras.npz")
     assert (moved["camtoworlds"] != given["camtoworlds"]).any()
@@ -208,6 +210,7 @@ def test_the_step_is_compiled_once(scene, tmp_path, monkeypatch):
     [
         ({"cameras_at": [0.3, 0.31]}, "align.cameras_at: 0.31 of 14 steps is number 4"),
         ({"photos_at": [0.01]}, "align.photos_at: 0.01 of 14 steps is the first"),
+        ({"photos_at": [0.99]}, "0.99 of 14 steps is beyond the last"),
         ({"cameras_at": [1.5]}, "config: align.cameras_at.0: 1.5 is greater"),
     ],
 )

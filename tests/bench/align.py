@@ -123,9 +123,8 @@ def shares(options):
     if options.quick:
         yield share("tiny", cases.TINY, settings_of("demo") | QUICK_SETTINGS, 1)
         return
-    for name in ("demo", "own_photos"):
-        model = read_config(name)["models"]["base"]
-        yield share(name, model, settings_of(name), options.repeats)
+    model = read_config("demo")["models"]["base"]
+    yield share("demo", model, settings_of("demo"), options.repeats)
     # One patch of the 32: all grows with their number, and a step takes long.
     paper = settings_of("demo") | {"patches": 1, "features": 128}
     yield share("published, 1 patch", cases.PUBLISHED, paper, 3)

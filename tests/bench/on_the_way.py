@@ -91,7 +91,8 @@ def job_of(config, scene, share, method):
     steps = round(share * read["training"]["steps"])
     kept = {"scenes": {"scene": {"source": "courtyard"}}, "seed": seed_of(scene)}
     kept |= {"models": read.get("models", {"base": {}}), "training": {"steps": steps}}
-    kept["methods"] = {method: read["methods"][method]}
+    plain = {"plain": read["methods"]["plain"]}
+    kept["methods"] = plain | {method: read["methods"][method]}
     experiment = plan.Experiment(check.checked(kept), None)
     return slices.of_round(experiment, "scene", method)
 

@@ -53,6 +53,10 @@ def check_align(config, name):
     chosen = jobs.instance(settings.Align, method["align"])
     if not (chosen.cameras_at or chosen.photos_at):
         fault(where, "cameras_at or photos_at: it needs a share at which to align")
+    others = [m for n, m in config["methods"].items() if n != name]
+    if not any(m["model"] == method["model"] and not is_derived(m) for m in others):
+        what = f"another method of model {method['model']!r} without align"
+        fault(where, f"it needs {what}, to say what it brought")
     lengths = [scene["steps"] for scene in config["scenes"].values()]
     for steps in {steps for steps in lengths if steps}:
         jobs.places(chosen, steps, where)

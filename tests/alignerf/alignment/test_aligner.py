@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from alignerf.alignment import aligner, look, store
+from alignerf.alignment import aligner, look, photos, store
 from alignerf.command import images
 from alignerf.experiment import settings
 from alignerf.mipnerf360 import model
 from alignerf.scenes import cameras, prepared
 from alignerf.training import batches, methods, renderer
+from flow.camera import correct
+from flow.camera import motion as camera_motion
 from tests import training_cases as cases
 
 WIDTH, HEIGHT, FOCAL_PX, COUNT = 180, 144, 150.0, 8
@@ -203,8 +205,108 @@ def test_what_counts_as_the_flows_own_error_falls_with_the_training(wrong):
     ]
     found.report = [{"cameras_moved": 0}]
     assert found.least_px(50) == 0.12
-    found.report = [{"cameras_moved": 3}]
+    # One bad camera among good ones says nothing of the others.
+    found.report = [{"cameras_moved": 1}]
+    assert found.least_px(50) == 0.12
+    found.report = [{"cameras_moved": COUNT - 1}]
     assert found.least_px(10) == found.least_px(60) < 0.12
+
+
+def flow_view(motion, depth=None):
+    """What a small view says of a camera that moved like this, and of nothing else."""
+    depth = np.full((48, 60), 2.0) if depth is None else depth
+    pixtocam = cameras.intrinsics(50.0, 60, 48)
+    points = camera_motion.points_of(pixtocam, depth)
+    flow_px = camera_motion.flow(motion, points).astype(np.float32)
+    return correct.View(flow_px, np.ones(depth.shape, bool), pixtocam, depth)
+
+
+def correction(motion, **changes):
+    found = correct.Correction(motion, 1.0, 0.02, 1.0, 2.0, "")
+    return found._replace(**changes)
+
+
+TURN = camera_motion.Motion(np.array([0.01, 0.02, 0.0]), np.zeros(3), 0.01)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_what_the_camera_has_put_right_is_not_warped_too(whole):
+    view = flow_view(TURN)
+    options = {"whole": whole, "most_pixels": 1000}
+    offset, valid = photos.offsets(view, correction(TURN), **options)
+    assert np.abs(offset).max() < 0.02
+    assert valid.all()
+    # Without a camera that moves the whole flow is the photo's.
+    alone, _ = photos.offsets(view, None, **options)
+    assert (np.abs(alone).max() > 0.9) == whole
+
+
+def test_a_flow_that_no_camera_explains_warps_no_photo(rng):
+    view = flow_view(TURN)._replace(
+        flow_px=rng.normal(size=(48, 60, 2)).astype(np.float32) * 5
+    )
+    refused = correct.corrections(lambda: iter([view] + [flow_view(TURN)] * 4))
+    assert not refused[0].trusted
+    assert all(one.trusted for one in refused[1:])
+    offset, _ = photos.offsets(view, refused[0], whole=False, most_pixels=1000)
+    assert not offset.any()
+
+
+@pytest.mark.parametrize("fill", [np.nan, np.inf, 0.0])
+def test_depths_that_are_none_are_no_part_of_a_fit(fill):
+    """Far away is a depth; none is not. All stays finite."""
+    depth = np.full((48, 60), 2.0)
+    depth[:20] = fill
+    view = flow_view(TURN, depth=np.full((48, 60), 2.0))._replace(depth=depth)
+    (found,) = correct.corrections(lambda: iter([view]), zooms=False)
+    assert np.isfinite(found.length_px)
+    offset, _ = photos.offsets(view, found, whole=False, most_pixels=1000)
+    assert np.isfinite(offset).all()
+
+
+def test_one_view_holds_the_frame_and_stays(wrong):
+    loaded, _, folder = wrong
+    scene = aligner.Scene(loaded, loaded.views("train")[:1], loaded.folder / "images")
+    job = dataclasses.replace(cases.job_of(), align=settings.Align(**ALIGN))
+    found = aligner.Aligner(job, scene, folder, METHOD)
+    found.begin(10, "this")
+    found.align({}, 2)
+    np.testing.assert_array_equal(found.now.camtoworlds, loaded.camtoworlds)
+    assert found.report[0]["cameras_moved"] == 0
+    (reason,) = found.report[0]["left_alone"]
+    assert "of one view" in reason
+
+
+def test_cameras_that_move_later_let_older_offsets_go(wrong):
+    loaded, _, folder = wrong
+    found = aligner_of(loaded, folder, cameras_at=[0.6], photos_at=[0.2])
+    found.begin(10, "this")
+    found.align({}, 2)
+    assert found.offsets_px is not None
+    found.align({}, 6)
+    assert found.report[-1]["cameras_moved"]
+    assert found.offsets_px is None
+
+
+def test_where_photos_do_not_count_nothing_is_matched(wrong):
+    """A masked part of a photo shows something else: no camera follows it."""
+    loaded, true, folder = wrong
+    (loaded.folder / "images/masks").mkdir()
+    for view, name in enumerate(loaded.names):
+        counts = np.ones((HEIGHT, WIDTH), bool)
+        counts[:, 100:] = False
+        np.savez(loaded.folder / f"images/masks/{name}.npz", valid=counts)
+        photo = images.read(loaded.folder / f"images/{name}.png").copy()
+        photo[:, 100:] = np.roll(photo[:, 100:], 9 + view, axis=0)
+        images.write(loaded.folder / f"images/{name}.png", photo)
+    found = aligner_of(loaded, folder)
+    before = error_px(loaded, true)
+    for step in found.places:
+        found.align({}, step)
+    assert error_px(found.now, true) < 0.35 * before
+    new = found.views(views_of(loaded))
+    counted = np.unpackbits(new.valid, axis=-1, count=WIDTH).astype(bool)
+    assert not counted[:, :, 104:].any()
 
 
 def test_what_was_found_is_taken_again_to_the_bit(wrong):

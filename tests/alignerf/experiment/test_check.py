@@ -74,6 +74,11 @@ def edit(config, where, value):
             "methods.aligned.align.photos_at: 0.5001 of 2000 steps is number 1000",
         ),
         (
+            "methods",
+            {"alone": {"model": "base", "align": {}}},
+            "methods.alone.align: it needs another method of model 'base'",
+        ),
+        (
             "methods.aligned",
             {"model": "base", "align": {"cameras_at": [1.0]}},
             "methods.aligned.align.cameras_at.0: 1.0 is greater than",

@@ -16,7 +16,7 @@ def scene(tmp_path_factory):
     # As small as the flow allows.
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cases, "HEIGHT", 32)
-        return cases.make_scene(tmp_path_factory.mktemp("scene"))
+        return cases.make_scene(tmp_path_factory.mktemp("scene"), height=32)
 
 
 # Of all models it compiles soonest.

@@ -146,6 +146,12 @@ def test_trainings_of_one_program_are_timed_once(demo, experiment_of):
 
 
 def test_memory_is_that_of_what_runs_at_once(demo, experiment_of):
+    # Photos as taken beside others, and small images, of the one that aligns itself.
+    more = int((3 + schedule.ALIGNED_BYTES) * VIEWS.train * VIEWS.pixels)
+    tasks = tasks_of(experiment_of(demo))
+    assert lanes.peak_bytes(tasks, 1) == RATES.peak_bytes + more
+    assert lanes.peak_bytes(tasks, 2) == 2 * RATES.peak_bytes + more
+    del demo["methods"]["aligned"]
     tasks = tasks_of(experiment_of(demo))
     assert lanes.peak_bytes(tasks, 1) == RATES.peak_bytes
     assert lanes.peak_bytes(tasks, 2) == 2 * RATES.peak_bytes
@@ -154,6 +160,27 @@ def test_memory_is_that_of_what_runs_at_once(demo, experiment_of):
     tasks = tasks_of(experiment_of(demo))
     assert lanes.peak_bytes(tasks, 2) <= RATES.peak_bytes + RATES.render_peak_bytes
     assert lanes.peak_bytes([], 2) == 0
+
+
+def test_alignments_cost_what_their_looks_at_small_renders_cost(demo, experiment_of):
+    """Twice as small, a quarter; no smaller than a flow can be taken of."""
+
+    def seconds(side, **changes):
+        demo["methods"]["aligned"]["align"] = changes
+        work = work_of.of_scene(experiment_of(demo), "courtyard")
+        rates = [RATES] * len(work["trainings"])
+        views = VIEWS._replace(side=side, pixels=10**6)
+        tasks = schedule.tasks_of(work, rates, FLOW, views, threads=1)
+        found = named(tasks)
+        plain = found["mipnerf360/round0/train"]
+        return found["aligned/round0/train"].seconds - plain.seconds
+
+    looks = [seconds(1000, shrink=k) - RATES.render_compile_s for k in (1, 2)]
+    assert looks[0] == pytest.approx(4 * looks[1])
+    assert seconds(100, shrink=8) == seconds(100, shrink=2)
+    places = {"cameras_at": [0.2, 0.4, 0.6, 0.8], "photos_at": [0.8]}
+    four = seconds(1000, shrink=2, **places) - RATES.render_compile_s
+    assert four == pytest.approx(2 * looks[1])
 
 
 def plan(**changes):
