@@ -84,7 +84,7 @@ def test_it_resumes_bit_for_bit_at_any_speed(
     assert found == (uninterrupted / "model.msgpack").read_bytes()
 
 
-def killed(*arguments):
+def killed(*arguments, **options):
     raise cases.Killed
 
 
@@ -142,7 +142,9 @@ def test_it_ends_in_time(folder, tmp_path, monkeypatch):
         program, "step_time_s", lambda step, *a, **o: measure(slowed(step), *a, **o)
     )
     monkeypatch.setattr(
-        loop, "run_steps", lambda job, step, *a: run_steps(job, slowed(step), *a)
+        loop,
+        "run_steps",
+        lambda job, step, *a, **o: run_steps(job, slowed(step), *a, **o),
     )
     cases.run(folder, tmp_path, with_budget(0.1))
     timing = timing_of(tmp_path)

@@ -60,7 +60,7 @@ def test_another_job_does_not_resume(
         more = ("--photos", str(tmp_path / "photos"))
     started = []
 
-    def first_state(job, step, state, *others):
+    def first_state(job, step, state, *others, **options):
         started.append(int(state.step))
         raise cases.Killed
 

@@ -16,7 +16,7 @@ CONFIGS = measure.ROOT / "workflow" / "config"
 METHOD = "mipnerf360"
 # Of a job, its model and its training, what an older checkout does not know; it does
 # as the old settings say.
-NEW_KEYS = {"decisions", "refine"}
+NEW_KEYS = {"decisions", "refine", "align"}
 NEW_MODEL_KEYS = {"background", "decided", "kind", "radius", "training"}
 NEW_FIELD_KEYS = {"anti_aliased"}
 NEW_TRAINING_KEYS = {"budget_min", "hold_share", "adam_betas", "proposal_share"}
@@ -65,6 +65,7 @@ def job_of(samples, proposal, field, **training):
         | training,
         "alignerf": None,
         "refine": None,
+        "align": None,
         "decisions": None,
     }
 
