@@ -18,7 +18,8 @@ rule export_cameras:
     params:
         warped=[],
         # Where aligning on the way brought nothing, cameras go out as given.
-        paid=lambda w, input: ["--if-pays", input.verdict, w.method] * bool(input.verdict),
+        paid=lambda w, input: ["--if-pays", input.verdict, w.method]
+        * bool(input.verdict),
         sources=sources_of("alignerf.export"),
     shell:
         "python -m alignerf.export --scene results/{wildcards.scene:q}"
