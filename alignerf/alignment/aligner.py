@@ -241,7 +241,8 @@ class Aligner:
         views: the training views as given; cameras: the file of theirs, or None.
         """
         now = self.views(views)
-        outputs.write(folder, self.now, self.scene.views, now, cameras)
+        scenes = self.scene.loaded, self.now
+        outputs.write(folder, *scenes, self.scene.views, now, cameras)
 
     def more_bytes(self, shapes):
         """What the alignments take besides the training's views; shapes: of these.

@@ -9,16 +9,16 @@ from alignerf.scenes import prepared
 from alignerf.training import batches
 
 
-def write(folder, scene: prepared.Scene, chosen, views: batches.Views, cameras=None):
+def write(folder, given, scene: prepared.Scene, chosen, views, cameras=None):
     """Write cameras.npz, and of the views `chosen` photos/<view>.png, valid/<view>.npz.
 
-    scene: with its cameras as they are now. views: the photos as warped in the end, or
-    as taken, and where they hold. cameras: the file that the training began with; the
-    poses of views that did not move stay as they are there, to the bit.
+    given, scene: with its cameras as they were and as they are now. views: a
+    `batches.Views`, the photos as warped in the end, or as taken, and where they hold.
+    cameras: the file that the training began with; the poses of views that did not move
+    stay as they are there, to the bit.
     """
     folder = Path(folder)
-    before = prepared.load(scene.folder, cameras).camtoworlds
-    moved = np.flatnonzero((scene.camtoworlds != before).any(axis=(1, 2)))
+    moved = (scene.camtoworlds != given.camtoworlds).any(axis=(1, 2))
     with whole.replace_file(folder / "cameras.npz") as path:
         prepared.write_cameras(path, scene, cameras, moved)
     with (
@@ -28,6 +28,5 @@ def write(folder, scene: prepared.Scene, chosen, views: batches.Views, cameras=N
         for slot, view in enumerate(chosen):
             name = scene.names[view]
             images.write(photos / f"{name}.png", np.asarray(views.photos[slot]))
-            packed = np.asarray(views.valid[slot])
-            counts = np.unpackbits(packed, axis=-1, count=scene.width).astype(bool)
+            counts = batches.unpack_valid(views.valid[slot], scene.width)
             np.savez_compressed(valid / f"{name}.npz", valid=counts)

@@ -53,7 +53,7 @@ def warped(views: batches.Views, offsets_px, valid, k, *, kernel="lanczos"):
             return views.valid[i]
         flow_px = small.enlarge(offsets_px[i], k, (h, w))
         photos[i] = warp.warp(views.photos[i], flow_px, kernel=kernel)
-        counts = np.unpackbits(views.valid[i], axis=-1, count=w).astype(bool)
+        counts = batches.unpack_valid(views.valid[i], w)
         inside = small.enlarge_mask(valid[i], k, (h, w)) & warp.in_frame(flow_px)
         if not counts.all():
             inside &= warp.sees_only(flow_px, counts)

@@ -50,6 +50,11 @@ def pack_valid(mask):
     return np.packbits(mask, axis=-1)
 
 
+def unpack_valid(bits, w):
+    """The mask [..., h, w] of such bits."""
+    return np.unpackbits(np.asarray(bits), axis=-1, count=w).astype(bool)
+
+
 def all_valid(n, h, w):
     """As `pack_valid` of n photos in which every pixel counts.
 
