@@ -2,6 +2,7 @@
 # make photos FOLDER=my_photos    the same of your own photos or film, to a page
 # make test   the whole test suite
 # make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
+# make peers PEERS=folder  ours beside the papers' released code (tests/peers.py)
 # make torture  the attack: damaged inputs, kills, full disks; three hours
 # make docs   tables and figures of docs/ from the CSVs in docs/measured/
 # make lint   formatters, linters, workflow checks
@@ -13,7 +14,7 @@ BIN := $(VENV)/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
 
-.PHONY: run photos test bench torture docs lint cluster lock clean
+.PHONY: run photos test bench peers torture docs lint cluster lock clean
 
 run: $(VENV)/.installed
 	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
@@ -29,6 +30,9 @@ test: $(VENV)/.installed
 
 bench: $(VENV)/.installed
 	@python -m tests.bench $(if $(PEER),--peer $(PEER)) $(BENCH)
+
+peers: $(VENV)/.installed
+	@python -m tests.peers "$(PEERS)"
 
 torture: $(VENV)/.installed
 	@python -m tests.torture $(TORTURE)

@@ -17,9 +17,10 @@ sys.path.insert(0, workflow.basedir)
 
 from snakemake.utils import min_version
 
-from alignerf.experiment import check, flows, plan, regimes, rows, slices, sources
-from alignerf.experiment import sweep, targets
+from alignerf.experiment import arguments, check, inputs, layout, plan, slices
+from alignerf.experiment import sources, targets
 from alignerf.experiment.cluster import needs, stored, work
+from alignerf.experiment.tables import across, rows
 
 sources_of = sources.sources_of
 min_version("9.0")
@@ -53,7 +54,7 @@ report: "workflow/report/workflow.rst"
 wildcard_constraints:
     scene=plan.one_of(experiment.scenes),
     method=plan.one_of(experiment.methods),
-    variant=plan.one_of(sweep.names(experiment)),
+    training=plan.folders(experiment),
     round=r"0|[1-9]\d*",
     split="train|test",
 
@@ -67,10 +68,7 @@ include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/verdict.smk"
 include: "workflow/rules/tables.smk"
 include: "workflow/rules/page.smk"
-include: "workflow/rules/tradeoff.smk"
-include: "workflow/rules/regimes.smk"
-include: "workflow/rules/remedies.smk"
-include: "workflow/rules/comparison.smk"
+include: "workflow/rules/across.smk"
 include: "workflow/rules/flow_benchmark.smk"
 include: "workflow/rules/export.smk"
 

@@ -11,7 +11,8 @@ import copy
 import yaml
 
 from alignerf.command import faults, whole, yaml_files
-from alignerf.experiment import check, jobs, schema, settings
+from alignerf.experiment import check, jobs, schema
+from alignerf.experiment.keys import config as config_keys
 
 HEAD = "# Every key of a config, made by `python -m alignerf.config --schema`.\n"
 
@@ -46,7 +47,7 @@ def schema_text():
         "title": "config",
         "description": "A config says only what differs from the defaults.",
     }
-    return HEAD + as_yaml(found | schema.root(settings.Config))
+    return HEAD + as_yaml(found | schema.root(config_keys.Config))
 
 
 def as_yaml(value):

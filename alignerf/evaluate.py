@@ -34,11 +34,11 @@ import numpy as np
 import pandas as pd
 
 from alignerf.command import archives, faults, whole
-from alignerf.experiment import settings
+from alignerf.experiment.keys import scored as scored_keys
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
 
-NETS = [field.name for field in dataclasses.fields(settings.Lpips)]
+NETS = [field.name for field in dataclasses.fields(scored_keys.Lpips)]
 # Renders by moved cameras, and whether they are to fit the oracle.
 ALIGNED_POSES = {
     "aligned_pose": False,

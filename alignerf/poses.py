@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.command import faults, images, whole
-from alignerf.experiment import jobs, schema, settings
+from alignerf.experiment import jobs, schema
 from alignerf.experiment.checks import scenes as of_scenes
+from alignerf.experiment.keys import scene as scene_keys
 from alignerf.scenes import (
     blender,
     cameras,
@@ -67,13 +68,13 @@ def main(config, out):
         if split is None:
             every = config["test_every"]
             split = prepare.split_views(len(views.names), test_every=every)
-        elif config["test_every"] != settings.Scene.test_every:
+        elif config["test_every"] != scene_keys.Scene.test_every:
             log.warning("test_every: the given file itself says what is held out")
         check_enough(split, config["least_train_views"], config["path"] or out)
         warn_of_few(out, split)
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
-        if settings.wants_points(config) and views.points is None:
+        if scene_keys.wants_points(config) and views.points is None:
             told |= add_points(fresh, scratch, photo_size[0] / views.width, config)
         if scene is not None:
             log.info("rendering the truth of %d views", len(views.names))
@@ -118,9 +119,9 @@ def warn_of_few(out, split):
 
 def checked(values):
     """A scene's slice of the config with its defaults; ValueError names a fault."""
-    schema.check(settings.Scene, values)
-    config = schema.filled(settings.Scene, values)
-    config["poses"] = settings.poses_of(config)
+    schema.check(scene_keys.Scene, values)
+    config = schema.filled(scene_keys.Scene, values)
+    config["poses"] = scene_keys.poses_of(config)
     config["seed"] = config["seed"] or 0
     of_scenes.check_scene(config)
     return config
@@ -179,7 +180,7 @@ def load_courtyard(config, scratch):
     return views, report.registration(scene.names, []), scene
 
 
-# Source, as settings.SOURCES has them -> its reader.
+# Source, as `scene_keys.SOURCES` has them -> its reader.
 READERS = {
     "courtyard": load_courtyard,
     "photos": load_photos,

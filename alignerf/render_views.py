@@ -29,7 +29,7 @@ def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
     devices.take_accelerator()
-    if left := eta.Left(args.scene, args.timing).of():
+    if left := eta.Left(args.scene, split_paths.of(args.timing, args.splits[-1])).of():
         log.info(left)
     split_paths.check(args.splits, (args.renders, args.depth, args.timing))
     start = time.perf_counter()

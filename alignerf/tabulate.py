@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from alignerf.command import faults
-from alignerf.experiment import rows as table_rows
+from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import controls, displacement, misalignment, ranking, round_times
 from alignerf.tables import files as table_files
 

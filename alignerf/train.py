@@ -14,6 +14,8 @@ import hashlib
 import importlib
 import json
 import logging
+import shutil
+from pathlib import Path
 
 import jax
 
@@ -49,10 +51,6 @@ def main(argv=None):
 def run(args):
     """Train, and write what came out; with several processes only the first writes."""
     job = with_radius(fill.read_job(args.config), args.displacement)
-    if (job.refine is None) != (args.cameras_out is None):
-        raise ValueError("--cameras-out: for a job that learns cameras, and only there")
-    if (job.align is not None) != (args.aligned_out is not None):
-        raise ValueError("--aligned-out: for a job that aligns itself, and only there")
     with contextlib.ExitStack() as stack:
         if place.is_first():
             # Before all that takes time: a second trainer is refused at once.
@@ -81,12 +79,17 @@ def parse(argv=None):
     parser.add_argument("--sources", default="", help="hash: other code starts anew")
     parser.add_argument("--checkpoints", required=True, help="folder to resume from")
     parser.add_argument("--model", required=True, help="parameters, written")
-    parser.add_argument("--cameras-out", help="cameras.npz that a job learns, written")
     parser.add_argument(
-        "--aligned-out",
-        help="folder of the cameras and photos of a job that aligns itself, written",
+        "--learnt",
+        type=Path,
+        required=True,
+        help="folder of the cameras that its renders are seen by, and of the photos "
+        "that it has warped, written",
     )
-    parser.add_argument("--truth", help="the truth's folder, to compare these with")
+    parser.add_argument(
+        "--seen-by", help="cameras.npz of the renders, if not --cameras"
+    )
+    parser.add_argument("--truth", help="the truth's folder, to compare cameras with")
     parser.add_argument("--timing", required=True, help="timing.json, written")
     return parser.parse_args(argv)
 
@@ -128,18 +131,23 @@ def train(job, args):
         note=left.of,
         aligner=aligner,
     )
-    if not moves:
-        return params, timing
+    moved = loaded
     if job.align:
         moved = aligner.now
-        if place.is_first():
-            aligner.write(args.aligned_out, views, args.cameras)
-    else:
+    elif job.refine:
         moved = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
-        write_cameras(args, moved)
+    if place.is_first():
+        with whole.replace_folder(args.learnt) as folder:
+            if job.align:
+                aligner.write(folder, views, args.cameras)
+            elif job.refine:
+                prepared.write_cameras(folder / "cameras.npz", moved, args.cameras)
+            else:
+                given = args.seen_by or args.cameras or f"{args.scene}/cameras.npz"
+                shutil.copyfile(given, folder / "cameras.npz")
     if compared:
-        found = {"given": compared(loaded), "after": compared(moved)}
-        timing["pose_error_px"] = found
+        errors_px = {"given": compared(loaded), "after": compared(moved)}
+        timing["pose_error_px"] = errors_px
     return params, timing
 
 
@@ -154,13 +162,6 @@ def make_aligner(job, loaded: prepared.Scene, chosen, photos, args):
     alignment = importlib.import_module("alignerf.alignment.aligner")
     scene = alignment.Scene(loaded, chosen, photos)
     return alignment.Aligner(job, scene, args.checkpoints)
-
-
-def write_cameras(args, learnt):
-    """The cameras that a job has learnt."""
-    if place.is_first():
-        with whole.replace_file(args.cameras_out) as path:
-            prepared.write_cameras(path, learnt, args.cameras)
 
 
 def to_truth(loaded: prepared.Scene, truth):
@@ -211,7 +212,7 @@ def initial_params(job, method, initial):
     fresh = jax.jit(method.init)(key)
     if job.stage != "finetune":
         return fresh
-    pretrain = compose.make_method(jobs.in_stage(job, "pretrain"))
+    pretrain = compose.make_method(jobs.in_stage(job, "full"))
     template = jax.eval_shape(pretrain.init, key)
     trained = checkpoint.read_params(initial, template)
     model = patch_conv.widen_values(trained["model"], job.alignerf.outputs, key)

@@ -34,7 +34,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 
 
 # Files whose single tests or fixtures take minutes.
-LONGEST = ("test_chain.py", "test_bench.py", "test_sooner.py")
+LONGEST = ("test_chain.py", "test_bench.py")
 
 
 def pytest_collection_modifyitems(items):

@@ -59,8 +59,19 @@ JOB = {
         "field": GRID | {"view_widths": [8]},
     },
     "training": TRAINING,
-    "alignerf": ALIGNERF,
+    "alignerf": None,
 }
+
+
+def in_stage(stage, job=JOB, **changes):
+    """The job in a stage of AligNeRF's, with what that has of its own.
+
+    changes: of AligNeRF's settings.
+    """
+    chosen = ALIGNERF | changes
+    if stage == "pretrain":
+        return job | {"stage": stage, "pretrain_share": chosen["pretrain_share"]}
+    return job | {"stage": stage, "alignerf": chosen}
 
 
 class Killed(BaseException):
@@ -112,7 +123,7 @@ def run(folder, out, job=JOB, *more):
         [
             *("--config", json.dumps(job), "--scene", str(folder)),
             *("--checkpoints", str(out / "checkpoints")),
-            *("--model", str(out / "model.msgpack")),
+            *("--model", str(out / "model.msgpack"), "--learnt", str(out / "learnt")),
             *("--timing", str(out / "timing.json"), *more),
         ]
     )

@@ -40,11 +40,8 @@ def arguments(args, out):
     return [
         *("--config", args.config, "--scene", args.scene),
         *("--checkpoints", f"{out}/checkpoints", "--model", f"{out}/model.msgpack"),
-        *("--timing", f"{out}/timing.json", "--threads", "1"),
-        *(
-            ["--aligned-out", f"{out}/aligned"]
-            * bool(json.loads(args.config).get("align"))
-        ),
+        *("--timing", f"{out}/timing.json", "--learnt", f"{out}/learnt"),
+        *("--threads", "1"),
     ]
 
 

@@ -1,7 +1,7 @@
 """Tables of a scene as its rule makes them."""
 
 from alignerf import tabulate
-from alignerf.experiment import rows as table_rows
+from alignerf.experiment.tables import rows as table_rows
 
 
 def make(name, rows, out, *more):

@@ -236,13 +236,15 @@ class Aligner:
         self.offsets_px, self.valid = arrays.get("offsets_px"), arrays.get("valid")
 
     def write(self, folder, views, cameras):
-        """Write cameras, photos and where they hold: see `outputs.write`.
+        """Write cameras.npz and, where photos are warped, these into a folder.
 
         views: the training views as given; cameras: the file of theirs, or None.
         """
-        now = self.views(views)
-        scenes = self.scene.loaded, self.now
-        outputs.write(folder, *scenes, self.scene.views, now, cameras)
+        path = folder / "cameras.npz"
+        outputs.write_cameras(path, self.scene.loaded, self.now, cameras)
+        if self.settings.photos_at:
+            names = [self.now.names[view] for view in self.scene.views]
+            outputs.write_photos(folder, names, self.views(views))
 
     def more_bytes(self, shapes):
         """What the alignments take besides the training's views; shapes: of these.

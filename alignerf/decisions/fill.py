@@ -2,7 +2,8 @@
 
 from alignerf.command import json_files
 from alignerf.decisions import rules
-from alignerf.experiment import jobs, settings
+from alignerf.experiment import jobs
+from alignerf.experiment.keys import training as training_keys
 
 
 def read_job(text) -> jobs.Job:
@@ -32,7 +33,7 @@ def fill(values):
         else:
             model["field"] = model["field"] | {name: int(value)}
     if "steps" in training.pop("decided"):
-        times = one(found, "steps", path).value / settings.Training.steps
+        times = one(found, "steps", path).value / training_keys.Training.steps
         training["steps"] = max(1, round(times * training["steps"]))
         if training["warmup_steps"] is not None:
             training["warmup_steps"] = round(times * training["warmup_steps"])

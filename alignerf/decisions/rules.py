@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from alignerf.command import json_files
-from alignerf.experiment import settings
+from alignerf.experiment.keys import model as model_keys
+from alignerf.experiment.keys import scene as scene_keys
+from alignerf.experiment.keys import training as training_keys
 
 # Of the nearest point's distance: COLMAP's points are corners, smooth surfaces may be
 # nearer.
@@ -60,7 +62,7 @@ def downscale(facts):
     width, height, views = (facts[name] for name in OF_DOWNSCALE)
     return Decision(
         "scenes.downscale",
-        settings.Scene.downscale,
+        scene_keys.Scene.downscale,
         facts["downscale"],
         f"{views} photos of {width}x{height} have {views * width * height / 1e6:.3g} "
         "million pixels",
@@ -70,7 +72,7 @@ def downscale(facts):
 
 def near(facts):
     """The first sample lies a little before the nearest point."""
-    default = settings.Model.near
+    default = model_keys.Model.near
     nearest = facts["nearest"]
     if not known(nearest):
         return unknown("model.near", default, facts, ["nearest"])
@@ -88,7 +90,7 @@ def radius(facts):
 
     Of a forward-facing capture, all of it would be contracted.
     """
-    default = settings.Model.radius
+    default = model_keys.Model.radius
     nearest = facts["nearest"]
     if not known(nearest):
         return unknown("model.radius", default, facts, ["nearest"])
@@ -100,7 +102,7 @@ def radius(facts):
 
 def finest(facts):
     """The finest cells are what a pixel covers at the median depth."""
-    default = settings.Model().field.finest
+    default = model_keys.Model().field.finest
     names = ("pixel_angle_mrad", "median_depth")
     used = {name: facts[name] for name in names}
     if not all(map(known, used.values())):
@@ -123,7 +125,7 @@ def contraction_across(distance):
 
 def steps(facts):
     """Pixels are seen as often in a large scene as in a small one."""
-    default, batch = settings.Training.steps, settings.Training.batch_rays
+    default, batch = training_keys.Training.steps, training_keys.Training.batch_rays
     pixels = math.prod(facts[name] for name in COUNTS)
     found = int(np.clip(100 * math.ceil(PASSES * pixels / batch / 100), *STEPS))
     seen = found * batch / pixels

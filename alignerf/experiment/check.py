@@ -3,9 +3,14 @@
 from pathlib import Path
 
 from alignerf.command import faults, yaml_files
-from alignerf.experiment import schema, settings
+from alignerf.experiment import schema
 from alignerf.experiment.checks import filled, methods, models, names, scenes
 from alignerf.experiment.checks.common import fault, is_there
+from alignerf.experiment.keys import config as config_keys
+from alignerf.experiment.keys import left as left_keys
+from alignerf.experiment.keys import method as method_keys
+from alignerf.experiment.keys import scene as scene_keys
+from alignerf.experiment.keys import training as training_keys
 
 # The Snakefile asks nothing but this package.
 or_exit = faults.or_exit
@@ -23,10 +28,10 @@ def checked(config, files=()):
     if not isinstance(config, dict):
         fault("top level", "a config is a mapping of keys")
     names.check_names(config)
-    schema.check(settings.Config, config)
+    schema.check(config_keys.Config, config)
     check_given(config)
-    config = settings.leave_open(config)
-    config = filled.completed(schema.filled(settings.Config, config))
+    config = left_keys.leave_open(config)
+    config = filled.completed(schema.filled(config_keys.Config, config))
     for name, model in config["models"].items():
         models.check_model(model, "models", name)
     for name in config["methods"]:
@@ -46,21 +51,21 @@ def checked(config, files=()):
 
 def check_given(config):
     """What only the config as it was written can tell: keys that act on nothing."""
-    settings.check_length(config.get("training", {}), "training")
+    training_keys.check_length(config.get("training", {}), "training")
     for name, scene in config["scenes"].items():
-        settings.check_length(scene, f"scenes.{name}")
+        training_keys.check_length(scene, f"scenes.{name}")
         # Its default stands in every complete config.
-        every = scene.get("test_every", settings.Scene.test_every)
-        if scene["source"] == "blender" and every != settings.Scene.test_every:
+        every = scene.get("test_every", scene_keys.Scene.test_every)
+        if scene["source"] == "blender" and every != scene_keys.Scene.test_every:
             fault(f"scenes.{name}.test_every", "blender's files say what is held out")
         if scene.get("seed") is not None and (config.get("vary") or {}).get("seeds"):
             fault(f"scenes.{name}.seed", "not beside vary.seeds")
     variants = (config.get("tradeoff") or {}).get("variants", {})
     for name, variant in variants.items():
-        settings.check_length(variant, f"tradeoff.variants.{name}")
+        training_keys.check_length(variant, f"tradeoff.variants.{name}")
     for name, method in (config.get("methods") or {}).items():
         # Its default stands in every complete config.
-        default = settings.Method().most_rounds
+        default = method_keys.Method().most_rounds
         given = method.get("most_rounds", default)
         if given != default and method.get("rounds") != "auto":
             fault(f"methods.{name}.most_rounds", "only with `rounds: auto`")

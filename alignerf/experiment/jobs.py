@@ -8,39 +8,25 @@ import typing
 from pathlib import Path
 from typing import Literal
 
-from alignerf.experiment import schema, settings
+from alignerf.experiment import schema
+from alignerf.experiment.keys import method as method_keys
+from alignerf.experiment.keys import model as model_keys
+from alignerf.experiment.keys import training as training_keys
+from alignerf.experiment.keys.key import key
 
 STAGES = ("full", "warm", "pretrain", "finetune")
 # Of a stage with a budget, however small that is; of a whole training, however large.
 LEAST_STEPS, MOST_STEPS = 10, 10**8
 
 
-def from_zero(name):
-    """A key of settings.AligNeRF with its default, and bounds that begin with 0."""
-    field = settings.AligNeRF.__dataclass_fields__[name]
-    metadata = {k: v for k, v in field.metadata.items() if k not in ("least", "above")}
-    return dataclasses.field(
-        default=field.default,
-        default_factory=field.default_factory,
-        metadata={**metadata, "least": 0},
-    )
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Finetuning(settings.AligNeRF):
+class Finetuning(method_keys.AligNeRF):
     """The settings of one method, with the file that its loss looks through."""
 
-    radius_px: int | None = settings.key(
+    radius_px: int | None = key(
         None, "null takes it from the measured misalignment", least=0, most=64
     )
-    # A pre-training's slice has 0 for what is not its own.
-    finetune_share: float = from_zero("finetune_share")
-    learning_rates: list[float] = from_zero("learning_rates")
-    patches: int = from_zero("patches")
-    patch_px: int = from_zero("patch_px")
-    frequency_weights: str | None = settings.key(
-        None, "file that the loss looks through"
-    )
+    frequency_weights: str | None = key(None, "file that the loss looks through")
 
     @property
     def outputs(self):
@@ -52,14 +38,17 @@ class Finetuning(settings.AligNeRF):
 class Job:
     """All that decides what a training computes, besides scene and threads."""
 
-    seed: int = settings.key(least=0, most=2**32 - 1)
-    stage: Literal[STAGES] = settings.key()
-    model: settings.Models = settings.key()
-    training: settings.Training = settings.key()
-    alignerf: Finetuning | None = settings.key()
-    refine: settings.Refine | None = settings.key(None, "learns cameras too")
-    align: settings.Align | None = settings.key(None, "aligns itself on the way")
-    decisions: str | None = settings.key(
+    seed: int = key(least=0, most=2**32 - 1)
+    stage: Literal[STAGES] = key()
+    model: model_keys.Models = key()
+    training: training_keys.Training = key()
+    alignerf: Finetuning | None = key(None, "of a fine-tuning")
+    pretrain_share: float | None = key(
+        None, "of a pre-training: its share of the length", above=0, most=1
+    )
+    refine: method_keys.Refine | None = key(None, "learns cameras too")
+    align: method_keys.Align | None = key(None, "aligns itself on the way")
+    decisions: str | None = key(
         None,
         "file of what the scene's facts decided; `alignerf.decisions.fill` takes it",
     )
@@ -70,7 +59,7 @@ class Job:
         return {
             "full": 1.0,
             "warm": 1.0,
-            "pretrain": self.alignerf and self.alignerf.pretrain_share,
+            "pretrain": self.pretrain_share,
             "finetune": self.alignerf and self.alignerf.finetune_share,
         }[self.stage]
 
@@ -125,41 +114,40 @@ def read(text):
 def parse(values) -> Job:
     """The job of a training or rendering, checked as a whole; defaults are filled."""
     schema.check(Job, values)
-    settings.check_length(values["training"], "training")
+    training_keys.check_length(values["training"], "training")
     values = schema.filled(Job, values)
     values["training"] |= values["model"].pop("training")
     values["model"]["training"] = {}
-    values["training"] |= settings.length(values["training"])
-    values["training"] |= settings.warmup(values["training"])
-    kind = settings.field_kind(values["model"])
-    values["training"] |= settings.rates(values["training"], kind)
+    values["training"] |= training_keys.length(values["training"])
+    values["training"] |= training_keys.warmup(values["training"])
+    kind = model_keys.field_kind(values["model"])
+    values["training"] |= training_keys.rates(values["training"], kind)
     job = instance(Job, values)
     if job.decisions:
         raise ValueError("config: decisions: they are not filled in")
     if job.training.decided or getattr(job.model, "decided", None):
         raise ValueError("config: decided: keys that are still left to facts")
-    if job.stage in ("pretrain", "finetune") and job.alignerf is None:
-        raise ValueError("config: alignerf: a staged training needs it")
-    if job.stage == "finetune":
-        check_finetuning(job.alignerf)
+    check_stage(job)
     if hasattr(job.model, "far") and job.model.near >= job.model.far:
         raise ValueError("config: model: near must be smaller than far")
     if job.align and (job.alignerf or job.refine or job.stage != "full"):
         raise ValueError("config: align: not beside alignerf, refine or another stage")
-    others = job.alignerf or job.refine
+    others = job.alignerf or job.refine or job.pretrain_share
     if others and job.model.kind != "mipnerf360":
         raise ValueError(f"config: model.kind: {job.model.kind} has no such stage")
     return job
 
 
-def check_finetuning(chosen: Finetuning):
-    """What a pre-training leaves at zero, since it is not its own."""
-    for key in ("patches", "patch_px", "finetune_share"):
-        if not getattr(chosen, key) > 0:
-            raise ValueError(f"config: alignerf.{key}: fine-tuning needs more than 0")
-    if not min(chosen.learning_rates) > 0:
-        raise ValueError("config: alignerf.learning_rates: must be more than 0")
-    if chosen.matching == "pixel" and chosen.radius_px == 0:
+def check_stage(job: Job):
+    """Each stage has its own keys, and no other has them."""
+    for stage, name in (("pretrain", "pretrain_share"), ("finetune", "alignerf")):
+        is_there = getattr(job, name) is not None
+        if job.stage == stage and not is_there:
+            raise ValueError(f"config: {name}: stage {stage!r} needs it")
+        if job.stage != stage and is_there:
+            raise ValueError(f"config: {name}: not in stage {job.stage!r}")
+    chosen = job.alignerf
+    if chosen and chosen.matching == "pixel" and chosen.radius_px == 0:
         raise ValueError("config: alignerf.radius_px: matching pixel needs 1 or more")
 
 
@@ -194,7 +182,7 @@ def in_stage(job: Job, stage) -> Job:
     return dataclasses.replace(job, stage=stage)
 
 
-def places(align: settings.Align, steps, where="align") -> dict:
+def places(align: method_keys.Align, steps, where="align") -> dict:
     """{step: what is put right before it} of a training that aligns itself.
 
     Steps count from 0; cameras come before photos. Raises ValueError, with the key as
@@ -227,13 +215,9 @@ def steps_in(job: Job, step_time_s) -> int:
 def with_steps(job: Job, steps) -> Job:
     """The job of a budget as one whose whole training has this many steps."""
     training = dataclasses.asdict(job.training) | {"steps": steps}
-    warmup_steps = min(settings.warmup(training)["warmup_steps"], steps)
+    warmup_steps = min(training_keys.warmup(training)["warmup_steps"], steps)
     found = {"steps": steps, "warmup_steps": warmup_steps}
     return dataclasses.replace(job, training=dataclasses.replace(job.training, **found))
-
-
-# What a job refers to besides the settings.
-Job.PARTS = {"Finetuning": Finetuning}
 
 
 def as_dict(job: Job) -> dict:

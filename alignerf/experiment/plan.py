@@ -1,8 +1,7 @@
-"""An experiment: its methods, their rounds, and the folder of each trained model.
+"""An experiment: its methods, the trainings that they come to, and their rounds.
 
 Notation: a method's round 0 trains on the photos as taken, round k on those that round
-k - 1 warped. *Staged* methods pre-train and fine-tune (AligNeRF), *plain* ones train
-in one go; *warm* plain ones go on from the weights of the round before.
+k - 1 warped, or with cameras that its flow put right.
 """
 
 import functools
@@ -10,24 +9,25 @@ import itertools
 import re
 
 from alignerf.command import json_files
-from alignerf.experiment import settings
+from alignerf.experiment import kinds, sweep, trainings
+from alignerf.experiment.keys import scene as scene_keys
 
 
 def kept(method):
-    """Of an experiment: found once for each of its arguments, then looked up.
+    """Of an experiment: made once for each of its arguments, then looked up.
 
     A plan of many scenes asks for the same millions of times. Not for what
     `decided` says, which is another when a checkpoint has run.
     """
 
     @functools.wraps(method)
-    def found(self, *arguments):
+    def once(self, *arguments):
         key = (method.__name__, *arguments)
         if key not in self.known:
             self.known[key] = method(self, *arguments)
         return self.known[key]
 
-    return found
+    return once
 
 
 class Experiment:
@@ -46,178 +46,118 @@ class Experiment:
         self.known = {}
 
     @kept
-    def staged(self):
-        """Methods that pre-train and fine-tune."""
-        return [name for name, m in self.methods.items() if m["alignerf"]]
-
-    @kept
-    def given(self):
-        """Methods that are another program's renders: they are scored, and no more."""
-        return [name for name, m in self.methods.items() if m["renders"]]
+    def names(self, kind):
+        """Methods of a kind, one of `kinds.EVERY`, in the config's order."""
+        return [name for name, m in self.methods.items() if kinds.of_method(m) is kind]
 
     @kept
     def trained(self):
-        """All other methods."""
-        return [name for name, m in self.methods.items() if not m["renders"]]
+        """Methods that train something: all but another program's renders."""
+        return [m for m in self.methods if m not in self.names(kinds.external)]
 
     @kept
-    def plain(self):
-        """Methods trained in one go, on photos or warped photos."""
-        return [name for name in self.trained() if name not in self.staged()]
+    def baseline(self, method):
+        """The method whose round 0 tables set a method against.
 
-    @kept
-    def warm(self):
-        """Methods whose rounds go on from the weights of the round before."""
-        return [name for name, m in self.methods.items() if m["warm_start"]]
-
-    @kept
-    def from_scratch(self):
-        """Plain methods that train every round from scratch."""
-        others = {*self.warm(), *self.refining(), *self.aligning()}
-        return [name for name in self.plain() if name not in others]
-
-    @kept
-    def base_of(self, method):
-        """Whose round 0 a method is set against, and a plain one begins with.
-
-        With a warm start, that of the method that it starts from; else the first's
-        that trains the same model from scratch, which may be the method itself. A
-        method that is staged, or learns cameras, has its own where no other has the
-        model. Renders that are given are set against the reference's.
+        The first plain one of the same model, which a plain one may be itself; of a
+        warm one, where it starts. One that has a model alone is its own baseline.
+        Renders that are given are set against the reference.
         """
-        if method in self.warm():
-            return self.methods[method]["warm_start"]["from"]
-        if method in self.given():
+        chosen = self.methods[method]
+        if method in self.names(kinds.warm):
+            return chosen["warm_start"]["from"]
+        if method in self.names(kinds.external):
             return self.config["reference"]["method"]
-        model = self.methods[method]["model"]
-        scratch = self.from_scratch()
-        same = [name for name in scratch if self.methods[name]["model"] == model]
-        return same[0] if same else method
+        plain, model = self.names(kinds.plain), chosen["model"]
+        same = (name for name in plain if self.methods[name]["model"] == model)
+        return next(same, method)
 
     @kept
-    def owner_of(self, method, round):
-        """Under whose name a method's round is trained: the first that does the same.
+    def rounds_of(self, scene, method):
+        """A method's trainings in a scene, round 0 first; equal ones are the same.
 
-        Plain methods of a model do the same as long as their rounds change the same.
+        With `rounds: auto`, of all rounds that there may be. Those of plain methods
+        come first, and so equal ones have their names.
         """
-        k = int(round)
-        if method in self.warm():
-            return self.base_of(method) if k == 0 else method
-        alone = self.staged(), self.refining(), self.aligning(), self.given()
-        if any(method in names for names in alone):
-            return method
-        model, done = self.methods[method]["model"], self.changes(method)[:k]
-        return next(
-            name
-            for name in self.from_scratch()
-            if self.methods[name]["model"] == model and self.changes(name)[:k] == done
-        )
+        if method not in self.names(kinds.plain):
+            for name in self.names(kinds.plain):
+                self.rounds_of(scene, name)
+        equal = self.known.setdefault(("equal", scene), {})
+
+        def once(training):
+            return equal.setdefault(training.value, training)
+
+        kind = kinds.of_method(self.methods[method])
+        return kind.trainings(self, scene, method, once)
 
     @kept
-    def refining(self):
-        """Methods that learn the cameras with the scene."""
-        return [name for name, m in self.methods.items() if m["refine"]]
+    def trainings(self, scene):
+        """{folder: training} of all that a scene may need, those before others first.
 
-    @kept
-    def aligning(self):
-        """Methods whose training puts right what it learns from, on the way."""
-        return [name for name, m in self.methods.items() if m["align"]]
+        The points of the sweep among them.
+        """
+        chains = [self.rounds_of(scene, method) for method in self.methods]
+        chains.append(sweep.trainings(self, scene))
+        needed = (one for t in itertools.chain(*chains) for one in trainings.needs(t))
+        return {training.folder: training for training in needed}
 
-    @kept
-    def correcting(self):
-        """Staged methods whose cameras are put right between their stages."""
-        return [
-            name for name in self.staged() if self.methods[name]["changes"] != "photos"
-        ]
+    def training(self, scene, folder):
+        """The training of a folder below a scene's."""
+        return self.trainings(scene)[folder]
 
-    def pretrained(self, scene, method):
-        """Folder of the pre-training that a staged method shares with its ablations."""
-        return f"results/{scene}/pretrain/{self.methods[method]['model']}"
+    def at(self, scene, method, round):
+        """The training of a method's round."""
+        return self.rounds_of(scene, method)[int(round)]
 
     def folder(self, scene, method, round):
-        """Folder of a method's round, which may be another method's (`owner_of`)."""
-        return f"results/{scene}/{self.owner_of(method, round)}/round{round}"
+        """Folder of a method's round, which may have another method's name."""
+        if method in self.names(kinds.external):
+            return f"results/{scene}/{method}/round0"
+        return self.at(scene, method, round).path
 
     @kept
-    def changes(self, method):
-        """What each round after the first changes: `photos` or `cameras`.
+    def splits(self, scene, folder):
+        """The splits whose views are rendered after a training, and aligned.
 
-        With `rounds: auto`, of all rounds that there may be.
+        Training views are where another training comes from their flow, or the verdict
+        looks at it: where a method aligns itself, the reference's show how much there
+        is to be aligned. No test view is rendered after a pre-training.
         """
-        found = self.methods[method]
-        last = found["rounds"] if found["rounds"] != "auto" else found["most_rounds"]
-        if found["changes"] == "cameras_then_photos":
-            return ["cameras"] * (last - 1) + ["photos"]
-        return [found["changes"]] * last
+        splits = ["train"] * (folder in self.followed(scene))
+        return splits + ["test"] * (not folder.startswith("pretrain/"))
+
+    @kept
+    def followed(self, scene):
+        """Folders of the trainings whose training views are rendered and aligned."""
+        every = self.trainings(scene).values()
+        folders = {before.folder for training in every for before in training.flows}
+        if self.names(kinds.aligned):
+            folders.add(self.at(scene, self.config["reference"]["method"], 0).folder)
+        return folders
 
     def last_round(self, scene, method):
         """A method's last round. With `rounds: auto`, what the rounds have shown."""
-        found = self.methods[method]
-        if found["rounds"] != "auto":
-            return found["rounds"]
-        for k in range(found["most_rounds"]):
+        chosen = self.methods[method]
+        if chosen["rounds"] != "auto":
+            return chosen["rounds"]
+        for k in range(chosen["most_rounds"]):
             if not self.decided(scene=scene, method=method, round=k):
                 return k
         return k + 1
 
     def all_rounds(self, scene):
-        """(method, round) of every training, in the config's order."""
+        """(method, round) of every training that is scored, in the config's order."""
         return [
             (name, k)
             for name in self.trained()
             for k in range(self.last_round(scene, name) + 1)
-            if self.owner_of(name, k) == name
+            if self.at(scene, name, k).folder == f"{name}/round{k}"
         ]
 
     def scored(self, scene):
         """(method, round) of all that is scored: trainings, then given renders."""
-        return [*self.all_rounds(scene), *((name, 0) for name in self.given())]
-
-    def change_of(self, method, round):
-        """What a round changes; round 0, nothing."""
-        return self.changes(method)[int(round) - 1] if int(round) > 0 else None
-
-    def cameras_of(self, scene, method, round):
-        """The cameras.npz that a round is trained with: as given, or put right.
-
-        Of a staged method, those of its fine-tuning.
-        """
-        if method in self.correcting():
-            return f"{self.pretrained(scene, method)}/corrected/cameras.npz"
-        for k in range(int(round), 0, -1):
-            if self.change_of(method, k) == "cameras":
-                return f"{self.corrected_folder(scene, method, k)}/cameras.npz"
-        return f"results/{scene}/cameras.npz"
-
-    def rendered_with(self, scene, method, round):
-        """The cameras.npz of a round's renders: trained with, learnt, or aligned."""
-        if method in self.refining():
-            return f"{self.folder(scene, method, round)}/refined/cameras.npz"
-        if method in self.aligning():
-            return f"{self.folder(scene, method, round)}/aligned/cameras.npz"
-        return self.cameras_of(scene, method, round)
-
-    def corrected_folder(self, scene, method, round):
-        """Where the cameras of a round lie that were put right for it."""
-        return f"{self.folder(scene, method, round)}/corrected"
-
-    @kept
-    def followed(self):
-        """{method: its rounds whose training views are rendered and aligned}.
-
-        Another round trains on these, a search radius comes from them, or the verdict
-        looks at them, where a method aligns itself by such a flow.
-        """
-        found = {name: set() for name in self.methods}
-        for name, method in self.methods.items():
-            for k in range(len(self.changes(name))):
-                found[self.owner_of(name, k)].add(k)
-            if method["alignerf"] and method["alignerf"]["radius_px"] == "auto":
-                found[self.base_of(name)].add(0)
-        if self.aligning():
-            # By the reference's the verdict says what there is to be aligned.
-            found[self.owner_of(self.config["reference"]["method"], 0)].add(0)
-        return found
+        given = self.names(kinds.external)
+        return [*self.all_rounds(scene), *((name, 0) for name in given)]
 
     def reference_round(self, scene):
         """The round whose renders the warped test set is made from."""
@@ -238,7 +178,11 @@ class Experiment:
 
     def has_truth(self, scene):
         """Whether a scene's truth is known."""
-        return settings.SOURCES[self.scenes[scene]["source"]].has_truth
+        return scene_keys.SOURCES[self.scenes[scene]["source"]].has_truth
+
+    def truth_of(self, scene):
+        """The folder of a scene's truth, where that is known."""
+        return f"results/{scene}/truth" if self.has_truth(scene) else None
 
 
 def goes_on(path):
@@ -246,17 +190,11 @@ def goes_on(path):
     return json_files.read(path, {"go_on": bool})["go_on"]
 
 
-def at_rounds(found, *, others=False):
-    """Regular expression of a method at one of its rounds, or at any other round.
-
-    found: {method: rounds}. Of a path's `{method}/round{round}/` it takes the method
-    and looks ahead at the round, since a wildcard's expression knows no other wildcard.
-    """
-    ahead = "?!" if others else "?="
-    return "|".join(
-        f"{re.escape(name)}({ahead}/round(?:{one_of(map(str, rounds))})/)"
-        for name, rounds in sorted(found.items())
-    )
+def folders(experiment):
+    """Regular expression of a training's folder below its scene's, of any training."""
+    methods, models = one_of(experiment.methods), one_of(experiment.config["models"])
+    variants = one_of(sweep.names(experiment))
+    return rf"{methods}/round(?:0|[1-9]\d*)|pretrain/{models}|tradeoff/{variants}"
 
 
 def one_of(names):

@@ -9,11 +9,8 @@ from typing import Literal
 
 import jsonschema
 
-from alignerf.experiment import settings
-
-# Of scenes, models, methods and variants: they become folders, and columns of tables.
+# Of models, methods and variants: they become folders, and columns of tables.
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_]{0,99}\Z"
-SCENE_NAME = r"^(?!.*\.\.)[A-Za-z0-9][A-Za-z0-9_.-]{0,99}\Z"
 TYPES = {int: "integer", float: "number", bool: "boolean", str: "string"}
 BOUNDS = {"least": "minimum", "most": "maximum", "above": "exclusiveMinimum"}
 
@@ -25,88 +22,50 @@ def name_of(field):
 
 def root(kind):
     """The whole schema of a class, with those of all that it refers to."""
-    found, defs, todo = of_class(kind), {}, [kind]
+    defs, todo = {}, list(classes_in(kind))
     while todo:
-        for name in refs_of(of_class(todo.pop())):
-            if name not in defs:
-                part = getattr(settings, name, None) or kind.PARTS[name]
-                defs[name] = of_class(part)
-                todo.append(part)
-    return found | {"$defs": dict(sorted(defs.items()))}
+        part = todo.pop()
+        if part.__name__ not in defs:
+            defs[part.__name__] = of_class(part)
+            todo += classes_in(part)
+    return of_class(kind) | {"$defs": dict(sorted(defs.items()))}
 
 
-def refs_of(found):
-    """Names of the classes that a schema refers to."""
-    if isinstance(found, dict):
-        for name, entry in found.items():
-            if name == "$ref":
-                yield entry.removeprefix("#/$defs/")
-            else:
-                yield from refs_of(entry)
-    elif isinstance(found, list):
-        for entry in found:
-            yield from refs_of(entry)
+def classes_in(kind):
+    """Classes that the fields of one refer to."""
+    todo = list(typing.get_type_hints(kind).values())
+    while todo:
+        hint = todo.pop()
+        if dataclasses.is_dataclass(hint) or hasattr(hint, "schema"):
+            yield hint
+        elif typing.get_origin(hint) is not Literal:
+            todo += typing.get_args(hint)
 
 
 def of_class(kind):
-    """Schema of a mapping with the fields of one of the settings' classes."""
-    if kind is settings.Variant:
-        return of_variant()
-    if kind is settings.Changes:
-        return of_changes()
+    """Schema of a mapping with the fields of a class of keys.
+
+    One of which any part may be given says its schema itself.
+    """
+    if hasattr(kind, "schema"):
+        return kind.schema(of_class)
     hints = typing.get_type_hints(kind)
     fields = dataclasses.fields(kind)
-    found = {
-        "type": "object",
-        "additionalProperties": False,
-        "properties": {name_of(f): of_field(f, hints[f.name]) for f in fields},
-    }
+    properties = {name_of(f): of_field(f, hints[f.name]) for f in fields}
+    whole = mapping_of(properties)
     if required := [name_of(f) for f in fields if is_required(f)]:
-        found["required"] = required
-    return found
+        whole["required"] = required
+    return whole
+
+
+def mapping_of(properties):
+    """Schema of a mapping with these keys and no other."""
+    return {"type": "object", "additionalProperties": False, "properties": properties}
 
 
 def is_required(field):
     both = (field.default, field.default_factory)
     return both == (dataclasses.MISSING, dataclasses.MISSING)
-
-
-def of_variant():
-    """Some keys of models and trainings, seed and downscale; at least one."""
-    found = {}
-    for kind, names in settings.VARIES.items():
-        properties = of_class(kind)["properties"]
-        found |= {name: dict(properties[name]) for name in names}
-    for entry in found.values():
-        entry.pop("default")
-    for name in ("steps", "budget_min"):
-        # A change to null says nothing.
-        found[name]["type"], _ = found[name]["type"]
-    scene = of_class(settings.Scene)["properties"]
-    found["seed"] = {key: scene["seed"][key] for key in ("minimum", "maximum")}
-    found["seed"] |= {"type": "integer", "description": "of its training"}
-    found["downscale"] = {
-        "description": "training photos are made smaller by this factor, by area "
-        "averaging; renders and scores keep the scene's size",
-        "type": "number",
-        "exclusiveMinimum": 1,
-        "maximum": 64,
-    }
-    return {
-        "type": "object",
-        "additionalProperties": False,
-        "minProperties": 1,
-        "properties": found,
-    }
-
-
-def of_changes():
-    """Some keys of trainings, but not how long they are."""
-    found = of_class(settings.Training)["properties"]
-    for entry in found.values():
-        entry.pop("default")
-    own = {name: found[name] for name in found if name not in ("steps", "budget_min")}
-    return {"type": "object", "additionalProperties": False, "properties": own}
 
 
 def of_field(field, hint):
@@ -140,7 +99,7 @@ def raw_default(field):
 
 
 def as_config(instance):
-    """An instance of a settings' class as a mapping with the config's keys."""
+    """An instance of a class of keys as a mapping with the config's keys."""
     found = {}
     for field in dataclasses.fields(instance):
         value = getattr(instance, field.name)
@@ -176,7 +135,7 @@ def of_list(item, bounds):
 
 def of_names(kind):
     """A mapping from names to instances of a class."""
-    pattern = SCENE_NAME if kind is settings.Scene else NAME
+    pattern = getattr(kind, "NAME", NAME)
     return {
         "type": "object",
         "minProperties": 1,
@@ -191,8 +150,8 @@ def of_union(options, bounds):
     kinds = [option for option in options if option is not type(None)]
     if all("kind" in getattr(kind, "__dataclass_fields__", ()) for kind in kinds):
         # Without a `kind` a model is of the first; a field may change another of any.
-        is_model = kinds == list(typing.get_args(settings.Models))
-        return of_kinds(kinds, kinds[0] if is_model else None)
+        usual = getattr(kinds[0], "USUAL_KIND", False)
+        return of_kinds(kinds, kinds[0] if usual else None)
     found = [of_type(option, bounds) for option in kinds]
     if type(None) not in options:
         return {"oneOf": found}
@@ -328,7 +287,7 @@ def filled_value(hint, value, default):
     if typing.get_origin(hint) is dict:
         kind = typing.get_args(hint)[1]
         return {name: filled_value(kind, entry, None) for name, entry in value.items()}
-    if hint in (settings.Variant, settings.Changes):
+    if hasattr(hint, "schema"):
         return dict(value)
     kinds = [k for k in typing.get_args(hint) or (hint,) if k is not type(None)]
     if len(kinds) > 1 and "kind" in value:

@@ -7,24 +7,7 @@ libraries see `sources`. All are functions of the experiment and of the job's na
 import copy
 import json
 
-from alignerf.experiment import settings
-
-# Ablations share the pre-training: only its length is part of the job. What is nothing
-# to it is written over with these.
-PRETRAIN_HAS_NONE = {
-    "finetune_share": 0.0,
-    "learning_rates": [0.0, 0.0],
-    "patches": 0,
-    "patch_px": 0,
-    "convolution": False,
-    "features": 3,
-    "matching": "patch",
-    "error": "squared",
-    "radius_px": 0,
-    "align_penalty": 0.0,
-    "frequency_weight": 0.0,
-    "frequency_weights": None,
-}
+from alignerf.experiment.keys import scene as scene_keys
 
 
 def as_json(value):
@@ -36,11 +19,11 @@ def of_scene(experiment, name):
     """What the poses of a scene depend on: not how long it is trained."""
     scene = experiment.scenes[name]
     unused = {"steps", "budget_min"}
-    if not settings.SOURCES[scene["source"]].has_truth:
+    if not scene_keys.SOURCES[scene["source"]].has_truth:
         unused.add("courtyard")
     if scene["poses"] != "colmap":
         unused.add("colmap")
-    if not settings.wants_points(scene):
+    if not scene_keys.wants_points(scene):
         unused.add("triangulate")
     if scene["masks"] is None:
         unused.add("masks")
@@ -56,29 +39,35 @@ def complete(experiment, name):
     return json.dumps(found)
 
 
-def of_round(experiment, scene, method):
-    """What the training of a method's last stage, and its renders, depend on."""
-    return as_json(round_job(experiment, scene, method))
+def full(experiment, scene, method):
+    """What a training in one go depends on: `refine` and `align` are part of it."""
+    chosen = experiment.methods[method]
+    learnt = {key: chosen[key] for key in ("refine", "align")}
+    return job(experiment, scene, method, "full") | learnt
 
 
-def round_job(experiment, scene, method):
-    """The same before it is text."""
-    if method in experiment.staged():
-        return job(experiment, scene, method, "finetune")
-    found = job(experiment, scene, method, "full")
-    found |= {key: experiment.methods[method][key] for key in ("refine", "align")}
-    if method not in experiment.warm():
-        return found
-    start, training = experiment.methods[method]["warm_start"], found["training"]
-    training |= part_of(training, start["share"])
+def warm(experiment, scene, method):
+    """What a round depends on that goes on from the weights of the round before."""
+    start = experiment.methods[method]["warm_start"]
+    slice_of = full(experiment, scene, method)
+    training = slice_of["training"] | part_of(slice_of["training"], start["share"])
     training["learning_rates"] = start["learning_rates"]
-    return found | {"stage": "warm"}
+    return slice_of | {"training": training, "stage": "warm"}
 
 
-def of_pretraining(experiment, scene, model):
-    """What a model's pre-training depends on, which staged methods share."""
-    users = [m for m in experiment.staged() if experiment.methods[m]["model"] == model]
-    return as_json(job(experiment, scene, users[0], "pretrain"))
+def pretraining(experiment, scene, method):
+    """What a pre-training depends on: methods share it that differ in fine-tuning."""
+    share = experiment.methods[method]["alignerf"]["pretrain_share"]
+    return job(experiment, scene, method, "pretrain") | {"pretrain_share": share}
+
+
+def finetuning(experiment, scene, method):
+    """What a fine-tuning depends on: all that AligNeRF adds."""
+    chosen = copy.deepcopy(experiment.methods[method]["alignerf"])
+    chosen["frequency_weights"] = frequency_weights_of(experiment, method)
+    if chosen["radius_px"] == "auto":
+        chosen["radius_px"] = None
+    return job(experiment, scene, method, "finetune") | {"alignerf": chosen}
 
 
 def of_variant(experiment, name):
@@ -87,27 +76,19 @@ def of_variant(experiment, name):
     del found["downscale"]
     scene = experiment.config["tradeoff"]["scene"]
     found["decisions"] = decisions_of(experiment.config, scene)
-    return as_json(found | {"stage": "full", "alignerf": None})
+    return found | {"stage": "full", "alignerf": None}
 
 
 def job(experiment, scene, method, stage):
-    """Seed, stage, model, training and, of a staged one, AligNeRF's settings."""
+    """Seed, stage, model and training, which all stages have."""
     config = experiment.config
-    found = None
-    if stage != "full":
-        found = copy.deepcopy(experiment.methods[method]["alignerf"])
-        found["frequency_weights"] = frequency_weights_of(experiment, method)
-        if found["radius_px"] == "auto":
-            found["radius_px"] = None
-    if stage == "pretrain":
-        found |= PRETRAIN_HAS_NONE
     model = config["models"][experiment.methods[method]["model"]]
     return {
         "seed": experiment.scenes[scene]["seed"],
         "stage": stage,
         "model": model_of(model, experiment.scenes[scene]),
         "training": training_of(config, scene) | model["training"],
-        "alignerf": found,
+        "alignerf": None,
         "decisions": decisions_of(config, scene),
     }
 

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from alignerf.experiment import slices
+from alignerf.experiment.trainings import RENDERED, from_photos
 
 
 class Point(NamedTuple):
@@ -34,14 +35,27 @@ def names(experiment):
     return list(variants(experiment)[1])
 
 
-def photos_of_variant(experiment, scene, variant):
-    """The scene's own photos and cameras, or those made smaller."""
+def trainings(experiment, scene):
+    """The base and its variants, in the sweep's scene: each is a training of its own.
+
+    They learn from the scene's photos, or from those made smaller.
+    """
+    chosen = experiment.config["tradeoff"]
+    if not chosen or chosen["scene"] != scene:
+        return []
+    return [training_of(experiment, scene, name) for name in names(experiment)]
+
+
+def training_of(experiment, scene, name):
+    """One point of the sweep."""
     folder = f"results/{scene}"
-    factor = slices.variant_of(experiment.config, variant)["downscale"]
+    factor = slices.variant_of(experiment.config, name)["downscale"]
     if factor != 1:
         folder = f"{folder}/tradeoff/downscale-{factor}"
-    cameras = f"{folder}/cameras.npz"
-    return {"photos": f"{folder}/images", "cameras": cameras, "used": cameras}
+    job = slices.of_variant(experiment, name)
+    whole = from_photos(scene, f"tradeoff/{name}", job, alone=True)
+    small = {"photos": f"{folder}/images", "cameras": f"{folder}/cameras.npz"}
+    return whole._replace(prepared=folder, **small)
 
 
 def configs(experiment):
@@ -60,7 +74,7 @@ def rows(experiment):
             changes=changes[name],
             metrics=f"{folder}/metrics.csv",
             training=f"{folder}/timing.json",
-            rendering=f"{folder}/render_test.json",
+            rendering=f"{folder}/{RENDERED.format(split='test')}",
         )
         for name, folder in folders.items()
     ]

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from alignerf.command import faults, whole
+from alignerf.experiment import kinds
 from alignerf.experiment.cluster import ends
 
 TABLES = ("misalignment", "round_times", "controls", "displacement")
@@ -39,7 +40,7 @@ def beside(known):
 
 def figures(experiment):
     """Only staged methods have something to be compared with side by side."""
-    return (*FIGURES, "crops") if experiment.staged() else FIGURES
+    return (*FIGURES, "crops") if experiment.names(kinds.staged) else FIGURES
 
 
 def of_scene(experiment, scene):
@@ -166,17 +167,20 @@ def exports(experiment):
     Its cameras with the photos as taken and, where it learnt from warped photos, with
     these.
     """
-    found, aligned = [], experiment.aligning()
-    moved = {*experiment.refining(), *experiment.correcting(), *aligned}
+    folders = []
     for scene in experiment.scenes:
         for method in experiment.trained():
             last = experiment.last_round(scene, method)
+            training = experiment.at(scene, method, last)
             folder = f"results/{scene}/{method}/export"
-            if last > 0 or method in moved:
-                found.append(f"{folder}/cameras")
-            warps = (
-                method in aligned and experiment.methods[method]["align"]["photos_at"]
-            )
-            if warps or experiment.change_of(method, last) == "photos":
-                found.append(f"{folder}/photos")
-    return found
+            if last > 0 or moves_cameras(training):
+                folders.append(f"{folder}/cameras")
+            if training.warped:
+                folders.append(f"{folder}/photos")
+    return folders
+
+
+def moves_cameras(training):
+    """Whether a training's renders are seen by other cameras than those given."""
+    given = f"{training.prepared}/cameras.npz"
+    return training.cameras != given or training.moves

@@ -12,7 +12,7 @@ import jinja2
 import numpy as np
 
 from alignerf.command import csv_files, faults, json_files, whole
-from alignerf.experiment import rows
+from alignerf.experiment.tables import rows
 from alignerf.page import contents, pictures
 from alignerf.verdict import views
 

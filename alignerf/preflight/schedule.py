@@ -83,7 +83,8 @@ def program_of(job):
         "training": without(job["model"].get("training", {}), unlike)
     }
     if job["stage"] == "pretrain":
-        found |= {"stage": "full", "alignerf": None}
+        found |= {"stage": "full"}
+    found.pop("pretrain_share", None)
     found.pop("align", None)
     found.pop("refine", None)
     if job.get("refine"):
@@ -191,13 +192,13 @@ def training(one, rate: Rates, flow: Flow, views: Views, *, threads):
         return [train._replace(name=f"{name}/flow")]
     render = Task(
         *(f"{name}/render", "render", render_s(rate, count * views.pixels), threads),
-        *([train.name], f"{name}/render_{splits[-1]}.json"),
+        *([train.name], f"{name}/render/{splits[-1]}.json"),
         count * (views.image_bytes + DEPTH_BYTES * views.pixels),
         rate.render_peak_bytes,
     )
     aligned = Task(
         *(f"{name}/flow", "flow", flow.start_s + count * flow.view_s, 1),
-        *([render.name], f"{name}/displacement_{splits[-1]}.csv"),
+        *([render.name], f"{name}/displacement/{splits[-1]}.csv"),
         count * (flow.flow_bytes + flow.warped_bytes),
     )
     return [train, render, aligned]

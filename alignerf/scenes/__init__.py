@@ -7,6 +7,6 @@ NeRF's synthetic scenes. `prepare` holds what they hand over,
 undistorted pinhole views, and brings it to the resolution of training; `distortion`
 is what makes views pinhole. `prepared` is the scene on disk, as all later stages read
 it, and `cameras` the geometry that all share. Which sources there are, and which of
-them knows its truth, says `alignerf.experiment.settings.SOURCES`: a plan needs that
+them knows its truth, says `alignerf.experiment.keys.scene.SOURCES`: a plan needs that
 without importing any of these.
 """

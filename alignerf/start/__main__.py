@@ -26,7 +26,7 @@ log = logging.getLogger("alignerf")
 
 HEAD = """\
 # Written by `make photos`, of {folder}
-# Yours to edit: then it is kept. Every key: alignerf/experiment/settings.py.
+# Yours to edit: then it is kept. Every key: alignerf/experiment/keys/.
 # To run it: the same command again.
 # as written: {digest}
 """

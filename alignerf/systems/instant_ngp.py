@@ -11,7 +11,7 @@ from alignerf.systems import rendering
 
 
 def make(chosen, *, moving=False):
-    """The system of `settings.InstantNgp`, and its loss.
+    """The system of `keys.model.InstantNgp`, and its loss.
 
     moving: its renders can be differentiated in their rays.
     """

@@ -64,7 +64,7 @@ class MipNerf(nn.Module):
 
 
 def make(chosen):
-    """The system of `settings.MipNerfSystem`, and its loss."""
+    """The system of `keys.model.MipNerfSystem`, and its loss."""
     network = radiance.Radiance(
         width=chosen.width,
         depth=chosen.depth,

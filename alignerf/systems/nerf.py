@@ -61,7 +61,7 @@ class Nerf(nn.Module):
 
 
 def make(chosen):
-    """The system of `settings.NerfSystem`, and its loss."""
+    """The system of `keys.model.NerfSystem`, and its loss."""
     network = {
         "width": chosen.width,
         "depth": chosen.depth,

@@ -89,7 +89,7 @@ class NerfPlusPlus(nn.Module):
 
 
 def make(chosen):
-    """The system of `settings.NerfPlusPlusSystem`, and its loss."""
+    """The system of `keys.model.NerfPlusPlus`, and its loss."""
     network = {
         "width": chosen.width,
         "depth": chosen.depth,

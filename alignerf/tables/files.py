@@ -87,7 +87,7 @@ def data_time_s(path):
     """
     if path.endswith(".csv"):
         return views_time_s(path)
-    if Path(path).name.startswith("render_"):
+    if Path(path).parent.name == "render":
         timing = read_timing(path, "views", "view_time_s")
         return timing["views"] * timing["view_time_s"]
     return read_timing(path, "time_s")["time_s"]

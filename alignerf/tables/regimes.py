@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 from alignerf.command import csv_files, faults, whole
-from alignerf.experiment import regimes as regime_rows
-from alignerf.experiment import rows as table_rows
+from alignerf.experiment.tables import regimes as regime_rows
+from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 from alignerf.tables.plots import regimes as regimes_plot

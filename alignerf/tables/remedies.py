@@ -22,8 +22,8 @@ import numpy as np
 import pandas as pd
 
 from alignerf.command import csv_files, faults, json_files, whole
-from alignerf.experiment import regimes as regime_rows
-from alignerf.experiment import rows as table_rows
+from alignerf.experiment.tables import regimes as regime_rows
+from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 from alignerf.tables.plots import remedies as remedies_plot

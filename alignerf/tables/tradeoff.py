@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 
 from alignerf.command import faults, whole
-from alignerf.experiment import rows as table_rows
 from alignerf.experiment import sweep
+from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import files as table_files
 from alignerf.tables import intervals, scores
 from alignerf.tables.plots import tradeoff as tradeoff_plot

@@ -4,7 +4,9 @@ import dataclasses
 
 from alignerf import fields
 from alignerf.contributions import frequency_loss
-from alignerf.experiment import jobs, settings
+from alignerf.experiment import jobs
+from alignerf.experiment.keys import fields as fields_keys
+from alignerf.experiment.keys import model as model_keys
 from alignerf.metrics import vgg19
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.systems import instant_ngp, mipnerf, nerf, nerfpp, refine, rendering
@@ -46,7 +48,7 @@ def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
         radius=job.model.radius,
         background=job.model.background,
     )
-    squares = settings.squares_errors(dataclasses.asdict(job.model))
+    squares = model_keys.squares_errors(dataclasses.asdict(job.model))
     shared = {
         "loss_weights": {
             "interlevel": job.training.interlevel_weight,
@@ -113,7 +115,9 @@ def frequency_features(chosen: jobs.Finetuning):
     return vgg19.features(chosen.frequency_weights)
 
 
-def make_field(chosen: settings.Grid | settings.Mlp | settings.Nerf, **options):
+def make_field(
+    chosen: fields_keys.Grid | fields_keys.Mlp | fields_keys.Nerf, **options
+):
     """The field of these settings; options, as `outputs`, are added to them."""
     found = dataclasses.asdict(chosen) | options
     return fields.make(

@@ -59,8 +59,8 @@ def learning_rate(
 def make_optimizer(*, learning_rates, betas, eps, cameras=None, **schedule) -> Any:
     """Adam on the schedule above, whose other arguments are `schedule`'s.
 
-    cameras: settings.Refine where the parameters `cameras` are learnt too; they have a
-    schedule of their own and Adam's usual constants.
+    cameras: `keys.method.Refine` where the parameters `cameras` are learnt too; these
+    have a schedule of their own and Adam's usual constants.
     """
     first, last = learning_rates
     fields = resting(

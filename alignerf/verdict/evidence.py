@@ -27,7 +27,7 @@ def read_views(loaded: prepared.Scene, base, splits):
         if not folder.is_dir():
             continue
         parts = table(Path(base) / f"decomposition_photos_{split}.csv")
-        lengths = table(Path(base) / f"displacement_{split}.csv")
+        lengths = table(Path(base) / "displacement" / f"{split}.csv")
         for view in loaded.views(split):
             name = loaded.names[view]
             (photo,) = prepared.read_images(loaded, [view], loaded.folder / "images")

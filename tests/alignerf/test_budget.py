@@ -12,9 +12,9 @@ STEP_TIME_S = 0.1
 BUDGET_MIN = cases.STEPS * STEP_TIME_S / 60
 
 
-def with_budget(budget_min=BUDGET_MIN, **changes):
+def with_budget(budget_min=BUDGET_MIN):
     training = {k: v for k, v in cases.TRAINING.items() if k != "steps"}
-    return cases.JOB | {"training": training | {"budget_min": budget_min}} | changes
+    return cases.JOB | {"training": training | {"budget_min": budget_min}}
 
 
 def timing_of(folder):
@@ -57,10 +57,10 @@ def test_a_budget_trains_as_its_steps_do(
 
 def test_pretraining_is_the_beginning_of_its_budget(folder, tmp_path, seconds):
     seconds[:] = [STEP_TIME_S]
-    job = with_budget(20 * STEP_TIME_S / 60, stage="pretrain")
+    job = cases.in_stage("pretrain", with_budget(20 * STEP_TIME_S / 60))
     found = cases.run(folder, tmp_path / "minutes", job)
     steps = cases.JOB | {"training": cases.TRAINING | {"steps": 20}}
-    wanted = cases.run(folder, tmp_path / "steps", steps | {"stage": "pretrain"})
+    wanted = cases.run(folder, tmp_path / "steps", cases.in_stage("pretrain", steps))
     assert found == wanted
     timing = timing_of(tmp_path / "minutes")
     assert (timing["steps"], timing["budget_min"]) == (12, pytest.approx(0.02))
@@ -93,7 +93,7 @@ def killed(*arguments, **options):
     [
         {"seed": 4},
         {"training": with_budget(2 * BUDGET_MIN)["training"]},
-        {"stage": "pretrain"},
+        {"stage": "pretrain", "pretrain_share": 0.6},
     ],
     ids=["seed", "budget", "stage"],
 )

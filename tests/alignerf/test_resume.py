@@ -29,8 +29,8 @@ def test_resumes_bit_for_bit(
 
 def test_fine_tuning_resumes_bit_for_bit(folder, tmp_path, monkeypatch):
     initial = tmp_path / "pretrain"
-    cases.run(folder, initial, cases.JOB | {"stage": "pretrain"})
-    tuned = cases.JOB | {"stage": "finetune"}
+    cases.run(folder, initial, cases.in_stage("pretrain"))
+    tuned = cases.in_stage("finetune")
     more = ("--initial", str(initial / "model.msgpack"))
     whole = cases.run(folder, tmp_path / "whole", tuned, *more)
     with monkeypatch.context() as patched:

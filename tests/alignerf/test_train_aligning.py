@@ -22,7 +22,7 @@ ALIGN = {
     "least_move_px": 0.0,
     "estimator": "dis_medium",
 }
-JOB = cases.JOB | {"alignerf": None, "align": ALIGN}
+JOB = cases.JOB | {"align": ALIGN}
 # Of 14 steps.
 FIRST, SECOND = 4, 8
 
@@ -56,13 +56,13 @@ def scene(compiled_once, tmp_path_factory):
 
 def run(scene, out, job=JOB, *more):
     """(model's bytes, bytes of all that is written of cameras and photos)."""
-    aligned = out / "aligned"
-    model = cases.run(scene, out, job, "--aligned-out", str(aligned), *more)
-    arrays = prepared.read_cameras(aligned / "cameras.npz")
+    learnt = out / "learnt"
+    model = cases.run(scene, out, job, *more)
+    arrays = prepared.read_cameras(learnt / "cameras.npz")
     found = [arrays[key].tobytes() for key in ("pixtocams", "camtoworlds")]
-    for path in sorted(aligned.glob("photos/*.png")):
+    for path in sorted(learnt.glob("photos/*.png")):
         found.append(np.asarray(Image.open(path)).tobytes())
-    for path in sorted(aligned.glob("valid/*.npz")):
+    for path in sorted(learnt.glob("valid/*.npz")):
         found.append(np.load(path)["valid"].tobytes())
     assert len(found) == 2 + 2 * (COUNT - 1)
     return model, found
@@ -110,7 +110,7 @@ def test_it_says_what_it_saw_and_did(scene, whole):
     assert timing["alignments"][-1]["photos_warped"] == COUNT - 1
     assert [row["shrink"] for row in timing["alignments"]] == [2, 2]
     given = prepared.read_cameras(scene / "cameras.npz")
-    moved = prepared.read_cameras(out / "aligned/cameras.npz")
+    moved = prepared.read_cameras(out / "learnt/cameras.npz")
     assert (moved["camtoworlds"] != given["camtoworlds"]).any()
     np.testing.assert_array_equal(moved["camtoworlds"][0], given["camtoworlds"][0])
 
@@ -127,7 +127,7 @@ def killed(monkeypatch, scene, out, patch):
         with pytest.raises(cases.Killed):
             run(scene, out)
     assert not (out / "model.msgpack").exists()
-    assert not (out / "aligned").exists()
+    assert not (out / "learnt").exists()
 
 
 @pytest.mark.parametrize("at_step", [2, FIRST, 6, SECOND, 10])
@@ -221,13 +221,22 @@ def test_what_cannot_be_is_one_line(scene, tmp_path, capsys, change, fault):
     assert not (tmp_path / "model.msgpack").exists()
 
 
-def test_its_output_folder_goes_with_it(scene, tmp_path, capsys):
-    line = cases.stops(capsys, lambda: cases.run(scene, tmp_path, JOB))
-    assert "--aligned-out: for a job that aligns itself" in line
+def test_photos_that_are_not_warped_are_not_written(scene, tmp_path):
+    job = JOB | {"align": ALIGN | {"cameras_at": [0.3], "photos_at": []}}
+    cases.run(scene, tmp_path, job)
+    assert [path.name for path in (tmp_path / "learnt").iterdir()] == ["cameras.npz"]
 
 
-@pytest.mark.parametrize("beside", ["refine", "alignerf"])
+@pytest.mark.parametrize(
+    "beside",
+    [
+        {"refine": {}},
+        {"stage": "warm"},
+        cases.in_stage("pretrain", {}),
+        cases.in_stage("finetune", {}),
+    ],
+    ids=["refine", "warm", "pretrain", "finetune"],
+)
 def test_it_stands_alone(scene, tmp_path, capsys, beside):
-    job = JOB | {beside: {} if beside == "refine" else cases.ALIGNERF}
-    line = cases.stops(capsys, lambda: run(scene, tmp_path, job))
+    line = cases.stops(capsys, lambda: run(scene, tmp_path, JOB | beside))
     assert "config: align: not beside alignerf, refine or another stage" in line

@@ -73,7 +73,7 @@ def test_the_first_fault_stops_the_job_and_keeps_its_checkpoint(
 def test_fine_tuning_needs_pretrained_parameters(
     folder, uninterrupted, tmp_path, capsys
 ):
-    job = cases.JOB | {"stage": "finetune"}
+    job = cases.in_stage("finetune")
     assert "--initial" in cases.stops(capsys, lambda: cases.run(folder, tmp_path, job))
     missing = ("--initial", str(tmp_path / "no.msgpack"))
     line = cases.stops(capsys, lambda: cases.run(folder, tmp_path, job, *missing))
@@ -102,7 +102,7 @@ def test_bad_input_as_a_process_is_one_line(folder, tmp_path):
     path = tmp_path / "scene" / "images" / "v2.png"
     path.write_bytes(path.read_bytes()[:-40])
     options = ["--config", json.dumps(cases.JOB), "--scene", tmp_path / "scene"]
-    for name in ("checkpoints", "model", "timing"):
+    for name in ("checkpoints", "model", "learnt", "timing"):
         options += [f"--{name}", tmp_path / "out" / name]
     done = subprocess.run(
         [sys.executable, "-m", "alignerf.train", *options],

@@ -8,7 +8,7 @@ import pytest
 from alignerf import train
 from alignerf.contributions import patch_conv
 from alignerf.experiment import jobs
-from alignerf.scenes import cameras
+from alignerf.scenes import cameras, prepared
 from alignerf.training import checkpoint, compose, loop
 from tests import job_cases as cases
 
@@ -16,7 +16,7 @@ from tests import job_cases as cases
 @pytest.fixture(scope="module")
 def pretrained(folder, tmp_path_factory):
     out = tmp_path_factory.mktemp("pretrained")
-    cases.run(folder, out, cases.JOB | {"stage": "pretrain"})
+    cases.run(folder, out, cases.in_stage("pretrain"))
     return out / "model.msgpack"
 
 
@@ -37,18 +37,18 @@ def test_fine_tuning_starts_from_the_pretrained_function(
     folder, tmp_path, model, parts
 ):
     """Colours of a view, before the first step: equal to 1e-5."""
-    chosen = cases.ALIGNERF | parts
-    of_both = cases.JOB | {"model": model, "alignerf": chosen}
-    cases.run(folder, tmp_path, of_both | {"stage": "pretrain"})
+    both = cases.JOB | {"model": model}
+    first, second = (
+        cases.in_stage(stage, both, **parts) for stage in ("pretrain", "finetune")
+    )
+    cases.run(folder, tmp_path, first)
     pretrained = tmp_path / "model.msgpack"
-    stages = [
-        jobs.parse(of_both | {"stage": stage}) for stage in ("pretrain", "finetune")
-    ]
+    stages = [jobs.parse(job) for job in (first, second)]
     before, after = map(compose.make_method, stages)
     template = jax.eval_shape(before.init, jax.random.key(0))
     params = jax.tree.map(jnp.asarray, checkpoint.read_params(pretrained, template))
     widened = train.initial_params(stages[1], after, str(pretrained))
-    assert ("head" in widened) == chosen["convolution"]
+    assert ("head" in widened) == second["alignerf"]["convolution"]
     rows, columns = jnp.mgrid[: cases.HEIGHT, : cases.WIDTH]
     rays = cameras.pixels_to_rays(
         columns.ravel(),
@@ -67,10 +67,7 @@ def test_fine_tuning_starts_from_the_pretrained_function(
 def test_a_search_radius_comes_from_the_displacement(
     folder, pretrained, tmp_path, capsys, caplog
 ):
-    job = cases.JOB | {
-        "stage": "finetune",
-        "alignerf": cases.ALIGNERF | {"radius_px": None},
-    }
+    job = cases.in_stage("finetune", radius_px=None)
     more = ("--initial", str(pretrained))
     assert "--displacement" in cases.stops(
         capsys, lambda: cases.run(folder, tmp_path, job, *more)
@@ -81,7 +78,7 @@ def test_a_search_radius_comes_from_the_displacement(
     caplog.set_level("INFO", "alignerf")
     found = cases.run(folder, tmp_path / "auto", job, *more)
     assert "search radius: 3 px" in caplog.text
-    fixed = job | {"alignerf": cases.ALIGNERF | {"radius_px": 3}}
+    fixed = cases.in_stage("finetune", radius_px=3)
     assert cases.run(folder, tmp_path / "fixed", fixed, *more[:2]) == found
 
 
@@ -118,3 +115,48 @@ def test_a_warm_start_begins_with_the_parameters_given(
     with pytest.raises(ValueError, match=r"model\.msgpack"):
         cases.run(folder, tmp_path / "other", other, *more)
     assert not (tmp_path / "other" / "model.msgpack").exists()
+
+
+@pytest.mark.parametrize("which", ["scene's", "given", "of the renders"])
+def test_the_cameras_that_its_renders_are_seen_by_lie_with_it(
+    folder, uninterrupted, tmp_path, which
+):
+    """To the byte; its model hangs on those that it has learnt from alone."""
+    paths, more = {"scene's": folder / "cameras.npz"}, []
+    for name, size in (("given", 2), ("of the renders", 3)):
+        arrays = dict(np.load(folder / "cameras.npz"))
+        arrays["camtoworlds"][:, :, 3] *= size
+        paths[name] = tmp_path / f"{name}.npz"
+        np.savez(paths[name], **arrays)
+    if which == "given":
+        more = ["--cameras", str(paths["given"])]
+    elif which == "of the renders":
+        more = ["--seen-by", str(paths["of the renders"])]
+    found = cases.run(folder, tmp_path, cases.JOB, *more)
+    learnt = tmp_path / "learnt"
+    assert [path.name for path in learnt.iterdir()] == ["cameras.npz"]
+    assert (learnt / "cameras.npz").read_bytes() == paths[which].read_bytes()
+    same = found == (uninterrupted / "model.msgpack").read_bytes()
+    assert same == (which != "given")
+
+
+def test_cameras_that_were_learnt_lie_with_the_training(folder, tmp_path):
+    job = cases.JOB | {"refine": {"delay_share": 0.0}}
+    cases.run(folder, tmp_path, job)
+    given, learnt = (
+        prepared.read_cameras(place / "cameras.npz")
+        for place in (folder, tmp_path / "learnt")
+    )
+    train = learnt["split"] == "train"
+    assert (learnt["camtoworlds"][train] != given["camtoworlds"][train]).any()
+    np.testing.assert_array_equal(learnt["names"], given["names"])
+
+
+def test_a_folder_for_its_cameras_is_needed(folder, tmp_path, capsys):
+    options = ["--config", "{}", "--scene", str(folder)]
+    for name in ("checkpoints", "model", "timing"):
+        options += [f"--{name}", str(tmp_path / name)]
+    with pytest.raises(SystemExit):
+        train.parse(options)
+    assert "required: --learnt" in capsys.readouterr().err
+    assert train.parse([*options, "--learnt", "a"]).learnt.name == "a"

@@ -16,7 +16,7 @@ from tests.bench import cases, report
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 USUAL = ("speed", "quality", "grid", "job", "memory", "scale", "split", "align")
 # They take hours, or gigabytes: only where they are asked for.
-LONG = ("clusters", "decided", "parts", "planning", "sooner", "systems", "verdicts")
+LONG = ("clusters", "decided", "parts", "planning", "systems", "verdicts")
 
 
 def main(argv=None):
@@ -30,25 +30,6 @@ def main(argv=None):
         "--limit-s", type=float, default=900.0, help="training time to quality, at most"
     )
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "results" / "bench")
-    parser.add_argument(
-        "--scenes",
-        nargs="+",
-        choices=cases.SCENES,
-        default=cases.SCENES,
-        help="of sooner, which takes at most 3 repeats, one a seed",
-    )
-    parser.add_argument(
-        "--budgets",
-        nargs="+",
-        type=float,
-        default=(0.25, 1, 4),
-        help="of sooner: each so many times a setting's own steps",
-    )
-    parser.add_argument(
-        "--before",
-        type=pathlib.Path,
-        help="of sooner: a checkout that trains the old settings",
-    )
     args = parser.parse_args(argv)
     if args.repeats < 1:
         raise ValueError(f"--repeats: {args.repeats} is less than 1")
@@ -59,9 +40,6 @@ def main(argv=None):
         data=args.data,
         limit_s=args.limit_s,
         out=args.out,
-        scenes=tuple(args.scenes),
-        before=args.before and args.before.resolve(),
-        budgets=tuple(args.budgets),
     )
     header = report.hardware()
     print(" | ".join(f"{key} {value}" for key, value in header.items()), flush=True)

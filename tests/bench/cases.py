@@ -14,8 +14,6 @@ from alignerf.scenes import cameras, prepare, prepared, transforms
 
 NEAR, FAR = 0.2, 1e6
 SAMPLES = [64, 64, 32]
-# Of the benchmark `sooner`.
-SCENES = ("courtyard", "fox", "treehill")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,9 +26,6 @@ class Options:
     data: pathlib.Path
     limit_s: float
     out: pathlib.Path
-    scenes: tuple[str, ...]
-    before: pathlib.Path | None
-    budgets: tuple[float, ...]
 
 
 def mlp_model(*, width, depth, proposal_width, proposal_depth, samples=None):

@@ -8,12 +8,17 @@ seconds, or at most 0.3 dB in half of them.
 
 import json
 import pathlib
+import statistics
+import tempfile
 
 import yaml
 
+from alignerf import evaluate
 from alignerf.decisions import __main__ as decisions
 from alignerf.experiment import check, plan, slices
-from tests.bench import measure, sooner, split
+from alignerf.metrics import image as image_metrics
+from alignerf.scenes import prepared
+from tests.bench import measure, split
 
 COURTYARD = {"source": "courtyard", "downscale": 2}
 # Of COLMAP's or LLFF's poses, which have points or bounds; paths lie in the data.
@@ -77,10 +82,48 @@ def trainings(name, scene, steps, options):
     settings |= {f"{count} steps": {"training": {"steps": count}} for count in steps}
     for setting, config in settings.items():
         experiment = plan.Experiment(check.checked(config_of(scene) | config), None)
-        job = slices.round_job(experiment, "s", "mipnerf360")
+        job = slices.full(experiment, "s", "mipnerf360")
         if job["decisions"]:
             job["decisions"] = str(out)
-        yield setting, sooner.train(measure.ROOT, job, folder, test_set)
+        yield setting, train(job, folder, test_set)
+
+
+def train(job, scene, test_set):
+    """What a training took, and the PSNR of its renders of the test views."""
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        shared = {"config": json.dumps(job), "scene": scene.resolve()}
+        shared["model"] = folder / "model.msgpack"
+        split.stage(
+            "alignerf.train",
+            **shared,
+            checkpoints=folder / "checkpoints",
+            learnt=folder / "learnt",
+            timing=folder / "timing.json",
+        )
+        split.stage(
+            "alignerf.render_views",
+            **shared,
+            splits="test",
+            renders=folder / "renders/{split}",
+            timing=folder / "render/{split}.json",
+        )
+        timing = json.loads((folder / "timing.json").read_text())
+        psnr_db = mean_psnr_db(scene, folder / "renders/test", test_set)
+    names = ("steps", "train_time_s")
+    return {name: timing[name] for name in names} | {"psnr_db": psnr_db}
+
+
+def mean_psnr_db(scene, renders, test_set):
+    """Mean over the test views, as `evaluate` scores them."""
+    loaded = prepared.load(scene)
+    truth = scene / "truth" if test_set == "oracle" else None
+    views = []
+    for view in loaded.views("test"):
+        target, valid = evaluate.targets_of(loaded, view, None, truth)[test_set]
+        (render,) = prepared.read_images(loaded, [view], renders)
+        views.append(image_metrics.psnr_db(target, render, valid))
+    return statistics.mean(views)
 
 
 def config_of(scene):

@@ -75,6 +75,7 @@ def _train(job, folder, name, environment):
         *("--config", cases.as_json(job), "--scene", folder / "scene"),
         *("--checkpoints", folder / name / "checkpoints"),
         *("--model", folder / name / "model.msgpack"),
+        *("--learnt", folder / name / "learnt"),
         *("--timing", folder / name / "timing.json"),
     ]
     whole_s = _seconds(command, environment)

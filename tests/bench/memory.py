@@ -86,6 +86,7 @@ def _train(job, folder):
         "scene": folder,
         "checkpoints": out / "checkpoints",
         "model": out / "model.msgpack",
+        "learnt": out / "learnt",
         "timing": out / "timing.json",
     }
     train.main([str(part) for k, v in options.items() for part in (f"--{k}", v)])

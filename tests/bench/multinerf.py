@@ -5,11 +5,15 @@ only its file loaders import (rawpy, its own pycolmap, dm_pix) is stood in for.
 """
 
 import contextlib
+import functools
 import importlib
+import inspect
 import pathlib
 import sys
 import types
 import warnings
+
+import jax
 
 MODULES = [
     *("camera_utils", "configs", "coord", "datasets", "geopoly", "image", "math"),
@@ -35,7 +39,31 @@ def load(path) -> types.SimpleNamespace:
     where = pathlib.Path(found["stepfun"].__file__).parent.parent
     if where != path:
         raise ValueError(f"{path}: another checkout was loaded before, {where}")
+    for module in found.values():
+        relax(module)
     return types.SimpleNamespace(gin=gin, path=path, **found)
+
+
+def relax(module):
+    """Let a peer's code broadcast arrays of other ranks, which ours may not."""
+    for name, value in list(vars(module).items()):
+        if getattr(value, "__module__", None) != module.__name__:
+            continue
+        if inspect.isfunction(value):
+            setattr(module, name, relaxed(value))
+        elif inspect.isclass(value) and hasattr(value, "apply"):
+            value.apply, value.init = relaxed(value.apply), relaxed(value.init)
+
+
+def relaxed(function):
+    """The same function, in which strictness about ranks is off."""
+
+    @functools.wraps(function)
+    def run(*args, **kwargs):
+        with jax.numpy_rank_promotion("allow"):
+            return function(*args, **kwargs)
+
+    return run
 
 
 @contextlib.contextmanager

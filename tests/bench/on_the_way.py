@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 
 from alignerf.command import images, yaml_files
-from alignerf.experiment import check, plan, slices
+from alignerf.experiment import check, plan
 from alignerf.tables import intervals, remedies
 
 COLUMNS = ("scene", "seed", "share", "method", "view", "oracle_db", "standard_db")
@@ -94,7 +94,7 @@ def job_of(config, scene, share, method):
     plain = {"plain": read["methods"]["plain"]}
     kept["methods"] = plain | {method: read["methods"][method]}
     experiment = plan.Experiment(check.checked(kept), None)
-    return slices.of_round(experiment, "scene", method)
+    return experiment.at("scene", method, 0).job
 
 
 def measure(config, scene, share, method):
@@ -109,18 +109,11 @@ def measure(config, scene, share, method):
         command = [sys.executable, "-m", "alignerf.train", "--config", job]
         command += ["--scene", str(scene), "--checkpoints", str(out / "checkpoints")]
         command += ["--model", str(out / "model"), "--timing", str(out / "timing")]
-        command += ["--threads", "1"]
-        moved = None
-        for key, name in (("align", "aligned"), ("refine", "cameras")):
-            if json.loads(job)[key]:
-                moved = out / name
-                command += [f"--{name}-out", str(moved)]
-                command += ["--truth", str(truth)] if truth.is_dir() else []
+        command += ["--learnt", str(out / "learnt"), "--threads", "1"]
+        command += ["--truth", str(truth)] if truth.is_dir() else []
         subprocess.run(command, check=True, capture_output=True)
         timing = json.loads((out / "timing").read_text())
-        if moved and moved.is_dir():
-            moved = moved / "cameras.npz"
-        loaded = prepared.load(scene, moved)
+        loaded = prepared.load(scene, out / "learnt" / "cameras.npz")
         model, params = renderer.read_model(job, out / "model", loaded)
         render = renderer.make_renderer(model, params, loaded.width, loaded.height)
     error = timing.get("pose_error_px", {})

@@ -81,6 +81,7 @@ def make(folder, demo, case, *, quick):
         checkpoints=folder / "checkpoints",
         sources="bench",
         model=model,
+        learnt=folder / "learnt",
         timing=timing,
     )
     renders = folder / "renders"

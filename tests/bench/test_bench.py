@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 import yaml
 
-from alignerf.experiment import check, schema, settings, sources
+from alignerf.experiment import check, schema, sources
+from alignerf.experiment.keys import model as model_keys
 from alignerf.scenes import cameras
 from alignerf.training import compose
 from tests.bench import (
@@ -161,7 +162,7 @@ def test_jobs_compile_as_the_workflow_does_and_run_the_default_model(root, monke
     assert {name: os.environ[name] for name in job.CACHE} == job.CACHE
     demo = yaml.safe_load((root / "workflow/config/demo.yaml").read_text())
     found = check.checked(demo)["models"]["base"]
-    assert schema.filled(settings.Model, cases.GRID) == found
+    assert schema.filled(model_keys.Model, cases.GRID) == found
 
 
 def test_a_missing_peer_is_named(tmp_path):

@@ -190,19 +190,20 @@ def commands(folder, faults, seed, *, quick):
     yield (
         *("alignerf.train", "--scene", folder, *model, "--threads", 1),
         *("--checkpoints", base / "checkpoints", "--timing", base / "timing.json"),
+        *("--learnt", base / "learnt"),
     )
     yield (
         *("alignerf.render_views", "--scene", folder, *model, "--threads", 1),
         *("--splits", "train", "test", "--renders", base / "renders" / split),
         *("--depth", base / "depth" / split),
-        *("--timing", base / "render_{split}.json"),
+        *("--timing", base / "render/{split}.json"),
     )
     yield (
         *("flow.align", "--method", "deepflow", "--match-blur", "--kernel", "lanczos"),
         *("--splits", "train", "test", "--renders", base / "renders" / split),
         *("--photos", folder / "images", "--depth", base / "depth" / split),
         *("--flow-out", base / "flow" / split),
-        *("--stats-out", base / "displacement_{split}.csv"),
+        *("--stats-out", base / "displacement/{split}.csv"),
     )
     for name in ("train", "test"):
         yield (

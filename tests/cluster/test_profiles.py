@@ -5,12 +5,7 @@ import re
 import pytest
 import yaml
 
-ON_ACCELERATORS = {
-    *("train", "train_warm", "train_refining", "train_aligning"),
-    *("pretrain", "finetune"),
-    *("train_variant", "render_views", "render_all_views", "render_pretrained"),
-    *("render_variant", "align_test_poses"),
-}
+ON_ACCELERATORS = {"train", "render", "align_test_poses"}
 MEASURING = {"preflight", "preview"}
 
 

@@ -7,7 +7,7 @@ import copy
 import json
 import time
 
-from alignerf.experiment import check, jobs, plan, slices, targets
+from alignerf.experiment import check, jobs, kinds, plan, targets
 from tests.torture import damage
 
 HOSTILE = (
@@ -72,9 +72,8 @@ def planned(config):
     experiment = plan.Experiment(config, lambda **place: False)
     for scene in experiment.scenes:
         targets.of_scene(experiment, scene)
-        for method in experiment.methods:
-            if not config["methods"][method]["renders"]:
-                json.loads(slices.of_round(experiment, scene, method))
+        for training in experiment.trainings(scene).values():
+            json.loads(training.job)
 
 
 def of_job(values, place):
@@ -111,16 +110,14 @@ def line_fault(text, place):
 def job_of(config):
     """A fine-tuning's job of a complete config, as its rule would be given it."""
     experiment = plan.Experiment(config, lambda **place: False)
-    (staged, *_) = experiment.staged()
-    return json.loads(
-        slices.of_round(experiment, next(iter(experiment.scenes)), staged)
-    )
+    (staged, *_) = experiment.names(kinds.staged)
+    return json.loads(experiment.at(next(iter(experiment.scenes)), staged, 0).job)
 
 
 def complete(config):
     """A config with every section that it can have, and models of every kind."""
-    kinds = ("nerf", "mipnerf", "nerfpp", "ngp")
+    systems = ("nerf", "mipnerf", "nerfpp", "ngp")
     config = copy.deepcopy(config)
-    config["models"] |= {kind: {"kind": kind} for kind in kinds}
-    config["methods"] |= {f"{kind}_": {"model": kind} for kind in kinds}
+    config["models"] |= {kind: {"kind": kind} for kind in systems}
+    config["methods"] |= {f"{kind}_": {"model": kind} for kind in systems}
     return check.checked(config)

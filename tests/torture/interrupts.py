@@ -129,5 +129,5 @@ def arguments(scene, out):
     return [
         *("--config", json.dumps(job), "--scene", str(scene), "--threads", "1"),
         *("--checkpoints", str(out / "checkpoints"), "--model", str(out / "model")),
-        *("--timing", str(out / "timing.json")),
+        *("--timing", str(out / "timing.json"), "--learnt", str(out / "learnt")),
     ]

@@ -50,9 +50,19 @@ def of_plan(text):
             continue
         words = shlex.split(re.sub(r" 2>&1 \| tee .*", "", shell[0]))
         kind = (words[2], *(word for word in words if word.startswith("--")))
+        kind += trained(words)
         stage = Stage([sys.executable, *words[1:]], outputs[1].split(", "))
         found.setdefault(kind, stage)
     return list(found.values())
+
+
+def trained(words):
+    """What tells trainings apart that have the same options: keys of their job."""
+    if "alignerf.train" not in words:
+        return ()
+    job = json.loads(words[words.index("--config") + 1])
+    chosen = (key for key in ("refine", "align", "alignerf") if job.get(key))
+    return (job["stage"], *chosen)
 
 
 def plan(root, folder, config):
@@ -90,10 +100,10 @@ def inputs_of(stage, folder):
 
 
 def reports_in(folder, path):
-    """The tables and reports directly in a folder, instead of itself."""
+    """The tables and reports of a training in its folder, instead of itself."""
     return {
-        f"{path}/{found.name}"
-        for kind in ("*.csv", "*.json")
+        str(found.relative_to(folder))
+        for kind in ("*.csv", "*.json", "displacement/*.csv", "render/*.json")
         for found in (folder / path).glob(kind)
     }
 

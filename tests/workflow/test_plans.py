@@ -31,23 +31,28 @@ def jobs_of(output):
     return {rule: int(count) for rule, count in jobs.items() if rule != "total"}
 
 
+def made(output, *endings):
+    """{ending: number of files, or folders, that the jobs of a dry run make}."""
+    found = re.findall(r"^    output: (.*)$", output, re.MULTILINE)
+    paths = [path for line in found for path in line.split(", ")]
+    return {end: sum(path.endswith(end) for path in paths) for end in endings}
+
+
+def check_plan(output, config):
+    """That a dry run has what `expected_jobs` and `expected_files` say."""
+    jobs, files = expected_jobs(config), expected_files(config)
+    assert jobs_of(output).items() >= jobs.items()
+    assert made(output, *files) == files
+
+
 def expected_jobs(config):
     """The trainings of a config by the paper's scheme, and what each one entails."""
-    default = {"mipnerf360": {"rounds": 2}, "alignerf": {"alignerf": {}}}
-    scenes, methods = len(config["scenes"]), config.get("methods", default).values()
-    others = {"alignerf", "warm_start", "align"}
-    plain = [m.get("rounds", 0) for m in methods if not others & m.keys()]
-    aligning = sum("align" in m for m in methods)
-    warm = [m["rounds"] for m in methods if "warm_start" in m]
-    rows = sum(rounds + 1 for rounds in plain) + sum(warm) + aligning
-    staged = [m.get("model") for m in methods if "alignerf" in m]
-    jobs = {
-        "train": scenes * sum(rounds + 1 for rounds in plain),
-        "train_warm": scenes * sum(warm),
-        "train_aligning": scenes * aligning,
-        "pretrain": scenes * len(set(staged)),
-        "finetune": scenes * len(staged),
-        "evaluate": scenes * (rows + len(staged)),
+    scenes, staged, models, plain = counts_of(config)
+    return {
+        # Staged methods of a model share the first of their two trainings.
+        "train": scenes * (plain + models + staged),
+        "render": scenes * (plain + staged),
+        "align": scenes * (plain + staged),
         "testset": scenes,
         "control_sets": scenes,
         "facts": scenes,
@@ -55,11 +60,32 @@ def expected_jobs(config):
         "config": scenes,
         "figures": scenes,
     }
+
+
+def expected_files(config):
+    """Of every training its scores and parts; what needs a truth, where it is known."""
+    scenes, staged, _, plain = counts_of(config)
     known = sum(scene["source"] == "courtyard" for scene in config["scenes"].values())
-    for suffix, count in {"": scenes - known, "_courtyard": known}.items():
-        jobs[f"tables{suffix}"] = count
-        jobs[f"decompose{suffix}"] = count * (rows + len(staged))
-    return {rule: count for rule, count in jobs.items() if count}
+    return {
+        "/metrics.csv": scenes * (plain + staged),
+        "/decomposition_test.csv": scenes * (plain + staged),
+        "/flow_oracle/test": known * (plain + staged),
+        "/tables/misalignment.csv": scenes,
+        "/tables/ranking.csv": known,
+    }
+
+
+def counts_of(config):
+    """Scenes; of each its staged methods, their models, and all other trainings."""
+    default = {"mipnerf360": {"rounds": 2}, "alignerf": {"alignerf": {}}}
+    scenes, methods = len(config["scenes"]), config.get("methods", default).values()
+    others = {"alignerf", "warm_start", "align"}
+    plain = [m.get("rounds", 0) for m in methods if not others & m.keys()]
+    aligning = sum("align" in m for m in methods)
+    warm = [m["rounds"] for m in methods if "warm_start" in m]
+    trained = sum(rounds + 1 for rounds in plain) + sum(warm) + aligning
+    staged = [m.get("model") for m in methods if "alignerf" in m]
+    return scenes, len(staged), len(set(staged)), trained
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
@@ -87,8 +113,7 @@ def test_every_config_can_be_planned(path, tmp_path, snakemake):
         # Methods that begin alike share trainings: the test below.
         assert jobs["correct_poses"] > 0
         return
-    wanted = expected_jobs(config)
-    assert {rule: jobs.get(rule) for rule in wanted} == wanted
+    check_plan(output, config)
 
 
 @pytest.mark.parametrize(("name", "trainings"), [("high", 10 * 4), ("low", 5 * 7)])
@@ -110,13 +135,13 @@ def test_the_papers_tables_are_planned(name, trainings, root, tmp_path, snakemak
     jobs = jobs_of(output)
     scenes = 10 if name == "high" else 5
     rows = trainings + scenes
-    assert (jobs["train"], jobs["finetune"], jobs["comparison"]) == (
-        trainings,
-        scenes,
-        1,
-    )
+    # And a pre-training of each fine-tuning, which nobody looks at.
+    assert (jobs["train"], jobs["comparison"]) == (rows + scenes, 1)
     # Another program's renders are scored, not rendered.
-    assert (jobs["render_views"], jobs["evaluate"]) == (rows, rows + scenes)
+    assert (jobs["render"], made(output, "/metrics.csv")) == (
+        rows,
+        {"/metrics.csv": rows + scenes},
+    )
 
 
 def test_the_configs_are_short():
@@ -141,31 +166,29 @@ def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
     code, output = snakemake(tmp_path, "--configfile", written, "-n", "all", "export")
     assert code == 0, output
     wanted = {
-        # Rounds 0 and 1 of photos, 1 and 2 of cameras, and photos after the first.
-        "train": 5,
-        "train_refining": 1,
-        "train_aligning": 1,
-        "correct_poses": 2,
-        # AligNeRF twice, once with cameras put right after the one pre-training.
-        "pretrain": 1,
-        "render_pretrained": 1,
-        "align_pretrained": 1,
-        "correct_pretrained": 1,
-        "finetune": 2,
+        # Rounds 0 and 1 of photos, 1 and 2 of cameras, and photos after the first;
+        # one that learns cameras, one that aligns itself; and AligNeRF twice, once
+        # with cameras put right after the one pre-training.
+        "train": 5 + 1 + 1 + 1 + 2,
+        "render": 9 + 1,
+        "align": 9 + 1,
+        "correct_poses": 2 + 1,
         "align_test_poses": 9,
-        "evaluate": 9,
-        "evaluate_aligned_pose": 9,
-        "decompose_courtyard": 9,
-        "export_cameras": 6,
-        "export_photos": 3,
     }
     assert jobs_of(output).items() >= wanted.items()
+    files = {
+        **dict.fromkeys(("/metrics.csv", "/metrics_aligned_pose.csv"), 9),
+        **dict.fromkeys(("/decomposition_test.csv", "/flow_oracle/test"), 9),
+        "/export/cameras": 6,
+        "/export/photos": 3,
+    }
+    assert made(output, *files) == files
 
 
 def test_without_arguments_the_demo_is_planned(tmp_path, demo, snakemake):
     code, output = snakemake(tmp_path, "-n")
     assert code == 0
-    assert jobs_of(output).items() >= expected_jobs(demo).items()
+    check_plan(output, demo)
     assert not (tmp_path / "results").exists()
 
 
@@ -177,7 +200,7 @@ def test_a_scene_or_a_file_by_name(tmp_path, demo, snakemake):
     assert both == {rule: 2 * count for rule, count in one.items()}
     file = "results/my-yard.1/mipnerf360/round1/timing.json"
     jobs = {"poses_courtyard": 1, "preflight": 1, "train": 2}
-    jobs |= {"render_all_views": 1, "align_all": 1}
+    jobs |= {"render": 1, "align": 1}
     output = snakemake(*options, file, "--cores", "200")[1]
     assert jobs_of(output) == jobs
     # However many cores there are, poses have all of this machine.
@@ -194,10 +217,9 @@ def test_facts_decide_before_anything_is_trained_where_they_may(
     tmp_path, demo, snakemake
 ):
     demo["decide"] = True
-    file = "results/courtyard/alignerf/round0/renders/test"
+    file = "results/courtyard/alignerf/round0/renders"
     options = (tmp_path, "-n", file, "--configfile", write(tmp_path, demo))
-    jobs = {"poses_courtyard": 1, "pretrain": 1, "finetune": 1, "render_views": 1}
-    jobs["preflight"] = 1
+    jobs = {"poses_courtyard": 1, "preflight": 1, "train": 2, "render": 1}
     facts = {"facts": 1, "decisions": 1}
     assert jobs_of(snakemake(*options)[1]) == jobs | facts
     # What says all itself waits for nothing.
@@ -225,13 +247,18 @@ def test_what_trains_has_the_accelerator_alone_or_half_of_the_cores(
 
 def test_both_splits_are_rendered_where_something_follows(tmp_path, demo, snakemake):
     """Round 2 is the last: its training views are nobody's."""
-    options = (tmp_path, "--configfile", write(tmp_path, demo), "-n")
-    folder = "results/courtyard/mipnerf360/round{}/displacement_{}.csv"
-    for k, rule in ((1, "align_all"), (2, "align")):
-        jobs = jobs_of(snakemake(*options, folder.format(k, "test"))[1])
-        assert jobs[rule] == (2 if k == 1 else 1)
-    assert snakemake(*options, folder.format(1, "train"))[0] == 0
-    code, output = snakemake(*options, folder.format(2, "train"))
+    options = (tmp_path, "--configfile", write(tmp_path, demo), "-n", "-p")
+    folder = "results/courtyard/mipnerf360/round{}"
+    code, output = snakemake(*options, f"{folder.format(2)}/displacement")
+    assert code == 0, output
+    assert jobs_of(output).items() >= {"train": 3, "render": 3, "align": 3}.items()
+    for module in ("alignerf.render_views", "flow.align"):
+        commands = re.findall(rf"python -m {module} .*", output)
+        for k, splits in enumerate(("train test", "train test", "test")):
+            (command,) = (c for c in commands if f"{folder.format(k)}/renders" in c)
+            assert re.search(r"--splits ([a-z ]+) --", command)[1] == splits
+    # What would be of no use to anybody cannot be asked for.
+    code, output = snakemake(*options, f"{folder.format(2)}/flow/train")
     assert code == 1
     assert "MissingRuleException" in output
 
@@ -242,8 +269,9 @@ def test_a_sweep_and_the_regimes_make_their_own_jobs_and_no_others(
     options = (tmp_path, "--configfile", write(tmp_path, demo), "-n")
     variants = demo["tradeoff"]["variants"]
     scales = {v["downscale"] for v in variants.values() if "downscale" in v}
-    each = ("train_variant", "render_variant", "evaluate_variant")
-    jobs = jobs_of(snakemake(*options, "tradeoff")[1])
+    each = ("train", "render", "evaluate")
+    output = snakemake(*options, "tradeoff")[1]
+    jobs = jobs_of(output)
     assert (
         jobs.items()
         >= {
@@ -253,11 +281,16 @@ def test_a_sweep_and_the_regimes_make_their_own_jobs_and_no_others(
             "tradeoff": 1,
         }.items()
     )
-    assert not {"train", "figures", "tables_courtyard"} & jobs.keys()
-    jobs = jobs_of(snakemake(*options, "regimes")[1])
-    # Unwarped, the method, warped once and twice; and the reference's other model.
-    assert (jobs["regimes"], jobs["evaluate"], jobs["train"]) == (1, 4, 3 + 3)
-    assert not {"tables_courtyard", "figures", "decompose_courtyard"} & jobs.keys()
+    assert not {"figures", "testset", "align", "preflight"} & jobs.keys()
+    others = ("/tables/misalignment.csv", "/decomposition_test.csv")
+    assert made(output, *others) == dict.fromkeys(others, 0)
+    output = snakemake(*options, "regimes")[1]
+    jobs = jobs_of(output)
+    # Unwarped, the method in its two stages, warped once and twice; and the
+    # reference's other model.
+    assert (jobs["regimes"], jobs["evaluate"], jobs["train"]) == (1, 4, 3 + 2 + 3)
+    assert "figures" not in jobs
+    assert made(output, *others) == dict.fromkeys(others, 0)
 
 
 def test_what_the_readme_prints_needs_no_number_of_cores(tmp_path, snakemake):

@@ -2,87 +2,66 @@
 rule align_test_poses:
     input:
         unpack(
-            lambda w: flows.aligned_pose_inputs(experiment, w.scene, w.method, w.round)
+            lambda w: layout.outputs_of(
+                arguments.aligned_pose_inputs(experiment, w.scene, w.training)
+            )
         ),
-        model="results/{scene}/{method}/round{round}/model.msgpack",
-        depth="results/{scene}/{method}/round{round}/depth/test",
+        model="results/{scene}/{training}/model.msgpack",
+        depth="results/{scene}/{training}/depth",
+        learnt="results/{scene}/{training}/learnt",
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
-        decisions=lambda w: rows.decisions_of(experiment, w.scene),
-        used=lambda w: experiment.rendered_with(w.scene, w.method, w.round),
+        decisions=lambda w: inputs.decisions_of(experiment, w.scene),
     output:
-        directory("results/{scene}/{method}/round{round}/aligned_pose"),
+        directory("results/{scene}/{training}/aligned_pose"),
     log:
-        "results/{scene}/{method}/round{round}/logs/align_test_poses.log",
+        "results/{scene}/{training}/logs/align_test_poses.log",
     benchmark:
-        "results/{scene}/{method}/round{round}/logs/align_test_poses.tsv"
+        "results/{scene}/{training}/logs/align_test_poses.tsv"
     conda:
         "../../environment.yml"
     threads: sources.OF_TRAINING
     resources:
         gpu=sources.ACCELERATORS,
-        mem_mb=needs.memory_mb(costs, "{method}/round{round}/render_test.json"),
-        runtime=needs.minutes(costs, "{method}/round{round}/metrics_aligned_pose.csv"),
+        mem_mb=needs.memory_mb(costs, "{training}/render"),
+        runtime=needs.minutes(costs, "{training}/metrics_aligned_pose.csv"),
     params:
-        config=lambda w: slices.of_round(experiment, w.scene, w.method),
-        fits=lambda w, input: flows.aligned_pose_options(experiment, input),
+        config=lambda w: experiment.training(w.scene, w.training).job,
+        fits=lambda w: arguments.aligned_pose_options(experiment, w.scene, w.training),
         sources=sources_of("alignerf.align_test_poses"),
     shell:
         "python -m alignerf.align_test_poses --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --model {input.model:q}"
-        " --cameras {input.used:q} --depth {input.depth:q} {params.fits:q}"
-        " --out {output:q} --threads {threads} 2>&1 | tee {log:q}"
+        " --cameras {input.learnt:q}/cameras.npz --depth {input.depth:q}/test"
+        " {params.fits:q} --out {output:q} --threads {threads} 2>&1 | tee {log:q}"
 
 
-# Metrics per test view and test set.
+# Metrics per test view and test set; those by moved cameras are a file of their own.
 rule evaluate:
     input:
-        unpack(lambda w: rows.truth_of(experiment, w.scene)),
+        unpack(lambda w: inputs.of_scores(experiment, w.scene, w.training, w.moved)),
         # Another program's lie on the disk, also where results go to a storage.
-        renders=lambda w: (local if w.method in experiment.given() else str)(
-            rows.renders_of(experiment, w.scene, w.method, w.round)
+        renders=lambda w: (local if inputs.is_given(experiment, w.training) else str)(
+            inputs.renders_of(experiment, w.scene, w.training, w.moved)
         ),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
-        flow="results/{scene}/testset/flow",
-        warped="results/{scene}/testset/warped",
-        controls=[f"results/{{scene}}/testset/{name}" for name in flows.CONTROL_SETS],
-        weights=local(list(config["lpips"].values())),
+        weights=lambda w: local([] if w.moved else list(config["lpips"].values())),
     output:
-        "results/{scene}/{method}/round{round}/metrics.csv",
+        "results/{scene}/{training}/metrics{moved}.csv",
     log:
-        "results/{scene}/{method}/round{round}/logs/evaluate.log",
+        "results/{scene}/{training}/logs/evaluate{moved}.log",
     benchmark:
-        "results/{scene}/{method}/round{round}/logs/evaluate.tsv"
+        "results/{scene}/{training}/logs/evaluate{moved}.tsv"
+    wildcard_constraints:
+        moved="|_aligned_pose",
     conda:
         "../../environment.yml"
     params:
-        testset=lambda w: flows.option("testset", f"results/{w.scene}/testset"),
-        truth=lambda w, input: flows.option("truth", input.get("truth")),
-        renders=lambda w, input: flows.option("renders", input.renders),
-        lpips=flows.lpips_options(experiment),
+        options=lambda w: inputs.scores_options(
+            experiment, w.scene, w.training, w.moved
+        ),
         sources=sources_of("alignerf.evaluate"),
     shell:
         "python -m alignerf.evaluate --scene results/{wildcards.scene:q}"
-        " {params.renders:q} {params.testset:q} {params.truth:q}"
-        " {params.lpips:q} --metrics {output:q} 2>&1 | tee {log:q}"
-
-
-# Of those by moved cameras.
-use rule evaluate as evaluate_aligned_pose with:
-    input:
-        unpack(lambda w: rows.truth_of(experiment, w.scene)),
-        renders="results/{scene}/{method}/round{round}/aligned_pose",
-        images="results/{scene}/images",
-        cameras="results/{scene}/cameras.npz",
-    output:
-        "results/{scene}/{method}/round{round}/metrics_aligned_pose.csv",
-    log:
-        "results/{scene}/{method}/round{round}/logs/evaluate_aligned_pose.log",
-    benchmark:
-        "results/{scene}/{method}/round{round}/logs/evaluate_aligned_pose.tsv"
-    params:
-        renders=lambda w, input: flows.option("aligned-pose", input.renders),
-        testset=[],
-        # Of these renders PSNR alone is scored.
-        lpips=[],
+        " {params.options:q} --metrics {output:q} 2>&1 | tee {log:q}"

@@ -3,7 +3,7 @@
 # config whose truth is known. Takes the whole machine, so that its speeds are its own.
 rule flow_benchmark:
     input:
-        lambda w: flows.benchmark_inputs(experiment),
+        lambda w: arguments.benchmark_inputs(experiment),
         configs=expand("results/{scene}/config.yaml", scene=experiment.with_truth()[:1]),
     output:
         csv=report(
@@ -28,7 +28,7 @@ rule flow_benchmark:
         "../../environment.yml"
     threads: sources.WHOLE_MACHINE
     params:
-        scene=lambda w: flows.benchmark_options(experiment),
+        scene=lambda w: arguments.benchmark_options(experiment),
         sources=sources_of("flow.benchmark", "flow.benchmark.large_pair"),
     shell:
         "python -m flow.benchmark {params.scene:q} --configs {input.configs:q}"

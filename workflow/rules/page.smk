@@ -1,7 +1,7 @@
 # What a visitor opens: verdict, images, tables and costs of a scene in one file.
 rule page:
     input:
-        unpack(lambda w: rows.of_page(experiment, w.scene)),
+        unpack(lambda w: layout.outputs_of(rows.of_page(experiment, w.scene))),
         lambda w: rows.files_of(rows.figure_rounds(experiment, w.scene)),
         images="results/{scene}/images",
         preflight="results/{scene}/preflight.json",

@@ -8,7 +8,7 @@ rule preflight:
     input:
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
-        decisions=lambda w: rows.decisions_of(experiment, w.scene),
+        decisions=lambda w: inputs.decisions_of(experiment, w.scene),
     output:
         "results/{scene}/preflight.json",
     log:

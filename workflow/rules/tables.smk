@@ -56,7 +56,7 @@ rule figures:
         images="results/{scene}/images",
         flow="results/{scene}/testset/flow",
         testset="results/{scene}/testset/displacement.csv",
-        reference=lambda w: f"{experiment.reference_folder(w.scene)}/renders/test",
+        reference=lambda w: f"{experiment.reference_folder(w.scene)}/renders",
         parts=lambda w: f"{experiment.reference_folder(w.scene, 0)}/parts/test",
         curves=lambda w: rows.files_of(rows.displacement(experiment, w.scene)),
     output:
@@ -82,6 +82,6 @@ rule figures:
         sources=sources_of("flow.figures.scene"),
     shell:
         "python -m flow.figures.scene --photos {input.images:q}"
-        " --testset results/{wildcards.scene:q}/testset --reference {input.reference:q}"
+        " --testset results/{wildcards.scene:q}/testset --reference {input.reference:q}/test"
         " --rounds {params.rounds:q} --parts {input.parts:q} --curves {params.curves:q}"
         " {params.crops:q} --out results/{wildcards.scene:q}/figures 2>&1 | tee {log:q}"

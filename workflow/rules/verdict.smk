@@ -2,7 +2,7 @@
 # every photo, with why it stands out.
 rule verdict:
     input:
-        unpack(lambda w: rows.of_verdict(experiment, w.scene)),
+        unpack(lambda w: layout.outputs_of(rows.of_verdict(experiment, w.scene))),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
         poses="results/{scene}/poses.json",

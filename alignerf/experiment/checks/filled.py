@@ -6,8 +6,10 @@ import os
 import re
 from pathlib import Path
 
-from alignerf.experiment import schema, settings
+from alignerf.experiment import schema
 from alignerf.experiment.checks.common import fault, first, is_derived
+from alignerf.experiment.keys import scene as scene_keys
+from alignerf.experiment.keys import training as training_keys
 
 DATA = re.compile(r"\$\{ALIGNERF_DATA:-([^{}]*)\}")
 
@@ -21,14 +23,14 @@ def completed(config):
     if not any((config["aligned_pose"] or {}).values()):
         config["aligned_pose"] = None
     training = config["training"]
-    training |= settings.length(training)
+    training |= training_keys.length(training)
     for scene in config["scenes"].values():
         scene |= {key: home(scene[key]) for key in ("path", "masks")}
-        scene["poses"] = settings.poses_of(scene)
+        scene["poses"] = scene_keys.poses_of(scene)
         if scene["seed"] is None:
             scene["seed"] = config["seed"]
         if not (scene["steps"] or scene["budget_min"]):
-            scene |= settings.length(training)
+            scene |= training_keys.length(training)
     config["scenes"] = varied(config)
     config["vary"] = None
     for method in config["methods"].values():
@@ -65,7 +67,7 @@ def varied(config):
                 "steps": steps and max(1, round(share * steps)),
                 "budget_min": budget_min and share * budget_min,
             }
-            schema.check(settings.Scene, found[again], "scenes", again)
+            schema.check(scene_keys.Scene, found[again], "scenes", again)
     return found
 
 

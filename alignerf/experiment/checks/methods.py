@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from alignerf.experiment import jobs, schema, settings
+from alignerf.experiment import jobs, schema
 from alignerf.experiment.checks.common import fault, is_derived, is_there
+from alignerf.experiment.keys import method as method_keys
 
 # Keys of a method that is another program's renders.
 OF_RENDERS = ("renders", "published")
@@ -50,7 +51,7 @@ def check_align(config, name):
     if others or method["rounds"] != 0 or method["changes"] != "photos":
         others += ["rounds"] * (method["rounds"] != 0)
         fault(where, f"not beside {' or '.join(others or ['changes'])}")
-    chosen = jobs.instance(settings.Align, method["align"])
+    chosen = jobs.instance(method_keys.Align, method["align"])
     if not (chosen.cameras_at or chosen.photos_at):
         fault(where, "cameras_at or photos_at: it needs a share at which to align")
     others = [m for n, m in config["methods"].items() if n != name]
@@ -66,7 +67,7 @@ def check_renders(config, name):
     """Another program's renders: nothing is trained, and a folder for each scene."""
     method = config["methods"][name]
     trained = {key: value for key, value in method.items() if key not in OF_RENDERS}
-    default = schema.as_config(settings.Method())
+    default = schema.as_config(method_keys.Method())
     for key, value in trained.items():
         if value != default[key]:
             fault(f"methods.{name}.{key}", "not beside renders: nothing is trained")

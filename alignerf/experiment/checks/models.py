@@ -2,8 +2,10 @@
 
 import math
 
-from alignerf.experiment import schema, settings, slices
+from alignerf.experiment import schema, slices
 from alignerf.experiment.checks.common import fault
+from alignerf.experiment.keys import model as model_keys
+from alignerf.experiment.keys import training as training_keys
 
 # What no machine is asked for: parameters and all of their training.
 MOST_BYTES = 2**38
@@ -22,13 +24,13 @@ def check_model(model, *place):
     where = ".".join(place)
     if model["near"] >= model.get("far", math.inf):
         fault(where, "near must be smaller than far")
-    if settings.field_kind(model) == "nerf" and model["far"] > MOST_FAR:
+    if model_keys.field_kind(model) == "nerf" and model["far"] > MOST_FAR:
         # Sines of distant points are noise, and nothing contracts them.
         fault(f"{where}.far", f"field nerf sees no farther than {MOST_FAR}")
     for key in NOT_OF_SYSTEMS.get(model["kind"], ()):
         if key in model["training"]:
             fault(f"{where}.training.{key}", f"kind {model['kind']} has none")
-    squares = model["kind"] == "mipnerf360" and settings.squares_errors(model)
+    squares = model["kind"] == "mipnerf360" and model_keys.squares_errors(model)
     if squares and "distortion_weight" in model["training"]:
         reason = "none with field nerf, or with a background"
         fault(f"{where}.training.distortion_weight", reason)
@@ -45,7 +47,7 @@ def check_model(model, *place):
         if "log2_entries" in field:
             values = field["levels"] * field["features"] * 2 ** field["log2_entries"]
         else:
-            networks = settings.NETWORKS.get(model["kind"], 1)
+            networks = model_keys.NETWORKS.get(model["kind"], 1)
             values = networks * field["depth"] * field["width"] ** 2
         # Besides the parameters, their gradients and the two moments of Adam.
         if 16 * values > MOST_BYTES:
@@ -67,6 +69,6 @@ def check_tradeoff(config):
     for name in sweep["variants"]:
         found = slices.variant_of(config, name)
         place = ("tradeoff", "variants", name)
-        schema.check(settings.Model, found["model"], *place)
-        schema.check(settings.Training, found["training"], *place)
-        check_model(schema.filled(settings.Model, found["model"]), *place)
+        schema.check(model_keys.Model, found["model"], *place)
+        schema.check(training_keys.Training, found["training"], *place)
+        check_model(schema.filled(model_keys.Model, found["model"]), *place)

@@ -2,8 +2,9 @@
 
 import csv
 
-from alignerf.experiment import rows, settings
 from alignerf.experiment.checks.common import fault, first
+from alignerf.experiment.keys import config as config_keys
+from alignerf.experiment.tables import rows
 
 # What the results' folder holds besides scenes, and a scene's besides methods.
 SUFFIXES = (".csv", ".tex", ".png", ".provenance.json")
@@ -21,7 +22,7 @@ FOLDERS = {
 
 def check_names(config):
     """Names become rules and folders: text, and none that is taken."""
-    regimes = config.get("regimes", settings.Config.regimes)
+    regimes = config.get("regimes", config_keys.Config.regimes)
     if regimes in TABLES:
         fault("regimes", f"{regimes} has files of its own, choose another name")
     files = {f"{regimes}{suffix}" for suffix in SUFFIXES}

@@ -1,7 +1,7 @@
 """Scenes: what a source allows, and that its folders are there."""
 
-from alignerf.experiment import settings
 from alignerf.experiment.checks.common import fault, is_there
+from alignerf.experiment.keys import scene as scene_keys
 
 # Sources whose photos may have alpha.
 TRANSPARENT = ("photos", "transforms", "blender")
@@ -12,7 +12,7 @@ MOST_PHOTO_BYTES = 2**35
 def check_scene(scene, *place):
     """What the keys of a scene ask of each other; `place` are the keys above them."""
     where = "".join(f"{key}." for key in place)
-    source = settings.SOURCES[scene["source"]]
+    source = scene_keys.SOURCES[scene["source"]]
     if scene["poses"] not in source.poses:
         fault(
             f"{where}poses",

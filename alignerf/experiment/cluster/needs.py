@@ -9,6 +9,8 @@ import json
 import math
 from pathlib import Path
 
+from alignerf.experiment import layout
+
 # Where the preflight says nothing: of a scene of phone photos.
 MEMORY_MB, MINUTES = 8000, 240
 # Beside the process that was measured runs Snakemake itself; all grows a little.
@@ -60,23 +62,24 @@ def task_of(costs, wildcards, file) -> dict:
     digest, tasks = read(path, path.stat().st_mtime_ns)
     if digest is None or digest != costs[wildcards.scene]:
         return {}
-    try:
-        return tasks.get(file.format(**wildcards), {})
-    except KeyError:
-        # A point of the sweep, of which it knows nothing.
-        return {}
+    # Of a point of the sweep it knows nothing.
+    return tasks.get(f"results/{file.format(**wildcards)}", {})
 
 
 @functools.lru_cache(maxsize=1024)
 def read(path, written_ns):
-    """(digest of its work, {file: task}) of a preflight.json, as it was then.
+    """(digest of its work, {output: task}) of a preflight.json, as it was then.
 
     Of what is no such file nothing: a plan must not end by it, since the preflight
     itself says what is wrong with it.
     """
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        tasks = {task["file"]: task for task in found.get("tasks", [])}
+        # By what rules call it: an output, of which the file is a part.
+        tasks = {
+            layout.output_of(f"results/{task['file']}"): task
+            for task in found.get("tasks", [])
+        }
         numbers = [t[key] for t in tasks.values() for key in ("seconds", "peak_bytes")]
         if not all(0 <= number < LARGEST for number in numbers):
             return None, {}

@@ -4,7 +4,7 @@ import hashlib
 import json
 from pathlib import Path
 
-from alignerf.experiment import flows, plan, slices
+from alignerf.experiment import arguments, kinds, plan, slices, trainings
 
 
 def of_scene(experiment, scene):
@@ -23,65 +23,30 @@ def of_scene(experiment, scene):
         return None
     longest = plan.Experiment(experiment.config, lambda **place: True)
     root = f"results/{scene}/"
+    every = longest.trainings(scene).values()
     return {
         "reference": longest.reference_folder(scene).removeprefix(root),
         "verdict": longest.reference_folder(scene, 0).removeprefix(root),
-        "trainings": [
-            *pretrainings(longest, scene),
-            *(training(longest, scene, *one) for one in longest.all_rounds(scene)),
-        ],
-        "given": len(longest.given()),
+        "trainings": [one_of_work(longest, t) for t in every if not t.alone],
+        "given": len(longest.names(kinds.external)),
         "aligned_pose": experiment.config["aligned_pose"],
         "truth": experiment.has_truth(scene),
-        "flow": flows.estimator_options(experiment),
+        "flow": arguments.estimator_options(experiment),
     }
 
 
-def pretrainings(experiment, scene):
-    """The stage that staged methods of a model share, of each of their models."""
-    corrected = {experiment.pretrained(scene, m) for m in experiment.correcting()}
-    users = {experiment.methods[m]["model"]: m for m in experiment.staged()}
-    found = []
-    for model, method in users.items():
-        folder = experiment.pretrained(scene, method)
-        job = json.loads(slices.of_pretraining(experiment, scene, model))
-        splits = ["train"] if folder in corrected else []
-        found.append(one_of_work(scene, folder, job, renders=splits, scored=False))
-    return found
-
-
-def training(experiment, scene, method, round):
-    """A method's round, after the trainings that it learns from."""
-    followed = experiment.followed()[method]
-    after = []
-    if round > 0:
-        after.append(experiment.folder(scene, method, round - 1))
-    if method in experiment.staged():
-        after.append(experiment.pretrained(scene, method))
-        if experiment.methods[method]["alignerf"]["radius_px"] == "auto":
-            after.append(experiment.folder(scene, experiment.base_of(method), 0))
-    corrects = experiment.change_of(method, round) == "cameras"
-    return one_of_work(
-        scene,
-        experiment.folder(scene, method, round),
-        slices.round_job(experiment, scene, method),
-        after=after,
-        corrects=corrects or method in experiment.correcting(),
-        renders=["train", "test"] if round in followed else ["test"],
-        scored=True,
-    )
-
-
-def one_of_work(scene, folder, job, *, after=(), corrects=False, renders, scored):
-    """An entry of `of_scene`, whose names are folders without the scene's."""
-    root = f"results/{scene}/"
+def one_of_work(experiment, training):
+    """An entry of `of_scene`."""
+    needed = dict.fromkeys((*training.after, *training.flows))
+    corrected = map(trainings.corrected, training.flows)
+    splits = experiment.splits(training.scene, training.folder)
     return {
-        "name": folder.removeprefix(root),
-        "job": job,
-        "after": [before.removeprefix(root) for before in after],
-        "corrects": corrects,
-        "renders": renders,
-        "scored": scored,
+        "name": training.folder,
+        "job": json.loads(training.job),
+        "after": [before.folder for before in needed],
+        "corrects": training.cameras in corrected,
+        "renders": splits,
+        "scored": "test" in splits,
     }
 
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from alignerf.alignment import aligner, look, photos, store
 from alignerf.command import images
-from alignerf.experiment import settings
+from alignerf.experiment.keys import method as method_keys
 from alignerf.mipnerf360 import model
 from alignerf.scenes import cameras, prepared
 from alignerf.training import batches, methods, renderer
@@ -87,7 +87,7 @@ def make_scene(folder, true, given, photo_of=lambda i, photo: photo):
 def aligner_of(loaded, folder, **changes):
     scene = aligner.Scene(loaded, loaded.views("train"), loaded.folder / "images")
     job = cases.job_of()
-    job = dataclasses.replace(job, align=settings.Align(**ALIGN | changes))
+    job = dataclasses.replace(job, align=method_keys.Align(**ALIGN | changes))
     found = aligner.Aligner(job, scene, folder, METHOD)
     found.begin(10, "this")
     return found
@@ -267,7 +267,7 @@ def test_depths_that_are_none_are_no_part_of_a_fit(fill):
 def test_one_view_holds_the_frame_and_stays(wrong):
     loaded, _, folder = wrong
     scene = aligner.Scene(loaded, loaded.views("train")[:1], loaded.folder / "images")
-    job = dataclasses.replace(cases.job_of(), align=settings.Align(**ALIGN))
+    job = dataclasses.replace(cases.job_of(), align=method_keys.Align(**ALIGN))
     found = aligner.Aligner(job, scene, folder, METHOD)
     found.begin(10, "this")
     found.align({}, 2)

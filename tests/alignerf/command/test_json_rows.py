@@ -6,7 +6,8 @@ from typing import NamedTuple
 import pytest
 
 from alignerf.command import json_rows
-from alignerf.experiment import regimes, rows, sweep
+from alignerf.experiment import sweep
+from alignerf.experiment.tables import regimes, rows
 
 
 class Part(NamedTuple):

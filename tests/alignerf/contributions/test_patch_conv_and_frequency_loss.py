@@ -87,10 +87,11 @@ def test_published_size_of_the_contribution():
         "frequency_weights": None,
     }
     training = cases.TRAINING | {"steps": 1, "batch_rays": 1}
+    own = {"pretrain": {"pretrain_share": 0.6}, "finetune": {"alignerf": chosen}}
     sizes = {}
-    for stage in ("pretrain", "finetune"):
-        job = {"seed": 0, "stage": stage, "model": cases.PUBLISHED}
-        job |= {"training": training, "alignerf": chosen}
+    for stage, keys in own.items():
+        job = {"seed": 0, "stage": stage, "model": cases.PUBLISHED} | keys
+        job |= {"training": training}
         method = compose.make_method(jobs.parse(job))
         shapes = jax.eval_shape(method.init, jax.random.key(0))
         sizes[stage] = sum(np.prod(leaf.shape) for leaf in jax.tree.leaves(shapes))

@@ -56,7 +56,7 @@ def test_lengths_are_read_from_what_the_alignment_writes(tmp_path):
         valid = np.ones((4, 6), bool)
         found = lengths.statistics(flow_px, valid, view=view)
         rows.append({"view": view, **found, "blur_sigma_px": 0.0, "time_s": 1.0})
-    path = tmp_path / "displacement_train.csv"
+    path = tmp_path / "displacement.csv"
     files.write_rows(path, folders.COLUMNS, rows)
     assert search_radius.read_lengths_px(path).tolist() == [2.0, 5.5]
 

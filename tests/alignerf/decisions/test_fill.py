@@ -5,7 +5,8 @@ import json
 import pytest
 
 from alignerf.decisions import fill, rules
-from alignerf.experiment import check, plan, settings, slices
+from alignerf.experiment import check, plan
+from alignerf.experiment.keys import model as model_keys
 
 DECISIONS = [
     rules.Decision("model.near", 0.2, 3.0, "", {}),
@@ -32,7 +33,7 @@ def write(path, decisions):
 
 def job_of(config, method="mipnerf360"):
     config = check.checked({"scenes": SCENE} | config)
-    return slices.of_round(plan.Experiment(config, None), "s", method)
+    return plan.Experiment(config, None).at("s", method, 0).job
 
 
 def test_without_decide_no_file_is_read(tmp_path, monkeypatch):
@@ -81,16 +82,22 @@ def test_stages_and_lengths_keep_their_shares(folder):
     experiment = plan.Experiment(check.checked({"scenes": SCENE} | config), None)
     folder.joinpath("results/s").rename(folder / "results/s_x0.5")
     found = {
-        name: fill.read_job(slices.of_round(experiment, "s_x0.5", name)).steps
-        for name in methods
+        folder: fill.read_job(training.job).steps
+        for folder, training in experiment.trainings("s_x0.5").items()
     }
-    assert found == {"mipnerf360": 3000, "warm": 1500, "alignerf": 600}
+    assert found == {
+        "mipnerf360/round0": 3000,
+        "mipnerf360/round1": 3000,
+        "warm/round1": 1500,
+        "pretrain/base": 1800,
+        "alignerf/round0": 600,
+    }
 
 
 def test_other_systems_take_their_steps_alone(folder):
     config = {"models": {"n": {"kind": "nerf"}}, "methods": {"mipnerf360": {}}}
     job = fill.read_job(job_of({"decide": True} | config))
-    assert (job.model.near, job.steps) == (settings.NerfSystem.near, 6000)
+    assert (job.model.near, job.steps) == (model_keys.NerfSystem.near, 6000)
 
 
 def of(**changes):
@@ -126,7 +133,7 @@ def test_a_missing_file_or_decision_is_named(folder):
 def test_a_complete_config_decides_the_same_again():
     config = check.checked({"decide": True, "scenes": SCENE})
     model, training = config["models"]["base"], config["training"]
-    assert model["decided"] == list(settings.OPEN_OF_MODEL)
+    assert model["decided"] == list(model_keys.OPEN_OF_MODEL)
     again = check.checked(json.loads(json.dumps(config)))
     assert again["models"]["base"] == model
     assert again["training"] == training
@@ -201,8 +208,7 @@ def test_a_field_of_points_has_neither_cells_nor_contraction():
 def test_a_point_of_the_sweep_says_its_own(folder, change, finest, steps):
     config = {"decide": True, "tradeoff": {"variants": {"v": change}}}
     config = check.checked({"scenes": SCENE} | config)
-    text = slices.of_variant(plan.Experiment(config, None), "v")
-    job = fill.read_job(text)
+    job = fill.read_job(plan.Experiment(config, None).training("s", "tradeoff/v").job)
     assert getattr(job.model.field, "finest", None) == finest
     assert (job.training.steps, job.model.near) == (steps, 3.0)
 

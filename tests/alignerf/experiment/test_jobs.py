@@ -57,6 +57,15 @@ def job():
     return copy.deepcopy(JOB)
 
 
+def in_stage(job, stage):
+    """The job as another stage has it: each has its own keys alone."""
+    own = {
+        "alignerf": job["alignerf"] if stage == "finetune" else None,
+        "pretrain_share": 0.6 if stage == "pretrain" else None,
+    }
+    return job | {"stage": stage} | own
+
+
 def test_a_job_is_what_was_written(job):
     parsed = jobs.parse(job)
     found = jobs.as_dict(parsed)
@@ -66,7 +75,8 @@ def test_a_job_is_what_was_written(job):
     assert found["training"].pop("budget_min") is None
     own = {"kind": "mipnerf360", "training": {}, "decided": [], "radius": 1.0}
     assert found["training"].pop("decided") == []
-    assert found.pop("decisions") is found.pop("align") is None
+    for key in ("decisions", "align", "pretrain_share"):
+        assert found.pop(key) is None
     own["background"] = None
     assert found.pop("model") == job.pop("model") | own
     assert found == job
@@ -75,7 +85,7 @@ def test_a_job_is_what_was_written(job):
 
 
 def test_stages_share_the_steps_and_the_schedule(job):
-    found = {stage: jobs.parse(job | {"stage": stage}) for stage in jobs.STAGES}
+    found = {stage: jobs.parse(in_stage(job, stage)) for stage in jobs.STAGES}
     steps = {stage: job.steps for stage, job in found.items()}
     assert steps == {"full": 100, "warm": 100, "pretrain": 60, "finetune": 20}
     schedule = {stage: job.schedule_steps for stage, job in found.items()}
@@ -98,7 +108,7 @@ def test_a_budget_becomes_the_steps_of_every_stage(timed):
     """2400 steps of 0.05 s in two minutes, of which stages take their shares."""
     found = {}
     for stage in jobs.STAGES:
-        job = jobs.parse(timed | {"stage": stage})
+        job = jobs.parse(in_stage(timed, stage))
         assert job.training.steps is job.training.warmup_steps is None
         steps = jobs.steps_in(job, 0.05)
         known = jobs.with_steps(job, steps)
@@ -115,14 +125,14 @@ def test_a_budget_becomes_the_steps_of_every_stage(timed):
 
 def test_a_budget_has_ten_steps_at_least(timed):
     for stage in jobs.STAGES:
-        job = jobs.parse(timed | {"stage": stage})
+        job = jobs.parse(in_stage(timed, stage))
         assert jobs.with_steps(job, jobs.steps_in(job, 1e6)).steps == 10
     assert jobs.steps_in(job, 1e-9) == 10**8
 
 
 def test_a_given_warm_up_stays_within_a_budget(timed):
     timed["training"]["warmup_steps"] = 300
-    job = jobs.parse(timed | {"stage": "full"})
+    job = jobs.parse(in_stage(timed, "full"))
     assert jobs.with_steps(job, 2400).warmup_steps == 300
     assert jobs.with_steps(job, 120).warmup_steps == 120
 
@@ -165,7 +175,10 @@ def change(job, where, value=None):
         ("alignerf.convolution", 1, "alignerf.convolution: 1 is not of type"),
         ("alignerf.matching", "ray", "alignerf.matching: 'ray' is not one of"),
         ("alignerf.error", "L1", "alignerf.error: 'L1' is not one of"),
-        ("alignerf.patches", 0, "alignerf.patches: fine-tuning needs more than 0"),
+        ("alignerf.patches", 0, "alignerf.patches: 0 is less than"),
+        ("alignerf.patch_px", 0, "alignerf.patch_px: 0 is less than"),
+        ("alignerf.finetune_share", 0, "finetune_share: 0 is less than or equal to"),
+        ("alignerf.learning_rates", [0, 0], "learning_rates.1: 0 is less than or eq"),
         ("model.far", 0.1, "config: model: near must be smaller than far"),
         ("model.near", -1.0, "model.near: -1.0 is less than or equal to"),
         ("model.far", float("inf"), "model.far: inf is not a finite"),
@@ -180,11 +193,38 @@ def test_faults_are_named(job, where, value, reason):
         jobs.parse(job)
 
 
-def test_a_stage_needs_its_settings(job):
-    job["alignerf"] = None
-    with pytest.raises(ValueError, match="config: alignerf: a staged training"):
+@pytest.mark.parametrize(
+    ("stage", "key"), [("finetune", "alignerf"), ("pretrain", "pretrain_share")]
+)
+def test_a_stage_needs_its_settings_and_no_other_has_them(job, stage, key):
+    has = in_stage(job, stage)
+    jobs.parse(has)
+    for missing in (has | {key: None}, {k: v for k, v in has.items() if k != key}):
+        with pytest.raises(ValueError, match=f"config: {key}: stage '{stage}' needs"):
+            jobs.parse(missing)
+    for other in {*jobs.STAGES} - {stage}:
+        beside = in_stage(job, other) | {key: has[key]}
+        with pytest.raises(ValueError, match=f"config: {key}: not in stage '{other}'"):
+            jobs.parse(beside)
+
+
+@pytest.mark.parametrize(
+    ("share", "reason"),
+    [
+        (0, "pretrain_share: 0 is less than or equal to"),
+        (1.5, "pretrain_share: 1.5 is greater than"),
+        ("half", "pretrain_share: 'half' is not of type"),
+    ],
+)
+def test_a_pre_training_is_a_share_of_the_length(job, share, reason):
+    with pytest.raises(ValueError, match=reason):
+        jobs.parse(in_stage(job, "pretrain") | {"pretrain_share": share})
+
+
+def test_pixels_are_matched_within_a_radius(job):
+    job["alignerf"] |= {"matching": "pixel", "radius_px": 0}
+    with pytest.raises(ValueError, match="radius_px: matching pixel needs 1 or more"):
         jobs.parse(job)
-    assert jobs.parse(job | {"stage": "full"}).alignerf is None
 
 
 def test_what_a_slice_leaves_out_has_its_default(job):
@@ -198,7 +238,7 @@ def test_what_a_slice_leaves_out_has_its_default(job):
 
 def test_only_fine_tuning_has_the_patch_convolution(job):
     for stage in jobs.STAGES:
-        method = compose.make_method(jobs.parse(job | {"stage": stage}))
+        method = compose.make_method(jobs.parse(in_stage(job, stage)))
         params = jax.eval_shape(method.init, jax.random.key(0))
         assert params.keys() == (
             {"model", "head"} if stage == "finetune" else {"model"}

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from alignerf.experiment import plan, rows, sources, targets
+from alignerf.experiment import inputs, kinds, plan, sources, targets, trainings
+from alignerf.experiment.tables import rows
 
 WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
 AUTO = {"auto": {"model": "base", "rounds": "auto", "most_rounds": 3}}
@@ -36,32 +37,34 @@ def test_a_round_changes_photos_or_cameras(demo, experiment_of):
         "both": {"model": "base", "rounds": 3, "changes": "cameras_then_photos"},
     }
     experiment = experiment_of(demo)
-    given, photos = "results/courtyard/cameras.npz", "results/courtyard/images"
+    photos = "results/courtyard/images"
 
     def of(method, round):
-        found = rows.photos_of_round(experiment, "courtyard", method, round)
-        place = ("courtyard", method, round)
-        reports = rows.data_of(experiment, *place)
-        cameras = experiment.cameras_of(*place).removeprefix("results/courtyard/")
+        found = experiment.at("courtyard", method, round)
+        reports = trainings.reports_of(found)
+        cameras = found.cameras.removeprefix("results/courtyard/")
         corrected = [path for path in reports if "corrected" in path]
-        return cameras, found["photos"] == photos, "valid" in found, len(corrected)
+        as_taken, masked = found.photos == photos, "valid" in found.inputs()
+        return cameras, as_taken, masked, len(corrected)
 
-    assert experiment.cameras_of("courtyard", "moved", 0) == given
     # What is the same is trained once, under the first one's name.
     assert experiment.all_rounds("courtyard") == [
         *(("warped", k) for k in range(3)),
         *(("moved", 1), ("moved", 2), ("both", 3)),
     ]
     assert experiment.folder("courtyard", "both", 2) == "results/courtyard/moved/round2"
-    assert experiment.followed() == {"warped": {0, 1}, "moved": {1, 2}, "both": set()}
+    assert experiment.followed("courtyard") == {
+        *("warped/round0", "warped/round1", "moved/round1", "moved/round2"),
+    }
     assert of("warped", 2) == ("cameras.npz", False, True, 0)
     assert of("moved", 0) == ("cameras.npz", True, False, 0)
-    assert of("moved", 2) == ("moved/round2/corrected/cameras.npz", True, False, 2)
-    assert of("both", 1) == ("moved/round1/corrected/cameras.npz", True, False, 1)
+    # They lie with the training whose flow has put them right.
+    assert of("moved", 2) == ("moved/round1/corrected/cameras.npz", True, False, 2)
+    assert of("both", 1) == ("warped/round0/corrected/cameras.npz", True, False, 1)
     # The last round warps photos onto what the cameras put right have seen.
-    assert of("both", 3) == ("moved/round2/corrected/cameras.npz", False, True, 2)
-    found = rows.photos_of_round(experiment, "courtyard", "both", 3)
-    assert found["photos"] == "results/courtyard/moved/round2/warped/train"
+    assert of("both", 3) == ("moved/round1/corrected/cameras.npz", False, True, 2)
+    found = experiment.at("courtyard", "both", 3)
+    assert found.photos == "results/courtyard/moved/round2/warped/train"
 
 
 def test_a_staged_training_may_put_cameras_right_between_its_stages(
@@ -74,16 +77,17 @@ def test_a_staged_training_may_put_cameras_right_between_its_stages(
     }
     experiment = experiment_of(demo)
     folder = "results/courtyard/pretrain/base"
-    found = {m: experiment.cameras_of("courtyard", m, 0) for m in experiment.staged()}
-    assert found == {
+    staged = experiment.names(kinds.staged)
+    found = {m: experiment.at("courtyard", m, 0) for m in staged}
+    assert {m: training.cameras for m, training in found.items()} == {
         "alignerf": "results/courtyard/cameras.npz",
         "corrected": f"{folder}/corrected/cameras.npz",
     }
-    assert rows.data_of(experiment, "courtyard", "alignerf", 0) == []
+    assert trainings.reports_of(found["alignerf"]) == []
     # What the correction took is part of the way to the model.
-    assert rows.data_of(experiment, "courtyard", "corrected", 0) == [
-        f"{folder}/render_train.json",
-        f"{folder}/displacement_train.csv",
+    assert trainings.reports_of(found["corrected"]) == [
+        f"{folder}/render/train.json",
+        f"{folder}/displacement/train.csv",
         f"{folder}/corrected/poses_corrected.json",
     ]
     assert "cameras put right" in rows.field_name(experiment, "corrected")
@@ -106,10 +110,15 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
     # Wherever it stands: what another starts from is no base of a staged method.
     demo["methods"] = {"warm": warm} | demo["methods"]
     experiment = experiment_of(demo)
-    assert experiment.staged() == ["alignerf", "staged_alone"]
-    assert experiment.warm() == ["warm"]
-    assert experiment.from_scratch() == ["mipnerf360_large", "mipnerf360"]
-    assert {m: experiment.base_of(m) for m in experiment.methods} == {
+    assert {kind: experiment.names(kind) for kind in kinds.EVERY} == {
+        kinds.external: [],
+        kinds.staged: ["alignerf", "staged_alone"],
+        kinds.warm: ["warm"],
+        kinds.learnt: [],
+        kinds.aligned: ["aligned"],
+        kinds.plain: ["mipnerf360_large", "mipnerf360"],
+    }
+    assert {m: experiment.baseline(m) for m in experiment.methods} == {
         "warm": "mipnerf360",
         "mipnerf360_large": "mipnerf360_large",
         "mipnerf360": "mipnerf360",
@@ -136,25 +145,38 @@ def test_training_views_are_followed_where_something_comes_from_them(
         "fixed": {"model": "base", "alignerf": {"radius_px": 2}},
     }
     demo["reference"] = {"method": "large"}
-    found = experiment_of(demo).followed()
-    assert found == {"large": {0, 1}, "base": {0}, "warm": {1}, "fixed": set()}
+    always = {"large/round0", "large/round1"}
+    found = experiment_of(demo).followed("courtyard")
+    assert found == always | {"base/round0", "warm/round1"}
     del demo["methods"]["warm"]
-    assert experiment_of(demo).followed()["base"] == set()
+    assert experiment_of(demo).followed("courtyard") == always
     demo["methods"]["fixed"]["alignerf"]["radius_px"] = "auto"
-    assert experiment_of(demo).followed()["base"] == {0}
+    found = experiment_of(demo).followed("courtyard")
+    assert found == always | {"base/round0"}
+    # Where a method aligns itself, the verdict looks at the reference's.
+    demo["methods"] = {"base": {"model": "base"}}
+    demo["reference"] = {"method": "base"}
+    assert experiment_of(demo).followed("courtyard") == set()
+    demo["methods"]["aligned"] = {"model": "base", "align": {}}
+    assert experiment_of(demo).followed("courtyard") == {"base/round0"}
 
 
-def test_rounds_become_a_pattern_of_the_method_before_them():
-    found = {"a.b": {0, 11}, "c": set()}
-    at, others = (plan.at_rounds(found, others=others) for others in (False, True))
-    for method, round, followed in (
-        *(("a.b", 0, True), ("a.b", 11, True), ("a.b", 1, False)),
-        *(("c", 0, False), ("c", 110, False), ("a.b", 110, False)),
+def test_folders_of_trainings_become_a_pattern(demo, experiment_of):
+    demo["methods"]["warped"] = {"model": "base", "rounds": 11}
+    experiment = experiment_of(demo)
+    pattern = re.compile(f"results/courtyard/({plan.folders(experiment)})/timing.json")
+    for folder in experiment.trainings("courtyard"):
+        assert pattern.fullmatch(f"results/courtyard/{folder}/timing.json")[1] == folder
+    for folder in (
+        *("warped/round11", "pretrain/base", "tradeoff/base"),
+        *("aligned/round0", "alignerf/round0"),
     ):
-        path = f"{method}/round{round}/renders"
-        assert bool(re.match(at, path)) == followed
-        assert bool(re.match(others, path)) != followed
-    assert not re.match(others, "axb/round7/renders")
+        assert folder in experiment.trainings("courtyard")
+    for folder in (
+        *("other/round7", "warped/round01", "warped/round", "warped", "pretrain/none"),
+        *("tradeoff/none", "x/warped/round0", "warped/round0/corrected"),
+    ):
+        assert not pattern.fullmatch(f"results/courtyard/{folder}/timing.json")
 
 
 def test_the_truth_is_known_of_the_embedded_scene(demo, tmp_path, experiment_of):
@@ -162,9 +184,9 @@ def test_the_truth_is_known_of_the_embedded_scene(demo, tmp_path, experiment_of)
     experiment = experiment_of(demo)
     assert experiment.with_truth() == ["courtyard"]
     assert experiment.with_truth(False) == ["own"]
-    assert rows.truth_of(experiment, "own") == {}
+    assert inputs.truth_of(experiment, "own") == {}
     truth = {"truth": "results/courtyard/truth"}
-    assert rows.truth_of(experiment, "courtyard") == truth
+    assert inputs.truth_of(experiment, "courtyard") == truth
     made = targets.of_scene(experiment, "courtyard")
     own = targets.of_scene(experiment, "own")
     assert "results/courtyard/tables/ranking.csv" in made
@@ -290,4 +312,9 @@ def test_what_is_asked_of_each_scene_is_found_once(demo, experiment_of):
             rows.crops(experiment, name)
         return experiment.known
 
-    assert found(40) == found(1)
+    one, many = found(1), found(40)
+    of_scenes = {key for key in one if "scene_0" in key}
+    # What is of no scene is the same; of each scene there is as much as of one.
+    assert one.keys() - of_scenes >= {("trained",), ("names", kinds.warm)}
+    assert all(many[key] == one[key] for key in one.keys() - of_scenes)
+    assert len(many) - len(one) == 39 * len(of_scenes)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from alignerf.experiment import regimes
+from alignerf.experiment.tables import regimes
 
 WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
 
@@ -30,7 +30,7 @@ def test_regimes_have_the_baseline_first_and_warped_photos_last(demo, experiment
     assert found[0].alike == found[1].alike
     known = {(r.perturb_px, r.motion_m, r.steps) for r in found}
     assert known == {(1.5, 0.02, 2000)}
-    rendered = "results/again/mipnerf360/round0/render_train.json"
+    rendered = "results/again/mipnerf360/round0/render/train.json"
     assert rendered in found[1].methods[2].data
     demo["methods"].pop("alignerf")
     with pytest.raises(ValueError, match="regimes need methods with alignerf"):
@@ -53,7 +53,7 @@ def test_remedies_are_every_methods_last_round_at_every_length(demo, experiment_
     ]
     assert len({row.alike for row in found}) == 1
     # The flow of training views, where another round needed them.
-    displacement = "results/courtyard/plain/round0/displacement_{}.csv"
+    displacement = "results/courtyard/plain/round0/displacement/{}.csv"
     assert found[0].displacement == displacement.format("train")
     assert found[0].facts == "results/courtyard/facts.json"
     methods = [(method.method, method.round) for method in found[0].methods]

@@ -9,7 +9,11 @@ import yaml
 
 from alignerf import config as config_command
 from alignerf import fields, poses
-from alignerf.experiment import check, schema, settings
+from alignerf.experiment import check, schema
+from alignerf.experiment.keys import config as config_keys
+from alignerf.experiment.keys import fields as fields_keys
+from alignerf.experiment.keys import scene as scene_keys
+from alignerf.experiment.keys import training as training_keys
 from alignerf.scenes.courtyard import scene as courtyard
 from flow.estimation import estimate, given
 from flow.warping import warp
@@ -33,12 +37,15 @@ def test_the_file_for_editors_is_the_schema(root):
     jsonschema.Draft202012Validator.check_schema(yaml.safe_load(text))
 
 
-@pytest.mark.parametrize("kind", [settings.Config], ids=["config"])
+@pytest.mark.parametrize("kind", [config_keys.Config], ids=["config"])
 def test_the_defaults_of_the_schema_are_those_of_the_classes(kind, root):
     found = yaml.safe_load((root / "workflow/schemas/config.schema.yaml").read_text())
-    compared = 0
+    classes, todo, compared = {}, [kind], 0
+    while todo:
+        todo += schema.classes_in(made := todo.pop())
+        classes[made.__name__] = made
     for name, entry in found["$defs"].items():
-        made = getattr(settings, name)
+        made = classes[name]
         if name == "Variant":
             continue
         for field in dataclasses.fields(made):
@@ -53,7 +60,7 @@ def test_the_defaults_of_the_schema_are_those_of_the_classes(kind, root):
 
 def test_every_number_is_bounded_on_both_sides():
     numbers = 0
-    for place, node in nodes(schema.root(settings.Config)):
+    for place, node in nodes(schema.root(config_keys.Config)):
         kinds = node.get("type", [])
         kinds = kinds if isinstance(kinds, list) else [kinds]
         if {"integer", "number"} & set(kinds):
@@ -66,7 +73,7 @@ def test_every_number_is_bounded_on_both_sides():
 
 
 def test_bounds_that_the_program_counts_on():
-    found = schema.root(settings.Config)
+    found = schema.root(config_keys.Config)
     assert found["properties"]["seed"]["maximum"] < 2**32
     rounds = found["$defs"]["Method"]["properties"]["rounds"]["oneOf"][0]
     assert rounds["maximum"] == 16
@@ -82,7 +89,7 @@ def test_numbers_that_are_not_finite_are_named(number):
 def test_fields_have_the_defaults_of_their_classes():
     # Flax's own, and what the training decides.
     not_of_the_config = {"parent", "name", "outputs", "moving"}
-    kinds = {"grid": settings.Grid, "mlp": settings.Mlp, "nerf": settings.Nerf}
+    kinds = {"grid": fields_keys.Grid, "mlp": fields_keys.Mlp, "nerf": fields_keys.Nerf}
     assert kinds.keys() == fields.KINDS.keys()
     for kind, made in kinds.items():
         module = fields.KINDS[kind]
@@ -98,14 +105,14 @@ def test_fields_have_the_defaults_of_their_classes():
 
 
 def test_the_flow_and_the_sources_have_the_choices_of_their_modules():
-    defs = schema.root(settings.Config)["$defs"]
+    defs = schema.root(config_keys.Config)["$defs"]
     flow = defs["Flow"]["properties"]
     assert flow["estimator"]["enum"] == [*estimate.METHODS, given.METHOD]
     assert flow["kernel"]["enum"] == list(warp.KERNELS)
     assert flow["estimator"]["default"] == estimate.DEFAULT
     scene = defs["Scene"]["properties"]
-    assert set(scene["source"]["enum"]) == set(settings.SOURCES) == set(poses.READERS)
-    ways = {way for source in settings.SOURCES.values() for way in source.poses}
+    assert set(scene["source"]["enum"]) == set(scene_keys.SOURCES) == set(poses.READERS)
+    ways = {way for source in scene_keys.SOURCES.values() for way in source.poses}
     assert set(scene["poses"]["enum"]) == ways | {None}
     for motion in defs["Courtyard"]["properties"]["motion"]["enum"]:
         courtyard.draw_displacements(views=2, motion=motion)
@@ -123,7 +130,7 @@ def test_three_words_are_a_complete_config(tmp_path, monkeypatch):
     assert (scene["poses"], scene["seed"], scene["steps"]) == ("colmap", 0, 4000)
     training = found["training"]
     assert (training["budget_min"], training["warmup_steps"]) == (None, None)
-    assert settings.warmup(training) == {"warmup_steps": 400}
+    assert training_keys.warmup(training) == {"warmup_steps": 400}
 
 
 def test_a_complete_config_means_itself(demo):
@@ -143,8 +150,8 @@ def test_keys_without_a_kind_change_the_default_field():
     models = check.checked(config | {"methods": {"m": {}}})["models"]
     assert models["same"]["field"]["finest"] == 2048
     assert models["smaller"]["field"] == models["same"]["field"] | {"log2_entries": 9}
-    assert models["whole"]["field"]["finest"] == settings.Grid().finest == 1024
-    assert models["other"]["field"]["depth"] == settings.Mlp().depth
+    assert models["whole"]["field"]["finest"] == fields_keys.Grid().finest == 1024
+    assert models["other"]["field"]["depth"] == fields_keys.Mlp().depth
 
 
 def test_home_is_found(tmp_path, monkeypatch):

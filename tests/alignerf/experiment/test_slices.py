@@ -6,9 +6,24 @@ import json
 import pytest
 import yaml
 
-from alignerf.experiment import check, flows, jobs, regimes, rows, slices, sweep
+from alignerf.experiment import (
+    arguments,
+    check,
+    inputs,
+    jobs,
+    slices,
+    sources,
+    sweep,
+    trainings,
+)
+from alignerf.experiment.tables import regimes, rows
 
 WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
+
+
+def job_of(experiment, scene, method):
+    """The job of a method's last training, which may go on from others."""
+    return json.loads(experiment.rounds_of(scene, method)[-1].job)
 
 
 def test_configs_that_share_results_agree_on_them(root):
@@ -36,16 +51,16 @@ def test_ablations_share_the_pretraining(demo, experiment_of):
     ablation = {"finetune_share": 0.1, "patches": 1, "features": 3, "align_penalty": 0}
     demo["methods"]["ablation"] = {"model": "base", "alignerf": ablation}
     experiment = experiment_of(demo)
-    both = {
-        slices.as_json(slices.job(experiment, "courtyard", name, "pretrain"))
-        for name in ("alignerf", "ablation")
-    }
-    assert both == {slices.of_pretraining(experiment, "courtyard", "base")}
-    own = [
-        slices.of_round(experiment, "courtyard", name)
-        for name in ("alignerf", "ablation")
-    ]
-    assert own[0] != own[1]
+    own = [experiment.at("courtyard", name, 0) for name in ("alignerf", "ablation")]
+    assert own[0].after == own[1].after
+    (pretrained,) = own[0].after
+    assert pretrained.folder == "pretrain/base"
+    for name in ("alignerf", "ablation"):
+        job = slices.pretraining(experiment, "courtyard", name)
+        assert slices.as_json(job) == pretrained.job
+        # Nothing of the fine-tuning is in it, so that this makes none anew.
+        assert (job["alignerf"], job["pretrain_share"]) == (None, 0.6)
+    assert own[0].job != own[1].job
 
 
 def test_a_scene_has_its_own_seed_and_steps(demo, experiment_of):
@@ -56,9 +71,14 @@ def test_a_scene_has_its_own_seed_and_steps(demo, experiment_of):
     assert poses["seed"] == 5
     # How long it is trained is nothing to its poses.
     assert "steps" not in poses
-    found = [slices.of_round(experiment, "other", m) for m in experiment.methods]
-    found += [slices.of_variant(experiment, "base")]
-    parsed = [jobs.parse(json.loads(text)) for text in found]
+    every = experiment.trainings("other")
+    assert every.keys() > {"pretrain/base", "tradeoff/base", "alignerf/round0"}
+    parsed = [
+        jobs.parse(json.loads(training.job))
+        for folder, training in every.items()
+        # Variants have lengths of their own.
+        if folder == "tradeoff/base" or not training.alone
+    ]
     for job in parsed:
         found = job.training.steps, job.training.warmup_steps
         assert (job.seed, found) == (5, (70, 7))
@@ -77,19 +97,19 @@ def test_minutes_reach_the_jobs_instead_of_steps(demo, experiment_of):
     demo["training"] = {"budget_min": 2.0, "warmup_steps": 40}
     experiment = experiment_of(demo)
 
-    def length(text):
-        found = jobs.parse(json.loads(text)).training
+    def length(job):
+        found = jobs.parse(job).training
         return found.steps, found.budget_min, found.warmup_steps
 
     def of(scene, method="mipnerf360"):
-        return length(slices.of_round(experiment, scene, method))
+        return length(job_of(experiment, scene, method))
 
     assert of("minutes") == (None, 3.0, 40)
     assert of("neither") == of("neither", "alignerf") == (None, 2.0, 40)
     assert of("steps") == (70, None, 40)
     assert of("minutes", "warm") == (None, pytest.approx(0.9), 12)
     assert of("steps", "warm") == (21, None, 12)
-    assert length(slices.of_pretraining(experiment, "minutes", "base"))[1] == 3.0
+    assert length(slices.pretraining(experiment, "minutes", "alignerf"))[1] == 3.0
     assert length(slices.of_variant(experiment, "base")) == of("minutes")
     assert length(slices.of_variant(experiment, "b")) == (None, 5.0, 40)
     assert length(slices.of_variant(experiment, "s")) == (50, None, 40)
@@ -97,15 +117,14 @@ def test_minutes_reach_the_jobs_instead_of_steps(demo, experiment_of):
     assert len(set(poses)) == 1
     # As it stands beside the results, it means the same.
     alone = experiment_of(json.loads(slices.complete(experiment, "minutes")))
-    again = slices.of_round(alone, "minutes", "warm")
-    assert again == slices.of_round(experiment, "minutes", "warm")
+    again = alone.at("minutes", "warm", 1)
+    assert again == experiment.at("minutes", "warm", 1)
 
 
 def test_minutes_of_a_scene_replace_the_steps_of_the_config(demo, experiment_of):
     demo["scenes"]["courtyard"]["budget_min"] = 3
     experiment = experiment_of(demo)
-    job = slices.round_job(experiment, "courtyard", "mipnerf360")
-    found = jobs.parse(job).training
+    found = jobs.parse(job_of(experiment, "courtyard", "mipnerf360")).training
     # A tenth of steps that are not known yet.
     assert (found.steps, found.budget_min, found.warmup_steps) == (None, 3.0, None)
     assert regimes.scenes(experiment)[0].steps is None
@@ -127,39 +146,42 @@ def test_a_scene_depends_on_its_own_source_only(demo, tmp_path, experiment_of):
 def test_a_radius_is_measured_where_it_is_asked_for(demo, experiment_of):
     demo["methods"]["alignerf"]["alignerf"]["radius_px"] = "auto"
     experiment = experiment_of(demo)
-    measured = "results/courtyard/mipnerf360/round0/displacement_train.csv"
-    found = rows.displacement_for_radius(experiment, "courtyard", "alignerf")
-    assert found == {"displacement": measured}
-    assert not rows.displacement_for_radius(experiment, "courtyard", "mipnerf360")
-    job = slices.round_job(experiment, "courtyard", "alignerf")
-    assert job["alignerf"]["radius_px"] is None
-    assert measured in rows.data_of(experiment, "courtyard", "alignerf", 0)
+    measured = "results/courtyard/mipnerf360/round0/displacement/train.csv"
+    found = experiment.at("courtyard", "alignerf", 0)
+    assert found.displacement == measured
+    options = inputs.training_options(experiment, "courtyard", "alignerf/round0")
+    assert options[options.index("--displacement") + 1] == measured
+    assert experiment.at("courtyard", "mipnerf360", 0).displacement is None
+    options = inputs.training_options(experiment, "courtyard", "mipnerf360/round0")
+    assert "--displacement" not in options
+    assert json.loads(found.job)["alignerf"]["radius_px"] is None
+    assert measured in trainings.reports_of(found)
 
 
 def test_a_warm_start_goes_on_from_the_round_before(demo, experiment_of):
     demo["methods"]["warm"] = {"model": "base", "rounds": 2, "warm_start": WARM}
     experiment = experiment_of(demo)
-    job = slices.round_job(experiment, "courtyard", "warm")
+    first, second = (experiment.at("courtyard", "warm", str(k)) for k in (1, 2))
+    job = json.loads(first.job)
     assert job["stage"] == "warm"
     found = jobs.parse(job).training
     assert (found.steps, found.warmup_steps) == (600, 60)
     assert found.learning_rates == [0.005, 0.001]
-    first, second = (
-        rows.photos_of_round(experiment, "courtyard", "warm", str(k)) for k in (1, 2)
-    )
+    assert second.job == first.job
     folder = "results/courtyard"
-    assert first["photos"] == f"{folder}/mipnerf360/round0/warped/train"
-    assert second["photos"] == f"{folder}/warm/round1/warped/train"
-    assert second["valid"] == f"{folder}/warm/round1/flow/train"
-    trainings = rows.trainings_of(experiment, "courtyard", "warm", 1)
-    assert trainings == [
+    assert first.photos == f"{folder}/mipnerf360/round0/warped/train"
+    assert first.initial == f"{folder}/mipnerf360/round0/model.msgpack"
+    assert second.photos == f"{folder}/warm/round1/warped/train"
+    assert second.valid == f"{folder}/warm/round1/flow/train"
+    assert second.initial == f"{folder}/warm/round1/model.msgpack"
+    assert trainings.timings_of(first) == [
         f"{folder}/mipnerf360/round0/timing.json",
         f"{folder}/warm/round1/timing.json",
     ]
-    before = flows.of_rounds(experiment, "courtyard", "warm", "1")
+    before = arguments.of_rounds(experiment, "courtyard", "warm", "1")
     # The decision is the method's own, also where it starts from another's round.
     assert before["before"] == f"{folder}/warm/round0/decision.json"
-    assert before["before_flow"] == f"{folder}/mipnerf360/round0/flow/train"
+    assert before["before-flow"] == f"{folder}/mipnerf360/round0/flow/train"
 
 
 def test_without_a_sweep_in_the_config_it_says_so(demo, experiment_of):
@@ -174,13 +196,27 @@ def test_a_sweep_trains_on_photos_made_smaller(demo, experiment_of):
     demo["tradeoff"]["variants"] = {"small": {"downscale": 1.5}}
     experiment = experiment_of(demo)
     folder = "results/courtyard"
-    base, small = (
-        sweep.photos_of_variant(experiment, "courtyard", name)
-        for name in ("base", "small")
-    )
-    assert base["photos"] == f"{folder}/images"
-    assert small["photos"] == f"{folder}/tradeoff/downscale-1.5/images"
-    assert small["cameras"] == f"{folder}/tradeoff/downscale-1.5/cameras.npz"
+    base, small = sweep.trainings(experiment, "courtyard")
+    assert (base.prepared, base.photos) == (folder, f"{folder}/images")
+    assert base.cameras == f"{folder}/cameras.npz"
+    smaller = f"{folder}/tradeoff/downscale-1.5"
+    assert (small.prepared, small.photos) == (smaller, f"{smaller}/images")
+    assert small.cameras == f"{smaller}/cameras.npz"
+    # Its renders are as large as the others'.
+    options = inputs.training_options(experiment, "courtyard", "tradeoff/small")
+    assert options[-2:] == ["--seen-by", f"{folder}/cameras.npz"]
+    options = inputs.training_options(experiment, "courtyard", "tradeoff/base")
+    assert "--seen-by" not in options
+    # Its seconds are its own, and no preflight has foreseen them.
+    for name in ("tradeoff/base", "tradeoff/small"):
+        needed = inputs.of_training(experiment, "courtyard", name)
+        assert "preflight" not in needed
+        threads = inputs.threads_of(experiment, "courtyard", name)
+        assert threads == sources.WHOLE_MACHINE
+    needed = inputs.of_training(experiment, "courtyard", "mipnerf360/round0")
+    assert needed["preflight"] == f"{folder}/preflight.json"
+    threads = inputs.threads_of(experiment, "courtyard", "mipnerf360/round0")
+    assert threads == sources.OF_TRAINING
 
 
 def test_a_variant_is_the_base_with_its_keys(demo):
@@ -217,24 +253,31 @@ def test_the_weights_of_lpips_reach_the_command(demo, tmp_path, experiment_of):
     (tmp_path / "my weights.npz").touch()
     path = str(tmp_path / "my weights.npz")
     demo["lpips"] = {"vgg": path, "squeeze": None}
-    assert flows.lpips_options(experiment_of(demo)) == ["--lpips-vgg", path]
+    assert arguments.lpips_options(experiment_of(demo)) == ["--lpips-vgg", path]
     demo["lpips"] = {}
-    assert flows.lpips_options(experiment_of(demo)) == []
+    assert arguments.lpips_options(experiment_of(demo)) == []
 
 
 def test_flows_made_elsewhere_reach_the_commands(demo, experiment_of):
     template = "my flows/{scene}/{method}-{round}-{split}"
     demo["flow"] = {"estimator": "files", "folder": template}
     experiment = experiment_of(demo)
-    found = flows.of_views(experiment, "courtyard", "mipnerf360", "1", "train")
+    found = arguments.of_views(experiment, "courtyard", "mipnerf360", "1", "train")
     folder = "my flows/courtyard/mipnerf360-1-train"
     assert found[-4:] == ["--method", "files", "--flows", folder]
-    found = flows.of_reference(experiment, "courtyard")
+    # A rule knows the folder of a training; the command puts the split in.
+    for training, folder in (
+        ("mipnerf360/round1", "mipnerf360-1-{split}"),
+        ("pretrain/base", "pretrain-base-{split}"),
+    ):
+        found = arguments.of_training(experiment, "courtyard", training)
+        assert found[-1] == f"my flows/courtyard/{folder}"
+    found = arguments.of_reference(experiment, "courtyard")
     assert found[-1] == "my flows/courtyard/mipnerf360_large-2-test"
     # For images that we make ourselves it is the default estimator.
-    assert "--method" not in flows.estimator_options(experiment)
+    assert "--method" not in arguments.estimator_options(experiment)
     models = ["mipnerf360_large/round0", "mipnerf360_large/round2"]
-    found = flows.benchmark_options(experiment)
+    found = arguments.benchmark_options(experiment)
     assert found == ["--scene", "results/courtyard", "--renders", *models]
 
 
@@ -245,8 +288,8 @@ def test_a_scenes_complete_config_is_a_config(demo, experiment_of):
     assert alone["scenes"].keys() == {"again"}
     again = experiment_of(alone)
     for method in experiment.methods:
-        job = slices.of_round(experiment, "again", method)
-        assert slices.of_round(again, "again", method) == job
+        found = experiment.rounds_of("again", method)
+        assert again.rounds_of("again", method) == found
     poses = slices.of_scene(experiment, "again")
     assert slices.of_scene(again, "again") == poses
     # Tables follow the config's order, and what a method is set against.

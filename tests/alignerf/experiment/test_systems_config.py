@@ -4,16 +4,11 @@ import json
 
 import pytest
 
-from alignerf.experiment import (
-    check,
-    jobs,
-    regimes,
-    rows,
-    schema,
-    settings,
-    slices,
-    targets,
-)
+from alignerf.experiment import check, inputs, jobs, schema, targets
+from alignerf.experiment.keys import config as config_keys
+from alignerf.experiment.keys import model as model_keys
+from alignerf.experiment.keys import training as training_keys
+from alignerf.experiment.tables import regimes, rows
 
 
 def system(demo, **model):
@@ -22,13 +17,18 @@ def system(demo, **model):
     return demo
 
 
+def job_of(experiment, scene, method):
+    """The job of a method's first training."""
+    return json.loads(experiment.at(scene, method, 0).job)
+
+
 @pytest.mark.parametrize("kind", ["nerf", "mipnerf", "nerfpp", "ngp"])
 def test_a_system_needs_its_kind_alone(demo, experiment_of, kind):
     experiment = experiment_of(system(demo, kind=kind))
-    job = json.loads(slices.of_round(experiment, "courtyard", "other"))
+    job = job_of(experiment, "courtyard", "other")
     parsed = jobs.parse(job)
     assert parsed.model.kind == kind
-    assert tuple(parsed.training.learning_rates) == settings.RATES[kind]
+    assert tuple(parsed.training.learning_rates) == training_keys.RATES[kind]
     # A pinned training says what the slice says.
     assert jobs.parse(jobs.as_dict(parsed)) == parsed
     assert rows.field_name(experiment, "other").startswith(kind)
@@ -42,18 +42,18 @@ def test_without_a_kind_a_model_is_a_mipnerf360():
 def test_a_model_changes_its_own_trainings(demo, experiment_of):
     changes = {"batch_rays": 64, "adam_betas": [0.9, 0.999]}
     experiment = experiment_of(system(demo, kind="mipnerf", training=changes))
-    job = json.loads(slices.of_round(experiment, "courtyard", "other"))
+    job = job_of(experiment, "courtyard", "other")
     assert job["training"]["batch_rays"] == 64
     assert job["training"]["adam_betas"] == [0.9, 0.999]
     assert job["training"]["steps"] == demo["training"]["steps"]
     assert job["model"]["training"] == {}
-    others = json.loads(slices.of_round(experiment, "courtyard", "mipnerf360"))
+    others = job_of(experiment, "courtyard", "mipnerf360")
     assert others["training"]["batch_rays"] == 512
 
 
 def test_what_a_job_is_told_of_its_model_counts(demo, experiment_of):
     experiment = experiment_of(system(demo, kind="mipnerf"))
-    job = json.loads(slices.of_round(experiment, "courtyard", "other"))
+    job = job_of(experiment, "courtyard", "other")
     job["model"]["training"] = {"batch_rays": 32}
     assert jobs.parse(job).training.batch_rays == 32
 
@@ -124,7 +124,7 @@ def test_given_renders_are_scored_and_no_more(with_renders, experiment_of, tmp_p
     trained = experiment.all_rounds("courtyard")
     assert ("given", 0) not in trained
     assert experiment.scored("courtyard") == [*trained, ("given", 0)]
-    folder = rows.renders_of(experiment, "courtyard", "given", 0)
+    folder = inputs.renders_of(experiment, "courtyard", "given/round0")
     assert folder == f"{tmp_path}/courtyard"
     *_, row = rows.misalignment(experiment, "courtyard")
     assert (row.method, row.trainings, row.data) == ("given", [], [])
@@ -162,8 +162,12 @@ def test_nothing_is_warped_onto_given_renders(with_renders):
 
 
 def test_defaults_of_all_systems_stand_in_the_schema():
-    found = schema.root(settings.Config)["$defs"]
-    for kind in (settings.NerfSystem, settings.MipNerfSystem, settings.NerfPlusPlus):
+    found = schema.root(config_keys.Config)["$defs"]
+    for kind in (
+        model_keys.NerfSystem,
+        model_keys.MipNerfSystem,
+        model_keys.NerfPlusPlus,
+    ):
         properties = found[kind.__name__]["properties"]
         assert properties["samples"]["default"] == kind().samples
 
@@ -203,8 +207,8 @@ def test_names_that_no_paper_has_are_refused(demo, changes, reason):
 )
 def test_a_rays_points_are_those_that_networks_see(demo, experiment_of, kind, points):
     experiment = experiment_of(system(demo, kind=kind))
-    job = jobs.parse(json.loads(slices.of_round(experiment, "courtyard", "other")))
-    assert settings.points_a_ray(job.model) == points
+    job = jobs.parse(job_of(experiment, "courtyard", "other"))
+    assert model_keys.points_a_ray(job.model) == points
 
 
 def test_all_networks_of_a_system_have_to_fit(demo):
@@ -244,8 +248,7 @@ def test_what_transparent_pixels_stand_on_is_known_to_the_model(
     demo["scenes"]["lego"] = scene
     experiment = experiment_of(system(demo, **model))
     jobs_of = {
-        name: json.loads(slices.of_round(experiment, name, "other"))
-        for name in ("lego", "courtyard")
+        name: job_of(experiment, name, "other") for name in ("lego", "courtyard")
     }
     assert jobs_of["lego"]["model"]["background"] == found
     assert jobs_of["courtyard"]["model"]["background"] == model.get("background")

@@ -2,9 +2,11 @@
 
 import json
 import os
+import re
 
 import pytest
 
+from alignerf.experiment import layout
 from alignerf.experiment.cluster import work as work_of
 from alignerf.preflight import __main__ as command
 from alignerf.preflight import eta, fit, lanes, schedule
@@ -132,6 +134,19 @@ def test_every_task_waits_for_tasks_and_ends(demo, experiment_of):
     one, two = (lanes.wall_s(tasks, cores) for cores in (1, 2))
     assert one == pytest.approx(sum(task.seconds for task in tasks))
     assert one / 2 <= two < one
+
+
+def test_rules_ask_for_what_a_plan_names(demo, experiment_of, root):
+    """Memory and minutes of a job are those of the task that ends with its file."""
+    text = "".join(p.read_text() for p in (root / "workflow/rules").glob("*.smk"))
+    asked = set(re.findall(r'needs\.\w+\(costs, "(.+)"\)', text))
+    assert len(asked) == 3
+    files = [task.file for task in tasks_of(experiment_of(demo))]
+    # A rule names the folder of what it writes for each split.
+    outputs = {layout.output_of(f"results/{file}") for file in files}
+    for training in ("mipnerf360/round0", "aligned/round0", "alignerf/round0"):
+        names = {f"results/{name.format(training=training)}" for name in asked}
+        assert names <= outputs
 
 
 def test_trainings_of_one_program_are_timed_once(demo, experiment_of):

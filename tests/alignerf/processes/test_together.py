@@ -121,7 +121,7 @@ def test_two_processes_learn_from_what_the_first_has_aligned(root, tmp_path):
     scene = cases.make_scene(tmp_path, width=81, height=67)
     align = {"cameras_at": [], "photos_at": [0.3], "photos": "whole"}
     align |= {"least_move_px": 0.0, "estimator": "dis_medium"}
-    job = cases.JOB | {"alignerf": None, "align": align}
+    job = cases.JOB | {"align": align}
     out = tmp_path / "out"
     more = ["--scene", scene, "--out", out, "--config", json.dumps(job)]
     with started(root, 2, *more) as processes:
@@ -131,7 +131,7 @@ def test_two_processes_learn_from_what_the_first_has_aligned(root, tmp_path):
     assert row["photos_warped"] == 3
     # With other views in either they would have said so.
     assert len(losses(ends[0][0])) >= cases.STEPS
-    assert sorted(path.name for path in (out / "aligned").iterdir()) == [
+    assert sorted(path.name for path in (out / "learnt").iterdir()) == [
         *("cameras.npz", "photos", "valid")
     ]
 

@@ -5,7 +5,7 @@ import json
 import pandas as pd
 import pytest
 
-from alignerf.experiment import rows as table_rows
+from alignerf.experiment.tables import rows as table_rows
 
 VIEWS = ["a", "b", "c"]
 NETS = ("alex", "squeeze", "vgg")

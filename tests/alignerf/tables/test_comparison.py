@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.experiment import regimes, rows
+from alignerf.experiment.tables import regimes, rows
 from alignerf.tables import comparison
 
 VIEWS = 6

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from alignerf import show
-from alignerf.experiment import rows as table_rows
+from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import controls, intervals, ranking
 from tests import table_cases
 

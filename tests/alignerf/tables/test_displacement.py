@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.experiment import rows as table_rows
+from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import displacement
 
 

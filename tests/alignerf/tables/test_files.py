@@ -6,8 +6,8 @@ import math
 import pytest
 
 from alignerf import tabulate
-from alignerf.experiment import rows as table_rows
 from alignerf.experiment import sweep
+from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import controls, misalignment, ranking, round_times, tradeoff
 from alignerf.tables import files as table_files
 from tests import table_cases

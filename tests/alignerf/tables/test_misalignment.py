@@ -34,7 +34,8 @@ def test_a_row_per_test_set_with_means_and_all_costs_so_far(entry):
 
 def test_renders_cost_what_their_views_do(entry, tmp_path):
     """Compiling counts no more than a training's does; here 2 s of 3."""
-    path = tmp_path / "render_train.json"
+    path = tmp_path / "render/train.json"
+    path.parent.mkdir()
     path.write_text(json.dumps({"time_s": 3.0, "views": 4, "view_time_s": 0.25}))
     entry = entry._replace(data=[str(path)])
     assert {row["data_time_s"] for row in misalignment.lines_of(entry)} == {1.0}

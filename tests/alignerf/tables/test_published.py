@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from alignerf.experiment import rows as table_rows
+from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import misalignment
 from tests import table_cases
 

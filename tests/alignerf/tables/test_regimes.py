@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.experiment import regimes as regime_rows
-from alignerf.experiment import rows as table_rows
+from alignerf.experiment.tables import regimes as regime_rows
+from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import intervals, regimes
 from alignerf.tables.plots import regimes as regimes_plot
 

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.experiment import regimes as regime_rows
-from alignerf.experiment import rows as table_rows
+from alignerf.experiment.tables import regimes as regime_rows
+from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import remedies
 from alignerf.tables.plots import remedies as remedies_plot
 from alignerf.tables.plots import sizes as sizes_plot

@@ -5,25 +5,26 @@ import json
 import pandas as pd
 import pytest
 
-from alignerf.experiment import rows as table_rows
+from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import round_times
 from tests import table_cases
 
 
 def write_round(folder, walls):
     """Files of one round; returns its row."""
-    folder.mkdir()
+    for name in ("render", "displacement"):
+        (folder / name).mkdir(parents=True)
     (folder / "timing.json").write_text(
         json.dumps({"train_time_s": 20.0, "compile_time_s": 5.0})
     )
-    (folder / "render_train.json").write_text(
+    (folder / "render/train.json").write_text(
         json.dumps({"views": 4, "view_time_s": 0.5, "time_s": 3.0})
     )
-    (folder / "displacement_train.csv").write_text("view,time_s\na,0.25\nb,0.5\n")
-    (folder / "render_test.json").write_text(
+    (folder / "displacement/train.csv").write_text("view,time_s\na,0.25\nb,0.5\n")
+    (folder / "render/test.json").write_text(
         json.dumps({"views": 3, "view_time_s": 0.5, "time_s": 2.0})
     )
-    (folder / "displacement_test.csv").write_text("view,time_s\nc,0.125\n")
+    (folder / "displacement/test.csv").write_text("view,time_s\nc,0.125\n")
     for stage, wall_s in walls.items():
         (folder / f"{stage}.tsv").write_text(f"s\th:m:s\tmax_rss\n{wall_s}\t0\t1.5\n")
     row = table_rows.Times(
@@ -35,10 +36,10 @@ def write_round(folder, walls):
     if row.round == 0:
         return row
     return row._replace(
-        rendering=str(folder / "render_train.json"),
-        alignment=str(folder / "displacement_train.csv"),
-        test_rendering=str(folder / "render_test.json"),
-        test_alignment=str(folder / "displacement_test.csv"),
+        rendering=str(folder / "render/train.json"),
+        alignment=str(folder / "displacement/train.csv"),
+        test_rendering=str(folder / "render/test.json"),
+        test_alignment=str(folder / "displacement/test.csv"),
     )
 
 
@@ -76,7 +77,7 @@ def test_a_benchmark_that_is_none_is_named(tmp_path):
 def test_a_view_without_seconds_leaves_the_round_s_empty(tmp_path):
     walls = {"train": 30.0, "render": 6.0, "align": 2.0}
     row = write_round(tmp_path / "later", walls)
-    (tmp_path / "later/displacement_train.csv").write_text("view,time_s\na,0.25\nb,\n")
+    (tmp_path / "later/displacement/train.csv").write_text("view,time_s\na,0.25\nb,\n")
     table = round_times.make_table([row])
     empty = ["align_time_s", "align_rest_time_s", "total_time_s"]
     assert list(table.columns[table.isna().any()]) == empty

@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from alignerf.experiment import rows as table_rows
 from alignerf.experiment import sweep
+from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import intervals, tradeoff
 from alignerf.tables.plots import tradeoff as tradeoff_plot
 

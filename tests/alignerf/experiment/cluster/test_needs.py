@@ -7,7 +7,7 @@ import pytest
 
 from alignerf.experiment.cluster import ends, needs
 
-FILE = "{method}/round{round}/timing.json"
+FILE = "{training}/timing.json"
 COSTS = {"s": "the work"}
 
 
@@ -21,7 +21,7 @@ class Wildcards(types.SimpleNamespace):
         return vars(self)[name]
 
 
-HERE = Wildcards(scene="s", method="m", round="0")
+HERE = Wildcards(scene="s", training="m/round0")
 
 
 @pytest.fixture
@@ -78,13 +78,12 @@ def test_without_figures_a_job_asks_for_the_usual(preflight, text):
     assert needs.minutes(COSTS, FILE)(HERE, 1) == needs.MINUTES
 
 
-def test_no_file_and_no_such_wildcard_are_the_usual_too(preflight):
+def test_no_file_and_no_such_training_are_the_usual_too(preflight):
     assert needs.memory_mb(COSTS, FILE)(HERE, 1) == needs.MEMORY_MB
     preflight(of())
-    assert (
-        needs.minutes(COSTS, FILE)(Wildcards(scene="s", variant="v"), 1)
-        == needs.MINUTES
-    )
+    # A point of the sweep, which no preflight foresees.
+    point = Wildcards(scene="s", training="tradeoff/v")
+    assert needs.minutes(COSTS, FILE)(point, 1) == needs.MINUTES
 
 
 LOST = """

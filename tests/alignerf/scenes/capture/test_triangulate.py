@@ -7,7 +7,7 @@ import pytest
 
 from alignerf import facts, poses
 from alignerf.command import images
-from alignerf.experiment import settings
+from alignerf.experiment.keys import scene as scene_keys
 from alignerf.scenes import cameras, exported, prepared
 from alignerf.scenes.capture import triangulate
 from alignerf.scenes.courtyard import scene as courtyard
@@ -139,4 +139,4 @@ def test_points_can_be_left_out_and_may_be_missing(scene, tmp_path, caplog):
 )
 def test_points_are_found_where_they_are_missing(has, asked, wanted):
     scene = {"source": "courtyard", "poses": has, "triangulate": asked}
-    assert settings.wants_points(scene) is wanted
+    assert scene_keys.wants_points(scene) is wanted

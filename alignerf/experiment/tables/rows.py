@@ -4,11 +4,16 @@ import csv
 from typing import NamedTuple
 
 from alignerf.command import json_rows
-from alignerf.experiment import slices, sources
+from alignerf.experiment import inputs, kinds, layout, sources, trainings
 
 # Rules write rows and wait for their files; commands of tables read rows.
-as_json, files_of, read = json_rows.as_json, json_rows.files_of, json_rows.read
+as_json, read = json_rows.as_json, json_rows.read
 PUBLISHED = sources.ROOT / "results" / "published"
+
+
+def files_of(rows):
+    """The outputs of rules that rows are made from."""
+    return layout.outputs_of(json_rows.files_of(rows))
 
 
 class Misalignment(NamedTuple):
@@ -79,161 +84,36 @@ class Renders(NamedTuple):
 
 
 def field_name(experiment, method):
-    """How a table calls a method's field, and what its frequency loss looks at."""
-    model = experiment.methods[method]["model"]
-    if method in experiment.given():
+    """How a table calls a method: its field, and what else the method is."""
+    if method in experiment.names(kinds.external):
         return "renders given"
-    model = experiment.config["models"][model]
+    model = experiment.config["models"][experiment.methods[method]["model"]]
     field = model.get("field", model)
     hashed = "log2_entries" in field
     size = f"2^{field['log2_entries']}" if hashed else field["width"]
-    name = f"{field['kind']} {size}"
-    if not field.get("anti_aliased", True):
-        name = f"{name}, aliased"
-    if method in experiment.refining():
-        return f"{name}, cameras learnt"
-    if chosen := experiment.methods[method]["align"]:
-        what = [key for key in ("cameras", "photos") if chosen[f"{key}_at"]]
-        return f"{name}, {' and '.join(what)} aligned on the way"
-    changes = experiment.methods[method]["changes"]
-    if method not in experiment.staged() and changes != "photos":
-        then = ", then photos" if changes == "cameras_then_photos" else ""
-        return f"{name}, cameras put right{then}"
-    if method not in experiment.staged():
-        return name
-    return ", ".join([name, *parts_of(experiment, method)])
-
-
-def parts_of(experiment, method):
-    """The contributions that a staged method has, in words."""
-    settings = experiment.methods[method]["alignerf"]
-    parts = [f"{settings['features']} features"] if settings["convolution"] else []
-    if settings["radius_px"] != 0:
-        what = "aligned" if settings["matching"] == "patch" else "contextual"
-        parts.append(what)
-    if settings["error"] != "squared":
-        parts.append(settings["error"])
-    if method in experiment.correcting():
-        parts.insert(0, "cameras put right")
-    if settings["frequency_weight"] > 0:
-        weights = experiment.config["frequency_weights"]
-        parts.append("VGG-19" if weights else "derivative bank")
-    return parts
-
-
-def trainings_of(experiment, scene, method, round):
-    """timing.json of every training that a round needed; none of given renders."""
-    if method in experiment.given():
-        return []
-    if method in experiment.staged():
-        first = f"{experiment.pretrained(scene, method)}/timing.json"
-        return [first, f"{experiment.folder(scene, method, round)}/timing.json"]
-    return [
-        f"{experiment.folder(scene, method, k)}/timing.json"
-        for k in range(int(round) + 1)
-    ]
-
-
-def measures_radius(experiment, method):
-    """Whether a method's search radius comes from its base's displacement."""
-    settings = experiment.methods[method]["alignerf"]
-    return bool(settings) and settings["radius_px"] == "auto"
-
-
-def displacement_for_radius(experiment, scene, method):
-    """With `radius_px: auto`, how far the baseline's training views are off."""
-    if not measures_radius(experiment, method):
-        return {}
-    folder = experiment.folder(scene, experiment.base_of(method), 0)
-    return {"displacement": f"{folder}/displacement_train.csv"}
-
-
-def data_of(experiment, scene, method, round):
-    """Timing files of the rendering and warping between the rounds, or for a radius.
-
-    The baseline's training, whose renders a radius is measured on, is its own row.
-    """
-    folders = [experiment.folder(scene, method, k) for k in range(int(round))]
-    if method in experiment.correcting():
-        folders.append(experiment.pretrained(scene, method))
-    if measures_radius(experiment, method):
-        folders.append(experiment.folder(scene, experiment.base_of(method), 0))
-    return [
-        *(
-            f"{folder}/{name}"
-            for folder in folders
-            for name in ("render_train.json", "displacement_train.csv")
-        ),
-        *corrections_of(experiment, scene, method, round),
-    ]
-
-
-def corrections_of(experiment, scene, method, round):
-    """The report of each correction of cameras that a round needed."""
-    if method in experiment.correcting():
-        folder = experiment.pretrained(scene, method)
-        return [f"{folder}/corrected/poses_corrected.json"]
-    return [
-        f"{experiment.corrected_folder(scene, method, k)}/poses_corrected.json"
-        for k in range(1, int(round) + 1)
-        if experiment.change_of(method, k) == "cameras"
-    ]
-
-
-def photos_of_round(experiment, scene, method, round):
-    """What round k learns from: the photos, or those warped onto round k - 1."""
-    if experiment.change_of(method, round) != "photos":
-        return {"photos": f"results/{scene}/images"}
-    before = experiment.folder(scene, method, int(round) - 1)
-    return {"photos": f"{before}/warped/train", "valid": f"{before}/flow/train"}
-
-
-def photos_learnt(experiment, scene, method, round):
-    """What a round has learnt from in the end: `photos_of_round`, or aligned photos."""
-    if method not in experiment.aligning():
-        return photos_of_round(experiment, scene, method, round)
-    folder = f"{experiment.folder(scene, method, round)}/aligned"
-    return {"photos": f"{folder}/photos", "valid": f"{folder}/valid"}
-
-
-def verdict_of(experiment, scene, method):
-    """What says whether a method's alignment on the way paid; nothing of others."""
-    aligns = method in experiment.aligning()
-    return f"results/{scene}/verdict.json" if aligns else []
-
-
-def renders_of(experiment, scene, method, round):
-    """The folder of a round's test views: its own, or another program's."""
-    if method in experiment.given():
-        return experiment.methods[method]["renders"].replace("{scene}", scene)
-    return f"{experiment.folder(scene, method, round)}/renders/test"
-
-
-def decisions_of(experiment, scene):
-    """What the scene's facts decided, where the config leaves something to them."""
-    return slices.decisions_of(experiment.config, scene) or []
-
-
-def truth_of(experiment, scene):
-    """The oracle's folder, where the scene's truth is known."""
-    known = experiment.has_truth(scene)
-    return {"truth": f"results/{scene}/truth"} if known else {}
+    aliased = [] if field.get("anti_aliased", True) else ["aliased"]
+    kind = kinds.of_method(experiment.methods[method])
+    words = kind.words(experiment, method)
+    return ", ".join([f"{field['kind']} {size}", *aliased, *words])
 
 
 def of_method(experiment, scene, method, round):
     """The fields that rows of several tables share: scores, and what they took."""
+    trained = method not in experiment.names(kinds.external)
+    training = experiment.at(scene, method, round) if trained else None
     return {
         "method": method,
         "round": round,
         "metrics": f"{experiment.folder(scene, method, round)}/metrics.csv",
-        "trainings": trainings_of(experiment, scene, method, round),
-        "data": data_of(experiment, scene, method, round),
+        "trainings": trainings.timings_of(training) if training else [],
+        "data": trainings.reports_of(training) if training else [],
     }
 
 
 def aligned_pose(experiment, scene, method, round):
     """Scores of a round's test views by moved cameras, where they are asked for."""
-    if not experiment.config["aligned_pose"] or method in experiment.given():
+    given = method in experiment.names(kinds.external)
+    if not experiment.config["aligned_pose"] or given:
         return None
     return f"{experiment.folder(scene, method, round)}/metrics_aligned_pose.csv"
 
@@ -242,7 +122,7 @@ def misalignment(experiment, scene):
     """One row per method and round."""
     rows = []
     for method, round in experiment.scored(scene):
-        base = experiment.base_of(method)
+        base = experiment.baseline(method)
         row = Misalignment(
             **of_method(experiment, scene, method, round),
             aligned_pose=aligned_pose(experiment, scene, method, round),
@@ -275,14 +155,14 @@ def times(experiment, scene):
         if round > 0:
             before = experiment.folder(scene, method, round - 1)
             row = row._replace(
-                rendering=f"{before}/render_train.json",
-                alignment=f"{before}/displacement_train.csv",
+                rendering=f"{before}/{trainings.RENDERED}".format(split="train"),
+                alignment=f"{before}/{trainings.DISPLACED}".format(split="train"),
                 walls=walls._replace(
                     render=f"{before}/logs/render.tsv",
                     align=f"{before}/logs/align.tsv",
                 ),
-                test_rendering=f"{before}/render_test.json",
-                test_alignment=f"{before}/displacement_test.csv",
+                test_rendering=f"{before}/{trainings.RENDERED}".format(split="test"),
+                test_alignment=f"{before}/{trainings.DISPLACED}".format(split="test"),
             )
         rows.append(row)
     return rows
@@ -313,13 +193,13 @@ def of_verdict(experiment, scene):
     """Views of the reference's round 0: of the test, and of training where rendered."""
     method = experiment.config["reference"]["method"]
     folder = experiment.reference_folder(scene, 0)
-    followed = 0 in experiment.followed()[experiment.owner_of(method, 0)]
+    training = experiment.at(scene, method, 0)
     found = {"timing": f"{folder}/timing.json"}
-    for split in ("train", "test") if followed else ("test",):
+    for split in experiment.splits(scene, training.folder):
         found |= {
             f"{split}_renders": f"{folder}/renders/{split}",
             f"{split}_flow": f"{folder}/flow/{split}",
-            f"{split}_lengths": f"{folder}/displacement_{split}.csv",
+            f"{split}_lengths": f"{folder}/displacement/{split}.csv",
             f"{split}_parts": f"{folder}/parts_photos/{split}",
             f"{split}_stats": f"{folder}/decomposition_photos_{split}.csv",
         }
@@ -334,7 +214,7 @@ def of_page(experiment, scene):
         for split in ("train", "test")
         if f"{split}_renders" in found
     }
-    return found | warped | truth_of(experiment, scene)
+    return found | warped | inputs.truth_of(experiment, scene)
 
 
 def options_of(tables):
@@ -353,16 +233,17 @@ def figure_rounds(experiment, scene):
         experiment.folder(scene, method, k)
         for k in range(experiment.last_round(scene, method) + 1)
     ]
+    shown = [(folder, None) for folder in folders]
     # And beside them what aligns itself on the way, by its name.
-    found = [(folder, None) for folder in folders]
-    found += [(experiment.folder(scene, m, 0), m) for m in experiment.aligning()]
-    return [Renders(f"{f}/renders/test", f"{f}/flow/test", m) for f, m in found]
+    for name in experiment.names(kinds.aligned):
+        shown.append((experiment.folder(scene, name, 0), name))
+    return [Renders(f"{f}/renders/test", f"{f}/flow/test", m) for f, m in shown]
 
 
 def crops(experiment, scene):
     """Staged methods and, before them, what each is set against: round 0 of all."""
-    staged = experiment.staged()
-    bases = [experiment.base_of(method) for method in staged]
+    staged = experiment.names(kinds.staged)
+    bases = [experiment.baseline(method) for method in staged]
     rows = []
     for method in dict.fromkeys([*bases, *staged]):
         folder = experiment.folder(scene, method, 0)

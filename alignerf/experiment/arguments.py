@@ -1,8 +1,7 @@
 """Command-line options of the flow's settings, and the files that it reads."""
 
-from pathlib import PurePath
-
 from alignerf.command import split_paths
+from alignerf.experiment import trainings
 
 # Folders of flow.control_sets beside the warped test set.
 CONTROL_SETS = (
@@ -16,9 +15,9 @@ def option(name, value):
     return [f"--{name}", str(value)] if value else []
 
 
-def with_split(name, path):
-    """The same for a folder in one that is named like its split: `{split}` is that."""
-    return option(name, path and str(PurePath(path).parent / split_paths.MARK))
+def options(values):
+    """`--name value` for each of {name: value}."""
+    return [part for name, value in values.items() for part in option(name, value)]
 
 
 def lpips_options(experiment):
@@ -51,6 +50,14 @@ def of_views(experiment, scene, method, round, split=split_paths.MARK):
     return [*found, "--method", "files", "--flows", folder]
 
 
+def of_training(experiment, scene, folder):
+    """The same for the views of a training, by its folder below the scene's."""
+    method, _, round = folder.partition("/")
+    if method != "pretrain":
+        round = round.removeprefix("round")
+    return of_views(experiment, scene, method, round)
+
+
 def of_reference(experiment, scene):
     """The same for the warped test set."""
     method = experiment.config["reference"]["method"]
@@ -68,19 +75,13 @@ def of_rounds(experiment, scene, method, round):
     if k > 0:
         # The decision is the method's own, also where it starts from another's round.
         found["before"] = f"results/{scene}/{method}/round{k - 1}/decision.json"
-    if experiment.change_of(method, k + 1) == "cameras":
-        folder = experiment.corrected_folder(scene, method, k + 1)
-        return found | {"corrections": f"{folder}/poses_corrected.json"}
-    found["flow"] = f"{experiment.folder(scene, method, k)}/{flow}"
+    training, following = (experiment.at(scene, method, n) for n in (k, k + 1))
+    if following.cameras == trainings.corrected(training):
+        return found | {"corrections": f"{training.path}/{trainings.CORRECTED}"}
+    found["flow"] = f"{training.path}/{flow}"
     if k > 0:
-        found["before_flow"] = f"{experiment.folder(scene, method, k - 1)}/{flow}"
+        found["before-flow"] = f"{experiment.folder(scene, method, k - 1)}/{flow}"
     return found
-
-
-def before(experiment, wildcards, name):
-    """A folder of the round before a rule's."""
-    w = wildcards
-    return f"{experiment.folder(w.scene, w.method, int(w.round) - 1)}/{name}"
 
 
 def of_oracle(experiment, input, output):
@@ -88,33 +89,29 @@ def of_oracle(experiment, input, output):
     return [
         *estimator_options(experiment),
         *option("oracle", f"{input.truth}/oracle"),
-        *option("renders", input.renders),
+        *option("renders", f"{input.renders}/test"),
         *option("model-flow", output.model),
         *option("model-stats", output.model_stats),
     ]
 
 
-def aligned_pose_inputs(experiment, scene, method, round):
-    """What moves the test cameras of a round: flows, and the truth for the leak."""
-    folder = experiment.folder(scene, method, round)
+def aligned_pose_inputs(experiment, scene, folder):
+    """What moves the test cameras of a training: flows, and the truth for the leak."""
+    path = f"results/{scene}/{folder}"
     by_flow = experiment.config["aligned_pose"]["flow"]
-    found = {"flow": f"{folder}/flow/test"} if by_flow else {}
+    inputs = {"flow": f"{path}/flow/test"} if by_flow else {}
     if experiment.has_truth(scene):
-        found["truth"] = f"results/{scene}/truth"
+        inputs["truth"] = f"results/{scene}/truth"
         if by_flow:
-            found["truth_flow"] = f"{folder}/flow_oracle/test"
-    return found
+            inputs["truth-flow"] = f"{path}/flow_oracle/test"
+    return inputs
 
 
-def aligned_pose_options(experiment, input):
+def aligned_pose_options(experiment, scene, folder):
     """Command line of how the test cameras are moved."""
     steps = experiment.config["aligned_pose"]["gradient_steps"]
-    return [
-        *option("flow", input.get("flow")),
-        *option("truth", input.get("truth")),
-        *option("truth-flow", input.get("truth_flow")),
-        *option("gradient-steps", steps),
-    ]
+    inputs = aligned_pose_inputs(experiment, scene, folder)
+    return [*options(inputs), *option("gradient-steps", steps)]
 
 
 def benchmark_models(experiment, scene):
@@ -144,6 +141,6 @@ def benchmark_inputs(experiment):
         for name in experiment.with_truth()[:1]
         for path in (
             *("images", "truth"),
-            *(f"{model}/renders/test" for model in benchmark_models(experiment, name)),
+            *(f"{model}/renders" for model in benchmark_models(experiment, name)),
         )
     ]

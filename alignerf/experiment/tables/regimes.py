@@ -2,7 +2,9 @@
 
 from typing import NamedTuple
 
-from alignerf.experiment import rows, settings, slices
+from alignerf.experiment import kinds, slices, trainings
+from alignerf.experiment.keys import scene as scene_keys
+from alignerf.experiment.tables import rows
 
 
 class Method(NamedTuple):
@@ -46,8 +48,8 @@ def scenes(experiment):
 
     Raises ValueError for a config without them.
     """
-    staged = experiment.staged()
-    base = {experiment.base_of(method) for method in staged}
+    staged = experiment.names(kinds.staged)
+    base = {experiment.baseline(method) for method in staged}
     if len(base) != 1 or base & set(staged):
         raise ValueError(
             "config: methods: regimes need methods with alignerf, and one without"
@@ -75,9 +77,10 @@ def rounds(experiment, scene, base):
     Trainings on these, of the baseline and then from its weights, are what the staged
     methods are to reach at less cost.
     """
-    going_on = [m for m in experiment.warm() if experiment.base_of(m) == base]
+    warm = experiment.names(kinds.warm)
+    going_on = [method for method in warm if experiment.baseline(method) == base]
     return [
-        *((method, 0) for method in (base, *experiment.staged())),
+        *((method, 0) for method in (base, *experiment.names(kinds.staged))),
         *(
             (method, round)
             for method in (base, *going_on)
@@ -90,7 +93,7 @@ def like(experiment, name):
     """What a scene is like; how its objects move is known of a made one only."""
     scene = experiment.scenes[name]
     motion_m = None
-    if settings.SOURCES[scene["source"]].has_truth:
+    if scene_keys.SOURCES[scene["source"]].has_truth:
         motion = scene["courtyard"]
         motion_m = (motion["motion"] != "none") * motion["motion_m"]
     return {
@@ -154,10 +157,9 @@ def remedies(experiment):
         if method["rounds"] == "auto":
             where = f"config: methods.{name}.rounds"
             raise ValueError(f"{where}: remedies need a number, not auto")
-    base = experiment.base_of(next(iter(trained)))
+    base = experiment.baseline(next(iter(trained)))
     last = {name: method["rounds"] for name, method in trained.items()}
     chosen = dict.fromkeys([(base, 0), *last.items()])
-    split = "train" if 0 in experiment.followed()[base] else "test"
     found = [
         Remedies(
             scene=scene,
@@ -165,9 +167,7 @@ def remedies(experiment):
             alike=alike_of(like),
             capture=capture_of(like),
             facts=f"results/{scene}/facts.json",
-            displacement=(
-                f"{experiment.folder(scene, base, 0)}/displacement_{split}.csv"
-            ),
+            displacement=displacement_of(experiment, scene, base),
             share=length_share(experiment, scene),
             methods=[
                 Method(
@@ -188,6 +188,13 @@ def remedies(experiment):
                 "`training` says, see vary.lengths"
             )
     return found
+
+
+def displacement_of(experiment, scene, base):
+    """CSV of how far the baseline is off: of training views, where it has these."""
+    training = experiment.at(scene, base, 0)
+    split = experiment.splits(scene, training.folder)[0]
+    return f"{training.path}/{trainings.DISPLACED.format(split=split)}"
 
 
 class Compared(NamedTuple):
@@ -239,17 +246,23 @@ def comparison(experiment):
 def compared(experiment, scene, method, round):
     """One method of a scene."""
     process = None
-    if method not in experiment.given():
+    if method not in experiment.names(kinds.external):
         process = f"{experiment.folder(scene, method, round)}/logs/train.tsv"
     return Compared(
         parts=rows.field_name(experiment, method),
-        base=experiment.owner_of(experiment.config["reference"]["method"], 0),
+        base=reference_of(experiment, scene),
         aligned_pose=rows.aligned_pose(experiment, scene, method, round),
         # Of the method as it is; no table has one of its rounds.
         published=experiment.methods[method]["published"] if round == 0 else None,
         process=process,
         **rows.of_method(experiment, scene, method, round),
     )
+
+
+def reference_of(experiment, scene):
+    """The method by whose name the reference's round 0 is trained."""
+    training = experiment.at(scene, experiment.config["reference"]["method"], 0)
+    return training.folder.partition("/")[0]
 
 
 def length_share(experiment, scene):

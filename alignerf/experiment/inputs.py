@@ -1,0 +1,125 @@
+"""What the rules of trainings, scores and exports wait for, and how it is passed on."""
+
+import json
+
+from alignerf.experiment import arguments, kinds, layout, slices, sources
+
+
+def is_given(experiment, folder):
+    """Whether what lies in a folder below a scene's is another program's renders."""
+    return folder.partition("/")[0] in experiment.names(kinds.external)
+
+
+def renders_of(experiment, scene, folder, moved=""):
+    """The test views that are scored: a training's, or another program's.
+
+    moved: whether they are those by moved cameras, as the name of their scores has it.
+    """
+    if is_given(experiment, folder):
+        method = experiment.methods[folder.partition("/")[0]]
+        return method["renders"].replace("{scene}", scene)
+    return f"results/{scene}/{folder}/{'aligned_pose' if moved else 'renders'}"
+
+
+def decisions_of(experiment, scene):
+    """What the scene's facts decided, where the config leaves something to them."""
+    return slices.decisions_of(experiment.config, scene) or []
+
+
+def truth_of(experiment, scene):
+    """The oracle's folder, where the scene's truth is known."""
+    truth = experiment.truth_of(scene)
+    return {"truth": truth} if truth else {}
+
+
+def of_training(experiment, scene, folder):
+    """{name: path} of the outputs of rules that a training waits for."""
+    training = experiment.training(scene, folder)
+    needed = layout.outputs_of(training.inputs())
+    needed |= {
+        "decisions": decisions_of(experiment, scene),
+        "given": f"results/{scene}/cameras.npz",
+        "images": f"{training.prepared}/images",
+    }
+    if not training.alone:
+        needed["preflight"] = f"results/{scene}/preflight.json"
+    return needed
+
+
+def training_options(experiment, scene, folder):
+    """Command line of what a training learns from."""
+    training = experiment.training(scene, folder)
+    words = arguments.options({"scene": training.prepared} | training.inputs())
+    if training.prepared != f"results/{scene}":
+        words += arguments.option("seen-by", f"results/{scene}/cameras.npz")
+    return words
+
+
+def weights_of(experiment, scene, folder):
+    """The file that a fine-tuning's loss looks through, where it has one."""
+    finetuning = json.loads(experiment.training(scene, folder).job)["alignerf"]
+    weights = finetuning and finetuning["frequency_weights"]
+    return [weights] if weights else []
+
+
+def threads_of(experiment, scene, folder):
+    """Threads of a training and its rendering."""
+    alone = experiment.training(scene, folder).alone
+    return sources.WHOLE_MACHINE if alone else sources.OF_TRAINING
+
+
+def last_training(experiment, scene, method):
+    """The training of a method's last round."""
+    return experiment.at(scene, method, experiment.last_round(scene, method))
+
+
+def of_export(experiment, scene, method, what):
+    """{name: output} of what is handed to other programs, `cameras` or `photos`."""
+    training = last_training(experiment, scene, method)
+    inputs = {"learnt": training.learnt}
+    if what == "photos":
+        inputs |= layout.outputs_of(training.warped)
+    if method in experiment.names(kinds.aligned):
+        inputs["verdict"] = f"results/{scene}/verdict.json"
+    return inputs
+
+
+def export_options(experiment, scene, method, what):
+    """Command line of the same."""
+    training = last_training(experiment, scene, method)
+    chosen = {"cameras": f"{training.learnt}/cameras.npz"}
+    if what == "photos":
+        chosen |= {"warped": training.warped["photos"]}
+        chosen |= {"valid": training.warped["valid"]}
+    words = arguments.options(chosen)
+    if method in experiment.names(kinds.aligned):
+        # Where aligning on the way brought nothing, cameras go out as given.
+        words += ["--if-pays", f"results/{scene}/verdict.json", method]
+    return words
+
+
+def of_scores(experiment, scene, folder, moved):
+    """{name: output} that scores need besides renders: the truth, and the test sets.
+
+    A point of the sweep, and renders by moved cameras, are scored by the photos.
+    """
+    inputs = truth_of(experiment, scene)
+    if moved or folder.startswith("tradeoff/"):
+        return inputs
+    sets = ("flow", "warped", *arguments.CONTROL_SETS)
+    return inputs | {name: f"results/{scene}/testset/{name}" for name in sets}
+
+
+def scores_options(experiment, scene, folder, moved):
+    """Command line of the same, and of the renders. By moved cameras PSNR is enough."""
+    renders = renders_of(experiment, scene, folder, moved)
+    if moved:
+        return arguments.options(
+            {"aligned-pose": renders} | truth_of(experiment, scene)
+        )
+    split = "" if is_given(experiment, folder) else "/test"
+    chosen = {"renders": f"{renders}{split}"}
+    if not folder.startswith("tradeoff/"):
+        chosen["testset"] = f"results/{scene}/testset"
+    words = arguments.options(chosen | truth_of(experiment, scene))
+    return words + arguments.lpips_options(experiment)

@@ -1,0 +1,142 @@
+"""A config as a whole, its sweep and its variations."""
+
+import dataclasses
+
+from alignerf.experiment.keys.flow import Flow
+from alignerf.experiment.keys.key import key
+from alignerf.experiment.keys.method import Method
+from alignerf.experiment.keys.model import Model, Models
+from alignerf.experiment.keys.scene import Scene
+from alignerf.experiment.keys.scored import AlignedPose, Lpips, Reference
+from alignerf.experiment.keys.training import Training
+
+# Keys of a training that say how long it is.
+LENGTH = ("steps", "budget_min", "warmup_steps")
+# What a point of the sweep may change, of the model and of the training.
+VARIES = {
+    Model: ("samples", "proposal", "field"),
+    Training: (
+        *(*LENGTH, "batch_rays", "learning_rates"),
+        *("hold_share", "adam_betas", "adam_eps", "gradient_norm", "proposal_share"),
+    ),
+}
+
+
+class Variant:
+    """The keys in which a point of the sweep differs from the base; none is filled."""
+
+    @staticmethod
+    def schema(of_class):
+        """Some keys of models and trainings, seed and downscale; at least one."""
+        own = {}
+        for kind, names in VARIES.items():
+            properties = of_class(kind)["properties"]
+            own |= {name: properties[name] for name in names}
+        for entry in own.values():
+            del entry["default"]
+        for name in ("steps", "budget_min"):
+            # A change to null says nothing.
+            own[name]["type"], _ = own[name]["type"]
+        seed = of_class(Scene)["properties"]["seed"]
+        own["seed"] = {key: seed[key] for key in ("minimum", "maximum")}
+        own["seed"] |= {"type": "integer", "description": "of its training"}
+        own["downscale"] = {
+            "description": "training photos are made smaller by this factor, by area "
+            "averaging; renders and scores keep the scene's size",
+            "type": "number",
+            "exclusiveMinimum": 1,
+            "maximum": 64,
+        }
+        whole = {"type": "object", "additionalProperties": False, "minProperties": 1}
+        return whole | {"properties": own}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Tradeoff:
+    scene: str | None = key(None, "a key of scenes; null takes the first")
+    model: str | None = key(
+        None, "a key of models, the row `base`; null takes the first"
+    )
+    variants: dict[str, Variant] = key(
+        what="name -> the keys in which it differs from the base"
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Vary:
+    """Every scene again: `name_seed2`, `name_x0.5`, `name_seed2_x0.5`."""
+
+    seeds: list[int] | None = key(
+        None,
+        "each scene is made and trained with each; the first keeps the scene's name",
+        least=0,
+        most=2**32 - 1,
+        length=(1, 100),
+    )
+    lengths: list[float] = key(
+        [1],
+        "and trained for each of these times its steps, or minutes",
+        above=0,
+        most=1000,
+        length=(1, 100),
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Config:
+    """Every key of a config. Only `scenes` has to be there."""
+
+    seed: int = key(0, "of scene, poses and trainings", least=0, most=2**32 - 1)
+    preflight: bool = key(
+        True,
+        "hours, memory and disk are worked out before any training; false starts at "
+        "once",
+    )
+    scenes: dict[str, Scene] = key(
+        what="name -> where its images and cameras come from"
+    )
+    decide: bool = key(
+        False,
+        "a scene's facts decide what scenes, models and training leave out: downscale, "
+        "near, radius, finest, steps; results/<scene>/decisions.json says why",
+    )
+    vary: Vary | None = key(None, "seeds and lengths that every scene is run with")
+    models: dict[str, Models] = key(
+        {"base": {}},
+        "name -> a mip-NeRF 360 with two fields, or by `kind` another system",
+    )
+    methods: dict[str, Method] = key(
+        {"mipnerf360": {"rounds": 2}, "alignerf": {"alignerf": {}}},
+        "name -> what is trained and compared; in this order in the tables",
+    )
+    training: Training = key(Training())
+    flow: Flow = key(Flow())
+    reference: Reference = key(
+        Reference(), "the model whose renders the warped test set is made from"
+    )
+    regimes: str = key(
+        "alignerf_regimes",
+        "what `snakemake regimes` calls its files in results/",
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}\Z",
+    )
+    frequency_weights: str | None = key(
+        None,
+        ".npz of VGG-19's first block for the high-frequency loss; null takes a fixed "
+        "bank of oriented derivative filters, and the table says so",
+    )
+    aligned_pose: AlignedPose | None = key(
+        AlignedPose(), "test set of cameras moved to fit their photos; null has none"
+    )
+    lpips: Lpips | None = key(
+        Lpips(),
+        "network of LPIPS v0.1 -> .npz of its weights; null leaves a column empty",
+    )
+    tradeoff: Tradeoff | None = key(
+        None, "what `snakemake tradeoff` compares; needed by nothing else"
+    )
+    published_table: int | None = key(
+        None,
+        "the paper's table, 2 or 3, whose rows `snakemake comparison` shows",
+        least=2,
+        most=3,
+    )

@@ -1,0 +1,43 @@
+"""Keys of `flow`: how photos and renders are matched and warped."""
+
+import dataclasses
+from typing import Literal
+
+from alignerf.experiment.keys.key import key
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Flow:
+    estimator: Literal[
+        "dis_ultrafast",
+        "dis_fast",
+        "dis_medium",
+        "dis_fine",
+        "dis_smooth",
+        "deepflow",
+        "farneback",
+        "tvl1",
+        "simpleflow",
+        "files",
+    ] = key(
+        "deepflow",
+        "see flow/estimation/estimators.py and `snakemake flow_benchmark`; files takes "
+        "flows made elsewhere from `folder`",
+    )
+    folder: str | None = key(
+        None,
+        "where estimator `files` finds <view>.flo or <view>.npz (render to photo) and, "
+        "if there is a check to be made, <view>.back.flo or .npz; {scene}, {method}, "
+        "{round} and {split} in it stand for the renders' own; after pre-training, "
+        "where cameras are put right then, {method} is pretrain and {round} the model",
+    )
+    match_blur: bool = key(
+        True, "blur the photo like the render, for the estimate only"
+    )
+    kernel: Literal["lanczos", "cubic", "bilinear"] = key("lanczos", "of the warps")
+    tolerance_px: float = key(
+        1.0,
+        "largest forward-backward disagreement of a valid pixel",
+        above=0,
+        most=1000,
+    )

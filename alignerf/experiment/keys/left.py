@@ -1,0 +1,66 @@
+"""What a config with `decide` leaves to the scenes' facts."""
+
+from alignerf.experiment.keys.fields import Grid, Nerf
+from alignerf.experiment.keys.model import OPEN_OF_MODEL, Model
+from alignerf.experiment.keys.scene import SOURCES
+from alignerf.experiment.keys.training import OPEN_OF_TRAINING, Training
+
+
+def leave_open(config):
+    """A config as it was written, with all that it leaves to the scenes' facts.
+
+    Without `decide` that is nothing. A complete config says in `decided` what it left;
+    what was changed in it since then is no longer left.
+    """
+    asked = config.get("decide") is True
+    models = {
+        name: model | {"decided": open_of_model(model) if asked else []}
+        for name, model in (config.get("models") or {"base": {}}).items()
+    }
+    training, scenes = config.get("training") or {}, config["scenes"]
+    if asked:
+        scenes = {
+            name: ({"downscale": "auto"} if SOURCES[scene["source"]].has_path else {})
+            | scene
+            for name, scene in scenes.items()
+        }
+    open_keys = open_of_training(training, scenes.values()) if asked else []
+    training = training | {"decided": open_keys}
+    return config | {"models": models, "scenes": scenes, "training": training}
+
+
+def open_of_model(given):
+    """The keys that a model as it was written leaves to facts."""
+    if given.get("kind", Model.kind) != Model.kind:
+        return []
+    field = given.get("field") or {}
+    kind = field.get("kind", Grid.kind)
+    # Only a grid has cells; a field of points contracts nothing.
+    fits = {"finest": kind == Grid.kind, "radius": kind != Nerf.kind}
+    usual = {
+        "near": (Model.near,),
+        "radius": (Model.radius,),
+        "finest": (Grid.finest, Model().field.finest),
+    }
+    found = []
+    for name in OPEN_OF_MODEL:
+        value = (field if name == "finest" else given).get(name)
+        left = value is None
+        if "decided" in given:
+            left = name in given["decided"] and value in (None, *usual[name])
+        if left and fits.get(name, True):
+            found.append(name)
+    return found
+
+
+def open_of_training(given, scenes):
+    """Its steps, where neither training nor a scene says how long it is."""
+    usual = (None,)
+    if "decided" in given:
+        if "steps" not in given["decided"]:
+            return []
+        usual = (None, Training.steps)
+    said = [(one.get("steps"), one.get("budget_min")) for one in (given, *scenes)]
+    if any(steps not in usual or budget_min for steps, budget_min in said):
+        return []
+    return list(OPEN_OF_TRAINING)

@@ -1,0 +1,182 @@
+"""Keys of `scenes`: where images and cameras come from, how long each is trained."""
+
+import dataclasses
+import typing
+from typing import ClassVar, Literal
+
+from alignerf.experiment.keys.key import budget, key
+
+
+class Source(typing.NamedTuple):
+    """Where images and cameras come from; `alignerf.scenes` reads them."""
+
+    poses: tuple  # the ways in which it can have poses, the default first
+    has_truth: bool = False
+    has_path: bool = True
+
+
+SOURCES = {
+    "courtyard": Source(("colmap", "truth"), has_truth=True, has_path=False),
+    "photos": Source(("colmap",)),
+    "transforms": Source(("given",)),
+    "llff": Source(("given",)),
+    "mipnerf360": Source(("given",)),
+    "blender": Source(("given",)),
+}
+
+
+def poses_of(scene):
+    """The way in which a scene, as a mapping, has poses: its own or its source's."""
+    return scene["poses"] or SOURCES[scene["source"]].poses[0]
+
+
+def wants_points(scene):
+    """Whether points of a scene's cameras are to be found, where they have none yet.
+
+    Of given cameras unless it says no, of the courtyard's true ones where it says so.
+    """
+    poses, wanted = poses_of(scene), scene["triangulate"]
+    return poses == "given" if wanted is None else wanted and poses != "colmap"
+
+
+CAMERA_MODELS = Literal[
+    "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"
+]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Colmap:
+    max_size_px: int = key(
+        1600, "features are found on photos of at most this side", least=64, most=20000
+    )
+    camera_model: CAMERA_MODELS | None = key(
+        None, "null takes OPENCV for photos, SIMPLE_PINHOLE for courtyard"
+    )
+    least_registered: float = key(
+        0.6,
+        "share of the photos that have to be registered in one model; with fewer the "
+        "run stops: what is left would be scored as if it were the scene",
+        least=0,
+        most=1,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Courtyard:
+    place: Literal["courtyard", "object"] = key(
+        "courtyard", "the whole, or its boxes and the arm alone, before white"
+    )
+    views: int = key(48, "number of photos", least=4, most=10000)
+    zooms: list[float] = key(
+        [1.0],
+        "focal lengths, in turn, in units of one that sees 60 degrees: by 0.25 things "
+        "are as small as from four times the distance; other than 1 with true poses "
+        "only",
+        least=0.1,
+        most=10,
+        length=(1, 16),
+    )
+    width: int = key(400, "of a photo in px", least=32, most=16384)
+    height: int = key(300, "of a photo in px", least=32, most=16384)
+    motion: Literal["none", "uniform", "two_states"] = key(
+        "uniform",
+        "how objects move between photos: not, by a uniform displacement, or between "
+        "two states of probability 0.5 (the paper's moving arm)",
+    )
+    motion_m: float = key(0.02, "largest displacement in metres", least=0, most=10)
+    moving: list[str] | None = key(
+        None, "names of the objects that move; null means all that can"
+    )
+    # Leaves as much near the highest frequency as a real photo made smaller has:
+    # unblurred textures lose ten times more than photos when they are resampled.
+    lens_sigma_px: float = key(
+        1.4, "blur of the lens, in px of the photo", least=0, most=100
+    )
+    supersample: int = key(2, "rays a pixel and axis", least=1, most=16)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Scene:
+    # A name becomes a folder: no path escapes by it.
+    NAME: ClassVar = r"^(?!.*\.\.)[A-Za-z0-9][A-Za-z0-9_.-]{0,99}\Z"
+
+    source: Literal[tuple(SOURCES)] = key(
+        what="embedded scene, folder of photos, transforms.json, LLFF's "
+        "poses_bounds.npy, a scene of mip-NeRF 360 (360_v2), or one of NeRF's "
+        "synthetic scenes"
+    )
+    path: str | None = key(
+        None,
+        "folder of photos, of transforms.json, of poses_bounds.npy and images or "
+        "images_<n>, of sparse/0 and images_<n>, or of transforms_train.json and "
+        "transforms_test.json; none for courtyard",
+    )
+    images: int | None = key(
+        None,
+        "of mipnerf360: the n of the folder images_<n>, 1 for images; null takes the "
+        "largest photos there are",
+        least=1,
+        most=64,
+    )
+    background: Literal["black", "white"] | None = key(
+        None, "what transparent pixels stand on; null refuses them"
+    )
+    masks: str | None = key(
+        None,
+        "of photos: folder of <photo's file name>.png, black where a photo does not "
+        "count, as COLMAP has them",
+    )
+    poses: Literal["colmap", "truth", "given"] | None = key(
+        None,
+        "courtyard has colmap (default) or truth, photos colmap, all others given",
+    )
+    downscale: int | Literal["auto"] = key(
+        1,
+        "photos are made smaller by this factor, by area averaging; auto takes the "
+        "least with which all photos together have at most 10 million pixels",
+        least=1,
+        most=64,
+    )
+    test_every: int = key(
+        8,
+        "every n-th view by name is held out; blender's files, and a transforms.json "
+        "with train_filenames and test_filenames, say which themselves",
+        least=2,
+        most=10000,
+    )
+    least_train_views: int = key(
+        3,
+        "with fewer to learn from the run stops: no geometry follows from them",
+        least=1,
+        most=10000,
+    )
+    seed: int | None = key(
+        None,
+        "of this scene, its poses and its trainings; null takes the config's",
+        least=0,
+        most=2**32 - 1,
+    )
+    steps: int | None = key(
+        None,
+        "of this scene's trainings; null takes the one under training",
+        least=1,
+        most=10**8,
+    )
+    budget_min: float | None = budget(
+        "of this scene's trainings instead of steps; null takes the one under training"
+    )
+    perturb_px: float = key(
+        0.0,
+        "error added to the poses, in pixels (rms at the image's centre, after "
+        "downscale), so that a small image shows the misalignment of a large one",
+        least=0,
+        most=1000,
+    )
+    triangulate: bool | None = key(
+        None,
+        "the points that views share are found, for what facts decide, and to say how "
+        "right the poses are; null: yes with given poses, no otherwise (COLMAP has its "
+        "own points); true: also with the courtyard's true poses",
+    )
+    colmap: Colmap = key(Colmap())
+    courtyard: Courtyard = key(Courtyard())

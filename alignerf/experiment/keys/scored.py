@@ -1,0 +1,36 @@
+"""Keys of what is scored: the reference, and test sets and metrics beside the usual."""
+
+import dataclasses
+from typing import Literal
+
+from alignerf.experiment.keys.key import key
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Reference:
+    method: str | None = key(
+        None, "a key of methods; null takes the first that trains from scratch"
+    )
+    round: int | Literal["last"] = key(
+        "last", "its warping round; `last` is the method's last one", least=0, most=16
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class AlignedPose:
+    """The test set whose cameras are moved to fit their photos, half by half."""
+
+    flow: bool = key(True, "by the flow from render to photo")
+    gradient_steps: int = key(
+        0,
+        "and by so many of gradient descent; the field takes 100",
+        least=0,
+        most=10**5,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Lpips:
+    alex: str | None = key(None, "AlexNet")
+    squeeze: str | None = key(None, "SqueezeNet 1.1")
+    vgg: str | None = key(None, "VGG-16")

@@ -1,0 +1,124 @@
+"""Keys of `training`: how the baseline is trained, and how long."""
+
+import dataclasses
+from typing import Literal
+
+from alignerf.experiment.keys.key import budget, key, left_to_facts
+
+# What `decide` leaves to a scene's facts: `alignerf.decisions` has a rule for it.
+OPEN_OF_TRAINING = ("steps",)
+
+
+# Chosen on courtyard, seed 1.
+RATES = {
+    "grid": (0.03, 0.003),
+    "mlp": (0.01, 0.001),
+    "nerf": (0.001, 0.0001),
+    "mipnerf": (0.001, 0.0001),
+    "nerfpp": (0.001, 0.0001),
+    "ngp": (0.03, 0.003),
+}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Training:
+    """How the baseline is trained; the other stages start from it."""
+
+    steps: int | None = key(
+        4000, "of the baseline; null with a budget_min", least=1, most=10**8
+    )
+    budget_min: float | None = budget(
+        "minutes of the baseline's training, instead of steps: as many as the machine, "
+        "timed at the start, does in them; each stage takes its share of the minutes"
+    )
+    batch_rays: int = key(512, "rays a step", least=1, most=2**22)
+    learning_rates: list[float] | None = key(
+        None,
+        "first and last; null takes what suits the field's kind: "
+        + ", ".join(
+            f"{first} and {last} for {kind}" for kind, (first, last) in RATES.items()
+        ),
+        above=0,
+        most=10,
+        length=(2, 2),
+    )
+    warmup_steps: int | None = key(
+        None, "sine from 1 %; null takes a tenth of the steps", least=0, most=10**8
+    )
+    hold_share: float = key(
+        0.5,
+        "of the steps before the learning rate falls; 0 as published",
+        least=0,
+        most=0.99,
+    )
+    adam_betas: list[float] = key(
+        [0.9, 0.99], "0.9 and 0.999 as published", least=0, most=0.999999, length=(2, 2)
+    )
+    adam_eps: float = key(1e-15, above=0, most=1)
+    gradient_norm: float | None = key(
+        None,
+        "largest norm of each network's gradient; null does not clip",
+        above=0,
+        most=1e9,
+    )
+    proposal_share: float = key(
+        0.25,
+        "of a step's rays teach the proposal field, for whom the others are samples "
+        "only; 1 as published",
+        above=0,
+        most=1,
+    )
+    interlevel_weight: float = key(1.0, least=0, most=1e6)
+    distortion_weight: float = key(0.01, least=0, most=1e6)
+    decided: list[Literal[OPEN_OF_TRAINING]] = left_to_facts(*OPEN_OF_TRAINING)
+
+
+def warmup(training):
+    """The warm-up of a training, as a mapping, that may leave it to its steps.
+
+    Null as long as its steps are not known.
+    """
+    given, steps = training["warmup_steps"], training["steps"]
+    if given is None and steps is not None:
+        given = round(0.1 * steps)
+    return {"warmup_steps": given}
+
+
+def rates(training, kind):
+    """The learning rates of a training, as a mapping, that may leave them to the field.
+
+    kind: as of `field_kind`.
+    """
+    return {"learning_rates": training["learning_rates"] or list(RATES[kind])}
+
+
+@dataclasses.dataclass(frozen=True)
+class Changes:
+    """Keys of `training` in which a model's trainings differ; none is filled.
+
+    A job's training has taken them in, so that of a job nothing is left here.
+    """
+
+    @staticmethod
+    def schema(of_class):
+        """Some keys of trainings, but not how long they are."""
+        properties = of_class(Training)["properties"]
+        own = {n: p for n, p in properties.items() if n not in ("steps", "budget_min")}
+        for entry in own.values():
+            del entry["default"]
+        return {"type": "object", "additionalProperties": False, "properties": own}
+
+
+def check_length(given, where):
+    """ValueError where a mapping as it was written has steps and a budget."""
+    if given.get("steps") is not None and given.get("budget_min") is not None:
+        raise ValueError(f"config: {where}.budget_min: not beside steps, choose one")
+
+
+def length(training):
+    """What decides how long a training is, of a mapping with defaults: one is null."""
+    steps, budget_min = training["steps"], training["budget_min"]
+    if steps is None and budget_min is None:
+        raise ValueError("config: training.steps: null is only for a budget_min")
+    steps = steps if budget_min is None else None
+    return {"steps": steps, "budget_min": budget_min}

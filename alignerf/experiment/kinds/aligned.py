@@ -1,0 +1,16 @@
+"""Aligned on the way: the training puts its cameras and photos right (`align`)."""
+
+from alignerf.experiment.kinds import learnt
+
+
+def takes(method):
+    return bool(method["align"])
+
+
+trainings = learnt.trainings
+
+
+def words(experiment, name):
+    method = experiment.methods[name]
+    what = [key for key in ("cameras", "photos") if method["align"][f"{key}_at"]]
+    return [f"{' and '.join(what)} aligned on the way"]

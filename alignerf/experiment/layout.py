@@ -1,0 +1,27 @@
+"""Where a training's outputs lie: rules name folders, commands what is inside.
+
+Rendering and flow are of the splits that others need, one or both. A rule's outputs
+are the same for all trainings, so these are folders with an entry for each split.
+"""
+
+import re
+
+# Below a training's folder.
+OF_SPLITS = ("renders", "depth", "render", "flow", "warped", "displacement")
+INSIDE = re.compile(
+    rf"(results/.+/(?:{'|'.join(OF_SPLITS)}))/(?:train|test)(?:\.\w+)?"
+    r"|(results/.+/learnt)/\w+(?:\.\w+)?"
+)
+
+
+def output_of(path):
+    """The output of a rule that a path below results/ is, or lies in."""
+    inside = INSIDE.fullmatch(path)
+    return next(filter(None, inside.groups())) if inside else path
+
+
+def outputs_of(paths):
+    """The same of several, {name: path} or a list; each once in a list."""
+    if isinstance(paths, dict):
+        return {name: output_of(path) for name, path in paths.items()}
+    return list(dict.fromkeys(map(output_of, paths)))

@@ -1,0 +1,156 @@
+"""A training is a value: what it computes, from what, and where it lies.
+
+Two methods share a training when their values are equal. Rules, costs and exports walk
+over `Training.after`.
+"""
+
+import json
+from typing import NamedTuple
+
+# Reports below a training's folder: of its renders, their flow, and the correction of
+# its cameras by that flow.
+RENDERED, DISPLACED = "render/{split}.json", "displacement/{split}.csv"
+CORRECTED = "corrected/poses_corrected.json"
+
+
+class Training(NamedTuple):
+    """One run of `alignerf.train`.
+
+    folder: of its own, below results/SCENE/. job: its slice of the config, as JSON.
+    photos, cameras: what it learns from. valid: folder of the pixels that count there;
+    None: all do. initial: the parameters that it goes on from. displacement: the CSV
+    that its search radius comes from. truth: the folder that its cameras are compared
+    with. after: the trainings that lead to it, whose costs are its own too. flows: the
+    trainings whose training views are rendered and aligned for it. prepared: folder of
+    the scene at the size that it learns at. alone: it takes the whole machine, so that
+    its seconds are its own.
+    """
+
+    scene: str
+    folder: str
+    job: str
+    photos: str
+    cameras: str
+    prepared: str
+    valid: str | None = None
+    initial: str | None = None
+    displacement: str | None = None
+    truth: str | None = None
+    after: tuple["Training", ...] = ()
+    flows: tuple["Training", ...] = ()
+    alone: bool = False
+
+    def __hash__(self):
+        """Of what tells it apart: what it needs comes many times, by several ways."""
+        return hash((self.scene, self.folder, self.job, self.photos, self.cameras))
+
+    @property
+    def path(self):
+        """Its folder."""
+        return f"results/{self.scene}/{self.folder}"
+
+    @property
+    def learnt(self):
+        """Folder of the cameras that its renders are seen by, and of warped photos."""
+        return f"{self.path}/learnt"
+
+    @property
+    def model(self):
+        """Its parameters."""
+        return f"{self.path}/model.msgpack"
+
+    @property
+    def value(self):
+        """What equal trainings have in common: all but the folder."""
+        return self._replace(folder="")
+
+    @property
+    def modules(self):
+        """Modules of the code that it runs; `train` imports the aligner by its name."""
+        return ["alignerf.train", *["alignerf.alignment.aligner"] * bool(self.aligns)]
+
+    @property
+    def aligns(self):
+        """The settings by which it aligns itself on the way, or None."""
+        return json.loads(self.job).get("align")
+
+    @property
+    def moves(self):
+        """Whether its cameras may move while it runs."""
+        return bool(self.aligns or json.loads(self.job).get("refine"))
+
+    @property
+    def warped(self):
+        """{"photos": folder, "valid": folder} that it has learnt from, if warped."""
+        if self.valid:
+            return {"photos": self.photos, "valid": self.valid}
+        if self.aligns and self.aligns["photos_at"]:
+            return {name: f"{self.learnt}/{name}" for name in ("photos", "valid")}
+        return {}
+
+    def inputs(self):
+        """{name: path} of what it reads besides the scene's own files."""
+        names = ("photos", "cameras", "valid", "initial", "displacement", "truth")
+        paths = {name: getattr(self, name) for name in names}
+        return {name: path for name, path in paths.items() if path}
+
+
+def from_photos(scene, folder, job, **more):
+    """A training on the photos as taken, with the cameras as given."""
+    whole = f"results/{scene}"
+    cameras = more.pop("cameras", f"{whole}/cameras.npz")
+    text = json.dumps(job, sort_keys=True)
+    return Training(scene, folder, text, f"{whole}/images", cameras, whole, **more)
+
+
+def corrected(training):
+    """cameras.npz of a training, put right by its flow."""
+    return f"{training.path}/corrected/cameras.npz"
+
+
+def lead_to(training):
+    """All trainings that lead to this one, in their order, and this one."""
+    return way_to(training, lambda one: one.after)
+
+
+def needs(training):
+    """All that have to be trained before it, and it; those of a search radius too."""
+    return way_to(training, lambda one: (*one.after, *one.flows))
+
+
+def way_to(training, before):
+    """What comes before a training, directly or not, in an order, and the training."""
+    way = {}
+
+    def go(one):
+        if one not in way:
+            for needed in before(one):
+                go(needed)
+            way[one] = None
+
+    go(training)
+    return list(way)
+
+
+def timings_of(training):
+    """timing.json of every training that this one needed, and its own."""
+    return [f"{one.path}/timing.json" for one in lead_to(training)]
+
+
+def reports_of(training):
+    """Reports of the rendering, the flow and the corrections between these trainings.
+
+    Of a training that a search radius is measured on, the rendering and the flow count;
+    the training itself does not: it is a row of its own.
+    """
+    way = lead_to(training)
+    rendered = dict.fromkeys(before for one in way for before in one.flows)
+    moved = [b for one in way for b in one.flows if one.cameras == corrected(b)]
+    return [
+        *(
+            f"{before.path}/{report.format(split='train')}"
+            for before in rendered
+            for report in (RENDERED, DISPLACED)
+        ),
+        *(f"{before.path}/{CORRECTED}" for before in dict.fromkeys(moved)),
+    ]

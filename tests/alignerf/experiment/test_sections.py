@@ -1,0 +1,51 @@
+"""Which sections of a config's keys a stage's code reaches.
+
+A change of a key's text, default or bound reruns the stages that reach its section: of
+the others no source has changed.
+"""
+
+import re
+
+import pytest
+
+from alignerf.experiment import sources
+
+JOB = {"fields", "method", "model", "training"}
+EVERY = JOB | {"config", "flow", "left", "scene", "scored"}
+# {stage: sections}; of a stage that is not here, none.
+REACHED = {
+    # A training takes what facts decided, and these are told by the scene's keys too.
+    "alignerf.train": JOB | {"scene"},
+    "alignerf.render_views": JOB | {"scene"},
+    "alignerf.align_test_poses": JOB | {"scene"},
+    "alignerf.decisions": JOB | {"scene"},
+    "alignerf.poses": JOB | {"scene"},
+    # The page says what the preflight says.
+    "alignerf.page": JOB | {"scene"},
+    "alignerf.tabulate": {"scene"},
+    "alignerf.evaluate": {"scored"},
+    "alignerf.config": EVERY,
+    "alignerf.preflight": EVERY,
+}
+
+
+def stages(root):
+    """Modules that the rules run."""
+    text = "".join(p.read_text() for p in (root / "workflow/rules").glob("*.smk"))
+    return sorted(set(re.findall(r"python -m ([\w.]+)", text)))
+
+
+def test_every_stage_of_the_list_is_run_by_a_rule(root):
+    assert set(REACHED) <= set(stages(root))
+
+
+def test_a_stage_reaches_its_sections_alone(root):
+    for stage in stages(root):
+        keys = [p for p in sources.reached(stage) if p.parent.name == "keys"]
+        sections = {path.stem for path in keys} - {"__init__", "key"}
+        assert sections == REACHED.get(stage, set()), stage
+
+
+@pytest.mark.parametrize("stage", ["flow.align", "alignerf.facts", "alignerf.verdict"])
+def test_what_reads_no_key_does_not_depend_on_any(stage):
+    assert not [p for p in sources.reached(stage) if p.parent.name == "keys"]

@@ -1,0 +1,263 @@
+"""Trainings are values: what is equal is trained once, and each knows what leads to it.
+
+What methods come to is in test_plan.py and test_slices.py.
+"""
+
+import json
+
+import pytest
+
+from alignerf.experiment import jobs, kinds, layout, targets, trainings
+
+HERE = "results/courtyard"
+WARM = {"from": "plain", "learning_rates": [0.005, 0.001]}
+# Of each kind that trains.
+METHODS = {
+    "plain": {"model": "base", "rounds": 2},
+    "moved": {"model": "base", "rounds": 1, "changes": "cameras"},
+    "warm": {"model": "base", "rounds": 2, "warm_start": WARM},
+    "learnt": {"model": "base", "refine": {}},
+    "aligned": {"model": "base", "align": {}},
+    "staged": {"model": "base", "alignerf": {"radius_px": "auto"}},
+    "between": {"model": "base", "alignerf": {}, "changes": "cameras"},
+}
+KINDS = {name: getattr(kinds, name, kinds.plain) for name in METHODS}
+KINDS["between"] = kinds.staged
+
+
+@pytest.fixture
+def experiment(demo, experiment_of):
+    return experiment_of(demo | {"methods": METHODS, "reference": {"method": "plain"}})
+
+
+def folders(found):
+    return [training.folder for training in found]
+
+
+def test_every_kind_makes_trainings_whose_jobs_are_right(experiment):
+    for name, method in experiment.methods.items():
+        assert kinds.of_method(method) is KINDS[name]
+        assert name in experiment.names(KINDS[name])
+        rounds = experiment.rounds_of("courtyard", name)
+        assert len(rounds) == method["rounds"] + 1
+        for training in rounds:
+            assert jobs.parse(json.loads(training.job)).stage in jobs.STAGES
+    stages = {m: json.loads(experiment.at("courtyard", m, 0).job) for m in METHODS}
+    assert {m for m, job in stages.items() if job["stage"] != "full"} == {
+        *("staged", "between"),
+    }
+
+
+def test_equal_trainings_are_one_object(demo, experiment_of):
+    """Whatever the kind of their methods, under the name of the first."""
+    same = {f"{name}_again": method for name, method in METHODS.items()}
+    demo |= {"methods": METHODS | same, "reference": {"method": "plain"}}
+    experiment = experiment_of(demo)
+    for name in METHODS:
+        first, again = (
+            experiment.rounds_of("courtyard", m) for m in (name, f"{name}_again")
+        )
+        for one, other in zip(first, again, strict=True):
+            assert one is other
+            assert other.folder.partition("/")[0] in (name, "plain")
+    # Nothing that is trained has the second's name, and so no row has.
+    assert not [f for f in experiment.trainings("courtyard") if "_again" in f]
+    assert not [m for m, _ in experiment.all_rounds("courtyard") if "_again" in m]
+    # Its exports are of the first's training.
+    paths = targets.exports(experiment)
+    assert f"{HERE}/aligned_again/export/cameras" in paths
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("plain", {"model": "large"}),
+        ("learnt", {"refine": {"learning_rates": [0.01, 0.001]}}),
+        ("aligned", {"align": {"shrink": 2}}),
+        ("staged", {"alignerf": {"radius_px": 3}}),
+        ("warm", {"warm_start": WARM | {"learning_rates": [0.01, 0.001]}}),
+    ],
+)
+def test_unequal_jobs_are_not_shared(demo, experiment_of, name, change):
+    methods = METHODS | {"other": METHODS[name] | change}
+    demo |= {"methods": methods, "reference": {"method": "plain"}}
+    experiment = experiment_of(demo)
+    ours, theirs = (experiment.rounds_of("courtyard", m)[-1] for m in (name, "other"))
+    assert ours.job != theirs.job
+    assert ours.value != theirs.value
+    assert theirs.folder == f"other/round{METHODS[name].get('rounds', 0)}"
+
+
+def test_equal_jobs_of_other_photos_are_not_shared(experiment):
+    """The first rounds have one job; one learns from warped photos."""
+    warped, moved = (experiment.at("courtyard", m, 1) for m in ("plain", "moved"))
+    assert warped.job == moved.job
+    assert warped.value != moved.value
+
+
+def test_a_warm_method_begins_with_anothers_training(experiment):
+    plain, warm = (experiment.rounds_of("courtyard", m) for m in ("plain", "warm"))
+    assert warm[0] is plain[0]
+    assert folders(warm) == ["plain/round0", "warm/round1", "warm/round2"]
+    assert [t.initial for t in warm] == [None, plain[0].model, warm[1].model]
+    # What it warps is what the other has rendered.
+    assert warm[1].photos == plain[1].photos
+    assert warm[1].after == (plain[0],)
+
+
+def test_the_way_to_a_training_is_in_its_order(experiment):
+    def way(method, round):
+        training = experiment.at("courtyard", method, round)
+        return [folders(of(training)) for of in (trainings.lead_to, trainings.needs)]
+
+    rounds = ["plain/round0", "plain/round1", "plain/round2"]
+    assert way("plain", 2) == [rounds, rounds]
+    assert way("aligned", 0) == [["aligned/round0"]] * 2
+    own = ["pretrain/base", "between/round0"]
+    assert way("between", 0) == [own, own]
+    # A search radius is measured on a training that is no part of the way.
+    own = ["pretrain/base", "staged/round0"]
+    assert way("staged", 0) == [own, ["pretrain/base", "plain/round0", own[-1]]]
+
+
+def test_none_of_a_scenes_trainings_stands_before_what_it_needs(experiment):
+    known = []
+    for folder, training in experiment.trainings("courtyard").items():
+        assert training.folder == folder
+        assert experiment.training("courtyard", folder) is training
+        known.append(training)
+        assert {*trainings.needs(training)} <= {*known}
+    assert {"pretrain/base", "tradeoff/base", "warm/round2"} <= {*folders(known)}
+
+
+def test_what_a_training_took_is_told_by_files(experiment):
+    def told(method, round):
+        training = experiment.at("courtyard", method, round)
+        found = trainings.timings_of(training), trainings.reports_of(training)
+        return [[path.removeprefix(f"{HERE}/") for path in paths] for paths in found]
+
+    def of(folder, *more):
+        return [f"{folder}/{name}" for name in ("render/train.json", *more)]
+
+    moves, corrects = "displacement/train.csv", "corrected/poses_corrected.json"
+    assert told("plain", 0) == told("moved", 0) == [["plain/round0/timing.json"], []]
+    assert told("plain", 2) == [
+        [f"plain/round{k}/timing.json" for k in range(3)],
+        [*of("plain/round0", moves), *of("plain/round1", moves)],
+    ]
+    assert told("moved", 1) == [
+        ["plain/round0/timing.json", "moved/round1/timing.json"],
+        of("plain/round0", moves, corrects),
+    ]
+    assert told("between", 0) == [
+        ["pretrain/base/timing.json", "between/round0/timing.json"],
+        of("pretrain/base", moves, corrects),
+    ]
+    # Renders and flow that a radius is measured on count, their training does not.
+    assert told("staged", 0) == [
+        ["pretrain/base/timing.json", "staged/round0/timing.json"],
+        of("plain/round0", moves),
+    ]
+
+
+def test_training_views_are_rendered_where_they_are_looked_at(demo, experiment_of):
+    experiment = experiment_of(
+        demo | {"methods": METHODS, "reference": {"method": "plain"}}
+    )
+
+    def splits(folder):
+        return experiment.splits("courtyard", folder)
+
+    both = ["train", "test"]
+    assert splits("plain/round0") == splits("plain/round1") == both
+    assert splits("warm/round1") == both
+    for folder in ("plain/round2", "moved/round1", "aligned/round0", "staged/round0"):
+        assert splits(folder) == ["test"], folder
+    # Of a pre-training, those that cameras are put right by, and no test view.
+    assert splits("pretrain/base") == ["train"]
+    assert splits("tradeoff/base") == ["test"]
+    methods = {name: METHODS[name] for name in ("plain", "staged")}
+    experiment = experiment_of(
+        demo | {"methods": methods, "reference": {"method": "plain"}}
+    )
+    assert splits("pretrain/base") == []
+
+
+def test_photos_that_a_training_has_warped_are_known(demo, experiment_of):
+    alone = METHODS["aligned"] | {"align": {"photos_at": []}}
+    methods = METHODS | {"cameras_alone": alone}
+    demo |= {"methods": methods, "reference": {"method": "plain"}}
+    experiment = experiment_of(demo)
+
+    def warped(method, round):
+        return experiment.at("courtyard", method, round).warped
+
+    assert warped("plain", 0) == warped("moved", 1) == warped("staged", 0) == {}
+    before = f"{HERE}/plain/round0"
+    wanted = {"photos": f"{before}/warped/train", "valid": f"{before}/flow/train"}
+    assert warped("plain", 1) == wanted
+    # On the way it warps its own.
+    learnt = f"{HERE}/aligned/round0/learnt"
+    wanted = {"photos": f"{learnt}/photos", "valid": f"{learnt}/valid"}
+    assert warped("aligned", 0) == wanted
+    assert warped("cameras_alone", 0) == {}
+
+
+def test_cameras_that_move_are_compared_with_a_truth_that_is_known(
+    demo, tmp_path, experiment_of
+):
+    demo["scenes"]["own"] = {"source": "photos", "path": str(tmp_path)}
+    experiment = experiment_of(
+        demo | {"methods": METHODS, "reference": {"method": "plain"}}
+    )
+    truths = {
+        (scene, method): experiment.at(scene, method, 0).truth
+        for scene in experiment.scenes
+        for method in METHODS
+    }
+    wanted = {("courtyard", method) for method in ("learnt", "aligned")}
+    assert {key for key, truth in truths.items() if truth} == wanted
+    assert {truths[key] for key in wanted} == {f"{HERE}/truth"}
+
+
+def test_only_what_aligns_itself_depends_on_the_flows_code(experiment):
+    for folder, training in experiment.trainings("courtyard").items():
+        aligns = "alignerf.alignment.aligner" in training.modules
+        assert aligns == (folder == "aligned/round0"), folder
+
+
+@pytest.mark.parametrize(
+    ("path", "output"),
+    [
+        ("a/plain/round0/renders/test", "a/plain/round0/renders"),
+        ("a/plain/round0/depth/train", "a/plain/round0/depth"),
+        ("a/pretrain/base/render/train.json", "a/pretrain/base/render"),
+        ("a/plain/round0/displacement/test.csv", "a/plain/round0/displacement"),
+        ("a/plain/round0/flow/train", "a/plain/round0/flow"),
+        ("a/plain/round0/warped/train", "a/plain/round0/warped"),
+        ("a/plain/round0/learnt/cameras.npz", "a/plain/round0/learnt"),
+        ("a/plain/round0/learnt/photos", "a/plain/round0/learnt"),
+        *(
+            (path, path)
+            for path in (
+                *("a/cameras.npz", "a/images", "a/testset/flow", "a/testset/warped"),
+                *("a/plain/round0/learnt", "a/plain/round0/renders", "a/truth"),
+                *("a/plain/round0/flow_oracle/test", "a/plain/round0/timing.json"),
+                *("a/plain/round0/parts/test", "a/plain/round0/parts_photos/train"),
+                "a/plain/round0/decomposition_test.csv",
+                "a/plain/round0/corrected/cameras.npz",
+            )
+        ),
+    ],
+)
+def test_a_path_lies_in_the_output_of_a_rule(path, output):
+    assert layout.output_of(f"results/{path}") == f"results/{output}"
+    # What is no result of this experiment is left as it is.
+    assert layout.output_of(f"other/{path}") == f"other/{path}"
+
+
+def test_an_output_is_waited_for_once():
+    paths = ["results/a/m/round0/flow/train", "results/a/m/round0/flow/test"]
+    assert layout.outputs_of(paths) == ["results/a/m/round0/flow"]
+    named = dict(zip(("one", "two"), paths, strict=True))
+    assert layout.outputs_of(named) == dict.fromkeys(named, "results/a/m/round0/flow")
