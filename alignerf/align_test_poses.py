@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from alignerf.command import archives, faults, images, machine, progress, whole
+from alignerf.files import archives, atomic, faults, images, machine, progress
 from alignerf.scenes import pose_error, prepared
 from alignerf.systems import pose_fit
 from alignerf.training import devices, renderer
@@ -80,7 +80,7 @@ def main(argv=None):
     todo = [(view, *kind) for kind in kinds for view in loaded.views("test")]
     rows = []
     with ExitStack() as stack:
-        out = stack.enter_context(whole.replace_folder(args.out))
+        out = stack.enter_context(atomic.replace_folder(args.out))
         for fit, target in kinds:
             (out / (FITS[fit] + target.suffix)).mkdir()
         bar = progress.Progress("align test poses", len(todo), unit="view")

@@ -10,9 +10,9 @@ import copy
 
 import yaml
 
-from alignerf.command import faults, whole, yaml_files
 from alignerf.experiment import check, jobs, schema
 from alignerf.experiment.keys import config as config_keys
+from alignerf.files import atomic, faults, yaml_files
 
 HEAD = "# Every key of a config, made by `python -m alignerf.config --schema`.\n"
 
@@ -36,7 +36,7 @@ def main(argv=None):
     if args.config:
         config = jobs.read(args.config)
         check.checked(copy.deepcopy(config))
-        with whole.replace_file(args.out) as path:
+        with atomic.replace_file(args.out) as path:
             path.write_text(as_yaml(config))
 
 

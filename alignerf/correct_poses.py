@@ -19,7 +19,7 @@ import time
 import numpy as np
 
 from alignerf.alignment import cameras
-from alignerf.command import archives, faults, whole
+from alignerf.files import archives, atomic, faults
 from alignerf.scenes import pose_error, prepared
 from flow.camera import correct
 from flow.warping import files
@@ -55,8 +55,8 @@ def main(argv=None):
     ]
     # Entered first, so in place last: the report says that the cameras are whole.
     with (
-        whole.replace_file(args.report) as report_path,
-        whole.replace_file(args.out) as path,
+        atomic.replace_file(args.report) as report_path,
+        atomic.replace_file(args.out) as path,
     ):
         moved = cameras.moved_views(train, found)
         prepared.write_cameras(path, after, args.cameras, moved)

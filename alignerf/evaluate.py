@@ -33,8 +33,8 @@ import pathlib
 import numpy as np
 import pandas as pd
 
-from alignerf.command import archives, faults, whole
 from alignerf.experiment.keys import scored as scored_keys
+from alignerf.files import archives, atomic, faults
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
 
@@ -86,7 +86,7 @@ def main(argv=None):
             note = "; ".join(n for n in (row.pop("note"), missing) if n)
             name = {"view": loaded.names[view], "test_set": test_set}
             rows.append(name | row | {"note": note})
-    with whole.replace_file(args.metrics) as path:
+    with atomic.replace_file(args.metrics) as path:
         pd.DataFrame(rows, columns=COLUMNS).to_csv(path, index=False)
 
 

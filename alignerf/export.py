@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from alignerf.command import archives, faults, images, json_files, whole
+from alignerf.files import archives, atomic, faults, images, json_files
 from alignerf.scenes import exported, prepared
 
 log = logging.getLogger("alignerf")
@@ -31,7 +31,7 @@ def main(argv=None):
     found = prepared.read_cameras(args.cameras or loaded.folder / "cameras.npz")
     warped = loaded.views("train") if args.warped else np.zeros(0, int)
     synthetic = source_of(loaded.folder) == "blender"
-    with whole.replace_folder(args.out) as folder:
+    with atomic.replace_folder(args.out) as folder:
         (folder / "images").mkdir()
         for view, name in enumerate(loaded.names):
             source = args.warped if view in warped else loaded.folder / "images"

@@ -11,7 +11,7 @@ import json
 
 import numpy as np
 
-from alignerf.command import archives, faults, json_files, whole
+from alignerf.files import archives, atomic, faults, json_files
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import cameras, prepared
 
@@ -43,7 +43,7 @@ def main(argv=None):
         **pose_facts(loaded.folder / "poses.json"),
         **photo_facts(images, loaded.names, prepared.read_masks(loaded, everything)),
     }
-    with whole.replace_file(args.facts) as path:
+    with atomic.replace_file(args.facts) as path:
         path.write_text(json.dumps(facts, indent=1))
 
 

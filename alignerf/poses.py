@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import faults, images, whole
 from alignerf.experiment import jobs, schema
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
+from alignerf.files import atomic, faults, images
 from alignerf.scenes import (
     blender,
     cameras,
@@ -48,7 +48,7 @@ def main(config, out):
     started = time.monotonic()
     config = checked(config)
     out = Path(out)
-    with whole.scratch_folder(out) as scratch:
+    with atomic.scratch_folder(out) as scratch:
         views, told, scene = READERS[config["source"]](config, scratch)
         photo_size = views.width, views.height
         views = prepare.sort_by_name(views)
@@ -87,7 +87,7 @@ def main(config, out):
                 perturb_px=config["perturb_px"],
             )
         if (scratch / "colmap").is_dir():
-            whole.move(scratch / "colmap", fresh / "colmap")
+            atomic.move(scratch / "colmap", fresh / "colmap")
         told |= describe_views(views, photo_size, split, config)
         told["time_s"] = round(time.monotonic() - started, 1)
         (fresh / "poses.json").write_text(json.dumps(told, indent=1) + "\n")
@@ -280,7 +280,7 @@ def publish(fresh, out):
     """Move what was made into the scene's folder, the report last."""
     for name in PRODUCTS:
         if (fresh / name).exists():
-            whole.move(fresh / name, out / name)
+            atomic.move(fresh / name, out / name)
         elif (out / name).exists():
             # Left by another source of the same scene name, and no longer true.
             if (out / name).is_dir():

@@ -17,7 +17,7 @@ import time
 
 import numpy as np
 
-from alignerf.command import faults, images, machine, progress, split_paths, whole
+from alignerf.files import atomic, faults, images, machine, progress, split_paths
 from alignerf.preflight import eta
 from alignerf.scenes import prepared
 from alignerf.training import devices, renderer
@@ -29,7 +29,7 @@ def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
     devices.take_accelerator()
-    if left := eta.Left(args.scene, split_paths.of(args.timing, args.splits[-1])).of():
+    if left := eta.Left(args.scene, split_paths.fill(args.timing, args.splits[-1])).words():
         log.info(left)
     split_paths.check(args.splits, (args.renders, args.depth, args.timing))
     start = time.perf_counter()
@@ -38,12 +38,12 @@ def main(argv=None):
     render = renderer.make_renderer(method, params, loaded.width, loaded.height)
     for split in args.splits:
         # What comes before the first view is counted with the first split.
-        folders = [split_paths.of(path, split) for path in (args.renders, args.depth)]
+        folders = [split_paths.fill(path, split) for path in (args.renders, args.depth)]
         rendered = render_split(loaded, split, render, *folders)
         now = time.perf_counter()
         timing = {"time_s": round(now - start, 3), **rendered}
         start = now
-        with whole.replace_file(split_paths.of(args.timing, split)) as path:
+        with atomic.replace_file(split_paths.fill(args.timing, split)) as path:
             path.write_text(json.dumps(timing))
 
 
@@ -54,7 +54,7 @@ def render_split(loaded: prepared.Scene, split, render, renders, depth=None):
     with contextlib.ExitStack() as stack:
         stack.enter_context(contextlib.closing(bar))
         folder, depths = (
-            path and stack.enter_context(whole.replace_folder(path))
+            path and stack.enter_context(atomic.replace_folder(path))
             for path in (renders, depth)
         )
 

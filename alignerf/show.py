@@ -7,8 +7,8 @@ import sys
 
 import pandas as pd
 
-from alignerf.command import csv_files, faults, yaml_files
 from alignerf.experiment import targets
+from alignerf.files import csv_files, faults, yaml_files
 from alignerf.tables import scores
 
 # Columns of controls.csv that are shown.

@@ -7,7 +7,7 @@ smaller photos can be rendered and scored at the scene's own size.
 import argparse
 import pathlib
 
-from alignerf.command import archives, faults, images, whole
+from alignerf.files import archives, atomic, faults, images
 from alignerf.scenes import prepare, prepared
 
 
@@ -40,11 +40,11 @@ def main(argv=None):
     )
     smaller = prepare.downscale(views, args.factor)
     out = pathlib.Path(args.out)
-    with whole.scratch_folder(out) as scratch:
+    with atomic.scratch_folder(out) as scratch:
         fresh = scratch / "new"
         prepare.write_views(fresh, smaller, split=loaded.split)
         for path in fresh.iterdir():
-            whole.move(path, out / path.name)
+            atomic.move(path, out / path.name)
 
 
 if __name__ == "__main__":

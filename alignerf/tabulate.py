@@ -9,8 +9,8 @@ import types
 from pathlib import Path
 from typing import NamedTuple
 
-from alignerf.command import faults
 from alignerf.experiment.tables import rows as table_rows
+from alignerf.files import faults
 from alignerf.tables import controls, displacement, misalignment, ranking, round_times
 from alignerf.tables import files as table_files
 

@@ -19,12 +19,12 @@ from pathlib import Path
 
 import jax
 
-from alignerf.command import archives, faults, machine, whole
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.decisions import fill
 from alignerf.experiment import jobs
+from alignerf.files import archives, atomic, faults, machine
 from alignerf.preflight import eta
-from alignerf.processes import agree, place, together
+from alignerf.processes import consensus, rank, rendezvous
 from alignerf.scenes import pose_error, prepared
 from alignerf.systems import refine
 from alignerf.training import (
@@ -43,7 +43,7 @@ log = logging.getLogger("alignerf")
 def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
-    with together.together():
+    with rendezvous.together():
         devices.take_accelerator()
         run(args)
 
@@ -52,16 +52,16 @@ def run(args):
     """Train, and write what came out; with several processes only the first writes."""
     job = with_radius(fill.read_job(args.config), args.displacement)
     with contextlib.ExitStack() as stack:
-        if place.is_first():
+        if rank.is_first():
             # Before all that takes time: a second trainer is refused at once.
             stack.enter_context(checkpoint.lock(args.checkpoints))
         params, timing = train(job, args)
-    if not place.is_first():
+    if not rank.is_first():
         return
     if job.stage == "finetune":
         timing["radius_px"] = job.alignerf.radius_px
     checkpoint.write_params(args.model, params)
-    with whole.replace_file(args.timing) as path:
+    with atomic.replace_file(args.timing) as path:
         path.write_text(json.dumps(timing, indent=1))
 
 
@@ -99,7 +99,9 @@ def train(job, args):
     if program.hashed(job.model):
         # An MLP gains little by it, and each device holds all its parameters.
         devices.use_as_devices()
-    agree.check_same(checkpoint.fingerprint(jobs.as_dict(job), args.sources), "config")
+    consensus.check_same(
+        checkpoint.fingerprint(jobs.as_dict(job), args.sources), "config"
+    )
     loaded = prepared.load(args.scene, args.cameras)
     check_patches(job, loaded)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
@@ -118,17 +120,17 @@ def train(job, args):
     for free in (memory.free_host_bytes(), memory.free_bytes(jax.local_devices()[0])):
         memory.check(to_come, free, f"{photos}: training views")
     left = eta.Left(args.scene, args.timing)
-    if text := left.of():
+    if text := left.words():
         log.info(text)
     # Whether the checkpoint is this job's shows when the photos are there.
-    parts = agree.on(checkpoint.read_parts(args.checkpoints))
+    parts = consensus.on(checkpoint.read_parts(args.checkpoints))
     built = program.build(job, method, params, shapes, parts=parts, to_come=to_come)
     views = batches.load_views(loaded, chosen, photos, args.valid)
     params, timing = loop.fit(
         *(job, method, built, params, views, args.checkpoints),
         names=[loaded.names[view] for view in chosen],
         sources=args.sources + weights_digest(job),
-        note=left.of,
+        note=left.words,
         aligner=aligner,
     )
     moved = loaded
@@ -136,8 +138,8 @@ def train(job, args):
         moved = aligner.now
     elif job.refine:
         moved = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
-    if place.is_first():
-        with whole.replace_folder(args.learnt) as folder:
+    if rank.is_first():
+        with atomic.replace_folder(args.learnt) as folder:
             if job.align:
                 aligner.write(folder, views, args.cameras)
             elif job.refine:

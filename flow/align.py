@@ -13,7 +13,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from alignerf.command import faults, split_paths
+from alignerf.files import faults, split_paths
 from flow.estimation import arguments as arguments_of_flow
 from flow.estimation import estimate, folders, given
 
@@ -28,7 +28,7 @@ def main(*, splits, flow_out, stats_out, warped_out=None, **options):
     for split in splits or [split_paths.MARK]:
 
         def of_split(value, split=split):
-            return split_paths.of(value, split) if isinstance(value, Path) else value
+            return split_paths.fill(value, split) if isinstance(value, Path) else value
 
         folders.align(
             **{name: of_split(value) for name, value in options.items()},

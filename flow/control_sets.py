@@ -23,7 +23,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from alignerf.command import faults, images, machine, progress, whole
+from alignerf.files import atomic, faults, images, machine, progress
 from flow.estimation import arguments as arguments_of_flow
 from flow.estimation import estimate, pairs
 from flow.warping import controls, files, lengths, warp
@@ -44,10 +44,10 @@ def main(renders, photos, flow, out, *, truth=None, masks=None, **options):
     found = pairs.find_pairs(Path(renders), Path(photos))
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
-        table = stack.enter_context(whole.replace_file(Path(out) / "leak.csv"))
+        table = stack.enter_context(atomic.replace_file(Path(out) / "leak.csv"))
         folders = {}
         for kind in (*IMAGES, "leak_flow"):
-            place = whole.replace_folder(Path(out) / kind)
+            place = atomic.replace_folder(Path(out) / kind)
             folders[kind] = stack.enter_context(place)
 
         def row_of(one):

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import archives, faults, whole
+from alignerf.files import archives, atomic, faults
 from flow.camera import fit as camera_fit
 from flow.estimation import arguments as arguments_of_flow
 from flow.estimation import folders
@@ -71,8 +71,8 @@ def write(renders_depth, flow, cameras, split, out_flow, stats_out, model_flow=N
     rows = []
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folder is whole.
-        stats_path = stack.enter_context(whole.replace_file(stats_out))
-        folder = stack.enter_context(whole.replace_folder(out_flow))
+        stats_path = stack.enter_context(atomic.replace_file(stats_out))
+        folder = stack.enter_context(atomic.replace_folder(out_flow))
         found_cameras = files.read_split(cameras, split, "pixtocams")
         for view, (pixtocam,) in found_cameras.items():
             started = time.perf_counter()
@@ -186,7 +186,7 @@ def write_parts(path, found: camera_fit.Fit, model_px):
     parts = {} if model_px is None else {"model_px": model_px}
     for name in ("camera_px", "remainder_px", "valid", "moved"):
         parts[name] = getattr(found, name)
-    with whole.replace_file(path) as temporary, open(temporary, "wb") as file:
+    with atomic.replace_file(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, **parts)
 
 

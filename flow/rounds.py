@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import faults, json_files, whole
+from alignerf.files import atomic, faults, json_files
 from flow.warping import files
 
 # A smaller share is within what a training's random numbers change.
@@ -76,7 +76,7 @@ def main(out, *, flow=None, before_flow=None, corrections=None, before=None):
         now_px = remaining_px(flow, before_flow)
     goes_on, reason = decide(now_px, before and read_number(before, "remaining_px"))
     found = {"go_on": goes_on, "reason": reason, "remaining_px": now_px}
-    with whole.replace_file(out) as path:
+    with atomic.replace_file(out) as path:
         path.write_text(json.dumps(found) + "\n")
 
 

@@ -10,7 +10,7 @@ from jax.experimental.compilation_cache import compilation_cache
 from PIL import Image
 
 from alignerf import train
-from alignerf.command import faults
+from alignerf.files import faults
 from alignerf.scenes import cameras
 from alignerf.training import checkpoint, loop
 

@@ -1,4 +1,4 @@
-"""One of several processes that train: run by test_together, with its number set.
+"""One of several processes that train: run by test_rendezvous, with its number set.
 
 Writes the loss of each step as JSON lines. What is to befall it is said by name.
 """
@@ -10,8 +10,8 @@ import signal
 import sys
 
 from alignerf import train
-from alignerf.command import faults
-from alignerf.processes import place, together
+from alignerf.files import faults
+from alignerf.processes import rank, rendezvous
 from alignerf.training import checkpoint, loop
 
 
@@ -23,15 +23,15 @@ def main():
     # The first process ends after this step, or the last one freezes before it.
     parser.add_argument("--dies-at", type=int)
     parser.add_argument("--freezes-at", type=int)
-    parser.add_argument("--silent-s", type=int, default=together.SILENT_S)
+    parser.add_argument("--silent-s", type=int, default=rendezvous.SILENT_S)
     # Trained once more, from the beginning, in another folder.
     parser.add_argument("--again")
     args = parser.parse_args()
-    together.SILENT_S, together.HOLD_S = args.silent_s, 0.0
+    rendezvous.SILENT_S, rendezvous.HOLD_S = args.silent_s, 0.0
     loop.FETCH_EVERY, loop.CHECKPOINT_EVERY_S = 1, 0.0
     todo = [out for out in (args.out, args.again) if out]
     let_happen(args, todo)
-    with together.together():
+    with rendezvous.together():
         while todo:
             train.run(train.parse(arguments(args, todo.pop(0))))
 
@@ -57,7 +57,7 @@ def let_happen(args, todo):
 
     def check_and_freeze(state):
         check(state)
-        here = place.here()
+        here = rank.here()
         is_last = here.number == here.count - 1
         if not todo and is_last and int(state.step) == args.freezes_at:
             os.kill(os.getpid(), signal.SIGSTOP)

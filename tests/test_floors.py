@@ -16,7 +16,7 @@ SOURCES = {
 }
 # Lowest first. A folder imports itself and folders of lower floors, nothing else.
 FLOORS = [
-    {"alignerf.command", "alignerf.mipnerf360"},
+    {"alignerf.files", "alignerf.mipnerf360"},
     {"alignerf.experiment", "alignerf.processes"},
     {
         *("alignerf.fields", "alignerf.scenes", "alignerf.metrics", "alignerf.tables"),
@@ -123,7 +123,7 @@ def test_no_folder_holds_too_many_modules():
 @pytest.mark.parametrize("name", [n for n in MODULES if n.startswith("flow.")])
 def test_the_flow_reaches_the_commands_tools_only_and_no_jax(name):
     for module in reached(name) - {"alignerf.__init__"}:
-        assert module.startswith("flow.") or folder(module) == "alignerf.command"
+        assert module.startswith("flow.") or folder(module) == "alignerf.files"
         assert not {full.split(".")[0] for full in imports(module)} & JAX
 
 

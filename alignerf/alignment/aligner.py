@@ -15,7 +15,7 @@ import numpy as np
 
 from alignerf.alignment import cameras, look, outputs, photos, store, words
 from alignerf.experiment import jobs
-from alignerf.processes import agree, place
+from alignerf.processes import consensus, rank
 from alignerf.scenes import prepared
 from alignerf.training import compose, devices, memory, renderer
 from flow.camera import correct
@@ -77,14 +77,14 @@ class Aligner:
         One that is done before this very step is not made again.
         """
         found = None
-        if place.is_first():
+        if rank.is_first():
             found = store.read(self.folder, identity=self.identity, size=self.sizes())
-        aligned = agree.on(found and found[1]["step"])
+        aligned = consensus.on(found and found[1]["step"])
         last = max((at for at in self.places if at < step), default=None)
         if aligned is None or aligned not in (step, last):
             return last is None
         self.take(shared(found and found[0]))
-        self.report = agree.on(found and found[1]["report"])
+        self.report = consensus.on(found and found[1]["report"])
         if aligned == step:
             del self.places[step]
         return True
@@ -94,7 +94,7 @@ class Aligner:
         begun, compiled_s = time.perf_counter(), self.compile_time_s
         kinds = self.places[step]
         arrays, row = None, {}
-        if place.is_first():
+        if rank.is_first():
             seen = list(self.look(devices.on_first(params)))
             row = {"step": step, "corrects": kinds, "shrink": self.k}
             row |= words.flow_length(seen, self.k)
@@ -111,8 +111,8 @@ class Aligner:
             del seen
         self.take(shared(arrays))
         took_s = time.perf_counter() - begun - (self.compile_time_s - compiled_s)
-        self.report.append(agree.on(row | {"time_s": round(took_s, 3)}))
-        if place.is_first():
+        self.report.append(consensus.on(row | {"time_s": round(took_s, 3)}))
+        if rank.is_first():
             store.write(
                 self.folder,
                 arrays,
@@ -271,7 +271,7 @@ class Aligner:
 
 def shared(arrays):
     """The first process's arrays {name: array}, to the bit, in all of them."""
-    if not place.are_several():
+    if not rank.are_several():
         return arrays
     packed = flax.serialization.msgpack_serialize(arrays) if arrays else b""
-    return flax.serialization.msgpack_restore(agree.on_bytes(packed))
+    return flax.serialization.msgpack_restore(consensus.on_bytes(packed))

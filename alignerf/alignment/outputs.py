@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.scenes import prepared
 from alignerf.training import batches
 

@@ -6,7 +6,7 @@ k: where a pixel of a render is seen in the photo.
 
 import numpy as np
 
-from alignerf.command import machine
+from alignerf.files import machine
 from alignerf.scenes import prepared
 from alignerf.training import batches
 from flow.camera import correct

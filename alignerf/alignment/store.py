@@ -14,7 +14,7 @@ import re
 import flax.serialization
 import numpy as np
 
-from alignerf.command import json_files
+from alignerf.files import json_files
 from alignerf.training import checkpoint
 
 log = logging.getLogger("alignerf")

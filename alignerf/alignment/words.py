@@ -4,7 +4,7 @@ import logging
 
 import numpy as np
 
-from alignerf.command import faults
+from alignerf.files import faults
 
 log = logging.getLogger("alignerf")
 

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from alignerf.command import csv_files
+from alignerf.files import csv_files
 
 log = logging.getLogger("alignerf")
 

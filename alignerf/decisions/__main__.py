@@ -9,8 +9,8 @@ import argparse
 import json
 from pathlib import Path
 
-from alignerf.command import faults, json_files, whole
 from alignerf.decisions import fill, rules
+from alignerf.files import atomic, faults, json_files
 
 
 def main(argv=None):
@@ -27,7 +27,7 @@ def main(argv=None):
         return
     decisions = rules.decide(read_facts(args.facts))
     content = {"decisions": [decision._asdict() for decision in decisions]}
-    with whole.replace_file(args.out) as path:
+    with atomic.replace_file(args.out) as path:
         path.write_text(json.dumps(content, indent=1) + "\n")
     print("\n".join(map(rules.line, decisions)))
 

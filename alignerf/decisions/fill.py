@@ -1,9 +1,9 @@
 """Jobs with what the facts decided, and the file that says what that is."""
 
-from alignerf.command import json_files
 from alignerf.decisions import rules
 from alignerf.experiment import jobs
 from alignerf.experiment.keys import training as training_keys
+from alignerf.files import json_files
 
 
 def read_job(text) -> jobs.Job:

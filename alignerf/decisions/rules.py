@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from alignerf.command import json_files
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys import training as training_keys
+from alignerf.files import json_files
 
 # Of the nearest point's distance: COLMAP's points are corners, smooth surfaces may be
 # nearer.

@@ -1,7 +1,7 @@
 """Command-line options of the flow's settings, and the files that it reads."""
 
-from alignerf.command import split_paths
 from alignerf.experiment import trainings
+from alignerf.files import split_paths
 
 # Folders of flow.control_sets beside the warped test set.
 CONTROL_SETS = (

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from alignerf.command import faults, yaml_files
 from alignerf.experiment import schema
 from alignerf.experiment.checks import filled, methods, models, names, scenes
 from alignerf.experiment.checks.common import fault, is_there
@@ -11,6 +10,7 @@ from alignerf.experiment.keys import left as left_keys
 from alignerf.experiment.keys import method as method_keys
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys import training as training_keys
+from alignerf.files import faults, yaml_files
 
 # The Snakefile asks nothing but this package.
 or_exit = faults.or_exit

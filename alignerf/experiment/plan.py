@@ -8,9 +8,9 @@ import functools
 import itertools
 import re
 
-from alignerf.command import json_files
 from alignerf.experiment import kinds, sweep, trainings
 from alignerf.experiment.keys import scene as scene_keys
+from alignerf.files import json_files
 
 
 def kept(method):

@@ -10,7 +10,7 @@ import os
 import sys
 from pathlib import Path
 
-from alignerf.command import machine, provenance
+from alignerf.files import machine, provenance
 
 ROOT, LOCK = provenance.ROOT, provenance.LOCK
 # Threads of a job that shares the machine with no other: Snakemake lowers them to its

@@ -6,9 +6,9 @@ import re
 import sys
 from pathlib import Path
 
-from alignerf.command import faults, whole
 from alignerf.experiment import kinds
-from alignerf.experiment.cluster import ends
+from alignerf.experiment.cluster import slurm_errors
+from alignerf.files import atomic, faults
 
 TABLES = ("misalignment", "round_times", "controls", "displacement")
 # Not in Snakemake's report.
@@ -109,8 +109,8 @@ def causes(snakemake_logs):
         named = [found for one in FAILED_LOGS for found in one.findall(text)]
         # The second quotes a name with spaces.
         of_jobs = [log.strip("'") for names in named for log in names.split(", ")]
-        ended += ends.lines(text, of_jobs)
-        logs += [log for log in of_jobs if not ends.is_slurms(log)]
+        ended += slurm_errors.lines(text, of_jobs)
+        logs += [log for log in of_jobs if not slurm_errors.is_slurms(log)]
     paths = map(Path, dict.fromkeys(logs))
     found = ended + [line for path in paths for line in cause(path)]
     if found:
@@ -123,11 +123,11 @@ def tidy(scenes):
 
     And bring times back that lie in the future.
     """
-    found = [path for name in scenes for path in whole.sweep(f"results/{name}")]
+    found = [path for name in scenes for path in atomic.sweep(f"results/{name}")]
     if found:
         few = faults.some_names(list(map(str, found)))
         print(f"removed what a killed run had half written: {few}", file=sys.stderr)
-    if count := sum(whole.bring_back(f"results/{name}") for name in scenes):
+    if count := sum(atomic.bring_back(f"results/{name}") for name in scenes):
         print(
             f"{count} files were from the future: their times are now (was the clock "
             "set back?)",

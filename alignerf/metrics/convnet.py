@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.command import archives
+from alignerf.files import archives
 
 # GPUs would round products to ten bits by default: 1e-3 of a metric's value.
 PRECISION = jax.lax.Precision.HIGHEST

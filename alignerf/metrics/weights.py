@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.command import faults, progress, whole
+from alignerf.files import atomic, faults, progress
 from alignerf.metrics import lpips, torch_files, vgg19
 
 BLOCK_BYTES = 1 << 20
@@ -119,7 +119,7 @@ def main(argv=None):
     out = pathlib.Path(args.out)
     if out.suffix != ".npz":
         raise ValueError(f"--out: {out} does not end in .npz")
-    with whole.scratch_folder(out.parent) as scratch:
+    with atomic.scratch_folder(out.parent) as scratch:
         # The small file first: what is wrong with it shows before a long download.
         if args.what in HEADS:
             found = find(args.heads, HEADS[args.what], scratch, args.any_file)
@@ -127,7 +127,7 @@ def main(argv=None):
         else:
             rest = {"mean": np.float32(MEAN), "std": np.float32(STD)}
         found = find(args.backbone, BACKBONES[args.what], scratch, args.any_file)
-        with whole.replace_file(out) as path:
+        with atomic.replace_file(out) as path:
             np.savez(path, **layers_of(args.what, found), **rest)
 
 

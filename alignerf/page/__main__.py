@@ -11,8 +11,8 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from alignerf.command import csv_files, faults, json_files, whole
 from alignerf.experiment.tables import rows
+from alignerf.files import atomic, csv_files, faults, json_files
 from alignerf.page import contents, pictures
 from alignerf.verdict import views
 
@@ -28,7 +28,7 @@ def main(argv=None):
         others={r.method: (r.renders, r.flow) for r in found if r.method is not None},
         base=args.base,
     )
-    with whole.replace_file(args.out) as path:
+    with atomic.replace_file(args.out) as path:
         path.write_text(page, encoding="utf-8")
     print(f"page     {args.out} ({len(page) / 1e6:.1f} MB)")
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from alignerf.command import csv_files, json_files, yaml_files
 from alignerf.decisions import fill
+from alignerf.files import csv_files, json_files, yaml_files
 from alignerf.scenes import prepared
 from alignerf.tables import scores
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 
-from alignerf.command import archives, images
+from alignerf.files import archives, images
 from alignerf.verdict import causes
 from flow.figures import colour_wheel
 

@@ -17,11 +17,11 @@ import sys
 import time
 from pathlib import Path
 
-from alignerf.command import faults, json_files, whole, yaml_files
 from alignerf.decisions import fill
 from alignerf.experiment import check, plan, slices
 from alignerf.experiment.cluster import work
-from alignerf.preflight import fit, flow, lanes, schedule
+from alignerf.files import atomic, faults, json_files, yaml_files
+from alignerf.preflight import fit, flow, schedule, simulate
 from alignerf.scenes import prepared
 from alignerf.training import memory
 
@@ -67,7 +67,7 @@ def write(args, scene, todo, out, times_ns=None):
         cost["work"] = work.digest(todo)
         print("\n".join(fit.lines(cost, cost["scene"])))
         fit.check(cost)
-    with whole.replace_file(out) as path:
+    with atomic.replace_file(out) as path:
         path.write_text(json.dumps(cost, indent=1) + "\n")
         if times_ns:
             os.utime(path, ns=times_ns)
@@ -133,14 +133,14 @@ def plan_of(args, scene, todo):
     rates, of_flow = calibrated(scene, loaded, todo, threads, at_once)
     tasks = schedule.tasks_of(todo, rates, of_flow, views, threads=threads)
     missing = [t for t in tasks if not (scene / t.file).exists()]
-    wall_s = lanes.wall_s(tasks, args.cores)
+    wall_s = simulate.wall_s(tasks, args.cores)
     return {
         "scene": scene.name,
         "cores": args.cores,
         "lanes": at_once,
         "wall_s": round(wall_s, 1),
         "hours": round(wall_s / 3600, 3),
-        "memory_bytes": lanes.peak_bytes(tasks, args.cores),
+        "memory_bytes": simulate.peak_bytes(tasks, args.cores),
         "memory_free_bytes": memory.free_host_bytes(),
         # What is there from before takes no more.
         "disk_bytes": sum(task.new_bytes for task in missing),

@@ -16,8 +16,8 @@ import time
 import jax
 import numpy as np
 
-from alignerf.command import faults, machine
 from alignerf.experiment import jobs
+from alignerf.files import faults, machine
 from alignerf.scenes import prepared
 from alignerf.systems import refine
 from alignerf.training import (

@@ -10,7 +10,7 @@ import os
 import time
 from pathlib import Path
 
-from alignerf.preflight import fit, lanes
+from alignerf.preflight import fit, simulate
 
 # Of the config's scenes, one a line: name, and the digest of what each has to do. Set
 # for all jobs of a run.
@@ -30,7 +30,7 @@ class Left:
         self.scene, self.timing = Path(scene), Path(timing)
         self.next_s, self.text = 0.0, ""
 
-    def of(self, share=0.0) -> str:
+    def words(self, share=0.0) -> str:
         """'all: 12 min left of 34 min', `share` of this task done; or nothing."""
         begun_s = time.monotonic()
         if begun_s >= self.next_s:
@@ -75,7 +75,7 @@ def text_of(plans, timing: Path, share):
                 left.append(task)
     cores = max(plan["cores"] for _, plan in plans)
     whole_s = fit.in_all([plan for _, plan in plans])
-    left_s = lanes.wall_s(left, cores)
+    left_s = simulate.wall_s(left, cores)
     if not (is_ours and 0 <= left_s < math.inf and 0 <= whole_s < math.inf):
         # Another plan's job, as the sweep's are, or a file that somebody has changed.
         return ""

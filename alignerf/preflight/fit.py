@@ -1,6 +1,6 @@
 """Whether a plan fits this machine, and what is said of it. No JAX here."""
 
-from alignerf.preflight import lanes
+from alignerf.preflight import simulate
 
 KINDS = {"train": "trainings", "render": "rendering", "flow": "flow"}
 # Of what is free: the rest is for what others take meanwhile.
@@ -58,14 +58,14 @@ def advice(plan):
 def in_all(plans):
     """Seconds until the plans of all scenes are done, side by side."""
     tasks = [task for plan in plans for task in tasks_of(plan)]
-    return lanes.wall_s(tasks, max(plan["cores"] for plan in plans))
+    return simulate.wall_s(tasks, max(plan["cores"] for plan in plans))
 
 
 def tasks_of(plan):
     """A plan's tasks; names and files are told from other scenes'."""
     scene = plan["scene"]
     return [
-        lanes.Task(
+        simulate.Task(
             **one
             | {
                 "name": f"{scene}/{one['name']}",

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import cv2
 
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.preflight import schedule
 
 # Of small photos some more: on a machine that has other work too, a process of less

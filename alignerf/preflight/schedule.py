@@ -8,7 +8,7 @@ or a start takes here.
 from typing import NamedTuple
 
 from alignerf.experiment import jobs
-from alignerf.preflight.lanes import Task
+from alignerf.preflight.simulate import Task
 
 # Control sets estimate so many flows of a test view, besides a few warps.
 CONTROL_FLOWS = 6
@@ -68,7 +68,7 @@ class Views(NamedTuple):
     # The smaller one, in px.
     side: int = 0
 
-    def of(self, splits):
+    def number(self, splits):
         return sum(getattr(self, split) for split in splits)
 
 
@@ -129,7 +129,7 @@ def for_verdict(work, flow: Flow, views: Views):
     name = work["verdict"]
     for one in work["trainings"]:
         if one["name"] == name:
-            count = views.of(one["renders"])
+            count = views.number(one["renders"])
             seconds = 2 * flow.start_s + decompose_s(flow, count * views.pixels)
             yield Task(
                 *(f"{name}/parts_photos", "rest", seconds, 1, [f"{name}/flow"]),
@@ -169,7 +169,7 @@ def evaluate_s(flow: Flow, views: Views):
 def training(one, rate: Rates, flow: Flow, views: Views, *, threads):
     """The training itself, its renders and their flow."""
     name, splits = one["name"], one["renders"]
-    job, count = jobs.parse(one["job"]), views.of(splits)
+    job, count = jobs.parse(one["job"]), views.number(splits)
     minutes = job.budget_min
     loop_s = job.steps * rate.step_s if minutes is None else 60 * minutes
     corrects_s = pace(flow) * CORRECT_S * 1e-6 * views.train * views.pixels

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import faults
+from alignerf.files import faults
 from alignerf.scenes import prepare, transforms
 
 SPLITS = ("train", "test")

@@ -13,7 +13,7 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float, UInt8
 
-from alignerf.command import faults
+from alignerf.files import faults
 from alignerf.scenes import cameras
 from alignerf.scenes.capture import canvas, ingest, mapping
 

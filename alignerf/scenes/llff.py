@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from alignerf.command import archives
+from alignerf.files import archives
 from alignerf.scenes import colmap, photos, prepare
 
 log = logging.getLogger(__name__)

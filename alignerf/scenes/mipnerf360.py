@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from alignerf.command import faults
+from alignerf.files import faults
 from alignerf.scenes import colmap, llff, photos, prepare
 from alignerf.scenes.capture import model_files
 

@@ -22,7 +22,7 @@ import numpy as np
 import pillow_heif
 from PIL import Image
 
-from alignerf.command import faults
+from alignerf.files import faults
 from alignerf.scenes import prepared
 
 log = logging.getLogger(__name__)

@@ -7,7 +7,7 @@ to the others by one similarity.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignerf.command import archives
+from alignerf.files import archives
 from alignerf.scenes import cameras, prepared
 
 # Places along each side of an image at which two cameras are compared.

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from alignerf.command import images, progress
+from alignerf.files import images, progress
 from alignerf.scenes import cameras, distortion, prepared
 
 # Under this no method of the analysis works: SSIM needs 11 pixels, flow more.

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from alignerf.command import archives, images, json_files, machine
+from alignerf.files import archives, images, json_files, machine
 from alignerf.scenes import cameras
 
 SPLITS = ("train", "test")

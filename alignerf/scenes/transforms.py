@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import faults, json_files
+from alignerf.files import faults, json_files
 from alignerf.scenes import photos, prepare
 from alignerf.scenes.capture import ingest
 

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import yaml
 
-from alignerf.command import faults, machine, whole, yaml_files
 from alignerf.experiment import sources, targets
+from alignerf.files import atomic, faults, machine, yaml_files
 from alignerf.scenes import photos
 from alignerf.start import folders
 
@@ -77,7 +77,7 @@ def say_where(path, config, folder):
             return
     text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
     head = HEAD.format(folder=ascii(str(folder)), digest=digest_of(text))
-    with whole.replace_file(path) as temporary:
+    with atomic.replace_file(path) as temporary:
         temporary.write_text(head + text, encoding="utf-8")
     print(f"config: {path}")
 

@@ -14,9 +14,9 @@ import itertools
 import numpy as np
 import pandas as pd
 
-from alignerf.command import csv_files, faults, whole
 from alignerf.experiment.tables import regimes as regime_rows
 from alignerf.experiment.tables import rows as table_rows
+from alignerf.files import atomic, csv_files, faults
 from alignerf.tables import files as table_files
 from alignerf.tables import intervals, misalignment, ranking, scores
 
@@ -52,7 +52,7 @@ def main(argv=None):
     scenes = table_rows.read(regime_rows.Comparison, args.rows)
     printed = printed_lines(args.published, args.published_table)
     table, ranks = make_table(scenes, printed), make_ranking(scenes)
-    with whole.replace_file(args.ranking) as path:
+    with atomic.replace_file(args.ranking) as path:
         ranks.to_csv(path, index=False, float_format="%.6g")
         table_files.write(table, to_latex, rows=scenes, **table_files.places(args))
 

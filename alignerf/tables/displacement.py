@@ -5,7 +5,7 @@ A row per method and round: means over the views of what `flow.decompose` wrote.
 
 import pandas as pd
 
-from alignerf.command import csv_files
+from alignerf.files import csv_files
 from alignerf.tables import scores
 
 PARTS = {"flow": "Flow", "model": "Model", "camera": "Camera", "remainder": "Remainder"}

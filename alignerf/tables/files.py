@@ -4,7 +4,7 @@ import argparse
 import contextlib
 from pathlib import Path
 
-from alignerf.command import csv_files, json_files, provenance, whole
+from alignerf.files import atomic, csv_files, json_files, provenance
 
 # What tells a table's rows apart, in provenance.
 LABELS = ("scene", "variant", "method", "round")
@@ -40,7 +40,8 @@ def write(table, to_latex, *, csv, tex, rows, configs, seeds=(), float_format="%
     beside = provenance.path_beside(csv)
     with contextlib.ExitStack() as stack:
         csv, tex, origin = (
-            stack.enter_context(whole.replace_file(path)) for path in (csv, tex, beside)
+            stack.enter_context(atomic.replace_file(path))
+            for path in (csv, tex, beside)
         )
         table.to_csv(csv, index=False, float_format=float_format)
         tex.write_text(latex)

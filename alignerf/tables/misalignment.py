@@ -8,7 +8,7 @@ papers print for a scene of this name stands below, and is compared with nothing
 
 import pandas as pd
 
-from alignerf.command import csv_files
+from alignerf.files import csv_files
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 

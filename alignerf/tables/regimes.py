@@ -14,9 +14,9 @@ import logging
 import numpy as np
 import pandas as pd
 
-from alignerf.command import csv_files, faults, whole
 from alignerf.experiment.tables import regimes as regime_rows
 from alignerf.experiment.tables import rows as table_rows
+from alignerf.files import atomic, csv_files, faults
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 from alignerf.tables.plots import regimes as regimes_plot
@@ -54,7 +54,7 @@ def main(argv=None):
     args = parser.parse_args(argv)
     scenes = table_rows.read(regime_rows.Regime, args.rows)
     table = make_table(scenes)
-    with whole.replace_file(args.figure) as path:
+    with atomic.replace_file(args.figure) as path:
         regimes_plot.draw(table, path)
         table_files.write(table, to_latex, rows=scenes, **table_files.places(args))
 

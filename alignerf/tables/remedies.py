@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from alignerf.command import csv_files, faults, json_files, whole
 from alignerf.experiment.tables import regimes as regime_rows
 from alignerf.experiment.tables import rows as table_rows
+from alignerf.files import atomic, csv_files, faults, json_files
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 from alignerf.tables.plots import remedies as remedies_plot
@@ -63,7 +63,7 @@ def main(argv=None):
     conditions = conditions_of(rows)
     table = make_table(conditions)
     captures = by_capture(conditions)
-    with whole.replace_file(args.figure) as path:
+    with atomic.replace_file(args.figure) as path:
         if captures:
             sizes_plot.draw(table, captures, path)
         else:

@@ -8,7 +8,7 @@ for the test views is no part of a round.
 
 import pandas as pd
 
-from alignerf.command import csv_files
+from alignerf.files import csv_files
 from alignerf.tables import files as table_files
 from alignerf.tables import scores
 

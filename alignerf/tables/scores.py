@@ -6,7 +6,7 @@ Notation: `psnr_db` is a table of one row a view and one column a test set.
 import numpy as np
 import pandas as pd
 
-from alignerf.command import csv_files
+from alignerf.files import csv_files
 from alignerf.tables import intervals
 
 WARPINGS = {0: "none", 1: "once", 2: "twice", 3: "three times"}

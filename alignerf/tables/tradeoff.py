@@ -11,9 +11,9 @@ import logging
 import numpy as np
 import pandas as pd
 
-from alignerf.command import faults, whole
 from alignerf.experiment import sweep
 from alignerf.experiment.tables import rows as table_rows
+from alignerf.files import atomic, faults
 from alignerf.tables import files as table_files
 from alignerf.tables import intervals, scores
 from alignerf.tables.plots import tradeoff as tradeoff_plot
@@ -52,7 +52,7 @@ def main(argv=None):
     points = table_rows.read(sweep.Point, args.rows)
     table = make_table(points)
     seeds = [p.changes["seed"] for p in points if "seed" in p.changes]
-    with whole.replace_file(args.figure) as path:
+    with atomic.replace_file(args.figure) as path:
         tradeoff_plot.draw(table.assign(kind=kinds_of(points)), path)
         places = table_files.places(args)
         table_files.write(table, to_latex, rows=points, seeds=seeds, **places)

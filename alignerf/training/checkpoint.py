@@ -21,7 +21,7 @@ import flax.serialization
 import jax
 import numpy as np
 
-from alignerf.command import faults, json_files, whole
+from alignerf.files import atomic, faults, json_files
 
 log = logging.getLogger("alignerf")
 
@@ -211,7 +211,7 @@ def _from_bytes(template, data, where):
 
 def write(path, data):
     """Write bytes whole, and through to the disk."""
-    with whole.replace_file(path) as temporary, open(temporary, "wb") as file:
+    with atomic.replace_file(path) as temporary, open(temporary, "wb") as file:
         file.write(data)
         file.flush()
         os.fsync(file.fileno())

@@ -18,8 +18,8 @@ import jax
 import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec, SingleDeviceSharding
 
-from alignerf.command import machine
-from alignerf.processes import place as processes
+from alignerf.files import machine
+from alignerf.processes import rank as processes
 
 log = logging.getLogger("alignerf")
 

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.command import faults
+from alignerf.files import faults
 from alignerf.training import step as train_step
 
 # Parts that a batch is cut into, and views that are looked at one by one.

@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.command import progress, provenance
 from alignerf.experiment import jobs
-from alignerf.processes import agree, place
+from alignerf.files import progress, provenance
+from alignerf.processes import consensus, rank
 from alignerf.training import checkpoint, devices, diagnose, memory, program
 
 log = logging.getLogger("alignerf")
@@ -67,7 +67,7 @@ def fit(
     """
     aligner = aligner or NoAligner()
     data = checkpoint.digest((params, views)), sources
-    agree.check_same(data[0], "photos, cameras and initial parameters")
+    consensus.check_same(data[0], "photos, cameras and initial parameters")
     job, built, facts = in_budget(job, method, built, params, views, checkpoints, data)
     identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
     facts |= describe(job, params)
@@ -96,14 +96,14 @@ def fit(
         state = devices.local(state)
         check_finite(state)
         facts = {"identity": identity, "time_s": time_s(), "parts": built.parts}
-        if place.is_first():
+        if rank.is_first():
             checkpoint.save(checkpoints, state, final=numbers, **facts)
 
     def align(state):
         aligner.align(devices.local(state.params), int(state.step))
         views = aligner.views(given)
-        if place.are_several():
-            agree.check_same(checkpoint.digest(views), "views after an alignment")
+        if rank.are_several():
+            consensus.check_same(checkpoint.digest(views), "views after an alignment")
         return devices.place(views, built.mesh)
 
     def explain(state, views):
@@ -140,12 +140,12 @@ def in_budget(job, method, built, params, views, checkpoints, data):
     if job.budget_min is None:
         return job, built, {}
     identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
-    found = agree.on(checkpoint.read_budget(checkpoints, identity=identity))
+    found = consensus.on(checkpoint.read_budget(checkpoints, identity=identity))
     if found is None:
         # A new training begins in the usual micro-batches.
         built = with_parts(built, None, job, method, params, views)
         found = time_budget(job, built, params, views)
-        if place.is_first():
+        if rank.is_first():
             checkpoint.save_budget(checkpoints, identity=identity, **found)
     minutes, job = job.budget_min, jobs.with_steps(job, found["steps"])
     speed_text = f"{found['steps_per_s']:.3g} steps/s"
@@ -185,16 +185,16 @@ def resume(checkpoints, state, identity, steps, aligner):
     whose alignments are lost is of no use.
     """
     found = None
-    if place.is_first():
+    if rank.is_first():
         found = checkpoint.restore(checkpoints, state, identity=identity)
-    manifest = agree.on(found and found[1])
+    manifest = consensus.on(found and found[1])
     fresh = state, 0.0, None, {}
     if manifest is None:
         return fresh
-    if not aligner.restore(agree.on(found and int(found[0].step))):
+    if not aligner.restore(consensus.on(found and int(found[0].step))):
         log.warning("%s: its alignment is lost, starting anew", checkpoints)
         return fresh
-    state = agree.on_arrays(found[0] if found else state)
+    state = consensus.on_arrays(found[0] if found else state)
     log.info("resuming at step %d of %d", int(state.step), steps)
     state = jax.tree.map(jnp.asarray, state)
     return state, manifest["time_s"], manifest["parts"], manifest["final"]
@@ -240,7 +240,7 @@ def describe(job, params):
         "rays_seen": job.steps * job.rays_per_step,
         "params": sum(leaf.size for leaf in jax.tree.leaves(params)),
         "device": jax.devices()[0].device_kind,
-        "processes": place.here().count,
+        "processes": rank.here().count,
         **provenance.facts(),
     }
 
@@ -256,7 +256,7 @@ def run_steps(job, step, state, views, *, save, explain, note, align, places):
     done = int(state.step)
     pending, history = [], {}
     saved = fetched = time.perf_counter()
-    options = {"done": done, "note": note, "silent": not place.is_first()}
+    options = {"done": done, "note": note, "silent": not rank.is_first()}
     bar = progress.Progress(job.stage, job.steps, **options)
     with contextlib.closing(bar):
         while done < job.steps:

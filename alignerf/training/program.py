@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from alignerf.experiment.keys import model as model_keys
-from alignerf.processes import agree, place
+from alignerf.processes import consensus, rank
 from alignerf.training import devices, gradients, memory
 from alignerf.training import step as train_step
 
@@ -51,7 +51,7 @@ def build(job, method, params, views, *, parts=None, to_come=0) -> Program:
     # What it keeps does not depend on how long a training is.
     optimizer = optimizer_of(train_step.Schedule(1, 0))
     mesh = gradients.make_mesh(
-        method.units, jax.devices(), all_of_them=place.are_several()
+        method.units, jax.devices(), all_of_them=rank.are_several()
     )
     shapes = jax.tree.map(
         lambda leaf: jax.ShapeDtypeStruct(
@@ -137,7 +137,7 @@ def compile_step(job, method, optimizer_of, *inputs, parts, mesh=None, to_come=0
         return compiled, memory.step_bytes(compiled, mine)
 
     # The host with the least memory decides for all: each compiles the same.
-    free = agree.on_smallest(max(0, memory.free_bytes(mine[0]) - to_come))
+    free = consensus.on_smallest(max(0, memory.free_bytes(mine[0]) - to_come))
     return memory.compile_to_fit(compile_parts, units, free, parts=parts)
 
 
@@ -161,7 +161,7 @@ def log_memory(job, program, state, views):
     )
 
 
-def step_time_s(step, state, *, most_s, at_once, clock=agree.clock):
+def step_time_s(step, state, *, most_s, at_once, clock=consensus.clock):
     """Median seconds of a step on this machine, timed for about `most_s` seconds.
 
     step: state -> (state, numbers); it uses up `state`. `at_once` steps are run

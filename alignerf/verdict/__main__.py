@@ -9,7 +9,7 @@ import json
 
 import pandas as pd
 
-from alignerf.command import faults, json_files, whole
+from alignerf.files import atomic, faults, json_files
 from alignerf.scenes import prepared
 from alignerf.verdict import advice, causes, evidence, views, words
 
@@ -26,7 +26,7 @@ def main(argv=None):
         timing=json_files.read(f"{args.base}/timing.json", evidence.TIMING),
         leak=args.leak,
     )
-    findings = causes.of(known)
+    findings = causes.find(known)
     gains = words.gains_of(args.misalignment) if args.misalignment else []
     sentences = words.say(known, findings, gains, found)
     content = {
@@ -41,8 +41,8 @@ def main(argv=None):
     }
     table = pd.DataFrame(found, columns=views.COLUMNS)
     with (
-        whole.replace_file(args.out) as path,
-        whole.replace_file(args.views) as views_path,
+        atomic.replace_file(args.out) as path,
+        atomic.replace_file(args.views) as views_path,
     ):
         # JSON has no NaN.
         path.write_text(json.dumps(plain(content), indent=1) + "\n")

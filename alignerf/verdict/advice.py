@@ -42,7 +42,7 @@ REMEDIED = ("motion",)
 ALIGNED = ("camera", "motion")
 
 
-def of(e, findings, gains=()):
+def advise(e, findings, gains=()):
     """What to do first; a remedy that this run tried in vain is not recommended."""
     named = {finding.cause for finding in findings}
     for cause, text in ADVICE:

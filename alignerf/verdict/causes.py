@@ -74,7 +74,7 @@ class Finding(NamedTuple):
     sure: bool
 
 
-def of(evidence: Evidence) -> list[Finding]:
+def find(evidence: Evidence) -> list[Finding]:
     """All causes that were found, the gravest first; none where nothing is wrong."""
     tests = (few_views, unregistered, sparse, undertrained, lens_shift)
     tests = (*tests, lens_distortion, blurred, exposure, camera, motion)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import archives, csv_files, json_files
+from alignerf.files import archives, csv_files, json_files
 from alignerf.scenes import prepared
 from alignerf.verdict import causes, pattern, views
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from alignerf.command import csv_files
+from alignerf.files import csv_files
 from alignerf.tables import scores
 from alignerf.verdict import advice, causes
 
@@ -25,7 +25,7 @@ def say(evidence, findings, gains, views):
     lines.append(alignment(evidence))
     lines += photos(views)
     lines += [gain_line(gain, evidence) for gain in gains]
-    lines.append("To do: " + advice.of(evidence, findings, gains))
+    lines.append("To do: " + advice.advise(evidence, findings, gains))
     return lines
 
 

@@ -25,7 +25,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from alignerf.command import faults, progress
+from alignerf.files import faults, progress
 from flow.benchmark import pairs as benchmark_pairs
 from flow.benchmark import tables as benchmark_tables
 from flow.estimation import estimate

@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from alignerf.command import faults
+from alignerf.files import faults
 from flow.estimation import estimate
 
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import skimage.data
 
-from alignerf.command import images
+from alignerf.files import images
 from flow.estimation import blur
 from flow.warping import files, warp
 

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 import matplotlib.figure
 import pandas as pd
 
-from alignerf.command import provenance, whole
+from alignerf.files import atomic, provenance
 
 SHARES = ["within_025", "within_050", "within_100"]
 BOLD = "font-weight: bold"
@@ -22,7 +22,7 @@ def write(table, outputs, *, configs=()):
     outputs = outputs | {"provenance": provenance.path_beside(outputs["csv"])}
     with ExitStack() as stack:
         paths = {
-            kind: stack.enter_context(whole.replace_file(path))
+            kind: stack.enter_context(atomic.replace_file(path))
             for kind, path in outputs.items()
         }
         table.to_csv(paths["csv"], index=False, float_format="%.6g")

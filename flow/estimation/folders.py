@@ -8,7 +8,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from alignerf.command import archives, images, progress, whole
+from alignerf.files import archives, atomic, images, progress
 from flow.estimation import estimate, given, pairs
 from flow.warping import files, lengths, warp
 
@@ -26,10 +26,10 @@ def align(renders, photos, targets, stats_out, **options):
     rows = []
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
-        stats_path = stack.enter_context(whole.replace_file(stats_out))
+        stats_path = stack.enter_context(atomic.replace_file(stats_out))
         folders = {}
         for kind, target in targets.items():
-            folders[kind] = stack.enter_context(whole.replace_folder(target))
+            folders[kind] = stack.enter_context(atomic.replace_folder(target))
         for view, render_path, photo_path in progress.over(found, "flow"):
             started = time.perf_counter()
             render, photo = images.read(render_path), images.read(photo_path)

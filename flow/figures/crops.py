@@ -19,7 +19,7 @@ import matplotlib.patches
 import numpy as np
 import skimage.metrics
 
-from alignerf.command import images
+from alignerf.files import images
 from flow.figures import drawing
 from flow.warping import files
 
@@ -53,7 +53,7 @@ class Window(NamedTuple):
     top: int
     side: int
 
-    def of(self, image):
+    def cut(self, image):
         """The window's part [side, side, ...] of an image [h, w, ...]."""
         rows = slice(self.top, self.top + self.side)
         return image[rows, self.left : self.left + self.side]
@@ -113,8 +113,8 @@ def read_row(view, photos, methods):
         for image, name in ((render, path), (flow_px, flow_path)):
             if image.shape[:2] != photo.shape[:2]:
                 raise ValueError(f"{name}: not of the size of photo {view}")
-        renders.append(window.of(render))
-        flows.append((window.of(flow_px), window.of(valid)))
+        renders.append(window.cut(render))
+        flows.append((window.cut(flow_px), window.cut(valid)))
     return Row(view, photo, window, renders, flows)
 
 
@@ -166,7 +166,7 @@ def draw_row(axes, row, scale_px):
         (left - 0.5, top - 0.5), side, side, fill=False, color="red", clip_on=False
     )
     axes[0].add_patch(square)
-    photo = row.window.of(row.photo)
+    photo = row.window.cut(row.photo)
     axes[1].imshow(photo)
     of_renders, of_flows = np.split(axes[2:], 2)
     for cell, render in zip(of_renders, row.renders, strict=True):

@@ -5,7 +5,7 @@ Notation: a flow is (flow_px [h, w, 2], valid [h, w]), in pixels.
 
 import numpy as np
 
-from alignerf.command import whole
+from alignerf.files import atomic
 from flow.figures import colour_wheel
 
 # One scale for all flows of a figure, this percentile of their lengths.
@@ -55,5 +55,5 @@ def save_images(figure, path, *, dpi=DPI):
 
 
 def save(figure, path, *, dpi=DPI):
-    with whole.replace_file(path) as temporary:
+    with atomic.replace_file(path) as temporary:
         figure.savefig(temporary, dpi=dpi)

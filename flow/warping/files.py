@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.command import archives, whole
+from alignerf.files import archives, atomic
 from flow.warping import warp
 
 # Middlebury's mark for "unknown" is any component beyond this.
@@ -16,7 +16,7 @@ UNKNOWN_FLOW_PX = 1e9
 
 
 def write_rows(path, columns, rows):
-    """Write dicts as CSV, where the caller has made room for it (see `whole`)."""
+    """Write dicts as CSV, where the caller has made room for it (see `atomic`)."""
     with open(path, "w", newline="") as file:
         writer = csv.DictWriter(file, columns, lineterminator="\n")
         writer.writeheader()
@@ -27,7 +27,7 @@ def write_flow(path, flow_px, valid):
     """Write a flow [h, w, 2] and its mask [h, w] as .npz."""
     flow_px, valid = np.asarray(flow_px, dtype=np.float32), np.asarray(valid)
     _check_flow_file(path, flow_px, valid)
-    with whole.replace_file(path) as temporary, open(temporary, "wb") as file:
+    with atomic.replace_file(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, flow_px=flow_px, valid=valid)
 
 

@@ -6,8 +6,8 @@ import pytest
 import yaml
 
 from alignerf import config
-from alignerf.command import faults
 from alignerf.experiment import slices
+from alignerf.files import faults
 
 
 def test_a_complete_config_is_written_in_its_order(demo, experiment_of, tmp_path):

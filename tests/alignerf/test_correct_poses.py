@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from alignerf import correct_poses
-from alignerf.command import faults
+from alignerf.files import faults
 from alignerf.scenes import cameras, prepared
 from flow.warping import files
 from tests import camera_twins

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from alignerf import evaluate
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.metrics import image as image_metrics
 from alignerf.metrics import lpips
 from alignerf.scenes import cameras

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from alignerf import export, poses
-from alignerf.command import faults
+from alignerf.files import faults
 from alignerf.scenes import cameras, colmap, llff, prepare, prepared, transforms
 from alignerf.training import batches
 from tests.bench import cases

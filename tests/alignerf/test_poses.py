@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from alignerf import poses
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.scenes import cameras, prepared
 
 COURTYARD = {

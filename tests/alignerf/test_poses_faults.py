@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from alignerf import poses
-from alignerf.command import faults, images
 from alignerf.experiment import jobs
+from alignerf.files import faults, images
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from alignerf import shrink
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.scenes import cameras, prepared
 
 WIDTH, HEIGHT = 96, 70

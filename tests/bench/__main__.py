@@ -10,7 +10,7 @@ import pathlib
 import sys
 import time
 
-from alignerf.command import faults
+from alignerf.files import faults
 from tests.bench import cases, report
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]

@@ -15,7 +15,7 @@ import tempfile
 import numpy as np
 
 from alignerf import train
-from alignerf.command import images
+from alignerf.files import images
 from tests.bench import cases, measure
 
 GOAL = 1.3

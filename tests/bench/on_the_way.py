@@ -24,8 +24,8 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from alignerf.command import images, yaml_files
 from alignerf.experiment import check, plan
+from alignerf.files import images, yaml_files
 from alignerf.tables import intervals, remedies
 
 COLUMNS = ("scene", "seed", "share", "method", "view", "oracle_db", "standard_db")

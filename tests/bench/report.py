@@ -11,7 +11,7 @@ import subprocess
 
 import jax
 
-from alignerf.command import whole
+from alignerf.files import atomic
 
 COLUMNS = ("median", "low", "high", "count")
 
@@ -112,9 +112,9 @@ def write(folder, name, header, rows):
             for row in rows
         ],
     }
-    with whole.replace_file(folder / f"{name}.json") as path:
+    with atomic.replace_file(folder / f"{name}.json") as path:
         path.write_text(json.dumps(found, indent=1, allow_nan=False))
-    with whole.replace_file(folder / f"{name}.csv") as path, path.open("w") as file:
+    with atomic.replace_file(folder / f"{name}.csv") as path, path.open("w") as file:
         table = csv.writer(file)
         spreads = [f"{c}_{part}" for c in ("ours", "peer", "ratio") for part in COLUMNS]
         table.writerow(["what", "unit", *spreads, "goal", "note", *header])

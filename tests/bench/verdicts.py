@@ -14,7 +14,7 @@ import sys
 import cv2
 import numpy as np
 
-from alignerf.command import images
+from alignerf.files import images
 from tests.bench import measure
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]

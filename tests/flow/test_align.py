@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.command import images
+from alignerf.files import images
 from flow import align
 from flow.warping import files, warp
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.command import images
+from alignerf.files import images
 from flow import control_sets
 from flow.estimation import pairs
 from flow.warping import controls, files, lengths, warp

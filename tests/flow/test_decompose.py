@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.command import faults, images
 from alignerf.experiment.tables import rows as table_rows
+from alignerf.files import faults, images
 from alignerf.scenes import cameras
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard

@@ -19,8 +19,8 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from alignerf.command import progress, provenance
 from alignerf.experiment import check
+from alignerf.files import progress, provenance
 from tests.torture import (
     captures,
     chains,

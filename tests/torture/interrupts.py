@@ -16,7 +16,7 @@ TRAINING = """
 import sys
 from alignerf.training import loop
 from alignerf import train
-from alignerf.command import faults
+from alignerf.files import faults
 loop.CHECKPOINT_EVERY_S = 1.0
 faults.run(lambda: train.main(sys.argv[1:]))
 """

@@ -16,7 +16,7 @@ from unittest import mock
 
 import pycolmap
 
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.scenes.capture import mapping
 from alignerf.scenes.courtyard import scene as courtyard
 

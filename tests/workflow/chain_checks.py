@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.command import images
+from alignerf.files import images
 from flow.warping import files, warp
 
 WIDTH, HEIGHT, VIEWS, EVERY = 48, 36, 10, 4

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from alignerf.command import machine
 from alignerf.experiment import sources
+from alignerf.files import machine
 from tests.bench import planning
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -29,24 +29,24 @@ def memory_mb(costs, file):
     file: with wildcards in braces, as `{method}/round{round}/timing.json`.
     """
 
-    def of(wildcards, attempt):
+    def megabytes(wildcards, attempt):
         task = task_of(costs, wildcards, file)
         needed = task.get("peak_bytes", 0) / 1e6
         needed = MORE_MEMORY * needed + SNAKEMAKE_MB if needed else MEMORY_MB
         return math.ceil(needed) * 2 ** (attempt - 1)
 
-    return of
+    return megabytes
 
 
 def minutes(costs, file):
     """The resource runtime, in minutes, of the same job."""
 
-    def of(wildcards, attempt):
+    def asked(wildcards, attempt):
         seconds = task_of(costs, wildcards, file).get("seconds")
         needed = MORE_TIME * seconds / 60 + START_MIN if seconds else MINUTES
         return math.ceil(needed) * 2 ** (attempt - 1)
 
-    return of
+    return asked
 
 
 def usual_mb(wildcards, attempt):

@@ -61,7 +61,7 @@ def scenes(experiment):
             displacement=f"results/{scene}/testset/displacement.csv",
             methods=[
                 Method(
-                    parts=rows.field_name(experiment, method),
+                    parts=rows.describe_method(experiment, method),
                     **rows.of_method(experiment, scene, method, round),
                 )
                 for method, round in rounds(experiment, scene, *base)
@@ -171,7 +171,7 @@ def remedies(experiment):
             share=length_share(experiment, scene),
             methods=[
                 Method(
-                    parts=rows.field_name(experiment, method),
+                    parts=rows.describe_method(experiment, method),
                     aligned_pose=rows.aligned_pose(experiment, scene, method, round),
                     **rows.of_method(experiment, scene, method, round),
                 )
@@ -249,7 +249,7 @@ def compared(experiment, scene, method, round):
     if method not in experiment.names(kinds.external):
         process = f"{experiment.folder(scene, method, round)}/logs/train.tsv"
     return Compared(
-        parts=rows.field_name(experiment, method),
+        parts=rows.describe_method(experiment, method),
         base=reference_of(experiment, scene),
         aligned_pose=rows.aligned_pose(experiment, scene, method, round),
         # Of the method as it is; no table has one of its rounds.

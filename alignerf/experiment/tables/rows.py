@@ -3,8 +3,8 @@
 import csv
 from typing import NamedTuple
 
-from alignerf.command import json_rows
 from alignerf.experiment import inputs, kinds, layout, sources, trainings
+from alignerf.files import json_rows
 
 # Rules write rows and wait for their files; commands of tables read rows.
 as_json, read = json_rows.as_json, json_rows.read
@@ -83,7 +83,7 @@ class Renders(NamedTuple):
     method: str | None = None
 
 
-def field_name(experiment, method):
+def describe_method(experiment, method):
     """How a table calls a method: its field, and what else the method is."""
     if method in experiment.names(kinds.external):
         return "renders given"
@@ -126,7 +126,7 @@ def misalignment(experiment, scene):
         row = Misalignment(
             **of_method(experiment, scene, method, round),
             aligned_pose=aligned_pose(experiment, scene, method, round),
-            field=field_name(experiment, method),
+            field=describe_method(experiment, method),
             base=base,
             base_metrics=f"{experiment.folder(scene, base, 0)}/metrics.csv",
             base_aligned_pose=aligned_pose(experiment, scene, base, 0),

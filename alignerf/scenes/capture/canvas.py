@@ -9,7 +9,7 @@ nowhere.
 import cv2
 import numpy as np
 
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.scenes import cameras, prepare
 
 # Of one lens, estimated twice, focal lengths differ by less: its photos stay as they
@@ -143,7 +143,7 @@ def join(parts, size):
     owner = np.repeat(np.arange(len(parts)), counts)
     first = np.cumsum([0, *counts])
 
-    def of(kind):
+    def caller(kind):
         def call(i):
             part = parts[owner[i]]
             function = getattr(part, kind)
@@ -159,6 +159,6 @@ def join(parts, size):
         camtoworlds=np.concatenate([part.camtoworlds for part in parts]),
         width=size[0],
         height=size[1],
-        load=of("load"),
-        load_mask=of("load_mask"),
+        load=caller("load"),
+        load_mask=caller("load_mask"),
     )

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from alignerf.command import images, progress
+from alignerf.files import images, progress
 from alignerf.scenes import photos, prepare
 from alignerf.scenes.capture import orientation, video
 

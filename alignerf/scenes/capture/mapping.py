@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from alignerf.command import progress
+from alignerf.files import progress
 from alignerf.scenes.capture import vocabulary
 
 # Camera model -> places of fx, fy, cx, cy and of k1, k2, p1, p2 among its parameters.

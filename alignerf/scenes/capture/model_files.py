@@ -7,7 +7,7 @@ takes minutes. Formats: COLMAP's src/colmap/scene/reconstruction_io_binary.cc.
 import struct
 from pathlib import Path
 
-from alignerf.command import faults
+from alignerf.files import faults
 
 # Numbers of parameters by the model's number.
 PARAMETERS = (3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12, 16, 4, 5, 3, 4, 6, 2)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pycolmap
 
-from alignerf.command import progress
+from alignerf.files import progress
 from alignerf.scenes import colmap, exported
 from alignerf.scenes.capture import mapping
 

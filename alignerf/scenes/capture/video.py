@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from alignerf.command import faults, images, progress
+from alignerf.files import faults, images, progress
 
 log = logging.getLogger(__name__)
 

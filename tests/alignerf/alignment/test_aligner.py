@@ -12,8 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from alignerf.alignment import aligner, look, photos, store
-from alignerf.command import images
 from alignerf.experiment.keys import method as method_keys
+from alignerf.files import images
 from alignerf.mipnerf360 import model
 from alignerf.scenes import cameras, prepared
 from alignerf.training import batches, methods, renderer

@@ -3,8 +3,8 @@
 import pytest
 import yaml
 
-from alignerf.command import faults, yaml_files
 from alignerf.experiment import check
+from alignerf.files import faults, yaml_files
 
 WARM = {"from": "mipnerf360", "share": 0.3, "learning_rates": [0.005, 0.001]}
 

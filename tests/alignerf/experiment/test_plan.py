@@ -90,8 +90,8 @@ def test_a_staged_training_may_put_cameras_right_between_its_stages(
         f"{folder}/displacement/train.csv",
         f"{folder}/corrected/poses_corrected.json",
     ]
-    assert "cameras put right" in rows.field_name(experiment, "corrected")
-    assert "cameras put right" not in rows.field_name(experiment, "alignerf")
+    assert "cameras put right" in rows.describe_method(experiment, "corrected")
+    assert "cameras put right" not in rows.describe_method(experiment, "alignerf")
     assert targets.exports(experiment) == ["results/courtyard/corrected/export/cameras"]
 
 

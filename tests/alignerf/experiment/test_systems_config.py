@@ -31,7 +31,7 @@ def test_a_system_needs_its_kind_alone(demo, experiment_of, kind):
     assert tuple(parsed.training.learning_rates) == training_keys.RATES[kind]
     # A pinned training says what the slice says.
     assert jobs.parse(jobs.as_dict(parsed)) == parsed
-    assert rows.field_name(experiment, "other").startswith(kind)
+    assert rows.describe_method(experiment, "other").startswith(kind)
 
 
 def test_without_a_kind_a_model_is_a_mipnerf360():

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.page import __main__ as page
 from alignerf.verdict import views
 

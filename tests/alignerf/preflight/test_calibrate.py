@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from alignerf.preflight import __main__ as preflight
-from alignerf.preflight import calibrate, lanes
+from alignerf.preflight import calibrate, simulate
 from tests import job_cases as cases
 
 
@@ -75,8 +75,8 @@ def test_a_tiny_plan_is_measured_and_told(scene, tmp_path, monkeypatch, capsys):
     assert rates["params"] > 100
     assert 5e7 < rates["peak_bytes"] < 4e9
     assert plan["memory_bytes"] == max(rates["peak_bytes"], rates["render_peak_bytes"])
-    tasks = [lanes.Task(**task) for task in plan["tasks"]]
-    assert plan["wall_s"] == pytest.approx(lanes.wall_s(tasks, 1), abs=0.2)
+    tasks = [simulate.Task(**task) for task in plan["tasks"]]
+    assert plan["wall_s"] == pytest.approx(simulate.wall_s(tasks, 1), abs=0.2)
     assert plan["disk_bytes"] == sum(task.new_bytes for task in tasks) > 0
     assert scene.name in capsys.readouterr().out
     preflight.main(["--show", str(out), str(out)])

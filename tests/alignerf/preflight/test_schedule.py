@@ -9,7 +9,7 @@ import pytest
 from alignerf.experiment import layout
 from alignerf.experiment.cluster import work as work_of
 from alignerf.preflight import __main__ as command
-from alignerf.preflight import eta, fit, lanes, schedule
+from alignerf.preflight import eta, fit, schedule, simulate
 
 RATES = schedule.Rates(
     start_s=5.0,
@@ -33,7 +33,7 @@ def demo(demo):
 
 
 def task(name, seconds, *after, threads=1):
-    return lanes.Task(name, "train", seconds, threads, list(after), f"{name}.json")
+    return simulate.Task(name, "train", seconds, threads, list(after), f"{name}.json")
 
 
 def tasks_of(experiment, scene="courtyard", rates=RATES):
@@ -53,18 +53,18 @@ def test_tasks_wait_for_each_other_and_for_cores(cores, wanted_s):
     chain = [task("a", 10.0), task("b", 10.0, "a"), task("c", 10.0, "b")]
     others = [task(name, 10.0) for name in "def"]
     wanted_s = {2: 30.0}.get(cores, wanted_s)
-    assert lanes.wall_s([*chain, *others], cores) == wanted_s
+    assert simulate.wall_s([*chain, *others], cores) == wanted_s
 
 
 def test_a_task_of_many_threads_takes_all_that_there_are():
     tasks = [task("a", 3.0, threads=4), task("b", 3.0, threads=4)]
-    assert lanes.wall_s(tasks, 8) == 3.0
-    assert lanes.wall_s(tasks, 4) == lanes.wall_s(tasks, 2) == 6.0
+    assert simulate.wall_s(tasks, 8) == 3.0
+    assert simulate.wall_s(tasks, 4) == simulate.wall_s(tasks, 2) == 6.0
     # What is not among the tasks is done.
-    assert lanes.wall_s([task("a", 3.0, "before")], 1) == 3.0
-    assert lanes.wall_s([], 1) == 0.0
+    assert simulate.wall_s([task("a", 3.0, "before")], 1) == 3.0
+    assert simulate.wall_s([], 1) == 0.0
     with pytest.raises(ValueError, match="wait for each other"):
-        lanes.wall_s([task("a", 1.0, "b"), task("b", 1.0, "a")], 1)
+        simulate.wall_s([task("a", 1.0, "b"), task("b", 1.0, "a")], 1)
 
 
 def test_work_lists_what_is_trained_in_an_order_that_runs(demo, experiment_of):
@@ -131,7 +131,7 @@ def test_every_task_waits_for_tasks_and_ends(demo, experiment_of):
     assert len(names) == len(tasks)
     assert all(names >= set(task.after) for task in tasks)
     assert len({task.file for task in tasks}) == len(tasks)
-    one, two = (lanes.wall_s(tasks, cores) for cores in (1, 2))
+    one, two = (simulate.wall_s(tasks, cores) for cores in (1, 2))
     assert one == pytest.approx(sum(task.seconds for task in tasks))
     assert one / 2 <= two < one
 
@@ -164,17 +164,17 @@ def test_memory_is_that_of_what_runs_at_once(demo, experiment_of):
     # Photos as taken beside others, and small images, of the one that aligns itself.
     more = int((3 + schedule.ALIGNED_BYTES) * VIEWS.train * VIEWS.pixels)
     tasks = tasks_of(experiment_of(demo))
-    assert lanes.peak_bytes(tasks, 1) == RATES.peak_bytes + more
-    assert lanes.peak_bytes(tasks, 2) == 2 * RATES.peak_bytes + more
+    assert simulate.peak_bytes(tasks, 1) == RATES.peak_bytes + more
+    assert simulate.peak_bytes(tasks, 2) == 2 * RATES.peak_bytes + more
     del demo["methods"]["aligned"]
     tasks = tasks_of(experiment_of(demo))
-    assert lanes.peak_bytes(tasks, 1) == RATES.peak_bytes
-    assert lanes.peak_bytes(tasks, 2) == 2 * RATES.peak_bytes
+    assert simulate.peak_bytes(tasks, 1) == RATES.peak_bytes
+    assert simulate.peak_bytes(tasks, 2) == 2 * RATES.peak_bytes
     # Round upon round, nothing else trains meanwhile.
     demo["methods"] = {"mipnerf360": {"model": "base", "rounds": 2}}
     tasks = tasks_of(experiment_of(demo))
-    assert lanes.peak_bytes(tasks, 2) <= RATES.peak_bytes + RATES.render_peak_bytes
-    assert lanes.peak_bytes([], 2) == 0
+    assert simulate.peak_bytes(tasks, 2) <= RATES.peak_bytes + RATES.render_peak_bytes
+    assert simulate.peak_bytes([], 2) == 0
 
 
 def test_alignments_cost_what_their_looks_at_small_renders_cost(demo, experiment_of):
@@ -241,7 +241,7 @@ def test_what_is_left_of_all_scenes(tmp_path, monkeypatch):
     monkeypatch.delenv(eta.SCENES, raising=False)
 
     def left(share=0.0):
-        return eta.Left(yard, yard / "a.json").of(share)
+        return eta.Left(yard, yard / "a.json").words(share)
 
     assert left() == ""
     yard.mkdir()
@@ -250,7 +250,7 @@ def test_what_is_left_of_all_scenes(tmp_path, monkeypatch):
     assert left() == "all: 30 min left of 30 min"
     assert left(share=0.5) == "all: 22 min left of 30 min"
     # The sweep's jobs are of another plan.
-    assert eta.Left(yard, yard / "tradeoff" / "a.json").of() == ""
+    assert eta.Left(yard, yard / "tradeoff" / "a.json").words() == ""
     (yard / "a.json").touch()
     (yard / "c.json").touch()
     assert left(share=1.0) == "all: 15 min left of 30 min"
@@ -279,7 +279,7 @@ def test_plans_of_many_scenes_are_asked_for_rarely(tmp_path, monkeypatch):
     monkeypatch.setattr(eta, "text_of", slow)
     left = eta.Left(tmp_path, tmp_path / "a.json")
     for clock[0] in (0.0, 20.0, 250.0, 310.0):
-        assert left.of() == "all: soon"
+        assert left.words() == "all: soon"
     assert len(calls) == 2
 
 

@@ -6,7 +6,7 @@ import pycolmap
 import pytest
 from PIL import Image
 
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.scenes import cameras, colmap, distortion
 from alignerf.scenes.capture import ingest, mapping
 from alignerf.scenes.courtyard import scene as courtyard

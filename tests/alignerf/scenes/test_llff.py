@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from alignerf import poses
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.scenes import distortion, llff
 
 FULL = 192, 128

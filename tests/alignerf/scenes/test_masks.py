@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from alignerf import evaluate, export, facts, shrink
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.scenes import prepare, prepared, transforms
 from alignerf.training import batches
 from alignerf.verdict import views as verdict_views

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.scenes import distortion, prepare, prepared, transforms
 from tests import camera_twins
 

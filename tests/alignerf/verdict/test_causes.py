@@ -48,11 +48,11 @@ FAULTS = {
 
 
 def named(**changes):
-    return [finding.cause for finding in causes.of(WELL._replace(**changes))]
+    return [finding.cause for finding in causes.find(WELL._replace(**changes))]
 
 
 def test_nothing_is_named_where_nothing_is_wrong():
-    assert causes.of(WELL) == []
+    assert causes.find(WELL) == []
     assert not causes.misaligned(WELL)
 
 
@@ -75,8 +75,8 @@ def test_a_shift_within_its_error_is_none():
 def test_more_flow_on_test_views_alone_is_not_misalignment():
     """The case that a rule on test flow would have sent to be warped."""
     found = WELL._replace(flow_test_px=2.0, psnr_test_db=17.0, camera_px=1.65)
-    assert [finding.cause for finding in causes.of(found)] == ["sparse"]
-    assert "too few photos" in words.headline(found, causes.of(found))
+    assert [finding.cause for finding in causes.find(found)] == ["sparse"]
+    assert "too few photos" in words.headline(found, causes.find(found))
 
 
 @pytest.mark.parametrize(
@@ -96,15 +96,15 @@ def test_from_too_few_photos_points_tell_of_poses(changes, causes_named):
 
 def test_without_training_renders_test_views_tell():
     nothing = WELL._replace(flow_train_px=math.nan, psnr_train_db=math.nan)
-    assert causes.of(nothing) == []
+    assert causes.find(nothing) == []
     apart = nothing._replace(flow_test_px=1.0, camera_px=0.9)
-    assert [finding.cause for finding in causes.of(apart)] == ["camera"]
+    assert [finding.cause for finding in causes.find(apart)] == ["camera"]
 
 
 @pytest.mark.parametrize("cause", [*FAULTS, None])
 def test_the_words_have_the_numbers_and_one_thing_to_do(cause):
     known = WELL._replace(**FAULTS.get(cause, {}))
-    lines = words.say(known, causes.of(known), [], [])
+    lines = words.say(known, causes.find(known), [], [])
     assert lines[0].startswith("Verdict: ")
     assert lines[-1].startswith("To do: ")
     assert "nan" not in " ".join(lines).lower()
@@ -116,7 +116,7 @@ def test_the_words_have_the_numbers_and_one_thing_to_do(cause):
 
 def test_the_words_say_what_points_told():
     known = WELL._replace(**FAULTS["sparse"], reprojection_px=1.7)
-    lines = words.say(known, causes.of(known), [], [])
+    lines = words.say(known, causes.find(known), [], [])
     assert lines[0].endswith("Poses are off, too.")
     told = "Poses are off: points that several photos show lie 1.70 px (3.40 px of the "
     assert any(line.startswith(told) for line in lines)
@@ -138,7 +138,7 @@ def test_the_words_say_what_points_told():
 def test_what_was_tried_in_vain_is_not_recommended(gains, views, said):
     known = WELL._replace(moved_share=0.03, test_views=views)
     found = [causes.Finding("motion", 0.03, False)]
-    assert advice.of(known, found, gains).startswith(said)
+    assert advice.advise(known, found, gains).startswith(said)
 
 
 def gain(**changes):
@@ -159,7 +159,7 @@ def gain(**changes):
 def test_what_to_do_follows_what_this_run_has_tried(changes, views, said, pays):
     known = WELL._replace(**FAULTS["camera"] | {"test_views": views})
     tried = gain(**changes)
-    assert advice.of(known, causes.of(known), [tried]).startswith(said)
+    assert advice.advise(known, causes.find(known), [tried]).startswith(said)
     assert advice.pays(known, tried) == pays
 
 
@@ -172,7 +172,7 @@ def test_of_few_held_out_photos_nothing_pays():
 def test_what_pays_is_taken_before_what_brought_more_by_chance():
     known = WELL._replace(**FAULTS["camera"])
     lucky = gain(method="lucky", db=1.0, low=-0.1, high=2.1)
-    assert "cameras of aligned" in advice.of(known, causes.of(known), [lucky, gain()])
+    assert "cameras of aligned" in advice.advise(known, causes.find(known), [lucky, gain()])
 
 
 def table_of(path, test_sets):
@@ -250,7 +250,7 @@ def test_what_the_poses_warn_of_is_what_the_verdict_says():
 
 def test_after_too_short_a_training_nothing_of_alignment_is_told():
     known = WELL._replace(**FAULTS["camera"] | {"passes": 0.1})
-    found = causes.of(known)
+    found = causes.find(known)
     assert [finding.cause for finding in found] == ["undertrained"]
     assert "too short to tell" in words.headline(known, found)
-    assert advice.of(known, found).startswith("train longer")
+    assert advice.advise(known, found).startswith("train longer")

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.command import images
+from alignerf.files import images
 from flow.benchmark import __main__ as benchmark
 from flow.benchmark import large_pair
 from flow.benchmark import pairs as benchmark_pairs

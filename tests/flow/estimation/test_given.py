@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.command import images
+from alignerf.files import images
 from flow import align
 from flow.estimation import given
 from flow.warping import files, warp

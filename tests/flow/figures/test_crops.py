@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.command import faults, images
+from alignerf.files import faults, images
 from flow.figures import crops
 from flow.warping import files
 
@@ -39,7 +39,7 @@ def test_the_window_has_most_high_frequencies(rng, size):
         photo = np.round(keep * photo + (1 - keep) * smooth).astype(np.uint8)
         window = crops.choose_window(photo)
         assert window == brute_force(photo)
-        assert window.of(photo).shape == (window.side, window.side, 3)
+        assert window.cut(photo).shape == (window.side, window.side, 3)
 
 
 def test_detail_is_found_and_brightness_is_not():

@@ -5,7 +5,7 @@ import types
 
 import pytest
 
-from alignerf.experiment.cluster import ends, needs
+from alignerf.experiment.cluster import needs, slurm_errors
 
 FILE = "{training}/timing.json"
 COSTS = {"s": "the work"}
@@ -99,7 +99,7 @@ def test_what_slurm_ended_or_refused_is_said_in_words(tmp_path):
     log = tmp_path / ".snakemake/slurm_logs/rule_train/13.log"
     log.parent.mkdir(parents=True)
     log.write_text("slurmstepd: error: Detected 1 oom-kill event(s) in StepId=13.0.\n")
-    said = ends.lines(LOST, ["results/s/train.log", str(log)])
+    said = slurm_errors.lines(LOST, ["results/s/train.log", str(log)])
     assert [line.removeprefix("error: Slurm") for line in said] == [
         "'s job 12 took longer than it had asked for (TIMEOUT)",
         "'s job 13 took more memory than it had asked for (OUT_OF_MEMORY)",
@@ -109,4 +109,4 @@ def test_what_slurm_ended_or_refused_is_said_in_words(tmp_path):
 
 
 def test_of_other_runs_nothing_is_said():
-    assert ends.lines("Error in rule train: x", ["results/s/train.log"]) == []
+    assert slurm_errors.lines("Error in rule train: x", ["results/s/train.log"]) == []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.scenes.capture import ingest
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from alignerf import facts, poses
-from alignerf.command import images
 from alignerf.experiment.keys import scene as scene_keys
+from alignerf.files import images
 from alignerf.scenes import cameras, exported, prepared
 from alignerf.scenes.capture import triangulate
 from alignerf.scenes.courtyard import scene as courtyard

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.command import images
+from alignerf.files import images
 from alignerf.scenes.capture import video
 
 

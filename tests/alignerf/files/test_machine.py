@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.command import machine
+from alignerf.files import machine
 from alignerf.scenes import cameras, prepared
 
 

@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 
-from alignerf.command import archives, csv_files, json_files
+from alignerf.files import archives, csv_files, json_files
 
 
 def read_archive(path):

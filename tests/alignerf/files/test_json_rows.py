@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import pytest
 
-from alignerf.command import json_rows
 from alignerf.experiment import sweep
 from alignerf.experiment.tables import regimes, rows
+from alignerf.files import json_rows
 
 
 class Part(NamedTuple):

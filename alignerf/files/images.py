@@ -11,7 +11,7 @@ import zlib
 import numpy as np
 from PIL import Image
 
-from alignerf.command import faults, whole
+from alignerf.files import atomic, faults
 
 # Where a PNG's head says how deep its samples are, and of what colour type.
 KIND = slice(24, 26)
@@ -60,13 +60,13 @@ def write(path, image):
             f"{path}: an image must be uint8 [h, w, 3], "
             f"not {image.dtype} {list(image.shape)}"
         )
-    with whole.replace_file(path) as temporary:
+    with atomic.replace_file(path) as temporary:
         Image.fromarray(image).save(temporary, **WRITING)
 
 
 def write_mask(path, mask):
     """Write a mask [h, w] as a PNG of one channel, as other programs take masks."""
-    with whole.replace_file(path) as temporary:
+    with atomic.replace_file(path) as temporary:
         Image.fromarray(of_mask(mask)[..., 0]).save(temporary, **WRITING)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from alignerf.command import faults
+from alignerf.files import faults
 
 # Columns of numbers, told by their units.
 NUMBERS = re.compile(

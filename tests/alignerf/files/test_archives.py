@@ -6,7 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from alignerf.command import archives
+from alignerf.files import archives
 from flow.warping import files
 from tests.torture import damage
 

@@ -13,7 +13,7 @@ import zlib
 
 import numpy as np
 
-from alignerf.command import faults
+from alignerf.files import faults
 
 # Of one array: a flow of 16384 x 16384 pixels, the largest photo there may be.
 MOST_BYTES = 2**31

@@ -15,6 +15,6 @@ def check(splits, paths):
             raise ValueError(f"{path}: {MARK} must be in it, for {', '.join(splits)}")
 
 
-def of(path, split):
+def fill(path, split):
     """The path of a split: its name stands in it where MARK stood."""
     return path and Path(str(path).replace(MARK, split))

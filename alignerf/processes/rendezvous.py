@@ -10,7 +10,7 @@ import traceback
 
 import jax
 
-from alignerf.processes import place
+from alignerf.processes import rank
 
 log = logging.getLogger("alignerf")
 
@@ -58,8 +58,8 @@ def together():
     One that fails says why and ends at once, whatever the others wait for; they then
     fail as well, and say that they have lost it.
     """
-    place.take(place.of(os.environ))
-    if not place.are_several():
+    rank.take(rank.from_environment(os.environ))
+    if not rank.are_several():
         yield
         return
     try:
@@ -74,7 +74,7 @@ def together():
 def end(error):
     """Say what ended this process, and end it, whatever the others wait for."""
     try:
-        if not place.is_first():
+        if not rank.is_first():
             time.sleep(HOLD_S)
         say(error)
         sys.stdout.flush()
@@ -86,7 +86,7 @@ def end(error):
 
 def say(error):
     """Print what ended this process, with its number; of our own faults a traceback."""
-    number, count = place.here()
+    number, count = rank.here()
     if isinstance(error, KeyboardInterrupt):
         return
     if is_lost(str(error)):
@@ -109,13 +109,13 @@ def is_lost(text):
 
 def join(environ):
     """Connect to the other processes; all of JAX's devices are then those of all."""
-    number, count = place.here()
+    number, count = rank.here()
     options = {"num_processes": count, "process_id": number}
-    if environ.get(place.BY_HAND[0]):
+    if environ.get(rank.BY_HAND[0]):
         options["cluster_detection_method"] = "deactivate"
     else:
-        environ.setdefault("JAX_COORDINATOR_PORT", str(place.port(environ)))
-        options["local_device_ids"] = place.accelerators(environ)
+        environ.setdefault("JAX_COORDINATOR_PORT", str(rank.port(environ)))
+        options["local_device_ids"] = rank.accelerators(environ)
     shorten_stderr()
     try:
         jax.distributed.initialize(
@@ -125,12 +125,12 @@ def join(environ):
             shutdown_timeout_seconds=END_S,
         )
     except (RuntimeError, ValueError) as error:
-        where = environ.get(place.ADDRESS, "the address that the launcher gives")
+        where = environ.get(rank.ADDRESS, "the address that the launcher gives")
         raise ValueError(
             f"{count} processes do not meet at {where} within {MEET_S} s: "
             f"{str(error).splitlines()[0]:.200}"
         ) from None
-    if not place.is_first():
+    if not rank.is_first():
         # What all do is said once.
         log.setLevel(logging.ERROR)
 
@@ -143,7 +143,7 @@ def shorten_stderr():
     written to stderr passes through another process, which outlives it.
     """
     read, write = os.pipe()
-    command = [sys.executable, "-c", SHORTEN, LOST_LINE.format(*place.here())]
+    command = [sys.executable, "-c", SHORTEN, LOST_LINE.format(*rank.here())]
     subprocess.Popen(command, stdin=read, stderr=sys.stderr.fileno())
     os.dup2(write, sys.stderr.fileno())
     os.close(read)

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from alignerf.command import progress
+from alignerf.files import progress
 
 
 class Terminal(io.StringIO):
@@ -104,4 +104,4 @@ def test_nothing_else_draws_bars(root):
         for path in (root / package).rglob("*.py")
         if "tqdm" in path.read_text()
     }
-    assert found == {"alignerf/command/progress.py"}
+    assert found == {"alignerf/files/progress.py"}

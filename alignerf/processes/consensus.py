@@ -11,40 +11,40 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 
-from alignerf.command import faults
-from alignerf.processes import place
+from alignerf.files import faults
+from alignerf.processes import rank
 
 
 def on(value):
     """The first process's value, in all of them; JSON-able."""
-    if not place.are_several():
+    if not rank.are_several():
         return value
     return json.loads(on_bytes(json.dumps(value).encode()))
 
 
 def on_bytes(data: bytes) -> bytes:
     """The first process's bytes, in all of them; less than 2 GiB."""
-    if not place.are_several():
+    if not rank.are_several():
         return data
     mine = np.frombuffer(data, np.uint8)
     if mine.size >= 2**31:
         raise ValueError(f"{mine.size} bytes are too many to tell other processes")
     size = int(multihost_utils.broadcast_one_to_all(np.int32(mine.size)))
-    mine = mine if place.is_first() else np.zeros(size, np.uint8)
+    mine = mine if rank.is_first() else np.zeros(size, np.uint8)
     sent = multihost_utils.broadcast_one_to_all(mine)
     return np.asarray(sent, np.uint8).tobytes()
 
 
 def on_arrays(tree):
     """The first process's arrays, in all of them; of the same shapes everywhere."""
-    if not place.are_several():
+    if not rank.are_several():
         return tree
     return jax.tree.map(np.asarray, multihost_utils.broadcast_one_to_all(tree))
 
 
 def check_same(digest, what):
     """ValueError where a process has another SHA-256 of `what` than the first."""
-    if not place.are_several():
+    if not rank.are_several():
         return
     mine = np.frombuffer(bytes.fromhex(digest), np.uint8)
     every = np.asarray(multihost_utils.process_allgather(mine))
@@ -56,7 +56,7 @@ def check_same(digest, what):
 
 def on_smallest(size: int) -> int:
     """The smallest of the processes' numbers of bytes, to a megabyte."""
-    if not place.are_several():
+    if not rank.are_several():
         return size
     every = multihost_utils.process_allgather(np.int32(size // 10**6))
     return int(np.min(every)) * 10**6

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import yaml
 
-from alignerf.command import json_files
+from alignerf.files import json_files
 
 ROOT = Path(__file__).resolve().parents[2]
 LOCK = "requirements.lock"

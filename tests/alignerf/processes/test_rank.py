@@ -2,7 +2,7 @@
 
 import pytest
 
-from alignerf.processes import place
+from alignerf.processes import rank
 
 SLURM = {"SLURM_STEP_NUM_TASKS": "4", "SLURM_PROCID": "2", "SLURM_JOB_ID": "7"}
 BY_HAND = {"JAX_COORDINATOR_ADDRESS": "a:1", "JAX_NUM_PROCESSES": "3"}
@@ -31,7 +31,7 @@ BY_HAND = {"JAX_COORDINATOR_ADDRESS": "a:1", "JAX_NUM_PROCESSES": "3"}
     ],
 )
 def test_the_environment_says_which_process_this_is(environ, found):
-    assert place.of(environ) == found
+    assert rank.from_environment(environ) == found
 
 
 @pytest.mark.parametrize(
@@ -50,12 +50,12 @@ def test_the_environment_says_which_process_this_is(environ, found):
 )
 def test_half_of_an_environment_is_refused(environ, message):
     with pytest.raises(ValueError, match=message):
-        place.of(environ)
+        rank.from_environment(environ)
 
 
 def test_steps_of_jobs_have_ports_of_their_own():
     found = {
-        place.port({"SLURM_JOB_ID": str(job), "SLURM_STEP_ID": str(step)})
+        rank.port({"SLURM_JOB_ID": str(job), "SLURM_STEP_ID": str(step)})
         for job in range(5)
         for step in range(8)
     }
@@ -69,4 +69,4 @@ def test_steps_of_jobs_have_ports_of_their_own():
 )
 def test_a_process_takes_the_only_device_that_it_sees(seen, taken):
     environ = {} if seen is None else {"CUDA_VISIBLE_DEVICES": seen}
-    assert place.accelerators(environ) == taken
+    assert rank.accelerators(environ) == taken

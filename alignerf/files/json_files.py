@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from alignerf.command import faults
+from alignerf.files import faults
 
 LARGEST = 1e300
 NUMBER = (int, float)

@@ -51,7 +51,7 @@ def are_several() -> bool:
     return _here.count > 1
 
 
-def of(environ) -> Place:
+def from_environment(environ) -> Place:
     """Which of how many processes the environment says that this is.
 
     ValueError where it says half of what is said by hand. A batch job of Slurm with

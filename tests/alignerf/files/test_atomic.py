@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from alignerf.command import whole
+from alignerf.files import atomic
 
 
 def test_a_failure_leaves_the_old_folder_and_nothing_else(tmp_path):
@@ -18,7 +18,7 @@ def test_a_failure_leaves_the_old_folder_and_nothing_else(tmp_path):
     (old / "kept").write_text("old")
 
     def fail():
-        with whole.replace_folder(old) as temporary:
+        with atomic.replace_folder(old) as temporary:
             (temporary / "half").write_text("new")
             raise RuntimeError
 
@@ -26,7 +26,7 @@ def test_a_failure_leaves_the_old_folder_and_nothing_else(tmp_path):
         fail()
     assert os.listdir(tmp_path) == ["out"]
     assert os.listdir(old) == ["kept"]
-    with whole.replace_folder(old) as temporary:
+    with atomic.replace_folder(old) as temporary:
         (temporary / "new").write_text("new")
     assert os.listdir(tmp_path) == ["out"]
     assert os.listdir(old) == ["new"]
@@ -37,7 +37,7 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
     path.write_text("old")
 
     def fail():
-        with whole.replace_file(path) as temporary:
+        with atomic.replace_file(path) as temporary:
             assert temporary.suffix == ".csv"
             temporary.write_text("half")
             raise RuntimeError
@@ -46,7 +46,7 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
         fail()
     assert os.listdir(tmp_path) == ["a.csv"]
     assert path.read_text() == "old"
-    with whole.replace_file(path) as temporary:
+    with atomic.replace_file(path) as temporary:
         temporary.write_text("new")
     assert os.listdir(tmp_path) == ["a.csv"]
     assert path.read_text() == "new"
@@ -54,11 +54,11 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
 
 WRITER = """
 import sys, time
-from alignerf.command import whole
+from alignerf.files import atomic
 with (
-    whole.replace_file(sys.argv[1] + "/a.csv"),
-    whole.replace_folder(sys.argv[1] + "/out") as folder,
-    whole.scratch_folder(sys.argv[1] + "/work"),
+    atomic.replace_file(sys.argv[1] + "/a.csv"),
+    atomic.replace_folder(sys.argv[1] + "/out") as folder,
+    atomic.scratch_folder(sys.argv[1] + "/work"),
 ):
     (folder / "half").write_text("half")
     print("ready", flush=True)
@@ -74,17 +74,17 @@ def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path, root):
     try:
         assert writer.stdout.readline() == b"ready\n"
         # It lives: what it writes stays.
-        assert whole.sweep(tmp_path) == []
+        assert atomic.sweep(tmp_path) == []
         assert len(os.listdir(tmp_path)) == 5
     finally:
         writer.send_signal(signal.SIGKILL)
         writer.communicate()
-    assert len(whole.sweep(tmp_path)) == 3
+    assert len(atomic.sweep(tmp_path)) == 3
     assert sorted(os.listdir(tmp_path)) == [".kept", ".kept.~host~1~x", "work"]
     assert os.listdir(tmp_path / "work") == []
 
 
-@pytest.mark.parametrize("how", [whole.replace_file, whole.replace_folder])
+@pytest.mark.parametrize("how", [atomic.replace_file, atomic.replace_folder])
 def test_a_full_disk_says_what_was_being_written(tmp_path, how):
     with (
         pytest.raises(OSError, match=r"No space left on device: .*a\.npz"),
@@ -96,7 +96,7 @@ def test_a_full_disk_says_what_was_being_written(tmp_path, how):
 
 def test_the_longest_name_of_a_photo_can_be_written(tmp_path):
     path = tmp_path / f"{'n' * 200}.png"
-    with whole.replace_file(path) as temporary:
+    with atomic.replace_file(path) as temporary:
         temporary.write_text("new")
     assert path.read_text() == "new"
 
@@ -107,12 +107,12 @@ def test_files_of_tomorrow_are_brought_back_in_their_order(tmp_path):
     for name, days in times.items():
         (tmp_path / name).touch()
         os.utime(tmp_path / name, ns=(now_ns, now_ns + days * day_ns))
-    assert whole.bring_back(tmp_path) == 4
+    assert atomic.bring_back(tmp_path) == 4
     found = {name: os.stat(tmp_path / name).st_mtime_ns for name in times}
     assert found["a"] == now_ns - 5 * day_ns
     assert found["a"] < found["b"] == found["d"] < found["c"] < found["e"]
     assert found["e"] <= time.time_ns()
-    assert whole.bring_back(tmp_path) == 0
+    assert atomic.bring_back(tmp_path) == 0
 
 
 def test_what_is_a_little_ahead_is_brought_back_with_the_rest(tmp_path):
@@ -121,15 +121,15 @@ def test_what_is_a_little_ahead_is_brought_back_with_the_rest(tmp_path):
     for name, ahead_s in (("a", 30), ("b", 90)):
         (tmp_path / name).touch()
         os.utime(tmp_path / name, ns=(now_ns, now_ns + ahead_s * second_ns))
-    assert whole.bring_back(tmp_path) == 2
+    assert atomic.bring_back(tmp_path) == 2
     first, second = (os.stat(tmp_path / name).st_mtime_ns for name in "ab")
     assert first < second <= time.time_ns()
     # Clocks of machines that share a folder differ by seconds.
     os.utime(tmp_path / "a", ns=(now_ns, time.time_ns() + 30 * second_ns))
-    assert whole.bring_back(tmp_path) == 0
+    assert atomic.bring_back(tmp_path) == 0
 
 
 def test_a_long_name_of_long_letters_can_be_written(tmp_path):
-    with whole.replace_file(tmp_path / f"{'写' * 60}.png") as temporary:
+    with atomic.replace_file(tmp_path / f"{'写' * 60}.png") as temporary:
         temporary.write_text("new")
     assert os.listdir(tmp_path) == [f"{'写' * 60}.png"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.command import images
+from alignerf.files import images
 
 KINDS = {
     "grey": ((9, 9), np.uint8),

@@ -6,14 +6,14 @@ import subprocess
 
 import pytest
 
-from alignerf.command import provenance
+from alignerf.files import provenance
 
 
 @pytest.fixture
 def checkout(tmp_path, monkeypatch):
     """A checkout whose sources these seem to be; commits are asked anew."""
     folder = tmp_path / "checkout"
-    source = folder / "alignerf" / "command" / "provenance.py"
+    source = folder / "alignerf" / "files" / "provenance.py"
     source.parent.mkdir(parents=True)
     source.write_text("one = 1\n")
     monkeypatch.setattr(provenance, "ROOT", folder)
@@ -46,7 +46,7 @@ def test_the_commit_and_whether_files_differ(checkout):
     (checkout / "results.csv").write_text("1")
     provenance.commit.cache_clear()
     assert provenance.commit() == head
-    (checkout / "alignerf/command/provenance.py").write_text("one = 2\n")
+    (checkout / "alignerf/files/provenance.py").write_text("one = 2\n")
     assert provenance.commit() == head
     provenance.commit.cache_clear()
     assert provenance.commit() == f"{head}-dirty"
