@@ -29,7 +29,8 @@ def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
     devices.take_accelerator()
-    if left := eta.Left(args.scene, split_paths.fill(args.timing, args.splits[-1])).words():
+    ends_with = split_paths.fill(args.timing, args.splits[-1])
+    if left := eta.Left(args.scene, ends_with).words():
         log.info(left)
     split_paths.check(args.splits, (args.renders, args.depth, args.timing))
     start = time.perf_counter()

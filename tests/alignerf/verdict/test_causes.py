@@ -172,7 +172,8 @@ def test_of_few_held_out_photos_nothing_pays():
 def test_what_pays_is_taken_before_what_brought_more_by_chance():
     known = WELL._replace(**FAULTS["camera"])
     lucky = gain(method="lucky", db=1.0, low=-0.1, high=2.1)
-    assert "cameras of aligned" in advice.advise(known, causes.find(known), [lucky, gain()])
+    said = advice.advise(known, causes.find(known), [lucky, gain()])
+    assert "cameras of aligned" in said
 
 
 def table_of(path, test_sets):
