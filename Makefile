@@ -1,6 +1,7 @@
 # make run    the default experiment, from nothing to tables and figures
 # make photos FOLDER=my_photos    the same of your own photos or film, to a page
-# make test   the whole test suite
+# make test   the test suite
+# make tools  tests of what stands beside it: benchmarks, torture, packaging, browser
 # make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
 # make peers PEERS=folder  ours beside the papers' released code (tests/peers.py)
 # make torture  the attack: damaged inputs, kills, full disks; three hours
@@ -14,7 +15,7 @@ BIN := $(VENV)/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
 
-.PHONY: run photos test bench peers torture docs lint cluster lock clean
+.PHONY: run photos test tools bench peers torture docs lint cluster lock clean
 
 run: $(VENV)/.installed
 	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
@@ -25,8 +26,14 @@ photos: export PHOTOS_FOLDER := $(value FOLDER)
 photos: $(VENV)/.installed
 	@python -m alignerf.start --cores $(CORES) $(PHOTOS) -- "$$PHOTOS_FOLDER"
 
+# Of benchmarks, the torture and the packaging, that they run; and the page in a browser.
+TOOLS := tests/bench tests/torture tests/test_packaging.py tests/alignerf/page/test_browser.py
+
 test: $(VENV)/.installed
-	@pytest -n 2 --dist worksteal
+	@pytest -n 2 --dist worksteal $(TOOLS:%=--ignore=%)
+
+tools: $(VENV)/.installed
+	@pytest -n 2 --dist worksteal $(TOOLS)
 
 bench: $(VENV)/.installed
 	@python -m tests.bench $(if $(PEER),--peer $(PEER)) $(BENCH)
@@ -71,4 +78,4 @@ lock:
 clean:
 	find results -mindepth 1 -maxdepth 1 ! -name README.md ! -name published \
 		-exec rm -rf {} +
-	rm -rf .snakemake
+	rm -rf .snakemake .pytest_cache

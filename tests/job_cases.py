@@ -1,12 +1,9 @@
 """What the tests of training as a job share: a tiny scene, a job, how to run it."""
 
-import contextlib
 import json
 
-import jax
 import numpy as np
 import pytest
-from jax.experimental.compilation_cache import compilation_cache
 from PIL import Image
 
 from alignerf import train
@@ -76,23 +73,6 @@ def in_stage(stage, job=JOB, **changes):
 
 class Killed(BaseException):
     """A process that ends in the middle, as far as files can tell."""
-
-
-@contextlib.contextmanager
-def compiled_into(folder):
-    """Programs compiled for one training serve its repetitions."""
-    options = {
-        "jax_compilation_cache_dir": str(folder),
-        "jax_persistent_cache_min_compile_time_secs": 0.1,
-    }
-    before = {name: getattr(jax.config, name) for name in options}
-    for name, value in options.items():
-        jax.config.update(name, value)
-    compilation_cache.reset_cache()
-    yield
-    for name, value in before.items():
-        jax.config.update(name, value)
-    compilation_cache.reset_cache()
 
 
 def make_scene(folder, width=WIDTH, height=HEIGHT):

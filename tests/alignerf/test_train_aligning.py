@@ -28,7 +28,7 @@ FIRST, SECOND = 4, 8
 
 
 @pytest.fixture(scope="module")
-def scene(compiled_once, tmp_path_factory):
+def scene(tmp_path_factory):
     """Photos of one smooth picture, each shifted by some pixels."""
     folder = tmp_path_factory.mktemp("scene")
     (folder / "images").mkdir()

@@ -21,16 +21,6 @@ STOPPED_AT = 7
 ALIKE = 4
 
 
-@pytest.fixture(scope="module", autouse=True)
-def compiled(tmp_path_factory):
-    """What the processes of one training compile serves those of the next."""
-    with pytest.MonkeyPatch.context() as patch:
-        folder = tmp_path_factory.mktemp("compiled")
-        patch.setenv("JAX_COMPILATION_CACHE_DIR", str(folder))
-        patch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
-        yield
-
-
 @contextlib.contextmanager
 def started(root, count, *arguments, each=None):
     """`count` processes of tests.on_processes that know of each other; ended after.
