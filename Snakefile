@@ -19,7 +19,7 @@ from snakemake.utils import min_version
 
 from alignerf.experiment import arguments, check, inputs, layout, plan, slices
 from alignerf.experiment import sources, targets
-from alignerf.experiment.cluster import needs, storage, work
+from alignerf.experiment.cluster import needs, storages, work
 from alignerf.experiment.tables import across, rows
 
 sources_of = sources.sources_of
@@ -41,7 +41,7 @@ config = check.or_exit(check.checked, config, workflow.configfiles)
 experiment = plan.Experiment(
     config,
     lambda **place: plan.goes_on(
-        storage.here(checkpoints.decide.get(**place).output[0])
+        storages.here(checkpoints.decide.get(**place).output[0])
     ),
 )
 costs = work.Digests(experiment)
@@ -69,7 +69,6 @@ include: "workflow/rules/verdict.smk"
 include: "workflow/rules/tables.smk"
 include: "workflow/rules/page.smk"
 include: "workflow/rules/across.smk"
-include: "workflow/rules/flow_benchmark.smk"
 include: "workflow/rules/export.smk"
 
 
@@ -81,7 +80,7 @@ rule all:
 
 check.or_exit(check.check_free, experiment.scenes, [r.name for r in workflow.rules])
 # Snakemake has a rule's output where its storage keeps it, if it is told of one.
-check.or_exit(storage.link, experiment.scenes, rules.config.output[0])
+check.or_exit(storages.link, experiment.scenes, rules.config.output[0])
 
 
 # What a killed run has half written.

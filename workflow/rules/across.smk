@@ -1,12 +1,13 @@
-# Tables of all scenes of a config, or of its sweep: `snakemake remedies` and others.
+# Tables of all scenes of a config, of its sweep, and of the flow estimators, each by its
+# name: `snakemake remedies`.
 for table in across.every(experiment):
 
     rule:
         name:
             table.name
         input:
-            lambda w, made=table.rows: rows.files_of(check.or_exit(made, experiment)),
-            configs=lambda w, made=table.configs: check.or_exit(made, experiment),
+            lambda w, made=table.inputs: made(experiment),
+            configs=lambda w, made=table.configs: made(experiment),
             published=local(table.published),
         output:
             csv=report(
@@ -21,7 +22,7 @@ for table in across.every(experiment):
                 f"results/{table.stem}{table.beside[1]}",
                 caption=f"../report/{table.name}.rst",
                 category=table.name,
-                labels={"what": f"{table.name}: {table.beside[0]}", "kind": "more"},
+                labels={"what": table.name, "kind": table.beside[0]},
             ),
         log:
             f"results/logs/{table.name}.log",
@@ -29,13 +30,13 @@ for table in across.every(experiment):
             f"results/logs/{table.name}.tsv"
         conda:
             "../../environment.yml"
+        threads: table.threads
         params:
-            rows=lambda w, made=table.rows: rows.as_json(made(experiment)),
-            options=table.options,
+            options=lambda w, made=table.options: made(experiment),
             beside=f"--{table.beside[0]}",
-            module=f"alignerf.tables.{table.name}",
-            sources=sources_of(f"alignerf.tables.{table.name}"),
+            module=table.module,
+            sources=sources_of(*table.sources),
         shell:
-            "python -m {params.module} --rows {params.rows:q} {params.options:q}"
-            " --configs {input.configs:q} --csv {output.csv:q} --tex {output.tex:q}"
-            " {params.beside} {output.beside:q} 2>&1 | tee {log:q}"
+            "python -m {params.module} {params.options:q} --configs {input.configs:q}"
+            " --csv {output.csv:q} --tex {output.tex:q} {params.beside}"
+            " {output.beside:q} 2>&1 | tee {log:q}"

@@ -9,8 +9,10 @@ import re
 import pytest
 
 from alignerf.experiment import sources
+from alignerf.experiment.tables import across
 
 JOB = {"fields", "method", "model", "training"}
+TABLES = ("regimes", "remedies", "tradeoff", "comparison")
 EVERY = JOB | {"config", "flow", "left", "scene", "scored"}
 # {stage: sections}; of a stage that is not here, none.
 REACHED = {
@@ -23,24 +25,27 @@ REACHED = {
     # The page says what the preflight says.
     "alignerf.page": JOB | {"scene"},
     "alignerf.tabulate": {"scene"},
+    **{f"alignerf.tables.{name}": {"scene"} for name in TABLES},
     "alignerf.evaluate": {"scored"},
     "alignerf.config": EVERY,
     "alignerf.preflight": EVERY,
 }
 
 
-def stages(root):
+@pytest.fixture
+def stages(root, demo, experiment_of):
     """Modules that the rules run."""
     text = "".join(p.read_text() for p in (root / "workflow/rules").glob("*.smk"))
-    return sorted(set(re.findall(r"python -m ([\w.]+)", text)))
+    tables = {table.module for table in across.every(experiment_of(demo))}
+    return sorted(tables | set(re.findall(r"python -m ([\w.]+)", text)))
 
 
-def test_every_stage_of_the_list_is_run_by_a_rule(root):
-    assert set(REACHED) <= set(stages(root))
+def test_every_stage_of_the_list_is_run_by_a_rule(stages):
+    assert set(REACHED) <= set(stages)
 
 
-def test_a_stage_reaches_its_sections_alone(root):
-    for stage in stages(root):
+def test_a_stage_reaches_its_sections_alone(stages):
+    for stage in stages:
         keys = [p for p in sources.reached(stage) if p.parent.name == "keys"]
         sections = {path.stem for path in keys} - {"__init__", "key"}
         assert sections == REACHED.get(stage, set()), stage

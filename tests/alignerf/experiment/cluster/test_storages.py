@@ -2,7 +2,7 @@
 
 import pytest
 
-from alignerf.experiment.cluster import storage
+from alignerf.experiment.cluster import storages
 
 
 @pytest.fixture
@@ -12,7 +12,7 @@ def places(tmp_path):
 
 def link(scenes, copies, results):
     """With `copies` as the folder that Snakemake has for `results`."""
-    storage.link(scenes, copies / "{scene}" / "config.yaml", results)
+    storages.link(scenes, copies / "{scene}" / "config.yaml", results)
 
 
 def test_scenes_lead_to_the_copies(places):
