@@ -44,6 +44,7 @@ experiment = plan.Experiment(
         storages.here(checkpoints.decide.get(**place).output[0])
     ),
 )
+check.or_exit(plan.check_equal, experiment)
 costs = work.Digests(experiment)
 sources.set_environment(costs.of_measured())
 

@@ -17,6 +17,6 @@ images, cameras, the truth      `scenes`, the embedded scene in `scenes.courtyar
 
 `experiment` is what a config means, without JAX: which jobs there are, and what each of
 them depends on, and what they ask of a cluster. `processes` lets several train one
-model. `command` is what all commands share: errors in one line, files that
-are whole or not there.
+model. `files` is what all commands share: errors in one line, files that are
+whole or not there.
 """

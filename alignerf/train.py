@@ -142,11 +142,8 @@ def train(job, args):
         with atomic.replace_folder(args.learnt) as folder:
             if job.align:
                 aligner.write(folder, views, args.cameras)
-            elif job.refine:
-                prepared.write_cameras(folder / "cameras.npz", moved, args.cameras)
             else:
-                given = args.seen_by or args.cameras or f"{args.scene}/cameras.npz"
-                shutil.copyfile(given, folder / "cameras.npz")
+                write_cameras(folder / "cameras.npz", moved, job, args)
     if compared:
         errors_px = {"given": compared(loaded), "after": compared(moved)}
         timing["pose_error_px"] = errors_px
@@ -164,6 +161,15 @@ def make_aligner(job, loaded: prepared.Scene, chosen, photos, args):
     alignment = importlib.import_module("alignerf.alignment.aligner")
     scene = alignment.Scene(loaded, chosen, photos)
     return alignment.Aligner(job, scene, args.checkpoints)
+
+
+def write_cameras(path, learnt, job, args):
+    """The cameras of the renders: as learnt, else the file of those given."""
+    if job.refine:
+        prepared.write_cameras(path, learnt, args.cameras)
+        return
+    given = args.seen_by or args.cameras or f"{args.scene}/cameras.npz"
+    shutil.copyfile(given, path)
 
 
 def to_truth(loaded: prepared.Scene, truth):

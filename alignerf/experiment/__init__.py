@@ -1,1 +1,1 @@
-"""What a config means: settings, jobs and their slices, rows of tables. No JAX here."""
+"""What a config means: keys, trainings and their jobs, rows of tables. No JAX here."""

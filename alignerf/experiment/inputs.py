@@ -6,7 +6,7 @@ from alignerf.experiment import arguments, kinds, layout, slices, sources
 
 
 def is_given(experiment, folder):
-    """Whether what lies in a folder below a scene's is another program's renders."""
+    """Whether a folder below a scene's is an external method's."""
     return folder.partition("/")[0] in experiment.names(kinds.external)
 
 
@@ -47,7 +47,7 @@ def of_training(experiment, scene, folder):
 
 
 def training_options(experiment, scene, folder):
-    """Command line of what a training learns from."""
+    """Options of `alignerf.train`: what the training learns from."""
     training = experiment.training(scene, folder)
     words = arguments.options({"scene": training.prepared} | training.inputs())
     if training.prepared != f"results/{scene}":
@@ -85,7 +85,7 @@ def of_export(experiment, scene, method, what):
 
 
 def export_options(experiment, scene, method, what):
-    """Command line of the same."""
+    """Options of `alignerf.export`: cameras, warped photos, and whether it paid."""
     training = last_training(experiment, scene, method)
     chosen = {"cameras": f"{training.learnt}/cameras.npz"}
     if what == "photos":
@@ -94,7 +94,8 @@ def export_options(experiment, scene, method, what):
     words = arguments.options(chosen)
     if method in experiment.names(kinds.aligned):
         # Where aligning on the way brought nothing, cameras go out as given.
-        words += ["--if-pays", f"results/{scene}/verdict.json", method]
+        owner = training.folder.partition("/")[0]
+        words += ["--if-pays", f"results/{scene}/verdict.json", owner]
     return words
 
 
@@ -111,7 +112,10 @@ def of_scores(experiment, scene, folder, moved):
 
 
 def scores_options(experiment, scene, folder, moved):
-    """Command line of the same, and of the renders. By moved cameras PSNR is enough."""
+    """Options of `alignerf.evaluate`: renders, test sets, LPIPS.
+
+    Of renders by moved cameras PSNR alone is scored.
+    """
     renders = renders_of(experiment, scene, folder, moved)
     if moved:
         return arguments.options(

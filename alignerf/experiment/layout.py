@@ -10,7 +10,7 @@ import re
 OF_SPLITS = ("renders", "depth", "render", "flow", "warped", "displacement")
 INSIDE = re.compile(
     rf"(results/.+/(?:{'|'.join(OF_SPLITS)}))/(?:train|test)(?:\.\w+)?"
-    r"|(results/.+/learnt)/\w+(?:\.\w+)?"
+    r"|(results/.+/learnt)/(?:cameras\.npz|photos|valid)"
 )
 
 
@@ -21,7 +21,7 @@ def output_of(path):
 
 
 def outputs_of(paths):
-    """The same of several, {name: path} or a list; each once in a list."""
+    """The outputs of rules for several paths: {name: path}, or a list, each once."""
     if isinstance(paths, dict):
         return {name: output_of(path) for name, path in paths.items()}
     return list(dict.fromkeys(map(output_of, paths)))

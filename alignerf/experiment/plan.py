@@ -191,10 +191,29 @@ def goes_on(path):
 
 
 def folders(experiment):
-    """Regular expression of a training's folder below its scene's, of any training."""
-    methods, models = one_of(experiment.methods), one_of(experiment.config["models"])
-    variants = one_of(sweep.names(experiment))
-    return rf"{methods}/round(?:0|[1-9]\d*)|pretrain/{models}|tradeoff/{variants}"
+    """Regular expression of what is scored or trained, by its folder below a scene's.
+
+    Scenes have the same; one of them has the points of the sweep besides.
+    """
+    sweeps = experiment.config["tradeoff"]
+    scenes = {next(iter(experiment.scenes)), *([sweeps["scene"]] if sweeps else [])}
+    names = {name for scene in scenes for name in experiment.trainings(scene)}
+    names |= {f"{name}/round0" for name in experiment.names(kinds.external)}
+    return one_of(names)
+
+
+def check_equal(experiment):
+    """ValueError where a method trains nothing but what another one trains.
+
+    It would have no row in any table.
+    """
+    scene, first = next(iter(experiment.scenes)), {}
+    for name in experiment.trained():
+        rounds = tuple(t.folder for t in experiment.rounds_of(scene, name))
+        if rounds in first:
+            what = f"the same as methods.{first[rounds]}: trained once, it has one name"
+            raise ValueError(f"config: methods.{name}: {what}")
+        first[rounds] = name
 
 
 def one_of(names):

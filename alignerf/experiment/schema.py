@@ -1,4 +1,4 @@
-"""The JSON schema of the settings' classes, and the one validator that reads it."""
+"""The JSON schema of the classes of keys, and the one validator that reads it."""
 
 import dataclasses
 import functools

@@ -41,7 +41,7 @@ class Training(NamedTuple):
     alone: bool = False
 
     def __hash__(self):
-        """Of what tells it apart: what it needs comes many times, by several ways."""
+        """Of the fields that differ most: `after` and `flows` are long ways down."""
         return hash((self.scene, self.folder, self.job, self.photos, self.cameras))
 
     @property
@@ -77,7 +77,8 @@ class Training(NamedTuple):
     @property
     def moves(self):
         """Whether its cameras may move while it runs."""
-        return bool(self.aligns or json.loads(self.job).get("refine"))
+        aligns = self.aligns and self.aligns["cameras_at"]
+        return bool(aligns or json.loads(self.job).get("refine"))
 
     @property
     def warped(self):
@@ -109,12 +110,12 @@ def corrected(training):
 
 
 def lead_to(training):
-    """All trainings that lead to this one, in their order, and this one."""
+    """The trainings in `after`, recursively, then the training itself."""
     return way_to(training, lambda one: one.after)
 
 
 def needs(training):
-    """All that have to be trained before it, and it; those of a search radius too."""
+    """The same with those of `flows`: all that is trained before it."""
     return way_to(training, lambda one: (*one.after, *one.flows))
 
 
@@ -138,7 +139,7 @@ def timings_of(training):
 
 
 def reports_of(training):
-    """Reports of the rendering, the flow and the corrections between these trainings.
+    """Reports of the rendering, the flow and the corrections on the way to a training.
 
     Of a training that a search radius is measured on, the rendering and the flow count;
     the training itself does not: it is a row of its own.

@@ -99,7 +99,7 @@ def without(mapping, keys):
 def tasks_of(work, rates, flow: Flow, views: Views, *, threads) -> list[Task]:
     """All tasks of a scene after its poses, in an order in which they can run.
 
-    work: `experiment.targets.work`. rates: one of each training, in its order.
+    work: `experiment.cluster.work.of_scene`. rates: one of each training, in its order.
     """
     found = []
     for one, rate in zip(work["trainings"], rates, strict=True):

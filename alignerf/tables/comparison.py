@@ -39,7 +39,6 @@ COLUMNS = (
     # The paper of a published row, and what is known of how it came about.
     *("source", "origin"),
 )
-AS_PRINTED = ("group", "test_set", "source", "origin", *PRINTED)
 RANKING_COLUMNS = ("group", "test_set", "beside", "tau", "tau_low", "tau_high", "rows")
 
 

@@ -4,6 +4,7 @@ rule export_method:
     input:
         unpack(lambda w: inputs.of_export(experiment, w.scene, w.method, w.what)),
         images="results/{scene}/images",
+        poses="results/{scene}/poses.json",
         cameras="results/{scene}/cameras.npz",
     output:
         directory("results/{scene}/{method}/export/{what}"),

@@ -33,7 +33,7 @@ rule train:
         " --timing {output.timing:q} --threads {threads} 2>&1 | tee {log:q}"
 
 
-# Test views, and training views where their flow is asked for.
+# Test views; training views where their flow is asked for, after a pre-training alone.
 rule render:
     input:
         model="results/{scene}/{training}/model.msgpack",

@@ -26,7 +26,7 @@ def memory_mb(costs, file):
 
     costs: a mapping of scenes to the digest of what each has to do (`work.Digests`): a
     preflight of other work says nothing.
-    file: with wildcards in braces, as `{method}/round{round}/timing.json`.
+    file: with wildcards in braces, as `{training}/timing.json`.
     """
 
     def megabytes(wildcards, attempt):

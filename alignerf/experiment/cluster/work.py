@@ -27,7 +27,7 @@ def of_scene(experiment, scene):
     return {
         "reference": longest.reference_folder(scene).removeprefix(root),
         "verdict": longest.reference_folder(scene, 0).removeprefix(root),
-        "trainings": [one_of_work(longest, t) for t in every if not t.alone],
+        "trainings": entries(longest, [t for t in every if not t.alone]),
         "given": len(longest.names(kinds.external)),
         "aligned_pose": experiment.config["aligned_pose"],
         "truth": experiment.has_truth(scene),
@@ -35,8 +35,18 @@ def of_scene(experiment, scene):
     }
 
 
-def one_of_work(experiment, training):
-    """An entry of `of_scene`."""
+def entries(experiment, every):
+    """Entries of `of_scene`; cameras that several learn with are corrected once."""
+    corrected, made = set(), []
+    for training in every:
+        new = training.cameras not in corrected
+        made.append(one_of_work(experiment, training, new=new))
+        corrected.add(training.cameras)
+    return made
+
+
+def one_of_work(experiment, training, *, new):
+    """An entry of `of_scene`; new: nothing before it learns with its cameras."""
     needed = dict.fromkeys((*training.after, *training.flows))
     corrected = map(trainings.corrected, training.flows)
     splits = experiment.splits(training.scene, training.folder)
@@ -44,7 +54,7 @@ def one_of_work(experiment, training):
         "name": training.folder,
         "job": json.loads(training.job),
         "after": [before.folder for before in needed],
-        "corrects": training.cameras in corrected,
+        "corrects": new and training.cameras in corrected,
         "renders": splits,
         "scored": "test" in splits,
     }

@@ -7,7 +7,7 @@ REQUIRED = dataclasses.MISSING
 
 
 def key(default=REQUIRED, what="", **bounds):
-    """A field of the classes below: its default, its meaning, its bounds."""
+    """A field of a class of keys: its default, its meaning, its bounds."""
     metadata = {"what": what, **bounds}
     if default is REQUIRED:
         return dataclasses.field(metadata=metadata)

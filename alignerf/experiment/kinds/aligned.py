@@ -4,6 +4,7 @@ from alignerf.experiment.kinds import learnt
 
 
 def takes(method):
+    """A method with `align`."""
     return bool(method["align"])
 
 

@@ -2,6 +2,7 @@
 
 
 def takes(method):
+    """A method with `renders`."""
     return bool(method["renders"])
 
 

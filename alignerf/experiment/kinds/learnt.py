@@ -5,6 +5,7 @@ from alignerf.experiment.trainings import from_photos
 
 
 def takes(method):
+    """A method with `refine`."""
     return bool(method["refine"])
 
 

@@ -6,6 +6,7 @@ from alignerf.experiment.trainings import from_photos
 
 
 def takes(method):
+    """Any method: what is left when no other kind takes it."""
     return True
 
 

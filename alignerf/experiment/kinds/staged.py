@@ -8,6 +8,7 @@ from alignerf.experiment.trainings import DISPLACED, corrected, from_photos
 
 
 def takes(method):
+    """A method with `alignerf`."""
     return bool(method["alignerf"])
 
 

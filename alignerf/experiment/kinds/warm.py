@@ -8,6 +8,7 @@ from alignerf.experiment.kinds import plain, rounds
 
 
 def takes(method):
+    """A method with `warm_start`."""
     return bool(method["warm_start"])
 
 
