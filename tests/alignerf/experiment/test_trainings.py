@@ -4,10 +4,12 @@ What methods come to is in test_plan.py and test_slices.py.
 """
 
 import json
+import re
 
 import pytest
 
-from alignerf.experiment import jobs, kinds, layout, targets, trainings
+from alignerf.experiment import jobs, kinds, layout, plan, targets, trainings
+from alignerf.experiment.cluster import work
 
 HERE = "results/courtyard"
 WARM = {"from": "plain", "learning_rates": [0.005, 0.001]}
@@ -246,6 +248,8 @@ def test_only_what_aligns_itself_depends_on_the_flows_code(experiment):
                 *("a/plain/round0/parts/test", "a/plain/round0/parts_photos/train"),
                 "a/plain/round0/decomposition_test.csv",
                 "a/plain/round0/corrected/cameras.npz",
+                # A model that is called so.
+                "a/pretrain/learnt/model.msgpack",
             )
         ),
     ],
@@ -261,3 +265,44 @@ def test_an_output_is_waited_for_once():
     assert layout.outputs_of(paths) == ["results/a/m/round0/flow"]
     named = dict(zip(("one", "two"), paths, strict=True))
     assert layout.outputs_of(named) == dict.fromkeys(named, "results/a/m/round0/flow")
+
+
+def test_a_method_that_trains_nothing_of_its_own_is_refused(demo, experiment_of):
+    """It would have no row in any table, and nothing would say why."""
+    demo["methods"] = {
+        "first": {"model": "base", "align": {}},
+        "plain": {"model": "base"},
+        "second": {"model": "base", "align": {}},
+    }
+    with pytest.raises(
+        ValueError, match=r"methods\.second: the same as methods\.first"
+    ):
+        plan.check_equal(experiment_of(demo))
+    demo["methods"]["second"]["align"] = {"shrink": 2}
+    plan.check_equal(experiment_of(demo))
+
+
+def test_only_what_a_plan_has_is_a_folder_of_it(demo, experiment_of):
+    demo["methods"]["twice"] = {"model": "base", "rounds": 3}
+    pattern = re.compile(plan.folders(experiment_of(demo)))
+    for folder in ("mipnerf360/round2", "twice/round3", "pretrain/base"):
+        assert pattern.fullmatch(folder), folder
+    # Trained under another method's name, or not at all.
+    for folder in ("twice/round0", "mipnerf360/round3", "pretrain/large", "twice"):
+        assert not pattern.fullmatch(folder), folder
+
+
+def test_cameras_that_two_learn_with_are_corrected_once(demo, experiment_of):
+    demo["preflight"] = True
+    demo["methods"] = {
+        "moved": {"model": "base", "rounds": 1, "changes": "cameras"},
+        "warm": {
+            "model": "base",
+            "rounds": 1,
+            "changes": "cameras",
+            "warm_start": {"from": "moved"},
+        },
+    }
+    entries = work.of_scene(experiment_of(demo), "courtyard")["trainings"]
+    corrected = [entry["name"] for entry in entries if entry["corrects"]]
+    assert corrected == ["moved/round1"]
