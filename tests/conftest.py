@@ -11,7 +11,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 # Before JAX is imported: tests run on the CPU.
 os.environ["JAX_PLATFORMS"] = "cpu"
 # Compiled programs are kept for the next run of the tests, and for the processes that
-# these start: `make test` takes half as long with them. `make clean` removes them.
+# these start: with them `make test` takes a quarter less. `make clean` removes them.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(ROOT / ".pytest_cache" / "jax"))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
 # Most of a test is compiling what runs for a moment. Without the optimisations of the

@@ -50,7 +50,7 @@ def of_views(experiment, scene, method, round, split=split_paths.MARK):
     return [*found, "--method", "files", "--flows", folder]
 
 
-def of_training(experiment, scene, folder):
+def of_training_views(experiment, scene, folder):
     """The same for the views of a training, by its folder below the scene's."""
     method, _, round = folder.partition("/")
     if method != "pretrain":
@@ -100,8 +100,8 @@ def aligned_pose_inputs(experiment, scene, folder):
     path = f"results/{scene}/{folder}"
     by_flow = experiment.config["aligned_pose"]["flow"]
     inputs = {"flow": f"{path}/flow/test"} if by_flow else {}
-    if experiment.has_truth(scene):
-        inputs["truth"] = f"results/{scene}/truth"
+    if truth := experiment.truth_of(scene):
+        inputs["truth"] = truth
         if by_flow:
             inputs["truth-flow"] = f"{path}/flow_oracle/test"
     return inputs

@@ -11,14 +11,14 @@ def is_given(experiment, folder):
 
 
 def renders_of(experiment, scene, folder, moved=""):
-    """The test views that are scored: a training's, or another program's.
+    """The folder of the views that are scored: a training's, or another program's.
 
     moved: whether they are those by moved cameras, as the name of their scores has it.
     """
     if is_given(experiment, folder):
         method = experiment.methods[folder.partition("/")[0]]
         return method["renders"].replace("{scene}", scene)
-    return f"results/{scene}/{folder}/{'aligned_pose' if moved else 'renders'}"
+    return f"results/{scene}/{folder}/{'aligned_pose' if moved else 'renders/test'}"
 
 
 def decisions_of(experiment, scene):
@@ -94,21 +94,26 @@ def export_options(experiment, scene, method, what):
     words = arguments.options(chosen)
     if method in experiment.names(kinds.aligned):
         # Where aligning on the way brought nothing, cameras go out as given.
-        owner = training.folder.partition("/")[0]
-        words += ["--if-pays", f"results/{scene}/verdict.json", owner]
+        words += ["--if-pays", f"results/{scene}/verdict.json", training.owner]
     return words
 
 
-def of_scores(experiment, scene, folder, moved):
-    """{name: output} that scores need besides renders: the truth, and the test sets.
+def testset_of(scene, folder, moved):
+    """The warped test set, where renders are scored by it.
 
     A point of the sweep, and renders by moved cameras, are scored by the photos.
     """
+    by_photos = moved or folder.startswith("tradeoff/")
+    return None if by_photos else f"results/{scene}/testset"
+
+
+def of_scores(experiment, scene, folder, moved):
+    """{name: output} that scores need besides renders: the truth, and the test sets."""
     inputs = truth_of(experiment, scene)
-    if moved or folder.startswith("tradeoff/"):
-        return inputs
-    sets = ("flow", "warped", *arguments.CONTROL_SETS)
-    return inputs | {name: f"results/{scene}/testset/{name}" for name in sets}
+    if testset := testset_of(scene, folder, moved):
+        sets = ("flow", "warped", *arguments.CONTROL_SETS)
+        inputs |= {name: f"{testset}/{name}" for name in sets}
+    return inputs
 
 
 def scores_options(experiment, scene, folder, moved):
@@ -117,13 +122,7 @@ def scores_options(experiment, scene, folder, moved):
     Of renders by moved cameras PSNR alone is scored.
     """
     renders = renders_of(experiment, scene, folder, moved)
-    if moved:
-        return arguments.options(
-            {"aligned-pose": renders} | truth_of(experiment, scene)
-        )
-    split = "" if is_given(experiment, folder) else "/test"
-    chosen = {"renders": f"{renders}{split}"}
-    if not folder.startswith("tradeoff/"):
-        chosen["testset"] = f"results/{scene}/testset"
+    chosen = {"aligned-pose" if moved else "renders": renders}
+    chosen["testset"] = testset_of(scene, folder, moved)
     words = arguments.options(chosen | truth_of(experiment, scene))
-    return words + arguments.lpips_options(experiment)
+    return words + ([] if moved else arguments.lpips_options(experiment))

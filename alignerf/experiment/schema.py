@@ -36,7 +36,7 @@ def classes_in(kind):
     todo = list(typing.get_type_hints(kind).values())
     while todo:
         hint = todo.pop()
-        if dataclasses.is_dataclass(hint) or hasattr(hint, "schema"):
+        if dataclasses.is_dataclass(hint) or hasattr(hint, "properties"):
             yield hint
         elif typing.get_origin(hint) is not Literal:
             todo += typing.get_args(hint)
@@ -45,10 +45,11 @@ def classes_in(kind):
 def of_class(kind):
     """Schema of a mapping with the fields of a class of keys.
 
-    One of which any part may be given says its schema itself.
+    One of which any part may be given says its properties itself.
     """
-    if hasattr(kind, "schema"):
-        return kind.schema(of_class)
+    if hasattr(kind, "properties"):
+        least = {"minProperties": kind.LEAST} if kind.LEAST else {}
+        return mapping_of(kind.properties(of_class), **least)
     hints = typing.get_type_hints(kind)
     fields = dataclasses.fields(kind)
     properties = {name_of(f): of_field(f, hints[f.name]) for f in fields}
@@ -58,9 +59,10 @@ def of_class(kind):
     return whole
 
 
-def mapping_of(properties):
+def mapping_of(properties, **more):
     """Schema of a mapping with these keys and no other."""
-    return {"type": "object", "additionalProperties": False, "properties": properties}
+    closed = {"type": "object", "additionalProperties": False}
+    return closed | more | {"properties": properties}
 
 
 def is_required(field):
@@ -287,7 +289,7 @@ def filled_value(hint, value, default):
     if typing.get_origin(hint) is dict:
         kind = typing.get_args(hint)[1]
         return {name: filled_value(kind, entry, None) for name, entry in value.items()}
-    if hasattr(hint, "schema"):
+    if hasattr(hint, "properties"):
         return dict(value)
     kinds = [k for k in typing.get_args(hint) or (hint,) if k is not type(None)]
     if len(kinds) > 1 and "kind" in value:

@@ -7,6 +7,8 @@ over `Training.after`.
 import json
 from typing import NamedTuple
 
+from alignerf.experiment import slices
+
 # Reports below a training's folder: of its renders, their flow, and the correction of
 # its cameras by that flow.
 RENDERED, DISPLACED = "render/{split}.json", "displacement/{split}.csv"
@@ -48,6 +50,11 @@ class Training(NamedTuple):
     def path(self):
         """Its folder."""
         return f"results/{self.scene}/{self.folder}"
+
+    @property
+    def owner(self):
+        """The method that it has its name from; `pretrain`, `tradeoff` are none."""
+        return self.folder.partition("/")[0]
 
     @property
     def learnt(self):
@@ -100,7 +107,7 @@ def from_photos(scene, folder, job, **more):
     """A training on the photos as taken, with the cameras as given."""
     whole = f"results/{scene}"
     cameras = more.pop("cameras", f"{whole}/cameras.npz")
-    text = json.dumps(job, sort_keys=True)
+    text = slices.as_json(job)
     return Training(scene, folder, text, f"{whole}/images", cameras, whole, **more)
 
 

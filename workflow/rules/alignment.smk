@@ -16,7 +16,7 @@ rule align:
     conda:
         "../../environment.yml"
     params:
-        flow=lambda w: arguments.of_training(experiment, w.scene, w.training),
+        flow=lambda w: arguments.of_training_views(experiment, w.scene, w.training),
         splits=lambda w: experiment.splits(w.scene, w.training),
         sources=sources_of("flow.align"),
     shell:

@@ -25,8 +25,11 @@ VARIES = {
 class Variant:
     """The keys in which a point of the sweep differs from the base; none is filled."""
 
+    # So many keys have to be given.
+    LEAST = 1
+
     @staticmethod
-    def schema(of_class):
+    def properties(of_class):
         """Some keys of models and trainings, seed and downscale; at least one."""
         own = {}
         for kind, names in VARIES.items():
@@ -47,8 +50,7 @@ class Variant:
             "exclusiveMinimum": 1,
             "maximum": 64,
         }
-        whole = {"type": "object", "additionalProperties": False, "minProperties": 1}
-        return whole | {"properties": own}
+        return own
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Keys of `training`: how the baseline is trained, and how long."""
 
 import dataclasses
-from typing import Literal
+from typing import ClassVar, Literal
 
 from alignerf.experiment.keys.key import budget, key, left_to_facts
 
@@ -99,14 +99,17 @@ class Changes:
     A job's training has taken them in, so that of a job nothing is left here.
     """
 
+    # So many keys have to be given.
+    LEAST: ClassVar = 0
+
     @staticmethod
-    def schema(of_class):
+    def properties(of_class):
         """Some keys of trainings, but not how long they are."""
         properties = of_class(Training)["properties"]
         own = {n: p for n, p in properties.items() if n not in ("steps", "budget_min")}
         for entry in own.values():
             del entry["default"]
-        return {"type": "object", "additionalProperties": False, "properties": own}
+        return own
 
 
 def check_length(given, where):

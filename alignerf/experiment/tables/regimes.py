@@ -262,7 +262,7 @@ def compared(experiment, scene, method, round):
 def reference_of(experiment, scene):
     """The method by whose name the reference's round 0 is trained."""
     training = experiment.at(scene, experiment.config["reference"]["method"], 0)
-    return training.folder.partition("/")[0]
+    return training.owner
 
 
 def length_share(experiment, scene):

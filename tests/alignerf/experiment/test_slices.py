@@ -270,7 +270,7 @@ def test_flows_made_elsewhere_reach_the_commands(demo, experiment_of):
         ("mipnerf360/round1", "mipnerf360-1-{split}"),
         ("pretrain/base", "pretrain-base-{split}"),
     ):
-        found = arguments.of_training(experiment, "courtyard", training)
+        found = arguments.of_training_views(experiment, "courtyard", training)
         assert found[-1] == f"my flows/courtyard/{folder}"
     found = arguments.of_reference(experiment, "courtyard")
     assert found[-1] == "my flows/courtyard/mipnerf360_large-2-test"
