@@ -8,6 +8,7 @@ built by a name in the file. Anything else is refused by name.
 import dataclasses
 import pickletools
 import re
+import warnings
 from typing import NamedTuple
 
 # Storage classes and the little-endian numbers that they hold.
@@ -61,17 +62,24 @@ def interpret(stream):
     """
     machine = _Machine()
     try:
-        for opcode, argument, _ in pickletools.genops(stream):
-            if opcode.name == "STOP":
-                break
-            if opcode.name not in _ACTIONS:
-                raise ValueError(f"opcode {opcode.name} is not one of a state dict")
-            _ACTIONS[opcode.name](machine, argument)
-    except (IndexError, KeyError, TypeError) as error:
+        with warnings.catch_warnings():
+            # pickletools warns of an escape in a name that Python does not know.
+            warnings.simplefilter("error")
+            _run(machine, stream)
+    except (IndexError, KeyError, TypeError, Warning) as error:
         raise ValueError(f"broken pickle: {type(error).__name__}") from None
     if machine.frames or len(machine.stack) != 1:
         raise ValueError("broken pickle: it does not end in one object")
     return machine.stack[0]
+
+
+def _run(machine, stream):
+    for opcode, argument, _ in pickletools.genops(stream):
+        if opcode.name == "STOP":
+            return
+        if opcode.name not in _ACTIONS:
+            raise ValueError(f"opcode {opcode.name} is not one of a state dict")
+        _ACTIONS[opcode.name](machine, argument)
 
 
 class _Machine:

@@ -120,6 +120,7 @@ def test_nothing_is_executed(tmp_path, read, written, arrays):
         (b"\x80\x02ccollections\nOrderedDict\nK\x01\x85R.", "broken pickle"),
         (b"\x80\x02K\x01.", "no dict of tensors"),
         (b"\x80\x02\xff.", "opcode"),
+        (b"\x80\x02ctorch\n\\storage\n.", "broken pickle: DeprecationWarning"),
         (b"\x80\x02" + b")" * (1 << 17), "exhausted"),
     ],
 )
