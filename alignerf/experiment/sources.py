@@ -27,8 +27,8 @@ OF_TRAINING = WHOLE_MACHINE if ACCELERATORS else min(max(WHOLE_MACHINE // 2, 1),
 
 # Compiled JAX programs.
 CACHE = Path("results/.jax_cache")
-# What a page is made of besides code.
-DATA = (".html", ".css", ".js")
+# What commands read of their own package besides code.
+DATA = (".html", ".css", ".js", ".yaml")
 
 
 class Unnoted(str):

@@ -1,20 +1,7 @@
-"""The tradeoff's variants: their jobs and their rows."""
-
-from typing import NamedTuple
+"""The points of the sweep: the tradeoff's base and its variants."""
 
 from alignerf.experiment import slices
-from alignerf.experiment.trainings import RENDERED, from_photos
-
-
-class Point(NamedTuple):
-    """The base or a variant of it, and the files that its row comes from."""
-
-    variant: str
-    # Keys and values that differ from the base.
-    changes: dict
-    metrics: str
-    training: str
-    rendering: str
+from alignerf.experiment.trainings import from_photos
 
 
 def variants(experiment):
@@ -56,25 +43,3 @@ def training_of(experiment, scene, name):
     whole = from_photos(scene, f"tradeoff/{name}", job, alone=True)
     small = {"photos": f"{folder}/images", "cameras": f"{folder}/cameras.npz"}
     return whole._replace(prepared=folder, **small)
-
-
-def configs(experiment):
-    """The complete config of the sweep's scene, as a file beside its results."""
-    scene, _ = variants(experiment)
-    return [f"results/{scene}/config.yaml"]
-
-
-def rows(experiment):
-    """One row per variant, the base first."""
-    scene, changes = variants(experiment)
-    folders = {name: f"results/{scene}/tradeoff/{name}" for name in changes}
-    return [
-        Point(
-            variant=name,
-            changes=changes[name],
-            metrics=f"{folder}/metrics.csv",
-            training=f"{folder}/timing.json",
-            rendering=f"{folder}/{RENDERED.format(split='test')}",
-        )
-        for name, folder in folders.items()
-    ]

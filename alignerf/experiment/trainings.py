@@ -140,25 +140,17 @@ def way_to(training, before):
     return list(way)
 
 
-def timings_of(training):
-    """timing.json of every training that this one needed, and its own."""
-    return [f"{one.path}/timing.json" for one in lead_to(training)]
+def rendered_for(training):
+    """Trainings whose training views are rendered and aligned on the way to one.
 
-
-def reports_of(training):
-    """Reports of the rendering, the flow and the corrections on the way to a training.
-
-    Of a training that a search radius is measured on, the rendering and the flow count;
-    the training itself does not: it is a row of its own.
+    A training that a search radius is measured on is among them, though it is a row of
+    its own.
     """
-    way = lead_to(training)
-    rendered = dict.fromkeys(before for one in way for before in one.flows)
-    moved = [b for one in way for b in one.flows if one.cameras == corrected(b)]
-    return [
-        *(
-            f"{before.path}/{report.format(split='train')}"
-            for before in rendered
-            for report in (RENDERED, DISPLACED)
-        ),
-        *(f"{before.path}/{CORRECTED}" for before in dict.fromkeys(moved)),
-    ]
+    flows = (before for one in lead_to(training) for before in one.flows)
+    return list(dict.fromkeys(flows))
+
+
+def moved_for(training):
+    """Those of them whose cameras are then put right by their flow."""
+    learnt_with = {one.cameras for one in lead_to(training)}
+    return [one for one in rendered_for(training) if corrected(one) in learnt_with]

@@ -12,16 +12,19 @@ from alignerf.files import faults
 
 # Columns of numbers, told by their units.
 NUMBERS = re.compile(
-    r"(^|_)(db|px|s|deg|ev|share|ratio|pixels|params|params_m|steps|rays_seen|hours)$"
+    r"(^|_)(value|db|px|s|deg|ev|share|ratio|pixels|params|params_m|steps|rays_seen|hours)$"
     r"|^(ssim|lpips_\w+)$"
 )
+
+# Names: a photo may be called NA or 0042, a method 1.
+TEXTS = dict.fromkeys(("view", "method", "baseline", "published"), str)
 
 
 def read(path, *, columns=(), sep=","):
     """A table with rows, `columns` among its columns, and numbers where they belong.
 
-    Names of views stay text: a photo may be called NA, or 0042. An empty cell is no
-    number. Raises ValueError naming the file, and the column, for anything else.
+    Names stay text. An empty cell is no number. Raises ValueError naming the file, and
+    the column, for anything else.
     """
     if path is None:
         raise ValueError("no table is given")
@@ -32,7 +35,7 @@ def read(path, *, columns=(), sep=","):
         table = pd.read_csv(
             io.StringIO(text),
             sep=sep,
-            dtype={"view": str},
+            dtype=TEXTS,
             keep_default_na=False,
             na_values=[""],
         )

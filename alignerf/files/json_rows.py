@@ -24,29 +24,17 @@ def plain(value):
     return [plain(one) for one in value] if isinstance(value, list) else value
 
 
-def files_of(rows):
-    """All files that rows name, sorted: whatever in them is a path in results/."""
-    found = set()
-    todo = list(rows)
-    while todo:
-        value = todo.pop()
-        if isinstance(value, dict):
-            todo += value.values()
-        elif isinstance(value, (list, tuple)):
-            todo += value
-        elif isinstance(value, str) and value.startswith("results/"):
-            found.add(value)
-    return sorted(found)
+def read(kind, text, option="--rows"):
+    """Rows of a kind that a command's option holds.
 
-
-def read(kind, text):
-    """Rows of a kind; ValueError names a key too many or too few, and wrong values."""
+    Raises ValueError naming a key too many or too few, and wrong values.
+    """
     try:
         found = json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:
-        raise ValueError(f"--rows is not JSON: {error}") from None
-    if not (rows := typed(list[kind], found, "--rows")):
-        raise ValueError("--rows: no row")
+        raise ValueError(f"{option} is not JSON: {error}") from None
+    if not (rows := typed(list[kind], found, option)):
+        raise ValueError(f"{option}: no row")
     return rows
 
 

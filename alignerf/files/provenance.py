@@ -37,11 +37,10 @@ def as_json(found):
 def describe(rows, configs, *, seeds=(), devices=()):
     """The provenance of a table, as JSON can have it.
 
-    rows: mappings of a row's labels and `trainings`, paths of their timing.json.
+    rows: mappings of a row's labels and its `trainings`, each with its `path` and KEYS.
     configs: a scene's complete config each. seeds, devices: those besides the ones
     that configs and trainings name. Raises ValueError naming a file that is damaged.
     """
-    rows = [row | {"trainings": list(map(training, row["trainings"]))} for row in rows]
     found = {one["device"] for row in rows for one in row["trainings"]}
     contents = {str(path): config_of(path) for path in configs}
     of_configs = [
@@ -110,14 +109,14 @@ def processor():
     return found[1].strip() if found else platform.processor() or platform.machine()
 
 
-def training(path):
-    """A training's path and KEYS, None for those that its timing.json lacks."""
+def of_training(path):
+    """KEYS of a training, None for those that its timing.json lacks."""
     timing = json_files.read(path)
     found = {key: timing.get(key) for key in KEYS}
     for key, value in found.items():
         if not isinstance(value, str | None):
             raise ValueError(f"{path}: {key} is {value!r:.60} instead of text")
-    return {"path": str(path)} | found
+    return found
 
 
 def config_of(path):

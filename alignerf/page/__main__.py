@@ -12,7 +12,7 @@ import jinja2
 import numpy as np
 
 from alignerf.experiment.tables import rows
-from alignerf.files import atomic, csv_files, faults, json_files
+from alignerf.files import atomic, csv_files, faults, json_files, json_rows
 from alignerf.page import contents, pictures
 from alignerf.verdict import views
 
@@ -21,7 +21,7 @@ HERE = Path(__file__).resolve().parent
 
 def main(argv=None):
     args = parse(argv)
-    found = rows.read(rows.Renders, args.rounds)
+    found = json_rows.read(rows.Renders, args.rounds)
     page = render(
         args.scene,
         rounds=[(r.renders, r.flow) for r in found if r.method is None],

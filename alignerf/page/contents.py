@@ -12,77 +12,10 @@ import pandas as pd
 from alignerf.decisions import fill
 from alignerf.files import csv_files, json_files, yaml_files
 from alignerf.scenes import prepared
-from alignerf.tables import scores
+from alignerf.tables import columns, scores
 
-# File in tables/ -> (heading, note, {column: (heading, format)}).
-TABLES = {
-    "views": (
-        "Every photo",
-        "Against the render of its view, before any warping. Lengths are medians in "
-        "pixels of the training size; EV are stops of exposure.",
-        {
-            "view": ("view", None),
-            "split": ("split", None),
-            "flow_px": ("flow, px", ".2f"),
-            "camera_px": ("of it camera, px", ".2f"),
-            "remainder_px": ("the rest, px", ".2f"),
-            "moved_share": ("moved, %", "%"),
-            "psnr_db": ("PSNR, dB", ".2f"),
-            "detail_ratio": ("detail / render's", ".2f"),
-            "exposure_ev": ("brighter by, EV", "+.2f"),
-            "stands_out": ("why it stands out", None),
-        },
-    ),
-    "misalignment": (
-        "Image quality by method and warping",
-        "Means over held-out views. Differences are to the same model without "
-        "warping, with 95 % intervals over the views.",
-        {
-            "method": ("method", None),
-            "warping": ("warped", None),
-            "test_set": ("test set", None),
-            "psnr_db": ("PSNR, dB", ".2f"),
-            "ssim": ("SSIM", ".3f"),
-            "lpips_alex": ("LPIPS (alex)", ".3f"),
-            "lpips_squeeze": ("LPIPS (squeeze)", ".3f"),
-            "lpips_vgg": ("LPIPS (VGG)", ".3f"),
-            "lpips_published": ("LPIPS (published)", ".3f"),
-            "difference_db": ("difference, dB", "interval"),
-            "total_time_s": ("minutes in all", "min"),
-            "params": ("parameters", ",.0f"),
-            "source": ("published in", None),
-        },
-    ),
-    "displacement": (
-        "How misaligned, and by what",
-        "Flow from render to photo over held-out views: means of the views' medians, "
-        "in pixels of the training size.",
-        {
-            "method": ("method", None),
-            "round": ("round", ".0f"),
-            "flow_median_px": ("flow, px", ".2f"),
-            "flow_p95_px": ("95th percentile, px", ".2f"),
-            "model_median_px": ("model's part, px", ".2f"),
-            "camera_median_px": ("camera's part, px", ".2f"),
-            "remainder_median_px": ("the rest, px", ".2f"),
-            "moved_share": ("moved, %", "%"),
-            "valid_share": ("valid, %", "%"),
-        },
-    ),
-    "round_times": (
-        "Where the time went",
-        "Seconds of each round. Flow and renders are those of the training views.",
-        {
-            "method": ("method", None),
-            "round": ("round", ".0f"),
-            "train_time_s": ("training, s", ".0f"),
-            "train_compile_time_s": ("compilation, s", ".0f"),
-            "render_time_s": ("renders, s", ".0f"),
-            "align_time_s": ("flow, s", ".0f"),
-            "total_time_s": ("in all, s", ".0f"),
-        },
-    ),
-}
+# What of tables/ it shows; headings and formats are the columns' own.
+TABLES = ("views", "misalignment", "displacement", "round_times")
 # What a visitor may take home, with what it is; only what is there is shown.
 DOWNLOADS = {
     "verdict.json": "the verdict, in numbers",
@@ -134,33 +67,29 @@ def verdict(folder):
 
 def tables(folder):
     """The tables that are there, as the template shows them."""
-    found = []
-    for name, (heading, note, columns) in TABLES.items():
+    shown = []
+    for name in TABLES:
         path = folder / "tables" / f"{name}.csv"
         if path.is_file():
-            data = csv_files.read(path)
-            found.append(
-                {"name": name, "heading": heading, "note": note}
-                | table_of(data, columns)
-            )
-    return found
+            told = columns.TABLES[name]
+            entry = {"name": name, "heading": told.title, "note": told.note}
+            shown.append(entry | table_of(csv_files.read(path), told.columns))
+    return shown
 
 
-def table_of(data: pd.DataFrame, columns):
-    """{columns, rows} of those columns that hold anything."""
+def table_of(data: pd.DataFrame, told):
+    """{columns, rows} of those columns that have a heading and hold anything."""
     kept = {
-        key: heading
-        for key, (heading, _) in columns.items()
-        if key in data and not data[key].isna().all()
+        key: column
+        for key, column in told.items()
+        if column.heading and key in data and not data[key].isna().all()
     }
     rows = [
-        [cell(row, key, columns[key][1]) for key in kept]
+        [cell(row, key, column.form) for key, column in kept.items()]
         for row in data.to_dict("records")
     ]
-    texts = [columns[key][1] is None for key in kept]
     headings = [
-        {"text": heading, "is_text": is_text}
-        for heading, is_text in zip(kept.values(), texts, strict=True)
+        {"text": column.heading, "is_text": not column.form} for column in kept.values()
     ]
     return {"columns": headings, "rows": rows}
 
@@ -169,8 +98,8 @@ def cell(row, key, form):
     """A table's Cell of a row; numbers by their format, `--` for none."""
     value = row[key]
     if value is None or (isinstance(value, float) and math.isnan(value)):
-        return Cell("" if form is None else "--", "" if form is None else -math.inf)
-    if form is None:
+        return Cell("--", -math.inf) if form else Cell("", "")
+    if not form:
         return Cell(str(value), str(value))
     if form == "interval":
         ends = (row["difference_low_db"], row["difference_high_db"])

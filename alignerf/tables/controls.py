@@ -1,15 +1,15 @@
 """What a warped test set's gain is made of: `tables/controls.csv`.
 
-Reads the scores of every method and round; writes CSV and LaTeX. All are means over
-test views of differences in PSNR, paired by view, both sides on the same pixels but
-for the gain, of which `choice` says how much that is. What `remains` adds up terms on
-three sets of pixels (all, valid, and valid for the invented flow): `held_out`, on
-the valid ones alone, is the measure of alignment, and `remains` its check.
+All are means over test views of differences in PSNR, paired by view, both sides on the
+same pixels but for the gain, of which `choice` says how much that is. What `remains`
+adds up terms on three sets of pixels (all, valid, and valid for the invented flow):
+`held_out`, on the valid ones alone, is the measure of alignment, and `remains` its
+check.
 """
 
 import pandas as pd
 
-from alignerf.tables import scores
+from alignerf.tables import columns, latex, scores
 
 # What is measured, and the two test sets whose difference it is (or one's score).
 QUANTITIES = {
@@ -33,7 +33,6 @@ QUANTITIES = {
 TAKEN = ("choice", "resampling", "leak")
 NEEDED = {"standard", "standard_valid", "warped", "control", "placebo", "held_out"}
 NEEDED |= {"aligned", "leak", "leak_held_out"}
-COLUMNS = ("method", "warping", "quantity", "db", "low_db", "high_db", "views")
 HEADINGS = {
     "standard": "standard",
     "warped": "warped",
@@ -52,66 +51,54 @@ HEADINGS = {
     "gradient_gain": "gradient gain",
     "gradient_leak": "gradient leak",
 }
+NOTES = (
+    "PSNR in dB, mean over test views; differences paired by view, with 95 %",
+    "bootstrap intervals; bold: the interval does not hold 0.",
+    "gain = warped - standard; remains = gain - pixels - resampling - leak.",
+    "pose gain: by cameras moved to fit the photos; leak: where none needs to.",
+)
 
 
 def make_table(rows):
-    """A line per method, round and quantity, of `rows.Scores`."""
+    """A line per `results.Row` and quantity."""
     lines = []
     for row in rows:
-        labels = {"method": row.method, "warping": scores.warping(row.round)}
-        psnr_db = scores.read_psnr(row.metrics, sorted(NEEDED), row.aligned_pose)
-        for quantity, values in quantities_of(psnr_db).items():
+        labels = {"method": row.method, "warping": row.warping}
+        for quantity, values in quantities_of(row.psnr_db(sorted(NEEDED))).items():
             named = labels | {"quantity": quantity, "views": len(values)}
             lines.append(named | scores.mean_and_interval(values))
-    return pd.DataFrame(lines, columns=COLUMNS)
+    return pd.DataFrame(lines, columns=columns.names("controls"))
 
 
 def quantities_of(psnr_db):
     """{quantity: dB of each view}, in the order of the headings."""
-    found = {}
+    of_views = {}
     for quantity, (above, below) in QUANTITIES.items():
         if above in psnr_db:
-            found[quantity] = psnr_db[above] - (psnr_db[below] if below else 0.0)
-    found["remains"] = found["gain"] - sum(found[quantity] for quantity in TAKEN)
-    return {quantity: found[quantity] for quantity in HEADINGS if quantity in found}
+            of_views[quantity] = psnr_db[above] - (psnr_db[below] if below else 0.0)
+    taken = sum(of_views[quantity] for quantity in TAKEN)
+    of_views["remains"] = of_views["gain"] - taken
+    return {name: of_views[name] for name in HEADINGS if name in of_views}
 
 
 def to_latex(table):
-    """booktabs table, a row per method and warping. Needs booktabs and multirow."""
-    keys = ["method", "warping"]
-    lines = table.drop_duplicates(keys)[keys]
-    shown = [quantity for quantity in HEADINGS if quantity in set(table["quantity"])]
-    cells = {
-        (*row[:2], row[2]): cell(*row[2:6])
-        for row in table[list(COLUMNS)].itertuples(index=False)
-    }
-    wide = pd.DataFrame(
-        [
-            {
-                HEADINGS[quantity]: cells.get((method, warping, quantity), "--")
-                for quantity in shown
-            }
-            for method, warping in lines.itertuples(index=False)
-        ],
-        index=pd.MultiIndex.from_tuples(
-            [(scores.latex_name(method), name) for method, name in lines.values],
-            names=("Method", "Warping"),
-        ),
-    )
-    columns = "ll" + "r" * len(shown)
-    tex = wide.style.to_latex(hrules=True, column_format=columns)
-    return (
-        "% \\usepackage{booktabs,multirow}\n"
-        "% PSNR in dB, mean over test views; differences paired by view, with 95 %\n"
-        "% bootstrap intervals; bold: the interval does not hold 0.\n"
-        "% gain = warped - standard; remains = gain - pixels - resampling - leak.\n"
-        "% pose gain: by cameras moved to fit the photos; leak: where none needs to.\n"
-        f"{tex}"
-    )
+    """A row per method and warping, a column a quantity."""
+    quantities = [name for name in HEADINGS if name in set(table["quantity"])]
+    rows, above = [], None
+    for (method, warping), own in table.groupby(["method", "warping"], sort=False):
+        texts = {
+            line.quantity: cell(line.quantity, line.db, line.low_db, line.high_db)
+            for line in own.itertuples()
+        }
+        cells = [texts.get(quantity, "--") for quantity in quantities]
+        rows.append([latex.name(method) if method != above else "", warping, *cells])
+        above = method
+    heads = ["Method", "Warping", *(HEADINGS[quantity] for quantity in quantities)]
+    return latex.table("ll" + "r" * len(quantities), [heads], rows, NOTES)
 
 
 def cell(quantity, mean, low, high):
     """A score plainly, a difference with its interval."""
     if QUANTITIES.get(quantity, ("", ""))[1] is None:
         return scores.with_interval(mean, float("nan"), float("nan"))
-    return scores.latex_difference(mean, low, high)
+    return latex.difference(mean, low, high)

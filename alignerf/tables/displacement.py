@@ -1,66 +1,57 @@
 """How misaligned, and by what: `tables/displacement.csv`.
 
-A row per method and round: means over the views of what `flow.decompose` wrote.
+A row per method and round: means over the test views of the flow from render to photo
+and of its parts, as `flow.decompose` measured them.
 """
 
 import pandas as pd
 
-from alignerf.files import csv_files
-from alignerf.tables import scores
+from alignerf.tables import columns, latex, scores
 
 PARTS = {"flow": "Flow", "model": "Model", "camera": "Camera", "remainder": "Remainder"}
 LENGTHS = {"median_px": "median", "mean_px": "mean", "p95_px": "95 \\%"}
 SHARES = {"camera_share": "camera", "moved_share": "moved"}
-COLUMNS = (
-    *(f"{part}_{length}" for part in PARTS for length in LENGTHS),
-    *SHARES,
-    "moved_mean_px",
-    "noise_px",
-    "valid_share",
+NOTES = (
+    "Length of the flow from render to photo, and of its parts: means over the",
+    "test views.",
 )
 
 
 def make_table(rows):
-    """A line per method and round, of `rows.Displacement`."""
-    return pd.DataFrame([line_of(row) for row in rows])
+    """A line per `results.Row` that was trained."""
+    lines = [line_of(row) for row in rows if row.costs]
+    return pd.DataFrame(lines, columns=columns.names("displacement"))
 
 
 def line_of(row):
     """Means over views; a column that some view lacks stays empty."""
-    views = csv_files.read(row.stats, columns=COLUMNS)
+    views = row.views["standard"][columns.PARTS]
     labels = {"method": row.method, "round": row.round, "views": len(views)}
-    return labels | {name: views[name].mean(skipna=False) for name in COLUMNS}
+    return labels | {name: views[name].mean(skipna=False) for name in views}
 
 
 def to_latex(table):
-    """booktabs table: lengths of the parts in px, shares in per cent.
+    """Lengths of the parts in px, shares in per cent.
 
     A part that no row has is left out: a model's part needs a truth.
     """
-    columns = {
-        (f"{title} (px)", name): texts(table[f"{part}_{length}"], ".2f")
+    groups = {
+        f"{title} (px)": {
+            name: [scores.shown(v, ".2f") for v in table[f"{part}_{length}"]]
+            for length, name in LENGTHS.items()
+        }
         for part, title in PARTS.items()
         if table[f"{part}_median_px"].notna().any()
-        for length, name in LENGTHS.items()
     }
-    columns |= {
-        ("Share (\\%)", name): texts(100 * table[key], ".0f")
+    groups[r"Share (\%)"] = {
+        name: [scores.shown(v, ".0f") for v in 100 * table[key]]
         for key, name in SHARES.items()
     }
-    wide = pd.DataFrame(columns)
-    wide.index = pd.MultiIndex.from_arrays(
-        [table["method"].map(scores.latex_name), table["round"]],
-        names=("Method", "Round"),
-    )
-    layout = "ll" + "r" * len(columns)
-    tex = wide.style.to_latex(hrules=True, multicol_align="c", column_format=layout)
-    return (
-        "% \\usepackage{booktabs,multirow}\n"
-        "% Length of the flow from render to photo, and of its parts: means over the\n"
-        f"% test views.\n{tex}"
-    )
-
-
-def texts(column, form):
-    """Numbers as text, `--` for one that is not there."""
-    return column.map(lambda value: scores.shown(value, form))
+    heads = [["Method", "Round"], ["", ""]]
+    body = [latex.once(list(map(latex.name, table["method"]))), table["round"]]
+    for heading, group in groups.items():
+        heads[0].append(latex.Span(heading, len(group)))
+        heads[1] += group
+        body += group.values()
+    align = "ll" + "r" * (len(body) - 2)
+    return latex.table(align, heads, list(map(list, zip(*body, strict=True))), NOTES)

@@ -1,7 +1,7 @@
 """Does a test set rank methods as the oracle does: `tables/ranking.csv`.
 
 Kendall's tau-b between the mean PSNR of all methods and rounds on the oracle and on
-another test set; writes CSV and LaTeX.
+another test set.
 """
 
 import math
@@ -10,43 +10,45 @@ import numpy as np
 import pandas as pd
 import scipy.stats
 
-from alignerf.tables import intervals, scores
+from alignerf.tables import columns, intervals, latex, scores
 
 TEST_SETS = ("standard", "warped", "held_out", "control")
 # Ranked where all rows have it.
 OPTIONAL = "aligned_pose"
-COLUMNS = ("test_set", "tau", "tau_low", "tau_high", "rows", "views")
 # Each draw ranks all rows for each test set: 0.2 ms a piece.
 DRAWS = 1000
 
 
 def make_table(rows):
-    """A line per test set: how it ranks `rows.Scores`.
+    """A line per test set: how it ranks `results.Row`s.
 
     Intervals are over views: how the ranking would agree on other views of the scene.
     """
     needed = ["oracle", *TEST_SETS]
-    found = [scores.read_psnr(row.metrics, needed, row.aligned_pose) for row in rows]
-    if all(OPTIONAL in psnr_db for psnr_db in found):
+    psnr_db = [row.psnr_db(needed) for row in rows]
+    if all(OPTIONAL in table for table in psnr_db):
         needed.append(OPTIONAL)
-    for row, psnr_db in zip(rows, found, strict=True):
-        if not psnr_db.index.equals(found[0].index):
-            raise ValueError(f"{row.metrics}: not the views of the first row")
-    oracle, *others = (np.stack([t[name] for t in found]) for name in needed)
-    count, views = oracle.shape
-    chosen = intervals.resamples(views, draws=DRAWS)
-    lines = []
-    for name, psnr_db in zip(needed[1:], others, strict=True):
-        tau = tau_b(oracle.mean(axis=1), psnr_db.mean(axis=1))
-        low = high = np.nan
-        if views > 1 and np.isfinite(tau):
-            drawn = [
-                tau_b(oracle[:, draw].mean(axis=1), psnr_db[:, draw].mean(axis=1))
-                for draw in chosen
-            ]
-            low, high = intervals.from_draws(drawn, views)
-        lines.append((name, tau, low, high, count, views))
-    return pd.DataFrame(lines, columns=COLUMNS)
+    oracle, *others = (np.stack([table[name] for table in psnr_db]) for name in needed)
+    lines = [
+        (name, *tau_of(oracle, other), *oracle.shape)
+        for name, other in zip(needed[1:], others, strict=True)
+    ]
+    return pd.DataFrame(lines, columns=columns.names("ranking"))
+
+
+def tau_of(first, second):
+    """(tau-b, low, high) of two scores [methods, views]; the interval is over views."""
+    count = first.shape[1]
+    tau = tau_b(first.mean(axis=1), second.mean(axis=1))
+    if count < 2 or not np.isfinite(tau):
+        return tau, np.nan, np.nan
+    drawn = [
+        tau_b(first[:, draw].mean(axis=1), second[:, draw].mean(axis=1))
+        for draw in intervals.resamples(count, draws=DRAWS)
+    ]
+    # A draw in which all methods tie has no rank.
+    ranked = [value for value in drawn if np.isfinite(value)]
+    return (tau, *intervals.from_draws(ranked, count))
 
 
 def tau_b(first, second):
@@ -60,20 +62,16 @@ def tau_b(first, second):
 
 
 def to_latex(table):
-    """booktabs table. Needs booktabs."""
-    wide = pd.DataFrame(
-        {
-            "Test set": table["test_set"].map(scores.latex_name),
-            r"Kendall's $\tau_b$": [
-                scores.with_interval(row.tau, row.tau_low, row.tau_high)
-                for row in table.itertuples()
-            ],
-        }
+    """A row per test set."""
+    rows = [
+        [
+            latex.name(line.test_set),
+            scores.with_interval(line.tau, line.tau_low, line.tau_high),
+        ]
+        for line in table.itertuples()
+    ]
+    notes = (
+        f"Ranking of {table['rows'][0]} methods and rounds against the oracle's, by",
+        f"their mean PSNR; 95 % bootstrap intervals over {table['views'][0]} views.",
     )
-    tex = wide.style.hide(axis="index").to_latex(hrules=True, column_format="ll")
-    return (
-        "% \\usepackage{booktabs}\n"
-        f"% Ranking of {table['rows'][0]} methods and rounds against the oracle's, by\n"
-        f"% their mean PSNR; 95 % bootstrap intervals over {table['views'][0]} views.\n"
-        f"{tex}"
-    )
+    return latex.table("ll", [["Test set", r"Kendall's $\tau_b$"]], rows, notes)

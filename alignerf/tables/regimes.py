@@ -14,152 +14,118 @@ import logging
 import numpy as np
 import pandas as pd
 
-from alignerf.experiment.tables import regimes as regime_rows
-from alignerf.experiment.tables import rows as table_rows
 from alignerf.files import atomic, csv_files, faults
+from alignerf.tables import columns, latex, scores
 from alignerf.tables import files as table_files
-from alignerf.tables import scores
 from alignerf.tables.plots import regimes as regimes_plot
 
 log = logging.getLogger("alignerf")
 
+# How far photos are from the reference's renders, below a scene's folder.
+FLOW = "testset/displacement.csv"
 TEST_SETS = ("standard", "warped", "control", "held_out", "oracle")
 METRICS = ("psnr_db", "ssim")
 COSTS = ("train_time_s", "data_time_s", "total_time_s", "rays_seen")
-REGIME = ("scene", "perturb_px", "motion_m", "steps")
-COLUMNS = (
-    *REGIME,
-    "seeds",
-    "views",
-    "misalignment_px",
-    "method",
-    "warping",
-    "parts",
-    "test_set",
-    *METRICS,
-    "difference_db",
-    "difference_low_db",
-    "difference_high_db",
-    "step_db",
-    "step_low_db",
-    "step_high_db",
-    *COSTS,
-    "params",
+REGIME = ("scene", "perturb_px", "motion_m")
+DIFFERENCE = ("difference_db", "difference_low_db", "difference_high_db")
+NOTES = (
+    "Costs are of all rounds and stages that lead to a row.",
+    "PSNR in dB and its difference to the baseline, paired by view; 95 %",
+    "intervals over views and, where there are several, seeds; bold: 0 is",
+    "outside.",
 )
 
 
 def main(argv=None):
-    parser = table_files.parser(__doc__)
+    parser = table_files.across(__doc__)
     parser.add_argument("--figure", required=True, help="PNG, written")
     args = parser.parse_args(argv)
-    scenes = table_rows.read(regime_rows.Regime, args.rows)
+    scenes = table_files.read(args, "regimes")
     table = make_table(scenes)
     with atomic.replace_file(args.figure) as path:
         regimes_plot.draw(table, path)
-        table_files.write(table, to_latex, rows=scenes, **table_files.places(args))
+        table_files.write_across(table, to_latex, scenes, args)
 
 
 def make_table(scenes):
-    """Lines of all regimes, in the order of `scenes` (`regimes.Regime`)."""
+    """Lines of all regimes, in the order of `scenes` (`files.Scored`)."""
     regimes = {}
-    for scene in scenes:
-        same = regimes.setdefault(scene.alike, {})
-        if (other := same.setdefault(scene.seed, scene)) is not scene:
-            raise ValueError(f"{scene.scene}: the same as {other.scene}")
+    for one in scenes:
+        same = regimes.setdefault(one.scene.like, {})
+        if (other := same.setdefault(one.scene.seed, one)) is not one:
+            raise ValueError(f"{one.scene.scene}: the same as {other.scene.scene}")
     groups = [list(same.values()) for same in regimes.values()]
     lines = [line for group in groups for line in lines_of(group)]
-    return pd.DataFrame(lines, columns=COLUMNS)
+    return pd.DataFrame(lines, columns=columns.names("regimes"))
 
 
 def lines_of(group):
     """Lines of one regime, a list of scenes that differ in their seed."""
     group = with_shared_rows(group)
-    read = [
-        [scores.read(method.metrics, METRICS) for method in scene.methods]
-        for scene in group
-    ]
-    for scene, of_methods in zip(group, read, strict=True):
-        check_views(scene, of_methods)
-    labels = {key: getattr(group[0], key) for key in REGIME} | {
-        "steps": steps_of(group[0]),
+    first = group[0].scene
+    flow = [median_px(one.folder / FLOW) for one in group]
+    labels = {key: getattr(first, key) for key in REGIME} | {
+        "steps": first.steps or group[0].rows[0].costs["steps"],
         "seeds": len(group),
-        "views": sum(len(of_methods[0]) for of_methods in read),
-        "misalignment_px": np.mean([median_px(s.displacement) for s in group]),
+        "views": sum(len(one.rows[0].views) for one in group),
+        "misalignment_px": np.mean(flow),
     }
-    of_all = [views for of_methods in read for views in of_methods]
-    test_sets = [name for name in TEST_SETS if all(name in views for views in of_all)]
-    methods = group[0].methods
-    costs = [costs_of(group, place) for place in range(len(methods))]
-    check_rays(group, costs)
-    for place, method in enumerate(methods):
-        named = labels | {"method": method.method, "parts": method.parts}
-        named["warping"] = scores.warping(method.round)
+    every = [row for one in group for row in one.rows]
+    test_sets = [name for name in TEST_SETS if all(name in r.views for r in every)]
+    check_rays(group)
+    for place, row in enumerate(group[0].rows):
+        named = labels | {"method": row.method, "parts": row.description}
+        named["warping"] = row.warping
         for test_set in test_sets:
-            found = scores_of(read, place, test_set)
-            yield named | {"test_set": test_set} | found | costs[place]
-
-
-def steps_of(scene):
-    """Steps of the baseline: those given, or those that its minutes came to."""
-    if scene.steps is not None:
-        return scene.steps
-    return table_files.training_costs(scene.methods[0].trainings)["steps"]
+            line = named | {"test_set": test_set} | scores_of(group, place, test_set)
+            yield line | costs_of(group, place)
 
 
 def with_shared_rows(group):
     """The scenes with those rows that all have: `rounds: auto` may end at any round."""
-    rows = [[(m.method, m.round) for m in scene.methods] for scene in group]
-    shared = set.intersection(*map(set, rows))
-    for method, round in dict.fromkeys(row for of_one in rows for row in of_one):
+    shared = set.intersection(*(set(one.names) for one in group))
+    for method, round in dict.fromkeys(name for one in group for name in one.names):
         if (method, round) not in shared:
             name = scores.row_name(method, scores.warping(round))
-            log.warning("%s: not on all seeds, left out: %s", group[0].scene, name)
+            first = group[0].scene.scene
+            log.warning("%s: not on all seeds, left out: %s", first, name)
     return [
-        scene._replace(
-            methods=[m for m in scene.methods if (m.method, m.round) in shared]
-        )
-        for scene in group
+        one._replace(rows=[one.row(name) for name in one.names if name in shared])
+        for one in group
     ]
 
 
-def check_views(scene, of_methods):
-    """All methods of a scene are scored on the same views."""
-    for method, views in zip(scene.methods, of_methods, strict=True):
-        if not views.index.equals(of_methods[0].index):
-            raise ValueError(f"{method.metrics}: not the views of the baseline")
-
-
-def scores_of(read, place, test_set):
+def scores_of(group, place, test_set):
     """Means over seeds and views, and the differences to the baseline and row above."""
     own, base, above = (
-        [of_methods[at][test_set, "psnr_db"].to_numpy() for of_methods in read]
+        [one.rows[at].views[test_set] for one in group]
         for at in (place, 0, max(place - 1, 0))
     )
-    means = {
-        key: np.mean([of[place][test_set, key].mean(skipna=False) for of in read])
+    line = {
+        key: np.mean([views[key].mean(skipna=False) for views in own])
         for key in METRICS
     }
-    found = {}
     for name, other in (("difference", base), ("step", above)):
-        differences = [a - b for a, b in zip(own, other, strict=True)]
-        found |= scores.pooled_mean_and_interval(differences, f"{name}_")
-    return means | found
+        pairs = zip(own, other, strict=True)
+        differences = [(a["psnr_db"] - b["psnr_db"]).to_numpy() for a, b in pairs]
+        line |= scores.pooled_mean_and_interval(differences, f"{name}_")
+    return line
 
 
 def costs_of(group, place):
     """What a method takes, means over seeds, and how large it is."""
-    costs = [table_files.costs_of(scene.methods[place]) for scene in group]
+    costs = [one.rows[place].costs for one in group]
     means = {key: np.mean([of_scene[key] for of_scene in costs]) for key in COSTS}
     return means | {"params": costs[0]["params"]}
 
 
-def check_rays(group, costs):
+def check_rays(group):
     """Tell of methods without warping that saw more or fewer rays than the baseline."""
-    for method, found in zip(group[0].methods, costs, strict=True):
-        ratio = found["rays_seen"] / costs[0]["rays_seen"]
-        if method.round == 0 and abs(ratio - 1) > 0.01:
-            saw = f"{ratio:.2f} of the baseline's rays"
-            log.warning("%s: %s saw %s", group[0].scene, method.method, saw)
+    rays = [costs_of(group, place)["rays_seen"] for place in range(len(group[0].rows))]
+    for row, seen in zip(group[0].rows, rays, strict=True):
+        if row.round == 0 and abs(seen / rays[0] - 1) > 0.01:
+            saw = f"{seen / rays[0]:.2f} of the baseline's rays"
+            log.warning("%s: %s saw %s", group[0].scene.scene, row.method, saw)
 
 
 def median_px(path):
@@ -172,43 +138,26 @@ def median_px(path):
 
 
 def to_latex(table):
-    """booktabs table: a block per regime, a row per method, test sets side by side."""
+    """A block per regime, a row per method, test sets side by side."""
     sets = [name for name in TEST_SETS if name in set(table["test_set"])]
-    lines = []
+    width = 2 * len(sets) + 4
+    blocks = []
     for _, rows in table.groupby("scene", sort=False):
-        lines.append(rf"\multicolumn{{{2 * len(sets) + 4}}}{{l}}{{{caption(rows)}}} \\")
-        for place, (_, row) in enumerate(
-            rows.groupby(["method", "warping"], sort=False)
-        ):
-            own = row.set_index("test_set")
-            lines.append(latex_row(own, sets, is_base=place == 0))
-        lines.append(r"\midrule")
-    heads = " & ".join(
-        rf"\multicolumn{{2}}{{c}}{{{scores.latex_name(s)}}}" for s in sets
-    )
-    return "\n".join(
-        [
-            "% \\usepackage{booktabs}",
-            "% Costs are of all rounds and stages that lead to a row.",
-            "% PSNR in dB and its difference to the baseline, paired by view; 95 %",
-            "% intervals over views and, where there are several, seeds; bold: 0 is",
-            "% outside.",
-            rf"\begin{{tabular}}{{l{'rl' * len(sets)}rrr}}",
-            r"\toprule",
-            rf"Method & {heads} & train (s) & total (s) & params (M) \\",
-            r"\midrule",
-            *lines[:-1],
-            r"\bottomrule",
-            r"\end{tabular}",
-            "",
-        ]
-    )
+        block = [[latex.Span(caption(rows), width, "l")]]
+        methods = rows.groupby(["method", "warping"], sort=False)
+        for place, (_, own) in enumerate(methods):
+            block.append(latex_row(own.set_index("test_set"), sets, is_base=place == 0))
+        blocks.append(block)
+    spans = [latex.Span(latex.name(name), 2) for name in sets]
+    heads = ["Method", *spans, "train (s)", "total (s)", "params (M)"]
+    align = f"l{'rl' * len(sets)}rrr"
+    return latex.table(align, [heads], latex.blocks(blocks), NOTES)
 
 
 def caption(rows):
     """What a block of the table is about."""
     row = rows.iloc[0]
-    words = [scores.latex_name(row["scene"])]
+    words = [latex.name(row["scene"])]
     if pd.notna(row["motion_m"]):
         words += [f"poses off by {row['perturb_px']:g} px"]
         words += [
@@ -219,23 +168,20 @@ def caption(rows):
     return rf"\emph{{{', '.join(words)}; {row['seeds']} seed(s)}}"
 
 
-def latex_row(row, sets, *, is_base):
-    """One method's line."""
-    first = row.iloc[0]
-    cells = [scores.latex_name(scores.row_name(first["method"], first["warping"]))]
+def latex_row(own, sets, *, is_base):
+    """One method's cells."""
+    first = own.iloc[0]
+    cells = [latex.name(scores.row_name(first["method"], first["warping"]))]
     for name in sets:
-        if name not in row.index:
+        if name not in own.index:
             cells += ["--", ""]
             continue
-        found = row.loc[name]
-        ends = ("", "_low", "_high")
-        difference = [found[f"difference{end}_db"] for end in ends]
-        cells.append(scores.shown(found["psnr_db"], ".2f"))
-        cells.append("" if is_base else scores.latex_difference(*difference))
+        ends = own.loc[name, list(DIFFERENCE)]
+        cells.append(scores.shown(own.loc[name, "psnr_db"], ".2f"))
+        cells.append("" if is_base else latex.difference(*ends))
     times = ("train_time_s", "total_time_s")
     cells += [scores.shown(first[key], ".0f") for key in times]
-    cells += [f"{first['params'] / 1e6:.2f}"]
-    return " & ".join(cells) + r" \\"
+    return [*cells, f"{first['params'] / 1e6:.2f}"]
 
 
 if __name__ == "__main__":

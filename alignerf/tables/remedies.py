@@ -21,11 +21,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from alignerf.experiment.tables import regimes as regime_rows
-from alignerf.experiment.tables import rows as table_rows
-from alignerf.files import atomic, csv_files, faults, json_files
+from alignerf.files import atomic, faults, json_files
+from alignerf.tables import columns, latex, scores
 from alignerf.tables import files as table_files
-from alignerf.tables import scores
 from alignerf.tables.plots import remedies as remedies_plot
 from alignerf.tables.plots import sizes as sizes_plot
 
@@ -36,10 +34,9 @@ BUDGETS = (1, 2, 4)
 # A training's seconds vary from run to run by as much.
 SLACK = 1.05
 FLOW = ("flow_px", "flow_mrad")
-COLUMNS = (
-    *("condition", "width_px", "height_px", *FLOW),
-    *("budget", "time_s", "method", "warping", "parts", "test_set"),
-    *("psnr_db", "gain_db", "gain_low_db", "gain_high_db", "seeds", "views"),
+NOTES = (
+    "PSNR in dB at equal total time, and its difference to plain training of",
+    "the same time, paired by view; 95 % intervals; bold: 0 is outside.",
 )
 
 
@@ -56,11 +53,11 @@ class Condition(NamedTuple):
 
 
 def main(argv=None):
-    parser = table_files.parser(__doc__)
+    parser = table_files.across(__doc__)
     parser.add_argument("--figure", required=True, help="PNG, written")
     args = parser.parse_args(argv)
-    rows = table_rows.read(regime_rows.Remedies, args.rows)
-    conditions = conditions_of(rows)
+    scenes = table_files.read(args, "remedies")
+    conditions = conditions_of(scenes)
     table = make_table(conditions)
     captures = by_capture(conditions)
     with atomic.replace_file(args.figure) as path:
@@ -68,44 +65,44 @@ def main(argv=None):
             sizes_plot.draw(table, captures, path)
         else:
             remedies_plot.draw(conditions, path)
-        table_files.write(table, to_latex, rows=rows, **table_files.places(args))
+        table_files.write_across(table, to_latex, scenes, args)
 
 
-def conditions_of(rows):
-    """Conditions of `regimes.Remedies`, in their order.
+def conditions_of(scenes):
+    """Conditions of `files.Scored`, in their order.
 
     Raises ValueError where the lengths of a seed have not the same views.
     """
-    found, views = {}, {}
-    for row in rows:
-        new = Condition(row.scene, row.capture, {}, {})
-        condition = found.setdefault(row.alike, new)
-        remedies = condition.seeds.setdefault(row.seed, {})
-        if row.share == 1:
-            condition.sizes[row.seed] = size_of(row)
-        for method in row.methods:
-            psnr_db = scores.read_psnr(method.metrics, more=method.aligned_pose)
-            first = views.setdefault((row.alike, row.seed), psnr_db.index)
+    conditions, views = {}, {}
+    for one in scenes:
+        scene = one.scene
+        new = Condition(scene.scene, scene.capture, {}, {})
+        condition = conditions.setdefault(scene.alike, new)
+        remedies = condition.seeds.setdefault(scene.seed, {})
+        if scene.share == 1:
+            condition.sizes[scene.seed] = size_of(one)
+        for row in one.rows:
+            psnr_db = row.psnr_db()
+            first = views.setdefault((scene.alike, scene.seed), psnr_db.index)
             if not psnr_db.index.equals(first):
-                raise ValueError(f"{method.metrics}: not the views of the others")
-            seconds = table_files.costs_of(method)["total_time_s"]
-            key = method.method, method.round, method.parts
+                raise ValueError(f"{one.folder}: not the views of the other lengths")
+            key = row.method, row.round, row.description
             points = remedies.setdefault(key, {})
-            if row.share in points:
-                raise ValueError(f"{row.scene}: the same as another scene")
-            points[row.share] = seconds, psnr_db
-    return list(found.values())
+            if scene.share in points:
+                raise ValueError(f"{scene.scene}: the same as another scene")
+            points[scene.share] = row.costs["total_time_s"], psnr_db
+    return list(conditions.values())
 
 
-def size_of(row):
+def size_of(one):
     """Of a scene's photos, and how far the plain training's renders are off.
 
     The flow is the median view's median length.
     """
     keys = ("width_px", "height_px", "pixel_angle_mrad")
-    facts = json_files.read(row.facts, dict.fromkeys(keys, json_files.NUMBER))
-    views = csv_files.read(row.displacement, columns=["median_px"])
-    flow_px = float(views["median_px"].median(skipna=False))
+    path = one.folder / "facts.json"
+    facts = json_files.read(path, dict.fromkeys(keys, json_files.NUMBER))
+    flow_px = float(one.rows[0].own["flow_px"])
     return {
         "width_px": facts["width_px"],
         "height_px": facts["height_px"],
@@ -125,7 +122,7 @@ def by_capture(conditions):
 def make_table(conditions):
     """Lines of all conditions, remedies and budgets."""
     lines = [line for condition in conditions for line in lines_of(condition)]
-    return pd.DataFrame(lines, columns=COLUMNS)
+    return pd.DataFrame(lines, columns=columns.names("remedies"))
 
 
 def lines_of(condition):
@@ -202,47 +199,38 @@ def at_time(points, time_s, test_set):
 
 
 def to_latex(table):
-    """booktabs table: a block per condition, remedies down, budgets across."""
-    lines = []
+    """A block per condition, remedies down, budgets across."""
     budgets = sorted(set(table["budget"]))
+    blocks = []
     for name, of_condition in table.groupby("condition", sort=False):
         chosen = "oracle" if "oracle" in set(of_condition["test_set"]) else "standard"
-        rows = of_condition[of_condition["test_set"] == chosen]
-        minutes = rows.groupby("budget")["time_s"].first() / 60
+        lines = of_condition[of_condition["test_set"] == chosen]
+        minutes = lines.groupby("budget")["time_s"].first() / 60
         title = ", ".join(f"{minutes[b]:.1f}" for b in budgets if b in minutes)
-        lines.append(
-            rf"\multicolumn{{{1 + 2 * len(budgets)}}}{{l}}"
-            rf"{{\emph{{{scores.latex_name(name)}, {chosen}: {title} min}}}} \\"
-        )
-        rows = rows.assign(remedy=scores.short_names(rows["method"], rows["warping"]))
-        for remedy, own in rows.groupby("remedy", sort=False):
-            cells = [scores.latex_name(remedy)]
-            by_budget = own.set_index("budget")
-            for budget in budgets:
-                if budget not in by_budget.index:
-                    cells += ["--", ""]
-                    continue
-                found = by_budget.loc[budget]
-                ends = [found[f"gain{end}_db"] for end in ("", "_low", "_high")]
-                cells += [f"{found['psnr_db']:.2f}", scores.latex_difference(*ends)]
-            lines.append(" & ".join(cells) + r" \\")
-        lines.append(r"\midrule")
-    heads = " & ".join(rf"\multicolumn{{2}}{{c}}{{{b:g}$\times$}}" for b in budgets)
-    return "\n".join(
-        [
-            "% \\usepackage{booktabs}",
-            "% PSNR in dB at equal total time, and its difference to plain training of",
-            "% the same time, paired by view; 95 % intervals; bold: 0 is outside.",
-            rf"\begin{{tabular}}{{l{'rl' * len(budgets)}}}",
-            r"\toprule",
-            rf"Remedy & {heads} \\",
-            r"\midrule",
-            *lines[:-1],
-            r"\bottomrule",
-            r"\end{tabular}",
-            "",
+        title = rf"\emph{{{latex.name(name)}, {chosen}: {title} min}}"
+        names = scores.short_names(lines["method"], lines["warping"])
+        remedies = lines.assign(remedy=names).groupby("remedy", sort=False)
+        rows = [
+            [latex.name(remedy), *cells_of(own.set_index("budget"), budgets)]
+            for remedy, own in remedies
         ]
-    )
+        blocks.append([[latex.Span(title, 1 + 2 * len(budgets), "l")], *rows])
+    spans = [latex.Span(rf"{budget:g}$\times$", 2) for budget in budgets]
+    align = f"l{'rl' * len(budgets)}"
+    return latex.table(align, [["Remedy", *spans]], latex.blocks(blocks), NOTES)
+
+
+def cells_of(own, budgets):
+    """Score and gain of one remedy at each budget."""
+    cells = []
+    for budget in budgets:
+        if budget in own.index:
+            ends = own.loc[budget, ["gain_db", "gain_low_db", "gain_high_db"]]
+            score = f"{own.loc[budget, 'psnr_db']:.2f}"
+            cells += [score, latex.difference(*ends)]
+        else:
+            cells += ["--", ""]
+    return cells
 
 
 if __name__ == "__main__":

@@ -8,9 +8,7 @@ for the test views is no part of a round.
 
 import pandas as pd
 
-from alignerf.files import csv_files
-from alignerf.tables import files as table_files
-from alignerf.tables import scores
+from alignerf.tables import columns, latex, scores
 
 # Column -> heading of the LaTeX table, in seconds.
 PARTS = {
@@ -21,53 +19,41 @@ PARTS = {
     "render_rest_time_s": "its rest",
     "align_time_s": "flow, warps",
     "align_rest_time_s": "its rest",
+    "total_time_s": "all",
 }
-COLUMNS = ("method", "round", *PARTS, "total_time_s")
+# Of the round before, whose views a round begins with.
+BEFORE = [name for name in PARTS if name.startswith(("render", "align"))]
 
 
 def make_table(rows):
-    """A line per method and round, of `rows.Times`."""
-    return pd.DataFrame([line_of(row) for row in rows], columns=COLUMNS)
+    """A line per `results.Row` that was trained."""
+    lines = [line_of(row) for row in rows if row.costs]
+    return pd.DataFrame(lines, columns=columns.names("round_times"))
 
 
 def line_of(row):
     """Seconds of one round."""
-    keys = ("train_time_s", "compile_time_s")
-    training = table_files.read_timing(row.training, *keys)
     line = {
-        "train_time_s": training["train_time_s"],
-        "train_compile_time_s": training["compile_time_s"],
+        "train_time_s": row.own["train_time_s"],
+        "train_compile_time_s": row.own["compile_time_s"],
+        "train_rest_time_s": row.own["train_rest_time_s"],
     }
-    line["train_rest_time_s"] = wall_s(row.walls.train) - sum(line.values())
-    if row.rendering:
-        line["render_time_s"] = table_files.data_time_s(row.rendering)
-        besides_s = table_files.data_time_s(row.test_rendering)
-        rest_s = wall_s(row.walls.render) - besides_s - line["render_time_s"]
-        line["render_rest_time_s"] = rest_s
-        line["align_time_s"] = table_files.views_time_s(row.alignment)
-        besides_s = table_files.data_time_s(row.test_alignment)
-        rest_s = wall_s(row.walls.align) - besides_s - line["align_time_s"]
-        line["align_rest_time_s"] = rest_s
-    # A process that went on where another was stopped knows only its own seconds.
-    rests = {key: max(line[key], 0.0) for key in line if key.endswith("rest_time_s")}
-    line |= rests
+    if row.before is not None:
+        line |= {name: row.before[name] for name in BEFORE}
     labels = {"method": row.method, "round": row.round}
     return labels | line | {"total_time_s": sum(line.values())}
 
 
-def wall_s(path):
-    """Seconds that a process ran, from Snakemake's benchmark file."""
-    found = csv_files.read(path, sep="\t")
-    if "s" not in found or len(found) != 1:
-        raise ValueError(f"{path}: not the benchmark of one run")
-    return float(found["s"].iloc[0])
-
-
 def to_latex(table):
-    """booktabs table of seconds, a row per method and round."""
-    shown = table.rename(columns=PARTS | {"total_time_s": "all"})
-    shown["method"] = shown["method"].map(scores.latex_name)
-    style = shown.style.format(precision=1, na_rep="--").hide(axis="index")
-    columns = "lr" + "r" * (len(COLUMNS) - 2)
-    tex = style.to_latex(hrules=True, column_format=columns)
-    return f"% \\usepackage{{booktabs}}\n% Seconds of each round, by its parts.\n{tex}"
+    """Seconds, a row per method and round."""
+    rows = [
+        [
+            latex.name(line["method"]),
+            line["round"],
+            *(scores.shown(line[name], ".1f") for name in PARTS),
+        ]
+        for line in table.to_dict("records")
+    ]
+    heads = ["method", "round", *PARTS.values()]
+    notes = ["Seconds of each round, by its parts."]
+    return latex.table("lr" + "r" * len(PARTS), [heads], rows, notes)

@@ -1,8 +1,8 @@
 """What settings cost and what they bring: `python -m alignerf.tables.tradeoff`.
 
-Reads the timings and scores of a model and of its variants; writes CSV, LaTeX and a
-figure. Scores are means over test views with 95 % intervals over views, and `base`
-is the variant that the others are set against, view by view.
+Of a model and its variants; writes CSV, LaTeX and a figure. Scores are means over test
+views with 95 % intervals over views, and `base` is the variant that the others are set
+against, view by view.
 """
 
 import json
@@ -11,90 +11,63 @@ import logging
 import numpy as np
 import pandas as pd
 
-from alignerf.experiment import sweep
-from alignerf.experiment.tables import rows as table_rows
 from alignerf.files import atomic, faults
+from alignerf.tables import columns, intervals, latex, results, scores
 from alignerf.tables import files as table_files
-from alignerf.tables import intervals, scores
 from alignerf.tables.plots import tradeoff as tradeoff_plot
 
 log = logging.getLogger("alignerf")
 
 BASE = "base"
-COLUMNS = (
-    "variant",
-    "changes",
-    "pareto",
-    "params",
-    "steps",
-    "rays_seen",
-    "train_time_s",
-    "compile_time_s",
-    "rays_per_s",
-    "render_time_s",
-    "test_set",
-    "psnr_db",
-    "psnr_low_db",
-    "psnr_high_db",
-    "difference_db",
-    "difference_low_db",
-    "difference_high_db",
-    "ssim",
-    "standard_psnr_db",
-    "device",
-)
 
 
 def main(argv=None):
     parser = table_files.parser(__doc__)
+    parser.add_argument("--scene", required=True, help="folder of its results")
+    parser.add_argument("--changes", required=True, help="JSON: keys of each variant")
     parser.add_argument("--figure", required=True, help="PNG, written")
     args = parser.parse_args(argv)
-    points = table_rows.read(sweep.Point, args.rows)
-    table = make_table(points)
-    seeds = [p.changes["seed"] for p in points if "seed" in p.changes]
+    changes = json.loads(args.changes)
+    rows = results.read(args.scene, "tradeoff")
+    table = make_table(rows, changes)
+    seeds = [keys["seed"] for keys in changes.values() if "seed" in keys]
     with atomic.replace_file(args.figure) as path:
-        tradeoff_plot.draw(table.assign(kind=kinds_of(points)), path)
+        kinds = table["variant"].map(changes).map(kind_of)
+        tradeoff_plot.draw(table.assign(kind=kinds), path)
         places = table_files.places(args)
-        table_files.write(table, to_latex, rows=points, seeds=seeds, **places)
+        table_files.write(table, to_latex, rows=rows, seeds=seeds, **places)
     front = table[table["pareto"]].sort_values("train_time_s")
     log.info("Pareto front: %s", ", ".join(front["variant"]))
 
 
-def make_table(points):
-    """A line per `sweep.Point`; the base is among them."""
-    needed = ("psnr_db", "ssim")
-    read = {point.variant: scores.read(point.metrics, needed) for point in points}
-    if BASE not in read:
-        raise ValueError(f"--rows: no variant {BASE!r}")
-    base = read[BASE]
+def make_table(rows, changes):
+    """A line per `results.Row`, which is called as its variant.
+
+    changes: {variant: keys and values that differ from the base's}.
+    """
     # Where the truth is known, the photos are not what a model should show.
-    test_set = "oracle" if "oracle" in base else "standard"
-    lines = []
-    for point in points:
-        score = read[point.variant]
-        if not score.index.equals(base.index):
-            raise ValueError(f"{point.metrics}: not the views of the base")
-        lines.append(
-            {"variant": point.variant, "changes": describe(point.changes)}
-            | costs_of(point)
-            | {"test_set": test_set}
-            | scores_of(score, base, test_set)
-        )
+    test_set = "oracle" if "oracle" in rows[0].base else "standard"
+    lines = [
+        {"variant": row.method, "changes": describe(changes[row.method])}
+        | costs_of(row.own)
+        | {"test_set": test_set}
+        | scores_of(row.views, row.base, test_set)
+        for row in rows
+    ]
     table = pd.DataFrame(lines)
     # Another seed shows the spread between runs: it is nothing to choose.
-    choices = table["train_time_s"].where(kinds_of(points) != "seed")
+    is_seed = [kind_of(changes[row.method]) == "seed" for row in rows]
+    choices = table["train_time_s"].mask(is_seed)
     table["pareto"] = pareto_front(choices, table["psnr_db"])
-    return table[list(COLUMNS)]
+    return table[columns.names("tradeoff")]
 
 
-def costs_of(point):
+def costs_of(own):
     """What a variant is and takes; rendering in seconds a view."""
     keys = ("params", "steps", "rays_seen", "train_time_s", "compile_time_s", "device")
-    training = table_files.read_timing(point.training, *keys)
-    rendering = table_files.read_timing(point.rendering, "view_time_s")
-    return training | {
-        "rays_per_s": training["rays_seen"] / training["train_time_s"],
-        "render_time_s": rendering["view_time_s"],
+    return {key: own[key] for key in keys} | {
+        "rays_per_s": own["rays_seen"] / own["train_time_s"],
+        "render_time_s": own["view_time_s"],
     }
 
 
@@ -144,11 +117,6 @@ def describe(changes):
     return ", ".join(f"{key} {value}" for key, value in found)
 
 
-def kinds_of(points):
-    """What each variant turns: one key, a field's kind, or several at once."""
-    return np.array([kind_of(point.changes) for point in points])
-
-
 def kind_of(changes):
     """The one key that a variant turns; `kind`, `several`, or the base."""
     keys = {key.split(".")[-1] for key, _ in leaves(changes)}
@@ -160,45 +128,41 @@ def kind_of(changes):
 
 
 def to_latex(table):
-    """booktabs table; what is on the Pareto front is bold. Needs booktabs."""
-    wide = pd.DataFrame(
-        {
-            "Variant": table["variant"].map(scores.latex_name),
-            "Changes": table["changes"].map(scores.latex_name),
-            "Params (M)": table["params"] / 1e6,
-            "Train (s)": table["train_time_s"],
-            "Rays (k/s)": table["rays_per_s"] / 1e3,
-            "Render (s)": table["render_time_s"],
-            r"PSNR (dB) $\uparrow$": [
-                scores.with_interval(row.psnr_db, row.psnr_low_db, row.psnr_high_db)
-                for row in table.itertuples()
-            ],
-            r"Difference (dB) $\uparrow$": [
-                scores.with_interval(
-                    row.difference_db,
-                    row.difference_low_db,
-                    row.difference_high_db,
-                    sign="+",
-                )
-                for row in table.itertuples()
-            ],
-            r"SSIM $\uparrow$": table["ssim"],
-        }
+    """A row per variant; what is on the Pareto front is bold."""
+    heads = [
+        "Variant",
+        "Changes",
+        "Params (M)",
+        "Train (s)",
+        "Rays (k/s)",
+        "Render (s)",
+    ]
+    heads += [columns.latex("psnr_db"), r"Difference (dB) $\uparrow$"]
+    heads.append(columns.latex("ssim"))
+    rows = []
+    for line in table.itertuples():
+        name = latex.name(line.variant)
+        psnr_db = (line.psnr_db, line.psnr_low_db, line.psnr_high_db)
+        gain_db = (line.difference_db, line.difference_low_db, line.difference_high_db)
+        rows.append(
+            [
+                rf"\textbf{{{name}}}" if line.pareto else name,
+                latex.name(line.changes),
+                scores.shown(line.params / 1e6, ".2f"),
+                scores.shown(line.train_time_s, ".1f"),
+                scores.shown(line.rays_per_s / 1e3, ".1f"),
+                scores.shown(line.render_time_s, ".2f"),
+                scores.with_interval(*psnr_db),
+                scores.with_interval(*gain_db, sign="+"),
+                scores.shown(line.ssim, ".3f"),
+            ]
+        )
+    notes = (
+        f"PSNR and SSIM: {table['test_set'][0]} test set, mean over its views and",
+        "95 % bootstrap interval; differences to the base are paired by view.",
+        "Bold: on the Pareto front of training seconds and PSNR. Render: a view.",
     )
-    style = wide.style.format(precision=2, na_rep="--").hide(axis="index")
-    style = style.format("{:.1f}", na_rep="--", subset=["Train (s)", "Rays (k/s)"])
-    style = style.format("{:.3f}", na_rep="--", subset=[r"SSIM $\uparrow$"])
-    front = pd.IndexSlice[table.index[table["pareto"]], "Variant"]
-    style = style.set_properties(subset=front, **{"font-weight": "bold"})
-    columns = "lp{45mm}rrrrllr"
-    tex = style.to_latex(hrules=True, convert_css=True, column_format=columns)
-    return (
-        "% \\usepackage{booktabs}\n"
-        f"% PSNR and SSIM: {table['test_set'][0]} test set, mean over its views and\n"
-        "% 95 % bootstrap interval; differences to the base are paired by view.\n"
-        "% Bold: on the Pareto front of training seconds and PSNR. Render: a view.\n"
-        f"{tex}"
-    )
+    return latex.table("lp{45mm}rrrrllr", [heads], rows, notes)
 
 
 if __name__ == "__main__":

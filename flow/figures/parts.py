@@ -121,33 +121,35 @@ def draw_lengths(parts, path):
     drawing.save(figure, path)
 
 
-def read_rounds(rows):
-    """Means per method and round; rows: [{method, round, stats, metrics}], CSVs.
+def read_rounds(path):
+    """Means per method and round that was trained; path: of a scene's scores.csv.
 
     A view without a number leaves the mean empty rather than better, and the log says
     which.
     """
-    found = []
-    for row in rows:
-        stats = csv_files.read(row["stats"], columns=("view", "flow_median_px"))
-        metrics = csv_files.read(
-            row["metrics"], columns=("view", "test_set", "psnr_db")
-        )
-        say_empty(row["stats"], stats, "flow_median_px")
-        say_empty(row["metrics"], metrics, "psnr_db")
-        psnr_db = metrics.groupby("test_set")["psnr_db"].mean(skipna=False)
-        labels = {"method": row["method"], "round": row["round"]}
-        median_px = stats["flow_median_px"].mean(skipna=False)
-        found.append({**labels, "median_px": median_px, **psnr_db})
-    return pd.DataFrame(found)
+    columns = ("method", "round", "test_set", "view", "metric", "value")
+    table = csv_files.read(path, columns=columns)
+    lines = []
+    for (method, round), own in table.groupby(["method", "round"], sort=False):
+        flow = own[own["metric"] == "flow_median_px"]
+        if flow.empty:
+            continue
+        psnr = own[own["metric"] == "psnr_db"]
+        say_empty(path, f"flow_median_px of {method}, round {round}", flow)
+        say_empty(path, f"psnr_db of {method}, round {round}", psnr)
+        psnr_db = psnr.groupby("test_set")["value"].mean(skipna=False)
+        median_px = flow["value"].mean(skipna=False)
+        labels = {"method": method, "round": round}
+        lines.append({**labels, "median_px": median_px, **psnr_db})
+    return pd.DataFrame(lines)
 
 
-def say_empty(path, table, column):
-    """Log the views that have no number in a column."""
-    empty = table[table[column].isna()]
+def say_empty(path, what, table):
+    """Log the views that have no number."""
+    empty = table[table["value"].isna()]
     if len(empty):
-        views = faults.some_names(sorted(set(empty["view"].astype(str))))
-        log.warning("%s: no %s of %s: its mean is left empty", path, column, views)
+        views = faults.some_names(sorted(set(empty["view"])))
+        log.warning("%s: no %s in %s: its mean is left empty", path, what, views)
 
 
 def draw_rounds(table, path):

@@ -29,8 +29,8 @@ def main(photos, testset, reference, rounds, parts, curves, out, crops=None):
 
     photos, reference: folders of images; testset: its folder; rounds: JSON list of
     {renders, flow, method}, of the reference's rounds the method is null; parts: folder
-    of those of the first round's renders; curves: JSON list of {method, round, stats,
-    metrics}; crops: of {method, renders, flow}.
+    of those of the first round's renders; curves: the scene's scores.csv; crops: JSON
+    list of {method, renders, flow}.
     """
     figures = {name: out / f"{name}.png" for name in FIGURES}
     rounds = json.loads(rounds)
@@ -39,7 +39,7 @@ def main(photos, testset, reference, rounds, parts, curves, out, crops=None):
     renders = Path(rounds[0]["renders"])
     part_figures.draw_views(found, photos, renders, figures["views"])
     part_figures.draw_lengths(found, figures["lengths"])
-    table = part_figures.read_rounds(json.loads(curves))
+    table = part_figures.read_rounds(curves)
     part_figures.draw_rounds(table, figures["curves"])
     if crops is not None:
         crop_figure.draw_methods(photos, json.loads(crops), out / "crops.png")
@@ -117,8 +117,7 @@ def run(arguments=None):
     parser.add_argument("--reference", type=Path, required=True, help="its renders")
     parser.add_argument("--rounds", required=True, help="JSON: renders, flow folders")
     parser.add_argument("--parts", type=Path, required=True, help="of the first round")
-    curves = "JSON: method, round, stats, metrics"
-    parser.add_argument("--curves", required=True, help=curves)
+    parser.add_argument("--curves", required=True, help="the scene's scores.csv")
     parser.add_argument("--crops", help="JSON: method, renders, flow")
     parser.add_argument("--out", type=Path, required=True, help="folder of the PNGs")
     return faults.exit_code(main, **vars(parser.parse_args(arguments)))

@@ -2,7 +2,7 @@
 rule page:
     input:
         unpack(lambda w: layout.outputs_of(rows.of_page(experiment, w.scene))),
-        lambda w: rows.files_of(rows.figure_rounds(experiment, w.scene)),
+        lambda w: rows.shown_in(rows.figure_rounds(experiment, w.scene)),
         images="results/{scene}/images",
         preflight="results/{scene}/preflight.json",
         tables=lambda w: targets.of_page(experiment, w.scene),

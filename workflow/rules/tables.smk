@@ -1,7 +1,32 @@
+# Scores and costs of a scene, a row each; of all tables within it, or of one across
+# scenes, which may need less.
+rule collect:
+    input:
+        lambda w: rows.files_of(scenes.rows_of(experiment, w.scene, w.table)),
+    output:
+        scores="results/{scene}/{table}scores.csv",
+        trainings="results/{scene}/{table}trainings.csv",
+    log:
+        "results/{scene}/logs/{table}collect.log",
+    benchmark:
+        "results/{scene}/logs/{table}collect.tsv"
+    wildcard_constraints:
+        table="|regimes/|remedies/|comparison/|tradeoff/",
+    conda:
+        "../../environment.yml"
+    params:
+        rows=lambda w: rows.as_json(scenes.rows_of(experiment, w.scene, w.table)),
+        sources=sources_of("alignerf.collect"),
+    shell:
+        "python -m alignerf.collect --rows {params.rows:q} --scores {output.scores:q}"
+        " --trainings {output.trainings:q} 2>&1 | tee {log:q}"
+
+
 # What a reader looks at: the tables and the figures of a scene.
 rule tables:
     input:
-        lambda w: rows.files_of(rows.tables(experiment, w.scene).values()),
+        scores="results/{scene}/scores.csv",
+        trainings="results/{scene}/trainings.csv",
         configs="results/{scene}/config.yaml",
         published=lambda w: local(rows.published(w.scene)),
     output:
@@ -24,11 +49,11 @@ rule tables:
     conda:
         "../../environment.yml"
     params:
-        rows=lambda w: rows.options_of(rows.tables(experiment, w.scene)),
+        tables=targets.tables(known=False),
         sources=sources_of("alignerf.tabulate"),
     shell:
-        "python -m alignerf.tabulate {params.rows:q}"
-        " --scene-name {wildcards.scene:q} --published {input.published:q}"
+        "python -m alignerf.tabulate --scene results/{wildcards.scene:q}"
+        " --tables {params.tables} --published {input.published:q}"
         " --configs {input.configs:q} --out results/{wildcards.scene:q}/tables"
         " 2>&1 | tee {log:q}"
 
@@ -47,18 +72,21 @@ use rule tables as tables_courtyard with:
         targets.beside(known=True),
     wildcard_constraints:
         scene=plan.one_of(experiment.with_truth(True)),
+    params:
+        tables=targets.tables(known=True),
+        sources=sources_of("alignerf.tabulate"),
 
 
 rule figures:
     input:
-        lambda w: rows.files_of(rows.figure_rounds(experiment, w.scene)),
-        lambda w: rows.files_of(rows.crops(experiment, w.scene)),
+        lambda w: rows.shown_in(rows.figure_rounds(experiment, w.scene)),
+        lambda w: rows.shown_in(rows.crops(experiment, w.scene)),
         images="results/{scene}/images",
         flow="results/{scene}/testset/flow",
         testset="results/{scene}/testset/displacement.csv",
         reference=lambda w: f"{experiment.reference_folder(w.scene)}/renders",
         parts=lambda w: f"{experiment.reference_folder(w.scene, 0)}/parts/test",
-        curves=lambda w: rows.files_of(rows.displacement(experiment, w.scene)),
+        curves="results/{scene}/scores.csv",
     output:
         [
             report(
@@ -77,11 +105,10 @@ rule figures:
         "../../environment.yml"
     params:
         rounds=lambda w: rows.as_json(rows.figure_rounds(experiment, w.scene)),
-        curves=lambda w: rows.as_json(rows.displacement(experiment, w.scene)),
         crops=lambda w: rows.crops_option(experiment, w.scene),
         sources=sources_of("flow.figures.scene"),
     shell:
         "python -m flow.figures.scene --photos {input.images:q}"
         " --testset results/{wildcards.scene:q}/testset --reference {input.reference:q}/test"
-        " --rounds {params.rounds:q} --parts {input.parts:q} --curves {params.curves:q}"
+        " --rounds {params.rounds:q} --parts {input.parts:q} --curves {input.curves:q}"
         " {params.crops:q} --out results/{wildcards.scene:q}/figures 2>&1 | tee {log:q}"

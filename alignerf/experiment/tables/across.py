@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from alignerf.experiment import arguments, check, sources, sweep
-from alignerf.experiment.tables import regimes, rows
+from alignerf.experiment.tables import rows, scenes
 
 
 class Across(NamedTuple):
@@ -36,47 +36,83 @@ def every(experiment):
         "published": published,
         "published-table": experiment.config["published_table"],
     }
-    comparison = made_of_rows(
-        *("comparison", regimes.comparison, of_scenes),
-        more=arguments.options(printed),
-    )
+    comparison = of_scenes("comparison", scenes.compared)
     return [
-        made_of_rows("regimes", regimes.scenes, of_scenes, regimes.name(experiment)),
-        made_of_rows("remedies", regimes.remedies, of_scenes),
-        made_of_rows("tradeoff", sweep.rows, sweep.configs),
-        comparison._replace(beside=("ranking", "_ranking.csv"), published=(published,)),
+        of_scenes(
+            "regimes", scenes.regimes, beside=("testset/displacement.csv",)
+        )._replace(stem=experiment.config["regimes"]),
+        of_scenes("remedies", scenes.remedies, beside=("facts.json",)),
+        of_sweep(),
+        comparison._replace(
+            options=lambda experiment: [
+                *comparison.options(experiment),
+                *arguments.options(printed),
+            ],
+            beside=("ranking", "_ranking.csv"),
+            published=(published,),
+        ),
         # Its speeds are its own, so it takes the whole machine.
         Across(
             *("flow_benchmark", "flow_benchmark", "flow.benchmark"),
             arguments.benchmark_inputs,
             arguments.benchmark_options,
-            lambda experiment: of_scenes(experiment, experiment.with_truth()[:1]),
+            lambda experiment: configs_of(experiment.with_truth()[:1]),
             sources=("flow.benchmark", "flow.benchmark.large_pair"),
             threads=sources.WHOLE_MACHINE,
         ),
     ]
 
 
-def made_of_rows(name, rows_of, configs, stem=None, *, more=()):
-    """A table of `alignerf.tables` whose command reads rows, and files that they name.
+def of_scenes(name, scenes_of, beside=()):
+    """A table of `alignerf.tables` whose command reads the rows of several scenes.
 
-    rows_of: function of the experiment; ValueError for a config that has no such rows.
+    scenes_of: function of the experiment, to `Scene`s; ValueError for a config of which
+    there is no such table. beside: files of each scene that it reads besides.
     """
-    module = f"alignerf.tables.{name}"
 
     def checked(experiment):
-        return check.or_exit(rows_of, experiment)
+        return check.or_exit(scenes_of, experiment)
 
+    def inputs(experiment):
+        return [
+            path
+            for scene in checked(experiment)
+            for path in (
+                *scenes.files(scene.scene, name),
+                *(f"results/{scene.scene}/{path}" for path in beside),
+            )
+        ]
+
+    module = f"alignerf.tables.{name}"
     return Across(
-        *(name, stem or name, module),
-        inputs=lambda experiment: rows.files_of(checked(experiment)),
-        options=lambda experiment: ["--rows", rows.as_json(checked(experiment)), *more],
-        configs=lambda experiment: check.or_exit(configs, experiment),
+        *(name, name, module),
+        inputs=inputs,
+        options=lambda experiment: ["--scenes", rows.as_json(checked(experiment))],
+        configs=lambda experiment: configs_of(experiment.scenes),
         sources=(module,),
     )
 
 
-def of_scenes(experiment, scenes=None):
-    """The complete configs of scenes, or of all."""
-    names = experiment.scenes if scenes is None else scenes
-    return [f"results/{scene}/config.yaml" for scene in names]
+def of_sweep():
+    """The table of the sweep, of its scene."""
+
+    def scene_of(experiment):
+        return check.or_exit(sweep.variants, experiment)[0]
+
+    def options(experiment):
+        scene, changes = check.or_exit(sweep.variants, experiment)
+        return ["--scene", f"results/{scene}", "--changes", rows.as_json(changes)]
+
+    module = "alignerf.tables.tradeoff"
+    return Across(
+        *("tradeoff", "tradeoff", module),
+        inputs=lambda experiment: scenes.files(scene_of(experiment), "tradeoff"),
+        options=options,
+        configs=lambda experiment: configs_of([scene_of(experiment)]),
+        sources=(module,),
+    )
+
+
+def configs_of(names):
+    """The complete configs of scenes."""
+    return [f"results/{name}/config.yaml" for name in names]

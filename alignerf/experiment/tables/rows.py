@@ -6,73 +6,36 @@ from typing import NamedTuple
 from alignerf.experiment import inputs, kinds, layout, sources, trainings
 from alignerf.files import json_rows
 
-# Rules write rows and wait for their files; commands of tables read rows.
-as_json, read = json_rows.as_json, json_rows.read
+# Rules write rows and wait for their files; commands read rows.
+as_json = json_rows.as_json
 PUBLISHED = sources.ROOT / "results" / "published"
+TIMING, PROCESS = "timing.json", "logs/train.tsv"
 
 
-def files_of(rows):
-    """The outputs of rules that rows are made from."""
-    return layout.outputs_of(json_rows.files_of(rows))
+class Row(NamedTuple):
+    """A training, or renders that are given: its names, and its files.
 
+    folder: below the scene's. method, round: as tables call it; None for a training
+    that only leads to others. description: field and kind of the method, in words.
+    baseline, base: the method whose round 0 it is set against, and that one's folder.
+    published: what papers call it. way: the folders of all trainings that lead to it,
+    its own last. flows: those of them whose training views were rendered and aligned.
+    corrected: those whose cameras were then put right. before: the folder whose flow a
+    round begins with. files: {what it tells: path}, see `alignerf.collect`.
+    """
 
-class Misalignment(NamedTuple):
-    """A method after a round, set against round 0 of a base."""
-
-    method: str
-    field: str
-    round: int
-    metrics: str
-    base: str
-    base_metrics: str
-    # timing.json of all stages and rounds that led here.
-    trainings: list[str]
-    # What renderings and warpings between the trainings took: timings and CSVs.
-    data: list[str]
-    # Scores of cameras moved to fit the photos, where they are asked for.
-    aligned_pose: str | None = None
-    base_aligned_pose: str | None = None
-
-
-class Scores(NamedTuple):
-    """A method after a round, and the scores of its test views."""
-
-    method: str
-    round: int
-    metrics: str
-    aligned_pose: str | None = None
-
-
-class Displacement(NamedTuple):
-    """A method after a round, and its test views' flow and the flow's parts."""
-
-    method: str
-    round: int
-    stats: str
-    # For the figure of curves: the table shows no score.
-    metrics: str | None = None
-
-
-class Walls(NamedTuple):
-    """Snakemake's benchmark of each process of a round; round 0 only trains."""
-
-    train: str
-    render: str | None = None
-    align: str | None = None
-
-
-class Times(NamedTuple):
-    """A method's round, and the files that tell its seconds."""
-
-    method: str
-    round: int
-    training: str
-    walls: Walls
-    rendering: str | None = None
-    alignment: str | None = None
-    # What the same processes did for the test views, which is no part of a round.
-    test_rendering: str | None = None
-    test_alignment: str | None = None
+    folder: str
+    way: list[str]
+    flows: list[str]
+    corrected: list[str]
+    files: dict
+    method: str | None = None
+    round: int | None = None
+    description: str | None = None
+    baseline: str | None = None
+    base: str | None = None
+    published: str | None = None
+    before: str | None = None
 
 
 class Renders(NamedTuple):
@@ -81,6 +44,16 @@ class Renders(NamedTuple):
     renders: str
     flow: str
     method: str | None = None
+
+
+def files_of(rows):
+    """The outputs of rules that rows of `Row` are made from."""
+    return layout.outputs_of([path for row in rows for path in row.files.values()])
+
+
+def shown_in(rows):
+    """The outputs of rules that rows of `Renders` are."""
+    return layout.outputs_of([path for row in rows for path in row[:2]])
 
 
 def describe_method(experiment, method):
@@ -97,96 +70,86 @@ def describe_method(experiment, method):
     return ", ".join([f"{field['kind']} {size}", *aliased, *words])
 
 
-def of_method(experiment, scene, method, round):
-    """The fields that rows of several tables share: scores, and what they took."""
-    trained = method not in experiment.names(kinds.external)
-    training = experiment.at(scene, method, round) if trained else None
-    return {
-        "method": method,
-        "round": round,
-        "metrics": f"{experiment.folder(scene, method, round)}/metrics.csv",
-        "trainings": trainings.timings_of(training) if training else [],
-        "data": trainings.reports_of(training) if training else [],
-    }
-
-
-def aligned_pose(experiment, scene, method, round):
-    """Scores of a round's test views by moved cameras, where they are asked for."""
-    given = method in experiment.names(kinds.external)
-    if not experiment.config["aligned_pose"] or given:
-        return None
-    return f"{experiment.folder(scene, method, round)}/metrics_aligned_pose.csv"
-
-
-def misalignment(experiment, scene):
-    """One row per method and round."""
-    rows = []
-    for method, round in experiment.scored(scene):
-        base = experiment.baseline(method)
-        row = Misalignment(
-            **of_method(experiment, scene, method, round),
-            aligned_pose=aligned_pose(experiment, scene, method, round),
-            field=describe_method(experiment, method),
-            base=base,
-            base_metrics=f"{experiment.folder(scene, base, 0)}/metrics.csv",
-            base_aligned_pose=aligned_pose(experiment, scene, base, 0),
-        )
-        rows.append(row)
+def of_scene(experiment, scene):
+    """All that is scored in a scene, and what leads there, with all that is known."""
+    rows = collected(experiment, scene, experiment.scored(scene), aligned_pose=True)
+    begun_with = {row.before for row in rows}
+    for row in rows:
+        path = f"results/{scene}/{row.folder}"
+        if row.method and row.way:
+            row.files["parts"] = f"{path}/decomposition_test.csv"
+        if row.folder in begun_with:
+            row.files["render_process"] = f"{path}/logs/render.tsv"
+            row.files["align_process"] = f"{path}/logs/align.tsv"
+            row.files["render_test"] = report(path, trainings.RENDERED, "test")
+            row.files["align_test"] = report(path, trainings.DISPLACED, "test")
     return rows
 
 
-def displacement(experiment, scene):
-    """One row per method and round."""
-    rows = []
-    for method, round in experiment.all_rounds(scene):
-        folder = experiment.folder(scene, method, round)
-        files = (f"{folder}/decomposition_test.csv", f"{folder}/metrics.csv")
-        rows.append(Displacement(method, round, *files))
-    return rows
+def collected(experiment, scene, chosen, *, aligned_pose=False):
+    """Rows of these (method, round), after those of other trainings on the way.
 
-
-def times(experiment, scene):
-    """One row per method and round."""
-    rows = []
-    for method, round in experiment.all_rounds(scene):
-        folder = experiment.folder(scene, method, round)
-        walls = Walls(f"{folder}/logs/train.tsv")
-        row = Times(method, round, f"{folder}/timing.json", walls)
-        if round > 0:
-            before = experiment.folder(scene, method, round - 1)
-            row = row._replace(
-                rendering=f"{before}/{trainings.RENDERED}".format(split="train"),
-                alignment=f"{before}/{trainings.DISPLACED}".format(split="train"),
-                walls=walls._replace(
-                    render=f"{before}/logs/render.tsv",
-                    align=f"{before}/logs/align.tsv",
-                ),
-                test_rendering=f"{before}/{trainings.RENDERED}".format(split="test"),
-                test_alignment=f"{before}/{trainings.DISPLACED}".format(split="test"),
-            )
-        rows.append(row)
-    return rows
-
-
-def scores(experiment, scene):
-    """One row per method and round."""
-    found = misalignment(experiment, scene)
-    return [
-        Scores(row.method, row.round, row.metrics, row.aligned_pose) for row in found
+    aligned_pose: with scores of cameras moved to fit the photos, where there are such.
+    """
+    rows = [scored(experiment, scene, *one, aligned_pose) for one in chosen]
+    named = {row.folder for row in rows}
+    used = [folder for row in rows for folder in (*row.way, *row.flows)]
+    others = [
+        Row(folder, [], [], [], costs_of(f"results/{scene}/{folder}"))
+        for folder in dict.fromkeys(used)
+        if folder not in named
     ]
+    flows = {folder for row in rows for folder in row.flows}
+    moved = {folder for row in rows for folder in row.corrected}
+    for row in (*others, *rows):
+        path = f"results/{scene}/{row.folder}"
+        if row.folder in flows:
+            row.files["render"] = report(path, trainings.RENDERED, "train")
+            row.files["align"] = report(path, trainings.DISPLACED, "train")
+        if row.folder in moved:
+            row.files["corrections"] = f"{path}/{trainings.CORRECTED}"
+    return [*others, *rows]
 
 
-def tables(experiment, scene):
-    """{table: its rows}; rankings need a truth to be compared with."""
-    found = {
-        "misalignment": misalignment(experiment, scene),
-        "round_times": times(experiment, scene),
-        "controls": scores(experiment, scene),
-        "displacement": displacement(experiment, scene),
-    }
-    if experiment.has_truth(scene):
-        found["ranking"] = scores(experiment, scene)
-    return found
+def scored(experiment, scene, method, round, aligned_pose):
+    """The row of a method after a round."""
+    path = experiment.folder(scene, method, round)
+    root = f"results/{scene}/"
+    baseline = experiment.baseline(method)
+    base = experiment.folder(scene, baseline, 0).removeprefix(root)
+    row = Row(
+        *(path.removeprefix(root), [], [], [], {"scores": f"{path}/metrics.csv"}),
+        method=method,
+        round=round,
+        description=describe_method(experiment, method),
+        baseline=baseline,
+        base=base,
+        # Of the method as it is; no table has one of its rounds.
+        published=experiment.methods[method]["published"] if round == 0 else None,
+    )
+    if method in experiment.names(kinds.external):
+        return row
+    training = experiment.at(scene, method, round)
+    files = row.files | costs_of(path)
+    if aligned_pose and experiment.config["aligned_pose"]:
+        files["aligned_pose"] = f"{path}/metrics_aligned_pose.csv"
+    return row._replace(
+        way=[one.folder for one in trainings.lead_to(training)],
+        flows=[one.folder for one in trainings.rendered_for(training)],
+        corrected=[one.folder for one in trainings.moved_for(training)],
+        before=training.flows[-1].folder if round > 0 else None,
+        files=files,
+    )
+
+
+def costs_of(path):
+    """The files that tell what a training was and took."""
+    return {"timing": f"{path}/{TIMING}", "process": f"{path}/{PROCESS}"}
+
+
+def report(path, name, split):
+    """The report of a training's renders, or of their flow."""
+    return f"{path}/{name.format(split=split)}"
 
 
 def of_verdict(experiment, scene):
@@ -194,36 +157,27 @@ def of_verdict(experiment, scene):
     method = experiment.config["reference"]["method"]
     folder = experiment.reference_folder(scene, 0)
     training = experiment.at(scene, method, 0)
-    found = {"timing": f"{folder}/timing.json"}
+    files = {"timing": f"{folder}/{TIMING}"}
     for split in experiment.splits(scene, training.folder):
-        found |= {
+        files |= {
             f"{split}_renders": f"{folder}/renders/{split}",
             f"{split}_flow": f"{folder}/flow/{split}",
             f"{split}_lengths": f"{folder}/displacement/{split}.csv",
             f"{split}_parts": f"{folder}/parts_photos/{split}",
             f"{split}_stats": f"{folder}/decomposition_photos_{split}.csv",
         }
-    return found
+    return files
 
 
 def of_page(experiment, scene):
     """What its images are of besides: those views' warped photos, and the truth."""
-    found = of_verdict(experiment, scene)
+    files = of_verdict(experiment, scene)
     warped = {
         f"{split}_warped": f"{experiment.reference_folder(scene, 0)}/warped/{split}"
         for split in ("train", "test")
-        if f"{split}_renders" in found
+        if f"{split}_renders" in files
     }
-    return found | warped | inputs.truth_of(experiment, scene)
-
-
-def options_of(tables):
-    """Command line of tables' rows, of `tables`."""
-    return [
-        part
-        for name, found in tables.items()
-        for part in ("--rows", name, as_json(found))
-    ]
+    return files | warped | inputs.truth_of(experiment, scene)
 
 
 def figure_rounds(experiment, scene):
@@ -254,8 +208,8 @@ def crops(experiment, scene):
 
 def crops_option(experiment, scene):
     """Command line of the crops; none without a staged method."""
-    found = crops(experiment, scene)
-    return ["--crops", as_json(found)] if found else []
+    rows = crops(experiment, scene)
+    return ["--crops", as_json(rows)] if rows else []
 
 
 def published_table():

@@ -1,0 +1,76 @@
+"""Every column of the tables: what it is, and its heading; from columns.yaml.
+
+From here come the order of a CSV's columns, the headings on the page and in LaTeX, and
+the lists in docs/columns.md.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+
+
+class Column(NamedTuple):
+    """A column of a CSV; see columns.yaml."""
+
+    what: str = ""
+    heading: str = ""
+    form: str = ""
+
+
+class Table(NamedTuple):
+    """A table's columns by name, in the CSV's order, and what the page calls it."""
+
+    columns: dict
+    title: str = ""
+    note: str = ""
+
+
+def read():
+    """All tables, by name."""
+    text = Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8")
+    tables = {}
+    for name, entry in yaml.safe_load(text).items():
+        columns = {key: Column(**one) for key, one in entry.pop("columns").items()}
+        tables[name] = Table(columns, **entry)
+    return tables
+
+
+TABLES = read()
+# Whether higher is better.
+METRICS = {
+    "psnr_db": True,
+    "ssim": True,
+    "lpips_alex": False,
+    "lpips_squeeze": False,
+    "lpips_vgg": False,
+}
+# The network of the papers' LPIPS is not released: it compares with none of ours.
+PRINTED_ONLY = "lpips_published"
+# Of the flow from render to photo and of its parts, of `flow.decompose`.
+PARTS = [
+    name for name in TABLES["displacement"].columns if name.endswith(("_px", "_share"))
+]
+
+
+def names(table):
+    """Names of a table's columns, in the CSV's order."""
+    return list(TABLES[table].columns)
+
+
+def latex(name):
+    """A metric's heading in LaTeX, and whether more is better."""
+    heading = TABLES["misalignment"].columns[name].heading
+    arrow = "uparrow" if METRICS.get(name) else "downarrow"
+    return rf"{heading} $\{arrow}$"
+
+
+def markdown(table):
+    """The list of a table's columns for docs/columns.md."""
+    groups = []
+    for name, column in TABLES[table].columns.items():
+        if column.what or not groups:
+            groups.append(([], column.what))
+        groups[-1][0].append(f"`{name}`")
+    lines = [f"| {', '.join(found)} | {what} |\n" for found, what in groups]
+    return "".join(["| column | what |\n| --- | --- |\n", *lines])

@@ -1,0 +1,137 @@
+"""The scores and costs of a scene, as `alignerf.collect` wrote them, row by row."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+
+from alignerf.files import csv_files, provenance
+from alignerf.tables import columns, scores
+
+# Summed over all trainings that lead to a row.
+SUMMED = ("train_time_s", "steps", "rays_seen")
+SCORES = ["method", "round", "test_set", "view", "metric", "value"]
+NAMES = ("method", "round", "description", "baseline", "base", "published")
+
+
+class Row(NamedTuple):
+    """A method after a round, or renders that are given.
+
+    views, base: scores, a row a test view, columns (test set, metric); those of what it
+    is set against. own: its line of trainings.csv. before: the same of the round before
+    it. costs: what all that leads to it took, and how large its model is; empty for
+    renders that are given. trainings: where these come from, see `provenance`.
+    """
+
+    scene: str
+    method: str
+    round: int
+    description: str
+    baseline: str
+    published: str | None
+    views: pd.DataFrame
+    base: pd.DataFrame
+    own: pd.Series
+    before: pd.Series | None
+    costs: dict
+    trainings: list
+
+    @property
+    def warping(self):
+        """How the paper calls its number of rounds."""
+        return scores.warping(self.round)
+
+    def psnr_db(self, needed=()):
+        """PSNR in dB, a row a view and a column a test set, `needed` among them."""
+        table = self.views.xs("psnr_db", axis=1, level=1)
+        for name in needed:
+            if name not in table:
+                what = f"{self.method} after round {self.round}"
+                raise ValueError(f"{self.scene}: {what}: no test set {name!r}")
+        return table
+
+
+def read(scene, table=""):
+    """The rows of a scene's folder, in the order of its trainings.csv.
+
+    table: of all tables within the scene, or of one across scenes. Raises ValueError
+    naming the file, and what it lacks.
+    """
+    path = Path(scene) / table / "trainings.csv"
+    views = read_scores(path.with_name("scores.csv"))
+    lines = csv_files.read(path, columns=("folder", "way", *NAMES, *SUMMED, "params"))
+    try:
+        trainings = lines.set_index("folder", drop=False, verify_integrity=True)
+        rows = [
+            row_of(line, trainings, views, Path(scene))
+            for _, line in trainings[trainings["method"].notna()].iterrows()
+        ]
+    except (KeyError, ValueError) as error:
+        beside = path.with_name("scores.csv").name
+        raise ValueError(f"{path}: does not go with {beside}: {error}") from None
+    return rows
+
+
+def row_of(line, trainings, views, scene):
+    """The row of a line of trainings.csv. Raises KeyError for what is not there."""
+    base = trainings.loc[line["base"]]
+    return Row(
+        scene=scene.name,
+        method=line["method"],
+        round=int(line["round"]),
+        description=line["description"],
+        baseline=line["baseline"],
+        published=line["published"] if has(line, "published") else None,
+        views=views[line["method"], line["round"]],
+        base=views[base["method"], base["round"]],
+        own=line,
+        before=trainings.loc[line["before"]] if has(line, "before") else None,
+        costs=costs_of(trainings, line),
+        trainings=[
+            {"path": str(scene / folder / "timing.json")}
+            | {key: trainings.loc[folder].get(key) for key in provenance.KEYS}
+            for folder in words(line, "way")
+        ],
+    )
+
+
+def read_scores(path):
+    """{(method, round): scores}; see `Row.views`."""
+    table = csv_files.read(path, columns=SCORES)
+    if table.duplicated(SCORES[:-1]).any():
+        raise ValueError(f"{path}: a score stands twice")
+    found = {}
+    for key, own in table.groupby(["method", "round"], sort=False):
+        wide = own.pivot(index="view", columns=["test_set", "metric"], values="value")
+        # All test sets have all metrics, if only empty.
+        sets = wide.columns.get_level_values(0).unique()
+        whole = [(name, metric) for name in sets for metric in columns.METRICS]
+        more = [column for column in wide if column not in set(whole)]
+        found[key] = wide.reindex(columns=pd.MultiIndex.from_tuples([*whole, *more]))
+    return found
+
+
+def costs_of(trainings, line):
+    """Seconds, steps and rays of all that leads to a row; parameters of the last."""
+    way = words(line, "way")
+    if not way:
+        return {}
+    costs = {key: trainings.loc[way, key].sum(skipna=False) for key in SUMMED}
+    flows, corrected = words(line, "flows"), words(line, "corrected")
+    seconds = [
+        trainings.loc[flows, ["render_time_s", "align_time_s"]].to_numpy().sum(),
+        trainings.loc[corrected, "correct_time_s"].sum(skipna=False),
+    ]
+    costs["data_time_s"] = float(sum(seconds))
+    costs["total_time_s"] = costs["train_time_s"] + costs["data_time_s"]
+    return costs | {"params": line["params"]}
+
+
+def words(line, key):
+    """The folders in a cell."""
+    return line[key].split() if has(line, key) else []
+
+
+def has(line, key):
+    """Whether a cell of a line has something in it."""
+    return key in line and pd.notna(line[key])
