@@ -1,51 +1,27 @@
 """Score the renders of one trained method: `python -m alignerf.evaluate`.
 
-One row per test view and test set. Test sets:
-
-standard        the photo
-standard_valid  the photo, on the pixels where the warped photo is valid
-warped          the photo warped onto the reference model's render, valid pixels
-control         the photo warped there and back: only interpolation acts
-placebo         the photo warped by a random smooth flow of at most half a pixel
-held_out        the photo warped by a flow that has not seen the pixel, valid pixels
-aligned         an image that belongs where the reference model's render is
-leak            that one warped by the flow invented between the two, where valid
-leak_held_out   that one warped by a flow that has not seen the pixel, same pixels
-oracle          the undisplaced scene at the given pose, where the truth is known
-oracle_moving   the same on the pixels that show what moves, in either of two states
-oracle_still    the same on all others
-aligned_pose    the photo, rendered by a camera moved to fit it, each half by what the
-                other one asks for; `_gradient`: by gradient descent instead of flow
-aligned_pose_leak, aligned_pose_gradient_leak
-                the oracle, by a camera moved to fit it, which it needs not
-
-Those between standard and oracle are scored where a warped test set is given; those
-after it in a run of their own, with --aligned-pose. Only sets on the same pixels
-compare: standard, control, placebo, oracle and those after it on all; standard_valid,
-warped and held_out; aligned, leak and leak_held_out. A metric that cannot be had is
+One row per test view and test set; `alignerf.experiment.test_sets` says what each is
+compared with, and on which pixels. Those that need a warped test set, or the truth, are
+scored where that is given; renders by moved cameras in a run of their own, with
+--aligned-pose. Only sets on the same pixels compare. A metric that cannot be had is
 empty, and `note` says why; LPIPS needs weights, for each network.
 """
 
 import argparse
 import dataclasses
+import functools
 import pathlib
 
 import numpy as np
 import pandas as pd
 
+from alignerf.experiment import test_sets
 from alignerf.experiment.keys import scored as scored_keys
 from alignerf.files import archives, atomic, faults
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
 
 NETS = [field.name for field in dataclasses.fields(scored_keys.Lpips)]
-# Renders by moved cameras, and whether they are to fit the oracle.
-ALIGNED_POSES = {
-    "aligned_pose": False,
-    "aligned_pose_leak": True,
-    "aligned_pose_gradient": False,
-    "aligned_pose_gradient_leak": True,
-}
 METRICS = ("psnr_db", "ssim", *(f"lpips_{net}" for net in NETS))
 COLUMNS = ("view", "test_set", *METRICS, "valid_share", "note")
 
@@ -73,13 +49,14 @@ def main(argv=None):
     rows = []
     # View by view: the test sets of all views together may not fit into memory.
     for view in views:
-        targets = targets_of(loaded, view, args.testset, args.truth)
+        seen = View(loaded, view, args.testset, args.truth)
         if args.aligned_pose:
-            scored = moved_renders(loaded, view, args.aligned_pose, targets)
+            scored = moved_renders(seen, args.aligned_pose)
         else:
-            (render,) = prepared.read_images(loaded, [view], args.renders)
+            render = seen.read(args.renders)
             scored = {
-                name: (image, render, mask) for name, (image, mask) in targets.items()
+                name: (image, render, mask)
+                for name, (image, mask) in targets_of(seen).items()
             }
         for test_set, images in scored.items():
             row = score(*images, learned, seams=bool(args.aligned_pose))
@@ -98,55 +75,92 @@ def check_renders(names, folder):
         raise ValueError(f"{folder}: no <view>.png of {len(missing)} test views: {few}")
 
 
-def targets_of(loaded, view, testset, truth):
-    """{test set: (image [h, w, 3], mask of its valid pixels [h, w])} of one view."""
+class View:
+    """A test view, and what its renders may be compared with; each is read if asked.
 
-    def read(folder):
-        return prepared.read_images(loaded, [view], folder)[0]
+    Images are [h, w, 3] uint8, masks [h, w] bool.
+    """
 
-    photo = read(loaded.folder / "images")
-    (everywhere,) = prepared.read_masks(loaded, [view])
-    targets = {"standard": (photo, everywhere)}
-    if testset:
-        folder = pathlib.Path(testset)
-        (valid,) = prepared.read_validity(loaded, [view], folder / "flow")
-        (leak_valid,) = prepared.read_validity(loaded, [view], folder / "leak_flow")
-        leak_valid &= everywhere
-        masks = {
-            "warped": valid,
-            "control": everywhere,
-            "placebo": everywhere,
-            "held_out": valid,
-            "aligned": leak_valid,
-            "leak": leak_valid,
-            "leak_held_out": leak_valid,
-        }
-        targets["standard_valid"] = (photo, valid)
-        targets |= {name: (read(folder / name), mask) for name, mask in masks.items()}
-    if truth:
-        oracle = read(pathlib.Path(truth) / "oracle")
-        targets["oracle"] = (oracle, everywhere)
-        path = pathlib.Path(truth) / "moving" / f"{loaded.names[view]}.npz"
-        if path.is_file():
-            moving = archives.read(path, ["moving"])["moving"]
-            parts = {"oracle_moving": moving, "oracle_still": ~moving}
-            targets |= {
-                name: (oracle, mask) for name, mask in parts.items() if mask.any()
-            }
+    def __init__(self, loaded, view, testset=None, truth=None):
+        self.loaded, self.view = loaded, view
+        self.testset = testset and pathlib.Path(testset)
+        self.truth = truth and pathlib.Path(truth)
+
+    def read(self, folder):
+        """The view's image in a folder."""
+        return prepared.read_images(self.loaded, [self.view], folder)[0]
+
+    def of_testset(self, name):
+        """The view's image in a folder of the warped test set."""
+        return self.read(self.testset / name)
+
+    @property
+    def has(self):
+        """What a test set may need that is there."""
+        parts = {"": True, "testset": self.testset, "truth": self.truth}
+        parts["moving"] = self.truth and self.moving_path.is_file()
+        return {name for name, is_there in parts.items() if is_there}
+
+    @functools.cached_property
+    def photo(self):
+        return self.read(self.loaded.folder / "images")
+
+    @functools.cached_property
+    def oracle(self):
+        return self.read(self.truth / "oracle")
+
+    @functools.cached_property
+    def everywhere(self):
+        """Where the photo counts."""
+        return prepared.read_masks(self.loaded, [self.view])[0]
+
+    @functools.cached_property
+    def valid(self):
+        """Where the flow of the warped test set is valid."""
+        return self.validity("flow")
+
+    @functools.cached_property
+    def leak_valid(self):
+        """Where the invented flow is valid, and the photo counts."""
+        return self.validity("leak_flow") & self.everywhere
+
+    def validity(self, name):
+        folder = self.testset / name
+        return prepared.read_validity(self.loaded, [self.view], folder)[0]
+
+    @property
+    def moving_path(self):
+        return self.truth / "moving" / f"{self.loaded.names[self.view]}.npz"
+
+    @functools.cached_property
+    def moving(self):
+        """Where an object is seen that moves, in either of its states."""
+        return archives.read(self.moving_path, ["moving"])["moving"]
+
+
+def targets_of(view):
+    """{test set: (image, mask of its pixels)} of all that a view has."""
+    targets = {}
+    for one in test_sets.every():
+        if one.needs in view.has and not one.moved:
+            image, mask = one.make(view)
+            # Of a view in which nothing moves, nothing is to be seen of what does.
+            if one.needs != "moving" or mask.any():
+                targets[one.name] = image, mask
     return targets
 
 
-def moved_renders(loaded, view, folder, targets):
+def moved_renders(view, folder):
     """{test set: (image, render, mask)} of one view rendered by moved cameras."""
-    found = {}
-    for name, to_oracle in ALIGNED_POSES.items():
-        target = targets.get("oracle" if to_oracle else "standard")
-        if target and (path := pathlib.Path(folder) / name).is_dir():
-            (render,) = prepared.read_images(loaded, [view], path)
-            found[name] = target[0], render, target[1]
-    if not found:
+    moved = {}
+    for one in test_sets.every():
+        path = pathlib.Path(folder) / one.name
+        if one.moved and one.needs in view.has and path.is_dir():
+            image, mask = one.make(view)
+            moved[one.name] = image, view.read(path), mask
+    if not moved:
         raise ValueError(f"{folder}: no renders by moved cameras")
-    return found
+    return moved
 
 
 def load_lpips(net, path):

@@ -2,6 +2,7 @@
 
 A page says `<!-- table: NAME -->`, and `<!-- end -->` below it. What is between them is
 written anew from docs/measured/NAME.csv, as NAME says in docs/measured/tables.yaml.
+`<!-- columns: NAME -->` lists the columns of one of the program's own tables.
 --check writes nothing: it names each page and table that differ, and exits with 1.
 """
 
@@ -14,8 +15,11 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
+from alignerf.experiment import test_sets
+from alignerf.tables import columns
+
 MEASURED = "docs/measured"
-MARK = re.compile(r"(<!-- table: (\w+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+MARK = re.compile(r"(<!-- (table|columns): (\w+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 # What each CSV says of itself, in this order, before its columns.
 HEADER = ("commit", "lock", "machine", "command", "measured")
 
@@ -48,11 +52,19 @@ def filled(text, root):
     changed = []
 
     def replace(match):
-        start, name, old, end = match.groups()
-        if name not in specs:
-            raise ValueError(f"{MEASURED}/tables.yaml: no table {name}")
-        columns = dict(specs[name])
-        new = table(root / MEASURED / f"{columns.pop('csv', name)}.csv", columns)
+        start, kind, name, old, end = match.groups()
+        of_program = {**columns.TABLES, "test_sets": None}
+        known = of_program if kind == "columns" else specs
+        if name not in known:
+            source = "columns" if kind == "columns" else f"{MEASURED}/tables"
+            raise ValueError(f"{source}.yaml: no table {name}")
+        if name == "test_sets":
+            new = test_sets.markdown()
+        elif kind == "columns":
+            new = columns.markdown(name)
+        else:
+            cells = dict(specs[name])
+            new = table(root / MEASURED / f"{cells.pop('csv', name)}.csv", cells)
         if new != old:
             changed.append(name)
         return start + new + end

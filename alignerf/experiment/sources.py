@@ -10,7 +10,7 @@ import os
 import sys
 from pathlib import Path
 
-from alignerf.files import machine, provenance
+from alignerf.files import extensions, machine, provenance
 
 ROOT, LOCK = provenance.ROOT, provenance.LOCK
 # Threads of a job that shares the machine with no other: Snakemake lowers them to its
@@ -50,14 +50,16 @@ class Unnoted(str):
 def sources_of(*modules):
     """SHA-256 of all that `python -m module` runs, for each of the modules.
 
-    Those are the module's own sources, what they import of this project, and the pins
-    of all libraries.
+    Those are the module's own sources, what they import of this project, what other
+    packages add to it, and the pins of all libraries.
     """
     digest = hashlib.sha256()
     for path in sorted({path for module in modules for path in reached(module)}):
         digest.update(path.read_bytes())
         for beside in data_beside(path):
             digest.update(beside.read_bytes())
+    for path in extensions.files():
+        digest.update(path.read_bytes())
     if (ROOT / LOCK).is_file():
         digest.update((ROOT / LOCK).read_bytes())
     return digest.hexdigest()[:16]

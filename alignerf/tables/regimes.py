@@ -14,6 +14,7 @@ import logging
 import numpy as np
 import pandas as pd
 
+from alignerf.experiment import test_sets
 from alignerf.files import atomic, csv_files, faults
 from alignerf.tables import columns, latex, scores
 from alignerf.tables import files as table_files
@@ -23,7 +24,7 @@ log = logging.getLogger("alignerf")
 
 # How far photos are from the reference's renders, below a scene's folder.
 FLOW = "testset/displacement.csv"
-TEST_SETS = ("standard", "warped", "control", "held_out", "oracle")
+TEST_SETS = test_sets.shown_in("regimes")
 METRICS = ("psnr_db", "ssim")
 COSTS = ("train_time_s", "data_time_s", "total_time_s", "rays_seen")
 REGIME = ("scene", "perturb_px", "motion_m")
@@ -71,12 +72,12 @@ def lines_of(group):
         "misalignment_px": np.mean(flow),
     }
     every = [row for one in group for row in one.rows]
-    test_sets = [name for name in TEST_SETS if all(name in r.views for r in every)]
+    shown = [name for name in TEST_SETS if all(name in r.views for r in every)]
     check_rays(group)
     for place, row in enumerate(group[0].rows):
         named = labels | {"method": row.method, "parts": row.description}
         named["warping"] = row.warping
-        for test_set in test_sets:
+        for test_set in shown:
             line = named | {"test_set": test_set} | scores_of(group, place, test_set)
             yield line | costs_of(group, place)
 

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from alignerf.experiment import test_sets
 from alignerf.files import atomic, faults, json_files
 from alignerf.tables import columns, latex, scores
 from alignerf.tables import files as table_files
@@ -28,7 +29,7 @@ from alignerf.tables.plots import remedies as remedies_plot
 from alignerf.tables.plots import sizes as sizes_plot
 
 # The warped test set is another one at each length: its scores do not compare.
-TEST_SETS = ("standard", "aligned_pose", "aligned_pose_gradient", "oracle")
+TEST_SETS = test_sets.shown_in("remedies")
 # Times the plain training's own.
 BUDGETS = (1, 2, 4)
 # A training's seconds vary from run to run by as much.
