@@ -27,7 +27,6 @@ empty, and `note` says why; LPIPS needs weights, for each network.
 """
 
 import argparse
-import dataclasses
 import pathlib
 
 import numpy as np
@@ -38,7 +37,7 @@ from alignerf.files import archives, atomic, faults
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
 
-NETS = [field.name for field in dataclasses.fields(scored_keys.Lpips)]
+NETS = list(scored_keys.Lpips.model_fields)
 # Renders by moved cameras, and whether they are to fit the oracle.
 ALIGNED_POSES = {
     "aligned_pose": False,
