@@ -40,9 +40,7 @@ def message(errors, values, place):
     # Of all that a key may be, each says what it misses.
     same = [one for one in errors if place_of(one, values) == inner]
     what = " or ".join(dict.fromkeys(map(wanted, same)))
-    is_number = "valid integer" in what or "valid number" in what
-    hint = hint_of(value) if is_number else ""
-    return f"config: {where}: {keys.short(value)} should {what}{hint}"
+    return f"config: {where}: {keys.short(value)} should {what}{hint_of(value, what)}"
 
 
 def place_of(error, values):
@@ -64,9 +62,13 @@ def wanted(error):
     return WORDS.get(error["type"], what or f"be valid: {error['msg']}")
 
 
-def hint_of(value):
-    """How to write a number that YAML reads as text."""
-    if isinstance(value, str) and value.isascii() and is_finite(value):
+def hint_of(value, what):
+    """How to write a number that is text: quoted, or without the point YAML wants."""
+    if not isinstance(value, str) or not value.isascii() or not is_finite(value):
+        return ""
+    if "valid integer" in what and value.isdecimal():
+        return f" (as a number: {value[:100]} without quotes)"
+    if "valid number" in what:
         return f" (YAML reads {value[:100]} as text: write {float(value):.1e})"
     return ""
 
