@@ -45,9 +45,11 @@ class Variant(VARIED):
     @classmethod
     def on_base(cls, value, validate):
         """Without a kind, changes of the base's field: it is checked with them."""
-        if isinstance(value, dict) and "kind" not in value:
-            return value
-        return validate(value)
+        if not isinstance(value, dict) or "kind" in value:
+            return validate(value)
+        if any(isinstance(entry, dict) for entry in value.values()):
+            raise ValueError("no key of a field is a mapping")
+        return value
 
     @pydantic.model_validator(mode="after")
     def check_any(self):

@@ -48,7 +48,8 @@ class Keys(pydantic.BaseModel):
         names = cls.names()
         for key in values if isinstance(values, dict) else ():
             if key not in names:
-                near = difflib.get_close_matches(short(key), names, n=1)
+                word = key[:100] if isinstance(key, str) else ""
+                near = difflib.get_close_matches(word, names, n=1)
                 hint = f", perhaps {near[0]!r}" if near else ""
                 raise ValueError(f"{short(key)} is no key of this section{hint}")
         return values

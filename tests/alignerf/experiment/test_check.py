@@ -399,6 +399,7 @@ def test_configs_share_no_values():
         ("seed: !!python/object/apply:os.getcwd []", "could not determine a const"),
         (b"\xff\xfe\xff", "can.t decode|unacceptable character"),
         ("seed: " + "9" * 5000, "4300 digits"),
+        ("seed: 0x" + "9" * 5000, "4300 digits"),
     ],
 )
 def test_what_cannot_be_read_is_named_with_its_file(tmp_path, text, reason):
