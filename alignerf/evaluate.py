@@ -8,7 +8,6 @@ empty, and `note` says why; LPIPS needs weights, for each network.
 """
 
 import argparse
-import dataclasses
 import functools
 import pathlib
 
@@ -21,7 +20,7 @@ from alignerf.files import archives, atomic, faults
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
 
-NETS = [field.name for field in dataclasses.fields(scored_keys.Lpips)]
+NETS = list(scored_keys.Lpips.model_fields)
 METRICS = ("psnr_db", "ssim", *(f"lpips_{net}" for net in NETS))
 COLUMNS = ("view", "test_set", *METRICS, "valid_share", "note")
 

@@ -68,7 +68,7 @@ def main(config, out):
         if split is None:
             every = config["test_every"]
             split = prepare.split_views(len(views.names), test_every=every)
-        elif config["test_every"] != scene_keys.Scene.test_every:
+        elif config["test_every"] != scene_keys.Scene.default("test_every"):
             log.warning("test_every: the given file itself says what is held out")
         check_enough(split, config["least_train_views"], config["path"] or out)
         warn_of_few(out, split)
@@ -119,7 +119,6 @@ def warn_of_few(out, split):
 
 def checked(values):
     """A scene's slice of the config with its defaults; ValueError names a fault."""
-    schema.check(scene_keys.Scene, values)
     config = schema.filled(scene_keys.Scene, values)
     config["poses"] = scene_keys.poses_of(config)
     config["seed"] = config["seed"] or 0

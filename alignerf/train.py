@@ -9,7 +9,6 @@ one model (`alignerf.processes`).
 
 import argparse
 import contextlib
-import dataclasses
 import hashlib
 import importlib
 import json
@@ -187,8 +186,8 @@ def with_radius(job, displacement) -> jobs.Job:
         raise ValueError("--displacement: radius_px auto needs the measured one")
     radius_px = search_radius.radius_from(search_radius.read_lengths_px(displacement))
     log.info("search radius: %d px", radius_px)
-    settings = dataclasses.replace(job.alignerf, radius_px=radius_px)
-    return dataclasses.replace(job, alignerf=settings)
+    settings = job.alignerf.model_copy(update={"radius_px": radius_px})
+    return job.model_copy(update={"alignerf": settings})
 
 
 def weights_digest(job) -> str:

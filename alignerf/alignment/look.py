@@ -4,7 +4,6 @@ Notation: k the factor by which renders and photos are made smaller; a small ren
 cones are k times as wide. Photos are those as taken, so that nothing compounds.
 """
 
-import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -39,9 +38,8 @@ def with_fewer_samples(job: jobs.Job) -> jobs.Job:
     if job.model.kind not in ("mipnerf360", "ngp") or not others:
         return job
     samples = [max(LEAST_SAMPLES, first // 2), *others]
-    return dataclasses.replace(
-        job, model=dataclasses.replace(job.model, samples=samples)
-    )
+    model = job.model.model_copy(update={"samples": samples})
+    return job.model_copy(update={"model": model})
 
 
 def factor(size, least_side_px, most):

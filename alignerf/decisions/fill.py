@@ -33,7 +33,7 @@ def fill(values):
         else:
             model["field"] = model["field"] | {name: int(value)}
     if "steps" in training.pop("decided"):
-        times = one(found, "steps", path).value / training_keys.Training.steps
+        times = one(found, "steps", path).value / training_keys.Training().steps
         training["steps"] = max(1, round(times * training["steps"]))
         if training["warmup_steps"] is not None:
             training["warmup_steps"] = round(times * training["warmup_steps"])

@@ -62,7 +62,7 @@ def downscale(facts):
     width, height, views = (facts[name] for name in OF_DOWNSCALE)
     return Decision(
         "scenes.downscale",
-        scene_keys.Scene.downscale,
+        scene_keys.Scene.default("downscale"),
         facts["downscale"],
         f"{views} photos of {width}x{height} have {views * width * height / 1e6:.3g} "
         "million pixels",
@@ -72,7 +72,7 @@ def downscale(facts):
 
 def near(facts):
     """The first sample lies a little before the nearest point."""
-    default = model_keys.Model.near
+    default = model_keys.Model().near
     nearest = facts["nearest"]
     if not known(nearest):
         return unknown("model.near", default, facts, ["nearest"])
@@ -90,7 +90,7 @@ def radius(facts):
 
     Of a forward-facing capture, all of it would be contracted.
     """
-    default = model_keys.Model.radius
+    default = model_keys.Model().radius
     nearest = facts["nearest"]
     if not known(nearest):
         return unknown("model.radius", default, facts, ["nearest"])
@@ -125,7 +125,8 @@ def contraction_across(distance):
 
 def steps(facts):
     """Pixels are seen as often in a large scene as in a small one."""
-    default, batch = training_keys.Training.steps, training_keys.Training.batch_rays
+    usual = training_keys.Training()
+    default, batch = usual.steps, usual.batch_rays
     pixels = math.prod(facts[name] for name in COUNTS)
     found = int(np.clip(100 * math.ceil(PASSES * pixels / batch / 100), *STEPS))
     seen = found * batch / pixels

@@ -52,11 +52,12 @@ def checked(config, files=()):
 def check_given(config):
     """What only the config as it was written can tell: keys that act on nothing."""
     training_keys.check_length(config.get("training", {}), "training")
+    usual = scene_keys.Scene.default("test_every")
     for name, scene in config["scenes"].items():
         training_keys.check_length(scene, f"scenes.{name}")
         # Its default stands in every complete config.
-        every = scene.get("test_every", scene_keys.Scene.test_every)
-        if scene["source"] == "blender" and every != scene_keys.Scene.test_every:
+        every = scene.get("test_every", usual)
+        if scene["source"] == "blender" and every != usual:
             fault(f"scenes.{name}.test_every", "blender's files say what is held out")
         if scene.get("seed") is not None and (config.get("vary") or {}).get("seeds"):
             fault(f"scenes.{name}.seed", "not beside vary.seeds")
@@ -65,7 +66,7 @@ def check_given(config):
         training_keys.check_length(variant, f"tradeoff.variants.{name}")
     for name, method in (config.get("methods") or {}).items():
         # Its default stands in every complete config.
-        default = method_keys.Method().most_rounds
+        default = method_keys.Method.default("most_rounds")
         given = method.get("most_rounds", default)
         if given != default and method.get("rounds") != "auto":
             fault(f"methods.{name}.most_rounds", "only with `rounds: auto`")

@@ -1,10 +1,7 @@
-"""A training job: its slice of the config as dataclasses, and what follows from it."""
+"""A training job: its slice of the config as an object, and what follows from it."""
 
-import dataclasses
 import json
 import math
-import types
-import typing
 from pathlib import Path
 from typing import Literal
 
@@ -12,14 +9,13 @@ from alignerf.experiment import schema
 from alignerf.experiment.keys import method as method_keys
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
-from alignerf.experiment.keys.key import key
+from alignerf.experiment.keys.key import Keys, key
 
 STAGES = ("full", "warm", "pretrain", "finetune")
 # Of a stage with a budget, however small that is; of a whole training, however large.
 LEAST_STEPS, MOST_STEPS = 10, 10**8
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class Finetuning(method_keys.AligNeRF):
     """The settings of one method, with the file that its loss looks through."""
 
@@ -34,8 +30,7 @@ class Finetuning(method_keys.AligNeRF):
         return self.features if self.convolution else 3
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Job:
+class Job(Keys):
     """All that decides what a training computes, besides scene and threads."""
 
     seed: int = key(least=0, most=2**32 - 1)
@@ -113,16 +108,15 @@ def read(text):
 
 def parse(values) -> Job:
     """The job of a training or rendering, checked as a whole; defaults are filled."""
-    schema.check(Job, values)
-    training_keys.check_length(values["training"], "training")
-    values = schema.filled(Job, values)
+    given, values = values, schema.filled(Job, values)
+    training_keys.check_length(given["training"], "training")
     values["training"] |= values["model"].pop("training")
     values["model"]["training"] = {}
     values["training"] |= training_keys.length(values["training"])
     values["training"] |= training_keys.warmup(values["training"])
     kind = model_keys.field_kind(values["model"])
     values["training"] |= training_keys.rates(values["training"], kind)
-    job = instance(Job, values)
+    job = schema.check(Job, values)
     if job.decisions:
         raise ValueError("config: decisions: they are not filled in")
     if job.training.decided or getattr(job.model, "decided", None):
@@ -151,35 +145,9 @@ def check_stage(job: Job):
         raise ValueError("config: alignerf.radius_px: matching pixel needs 1 or more")
 
 
-def instance(kind, values):
-    """A dataclass from a mapping that has all its keys."""
-    hints = typing.get_type_hints(kind)
-    return kind(
-        **{
-            field.name: typed(hints[field.name], values[schema.name_of(field)])
-            for field in dataclasses.fields(kind)
-        }
-    )
-
-
-def typed(hint, value):
-    """Numbers as their hint says, classes from mappings."""
-    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
-    options = [option for option in options if option is not type(None)]
-    if isinstance(value, dict):
-        several = len(options) > 1
-        kind = schema.kinds_by_name(options)[value["kind"]] if several else options[0]
-        return instance(kind, value)
-    if float in options and isinstance(value, int):
-        return float(value)
-    if isinstance(value, list) and list[float] in options:
-        return list(map(float, value))
-    return value
-
-
 def in_stage(job: Job, stage) -> Job:
     """The same job in another stage."""
-    return dataclasses.replace(job, stage=stage)
+    return job.model_copy(update={"stage": stage})
 
 
 def places(align: method_keys.Align, steps, where="align") -> dict:
@@ -214,12 +182,13 @@ def steps_in(job: Job, step_time_s) -> int:
 
 def with_steps(job: Job, steps) -> Job:
     """The job of a budget as one whose whole training has this many steps."""
-    training = dataclasses.asdict(job.training) | {"steps": steps}
+    training = job.training.model_dump() | {"steps": steps}
     warmup_steps = min(training_keys.warmup(training)["warmup_steps"], steps)
     found = {"steps": steps, "warmup_steps": warmup_steps}
-    return dataclasses.replace(job, training=dataclasses.replace(job.training, **found))
+    training = job.training.model_copy(update=found)
+    return job.model_copy(update={"training": training})
 
 
 def as_dict(job: Job) -> dict:
     """JSON-able content of a job."""
-    return dataclasses.asdict(job)
+    return job.model_dump()

@@ -7,6 +7,8 @@ import yaml
 
 # Values of a file with all its aliases written out: more is a mistake, or an attack.
 MOST_VALUES = 100_000
+# Of a number: Python writes no longer one, not even in a message.
+MOST_DIGITS = 4300
 
 
 def read(path):
@@ -51,6 +53,9 @@ def values_of(node, path, known):
         return known[id(node)]
     known[id(node)] = None
     size = 1
+    if node.tag == "tag:yaml.org,2002:int" and len(node.value) > MOST_DIGITS:
+        line = node.start_mark.line + 1
+        raise Fault(f"{path}: over {MOST_DIGITS} digits, see line {line}")
     if isinstance(node, yaml.MappingNode):
         check_keys_once(node, path)
         size += sum(values_of(value, path, known) for _, value in node.value)

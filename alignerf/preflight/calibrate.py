@@ -6,7 +6,6 @@ second time takes, from the cache, is what the job will take. Writes JSON to std
 """
 
 import argparse
-import dataclasses
 import json
 import pathlib
 import re
@@ -58,8 +57,8 @@ def with_radius(job):
     """The job with a search radius, where its own is not known yet."""
     if job.stage != "finetune" or job.alignerf.radius_px is not None:
         return job
-    settings = dataclasses.replace(job.alignerf, radius_px=RADIUS_PX)
-    return dataclasses.replace(job, alignerf=settings)
+    settings = job.alignerf.model_copy(update={"radius_px": RADIUS_PX})
+    return job.model_copy(update={"alignerf": settings})
 
 
 def of_training(job, scene, started):

@@ -1,7 +1,5 @@
 """The method that a job names, composed of its model, its field and its losses."""
 
-import dataclasses
-
 from alignerf import fields
 from alignerf.contributions import frequency_loss
 from alignerf.experiment import jobs
@@ -48,7 +46,7 @@ def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
         radius=job.model.radius,
         background=job.model.background,
     )
-    squares = model_keys.squares_errors(dataclasses.asdict(job.model))
+    squares = model_keys.squares_errors(job.model.model_dump())
     shared = {
         "loss_weights": {
             "interlevel": job.training.interlevel_weight,
@@ -119,7 +117,7 @@ def make_field(
     chosen: fields_keys.Grid | fields_keys.Mlp | fields_keys.Nerf, **options
 ):
     """The field of these settings; options, as `outputs`, are added to them."""
-    found = dataclasses.asdict(chosen) | options
+    found = chosen.model_dump() | options
     return fields.make(
         **{k: tuple(v) if isinstance(v, list) else v for k, v in found.items()}
     )

@@ -24,7 +24,7 @@ def test_a_complete_config_is_written_in_its_order(demo, experiment_of, tmp_path
     ("text", "reason"),
     [
         ("[1, 2]", "top level: a config is a mapping"),
-        ("", "'scenes' is a required"),
+        ("", "'scenes' is missing"),
         ("scenes: &s {a: *s}", "an alias holds itself"),
         (
             "scenes: {a: {source: courtyard}}\nmethods: {m: {rounds: 2.0}}",

@@ -1,6 +1,5 @@
 """What a training refuses, in one line, and what it leaves behind."""
 
-import dataclasses
 import json
 import re
 import shutil
@@ -30,8 +29,8 @@ def test_a_training_that_diverges_stops_with_the_step(
         """A rate that no config may have."""
         job = parse(values)
         wild = {"learning_rates": [1e38, 1e38], "warmup_steps": 0}
-        training = dataclasses.replace(job.training, **wild)
-        return dataclasses.replace(job, training=training)
+        training = job.training.model_copy(update=wild)
+        return job.model_copy(update={"training": training})
 
     parse = jobs.parse
     monkeypatch.setattr(jobs, "parse", beyond_bounds)

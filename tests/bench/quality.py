@@ -61,7 +61,7 @@ def run(options):
     seeds = {"grid": range(min(3, options.repeats)), "mlp": range(1)}
     found = {
         name: [
-            climb(Ours(dataclasses.replace(job, seed=seed), train, test), limit_s)
+            climb(Ours(job.model_copy(update={"seed": seed}), train, test), limit_s)
             for seed in seeds[name]
         ]
         for name, job in jobs.items()

@@ -51,7 +51,7 @@ def check_align(config, name):
     if others or method["rounds"] != 0 or method["changes"] != "photos":
         others += ["rounds"] * (method["rounds"] != 0)
         fault(where, f"not beside {' or '.join(others or ['changes'])}")
-    chosen = jobs.instance(method_keys.Align, method["align"])
+    chosen = method_keys.Align.model_validate(method["align"])
     if not (chosen.cameras_at or chosen.photos_at):
         fault(where, "cameras_at or photos_at: it needs a share at which to align")
     others = [m for n, m in config["methods"].items() if n != name]

@@ -69,6 +69,6 @@ def check_tradeoff(config):
     for name in sweep["variants"]:
         found = slices.variant_of(config, name)
         place = ("tradeoff", "variants", name)
-        schema.check(model_keys.Model, found["model"], *place)
         schema.check(training_keys.Training, found["training"], *place)
-        check_model(schema.filled(model_keys.Model, found["model"]), *place)
+        model = schema.filled(model_keys.Model, found["model"], *place)
+        check_model(model, *place)

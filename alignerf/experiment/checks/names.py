@@ -22,7 +22,7 @@ FOLDERS = {
 
 def check_names(config):
     """Names become rules and folders: text, and none that is taken."""
-    regimes = config.get("regimes", config_keys.Config.regimes)
+    regimes = config.get("regimes", config_keys.Config.default("regimes"))
     if regimes in TABLES:
         fault("regimes", f"{regimes} has files of its own, choose another name")
     files = {f"{regimes}{suffix}" for suffix in SUFFIXES}

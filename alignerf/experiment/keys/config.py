@@ -1,71 +1,74 @@
 """A config as a whole, its sweep and its variations."""
 
-import dataclasses
+import pydantic
 
 from alignerf.experiment.keys.flow import Flow
-from alignerf.experiment.keys.key import key
+from alignerf.experiment.keys.key import UNSAID, Keys, budget, given, key, named, some
 from alignerf.experiment.keys.method import Method
 from alignerf.experiment.keys.model import Model, Models
-from alignerf.experiment.keys.scene import Scene
+from alignerf.experiment.keys.scene import NAME, Scene
 from alignerf.experiment.keys.scored import AlignedPose, Lpips, Reference
 from alignerf.experiment.keys.training import Training
 
-# Keys of a training that say how long it is.
-LENGTH = ("steps", "budget_min", "warmup_steps")
 # What a point of the sweep may change, of the model and of the training.
-VARIES = {
-    Model: ("samples", "proposal", "field"),
-    Training: (
-        *(*LENGTH, "batch_rays", "learning_rates"),
-        *("hold_share", "adam_betas", "adam_eps", "gradient_norm", "proposal_share"),
-    ),
-}
+OF_MODEL = ("samples", "proposal", "field")
+OF_TRAINING = (
+    *("warmup_steps", "batch_rays", "learning_rates", "hold_share"),
+    *("adam_betas", "adam_eps", "gradient_norm", "proposal_share"),
+)
+VARIED = pydantic.create_model(
+    "Varied",
+    __base__=Keys,
+    **some(Model, *OF_MODEL),
+    **some(Training, *OF_TRAINING),
+)
 
 
-class Variant:
-    """The keys in which a point of the sweep differs from the base; none is filled."""
+class Variant(VARIED):
+    """The keys in which a point of the sweep differs from the base; at least one."""
 
-    # So many keys have to be given.
-    LEAST = 1
+    model_config = pydantic.ConfigDict(json_schema_extra={"minProperties": 1})
 
-    @staticmethod
-    def properties(of_class):
-        """Some keys of models and trainings, seed and downscale; at least one."""
-        own = {}
-        for kind, names in VARIES.items():
-            properties = of_class(kind)["properties"]
-            own |= {name: properties[name] for name in names}
-        for entry in own.values():
-            del entry["default"]
-        for name in ("steps", "budget_min"):
-            # A change to null says nothing.
-            own[name]["type"], _ = own[name]["type"]
-        seed = of_class(Scene)["properties"]["seed"]
-        own["seed"] = {key: seed[key] for key in ("minimum", "maximum")}
-        own["seed"] |= {"type": "integer", "description": "of its training"}
-        own["downscale"] = {
-            "description": "training photos are made smaller by this factor, by area "
-            "averaging; renders and scores keep the scene's size",
-            "type": "number",
-            "exclusiveMinimum": 1,
-            "maximum": 64,
-        }
-        return own
+    # A change to null says nothing.
+    steps: int = key(UNSAID, "of its training", least=1, most=10**8)
+    budget_min: float = budget("of its training", UNSAID)
+    seed: int = key(UNSAID, "of its training", least=0, most=2**32 - 1)
+    downscale: float = key(
+        UNSAID,
+        "training photos are made smaller by this factor, by area averaging; renders "
+        "and scores keep the scene's size",
+        above=1,
+        most=64,
+    )
+
+    @pydantic.field_validator("proposal", "field", mode="wrap")
+    @classmethod
+    def on_base(cls, value, validate):
+        """Without a kind, changes of the base's field: it is checked with them."""
+        if not isinstance(value, dict) or "kind" in value:
+            return validate(value)
+        if any(isinstance(entry, dict) for entry in value.values()):
+            raise ValueError("no key of a field is a mapping")
+        return value
+
+    @pydantic.model_validator(mode="after")
+    def check_any(self):
+        if not self.model_fields_set:
+            raise ValueError("{} should say a key in which it differs from the base")
+        return self
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Tradeoff:
+class Tradeoff(Keys):
     scene: str | None = key(None, "a key of scenes; null takes the first")
     model: str | None = key(
         None, "a key of models, the row `base`; null takes the first"
     )
-    variants: dict[str, Variant] = key(
+    variants: named(given(Variant)) = key(
         what="name -> the keys in which it differs from the base"
     )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Vary:
+class Vary(Keys):
     """Every scene again: `name_seed2`, `name_x0.5`, `name_seed2_x0.5`."""
 
     seeds: list[int] | None = key(
@@ -84,8 +87,7 @@ class Vary:
     )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Keys):
     """Every key of a config. Only `scenes` has to be there."""
 
     seed: int = key(0, "of scene, poses and trainings", least=0, most=2**32 - 1)
@@ -94,7 +96,7 @@ class Config:
         "hours, memory and disk are worked out before any training; false starts at "
         "once",
     )
-    scenes: dict[str, Scene] = key(
+    scenes: named(Scene, NAME) = key(
         what="name -> where its images and cameras come from"
     )
     decide: bool = key(
@@ -103,18 +105,20 @@ class Config:
         "near, radius, finest, steps; results/<scene>/decisions.json says why",
     )
     vary: Vary | None = key(None, "seeds and lengths that every scene is run with")
-    models: dict[str, Models] = key(
+    models: named(Models) = key(
         {"base": {}},
         "name -> a mip-NeRF 360 with two fields, or by `kind` another system",
+        validate_default=True,
     )
-    methods: dict[str, Method] = key(
+    methods: named(Method) = key(
         {"mipnerf360": {"rounds": 2}, "alignerf": {"alignerf": {}}},
         "name -> what is trained and compared; in this order in the tables",
+        validate_default=True,
     )
-    training: Training = key(Training())
-    flow: Flow = key(Flow())
+    training: Training = key(Training)
+    flow: Flow = key(Flow)
     reference: Reference = key(
-        Reference(), "the model whose renders the warped test set is made from"
+        Reference, "the model whose renders the warped test set is made from"
     )
     regimes: str = key(
         "alignerf_regimes",
@@ -127,10 +131,10 @@ class Config:
         "bank of oriented derivative filters, and the table says so",
     )
     aligned_pose: AlignedPose | None = key(
-        AlignedPose(), "test set of cameras moved to fit their photos; null has none"
+        AlignedPose, "test set of cameras moved to fit their photos; null has none"
     )
     lpips: Lpips | None = key(
-        Lpips(),
+        Lpips,
         "network of LPIPS v0.1 -> .npz of its weights; null leaves a column empty",
     )
     tradeoff: Tradeoff | None = key(

@@ -1,9 +1,8 @@
 """Keys of a model's fields: hash grids, and networks as published."""
 
-import dataclasses
 from typing import Literal
 
-from alignerf.experiment.keys.key import key
+from alignerf.experiment.keys.key import Keys, key
 
 PRECISIONS = Literal["float32", "bfloat16"]
 PRECISION = (
@@ -12,8 +11,7 @@ PRECISION = (
 )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Grid:
+class Grid(Keys):
     """A hash grid; its defaults are those of `alignerf.fields.grid`."""
 
     kind: Literal["grid"] = key("grid", "a hash grid, fast")
@@ -35,8 +33,7 @@ class Grid:
     precision: PRECISIONS = key("float32", PRECISION)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Mlp:
+class Mlp(Keys):
     """The published field; its defaults are those of `alignerf.fields.mlp`."""
 
     kind: Literal["mlp"] = key("mlp", "as published")
@@ -49,8 +46,7 @@ class Mlp:
     precision: PRECISIONS = key("float32", PRECISION)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Nerf:
+class Nerf(Keys):
     """NeRF's field, as BARF has it; its defaults are those of `alignerf.fields.nerf`.
 
     Without contraction: the model's `far` bounds what it sees.

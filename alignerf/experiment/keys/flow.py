@@ -1,13 +1,11 @@
 """Keys of `flow`: how photos and renders are matched and warped."""
 
-import dataclasses
 from typing import Literal
 
-from alignerf.experiment.keys.key import key
+from alignerf.experiment.keys.key import Keys, key
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Flow:
+class Flow(Keys):
     estimator: Literal[
         "dis_ultrafast",
         "dis_fast",

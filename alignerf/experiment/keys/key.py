@@ -1,19 +1,142 @@
 """What a key is: a field with its default, its meaning and its bounds."""
 
-import dataclasses
+import copy
+import difflib
+import reprlib
+from typing import Annotated
 
-# Of a key that every config has to give.
-REQUIRED = dataclasses.MISSING
+import pydantic
+
+# Of a key that every config has to give; of one that is there only where it is given.
+REQUIRED, UNSAID = object(), object()
+# Of models, methods and variants: they become folders, and columns of tables.
+NAME = r"^[A-Za-z0-9][A-Za-z0-9_]{0,99}\Z"
+MOST_NAMES = 10000
+# As pydantic calls them.
+BOUNDS = {"least": "ge", "most": "le", "above": "gt"}
+SHORT = reprlib.Repr()
+SHORT.maxstring = SHORT.maxother = SHORT.maxlong = 100
 
 
-def key(default=REQUIRED, what="", **bounds):
-    """A field of a class of keys: its default, its meaning, its bounds."""
-    metadata = {"what": what, **bounds}
-    if default is REQUIRED:
-        return dataclasses.field(metadata=metadata)
-    if isinstance(default, list | dict) or dataclasses.is_dataclass(default):
-        return dataclasses.field(default_factory=lambda: default, metadata=metadata)
-    return dataclasses.field(default=default, metadata=metadata)
+class Keys(pydantic.BaseModel):
+    """A section of a config: nothing is converted, and no other key taken."""
+
+    model_config = pydantic.ConfigDict(
+        strict=True,
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        # The other one knows no \Z, and nothing that looks ahead.
+        regex_engine="python-re",
+        defer_build=True,
+    )
+
+    @classmethod
+    def names(cls):
+        """{key as a config has it: the field's name}; `from` is a word of Python's."""
+        return {info.alias or name: name for name, info in cls.model_fields.items()}
+
+    @classmethod
+    def default(cls, name):
+        """A key's default, also of a class that needs other keys."""
+        return cls.model_fields[name].get_default(call_default_factory=True)
+
+    @pydantic.model_validator(mode="before")
+    @classmethod
+    def check_known(cls, values):
+        """ValueError for the first unknown key, with the one that it may stand for."""
+        names = cls.names()
+        for key in values if isinstance(values, dict) else ():
+            if key not in names:
+                word = key[:100] if isinstance(key, str) else ""
+                near = difflib.get_close_matches(word, names, n=1)
+                hint = f", perhaps {near[0]!r}" if near else ""
+                raise ValueError(f"{short(key)} is no key of this section{hint}")
+        return values
+
+
+def short(value):
+    """A value in one line of a readable length."""
+    try:
+        return SHORT.repr(value)
+    except ValueError:
+        # Python writes no number of more than 4300 digits.
+        return f"{type(value).__name__} of too many digits"
+
+
+class Bounds:
+    """Bounds of a key's numbers, wherever they stand in its type: in a list too."""
+
+    def __init__(self, limits):
+        self.limits = limits
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        return self.put_on(handler(source))
+
+    def put_on(self, part):
+        """A part of pydantic's own schema with the bounds on each number in it."""
+        if part["type"] in ("int", "float"):
+            return part | self.limits
+        for inner in {"schema", "items_schema"} & part.keys():
+            part = part | {inner: self.put_on(part[inner])}
+        if "choices" in part:
+            part = part | {"choices": list(map(self.put_on, part["choices"]))}
+        return part
+
+
+def key(default=REQUIRED, what="", *, length=None, **bounds):
+    """A field of a class of keys: its default, its meaning, its bounds.
+
+    default: where it is a class, that class's own. length: the least and the most
+    entries of a list. bounds: also what else a field of pydantic takes.
+    """
+    limits = {BOUNDS[k]: bounds.pop(k) for k in BOUNDS.keys() & bounds.keys()}
+    if length:
+        bounds["min_length"], bounds["max_length"] = length
+    if default is UNSAID:
+        bounds["default_factory"] = nothing
+    elif isinstance(default, type):
+        bounds["default_factory"] = default
+    elif default is not REQUIRED:
+        bounds["default"] = default
+    field = pydantic.Field(description=what or None, **bounds)
+    if limits:
+        field.metadata.append(Bounds(limits))
+    return field
+
+
+def named(kind, pattern=NAME):
+    """Type of a mapping from names to instances of a class."""
+    name = Annotated[str, pydantic.Field(pattern=pattern)]
+    size = pydantic.Field(min_length=1, max_length=MOST_NAMES)
+    return Annotated[dict[name, kind], size]
+
+
+def nothing():
+    """As a default it stands in no schema."""
+    return None
+
+
+def some(kind, *names):
+    """{name: field} of a class for one that has them only where they are given."""
+    fields = {}
+    for name in names:
+        fields[name] = copy.copy(kind.model_fields[name])
+        fields[name].default = pydantic.fields.PydanticUndefined
+        fields[name].default_factory = nothing
+    return {name: (field.annotation, field) for name, field in fields.items()}
+
+
+def as_given(value, validate):
+    """A mapping that was checked, as it was: nothing is filled."""
+    validate(value)
+    return value
+
+
+def given(kind):
+    """Type of a mapping with keys of a class, those that are given and no other."""
+    check, write = pydantic.WrapValidator(as_given), pydantic.PlainSerializer(dict)
+    return Annotated[kind, check, write]
 
 
 def learning_rates(first, last):
@@ -21,8 +144,8 @@ def learning_rates(first, last):
     return key([first, last], what, above=0, most=10, length=(2, 2))
 
 
-def budget(what):
-    return key(None, what, above=0, most=14400)
+def budget(what, default=None):
+    return key(default, what, above=0, most=14400)
 
 
 def left_to_facts(*names):

@@ -13,10 +13,11 @@ def leave_open(config):
     what was changed in it since then is no longer left.
     """
     asked = config.get("decide") is True
-    models = {
-        name: model | {"decided": open_of_model(model) if asked else []}
-        for name, model in (config.get("models") or {"base": {}}).items()
-    }
+    models = dict(config.get("models") or {"base": {}})
+    for name, model in models.items():
+        if model.get("kind", Model().kind) == Model().kind:
+            open_keys = open_of_model(model) if asked else []
+            models[name] = model | {"decided": open_keys}
     training, scenes = config.get("training") or {}, config["scenes"]
     if asked:
         scenes = {
@@ -30,24 +31,23 @@ def leave_open(config):
 
 
 def open_of_model(given):
-    """The keys that a model as it was written leaves to facts."""
-    if given.get("kind", Model.kind) != Model.kind:
-        return []
+    """The keys that a mip-NeRF 360 as it was written leaves to facts."""
     field = given.get("field") or {}
-    kind = field.get("kind", Grid.kind)
+    usual, grid = Model(), Grid()
+    kind = field.get("kind", grid.kind)
     # Only a grid has cells; a field of points contracts nothing.
-    fits = {"finest": kind == Grid.kind, "radius": kind != Nerf.kind}
-    usual = {
-        "near": (Model.near,),
-        "radius": (Model.radius,),
-        "finest": (Grid.finest, Model().field.finest),
+    fits = {"finest": kind == grid.kind, "radius": kind != Nerf().kind}
+    defaults = {
+        "near": (usual.near,),
+        "radius": (usual.radius,),
+        "finest": (grid.finest, usual.field.finest),
     }
     found = []
     for name in OPEN_OF_MODEL:
         value = (field if name == "finest" else given).get(name)
         left = value is None
         if "decided" in given:
-            left = name in given["decided"] and value in (None, *usual[name])
+            left = name in given["decided"] and value in (None, *defaults[name])
         if left and fits.get(name, True):
             found.append(name)
     return found
@@ -59,7 +59,7 @@ def open_of_training(given, scenes):
     if "decided" in given:
         if "steps" not in given["decided"]:
             return []
-        usual = (None, Training.steps)
+        usual = (None, Training().steps)
     said = [(one.get("steps"), one.get("budget_min")) for one in (given, *scenes)]
     if any(steps not in usual or budget_min for steps, budget_min in said):
         return []

@@ -1,22 +1,21 @@
 """Keys of `methods`: what is trained, stage by stage and round by round."""
 
-import dataclasses
 from typing import Literal
 
-from alignerf.experiment.keys.key import key, learning_rates
+from alignerf.experiment.keys.key import Keys, key, learning_rates
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class WarmStart:
-    from_: str = key(what="method of the same model whose round 0 it starts from")
+class WarmStart(Keys):
+    from_: str = key(
+        what="method of the same model whose round 0 it starts from", alias="from"
+    )
     share: float = key(
         0.3, "of training.steps, in each round of warping", above=0, most=1
     )
     learning_rates: list[float] = learning_rates(0.01, 0.001)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class AligNeRF:
+class AligNeRF(Keys):
     """The three contributions and the two stages' shares of the steps."""
 
     pretrain_share: float = key(
@@ -62,8 +61,7 @@ class AligNeRF:
     )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Refine:
+class Refine(Keys):
     """Cameras learnt with the scene, as BARF and CamP do."""
 
     learning_rates: list[float] = learning_rates(0.001, 0.00001)
@@ -83,8 +81,7 @@ class Refine:
     )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Align:
+class Align(Keys):
     """Alignment on the way: where one training stops, and what it puts right there."""
 
     cameras_at: list[float] = key(
@@ -128,8 +125,7 @@ class Align:
     )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Method:
+class Method(Keys):
     model: str | None = key(None, "a key of models; null takes the first")
     rounds: int | Literal["auto"] = key(
         0,

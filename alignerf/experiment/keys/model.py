@@ -1,10 +1,11 @@
 """Keys of `models`: how rays are sampled, and by which field."""
 
-import dataclasses
-from typing import ClassVar, Literal
+from typing import Annotated, Literal
+
+import pydantic
 
 from alignerf.experiment.keys.fields import PRECISION, PRECISIONS, Grid, Mlp, Nerf
-from alignerf.experiment.keys.key import key, left_to_facts
+from alignerf.experiment.keys.key import Keys, key, left_to_facts
 from alignerf.experiment.keys.training import Changes
 
 FIELD = (
@@ -12,9 +13,12 @@ FIELD = (
 )
 
 
+BY_KIND = pydantic.Field(discriminator="kind")
+
+
 def changes():
     what = "keys of `training` that are others for this model; not steps or budget"
-    return key(Changes(), what)
+    return key({}, what)
 
 
 # What `decide` leaves to a scene's facts: `alignerf.decisions` has a rule for each.
@@ -28,12 +32,8 @@ BEHIND_OR_OPAQUE = (
 )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Model:
+class Model(Keys):
     """A mip-NeRF 360: how rays are sampled, and the two fields."""
-
-    # What a model without a `kind` is.
-    USUAL_KIND: ClassVar = True
 
     kind: Literal["mipnerf360"] = key("mipnerf360", "proposals, in contracted space")
     near: float = key(
@@ -58,12 +58,20 @@ class Model:
         length=(1, 8),
     )
     background: Literal["black", "white"] | None = key(None, BEHIND_OR_OPAQUE)
-    proposal: Grid | Mlp = key(
+    proposal: Annotated[Grid | Mlp, BY_KIND] = key(
         Grid(levels=4, log2_entries=15, features=2, finest=256, width=16), FIELD
     )
-    field: Grid | Mlp | Nerf = key(Grid(finest=2048), FIELD)
+    field: Annotated[Grid | Mlp | Nerf, BY_KIND] = key(Grid(finest=2048), FIELD)
     training: Changes = changes()
     decided: list[Literal[OPEN_OF_MODEL]] = left_to_facts(*OPEN_OF_MODEL)
+
+    @pydantic.field_validator("proposal", "field", mode="before")
+    @classmethod
+    def on_default(cls, value, about):
+        """Without a kind, the default field with these changes."""
+        if isinstance(value, dict) and "kind" not in value:
+            return cls.default(about.field_name).model_dump() | value
+        return value
 
 
 NEAR = "nearest distance, in units of the largest camera coordinate"
@@ -78,8 +86,13 @@ def samples(*default):
     return key([*default], TWO_LOOKS, least=3, most=4096, length=(2, 2))
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class NerfSystem:
+class System(Keys):
+    """A model that says its kind."""
+
+    model_config = pydantic.ConfigDict(json_schema_extra={"required": ["kind"]})
+
+
+class NerfSystem(System):
     """NeRF as published: two networks of points, without contraction."""
 
     kind: Literal["nerf"] = key("nerf", "NeRF: points, two networks")
@@ -98,8 +111,7 @@ class NerfSystem:
     training: Changes = changes()
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class MipNerfSystem:
+class MipNerfSystem(System):
     """Mip-NeRF as published: one network of Gaussians, without contraction."""
 
     kind: Literal["mipnerf"] = key("mipnerf", "mip-NeRF: Gaussians, one network")
@@ -128,8 +140,7 @@ class MipNerfSystem:
     training: Changes = changes()
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class NerfPlusPlus:
+class NerfPlusPlus(System):
     """NeRF++ as published: a sphere inside out, two networks for either part."""
 
     kind: Literal["nerfpp"] = key("nerfpp", "NeRF++: inside and outside of a sphere")
@@ -156,8 +167,7 @@ class NerfPlusPlus:
     training: Changes = changes()
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class InstantNgp:
+class InstantNgp(System):
     """Instant-NGP's field as published; proposals find the samples."""
 
     kind: Literal["ngp"] = key("ngp", "Instant-NGP: a hash grid in a box")
@@ -184,8 +194,18 @@ class InstantNgp:
     training: Changes = changes()
 
 
-Models = Model | NerfSystem | MipNerfSystem | NerfPlusPlus | InstantNgp
+def of_usual_kind(value):
+    """Without a kind a model is a mip-NeRF 360."""
+    if isinstance(value, dict):
+        return {"kind": Model.default("kind")} | value
+    return value
 
+
+Models = Annotated[
+    Model | NerfSystem | MipNerfSystem | NerfPlusPlus | InstantNgp,
+    BY_KIND,
+    pydantic.BeforeValidator(of_usual_kind),
+]
 
 # Networks of its size that a kind of model has, where it is more than one.
 NETWORKS = {"nerf": 2, "nerfpp": 4}

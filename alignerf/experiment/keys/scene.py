@@ -1,10 +1,9 @@
 """Keys of `scenes`: where images and cameras come from, how long each is trained."""
 
-import dataclasses
 import typing
-from typing import ClassVar, Literal
+from typing import Literal
 
-from alignerf.experiment.keys.key import budget, key
+from alignerf.experiment.keys.key import Keys, budget, key
 
 
 class Source(typing.NamedTuple):
@@ -44,8 +43,11 @@ CAMERA_MODELS = Literal[
 ]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Colmap:
+# A name becomes a folder: no path escapes by it.
+NAME = r"^(?!.*\.\.)[A-Za-z0-9][A-Za-z0-9_.-]{0,99}\Z"
+
+
+class Colmap(Keys):
     max_size_px: int = key(
         1600, "features are found on photos of at most this side", least=64, most=20000
     )
@@ -61,8 +63,7 @@ class Colmap:
     )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Courtyard:
+class Courtyard(Keys):
     place: Literal["courtyard", "object"] = key(
         "courtyard", "the whole, or its boxes and the arm alone, before white"
     )
@@ -85,7 +86,9 @@ class Courtyard:
     )
     motion_m: float = key(0.02, "largest displacement in metres", least=0, most=10)
     moving: list[str] | None = key(
-        None, "names of the objects that move; null means all that can"
+        None,
+        "names of the objects that move; null means all that can",
+        length=(0, 1000),
     )
     # Leaves as much near the highest frequency as a real photo made smaller has:
     # unblurred textures lose ten times more than photos when they are resampled.
@@ -95,11 +98,7 @@ class Courtyard:
     supersample: int = key(2, "rays a pixel and axis", least=1, most=16)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Scene:
-    # A name becomes a folder: no path escapes by it.
-    NAME: ClassVar = r"^(?!.*\.\.)[A-Za-z0-9][A-Za-z0-9_.-]{0,99}\Z"
-
+class Scene(Keys):
     source: Literal[tuple(SOURCES)] = key(
         what="embedded scene, folder of photos, transforms.json, LLFF's "
         "poses_bounds.npy, a scene of mip-NeRF 360 (360_v2), or one of NeRF's "
@@ -178,5 +177,5 @@ class Scene:
         "right the poses are; null: yes with given poses, no otherwise (COLMAP has its "
         "own points); true: also with the courtyard's true poses",
     )
-    colmap: Colmap = key(Colmap())
-    courtyard: Courtyard = key(Courtyard())
+    colmap: Colmap = key(Colmap)
+    courtyard: Courtyard = key(Courtyard)

@@ -1,13 +1,11 @@
 """Keys of what is scored: the reference, and test sets and metrics beside the usual."""
 
-import dataclasses
 from typing import Literal
 
-from alignerf.experiment.keys.key import key
+from alignerf.experiment.keys.key import Keys, key
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Reference:
+class Reference(Keys):
     method: str | None = key(
         None, "a key of methods; null takes the first that trains from scratch"
     )
@@ -16,8 +14,7 @@ class Reference:
     )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class AlignedPose:
+class AlignedPose(Keys):
     """The test set whose cameras are moved to fit their photos, half by half."""
 
     flow: bool = key(True, "by the flow from render to photo")
@@ -29,8 +26,7 @@ class AlignedPose:
     )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Lpips:
+class Lpips(Keys):
     alex: str | None = key(None, "AlexNet")
     squeeze: str | None = key(None, "SqueezeNet 1.1")
     vgg: str | None = key(None, "VGG-16")

@@ -1,9 +1,10 @@
 """Keys of `training`: how the baseline is trained, and how long."""
 
-import dataclasses
-from typing import ClassVar, Literal
+from typing import Literal
 
-from alignerf.experiment.keys.key import budget, key, left_to_facts
+import pydantic
+
+from alignerf.experiment.keys.key import Keys, budget, given, key, left_to_facts, some
 
 # What `decide` leaves to a scene's facts: `alignerf.decisions` has a rule for it.
 OPEN_OF_TRAINING = ("steps",)
@@ -20,8 +21,7 @@ RATES = {
 }
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Training:
+class Training(Keys):
     """How the baseline is trained; the other stages start from it."""
 
     steps: int | None = key(
@@ -92,24 +92,13 @@ def rates(training, kind):
     return {"learning_rates": training["learning_rates"] or list(RATES[kind])}
 
 
-@dataclasses.dataclass(frozen=True)
-class Changes:
-    """Keys of `training` in which a model's trainings differ; none is filled.
-
-    A job's training has taken them in, so that of a job nothing is left here.
-    """
-
-    # So many keys have to be given.
-    LEAST: ClassVar = 0
-
-    @staticmethod
-    def properties(of_class):
-        """Some keys of trainings, but not how long they are."""
-        properties = of_class(Training)["properties"]
-        own = {n: p for n, p in properties.items() if n not in ("steps", "budget_min")}
-        for entry in own.values():
-            del entry["default"]
-        return own
+# Keys of `training` in which a model's trainings differ, but not in how long they are.
+# A job's training has taken them in, so that of a job nothing is left here.
+SAME = {"steps", "budget_min"}
+DIFFER = [name for name in Training.model_fields if name not in SAME]
+Changes = given(
+    pydantic.create_model("Changes", __base__=Keys, **some(Training, *DIFFER))
+)
 
 
 def check_length(given, where):

@@ -4,8 +4,6 @@ A plane with a smooth texture, rendered by a method that has nothing to learn: w
 aligner finds is the cameras' error, and the motion of a thing in one photo.
 """
 
-import dataclasses
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -87,7 +85,7 @@ def make_scene(folder, true, given, photo_of=lambda i, photo: photo):
 def aligner_of(loaded, folder, **changes):
     scene = aligner.Scene(loaded, loaded.views("train"), loaded.folder / "images")
     job = cases.job_of()
-    job = dataclasses.replace(job, align=method_keys.Align(**ALIGN | changes))
+    job = job.model_copy(update={"align": method_keys.Align(**ALIGN | changes)})
     found = aligner.Aligner(job, scene, folder, METHOD)
     found.begin(10, "this")
     return found
@@ -267,7 +265,7 @@ def test_depths_that_are_none_are_no_part_of_a_fit(fill):
 def test_one_view_holds_the_frame_and_stays(wrong):
     loaded, _, folder = wrong
     scene = aligner.Scene(loaded, loaded.views("train")[:1], loaded.folder / "images")
-    job = dataclasses.replace(cases.job_of(), align=method_keys.Align(**ALIGN))
+    job = cases.job_of().model_copy(update={"align": method_keys.Align(**ALIGN)})
     found = aligner.Aligner(job, scene, folder, METHOD)
     found.begin(10, "this")
     found.align({}, 2)

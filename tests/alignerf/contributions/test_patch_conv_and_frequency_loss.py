@@ -77,7 +77,7 @@ def test_patch_convolution_refuses_what_cannot_be_reflected(rng):
 
 def test_published_size_of_the_contribution():
     """+0.5M at N = 128: three convolutions, the linear layer, a wider last layer."""
-    chosen = dict.fromkeys(jobs.Finetuning.__dataclass_fields__, 1) | {
+    chosen = dict.fromkeys(jobs.Finetuning.model_fields, 1) | {
         "learning_rates": [0.002, 0.00002],
         "patch_px": 32,
         "convolution": True,

@@ -97,7 +97,7 @@ def test_stages_and_lengths_keep_their_shares(folder):
 def test_other_systems_take_their_steps_alone(folder):
     config = {"models": {"n": {"kind": "nerf"}}, "methods": {"mipnerf360": {}}}
     job = fill.read_job(job_of({"decide": True} | config))
-    assert (job.model.near, job.steps) == (model_keys.NerfSystem.near, 6000)
+    assert (job.model.near, job.steps) == (model_keys.NerfSystem().near, 6000)
 
 
 def of(**changes):

@@ -40,7 +40,7 @@ def test_every_key_that_a_config_can_leave_open_has_a_rule():
 def test_samples_begin_before_the_nearest_point(nearest):
     found = decided(nearest=nearest)["model.near"]
     assert found.value == pytest.approx(rules.NEAR_SHARE * nearest, rel=1e-2)
-    assert found.default == model_keys.Model.near
+    assert found.default == model_keys.Model().near
     assert found.facts == {"nearest": nearest}
 
 
@@ -72,7 +72,7 @@ def test_steps_grow_with_pixels_within_bounds():
     assert found[0] == rules.STEPS[0]
     assert found[-1] == rules.STEPS[1]
     assert found[2] == pytest.approx(2 * found[1], rel=0.02)
-    seen = found[1] * training_keys.Training.batch_rays / (50 * 400 * 300)
+    seen = found[1] * training_keys.Training().batch_rays / (50 * 400 * 300)
     assert seen == pytest.approx(rules.PASSES, rel=0.02)
     # As often as the verdict asks, below which a training is called short.
     assert seen >= causes.FEW_PASSES

@@ -1,7 +1,8 @@
 """The schema of the settings: one home for defaults, every number bounded."""
 
 import copy
-import dataclasses
+import typing
+from typing import Literal
 
 import jsonschema
 import pytest
@@ -12,11 +13,18 @@ from alignerf import fields, poses
 from alignerf.experiment import check, schema
 from alignerf.experiment.keys import config as config_keys
 from alignerf.experiment.keys import fields as fields_keys
+from alignerf.experiment.keys import key
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.scenes.courtyard import scene as courtyard
 from flow.estimation import estimate, given
 from flow.warping import warp
+
+
+@pytest.fixture
+def editors(root):
+    """The schema that editors read."""
+    return yaml.safe_load((root / "workflow/schemas/config.schema.yaml").read_text())
 
 
 def nodes(found, *place):
@@ -31,52 +39,104 @@ def nodes(found, *place):
             yield from nodes(entry, *place, number)
 
 
+def parts(kind):
+    """All classes that a class of keys refers to, and itself."""
+    todo, known = [kind], {}
+    while todo:
+        hint = todo.pop()
+        if isinstance(hint, type) and issubclass(hint, key.Keys):
+            known[hint.__name__] = hint
+            todo += [info.annotation for info in hint.model_fields.values()]
+        elif typing.get_origin(hint) is not Literal:
+            todo += typing.get_args(hint)
+    return known
+
+
+def choices(entry):
+    """What a key may be, null or not."""
+    return [*entry.get("anyOf", [entry])[0]["enum"]]
+
+
 def test_the_file_for_editors_is_the_schema(root):
     text = (root / "workflow/schemas/config.schema.yaml").read_text()
     assert text == config_command.schema_text()
     jsonschema.Draft202012Validator.check_schema(yaml.safe_load(text))
 
 
-@pytest.mark.parametrize("kind", [config_keys.Config], ids=["config"])
-def test_the_defaults_of_the_schema_are_those_of_the_classes(kind, root):
-    found = yaml.safe_load((root / "workflow/schemas/config.schema.yaml").read_text())
-    classes, todo, compared = {}, [kind], 0
-    while todo:
-        todo += schema.classes_in(made := todo.pop())
-        classes[made.__name__] = made
-    for name, entry in found["$defs"].items():
-        made = classes[name]
-        if name == "Variant":
-            continue
-        for field in dataclasses.fields(made):
-            said = entry["properties"][schema.name_of(field)]
-            if "default" in said:
-                assert said["default"] == schema.default_of(field), (name, field.name)
+def test_the_defaults_of_the_schema_are_those_of_the_classes(editors):
+    classes, compared = parts(config_keys.Config), 0
+    assert classes.keys() == {"Config", *editors["$defs"]}
+    for name, made in classes.items():
+        said = (editors if name == "Config" else editors["$defs"][name])["properties"]
+        assert said.keys() == made.names().keys()
+        for word, field in made.names().items():
+            if made.model_fields[field].is_required():
+                continue
+            default = schema.as_config(made.default(field))
+            if "default" in said[word]:
+                assert said[word]["default"] == default, (name, word)
                 compared += 1
-            elif not schema.is_required(field):
-                assert schema.is_default_of_its_class(field)
-    assert compared > 50
+            elif default is not None:
+                whole = made.default(field)
+                assert whole == type(whole)(), (name, word)
+    assert compared > 100
 
 
-def test_every_number_is_bounded_on_both_sides():
+def test_every_number_is_bounded_on_both_sides(editors):
     numbers = 0
-    for place, node in nodes(schema.root(config_keys.Config)):
-        kinds = node.get("type", [])
-        kinds = kinds if isinstance(kinds, list) else [kinds]
-        if {"integer", "number"} & set(kinds):
+    for place, node in nodes(editors):
+        if node.get("type") in ("integer", "number"):
             assert "maximum" in node, place
             assert {"minimum", "exclusiveMinimum"} & node.keys(), place
             numbers += 1
-        if "array" in kinds:
+        if node.get("type") == "array":
             assert "maxItems" in node, place
-    assert numbers > 40
+    assert numbers > 100
 
 
-def test_bounds_that_the_program_counts_on():
-    found = schema.root(config_keys.Config)
-    assert found["properties"]["seed"]["maximum"] < 2**32
-    rounds = found["$defs"]["Method"]["properties"]["rounds"]["oneOf"][0]
+def test_bounds_that_the_program_counts_on(editors):
+    assert editors["properties"]["seed"]["maximum"] < 2**32
+    rounds = editors["$defs"]["Method"]["properties"]["rounds"]["anyOf"][0]
     assert rounds["maximum"] == 16
+
+
+def test_editors_take_every_config_of_ours(editors, root):
+    configs = sorted((root / "workflow/config").glob("*.yaml"))
+    assert len(configs) > 10
+    for path in configs:
+        jsonschema.validate(yaml.safe_load(path.read_text()), editors)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"scenes": {}},
+        {"scenes": {"a/b": {"source": "courtyard"}}},
+        {"scenes": {"a": {}}},
+        {"seed": -1},
+        {"seed": "1"},
+        {"no_such_key": 1},
+        {"models": {"m": {"field": {"kind": "gird"}}}},
+        {"models": {"m": {"field": {"kind": "mlp", "levels": 3}}}},
+        {"models": {"m": {"field": {"levels": 0}}}},
+        {"models": {"m": {"spacing": "linear"}}},
+        {"models": {"m": {"training": {"steps": 5}}}},
+        {"methods": {"m": {"rounds": 17}}},
+        {"methods": {"m": {"warm_start": {}}}},
+        {"tradeoff": {"variants": {"a": {}}}},
+        {"tradeoff": {"variants": {"a": {"steps": None}}}},
+        {"tradeoff": {"variants": {"a": {"near": 1}}}},
+        {"training": {"learning_rates": [1]}},
+    ],
+    ids=str,
+)
+def test_editors_see_what_the_check_refuses(editors, change):
+    config = {"scenes": {"a": {"source": "courtyard"}}}
+    jsonschema.validate(config, editors)
+    with pytest.raises(ValueError, match=r"^config: "):
+        check.checked(config | change)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(config | change, editors)
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf"), -float("inf")])
@@ -104,8 +164,8 @@ def test_fields_have_the_defaults_of_their_classes():
         assert found == wanted
 
 
-def test_the_flow_and_the_sources_have_the_choices_of_their_modules():
-    defs = schema.root(config_keys.Config)["$defs"]
+def test_the_flow_and_the_sources_have_the_choices_of_their_modules(editors):
+    defs = editors["$defs"]
     flow = defs["Flow"]["properties"]
     assert flow["estimator"]["enum"] == [*estimate.METHODS, given.METHOD]
     assert flow["kernel"]["enum"] == list(warp.KERNELS)
@@ -113,7 +173,7 @@ def test_the_flow_and_the_sources_have_the_choices_of_their_modules():
     scene = defs["Scene"]["properties"]
     assert set(scene["source"]["enum"]) == set(scene_keys.SOURCES) == set(poses.READERS)
     ways = {way for source in scene_keys.SOURCES.values() for way in source.poses}
-    assert set(scene["poses"]["enum"]) == ways | {None}
+    assert set(choices(scene["poses"])) == ways
     for motion in defs["Courtyard"]["properties"]["motion"]["enum"]:
         courtyard.draw_displacements(views=2, motion=motion)
 

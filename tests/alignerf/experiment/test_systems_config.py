@@ -3,9 +3,10 @@
 import json
 
 import pytest
+import yaml
 
-from alignerf.experiment import check, inputs, jobs, schema, targets
-from alignerf.experiment.keys import config as config_keys
+from alignerf import config as config_command
+from alignerf.experiment import check, inputs, jobs, targets
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.experiment.tables import regimes, rows
@@ -61,14 +62,26 @@ def test_what_a_job_is_told_of_its_model_counts(demo, experiment_of):
 @pytest.mark.parametrize(
     ("model", "reason"),
     [
-        ({"kind": "nef"}, r"models.other.kind: 'nef' is not one of"),
-        ({"kind": "nerf", "field": {}}, r"models.other: .*'field' was unexpected"),
-        ({"levels": 3}, r"models.other: .*'levles'|'levels' was unexpected"),
-        ({"kind": "nerf", "far": 1e6}, r"models.other.far: 1000000.0 is greater than"),
+        (
+            {"kind": "nef"},
+            r"models.other.kind: 'nef' should be one of 'mipnerf360', 'nerf'",
+        ),
+        ({"kind": "nerf", "field": {}}, r"models.other: 'field' is no key"),
+        ({"levels": 3}, r"models.other: 'levels' is no key"),
+        (
+            {"kind": "nerf", "far": 1e6},
+            r"models.other.far: 1000000.0 should be .* to 100",
+        ),
         ({"kind": "nerf", "near": 101.0}, "models.other: near must be smaller"),
-        ({"kind": "nerf", "samples": [64]}, r"models.other.samples: .*too short"),
-        ({"kind": "nerfpp", "radius": 1.1}, r"models.other.radius: 1.1 is less than"),
-        ({"kind": "ngp", "side": 0}, r"models.other.side: 0 is less than or equal"),
+        (
+            {"kind": "nerf", "samples": [64]},
+            r"models.other.samples: .*at least 2 items",
+        ),
+        (
+            {"kind": "nerfpp", "radius": 1.1},
+            r"models.other.radius: 1.1 should be greater than 1.7321",
+        ),
+        ({"kind": "ngp", "side": 0}, r"models.other.side: 0 should be greater than 0"),
         (
             {"kind": "ngp", "finest": 65536, "side": 128},
             r"models.other.finest: 8.38861e\+06 cells over the box are not from 17 to",
@@ -79,16 +92,16 @@ def test_what_a_job_is_told_of_its_model_counts(demo, experiment_of):
         ),
         (
             {"kind": "nerf", "samples": [2, 8]},
-            r"models.other.samples.0: 2 is less than",
+            r"models.other.samples.0: 2 should be .* to 3",
         ),
         (
             {"kind": "ngp", "log2_entries": 26, "levels": 32, "features": 64},
             r"models.other.width: 2048 GiB to train",
         ),
-        ({"kind": "nerf", "training": {"steps": 5}}, r"training: .*'steps' was unexp"),
+        ({"kind": "nerf", "training": {"steps": 5}}, r"training: 'steps' is no key"),
         (
             {"kind": "nerf", "training": {"batch_rays": 0}},
-            r"models.other.training.batch_rays: 0 is less than",
+            r"models.other.training.batch_rays: 0 should be greater",
         ),
     ],
 )
@@ -144,7 +157,7 @@ def test_given_renders_are_scored_and_no_more(with_renders, experiment_of, tmp_p
         ({"rounds": 1}, "methods.given.rounds: not beside renders"),
         ({"alignerf": {}}, "methods.given.alignerf: not beside renders"),
         ({"model": "base"}, "methods.given.model: not beside renders"),
-        ({"renders": ""}, "renders: .* does not match"),
+        ({"renders": ""}, "renders: '' should match"),
         ({"renders": "nowhere/{scene}"}, "renders: nowhere/courtyard does not exist"),
         ({"renders": "x/{method}"}, "in braces only scene has a meaning"),
     ],
@@ -162,7 +175,7 @@ def test_nothing_is_warped_onto_given_renders(with_renders):
 
 
 def test_defaults_of_all_systems_stand_in_the_schema():
-    found = schema.root(config_keys.Config)["$defs"]
+    found = yaml.safe_load(config_command.schema_text())["$defs"]
     for kind in (
         model_keys.NerfSystem,
         model_keys.MipNerfSystem,
@@ -189,7 +202,7 @@ def test_all_are_set_against_a_round_that_is_trained(demo, experiment_of):
             {"published_table": 2, "published": "Nerf 361"},
             "methods.other.published: 'Nerf 361' is none of NeRF, mip-NeRF, mip-NeRF w",
         ),
-        ({"published_table": 2, "published": ""}, "published: '' does not match"),
+        ({"published_table": 2, "published": ""}, "published: '' should match"),
     ],
 )
 def test_names_that_no_paper_has_are_refused(demo, changes, reason):
