@@ -1,7 +1,7 @@
 # make run    the default experiment, from nothing to tables and figures
 # make photos FOLDER=my_photos    the same of your own photos or film, to a page
 # make test   the test suite
-# make tools  tests of what stands beside it: benchmarks, torture, packaging, browser
+# make tools  tests of what stands beside it: toys, benchmarks, torture, packaging, browser
 # make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
 # make peers PEERS=folder  ours beside the papers' released code (tests/peers.py)
 # make torture  the attack: damaged inputs, kills, full disks; three hours
@@ -26,8 +26,8 @@ photos: export PHOTOS_FOLDER := $(value FOLDER)
 photos: $(VENV)/.installed
 	@python -m alignerf.start --cores $(CORES) $(PHOTOS) -- "$$PHOTOS_FOLDER"
 
-# Of benchmarks, the torture and the packaging, that they run; and the page in a browser.
-TOOLS := tests/bench tests/torture tests/test_packaging.py tests/alignerf/page/test_browser.py
+# What others add; benchmarks, the torture and the packaging; the page in a browser.
+TOOLS := tests/extension tests/bench tests/torture tests/test_packaging.py tests/alignerf/page/test_browser.py
 
 test: $(VENV)/.installed
 	@pytest -n 2 --dist worksteal $(TOOLS:%=--ignore=%)

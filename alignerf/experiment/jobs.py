@@ -114,8 +114,9 @@ def parse(values) -> Job:
     values["model"]["training"] = {}
     values["training"] |= training_keys.length(values["training"])
     values["training"] |= training_keys.warmup(values["training"])
-    kind = model_keys.field_kind(values["model"])
-    values["training"] |= training_keys.rates(values["training"], kind)
+    if not values["training"]["learning_rates"]:
+        rates = model_keys.rates_of(values["model"])
+        values["training"]["learning_rates"] = rates
     job = schema.check(Job, values)
     if job.decisions:
         raise ValueError("config: decisions: they are not filled in")

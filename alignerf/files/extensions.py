@@ -20,8 +20,15 @@ def of_group(group):
 
 
 @functools.cache
+def names(group):
+    """The names alone: nothing is imported for them."""
+    points = importlib.metadata.entry_points(group=f"alignerf.{group}")
+    return tuple(sorted(point.name for point in points))
+
+
+@functools.cache
 def files():
     """The modules that they lie in: a change of one is a change of the program."""
     points = (p for g in GROUPS for p in importlib.metadata.entry_points(group=g))
-    specs = {importlib.util.find_spec(point.module) for point in points}
-    return sorted(Path(spec.origin) for spec in specs if spec and spec.origin)
+    specs = (importlib.util.find_spec(point.module) for point in points)
+    return sorted({Path(spec.origin) for spec in specs if spec and spec.origin})

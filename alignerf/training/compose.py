@@ -5,6 +5,7 @@ from alignerf.contributions import frequency_loss
 from alignerf.experiment import jobs
 from alignerf.experiment.keys import fields as fields_keys
 from alignerf.experiment.keys import model as model_keys
+from alignerf.files import extensions
 from alignerf.metrics import vgg19
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.systems import instant_ngp, mipnerf, nerf, nerfpp, refine, rendering
@@ -12,6 +13,7 @@ from alignerf.training import methods
 
 # What each kind of model but mip-NeRF 360 is made by.
 SYSTEMS = {"nerf": nerf, "mipnerf": mipnerf, "nerfpp": nerfpp}
+SYSTEMS |= extensions.of_group("systems")
 
 
 def make_method(

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from alignerf.experiment.keys import model as model_keys
 from alignerf.processes import consensus, rank
 from alignerf.training import devices, gradients, memory
 from alignerf.training import step as train_step
@@ -101,7 +100,7 @@ def first_parts(job, method, mesh, parts=None) -> int:
     mine, units = share(method, mesh)
     if parts is not None and units % parts == 0:
         return parts
-    points = job.rays_per_step * model_keys.points_a_ray(job.model) // method.units
+    points = job.rays_per_step * job.model.points_a_ray // method.units
     return gradients.parts_for_caches(units, points, mine[0], hashed(job.model))
 
 

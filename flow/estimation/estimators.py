@@ -14,6 +14,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from alignerf.files import extensions
+
 
 class Estimator(NamedTuple):
     """An estimator and the shorter side from which on it is right, and survives."""
@@ -94,6 +96,7 @@ METHODS = {
     "farneback": Estimator(_farneback, 32),
     "tvl1": Estimator(_grey(cv2.optflow.DualTVL1OpticalFlow_create), 32),
     "simpleflow": Estimator(_simpleflow, 32),
+    **extensions.of_group("estimators"),
 }
 
 # Refused by name, with the reason (OpenCV 5.0).

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from alignerf.experiment import kinds
+
 
 def fault(where, what):
     raise ValueError(f"config: {where}: {what}")
@@ -21,5 +23,4 @@ def first(names):
 
 def is_derived(method):
     """Whether a method is no training from scratch that others may be set against."""
-    others = ("warm_start", "alignerf", "refine", "align", "renders")
-    return any(method[key] for key in others)
+    return kinds.of_method(method) is not kinds.plain

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from alignerf.experiment import jobs, schema
+from alignerf.experiment import jobs, kinds, schema
 from alignerf.experiment.checks.common import fault, is_derived, is_there
 from alignerf.experiment.keys import method as method_keys
 
@@ -18,6 +18,9 @@ def check_method(config, name):
         return
     if method["model"] not in config["models"]:
         fault(f"methods.{name}.model", f"no model {method['model']!r}")
+    own = kinds.of_method(method)
+    if own in kinds.OF_OTHERS and hasattr(own, "check"):
+        own.check(config, name)
     kind = config["models"][method["model"]]["kind"]
     for stage in ("alignerf", "refine"):
         if method[stage] and kind != "mipnerf360":

@@ -9,10 +9,6 @@ from alignerf.experiment.keys import training as training_keys
 
 # What no machine is asked for: parameters and all of their training.
 MOST_BYTES = 2**38
-# Keys of a training that do nothing for a kind of model.
-OF_PROPOSALS = ("interlevel_weight", "distortion_weight", "proposal_share")
-NOT_OF_SYSTEMS = dict.fromkeys(("nerf", "mipnerf", "nerfpp"), OF_PROPOSALS)
-NOT_OF_SYSTEMS |= {"ngp": ("distortion_weight",)}
 # A side, as of a grid's finest level: their third power is a 64-bit number.
 MOST_CELLS = 2**20
 # In units of the largest camera coordinate.
@@ -27,7 +23,8 @@ def check_model(model, *place):
     if model_keys.field_kind(model) == "nerf" and model["far"] > MOST_FAR:
         # Sines of distant points are noise, and nothing contracts them.
         fault(f"{where}.far", f"field nerf sees no farther than {MOST_FAR}")
-    for key in NOT_OF_SYSTEMS.get(model["kind"], ()):
+    kind = model_keys.KINDS[model["kind"]]
+    for key in getattr(kind, "HAS_NO", ()):
         if key in model["training"]:
             fault(f"{where}.training.{key}", f"kind {model['kind']} has none")
     squares = model["kind"] == "mipnerf360" and model_keys.squares_errors(model)
@@ -46,9 +43,11 @@ def check_model(model, *place):
     for key, field in (parts or {"width": model}).items():
         if "log2_entries" in field:
             values = field["levels"] * field["features"] * 2 ** field["log2_entries"]
-        else:
-            networks = model_keys.NETWORKS.get(model["kind"], 1)
+        elif "depth" in field:
+            networks = getattr(kind, "NETWORKS", 1)
             values = networks * field["depth"] * field["width"] ** 2
+        else:
+            continue
         # Besides the parameters, their gradients and the two moments of Adam.
         if 16 * values > MOST_BYTES:
             size = f"{16 * values / 2**30:.0f} GiB to train are more than"

@@ -3,21 +3,18 @@
 from typing import Literal
 
 from alignerf.experiment.keys.key import Keys, key
+from alignerf.files import extensions
+
+# What aligns on the way may use them too: they take no longer than the training.
+FAST = (
+    *("dis_ultrafast", "dis_fast", "dis_medium", "dis_fine", "dis_smooth"),
+    *("deepflow", *extensions.names("estimators")),
+)
+ESTIMATORS = (*FAST, "farneback", "tvl1", "simpleflow", "files")
 
 
 class Flow(Keys):
-    estimator: Literal[
-        "dis_ultrafast",
-        "dis_fast",
-        "dis_medium",
-        "dis_fine",
-        "dis_smooth",
-        "deepflow",
-        "farneback",
-        "tvl1",
-        "simpleflow",
-        "files",
-    ] = key(
+    estimator: Literal[ESTIMATORS] = key(
         "deepflow",
         "see flow/estimation/estimators.py and `snakemake flow_benchmark`; files takes "
         "flows made elsewhere from `folder`",

@@ -2,7 +2,11 @@
 
 from typing import Literal
 
+import pydantic
+
+from alignerf.experiment.keys.flow import FAST
 from alignerf.experiment.keys.key import Keys, key, learning_rates
+from alignerf.files import extensions
 
 
 class WarmStart(Keys):
@@ -117,9 +121,7 @@ class Align(Keys):
         least=0,
         most=100,
     )
-    estimator: Literal[
-        "dis_ultrafast", "dis_fast", "dis_medium", "dis_fine", "dis_smooth", "deepflow"
-    ] = key("deepflow", "of the flow, see `flow.estimator`")
+    estimator: Literal[FAST] = key("deepflow", "of the flow, see `flow.estimator`")
     match_blur: bool = key(
         False, "blur the photo like the render, for the estimate only"
     )
@@ -171,3 +173,15 @@ class Method(Keys):
         "printed for it",
         pattern=r"\S",
     )
+
+
+def extended(kind):
+    """The class with the keys of other packages' kinds of method."""
+    more = {
+        one.KEY: (one.Keys | None, key(None, one.Keys.__doc__.splitlines()[0]))
+        for one in extensions.of_group("kinds").values()
+    }
+    return pydantic.create_model(kind.__name__, __base__=kind, **more) if more else kind
+
+
+Method = extended(Method)

@@ -1,12 +1,14 @@
 """Keys of `models`: how rays are sampled, and by which field."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal, Union
 
 import pydantic
 
 from alignerf.experiment.keys.fields import PRECISION, PRECISIONS, Grid, Mlp, Nerf
 from alignerf.experiment.keys.key import Keys, key, left_to_facts
-from alignerf.experiment.keys.training import Changes
+from alignerf.experiment.keys.system import System, changes
+from alignerf.experiment.keys.training import RATES, Changes
+from alignerf.files import extensions
 
 FIELD = (
     "with `kind` the defaults of that kind; without it, changes of the default field"
@@ -14,11 +16,6 @@ FIELD = (
 
 
 BY_KIND = pydantic.Field(discriminator="kind")
-
-
-def changes():
-    what = "keys of `training` that are others for this model; not steps or budget"
-    return key({}, what)
 
 
 # What `decide` leaves to a scene's facts: `alignerf.decisions` has a rule for each.
@@ -73,6 +70,11 @@ class Model(Keys):
             return cls.default(about.field_name).model_dump() | value
         return value
 
+    @property
+    def points_a_ray(self):
+        """Points of a ray that its fields see in a training."""
+        return sum(self.samples)
+
 
 NEAR = "nearest distance, in units of the largest camera coordinate"
 TWO_LOOKS = "samples a ray in the first look, and more in the second"
@@ -86,14 +88,10 @@ def samples(*default):
     return key([*default], TWO_LOOKS, least=3, most=4096, length=(2, 2))
 
 
-class System(Keys):
-    """A model that says its kind."""
-
-    model_config = pydantic.ConfigDict(json_schema_extra={"required": ["kind"]})
-
-
 class NerfSystem(System):
     """NeRF as published: two networks of points, without contraction."""
+
+    NETWORKS: ClassVar = 2
 
     kind: Literal["nerf"] = key("nerf", "NeRF: points, two networks")
     near: float = key(0.2, NEAR, above=0, most=1e6)
@@ -109,6 +107,10 @@ class NerfSystem(System):
     background: Literal["black", "white"] = key("black", BEHIND)
     precision: PRECISIONS = key("float32", PRECISION)
     training: Changes = changes()
+
+    @property
+    def points_a_ray(self):
+        return self.samples[0] + sum(self.samples)
 
 
 class MipNerfSystem(System):
@@ -143,6 +145,8 @@ class MipNerfSystem(System):
 class NerfPlusPlus(System):
     """NeRF++ as published: a sphere inside out, two networks for either part."""
 
+    NETWORKS: ClassVar = 4
+
     kind: Literal["nerfpp"] = key("nerfpp", "NeRF++: inside and outside of a sphere")
     near: float = key(0.01, NEAR, above=0, most=0.9)
     radius: float = key(
@@ -166,9 +170,16 @@ class NerfPlusPlus(System):
     precision: PRECISIONS = key("float32", PRECISION)
     training: Changes = changes()
 
+    @property
+    def points_a_ray(self):
+        return 2 * (self.samples[0] + sum(self.samples))
+
 
 class InstantNgp(System):
     """Instant-NGP's field as published; proposals find the samples."""
+
+    RATES: ClassVar = RATES["ngp"]
+    HAS_NO: ClassVar = ("distortion_weight",)
 
     kind: Literal["ngp"] = key("ngp", "Instant-NGP: a hash grid in a box")
     near: float = key(0.2, NEAR, above=0, most=1e6)
@@ -201,29 +212,27 @@ def of_usual_kind(value):
     return value
 
 
+SYSTEMS = (
+    *(NerfSystem, MipNerfSystem, NerfPlusPlus, InstantNgp),
+    *(system.Keys for system in extensions.of_group("systems").values()),
+)
+KINDS = {kind.default("kind"): kind for kind in (Model, *SYSTEMS)}
 Models = Annotated[
-    Model | NerfSystem | MipNerfSystem | NerfPlusPlus | InstantNgp,
+    Union[(Model, *SYSTEMS)],
     BY_KIND,
     pydantic.BeforeValidator(of_usual_kind),
 ]
-
-# Networks of its size that a kind of model has, where it is more than one.
-NETWORKS = {"nerf": 2, "nerfpp": 4}
-
-
-def points_a_ray(model):
-    """Points of a ray that all networks of a model see in a training."""
-    coarse_and_fine = model.samples[0] + sum(model.samples)
-    if model.kind == "nerf":
-        return coarse_and_fine
-    if model.kind == "nerfpp":
-        return 2 * coarse_and_fine
-    return sum(model.samples)
 
 
 def field_kind(model):
     """What decides a model's learning rates and memory, of a mapping with defaults."""
     return model["field"]["kind"] if "field" in model else model["kind"]
+
+
+def rates_of(model):
+    """First and last learning rate that suit a model, of a mapping with defaults."""
+    kind = field_kind(model)
+    return list(RATES[kind] if kind in RATES else KINDS[kind].RATES)
 
 
 def squares_errors(model):

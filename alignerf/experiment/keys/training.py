@@ -84,14 +84,6 @@ def warmup(training):
     return {"warmup_steps": given}
 
 
-def rates(training, kind):
-    """The learning rates of a training, as a mapping, that may leave them to the field.
-
-    kind: as of `field_kind`.
-    """
-    return {"learning_rates": training["learning_rates"] or list(RATES[kind])}
-
-
 # Keys of `training` in which a model's trainings differ, but not in how long they are.
 # A job's training has taken them in, so that of a job nothing is left here.
 SAME = {"steps", "budget_min"}

@@ -3,13 +3,17 @@
 A kind has `takes(method)`: whether a method's keys make it one; `trainings(experiment,
 scene, name, once)`: the trainings of the method's rounds, round 0 first, where `once`
 gives the equal training that another method has made already; and `words(experiment,
-name)`: what tables say of the method besides its field.
+name)`: what tables say of the method besides its field. That of another package also
+has `KEY`, its key of a method; `Keys`, the class of what stands there; and, if it
+likes, `check(config, name)`, which raises ValueError. docs/extending.md shows one.
 """
 
 from alignerf.experiment.kinds import aligned, external, learnt, plain, staged, warm
+from alignerf.files import extensions
 
+OF_OTHERS = tuple(extensions.of_group("kinds").values())
 # A method is of the first kind that takes it. `plain` takes all.
-EVERY = (external, staged, warm, learnt, aligned, plain)
+EVERY = (*OF_OTHERS, external, staged, warm, learnt, aligned, plain)
 
 
 def of_method(method):

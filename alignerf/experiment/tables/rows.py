@@ -63,11 +63,11 @@ def describe_method(experiment, method):
     model = experiment.config["models"][experiment.methods[method]["model"]]
     field = model.get("field", model)
     hashed = "log2_entries" in field
-    size = f"2^{field['log2_entries']}" if hashed else field["width"]
+    size = f"2^{field['log2_entries']}" if hashed else field.get("width", "")
     aliased = [] if field.get("anti_aliased", True) else ["aliased"]
     kind = kinds.of_method(experiment.methods[method])
     words = kind.words(experiment, method)
-    return ", ".join([f"{field['kind']} {size}", *aliased, *words])
+    return ", ".join([f"{field['kind']} {size}".strip(), *aliased, *words])
 
 
 def of_scene(experiment, scene):
