@@ -1,4 +1,4 @@
-"""What other packages add goes the whole way: trained, scored, shown, costed, exported."""
+"""What other packages add goes the whole way, from a training to the export."""
 
 import csv
 import json
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from alignerf.files import archives
 from tests.extension import installed
 
 CONFIG = """
@@ -69,9 +70,9 @@ def test_a_kind_of_method_is_trained_costed_and_exported(scene):
     assert float(row["total_time_s"]) > float(plain["total_time_s"])
     assert float(row["data_time_s"]) > 0
     # It learnt with cameras that were put right, and these go out.
-    with np.load(scene / "cameras.npz") as given:
-        with np.load(scene / "twice/round0/learnt/cameras.npz") as learnt:
-            assert not np.array_equal(given["camtoworlds"], learnt["camtoworlds"])
+    given = archives.read(scene / "cameras.npz", ["camtoworlds"])
+    learnt = archives.read(scene / "twice/round0/learnt/cameras.npz", ["camtoworlds"])
+    assert not np.array_equal(given["camtoworlds"], learnt["camtoworlds"])
     assert (scene / "twice/export/cameras/transforms.json").is_file()
     assert not (scene / "plain/export").exists()
 

@@ -1,4 +1,4 @@
-"""A toy test set: the photo, blurred. A blurred render is nearer to it than to others."""
+"""A toy test set: the photo, blurred."""
 
 import cv2
 
