@@ -88,22 +88,22 @@ def main(argv=None):
 
         def one(work):
             view, fit, target = work
-            found = [fitters[fit](view, target, ~half) for half in halves]
-            poses = [fitted.pose for fitted in found]
+            fits = [fitters[fit](view, target, ~half) for half in halves]
+            poses = [fitted.pose for fitted in fits]
             test_set, name = FITS[fit] + target.suffix, loaded.names[view]
             image = render_halves(render, loaded, view, halves, poses)
             images.write(out / test_set / f"{name}.png", image)
             labels = {"view": name, "test_set": test_set}
             return [
                 labels | {"half": number} | row(loaded, args.depth, view, fitted)
-                for number, fitted in enumerate(found)
+                for number, fitted in enumerate(fits)
             ]
 
         # The first one alone: it compiles.
         rows += one(todo[0])
         bar.advance()
-        for found in devices.map_in_threads(one, todo[1:]):
-            rows += found
+        for rows_of_view in devices.map_in_threads(one, todo[1:]):
+            rows += rows_of_view
             bar.advance()
         with open(out / "poses.csv", "w", newline="", encoding="utf-8") as file:
             table = csv.DictWriter(file, COLUMNS)
@@ -113,10 +113,10 @@ def main(argv=None):
 
 def targets_of(args):
     """The photos and, for the leak, the oracle."""
-    found = [Target("", Path(args.scene) / "images", args.flow)]
+    targets = [Target("", Path(args.scene) / "images", args.flow)]
     if args.truth:
-        found.append(Target("_leak", args.truth / "oracle", args.truth_flow))
-    return found
+        targets.append(Target("_leak", args.truth / "oracle", args.truth_flow))
+    return targets
 
 
 def render_halves(render, loaded: prepared.Scene, view, halves, poses):
@@ -161,15 +161,15 @@ def halves_of(loaded: prepared.Scene, block_px):
 
 def fitters_of(args, loaded: prepared.Scene, method, params, block_px):
     """{fit: function from (view, target, mask) to `Fitted`}."""
-    found = {}
+    fitters = {}
     if args.flow:
         margin_px = int(MARGIN * block_px)
-        found["flow"] = functools.partial(fit_by_flow, loaded, args.depth, margin_px)
+        fitters["flow"] = functools.partial(fit_by_flow, loaded, args.depth, margin_px)
     if args.gradient_steps:
         steps, patch_px = args.gradient_steps, min(block_px, pose_fit.PATCH_PX)
         fit = pose_fit.make_fitter(method, params, steps=steps, patch_px=patch_px)
-        found["gradient"] = functools.partial(fit_by_gradient, loaded, fit)
-    return found
+        fitters["gradient"] = functools.partial(fit_by_gradient, loaded, fit)
+    return fitters
 
 
 def fit_by_flow(loaded: prepared.Scene, depth, margin_px, view, target: Target, mask):
@@ -179,7 +179,7 @@ def fit_by_flow(loaded: prepared.Scene, depth, margin_px, view, target: Target, 
     if valid.shape != (loaded.height, loaded.width):
         raise ValueError(f"{target.flow / name}: {valid.shape} is not the views' size")
     # A lens is the scene's: no view has a focal length of its own.
-    found = camera_fit.split(
+    motion_fit = camera_fit.split(
         flow_px,
         valid & within(mask, margin_px),
         loaded.pixtocams[view],
@@ -187,8 +187,8 @@ def fit_by_flow(loaded: prepared.Scene, depth, margin_px, view, target: Target, 
         log_focal=0.0,
     )
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]
-    pose = camera_motion.apply(found.motion, *camera)[1]
-    return Fitted(pose, found.pixels, found.noise_px)
+    pose = camera_motion.apply(motion_fit.motion, *camera)[1]
+    return Fitted(pose, motion_fit.pixels, motion_fit.noise_px)
 
 
 def within(mask, margin_px):

@@ -42,12 +42,12 @@ def main(argv=None):
 
 def schema_text():
     """The schema as YAML, as editors read it."""
-    found = {
+    head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "config",
         "description": "A config says only what differs from the defaults.",
     }
-    return HEAD + as_yaml(found | schema.root(config_keys.Config))
+    return HEAD + as_yaml(head | schema.root(config_keys.Config))
 
 
 def as_yaml(value):

@@ -92,8 +92,8 @@ def main(argv=None):
 
 def check_renders(names, folder):
     """ValueError naming the views that have no render; others' folders lack some."""
-    there = [(pathlib.Path(folder) / f"{name}.png").is_file() for name in names]
-    if missing := [name for name, found in zip(names, there, strict=True) if not found]:
+    folder = pathlib.Path(folder)
+    if missing := [name for name in names if not (folder / f"{name}.png").is_file()]:
         few = faults.some_names(missing)
         raise ValueError(f"{folder}: no <view>.png of {len(missing)} test views: {few}")
 
@@ -138,15 +138,15 @@ def targets_of(loaded, view, testset, truth):
 
 def moved_renders(loaded, view, folder, targets):
     """{test set: (image, render, mask)} of one view rendered by moved cameras."""
-    found = {}
+    renders = {}
     for name, to_oracle in ALIGNED_POSES.items():
         target = targets.get("oracle" if to_oracle else "standard")
         if target and (path := pathlib.Path(folder) / name).is_dir():
             (render,) = prepared.read_images(loaded, [view], path)
-            found[name] = target[0], render, target[1]
-    if not found:
+            renders[name] = target[0], render, target[1]
+    if not renders:
         raise ValueError(f"{folder}: no renders by moved cameras")
-    return found
+    return renders
 
 
 def load_lpips(net, path):

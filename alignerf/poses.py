@@ -205,9 +205,9 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
     )
     least = config["colmap"]["least_registered"]
     report.check_registered(model, least, where or folder)
-    found = report.registration(model.names, model.left_out)
-    found |= report.points(model) | report.photos(model, taken)
-    return views, found | {"models": model.models}
+    registration = report.registration(model.names, model.left_out)
+    registration |= report.points(model) | report.photos(model, taken)
+    return views, registration | {"models": model.models}
 
 
 def add_points(fresh, scratch, photo_scale, config):
@@ -217,20 +217,20 @@ def add_points(fresh, scratch, photo_scale, config):
     the photo.
     """
     views = prepared.read_cameras(fresh / "cameras.npz")
-    found = triangulate.triangulate(
+    points3d = triangulate.triangulate(
         fresh / "images", scratch, views, seed=config["seed"]
     )
-    if not len(found.points):
+    if not len(points3d.points):
         log.warning("%s: its views share no points", config["path"] or config["source"])
         return {}
     points = fresh / prepared.POINTS
-    np.savez(points, points=found.points, colours=found.colours)
+    np.savez(points, points=points3d.points, colours=points3d.colours)
     log.info(
         "%d points, which the given cameras see %.2f px from where they are found",
-        *(len(found.points), found.mean_reprojection_error_px),
+        *(len(points3d.points), points3d.mean_reprojection_error_px),
     )
-    found = found.of_size(np.full((len(found.names), 2), photo_scale))
-    return report.points(found)
+    points3d = points3d.of_size(np.full((len(points3d.names), 2), photo_scale))
+    return report.points(points3d)
 
 
 def pose_courtyard(folder, scratch, scene, config):

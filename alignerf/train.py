@@ -123,8 +123,10 @@ def train(job, args):
     if text := left.words():
         log.info(text)
     # Whether the checkpoint is this job's shows when the photos are there.
-    parts = consensus.on(checkpoint.read_parts(args.checkpoints))
-    built = program.build(job, method, params, shapes, parts=parts, to_come=to_come)
+    micro_batches = consensus.on(checkpoint.read_micro_batches(args.checkpoints))
+    built = program.build(
+        job, method, params, shapes, micro_batches=micro_batches, to_come=to_come
+    )
     views = batches.load_views(loaded, chosen, photos, args.valid)
     params, timing = loop.fit(
         *(job, method, built, params, views, args.checkpoints),
@@ -168,8 +170,8 @@ def write_cameras(path, learnt, job, args):
     if job.refine:
         prepared.write_cameras(path, learnt, args.cameras)
         return
-    given = args.seen_by or args.cameras or f"{args.scene}/cameras.npz"
-    shutil.copyfile(given, path)
+    original = args.seen_by or args.cameras or f"{args.scene}/cameras.npz"
+    shutil.copyfile(original, path)
 
 
 def to_truth(loaded: prepared.Scene, truth):

@@ -76,15 +76,15 @@ class Aligner:
 
         One that is done before this very step is not made again.
         """
-        found = None
+        stored = None
         if rank.is_first():
-            found = store.read(self.folder, identity=self.identity, size=self.sizes())
-        aligned = consensus.on(found and found[1]["step"])
+            stored = store.read(self.folder, identity=self.identity, size=self.sizes())
+        aligned = consensus.on(stored and stored[1]["step"])
         last = max((at for at in self.places if at < step), default=None)
         if aligned is None or aligned not in (step, last):
             return last is None
-        self.take(shared(found and found[0]))
-        self.report = consensus.on(found and found[1]["report"])
+        self.take(shared(stored and stored[0]))
+        self.report = consensus.on(stored and stored[1]["report"])
         if aligned == step:
             del self.places[step]
         return True
@@ -98,12 +98,12 @@ class Aligner:
             seen = list(self.look(devices.on_first(params)))
             row = {"step": step, "corrects": kinds, "shrink": self.k}
             row |= words.flow_length(seen, self.k)
-            found = None
+            corrections = None
             if "cameras" in kinds:
-                found = self.corrections(seen, step)
-                row |= self.move_cameras(found)
+                corrections = self.corrections(seen, step)
+                row |= self.move_cameras(corrections)
             if "photos" in kinds:
-                row |= self.move_photos(seen, found)
+                row |= self.move_photos(seen, corrections)
             elif row.get("cameras_moved"):
                 # Offsets from renders by other cameras say nothing of these.
                 self.offsets_px = self.valid = None
@@ -149,27 +149,27 @@ class Aligner:
 
     def corrections(self, seen, step):
         """A `correct.Correction` of each view."""
-        found = correct.corrections(
+        corrections = correct.corrections(
             lambda: iter(seen),
             least_px=self.least_px(step),
             zooms=not self.were_wrong(),
             most_pixels=FITTED_PIXELS,
         )
-        if len(found) > 1:
-            return found
+        if len(corrections) > 1:
+            return corrections
         # What all corrections share is taken out: of one that is all of it.
         alone = "of one view nothing is known but by itself"
-        return [correct.left_alone(one, alone) for one in found]
+        return [correct.left_alone(one, alone) for one in corrections]
 
-    def move_cameras(self, found):
+    def move_cameras(self, corrections):
         """Move the cameras that can be trusted; what was done."""
         train = self.scene.views
-        self.now = cameras.corrected(self.now, train, found)
+        self.now = cameras.corrected(self.now, train, corrections)
         names = [self.now.names[view] for view in train]
         return {
-            "camera_px": self.k * cameras.median_px(found),
-            "cameras_moved": len(cameras.moved_views(train, found)),
-            "left_alone": words.staying(names, found, self.k),
+            "camera_px": self.k * cameras.median_px(corrections),
+            "cameras_moved": len(cameras.moved_views(train, corrections)),
+            "left_alone": words.staying(names, corrections, self.k),
         }
 
     def least_px(self, step):
@@ -194,12 +194,12 @@ class Aligner:
         whole = self.settings.photos == "whole"
         options = {"whole": whole, "most_pixels": FITTED_PIXELS}
         corrections = corrections or [None] * len(seen)
-        found = [
+        fields = [
             photos.offsets(view, one, **options)
             for view, one in zip(seen, corrections, strict=True)
         ]
-        self.offsets_px = np.stack([offset for offset, _ in found]).astype(np.float32)
-        self.valid = np.stack([valid for _, valid in found])
+        self.offsets_px = np.stack([offset for offset, _ in fields]).astype(np.float32)
+        self.valid = np.stack([valid for _, valid in fields])
         moving = (self.offsets_px != 0).any(axis=-1).mean(axis=(1, 2))
         return {
             "photos_warped": int((moving > 0).sum()),
@@ -218,13 +218,13 @@ class Aligner:
 
     def arrays(self):
         """All that the alignments so far have found, as `take` takes it."""
-        found = {
+        arrays = {
             "pixtocams": np.asarray(self.now.pixtocams),
             "camtoworlds": np.asarray(self.now.camtoworlds),
         }
         if self.offsets_px is not None:
-            found |= {"offsets_px": self.offsets_px, "valid": self.valid}
-        return found
+            arrays |= {"offsets_px": self.offsets_px, "valid": self.valid}
+        return arrays
 
     def take(self, arrays):
         """Go on from what `arrays` gave."""

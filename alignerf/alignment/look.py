@@ -61,15 +61,15 @@ def factor(size, least_side_px, most):
 def read_photos(loaded: prepared.Scene, views, folder, k):
     """Small photos of these views, in their order."""
     masked = (loaded.folder / prepared.MASKS).is_dir()
-    found = []
+    photos = []
     for view in views:
         (image,) = prepared.read_images(loaded, [view], folder)
         counts = None
         if masked:
             (mask,) = prepared.read_masks(loaded, [view])
             counts = small.shrink_mask(mask, k)
-        found.append(Photo(small.shrink(image, k), counts))
-    return found
+        photos.append(Photo(small.shrink(image, k), counts))
+    return photos
 
 
 def flow_of(render, photo, *, estimator, match_blur):

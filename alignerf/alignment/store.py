@@ -76,8 +76,8 @@ def read(folder, *, identity, size):
 
 def check(arrays, size):
     """ValueError where arrays are not of these shapes, or hold what is not finite."""
-    found = {name: (a.shape, a.dtype.name) for name, a in arrays.items()}
-    if not (found.keys() >= NEEDED and found.items() <= size.items()):
+    kinds = {name: (a.shape, a.dtype.name) for name, a in arrays.items()}
+    if not (kinds.keys() >= NEEDED and kinds.items() <= size.items()):
         raise ValueError("its arrays are not this training's")
     for name, array in arrays.items():
         if not np.isfinite(array).all():

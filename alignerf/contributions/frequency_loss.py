@@ -33,9 +33,9 @@ def bank_features(rgb):
     # Beyond its border a patch goes on as it ends: zeros would be an edge.
     border = (size // 2, size // 2)
     planes = jnp.pad(planes, ((0, 0), border, border, (0, 0)), mode="edge")
-    found = convnet.convolve(planes, bank)
-    found = found.reshape(len(rgb), 3, *found.shape[1:])
-    return jnp.moveaxis(found, 1, -2).reshape(*rgb.shape[:3], -1)
+    responses = convnet.convolve(planes, bank)
+    responses = responses.reshape(len(rgb), 3, *responses.shape[1:])
+    return jnp.moveaxis(responses, 1, -2).reshape(*rgb.shape[:3], -1)
 
 
 def derivative_kernel(sigma_px, angle):

@@ -53,8 +53,8 @@ def decide(facts) -> list[Decision]:
 
     A key whose facts are unknown keeps its default, and the reason says so.
     """
-    found = [downscale(facts)] if facts.get("downscale_decided") else []
-    return [*found, *(rule(facts) for rule in (near, radius, finest, steps))]
+    first = [downscale(facts)] if facts.get("downscale_decided") else []
+    return [*first, *(rule(facts) for rule in (near, radius, finest, steps))]
 
 
 def downscale(facts):
@@ -94,10 +94,10 @@ def radius(facts):
     nearest = facts["nearest"]
     if not known(nearest):
         return unknown("model.radius", default, facts, ["nearest"])
-    found = max(default, digits(np.clip(nearest, *LENGTHS)))
-    where = "beyond" if found > default else "among"
+    value = max(default, digits(np.clip(nearest, *LENGTHS)))
+    where = "beyond" if value > default else "among"
     reason = f"the nearest points are {where} the cameras"
-    return Decision("model.radius", default, found, reason, {"nearest": nearest})
+    return Decision("model.radius", default, value, reason, {"nearest": nearest})
 
 
 def finest(facts):
@@ -127,12 +127,12 @@ def steps(facts):
     """Pixels are seen as often in a large scene as in a small one."""
     default, batch = training_keys.Training.steps, training_keys.Training.batch_rays
     pixels = math.prod(facts[name] for name in COUNTS)
-    found = int(np.clip(100 * math.ceil(PASSES * pixels / batch / 100), *STEPS))
-    seen = found * batch / pixels
+    count = int(np.clip(100 * math.ceil(PASSES * pixels / batch / 100), *STEPS))
+    seen = count * batch / pixels
     return Decision(
         "training.steps",
         default,
-        found,
+        count,
         f"each of {pixels / 1e6:.3g} million pixels is seen {seen:.2g} times, with "
         f"{batch} rays a step",
         {name: facts[name] for name in COUNTS},

@@ -60,9 +60,9 @@ def read(path, names):
     one is too large, or not of its LAYOUTS, or arrays do not fit each other.
     """
     with _opened(path, names) as archive:
-        found = {name: read_member(archive, name) for name in names}
-        check_together(found)
-        return found
+        arrays = {name: read_member(archive, name) for name in names}
+        check_together(arrays)
+        return arrays
 
 
 def has(path, name):

@@ -82,13 +82,13 @@ def scratch_folder(parent, *, name="scratch"):
     parent = Path(parent)
     existed = parent.exists()
     # Of a folder that is about to be replaced, errors name that.
-    place = parent if name == "scratch" else parent / name
-    with naming(place):
+    target = parent if name == "scratch" else parent / name
+    with naming(target):
         parent.mkdir(parents=True, exist_ok=True)
         prefix = temporary_prefix(name)
         scratch = Path(tempfile.mkdtemp(dir=parent, prefix=prefix))
     try:
-        with naming(place):
+        with naming(target):
             yield scratch
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
@@ -129,11 +129,11 @@ def sweep(folder):
 
     Returns the paths. Those of processes that live, or of other machines, stay.
     """
-    found = []
-    for place, folders, files in os.walk(folder):
+    removed = []
+    for parent, folders, files in os.walk(folder):
         for name in [*folders, *files]:
             if is_left_behind(name):
-                path = Path(place, name)
+                path = Path(parent, name)
                 if name in folders:
                     folders.remove(name)
                 if path.is_dir() and not path.is_symlink():
@@ -141,8 +141,8 @@ def sweep(folder):
                 else:
                     with contextlib.suppress(OSError):
                         path.unlink()
-                found.append(path)
-    return found
+                removed.append(path)
+    return removed
 
 
 def bring_back(folder):
@@ -152,9 +152,9 @@ def bring_back(folder):
     what that is made of, and stop. Returns how many there were.
     """
     now_ns, late = time.time_ns(), {}
-    for place, folders, files in os.walk(folder):
+    for parent, folders, files in os.walk(folder):
         for name in [*folders, *files]:
-            path = os.path.join(place, name)
+            path = os.path.join(parent, name)
             with contextlib.suppress(OSError):
                 time_ns = os.lstat(path).st_mtime_ns
                 if time_ns > now_ns:
@@ -162,8 +162,8 @@ def bring_back(folder):
     # All or none: those that are a little ahead may be older than the others.
     if max(late, default=0) <= now_ns + AHEAD_NS:
         return 0
-    for place, time_ns in enumerate(sorted(late)):
-        then_ns = now_ns - 1000 * (len(late) - place)
+    for order, time_ns in enumerate(sorted(late)):
+        then_ns = now_ns - 1000 * (len(late) - order)
         for path in late[time_ns]:
             with contextlib.suppress(OSError):
                 os.utime(path, ns=(then_ns, then_ns), follow_symlinks=False)

@@ -29,9 +29,9 @@ def path_beside(table):
     return Path(table).with_suffix(".provenance.json")
 
 
-def as_json(found):
+def as_json(facts_of_file):
     """The content of that file."""
-    return json.dumps(found, indent=2) + "\n"
+    return json.dumps(facts_of_file, indent=2) + "\n"
 
 
 def describe(rows, configs, *, seeds=(), devices=()):
@@ -42,13 +42,13 @@ def describe(rows, configs, *, seeds=(), devices=()):
     that configs and trainings name. Raises ValueError naming a file that is damaged.
     """
     rows = [row | {"trainings": list(map(training, row["trainings"]))} for row in rows]
-    found = {one["device"] for row in rows for one in row["trainings"]}
+    trained_on = {one["device"] for row in rows for one in row["trainings"]}
     contents = {str(path): config_of(path) for path in configs}
     of_configs = [
         s for path, config in contents.items() for s in seeds_of(path, config)
     ]
     return facts() | {
-        "device": sorted({*devices, *found} - {None}),
+        "device": sorted({*devices, *trained_on} - {None}),
         "seeds": sorted({*seeds, *of_configs}),
         "configs": contents,
         "rows": rows,
@@ -104,20 +104,20 @@ def lock():
 def processor():
     """The name of this machine's processor."""
     try:
-        found = re.search(r"model name\s*: (.+)", Path("/proc/cpuinfo").read_text())
+        named = re.search(r"model name\s*: (.+)", Path("/proc/cpuinfo").read_text())
     except (OSError, UnicodeDecodeError):
-        found = None
-    return found[1].strip() if found else platform.processor() or platform.machine()
+        named = None
+    return named[1].strip() if named else platform.processor() or platform.machine()
 
 
 def training(path):
     """A training's path and KEYS, None for those that its timing.json lacks."""
     timing = json_files.read(path)
-    found = {key: timing.get(key) for key in KEYS}
-    for key, value in found.items():
+    facts_of_training = {key: timing.get(key) for key in KEYS}
+    for key, value in facts_of_training.items():
         if not isinstance(value, str | None):
             raise ValueError(f"{path}: {key} is {value!r:.60} instead of text")
-    return {"path": str(path)} | found
+    return {"path": str(path)} | facts_of_training
 
 
 def config_of(path):

@@ -62,10 +62,10 @@ def _read_legacy(file, shapes):
 
 def _legacy_starts(file, keys, position, tensors):
     """{key: byte at which the numbers start}; storages follow in the order of keys."""
-    found = {tensor.storage for tensor in tensors.values()}
-    storages = {storage.key: storage for storage in found}
+    used = {tensor.storage for tensor in tensors.values()}
+    storages = {storage.key: storage for storage in used}
     whole = isinstance(keys, list) and all(isinstance(key, str) for key in keys)
-    if not whole or sorted(keys) != sorted(storage.key for storage in found):
+    if not whole or sorted(keys) != sorted(storage.key for storage in used):
         raise ValueError("its storages are not those of its tensors")
     end = file.seek(0, os.SEEK_END)
     starts = {}

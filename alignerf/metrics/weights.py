@@ -122,13 +122,13 @@ def main(argv=None):
     with atomic.scratch_folder(out.parent) as scratch:
         # The small file first: what is wrong with it shows before a long download.
         if args.what in HEADS:
-            found = find(args.heads, HEADS[args.what], scratch, args.any_file)
-            rest = heads_of(args.what, found)
+            heads = find(args.heads, HEADS[args.what], scratch, args.any_file)
+            rest = heads_of(args.what, heads)
         else:
             rest = {"mean": np.float32(MEAN), "std": np.float32(STD)}
-        found = find(args.backbone, BACKBONES[args.what], scratch, args.any_file)
+        backbone = find(args.backbone, BACKBONES[args.what], scratch, args.any_file)
         with atomic.replace_file(out) as path:
-            np.savez(path, **layers_of(args.what, found), **rest)
+            np.savez(path, **layers_of(args.what, backbone), **rest)
 
 
 def layers_of(what, path):
@@ -160,22 +160,22 @@ def heads_of(what, path):
     return {name.split(".")[0]: array.ravel() for name, array in tensors.items()}
 
 
-def find(given, published, folder, any_file):
-    """Path of a file: the one given, checked unless any may be, or one fetched."""
-    if not given:
+def find(path, published, folder, any_file):
+    """Path of a published file: `path`, checked unless any may be, or downloaded."""
+    if not path:
         return fetch(published, folder)
     if not any_file:
-        check_published(given, published)
-    return given
+        check_published(path, published)
+    return path
 
 
 def check_published(path, published):
     """ValueError where a file is not the published one."""
     with open(path, "rb") as file:
-        found = hashlib.file_digest(file, "sha256").hexdigest()
-    if found != published.sha256:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    if sha256 != published.sha256:
         raise ValueError(
-            f"{path}: not {published.url}: its SHA-256 is {found} instead of "
+            f"{path}: not {published.url}: its SHA-256 is {sha256} instead of "
             f"{published.sha256}"
         )
 

@@ -21,11 +21,11 @@ HERE = Path(__file__).resolve().parent
 
 def main(argv=None):
     args = parse(argv)
-    found = rows.read(rows.Renders, args.rounds)
+    renders = rows.read(rows.Renders, args.rounds)
     page = render(
         args.scene,
-        rounds=[(r.renders, r.flow) for r in found if r.method is None],
-        others={r.method: (r.renders, r.flow) for r in found if r.method is not None},
+        rounds=[(r.renders, r.flow) for r in renders if r.method is None],
+        others={r.method: (r.renders, r.flow) for r in renders if r.method is not None},
         base=args.base,
     )
     with atomic.replace_file(args.out) as path:
@@ -71,7 +71,9 @@ def shown_views(folder, rounds, others, base, leak_px):
     # Empty where a view does not, which is read as a number where none does.
     reasons = [why if isinstance(why, str) else "" for why in table["stands_out"]]
     table["stands_out"] = np.array(reasons, object)
-    found = [views.View(**row) for row in table[list(views.COLUMNS)].to_dict("records")]
+    scored = [
+        views.View(**row) for row in table[list(views.COLUMNS)].to_dict("records")
+    ]
     turns = json_files.read(folder / "poses.json").get("quarter_turns", {})
     truth = folder / "truth" / "oracle"
     of_split = {
@@ -99,7 +101,7 @@ def shown_views(folder, rounds, others, base, leak_px):
                 turns.get(row.view, 0),
             ),
         )
-        for row in pictures.choose(found)
+        for row in pictures.choose(scored)
     ]
 
 
@@ -112,13 +114,13 @@ def note_on(view):
 
 def figures(folder):
     """(title, data URI) of the figures that the page repeats."""
-    found = []
+    uris = []
     for name, title in contents.FIGURES.items():
         path = folder / "figures" / f"{name}.png"
         if path.is_file():
             text = base64.b64encode(path.read_bytes()).decode()
-            found.append((title, f"data:image/png;base64,{text}"))
-    return found
+            uris.append((title, f"data:image/png;base64,{text}"))
+    return uris
 
 
 def template():

@@ -50,8 +50,8 @@ def main(argv=None):
     started = time.time() if args.started is None else args.started
     job = with_radius(jobs.parse(jobs.read(args.config)))
     measure = {"train": of_training, "render": of_rendering}[args.what]
-    found = measure(job, args.scene, started)
-    print(json.dumps(found))
+    rates = measure(job, args.scene, started)
+    print(json.dumps(rates))
 
 
 def with_radius(job):

@@ -50,14 +50,14 @@ def plans_of(scene: Path):
     digests = {scene.name: ""} | dict(
         line.partition(" ")[::2] for line in lines if line
     )
-    found = []
+    plans = []
     for name, digest in digests.items():
         path = scene.parent / name / "preflight.json"
         plan = path.is_file() and json.loads(path.read_text())
         # What was measured for another config says nothing of this one.
         if plan and digest in ("", plan.get("work", "")):
-            found.append((path.parent, plan))
-    return found
+            plans.append((path.parent, plan))
+    return plans
 
 
 def text_of(plans, timing: Path, share):

@@ -78,18 +78,18 @@ def program_of(job):
     How long a training is, is an input of its program.
     """
     unlike = {"steps", "budget_min", "warmup_steps", "learning_rates"}
-    found = job | {"training": without(job["training"], unlike)}
-    found["model"] = job["model"] | {
+    shared = job | {"training": without(job["training"], unlike)}
+    shared["model"] = job["model"] | {
         "training": without(job["model"].get("training", {}), unlike)
     }
     if job["stage"] == "pretrain":
-        found |= {"stage": "full"}
-    found.pop("pretrain_share", None)
-    found.pop("align", None)
-    found.pop("refine", None)
+        shared |= {"stage": "full"}
+    shared.pop("pretrain_share", None)
+    shared.pop("align", None)
+    shared.pop("refine", None)
     if job.get("refine"):
-        found["refine"] = job["refine"]
-    return found
+        shared["refine"] = job["refine"]
+    return shared
 
 
 def without(mapping, keys):
@@ -101,17 +101,17 @@ def tasks_of(work, rates, flow: Flow, views: Views, *, threads) -> list[Task]:
 
     work: `experiment.cluster.work.of_scene`. rates: one of each training, in its order.
     """
-    found = []
+    tasks = []
     for one, rate in zip(work["trainings"], rates, strict=True):
-        found += training(one, rate, flow, views, threads=threads)
+        tasks += training(one, rate, flow, views, threads=threads)
         if one["scored"]:
-            found += scores(one, work, rate, flow, views, threads=threads)
+            tasks += scores(one, work, rate, flow, views, threads=threads)
     # Scores are of all test sets, so that they wait for these.
-    at = next((i for i, t in enumerate(found) if t.kind == "score"), len(found))
-    found.insert(at, controls(work, flow, views))
-    found += for_verdict(work, flow, views)
-    found.append(tables(work, flow, views, [task.name for task in found]))
-    return [task._replace(seconds=task.seconds + JOB_S) for task in found]
+    at = next((i for i, t in enumerate(tasks) if t.kind == "score"), len(tasks))
+    tasks.insert(at, controls(work, flow, views))
+    tasks += for_verdict(work, flow, views)
+    tasks.append(tables(work, flow, views, [task.name for task in tasks]))
+    return [task._replace(seconds=task.seconds + JOB_S) for task in tasks]
 
 
 def controls(work, flow: Flow, views: Views):

@@ -151,10 +151,10 @@ class Frame(NamedTuple):
 
     def transform(self):
         """The similarity [4, 4] that takes points to the normalised frame."""
-        found = np.eye(4)
-        found[:3, :3] = self.scale * self.rotation
-        found[:3, 3] = -self.scale * (self.rotation @ self.mean)
-        return found
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.scale * self.rotation
+        matrix[:3, 3] = -self.scale * (self.rotation @ self.mean)
+        return matrix
 
 
 def frame_of(camtoworlds) -> Frame:

@@ -44,7 +44,7 @@ class Reconstruction(NamedTuple):
     camera_of: list[int]
     """Which camera took each view."""
     camera_model: str
-    found: pycolmap.Reconstruction
+    of_colmap: pycolmap.Reconstruction
     """COLMAP's own, of the images that it saw."""
 
     def of_size(self, scale):
@@ -174,17 +174,17 @@ def write_model(model: Reconstruction, folder, sizes, files):
     files: name of each view's photo.
     """
     folder.mkdir()
-    found, times = model.found, {}
+    own, times = model.of_colmap, {}
     for number, size in dict(zip(model.camera_of, sizes, strict=True)).items():
-        camera = found.cameras[number]
+        camera = own.cameras[number]
         times[number] = np.array(size) / [camera.width, camera.height]
         camera.rescale(*size)
-    for image in found.images.values():
+    for image in own.images.values():
         image.name = files[image.name.removesuffix(".png")]
         for point in image.points2D:
             point.xy = point.xy * times[image.camera_id]
-    found.update_point_3d_errors()
-    found.write(folder)
+    own.update_point_3d_errors()
+    own.write(folder)
 
 
 def convert(model, names, *, models=()) -> Reconstruction:
@@ -213,7 +213,7 @@ def convert(model, names, *, models=()) -> Reconstruction:
         errors_px=np.array([_error_px(model, posed[name]) for name in kept]),
         camera_of=[posed[name].camera_id for name in kept],
         camera_model=taken_by[0].model.name,
-        found=model,
+        of_colmap=model,
     )
 
 

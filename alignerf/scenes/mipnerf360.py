@@ -35,8 +35,8 @@ def read(folder, images=None):
         log.warning("%s not found: poses of poses_bounds.npy", model)
         return llff.read(folder, chosen), []
     paths = {path.stem: path for path in photos.find_images(chosen)}
-    (found, points), posed = read_model(model), {}
-    for name, view in found.items():
+    (model_views, points), posed = read_model(model), {}
+    for name, view in model_views.items():
         if name not in paths:
             raise ValueError(f"{chosen}: no photo {name}, which {model} has a pose for")
         posed[name] = view

@@ -78,12 +78,13 @@ def find_images(folder, others=()):
     folder = Path(folder)
     if not folder.is_dir():
         raise ValueError(f"no folder of photos at {folder}")
-    found = [p for p in folder.iterdir() if not p.name.startswith(".")]
+    visible = [p for p in folder.iterdir() if not p.name.startswith(".")]
     paths = sorted(
-        (p for p in found if p.is_file() and p.suffix.lower() in SUFFIXES),
+        (p for p in visible if p.is_file() and p.suffix.lower() in SUFFIXES),
         key=lambda p: p.stem,
     )
-    unknown = {p.name for p in found} - {p.name for p in [*paths, *others]} - {"masks"}
+    known = {p.name for p in [*paths, *others]} | {"masks"}
+    unknown = {p.name for p in visible} - known
     if unknown:
         few = faults.some_names(sorted(map(ascii_of, unknown)))
         log.warning("%s: ignored %s: not images", folder, few)
@@ -142,8 +143,9 @@ def decode(path, background=None, *, upright=True):
 
 def _turned_by(opened):
     """The orientation that a decoder applies by itself: of HEIC, 1 of all others."""
-    found = opened.info.get("original_orientation") if opened.format == "HEIF" else 1
-    return found if found in UPRIGHT else 1
+    is_heic = opened.format == "HEIF"
+    orientation = opened.info.get("original_orientation") if is_heic else 1
+    return orientation if orientation in UPRIGHT else 1
 
 
 def head(path) -> Head:

@@ -65,8 +65,8 @@ def length_px(camera, other, size, depth):
 
 def true_depths(state: prepared.Scene, truth, views):
     """Median depth [views] that the oracle's views have, in the scene's frame."""
-    given = prepared.read_cameras(state.folder / "cameras.npz")["camtoworlds"]
-    scale = cameras.frame_of(given).scale
+    original = prepared.read_cameras(state.folder / "cameras.npz")["camtoworlds"]
+    scale = cameras.frame_of(original).scale
     paths = [f"{truth}/depth/{state.names[view]}.npz" for view in views]
     depths = [archives.read(path, ["depth_m"])["depth_m"] for path in paths]
     return [scale * float(np.median(depth_m)) for depth_m in depths]

@@ -66,11 +66,11 @@ def load(folder, cameras_path=None) -> Scene:
     own = pathlib.Path(folder) / "cameras.npz"
     path = pathlib.Path(cameras_path or own)
     data = read_cameras(path)
-    given = data if path == own else read_cameras(own)
+    original = data if path == own else read_cameras(own)
     for key in ("names", "split", "width", "height"):
-        if not np.array_equal(data[key], given[key]):
+        if not np.array_equal(data[key], original[key]):
             raise ValueError(f"{path}: {key} differ from those of {own}")
-    frame = cameras.frame_of(given["camtoworlds"])
+    frame = cameras.frame_of(original["camtoworlds"])
     return Scene(
         folder=pathlib.Path(folder),
         names=data["names"].tolist(),
@@ -90,12 +90,12 @@ def write_cameras(path, scene: Scene, cameras_path=None, views=slice(None)):
     """
     own = scene.folder / "cameras.npz"
     frame = cameras.frame_of(read_cameras(own)["camtoworlds"])
-    found = read_cameras(cameras_path or own)
-    found["pixtocams"] = scene.pixtocams
-    found["camtoworlds"] = found["camtoworlds"].copy()
-    found["camtoworlds"][views] = frame.given(scene.camtoworlds[views])
+    arrays = read_cameras(cameras_path or own)
+    arrays["pixtocams"] = scene.pixtocams
+    arrays["camtoworlds"] = arrays["camtoworlds"].copy()
+    arrays["camtoworlds"][views] = frame.given(scene.camtoworlds[views])
     with open(path, "wb") as file:
-        np.savez(file, **found)
+        np.savez(file, **arrays)
 
 
 def read_cameras(path):
@@ -164,15 +164,15 @@ def read_images(scene: Scene, views, folder) -> np.ndarray:
 
     Decoded side by side, each straight to its place: one copy is in memory.
     """
-    found = empty_images((len(views), scene.height, scene.width, 3))
+    stack = empty_images((len(views), scene.height, scene.width, 3))
 
     def read(slot):
         path = _image_path(scene, views[slot], folder)
-        found[slot] = images.read(path, size=(scene.width, scene.height))
+        stack[slot] = images.read(path, size=(scene.width, scene.height))
 
     for _ in machine.map_in_threads(read, range(len(views))):
         pass
-    return found
+    return stack
 
 
 def empty_images(shape):

@@ -96,7 +96,7 @@ def _splits(path, scene, kept):
 
     Raises ValueError for a name that is to be scored and has no frame with an image.
     """
-    images, have, found = Images(path), {image for _, image in kept}, {}
+    images, have, split_of = Images(path), {image for _, image in kept}, {}
     for split in ("train", "test"):
         names = scene.get(f"{split}_filenames", [])
         if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
@@ -108,16 +108,16 @@ def _splits(path, scene, kept):
                 raise ValueError(f"{path}: 'test_filenames': no frame shows {few}")
             log.warning("%s: 'train_filenames': no frame shows %s", path, few)
         for image in have.intersection(places.values()):
-            if found.setdefault(image, split) != split:
+            if split_of.setdefault(image, split) != split:
                 raise ValueError(f"{path}: {image.name} is to be trained on and scored")
-    if len(set(found.values())) < 2:
-        if found:
+    if len(set(split_of.values())) < 2:
+        if split_of:
             log.warning("%s: its lists do not say what is held out", path)
         return {}
-    if others := [image.name for _, image in kept if image not in found]:
+    if others := [image.name for _, image in kept if image not in split_of]:
         few = faults.some_names(others)
         log.warning("%s: neither trained on nor scored: %s", path, few)
-    return found
+    return split_of
 
 
 def _frames_with_image(path, frames):

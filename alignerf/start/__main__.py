@@ -37,15 +37,15 @@ def main(argv=None):
     if not args.folder:
         raise ValueError("FOLDER is missing: make photos FOLDER=my_photos")
     folder = Path(args.folder).expanduser()
-    found = folders.scenes_of(folder)
+    scenes = folders.scenes_of(folder)
     name = args.name or folders.name_of(folder)
-    if args.name and len(found) == 1:
-        found = {args.name: next(iter(found.values()))}
+    if args.name and len(scenes) == 1:
+        scenes = {args.name: next(iter(scenes.values()))}
     path = Path("results") / f"{name}.yaml"
-    for scene, content in found.items():
+    for scene, content in scenes.items():
         print(f"{scene}: {content['source']} in {content['path']}")
-    say_where(path, config_of(found, args), folder)
-    print(f"page, in the end: {', '.join(map(targets.page_of, found))}", flush=True)
+    say_where(path, config_of(scenes, args), folder)
+    print(f"page, in the end: {', '.join(map(targets.page_of, scenes))}", flush=True)
     if not args.only_config and (code := run(path, args.cores)):
         sys.exit(code)
 

@@ -34,19 +34,19 @@ def scenes_of(folder):
         raise ValueError(f"{folder} does not exist")
     if (own := scene_of(folder)) is not None:
         return {name_of(folder): own}
-    found = {}
+    scenes = {}
     for inner in sorted(folder.iterdir()) if folder.is_dir() else ():
         if not inner.name.startswith(".") and (own := scene_of(inner)) is not None:
             name = name_of(inner)
-            if name in found:
+            if name in scenes:
                 raise ValueError(f"{inner}: another scene is called {name} too")
-            found[name] = own
-    if not found:
+            scenes[name] = own
+    if not scenes:
         raise ValueError(
             f"{folder}: no photos ({', '.join(sorted(photos.SUFFIXES))}) and no films "
             f"({', '.join(sorted(video.SUFFIXES))}), nor folders of such"
         )
-    return found
+    return scenes
 
 
 def scene_of(path):

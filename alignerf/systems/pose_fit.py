@@ -37,13 +37,14 @@ def make_fitter(method, params, *, steps, patch_px=PATCH_PX):
         optax.exponential_decay(RATES[0], steps, RATES[1] / RATES[0]), *BETAS
     )
 
-    def loss(found, key, params, photo, corners, camera, scale):
+    def loss(coordinates, key, params, photo, corners, camera, scale):
         chosen = corners[jax.random.randint(key, (count,), 0, len(corners))]
         y, x = jnp.meshgrid(*[jnp.arange(side) - method.halo] * 2, indexing="ij")
         x = (chosen[:, 0, None, None] + x[None]).reshape(-1)
         y = (chosen[:, 1, None, None] + y[None]).reshape(-1)
         rays = cameras.pixels_to_rays(x, y, *camera)
-        twist = jnp.broadcast_to(refine.twists(found[None], scale[None]), (len(x), 6))
+        twist = refine.twists(coordinates[None], scale[None])
+        twist = jnp.broadcast_to(twist, (len(x), 6))
         values = method.render(params, refine.move(rays, twist)).values
         values = values.reshape(count, side, side, -1)
         rgb = jax.vmap(lambda values: method.colours(params, values))(values)
@@ -55,15 +56,15 @@ def make_fitter(method, params, *, steps, patch_px=PATCH_PX):
     @jax.jit
     def learn(key, *fixed):
         def step(state, key):
-            found, moments = state
-            gradient = jax.grad(loss)(found, key, *fixed)
+            coordinates, moments = state
+            gradient = jax.grad(loss)(coordinates, key, *fixed)
             change, moments = optimizer.update(gradient, moments)
-            return (optax.apply_updates(found, change), moments), None
+            return (optax.apply_updates(coordinates, change), moments), None
 
         start = jnp.zeros(6)
         keys = jax.random.split(key, steps)
-        (found, _), _ = jax.lax.scan(step, (start, optimizer.init(start)), keys)
-        return found
+        (coordinates, _), _ = jax.lax.scan(step, (start, optimizer.init(start)), keys)
+        return coordinates
 
     def fit(photo, mask, pixtocam, camtoworld, *, seed):
         """The camera's pose [3, 4] as the photo's pixels under a mask ask for it.
@@ -78,10 +79,10 @@ def make_fitter(method, params, *, steps, patch_px=PATCH_PX):
         )
         camera = [jnp.asarray(m, jnp.float32) for m in (pixtocam, camtoworld)]
         fixed = params, photo, corners, camera, jnp.float32(scale)
-        found = np.asarray(learn(jax.random.key(seed), *fixed))
-        if not np.isfinite(found).all():
+        coordinates = np.asarray(learn(jax.random.key(seed), *fixed))
+        if not np.isfinite(coordinates).all():
             raise NoFitError("the camera does not stay finite")
-        twist = np.asarray(refine.twists(found[None], scale[None]))
+        twist = np.asarray(refine.twists(coordinates[None], scale[None]))
         return refine.moved_cameras(camtoworld[None], twist)[0]
 
     return fit
@@ -95,8 +96,8 @@ def corners_of(mask, patch, halo):
     """
     height, width = mask.shape
     windows = np.lib.stride_tricks.sliding_window_view(mask, (patch, patch))
-    found = windows.all(axis=(2, 3))
-    y, x = np.nonzero(found)
+    whole = windows.all(axis=(2, 3))
+    y, x = np.nonzero(whole)
     inside = (x >= halo) & (x + patch + halo <= width)
     inside &= (y >= halo) & (y + patch + halo <= height)
     corners = np.stack([x[inside], y[inside]], axis=-1)

@@ -105,7 +105,7 @@ def preconditioners(pixtocams, camtoworlds, size, *, seed=0):
     at = rng.uniform(size=(POINTS, 2)) * size
     # Evenly in 1 / depth, as the scene's samples are.
     depth = 1 / rng.uniform(1 / FAR, 1 / NEAR, size=(POINTS, 1))
-    found = []
+    roots = []
     for pixtocam, pose in zip(pixtocams, camtoworlds, strict=True):
         rays = np.concatenate([at, np.ones((POINTS, 1))], axis=-1) @ pixtocam.T
         jacobian = pixel_jacobian(depth * rays, pixtocam, pose)
@@ -113,8 +113,8 @@ def preconditioners(pixtocams, camtoworlds, size, *, seed=0):
         square += np.diag(PAD * np.diag(square) + LEAST)
         values, vectors = np.linalg.eigh(square)
         root = vectors @ np.diag(values**-0.5) @ vectors.T
-        found.append(root / np.abs(root).max())
-    return np.stack(found)
+        roots.append(root / np.abs(root).max())
+    return np.stack(roots)
 
 
 def pixel_jacobian(points, pixtocam, pose):
@@ -156,8 +156,8 @@ def learnt(loaded: prepared.Scene, params, preconditioned) -> prepared.Scene:
 
 def moved_cameras(camtoworlds, twist):
     """Poses [n, 3, 4] after twists [n, 6] of `refined`."""
-    found, twist = np.array(camtoworlds, np.float64), np.asarray(twist, np.float64)
+    poses, twist = np.array(camtoworlds, np.float64), np.asarray(twist, np.float64)
     turn = Rotation.from_rotvec(twist[:, :3]).as_matrix()
-    found[:, :, :3] = turn @ found[:, :, :3]
-    found[:, :, 3] += twist[:, 3:]
-    return found
+    poses[:, :, :3] = turn @ poses[:, :, :3]
+    poses[:, :, 3] += twist[:, 3:]
+    return poses

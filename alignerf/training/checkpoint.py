@@ -41,10 +41,10 @@ def fingerprint(*parts) -> str:
 
 def digest(tree):
     """SHA-256 of the arrays of a tree: the data that a training starts from."""
-    found = hashlib.sha256()
+    sha256 = hashlib.sha256()
     for leaf in jax.tree.leaves(jax.device_get(tree)):
-        found.update(np.ascontiguousarray(leaf))
-    return found.hexdigest()
+        sha256.update(np.ascontiguousarray(leaf))
+    return sha256.hexdigest()
 
 
 @contextlib.contextmanager
@@ -65,11 +65,11 @@ def lock(folder):
         ) from None
 
 
-def save(folder, state, *, identity, time_s, parts, final):
+def save(folder, state, *, identity, time_s, micro_batches, final):
     """Write a state as the folder's newest checkpoint.
 
-    `parts` is the number of micro-batches, on which the rounding of a step hangs;
-    `final` the numbers of the last steps.
+    micro_batches: their number, on which the rounding of a step depends. final: the
+    numbers of the last steps.
     """
     folder = pathlib.Path(folder)
     state = jax.device_get(state)
@@ -81,7 +81,7 @@ def save(folder, state, *, identity, time_s, parts, final):
         "sha256": hashlib.sha256(data).hexdigest(),
         "identity": identity,
         "time_s": time_s,
-        "parts": parts,
+        "parts": micro_batches,
         "final": final,
     }
     write(folder / "manifest.json", json.dumps(manifest, indent=1).encode())
@@ -90,7 +90,7 @@ def save(folder, state, *, identity, time_s, parts, final):
             old.unlink()
 
 
-def read_parts(folder) -> int | None:
+def read_micro_batches(folder) -> int | None:
     """Micro-batches of the folder's checkpoint, whosever it is; None without one.
 
     What is wrong with the manifest is left to `restore` to say.
@@ -103,8 +103,8 @@ def read_parts(folder) -> int | None:
 
 def save_budget(folder, *, identity, steps, steps_per_s):
     """Write down how many steps a job's budget holds, and the speed that says so."""
-    found = {"identity": identity, "steps": steps, "steps_per_s": steps_per_s}
-    write(pathlib.Path(folder) / "budget.json", json.dumps(found, indent=1).encode())
+    budget = {"identity": identity, "steps": steps, "steps_per_s": steps_per_s}
+    write(pathlib.Path(folder) / "budget.json", json.dumps(budget, indent=1).encode())
 
 
 def read_budget(folder, *, identity) -> dict | None:
@@ -113,16 +113,16 @@ def read_budget(folder, *, identity) -> dict | None:
     if not path.exists():
         return None
     try:
-        found = json_files.read(path, BUDGET)
-        if found["identity"] != identity:
+        budget = json_files.read(path, BUDGET)
+        if budget["identity"] != identity:
             log.info("%s: of another configuration, timing anew", path)
             return None
-        if not (found["steps"] >= 1 and found["steps_per_s"] > 0):
+        if not (budget["steps"] >= 1 and budget["steps_per_s"] > 0):
             raise ValueError(f"{path}: no such speed")
     except (OSError, ValueError) as error:
         log.warning("timing anew: %s", error)
         return None
-    return {key: found[key] for key in ("steps", "steps_per_s")}
+    return {key: budget[key] for key in ("steps", "steps_per_s")}
 
 
 def restore(folder, template, *, identity):
@@ -154,15 +154,15 @@ def _read_manifest(folder):
     if not path.exists():
         raise FileNotFoundError(path)
     # Older ones say nothing of the last numbers.
-    found = {"final": {}} | json_files.read(path, MANIFEST)
-    json_files.check(found, {"final": dict})
-    if not STATE.match(found["file"]):
-        raise ValueError(f"file is {found['file']!r:.60}")
-    if not (found["time_s"] >= 0 and found["parts"] >= 1):
+    manifest = {"final": {}} | json_files.read(path, MANIFEST)
+    json_files.check(manifest, {"final": dict})
+    if not STATE.match(manifest["file"]):
+        raise ValueError(f"file is {manifest['file']!r:.60}")
+    if not (manifest["time_s"] >= 0 and manifest["parts"] >= 1):
         raise ValueError("time_s or parts is negative")
-    for key, value in found["final"].items():
+    for key, value in manifest["final"].items():
         json_files.check({key: value}, {key: json_files.NUMBER})
-    return found
+    return manifest
 
 
 def write_params(path, params):
@@ -191,10 +191,10 @@ def _from_bytes(template, data, where):
         raise ValueError(f"{where}: not a file of parameters ({error})") from None
     if not same:
         raise ValueError(f"{where}: not parameters of this model")
-    found = flax.serialization.from_state_dict(template, stored)
+    params = flax.serialization.from_state_dict(template, stored)
     for (path, wanted), leaf in zip(
         jax.tree_util.tree_leaves_with_path(template),
-        jax.tree.leaves(found),
+        jax.tree.leaves(params),
         strict=True,
     ):
         name = jax.tree_util.keystr(path)
@@ -206,7 +206,7 @@ def _from_bytes(template, data, where):
             )
         if not np.isfinite(leaf).all():
             raise ValueError(f"{where}: {name} is not finite")
-    return found
+    return params
 
 
 def write(path, data):

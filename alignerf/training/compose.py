@@ -119,7 +119,7 @@ def make_field(
     chosen: fields_keys.Grid | fields_keys.Mlp | fields_keys.Nerf, **options
 ):
     """The field of these settings; options, as `outputs`, are added to them."""
-    found = dataclasses.asdict(chosen) | options
+    settings = dataclasses.asdict(chosen) | options
     return fields.make(
-        **{k: tuple(v) if isinstance(v, list) else v for k, v in found.items()}
+        **{k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
     )

@@ -76,11 +76,11 @@ def fit(
     )
     state = program.fresh_state(built.optimizer, params)
     aligner.begin(job.steps, identity)
-    state, spent_s, parts, last = resume(
+    state, spent_s, micro_batches, last = resume(
         checkpoints, state, identity, job.steps, aligner
     )
     given, views = views, aligner.views(views)
-    built = with_parts(built, parts, job, method, params, views)
+    built = with_micro_batches(built, micro_batches, job, method, params, views)
     program.log_memory(job, built, state, views)
     # Those of the first steps are let go where an alignment gives others.
     state, *placed = devices.place((state, views), built.mesh)
@@ -95,7 +95,11 @@ def fit(
     def save(state, numbers):
         state = devices.local(state)
         check_finite(state)
-        facts = {"identity": identity, "time_s": time_s(), "parts": built.parts}
+        facts = {
+            "identity": identity,
+            "time_s": time_s(),
+            "micro_batches": built.micro_batches,
+        }
         if rank.is_first():
             checkpoint.save(checkpoints, state, final=numbers, **facts)
 
@@ -107,7 +111,11 @@ def fit(
         return devices.place(views, built.mesh)
 
     def explain(state, views):
-        options = {"steps": job.schedule_steps, "seed": job.seed, "parts": built.parts}
+        options = {
+            "steps": job.schedule_steps,
+            "seed": job.seed,
+            "micro_batches": built.micro_batches,
+        }
         return diagnose.explain(
             method, *devices.local((state, views)), names, **options
         )
@@ -125,7 +133,7 @@ def fit(
     return devices.local(state.params), facts | {
         "train_time_s": time_s(),
         "compile_time_s": round(built.compile_time_s + aligner.compile_time_s, 3),
-        "micro_batches": built.parts,
+        "micro_batches": built.micro_batches,
         "final": numbers,
         **({"alignments": aligner.report} if aligner.report else {}),
     }
@@ -140,17 +148,17 @@ def in_budget(job, method, built, params, views, checkpoints, data):
     if job.budget_min is None:
         return job, built, {}
     identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
-    found = consensus.on(checkpoint.read_budget(checkpoints, identity=identity))
-    if found is None:
+    budget = consensus.on(checkpoint.read_budget(checkpoints, identity=identity))
+    if budget is None:
         # A new training begins in the usual micro-batches.
-        built = with_parts(built, None, job, method, params, views)
-        found = time_budget(job, built, params, views)
+        built = with_micro_batches(built, None, job, method, params, views)
+        budget = time_budget(job, built, params, views)
         if rank.is_first():
-            checkpoint.save_budget(checkpoints, identity=identity, **found)
-    minutes, job = job.budget_min, jobs.with_steps(job, found["steps"])
-    speed_text = f"{found['steps_per_s']:.3g} steps/s"
+            checkpoint.save_budget(checkpoints, identity=identity, **budget)
+    minutes, job = job.budget_min, jobs.with_steps(job, budget["steps"])
+    speed_text = f"{budget['steps_per_s']:.3g} steps/s"
     log.info("budget %g min: %d steps at %s", minutes, job.steps, speed_text)
-    return job, built, {"budget_min": minutes, "steps_per_s": found["steps_per_s"]}
+    return job, built, {"budget_min": minutes, "steps_per_s": budget["steps_per_s"]}
 
 
 def time_budget(job, built, params, views):
@@ -184,41 +192,43 @@ def resume(checkpoints, state, identity, steps, aligner):
     The first process reads it, whatever number of processes has written it. A state
     whose alignments are lost is of no use.
     """
-    found = None
+    restored = None
     if rank.is_first():
-        found = checkpoint.restore(checkpoints, state, identity=identity)
-    manifest = consensus.on(found and found[1])
+        restored = checkpoint.restore(checkpoints, state, identity=identity)
+    manifest = consensus.on(restored and restored[1])
     fresh = state, 0.0, None, {}
     if manifest is None:
         return fresh
-    if not aligner.restore(consensus.on(found and int(found[0].step))):
+    if not aligner.restore(consensus.on(restored and int(restored[0].step))):
         log.warning("%s: its alignment is lost, starting anew", checkpoints)
         return fresh
-    state = consensus.on_arrays(found[0] if found else state)
+    state = consensus.on_arrays(restored[0] if restored else state)
     log.info("resuming at step %d of %d", int(state.step), steps)
     state = jax.tree.map(jnp.asarray, state)
     return state, manifest["time_s"], manifest["parts"], manifest["final"]
 
 
-def with_parts(built, parts, job, method, params, views):
+def with_micro_batches(built, micro_batches, job, method, params, views):
     """The program in the micro-batches that the resumed training had, if they fit.
 
-    parts: how many; None where nothing is resumed, which takes the usual ones.
+    micro_batches: how many; None where nothing is resumed, which takes the usual ones.
     """
-    first = program.first_parts(job, method, built.mesh, parts)
-    if first != built.first_parts:
+    first = program.first_micro_batches(job, method, built.mesh, micro_batches)
+    if first != built.first_micro_batches:
         # Built for a checkpoint that turned out to be another job's. Only this case
         # compiles twice: a new training begins with the usual ones, whatever lay there.
         # A CPU takes the photos as they lie in memory.
         on_cpu = jax.local_devices()[0].platform == "cpu"
         to_come = 0 if on_cpu else memory.tree_bytes(views)
         before_s = built.compile_time_s
-        built = program.build(job, method, params, views, parts=parts, to_come=to_come)
+        built = program.build(
+            job, method, params, views, micro_batches=micro_batches, to_come=to_come
+        )
         built = built._replace(compile_time_s=before_s + built.compile_time_s)
-    if parts not in (None, built.parts):
+    if micro_batches not in (None, built.micro_batches):
         log.warning(
             "resuming in %d micro-batches instead of %d: other rounding",
-            *(built.parts, parts),
+            *(built.micro_batches, micro_batches),
         )
     return built
 

@@ -78,13 +78,13 @@ def mipnerf360(
     """
 
     def of_share(share):
-        found = {
+        shares = {
             "train_share": share if annealed else 1.0,
             "proposal_share": proposal_share,
         }
         if coarse_to_fine:
-            found["fineness"] = passed(share, *coarse_to_fine)
-        return found
+            shares["fineness"] = passed(share, *coarse_to_fine)
+        return shares
 
     return single_rays(
         model,
@@ -172,14 +172,14 @@ def data_loss(rgb, photo, exists, loss: Loss):
 
 def match_patches(rgb, photo, exists, penalty):
     """One offset a patch: (patches, L_PM a colour value, lengths in px)."""
-    found = jax.vmap(functools.partial(align_loss.align, penalty=penalty))(
+    match = jax.vmap(functools.partial(align_loss.align, penalty=penalty))(
         rgb, photo, exists
     )
-    length_px = jnp.sqrt(jnp.sum(found.offset_px.astype(jnp.float32) ** 2, axis=-1))
+    length_px = jnp.sqrt(jnp.sum(match.offset_px.astype(jnp.float32) ** 2, axis=-1))
     # Of one offset: to the same rounding as in the search.
-    squared = jax.vmap(align_loss.squared_errors)(rgb, found.patch)[:, 0, 0]
-    squared = squared * found.scale
-    return found.patch, jnp.mean(squared + penalty * length_px) / rgb[0].size, length_px
+    squared = jax.vmap(align_loss.squared_errors)(rgb, match.patch)[:, 0, 0]
+    squared = squared * match.scale
+    return match.patch, jnp.mean(squared + penalty * length_px) / rgb[0].size, length_px
 
 
 def match_pixels(rgb, photo, exists, penalty):
@@ -188,9 +188,9 @@ def match_pixels(rgb, photo, exists, penalty):
     The penalty is Eq. 4's: of a patch's sum there, of a pixel's mean here.
     """
     match = functools.partial(contextual_loss.match, spatial_weight=penalty)
-    found = jax.vmap(match)(rgb, photo, exists)
-    length_px = jnp.sqrt(jnp.sum(found.offset_px.astype(jnp.float32) ** 2, axis=-1))
-    return found.patch, jnp.mean(found.loss) / rgb.shape[-1], length_px
+    matches = jax.vmap(match)(rgb, photo, exists)
+    length_px = jnp.sqrt(jnp.sum(matches.offset_px.astype(jnp.float32) ** 2, axis=-1))
+    return matches.patch, jnp.mean(matches.loss) / rgb.shape[-1], length_px
 
 
 def alignerf(
@@ -228,14 +228,14 @@ def alignerf(
         values = rendering.values.reshape(-1, patch_px, patch_px, model.field.outputs)
         rgb = colours(params, values)
         patch, data, shown = data_loss(rgb, batch.photo, batch.exists, loss)
-        found = {"data": data, **_regularisers(rendering.histograms, loss_weights)}
+        losses_of = {"data": data, **_regularisers(rendering.histograms, loss_weights)}
         if loss.frequency_features:
             frequency = frequency_loss.frequency_loss(
                 loss.frequency_features, patch, rgb
             )
             # As printed against the sum over the patch, see `data_loss`.
-            found["frequency"] = loss.frequency_weight * frequency / rgb[0].size
-        return found, shown
+            losses_of["frequency"] = loss.frequency_weight * frequency / rgb[0].size
+        return losses_of, shown
 
     def init(key):
         key_model, key_head = jax.random.split(key)

@@ -36,8 +36,8 @@ def read_model(config, model, loaded: prepared.Scene, *, moving=False):
     views = functools.partial(refine.views_of, loaded)
     method = compose.make_method(job, views, to_train=False, moving=moving)
     template = jax.eval_shape(method.init, jax.random.key(0))
-    found = checkpoint.read_params(model, template)
-    return method, jax.tree.map(jnp.asarray, found)
+    params = checkpoint.read_params(model, template)
+    return method, jax.tree.map(jnp.asarray, params)
 
 
 def make_renderer(method, params, width, height):
@@ -89,10 +89,10 @@ def make_for_params(method, width, height):
             """Of all pixels in their order; zero where a pixel is not needed."""
             done = 0
             for part in in_chunks(needed(wanted)):
-                found, depths[part] = values_of(params, jnp.asarray(part), *camera)
+                values, depths[part] = values_of(params, jnp.asarray(part), *camera)
                 end = part[-1] + 1
-                block = np.zeros((end - done, found.shape[-1]), found.dtype)
-                block[part - done] = found
+                block = np.zeros((end - done, values.shape[-1]), values.dtype)
+                block[part - done] = values
                 done = end
                 yield block
             if done < count:

@@ -78,11 +78,11 @@ def find(evidence: Evidence) -> list[Finding]:
     """All causes that were found, the gravest first; none where nothing is wrong."""
     tests = (few_views, unregistered, sparse, undertrained, lens_shift)
     tests = (*tests, lens_distortion, blurred, exposure, camera, motion)
-    found = [finding for test in tests if (finding := test(evidence))]
+    findings = [finding for test in tests if (finding := test(evidence))]
     if unclear(evidence):
         # Renders that are blurred by too little training move the flow, too.
-        found = [finding for finding in found if finding.cause in PLAIN]
-    return found
+        findings = [finding for finding in findings if finding.cause in PLAIN]
+    return findings
 
 
 # Causes that need no sharp render.

@@ -64,5 +64,5 @@ def fit(flow):
     columns = [np.tile([1.0, 0.0], (len(at), 1)), np.tile([0.0, 1.0], (len(at), 1))]
     columns += [at, at * square]
     matrix = np.stack(columns, axis=-1).reshape(-1, 4)
-    found, *_ = np.linalg.lstsq(matrix, vectors.ravel(), rcond=None)
-    return found
+    coefficients, *_ = np.linalg.lstsq(matrix, vectors.ravel(), rcond=None)
+    return coefficients

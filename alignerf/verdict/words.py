@@ -220,7 +220,7 @@ def gains_of(path):
         next((name for name in names if name in known), None) for names in (USUAL, FAIR)
     )
     chosen = table[table["test_set"] == np.where(aligned, fair, usual)]
-    found = []
+    gains = []
     for row in chosen.itertuples():
         own = row.method == row.difference_to and row.warping == scores.warping(0)
         if own or pd.isna(row.difference_db):
@@ -231,8 +231,8 @@ def gains_of(path):
             name = f"{name}, {ON_THE_WAY}"
         ends = (row.difference_low_db, row.difference_high_db)
         took = row.total_time_s / 60, row.method, on_the_way, row.test_set
-        found.append(Gain(name, row.difference_db, *ends, *took))
-    return found
+        gains.append(Gain(name, row.difference_db, *ends, *took))
+    return gains
 
 
 def gain_line(gain, e):

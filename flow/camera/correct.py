@@ -82,8 +82,8 @@ def corrections(
         log_focal = shared_zoom(
             [fit.motion.log_focal for fit in fits if not fit.left_alone]
         )
-    found = [_fitted(view, log_focal=log_focal, **size) for view in views()]
-    kept = [correction for correction in found if not correction.left_alone]
+    corrected = [_fitted(view, log_focal=log_focal, **size) for view in views()]
+    kept = [correction for correction in corrected if not correction.left_alone]
     usual = {
         name: float(np.median([getattr(correction, name) for correction in kept]))
         for name in (("noise_px", "length_px") if kept else ())
@@ -93,11 +93,11 @@ def corrections(
             f"the median view would move by {usual['length_px']:.2f} px, and under "
             f"{least_px:g} px that is the flow's error"
         )
-        found = [
+        corrected = [
             c if c.left_alone or c.length_px > CLEAR_PX else left_alone(c, reason)
-            for c in found
+            for c in corrected
         ]
-    return [c if c.left_alone else _with_others(c, **usual) for c in found]
+    return [c if c.left_alone else _with_others(c, **usual) for c in corrected]
 
 
 def shared_zoom(log_focals):
@@ -121,7 +121,7 @@ def _fitted(view: View, **options) -> Correction:
         reason = f"only {fit.valid.sum()} pixels have a flow and a depth"
     elif share < LEAST_VALID_SHARE:
         reason = f"only {share:.1%} of its pixels have a flow and a depth"
-    found = Correction(
+    correction = Correction(
         motion=fit.motion,
         length_px=float(np.median(lengths_px)) if len(lengths_px) else 0.0,
         noise_px=fit.noise_px,
@@ -129,30 +129,32 @@ def _fitted(view: View, **options) -> Correction:
         depth=float(np.median(near)) if len(near) else 1.0,
         left_alone="",
     )
-    return _mistrusted(found, reason) if reason else found
+    return _mistrusted(correction, reason) if reason else correction
 
 
-def _with_others(found: Correction, *, noise_px, length_px) -> Correction:
+def _with_others(correction: Correction, *, noise_px, length_px) -> Correction:
     """The correction, or none where it is unlike the others, of these medians."""
-    if found.noise_px > max(LEAST_NOISE_PX, NOISE_RATIO * noise_px):
+    if correction.noise_px > max(LEAST_NOISE_PX, NOISE_RATIO * noise_px):
         return _mistrusted(
-            found,
-            f"no camera explains its flow: {found.noise_px:.2f} px remain, "
+            correction,
+            f"no camera explains its flow: {correction.noise_px:.2f} px remain, "
             f"{noise_px:.2f} px in the median view",
         )
-    if found.length_px > max(LEAST_LENGTH_PX, LENGTH_RATIO * length_px):
+    if correction.length_px > max(LEAST_LENGTH_PX, LENGTH_RATIO * length_px):
         return _mistrusted(
-            found,
-            f"it would move by {found.length_px:.1f} px, the median view by "
+            correction,
+            f"it would move by {correction.length_px:.1f} px, the median view by "
             f"{length_px:.2f} px",
         )
-    return found
+    return correction
 
 
-def _mistrusted(found: Correction, reason) -> Correction:
-    return left_alone(found, reason)._replace(trusted=False)
+def _mistrusted(correction: Correction, reason) -> Correction:
+    return left_alone(correction, reason)._replace(trusted=False)
 
 
-def left_alone(found: Correction, reason) -> Correction:
+def left_alone(correction: Correction, reason) -> Correction:
     """The correction as none, with the reason why."""
-    return found._replace(motion=camera_motion.STILL, length_px=0.0, left_alone=reason)
+    return correction._replace(
+        motion=camera_motion.STILL, length_px=0.0, left_alone=reason
+    )

@@ -76,13 +76,13 @@ def draw_views(parts, photos, renders, path):
     )
     top, bottom = figure.subfigures(2, height_ratios=inches)
     rows = top.subplots(len(parts), 2 + len(names), squeeze=False)
-    for number, (axes, (view, found)) in enumerate(
+    for number, (axes, (view, parts_of_view)) in enumerate(
         zip(rows, parts.items(), strict=True)
     ):
         shown = [images.read(folder / f"{view}.png") for folder in (photos, renders)]
         titles = [f"photo {view}", "render"]
         for name in names:
-            flow = found[name], found["valid"]
+            flow = parts_of_view[name], parts_of_view["valid"]
             shown.append(drawing.coloured(flow, scale_px))
             heading = f"{TITLES[name]}\n" if number == 0 else ""
             titles.append(f"{heading}{drawing.median_px(flow):.2f} px")
@@ -127,7 +127,7 @@ def read_rounds(rows):
     A view without a number leaves the mean empty rather than better, and the log says
     which.
     """
-    found = []
+    means = []
     for row in rows:
         stats = csv_files.read(row["stats"], columns=("view", "flow_median_px"))
         metrics = csv_files.read(
@@ -138,8 +138,8 @@ def read_rounds(rows):
         psnr_db = metrics.groupby("test_set")["psnr_db"].mean(skipna=False)
         labels = {"method": row["method"], "round": row["round"]}
         median_px = stats["flow_median_px"].mean(skipna=False)
-        found.append({**labels, "median_px": median_px, **psnr_db})
-    return pd.DataFrame(found)
+        means.append({**labels, "median_px": median_px, **psnr_db})
+    return pd.DataFrame(means)
 
 
 def say_empty(path, table, column):

@@ -138,14 +138,14 @@ def find_masks(folder, paths):
     if folder is None:
         return [None] * len(paths)
     folder = Path(folder)
-    found = []
+    masks = []
     for path in paths:
         names = (f"{path.name}.png", f"{path.stem}.png")
         there = [folder / name for name in names if (folder / name).is_file()]
-        found.append(there[0] if there else None)
-    if not any(found):
+        masks.append(there[0] if there else None)
+    if not any(masks):
         raise ValueError(f"{folder}: no mask <photo's file name>.png of any photo")
-    return found
+    return masks
 
 
 def read_mask(path, photo):

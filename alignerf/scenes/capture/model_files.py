@@ -28,8 +28,8 @@ class Walk:
     def read(self, form):
         start = self.place
         self.skip(struct.calcsize(form))
-        (found,) = struct.unpack_from(form, self.content, start)
-        return found
+        (value,) = struct.unpack_from(form, self.content, start)
+        return value
 
     def skip_text(self):
         end = self.content.find(b"\0", self.place)

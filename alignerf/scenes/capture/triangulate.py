@@ -36,10 +36,10 @@ def triangulate(image_folder, work_folder, views, *, seed) -> colmap.Reconstruct
         mapping.match(database, len(names), seed)
     with progress.heartbeat("COLMAP: points"):
         options = mapping.pipeline_options(seed)
-        found = pycolmap.triangulate_points(
+        triangulated = pycolmap.triangulate_points(
             model, database, image_folder, out, options=options
         )
-    return colmap.convert(found, names)
+    return colmap.convert(triangulated, names)
 
 
 def write_views(database, model):

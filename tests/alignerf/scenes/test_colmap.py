@@ -198,20 +198,20 @@ def test_masks_go_the_way_of_their_photos(photos, tmp_path):
     for i, name in enumerate(views.names):
         hidden = 0.25 if name in photos[1][:3] else 0.0
         assert (views.load_mask(i) < 255).mean() == pytest.approx(hidden)
-    for image in model.found.images.values():
+    for image in model.of_colmap.images.values():
         left = min(point.xy[0] for point in image.points2D)
         assert (left >= 60) == (image.name[:-4] in photos[1][:3])
 
 
 def test_errors_are_told_photo_by_photo_in_pixels_of_the_photo(photos, tmp_path):
     _, model, _ = pose_taken(photos, tmp_path, lambda i, image: (image, 1))
-    seen = model.found.compute_mean_reprojection_error()
+    seen = model.of_colmap.compute_mean_reprojection_error()
     # By then that one is of the photos too, whose sides are 1.2 times the copies'.
     assert model.mean_reprojection_error_px == pytest.approx(seen, rel=1e-3)
     assert model.errors_px.shape == (len(model.names),)
     weights = [
         sum(p.has_point3D() for p in image.points2D)
-        for image in model.found.images.values()
+        for image in model.of_colmap.images.values()
     ]
     mean = np.average(sorted(model.errors_px), weights=sorted(weights))
     assert mean == pytest.approx(model.mean_reprojection_error_px, rel=0.2)
