@@ -128,7 +128,7 @@ class Aligner:
         if self.small is None:
             self.small = look.read_photos(loaded, chosen, self.scene.photos, k)
             h, w = (side // k for side in self.size)
-            self.render = renderer.make_for_params(self.method, w, h)
+            self.render = renderer.Renderer(self.method, w, h)
             # Compiling is counted apart: a cache often saves it.
             begun = time.perf_counter()
             self.render(params, loaded.pixtocams[0], loaded.camtoworlds[0])
