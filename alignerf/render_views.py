@@ -19,8 +19,9 @@ import numpy as np
 
 from alignerf.files import atomic, faults, images, machine, progress, split_paths
 from alignerf.preflight import eta
+from alignerf.processes import devices
 from alignerf.scenes import prepared
-from alignerf.training import devices, renderer
+from alignerf.training import renderer
 
 log = logging.getLogger("alignerf")
 

@@ -24,14 +24,13 @@ from alignerf.decisions import fill
 from alignerf.experiment import jobs
 from alignerf.files import archives, atomic, faults, machine
 from alignerf.preflight import eta
-from alignerf.processes import consensus, rank, rendezvous
+from alignerf.processes import consensus, devices, rank, rendezvous
 from alignerf.scenes import pose_error, prepared
 from alignerf.systems import refine
 from alignerf.training import (
     batches,
     checkpoint,
     compose,
-    devices,
     loop,
     memory,
     program,

@@ -6,7 +6,8 @@ import re
 import jax
 import numpy as np
 
-from alignerf.training import devices, gradients
+from alignerf.processes import devices
+from alignerf.training import gradients
 from tests import training_cases as cases
 
 METHODS = {"mipnerf360": cases.baseline(), "alignerf": cases.alignerf(patches=16)}

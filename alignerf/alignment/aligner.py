@@ -15,9 +15,9 @@ import numpy as np
 
 from alignerf.alignment import cameras, look, outputs, photos, store, words
 from alignerf.experiment import jobs
-from alignerf.processes import consensus, rank
+from alignerf.processes import consensus, devices, rank
 from alignerf.scenes import prepared
-from alignerf.training import compose, devices, memory, renderer
+from alignerf.training import compose, memory, renderer
 from flow.camera import correct
 from flow.estimation import estimators
 

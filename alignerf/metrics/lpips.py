@@ -18,7 +18,7 @@ import numpy as np
 
 from alignerf.metrics import convnet
 
-# Of NumPy: importing must not start JAX, which training.devices has yet to set up.
+# Of NumPy: importing must not start JAX, which processes.devices has yet to set up.
 SHIFT = np.array([[[[-0.030, -0.088, -0.188]]]], np.float32)
 SCALE = np.array([[[[0.458, 0.448, 0.450]]]], np.float32)
 ALEX = {

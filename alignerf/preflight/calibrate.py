@@ -18,13 +18,13 @@ import numpy as np
 
 from alignerf.experiment import jobs
 from alignerf.files import faults, machine
+from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.systems import refine
 from alignerf.training import (
     batches,
     checkpoint,
     compose,
-    devices,
     loop,
     memory,
     program,

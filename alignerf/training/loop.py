@@ -8,15 +8,16 @@ Nothing here knows what a method is made of, or where its photos came from.
 import contextlib
 import logging
 import time
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from alignerf.experiment import jobs
 from alignerf.files import progress, provenance
-from alignerf.processes import consensus, rank
-from alignerf.training import checkpoint, devices, diagnose, memory, program
+from alignerf.processes import consensus, devices, rank
+from alignerf.training import checkpoint, memory, program
+from alignerf.training import run as train_run
 
 log = logging.getLogger("alignerf")
 
@@ -45,25 +46,25 @@ class NoAligner:
         return views
 
 
-def fit(
-    job,
-    method,
-    built,
-    params,
-    views,
-    checkpoints,
-    *,
-    names,
-    sources="",
-    note=progress.nothing,
-    aligner=None,
-):
+def fit(*start, note=progress.nothing, **options):
     """Train to the last step; returns (parameters, timing).
 
-    `names` [n] are those of the views. `sources` identifies the code: a checkpoint of
-    other code, config or data is not resumed. Compilation is timed apart: a cache
-    often saves it. note: what the progress line says besides, of the share done.
-    aligner: puts right what the training learns from, at some of its steps.
+    start, options: those of `begin`. note: what the progress line says besides, of the
+    share done. Compilation is timed apart: a cache often saves it.
+    """
+    run = begin(*start, **options)
+    run_steps(run, note)
+    return devices.local(run.state.params), run.timing()
+
+
+def begin(
+    job, method, built, params, views, checkpoints, *, names, sources="", aligner=None
+) -> train_run.Run:
+    """The run of a job, from its checkpoint or from `params`.
+
+    names [n]: of the views. sources: identifies the code; a checkpoint of other code,
+    config or data is not resumed. aligner: puts right what the training learns from, at
+    some of its steps.
     """
     aligner = aligner or NoAligner()
     data = checkpoint.digest((params, views)), sources
@@ -74,69 +75,19 @@ def fit(
     log.info(
         "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)
     )
-    state = program.fresh_state(built.optimizer, params)
     aligner.begin(job.steps, identity)
-    state, spent_s, micro_batches, last = resume(
-        checkpoints, state, identity, job.steps, aligner
-    )
-    given, views = views, aligner.views(views)
-    built = with_micro_batches(built, micro_batches, job, method, params, views)
-    program.log_memory(job, built, state, views)
-    # Those of the first steps are let go where an alignment gives others.
-    state, *placed = devices.place((state, views), built.mesh)
-    del views
+    fresh = Resumed(program.fresh_state(built.optimizer, params), 0.0, None, {})
+    done = resume(checkpoints, fresh, identity, job.steps, aligner)
+    del fresh
+    aligned = aligner.views(views)
+    built = program.refitted(built, done.micro_batches, job, method, params, aligned)
+    program.log_memory(job, built, done.state, aligned)
+    state, placed = devices.place((done.state, aligned), built.mesh)
     memory.keep_freed()
-    start = time.perf_counter()
-
-    def time_s():
-        passed_s = time.perf_counter() - start - aligner.compile_time_s
-        return round(spent_s + passed_s, 3)
-
-    def save(state, numbers):
-        state = devices.local(state)
-        check_finite(state)
-        facts = {
-            "identity": identity,
-            "time_s": time_s(),
-            "micro_batches": built.micro_batches,
-        }
-        if rank.is_first():
-            checkpoint.save(checkpoints, state, final=numbers, **facts)
-
-    def align(state):
-        aligner.align(devices.local(state.params), int(state.step))
-        views = aligner.views(given)
-        if rank.are_several():
-            consensus.check_same(checkpoint.digest(views), "views after an alignment")
-        return devices.place(views, built.mesh)
-
-    def explain(state, views):
-        options = {
-            "steps": job.schedule_steps,
-            "seed": job.seed,
-            "micro_batches": built.micro_batches,
-        }
-        return diagnose.explain(
-            method, *devices.local((state, views)), names, **options
-        )
-
-    schedule = program.schedule_of(job, built.mesh)
-
-    def step(state, views):
-        return built.step(state, views, schedule)
-
-    loop = {"save": save, "explain": explain, "note": note}
-    loop |= {"align": align, "places": aligner.places}
-    state, numbers = run_steps(job, step, state, placed.pop(), **loop)
-    # A finished training that was resumed made no step.
-    numbers = numbers or last
-    return devices.local(state.params), facts | {
-        "train_time_s": time_s(),
-        "compile_time_s": round(built.compile_time_s + aligner.compile_time_s, 3),
-        "micro_batches": built.micro_batches,
-        "final": numbers,
-        **({"alignments": aligner.report} if aligner.report else {}),
-    }
+    return train_run.Run(
+        *(job, method, built, checkpoints, identity, aligner, names, views, facts),
+        *(state, placed, done.numbers, done.spent_s),
+    )
 
 
 def in_budget(job, method, built, params, views, checkpoints, data):
@@ -151,7 +102,7 @@ def in_budget(job, method, built, params, views, checkpoints, data):
     budget = consensus.on(checkpoint.read_budget(checkpoints, identity=identity))
     if budget is None:
         # A new training begins in the usual micro-batches.
-        built = with_micro_batches(built, None, job, method, params, views)
+        built = program.refitted(built, None, job, method, params, views)
         budget = time_budget(job, built, params, views)
         if rank.is_first():
             checkpoint.save_budget(checkpoints, identity=identity, **budget)
@@ -186,60 +137,34 @@ def step_time_s(job, built, params, views, *, most_s):
     )
 
 
-def resume(checkpoints, state, identity, steps, aligner):
-    """The state to go on from, its seconds so far, micro-batches and last numbers.
+class Resumed(NamedTuple):
+    """What a checkpoint holds: micro_batches None and numbers empty without one."""
 
-    The first process reads it, whatever number of processes has written it. A state
-    whose alignments are lost is of no use.
+    state: Any
+    spent_s: float
+    micro_batches: int | None
+    numbers: dict
+
+
+def resume(checkpoints, fresh: Resumed, identity, steps, aligner) -> Resumed:
+    """The newest checkpoint of this very job, or `fresh` where there is none.
+
+    The first process reads the checkpoint, whatever number of processes has written
+    it. A state whose alignments are lost is of no use.
     """
     restored = None
     if rank.is_first():
-        restored = checkpoint.restore(checkpoints, state, identity=identity)
+        restored = checkpoint.restore(checkpoints, fresh.state, identity=identity)
     manifest = consensus.on(restored and restored[1])
-    fresh = state, 0.0, None, {}
     if manifest is None:
         return fresh
     if not aligner.restore(consensus.on(restored and int(restored[0].step))):
         log.warning("%s: its alignment is lost, starting anew", checkpoints)
         return fresh
-    state = consensus.on_arrays(restored[0] if restored else state)
+    state = consensus.on_arrays(restored[0] if restored else fresh.state)
     log.info("resuming at step %d of %d", int(state.step), steps)
     state = jax.tree.map(jnp.asarray, state)
-    return state, manifest["time_s"], manifest["parts"], manifest["final"]
-
-
-def with_micro_batches(built, micro_batches, job, method, params, views):
-    """The program in the micro-batches that the resumed training had, if they fit.
-
-    micro_batches: how many; None where nothing is resumed, which takes the usual ones.
-    """
-    first = program.first_micro_batches(job, method, built.mesh, micro_batches)
-    if first != built.first_micro_batches:
-        # Built for a checkpoint that turned out to be another job's. Only this case
-        # compiles twice: a new training begins with the usual ones, whatever lay there.
-        # A CPU takes the photos as they lie in memory.
-        on_cpu = jax.local_devices()[0].platform == "cpu"
-        to_come = 0 if on_cpu else memory.tree_bytes(views)
-        before_s = built.compile_time_s
-        built = program.build(
-            job, method, params, views, micro_batches=micro_batches, to_come=to_come
-        )
-        built = built._replace(compile_time_s=before_s + built.compile_time_s)
-    if micro_batches not in (None, built.micro_batches):
-        log.warning(
-            "resuming in %d micro-batches instead of %d: other rounding",
-            *(built.micro_batches, micro_batches),
-        )
-    return built
-
-
-def check_finite(state):
-    """ValueError where parameters are not finite: such a checkpoint is of no use."""
-    if spoilt := diagnose.spoilt_parameters(state.params):
-        raise ValueError(
-            f"training diverged before step {int(state.step)}: not finite: "
-            + ", ".join(spoilt)
-        )
+    return Resumed(state, *(manifest[key] for key in ("time_s", "parts", "final")))
 
 
 def describe(job, params):
@@ -255,51 +180,35 @@ def describe(job, params):
     }
 
 
-def run_steps(job, step, state, views, *, save, explain, note, align, places):
+def run_steps(run, note):
     """The loop: step, look at the numbers, save now and then.
 
-    Before the steps of `places` it saves, and goes on with the views of align(state).
-    Returns the last state and the numbers of the last steps (none where a finished
-    training was resumed). Raises ValueError(explain(state, views)), with the state
-    before it, for the first step that is not finite.
+    Before the aligner's steps it saves, and goes on with the views as aligned. Raises
+    ValueError(run.explain()) for the first step that is not finite.
     """
-    done = int(state.step)
-    pending, history = [], {}
+    steps, places = run.job.steps, run.aligner.places
+    schedule = program.schedule_of(run.job, run.program.mesh)
+    done, pending = int(run.state.step), []
     saved = fetched = time.perf_counter()
     options = {"done": done, "note": note, "silent": not rank.is_first()}
-    bar = progress.Progress(job.stage, job.steps, **options)
+    bar = progress.Progress(run.job.stage, steps, **options)
     with contextlib.closing(bar):
-        while done < job.steps:
+        while done < steps:
             if done in places:
-                save(state, history)
-                views = align(state)
+                run.save()
+                run.align()
                 saved = fetched = time.perf_counter()
-            state, stats = step(state, views)
+            run.state, stats = run.program.step(run.state, run.views, schedule)
             pending.append(stats)
             done += 1
-            if len(pending) < FETCH_EVERY and done not in {*places, job.steps}:
+            if len(pending) < FETCH_EVERY and done not in {*places, steps}:
                 continue
-            numbers = jax.device_get(pending)
-            if not all(is_finite(stats) for stats in numbers):
-                raise ValueError(explain(state, views))
-            history = {
-                key: float(np.mean([stats[key] for stats in numbers])) for key in stats
-            }
+            run.look(pending)
             now = time.perf_counter()
-            rays_per_s = len(pending) * job.rays_per_step / (now - fetched)
-            bar.advance(
-                len(pending),
-                loss=history["loss"],
-                psnr=history["psnr_db"],
-                **{"rays/s": rays_per_s},
-            )
+            rays_per_s = len(pending) * run.job.rays_per_step / (now - fetched)
+            shown = {"loss": run.numbers["loss"], "psnr": run.numbers["psnr_db"]}
+            bar.advance(len(pending), **shown, **{"rays/s": rays_per_s})
             fetched, pending = now, []
-            if now - saved > CHECKPOINT_EVERY_S or done == job.steps:
-                save(state, history)
+            if now - saved > CHECKPOINT_EVERY_S or done == steps:
+                run.save()
                 saved = time.perf_counter()
-    return state, history
-
-
-def is_finite(stats):
-    """Whether a step had a finite loss and gradient, and so changed the state."""
-    return np.isfinite(stats["loss"]) and stats["nonfinite_gradients"] == 0

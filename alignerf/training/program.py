@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 
 from alignerf.experiment.keys import model as model_keys
-from alignerf.processes import consensus, rank
-from alignerf.training import devices, gradients, memory
+from alignerf.processes import consensus, devices, rank
+from alignerf.training import gradients, memory
 from alignerf.training import step as train_step
 
 log = logging.getLogger("alignerf")
@@ -73,6 +73,31 @@ def build(job, method, params, views, *, micro_batches=None, to_come=0) -> Progr
     memory.give_back()
     compile_time_s = round(time.perf_counter() - start, 3)
     return Program(optimizer, step, first, micro_batches, mesh, compile_time_s)
+
+
+def refitted(built, micro_batches, job, method, params, views) -> Program:
+    """The program in the micro-batches that the resumed training had, if they fit.
+
+    micro_batches: None where nothing is resumed, which takes the device's own.
+    """
+    first = first_micro_batches(job, method, built.mesh, micro_batches)
+    if first != built.first_micro_batches:
+        # Built for a checkpoint that turned out to be another job's. Only this case
+        # compiles twice: a new training begins with the usual ones, whatever lay there.
+        # A CPU takes the photos as they lie in memory.
+        on_cpu = jax.local_devices()[0].platform == "cpu"
+        to_come = 0 if on_cpu else memory.tree_bytes(views)
+        before_s = built.compile_time_s
+        built = build(
+            job, method, params, views, micro_batches=micro_batches, to_come=to_come
+        )
+        built = built._replace(compile_time_s=before_s + built.compile_time_s)
+    if micro_batches not in (None, built.micro_batches):
+        log.warning(
+            "resuming in %d micro-batches instead of %d: other rounding",
+            *(built.micro_batches, micro_batches),
+        )
+    return built
 
 
 def fresh_state(optimizer, params):

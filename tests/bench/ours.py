@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.training import batches, compose, devices, memory, program, renderer
+from alignerf.processes import devices
+from alignerf.training import batches, compose, memory, program, renderer
 
 
 class Training:
