@@ -5,8 +5,8 @@ how much. So each test camera is moved until the render fits the photo, on one h
 the pixels, and the other half is rendered with it. The halves are the squares of a
 checkerboard. By gradient descent no pixel moves the camera that it is rendered by. By
 flow nearly none does: a flow is smooth, so the margins of the squares are left out of
-the fit; what still gets across is in the leak. Writes, for each way of fitting, a
-folder of <view>.png, of both halves:
+the fit, and the leak measures what still gets across. Writes, for each way of fitting,
+a folder of <view>.png, of both halves:
 
 aligned_pose                 moved by the flow from the render to the photo
 aligned_pose_gradient        moved by gradient descent on the colours
@@ -28,10 +28,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
+from alignerf.cameras import pose_fit
 from alignerf.files import archives, atomic, faults, images, machine, progress
+from alignerf.processes import devices
 from alignerf.scenes import pose_error, prepared
-from alignerf.systems import pose_fit
-from alignerf.training import devices, renderer
+from alignerf.training import renderer
 from flow.camera import fit as camera_fit
 from flow.camera import motion as camera_motion
 from flow.warping import controls, files
@@ -57,7 +58,7 @@ class Target(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """A half's camera [3, 4], to how many pixels it was fitted, and what remains."""
+    """The camera [3, 4] of a half, the number of pixels fitted, and the noise left."""
 
     pose: np.ndarray
     pixels: int
@@ -88,22 +89,22 @@ def main(argv=None):
 
         def one(work):
             view, fit, target = work
-            found = [fitters[fit](view, target, ~half) for half in halves]
-            poses = [fitted.pose for fitted in found]
+            fits = [fitters[fit](view, target, ~half) for half in halves]
+            poses = [fitted.pose for fitted in fits]
             test_set, name = FITS[fit] + target.suffix, loaded.names[view]
             image = render_halves(render, loaded, view, halves, poses)
             images.write(out / test_set / f"{name}.png", image)
             labels = {"view": name, "test_set": test_set}
             return [
                 labels | {"half": number} | row(loaded, args.depth, view, fitted)
-                for number, fitted in enumerate(found)
+                for number, fitted in enumerate(fits)
             ]
 
         # The first one alone: it compiles.
         rows += one(todo[0])
         bar.advance()
-        for found in devices.map_in_threads(one, todo[1:]):
-            rows += found
+        for rows_of_view in devices.map_in_threads(one, todo[1:]):
+            rows += rows_of_view
             bar.advance()
         with open(out / "poses.csv", "w", newline="", encoding="utf-8") as file:
             table = csv.DictWriter(file, COLUMNS)
@@ -112,11 +113,11 @@ def main(argv=None):
 
 
 def targets_of(args):
-    """The photos and, for the leak, the oracle."""
-    found = [Target("", Path(args.scene) / "images", args.flow)]
+    """What the renders are fitted to: the photos and, for the leak, the oracle."""
+    targets = [Target("", Path(args.scene) / "images", args.flow)]
     if args.truth:
-        found.append(Target("_leak", args.truth / "oracle", args.truth_flow))
-    return found
+        targets.append(Target("_leak", args.truth / "oracle", args.truth_flow))
+    return targets
 
 
 def render_halves(render, loaded: prepared.Scene, view, halves, poses):
@@ -161,25 +162,25 @@ def halves_of(loaded: prepared.Scene, block_px):
 
 def fitters_of(args, loaded: prepared.Scene, method, params, block_px):
     """{fit: function from (view, target, mask) to `Fitted`}."""
-    found = {}
+    fitters = {}
     if args.flow:
         margin_px = int(MARGIN * block_px)
-        found["flow"] = functools.partial(fit_by_flow, loaded, args.depth, margin_px)
+        fitters["flow"] = functools.partial(fit_by_flow, loaded, args.depth, margin_px)
     if args.gradient_steps:
         steps, patch_px = args.gradient_steps, min(block_px, pose_fit.PATCH_PX)
         fit = pose_fit.make_fitter(method, params, steps=steps, patch_px=patch_px)
-        found["gradient"] = functools.partial(fit_by_gradient, loaded, fit)
-    return found
+        fitters["gradient"] = functools.partial(fit_by_gradient, loaded, fit)
+    return fitters
 
 
 def fit_by_flow(loaded: prepared.Scene, depth, margin_px, view, target: Target, mask):
-    """The pose that the flow of these pixels asks for; as it is, of too few."""
+    """The pose fitted to the flow of the mask's pixels; unchanged by too few."""
     name = f"{loaded.names[view]}.npz"
     flow_px, valid = files.read_flow(target.flow / name)
     if valid.shape != (loaded.height, loaded.width):
         raise ValueError(f"{target.flow / name}: {valid.shape} is not the views' size")
     # A lens is the scene's: no view has a focal length of its own.
-    found = camera_fit.split(
+    motion_fit = camera_fit.split(
         flow_px,
         valid & within(mask, margin_px),
         loaded.pixtocams[view],
@@ -187,12 +188,12 @@ def fit_by_flow(loaded: prepared.Scene, depth, margin_px, view, target: Target, 
         log_focal=0.0,
     )
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]
-    pose = camera_motion.apply(found.motion, *camera)[1]
-    return Fitted(pose, found.pixels, found.noise_px)
+    pose = camera_motion.apply(motion_fit.motion, *camera)[1]
+    return Fitted(pose, motion_fit.pixels, motion_fit.noise_px)
 
 
 def within(mask, margin_px):
-    """The mask's pixels that are farther than a margin from all others."""
+    """The mask without a margin along its edges."""
     if margin_px == 0:
         return mask
     # The image's own border is no edge of a square.
@@ -204,7 +205,7 @@ def depth_of(folder, name):
 
 
 def fit_by_gradient(loaded: prepared.Scene, fit, view, target: Target, mask):
-    """The pose that the colours of these pixels ask for; as it is, where none can."""
+    """The pose fitted to the colours of the mask's pixels; unchanged if none fits."""
     (photo,) = prepared.read_images(loaded, [view], target.images)
     mask = mask & prepared.read_masks(loaded, [view])[0]
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]

@@ -8,7 +8,7 @@ each.
 What all corrections of a round have in common (a turn, a shift and a scale of the
 world) cannot be seen in any photo. It is taken out, so that the frame of the training
 views does not drift from that of the test views, which stay as they are. Views that are
-left alone count as corrected by nothing: they hold the frame.
+left alone count as corrections of zero, and so hold the frame.
 """
 
 import argparse
@@ -30,35 +30,36 @@ log = logging.getLogger("alignerf")
 def main(argv=None):
     args = parse(argv)
     started = time.monotonic()
-    given = prepared.load(args.scene)
+    original = prepared.load(args.scene)
     before = prepared.load(args.scene, args.cameras)
     train = before.views("train")
-    found = correct.corrections(lambda: views_of(before, train, args))
-    after = cameras.corrected(before, train, found)
+    corrections = correct.corrections(lambda: views_of(before, train, args))
+    after = cameras.corrected(before, train, corrections)
     report = {
         "views": len(train),
-        "left_alone": sum(bool(correction.left_alone) for correction in found),
-        "correction_px": cameras.median_px(found),
-        "focal_ratio": float(np.exp(cameras.zoom_of(found))),
+        "left_alone": sum(bool(correction.left_alone) for correction in corrections),
+        "correction_px": cameras.median_px(corrections),
+        "focal_ratio": float(np.exp(cameras.zoom_of(corrections))),
     }
     if args.truth:
         true = prepared.read_cameras(f"{args.truth}/cameras.npz")
-        states = {"given": given, "before": before, "after": after}
+        states = {"given": original, "before": before, "after": after}
+        depths = [correction.depth for correction in corrections]
         report["pose_error_px"] = {
-            name: pose_error.median_px(state, true, train, [c.depth for c in found])
+            name: pose_error.median_px(state, true, train, depths)
             for name, state in states.items()
         }
     report["time_s"] = round(time.monotonic() - started, 3)
     report["of_views"] = [
-        row(given, after, view, correction)
-        for view, correction in zip(train, found, strict=True)
+        row(original, after, view, correction)
+        for view, correction in zip(train, corrections, strict=True)
     ]
     # Entered first, so in place last: the report says that the cameras are whole.
     with (
         atomic.replace_file(args.report) as report_path,
         atomic.replace_file(args.out) as path,
     ):
-        moved = cameras.moved_views(train, found)
+        moved = cameras.moved_views(train, corrections)
         prepared.write_cameras(path, after, args.cameras, moved)
         report_path.write_text(json.dumps(report, indent=1) + "\n")
     say(report)
@@ -93,24 +94,24 @@ def parse(argv=None):
 
 
 def views_of(before: prepared.Scene, train, args):
-    """What the flow says of each view."""
+    """Yield a `correct.View` of each training view."""
     for view in train:
         name = f"{before.names[view]}.npz"
         flow_px, valid = files.read_flow(f"{args.flow}/{name}")
         depth = archives.read(f"{args.depth}/{name}", ["depth"])["depth"]
         size = before.height, before.width
-        for folder, found in ((args.flow, valid), (args.depth, depth)):
-            if found.shape != size:
-                raise ValueError(f"{folder}/{name}: {found.shape}, not {size} px")
+        for folder, image in ((args.flow, valid), (args.depth, depth)):
+            if image.shape != size:
+                raise ValueError(f"{folder}/{name}: {image.shape}, not {size} px")
         yield correct.View(flow_px, valid, before.pixtocams[view], depth)
 
 
-def row(given: prepared.Scene, after: prepared.Scene, view, correction):
-    """What was done to a view's camera in all, against the given one."""
-    before, now = (camera_of(state, view) for state in (given, after))
-    size = given.width, given.height
+def row(original: prepared.Scene, after: prepared.Scene, view, correction):
+    """A view's row of the report: its whole correction, from the scene's own camera."""
+    before, now = (camera_of(state, view) for state in (original, after))
+    size = original.width, original.height
     return {
-        "view": given.names[view],
+        "view": original.names[view],
         **pose_error.difference(before, now, size, correction.depth),
         "this_round_px": correction.length_px,
         "noise_px": correction.noise_px,

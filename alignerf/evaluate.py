@@ -67,9 +67,9 @@ def main(argv=None):
 
 
 def check_renders(names, folder):
-    """ValueError naming the views that have no render; others' folders lack some."""
-    there = [(pathlib.Path(folder) / f"{name}.png").is_file() for name in names]
-    if missing := [name for name, found in zip(names, there, strict=True) if not found]:
+    """ValueError naming the views without a render, which external folders lack."""
+    folder = pathlib.Path(folder)
+    if missing := [name for name in names if not (folder / f"{name}.png").is_file()]:
         few = faults.some_names(missing)
         raise ValueError(f"{folder}: no <view>.png of {len(missing)} test views: {few}")
 
@@ -151,15 +151,15 @@ def targets_of(view):
 
 def moved_renders(view, folder):
     """{test set: (image, render, mask)} of one view rendered by moved cameras."""
-    moved = {}
+    renders = {}
     for one in test_sets.every():
         path = pathlib.Path(folder) / one.name
         if one.moved and one.needs in view.has and path.is_dir():
             image, mask = one.make(view)
-            moved[one.name] = image, view.read(path), mask
-    if not moved:
+            renders[one.name] = image, view.read(path), mask
+    if not renders:
         raise ValueError(f"{folder}: no renders by moved cameras")
-    return moved
+    return renders
 
 
 def load_lpips(net, path):

@@ -1,10 +1,10 @@
 """Write cameras and photos for other programs: `python -m alignerf.export`.
 
 One folder with images/, transforms.json (nerfstudio, instant-ngp) and sparse/0 (COLMAP,
-Gaussian splatting). With warped photos the training views are these, and masks/ says
-which pixels are valid; the other views keep the photos as taken. The points that COLMAP
-found when it made the poses come with them; poses that came as LLFF's poses_bounds.npy
-or as one of NeRF's synthetic scenes go as that too.
+Gaussian splatting). Where photos are warped, the training views have the warped photos,
+and masks/ says which pixels are valid; the other views keep their photos. COLMAP's
+points are exported with its poses. A scene that came as LLFF's poses_bounds.npy or as
+one of NeRF's synthetic scenes is written in that format too.
 """
 
 import argparse
@@ -28,7 +28,7 @@ def main(argv=None):
     if args.if_pays and not pays(*args.if_pays):
         args.cameras = args.warped = args.valid = None
     loaded = prepared.load(args.scene, args.cameras)
-    found = prepared.read_cameras(args.cameras or loaded.folder / "cameras.npz")
+    arrays = prepared.read_cameras(args.cameras or loaded.folder / "cameras.npz")
     warped = loaded.views("train") if args.warped else np.zeros(0, int)
     synthetic = source_of(loaded.folder) == "blender"
     with atomic.replace_folder(args.out) as folder:
@@ -44,22 +44,22 @@ def main(argv=None):
             write_masks(folder / "masks", loaded, warped, args.valid)
         points = loaded.folder / prepared.POINTS
         if points.is_file():
-            found |= archives.read(points, ("points", "colours"))
-        exported.write_colmap(folder, found)
+            arrays |= archives.read(points, ("points", "colours"))
+        exported.write_colmap(folder, arrays)
         path = folder / "transforms.json"
-        scene = exported.write_transforms(path, found, masked=masked)
+        scene = exported.write_transforms(path, arrays, masked=masked)
         if synthetic:
-            write_blender(folder, found, scene)
+            write_blender(folder, arrays, scene)
         bounds = loaded.folder / prepared.BOUNDS
         if bounds.is_file():
-            write_llff(folder / "poses_bounds.npy", found, bounds)
+            write_llff(folder / "poses_bounds.npy", arrays, bounds)
 
 
 def pays(verdict, method):
-    """Whether a scene's verdict.json says that a method's alignment paid; says so."""
+    """Whether verdict.json says that a method's alignment paid; logged where not."""
     gains = json_files.read(verdict, {"gains": list})["gains"]
-    found = [gain for gain in gains if gain.get("method") == method]
-    if any(gain.get("pays") is True for gain in found):
+    own = [gain for gain in gains if gain.get("method") == method]
+    if any(gain.get("pays") is True for gain in own):
         return True
     log.warning(
         "%s did not show in this run that it brings more than chance, or too few "
@@ -70,7 +70,7 @@ def pays(verdict, method):
 
 
 def source_of(folder):
-    """Where the scene came from; None where it does not say."""
+    """The source of a scene by its poses.json; None where that does not say."""
     report = folder / "poses.json"
     return json_files.read(report).get("source") if report.is_file() else None
 
@@ -94,21 +94,21 @@ def write_masks(folder, loaded, warped, valid):
         images.write_mask(folder / f"{name}.png", mask)
 
 
-def write_blender(folder, found, scene):
-    """Write the files of NeRF's synthetic scenes, or say why not."""
+def write_blender(folder, arrays, scene):
+    """Write the files of NeRF's synthetic scenes, or log why they cannot be."""
     try:
-        exported.write_blender(folder, found, scene)
+        exported.write_blender(folder, arrays, scene)
     except ValueError as error:
         log.warning("transforms_train.json is not written: %s", error)
 
 
-def write_llff(path, found, bounds):
-    """Write poses_bounds.npy, or say why not; bounds: the file of the depths."""
+def write_llff(path, arrays, bounds):
+    """Write poses_bounds.npy, or log why not. bounds: the file of the depths."""
     depths = archives.read(bounds, ["bounds"])["bounds"]
-    if depths.shape != (len(found["names"]), 2):
+    if depths.shape != (len(arrays["names"]), 2):
         raise ValueError(f"{bounds}: {depths.shape} is not two depths for each view")
     try:
-        exported.write_llff(path, found, depths)
+        exported.write_llff(path, arrays, depths)
     except ValueError as error:
         log.warning("%s is not written: %s", path.name, error)
 

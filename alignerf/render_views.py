@@ -19,8 +19,9 @@ import numpy as np
 
 from alignerf.files import atomic, faults, images, machine, progress, split_paths
 from alignerf.preflight import eta
+from alignerf.processes import devices
 from alignerf.scenes import prepared
-from alignerf.training import devices, renderer
+from alignerf.training import renderer
 
 log = logging.getLogger("alignerf")
 
@@ -60,10 +61,10 @@ def render_split(loaded: prepared.Scene, split, render, renders, depth=None):
         )
 
         def render_view(view):
-            image, found = render(loaded.pixtocams[view], loaded.camtoworlds[view])
+            image, depth_map = render(loaded.pixtocams[view], loaded.camtoworlds[view])
             images.write(folder / f"{loaded.names[view]}.png", image)
             if depths is not None:
-                np.savez(depths / f"{loaded.names[view]}.npz", depth=found)
+                np.savez(depths / f"{loaded.names[view]}.npz", depth=depth_map)
 
         begun = time.perf_counter()
         # The first one alone: it compiles, which counts only if there is no other.

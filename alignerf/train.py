@@ -3,8 +3,8 @@
 One product: the parameters, beside a `timing.json`. Resumes from its checkpoint
 folder bit for bit, with the same number of threads, devices and micro-batches (those
 of the checkpoint are taken again, where they fit). The first loss or gradient that is
-not finite ends it; the last checkpoint is kept. Several processes, as of `srun`, train
-one model (`alignerf.processes`).
+not finite ends the training; the last checkpoint is kept. Several processes, started
+by `srun` for example, train one model (`alignerf.processes`).
 """
 
 import argparse
@@ -18,19 +18,18 @@ from pathlib import Path
 
 import jax
 
+from alignerf.cameras import refine
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.decisions import fill
 from alignerf.experiment import jobs
 from alignerf.files import archives, atomic, faults, machine
 from alignerf.preflight import eta
-from alignerf.processes import consensus, rank, rendezvous
+from alignerf.processes import consensus, devices, rank, rendezvous
 from alignerf.scenes import pose_error, prepared
-from alignerf.systems import refine
 from alignerf.training import (
     batches,
     checkpoint,
     compose,
-    devices,
     loop,
     memory,
     program,
@@ -48,7 +47,7 @@ def main(argv=None):
 
 
 def run(args):
-    """Train, and write what came out; with several processes only the first writes."""
+    """Train and write the results; of several processes only the first writes."""
     job = with_radius(fill.read_job(args.config), args.displacement)
     with contextlib.ExitStack() as stack:
         if rank.is_first():
@@ -102,28 +101,23 @@ def train(job, args):
         checkpoint.fingerprint(jobs.as_dict(job), args.sources), "config"
     )
     loaded = prepared.load(args.scene, args.cameras)
-    check_patches(job, loaded)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
-    prepared.check_images(loaded, chosen, photos)
-    for view in chosen if args.valid else ():
-        archives.check(f"{args.valid}/{loaded.names[view]}.npz", ["valid"])
+    check_inputs(job, loaded, chosen, photos, args.valid)
     moves = job.refine or job.align
     compared = to_truth(loaded, args.truth) if moves and args.truth else None
     method = compose.make_method(job, lambda: refine.views_of(loaded))
     params = initial_params(job, method, args.initial)
     shapes = batches.view_shapes(loaded, chosen)
     aligner = make_aligner(job, loaded, chosen, photos, args)
-    to_come = memory.tree_bytes(shapes)
-    if aligner:
-        to_come += aligner.more_bytes(shapes)
-    for free in (memory.free_host_bytes(), memory.free_bytes(jax.local_devices()[0])):
-        memory.check(to_come, free, f"{photos}: training views")
+    to_come = checked_bytes(shapes, aligner, photos)
     left = eta.Left(args.scene, args.timing)
     if text := left.words():
         log.info(text)
     # Whether the checkpoint is this job's shows when the photos are there.
-    parts = consensus.on(checkpoint.read_parts(args.checkpoints))
-    built = program.build(job, method, params, shapes, parts=parts, to_come=to_come)
+    micro_batches = consensus.on(checkpoint.read_micro_batches(args.checkpoints))
+    built = program.build(
+        job, method, params, shapes, micro_batches=micro_batches, to_come=to_come
+    )
     views = batches.load_views(loaded, chosen, photos, args.valid)
     params, timing = loop.fit(
         *(job, method, built, params, views, args.checkpoints),
@@ -138,22 +132,41 @@ def train(job, args):
     elif job.refine:
         moved = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
     if rank.is_first():
-        with atomic.replace_folder(args.learnt) as folder:
-            if job.align:
-                aligner.write(folder, views, args.cameras)
-            else:
-                write_cameras(folder / "cameras.npz", moved, job, args)
+        write_learnt(job, moved, aligner, views, args)
     if compared:
         errors_px = {"given": compared(loaded), "after": compared(moved)}
         timing["pose_error_px"] = errors_px
     return params, timing
 
 
-def make_aligner(job, loaded: prepared.Scene, chosen, photos, args):
-    """What puts right what the job learns from, or None.
+def check_inputs(job, loaded: prepared.Scene, chosen, photos, valid):
+    """ValueError naming a photo or mask that cannot be learnt from, by its head."""
+    smallest = min(loaded.width, loaded.height)
+    if job.stage == "finetune" and job.alignerf.patch_px > smallest:
+        raise ValueError(
+            f"config.alignerf.patch_px: {job.alignerf.patch_px} px do not fit photos "
+            f"of {loaded.width}x{loaded.height}"
+        )
+    prepared.check_images(loaded, chosen, photos)
+    for view in chosen if valid else ():
+        archives.check(f"{valid}/{loaded.names[view]}.npz", ["valid"])
 
-    Imported by its name: `experiment.sources` follows imports that stand in a file, and
-    a change of the flow, which this needs, is no change of all other trainings.
+
+def checked_bytes(shapes, aligner, photos):
+    """Memory that the views and their alignment take; ValueError where it is short."""
+    to_come = memory.tree_bytes(shapes)
+    if aligner:
+        to_come += aligner.more_bytes(shapes)
+    for free in (memory.free_host_bytes(), memory.free_bytes(jax.local_devices()[0])):
+        memory.check(to_come, free, f"{photos}: training views")
+    return to_come
+
+
+def make_aligner(job, loaded: prepared.Scene, chosen, photos, args):
+    """The `Aligner` of a job that aligns on the way, else None.
+
+    Imported by name: `experiment.sources` follows the import statements of a file, and
+    a change of the flow package must not rerun the trainings that align nothing.
     """
     if job.align is None:
         return None
@@ -162,13 +175,17 @@ def make_aligner(job, loaded: prepared.Scene, chosen, photos, args):
     return alignment.Aligner(job, scene, args.checkpoints)
 
 
-def write_cameras(path, learnt, job, args):
-    """The cameras of the renders: as learnt, else the file of those given."""
-    if job.refine:
-        prepared.write_cameras(path, learnt, args.cameras)
-        return
-    given = args.seen_by or args.cameras or f"{args.scene}/cameras.npz"
-    shutil.copyfile(given, path)
+def write_learnt(job, moved, aligner, views, args):
+    """Write the cameras that the renders are seen by, and photos that were warped."""
+    with atomic.replace_folder(args.learnt) as folder:
+        path = folder / "cameras.npz"
+        if job.align:
+            aligner.write(folder, views, args.cameras)
+        elif job.refine:
+            prepared.write_cameras(path, moved, args.cameras)
+        else:
+            original = args.seen_by or args.cameras or f"{args.scene}/cameras.npz"
+            shutil.copyfile(original, path)
 
 
 def to_truth(loaded: prepared.Scene, truth):
@@ -179,7 +196,7 @@ def to_truth(loaded: prepared.Scene, truth):
 
 
 def with_radius(job, displacement) -> jobs.Job:
-    """The job with a search radius: its own, or from the measured misalignment."""
+    """The job with a search radius: its own, or one by the measured misalignment."""
     if job.stage != "finetune" or job.alignerf.radius_px is not None:
         return job
     if displacement is None:
@@ -191,7 +208,7 @@ def with_radius(job, displacement) -> jobs.Job:
 
 
 def weights_digest(job) -> str:
-    """SHA-256 of what the frequency loss looks through: another file starts anew."""
+    """SHA-256 of the frequency loss's weights: with others training starts anew."""
     path = job.alignerf and job.alignerf.frequency_weights
     if job.stage != "finetune" or not path:
         return ""
@@ -199,18 +216,8 @@ def weights_digest(job) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def check_patches(job, loaded: prepared.Scene):
-    """A patch must lie inside the photos."""
-    smallest = min(loaded.width, loaded.height)
-    if job.stage == "finetune" and job.alignerf.patch_px > smallest:
-        raise ValueError(
-            f"config.alignerf.patch_px: {job.alignerf.patch_px} px do not fit photos "
-            f"of {loaded.width}x{loaded.height}"
-        )
-
-
 def initial_params(job, method, initial):
-    """Fresh parameters, those of a round before, or pre-trained ones widened."""
+    """Fresh parameters, those of the round before, or widened pre-trained ones."""
     key = jax.random.key(job.seed)
     if job.stage in ("warm", "finetune") and initial is None:
         raise ValueError(f"--initial: stage {job.stage!r} needs trained parameters")

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from alignerf.files import faults, split_paths
 from flow.estimation import arguments as arguments_of_flow
-from flow.estimation import estimate, folders, given
+from flow.estimation import estimate, external, folders
 
 
 def main(*, splits, flow_out, stats_out, warped_out=None, **options):
@@ -43,15 +43,17 @@ def parse(arguments=None):
     for name in ("renders", "photos", "flow-out", "stats-out"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--warped-out", type=Path, help="folder of warped photos")
-    arguments_of_flow.add(parser, (*estimate.METHODS, given.METHOD))
+    arguments_of_flow.add(parser, (*estimate.METHODS, external.METHOD))
     parser.add_argument("--flows", type=Path, help="folder of flows made elsewhere")
     parser.add_argument("--depth", type=Path, help="of the renders, for occlusions")
     parser.add_argument("--masks", type=Path, help="where photos count, if it is there")
     splits = {"nargs": "+", "choices": ("train", "test"), "default": ()}
     parser.add_argument("--splits", **splits, help="what {split} stands for")
     options = parser.parse_args(arguments)
-    if (options.flows is None) == (options.method == given.METHOD):
-        parser.error(f"--flows goes with --method {given.METHOD}, and it with --flows")
+    if (options.flows is None) == (options.method == external.METHOD):
+        parser.error(
+            f"--flows goes with --method {external.METHOD}, and it with --flows"
+        )
     return options
 
 

@@ -1,4 +1,4 @@
-"""Write the control sets of a warped test set: what of its gain is not alignment.
+"""Write the control sets of a warped test set: they measure the gain without alignment.
 
 Beside the warped photos, for each view:
 
@@ -41,7 +41,7 @@ def main(renders, photos, flow, out, *, truth=None, masks=None, **options):
     options: those of `write_view`. Sets appear together or not at all. Raises
     ValueError or OSError.
     """
-    found = pairs.find_pairs(Path(renders), Path(photos))
+    views = pairs.find_pairs(Path(renders), Path(photos))
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
         table = stack.enter_context(atomic.replace_file(Path(out) / "leak.csv"))
@@ -67,10 +67,10 @@ def main(renders, photos, flow, out, *, truth=None, masks=None, **options):
                 raise ValueError(f"view {view}: {error}") from error
             return row | {"time_s": round(time.perf_counter() - started, 4)}
 
-        bar = progress.Progress("controls", len(found), unit="view")
+        bar = progress.Progress("controls", len(views), unit="view")
         stack.callback(bar.close)
         rows = []
-        for row in machine.map_in_threads(row_of, found):
+        for row in machine.map_in_threads(row_of, views):
             rows.append(row)
             bar.advance()
         files.write_rows(table, COLUMNS, rows)

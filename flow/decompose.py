@@ -1,8 +1,8 @@
-"""What the misalignment of each view is made of: `python -m flow.decompose`.
+"""Split each view's misalignment into its causes: `python -m flow.decompose`.
 
 The camera part of a flow is what a small motion and a zoom of the view's camera
-explain, given the rendered depth; the remainder is what moves in the scene, what the
-model bent to average misaligned photos, errors of the flow, and occlusion. Where the
+explain, given the rendered depth. The remainder holds moving objects, bends of the
+model, which averages misaligned photos, errors of the flow, and occlusion. Where the
 truth is known, the model's part, the flow from the render to the oracle of the same
 view, is taken off first. Writes <view>.npz with the parts, and statistics.
 
@@ -84,11 +84,11 @@ def write(renders_depth, flow, cameras, split, out_flow, stats_out, model_flow=N
                 if part is not None
             ]
             try:
-                found, model_px = decompose(*flows, pixtocam=pixtocam, depth=depth)
-                row = statistics(found, model_px)
+                fit, model_px = decompose(*flows, pixtocam=pixtocam, depth=depth)
+                row = statistics(fit, model_px)
             except ValueError as error:
                 raise ValueError(f"view {view}: {error}") from error
-            write_parts(folder / f"{view}.npz", found, model_px)
+            write_parts(folder / f"{view}.npz", fit, model_px)
             time_s = round(time.perf_counter() - started, 4)
             rows.append({"view": view, **row, "time_s": time_s})
         files.write_rows(stats_path, COLUMNS, rows)
@@ -112,7 +112,7 @@ def decompose(flow, model_flow=None, *, pixtocam, depth):
     return camera_fit.split(flow_px - model_px, both, pixtocam, depth), model_px
 
 
-def statistics(found: camera_fit.Fit, model_px=None):
+def statistics(fit: camera_fit.Fit, model_px=None):
     """A view's row, over its valid pixels.
 
     camera_share: how much of the squared length of the flow, less the model's part,
@@ -121,26 +121,26 @@ def statistics(found: camera_fit.Fit, model_px=None):
     with the camera contribute to the mean length of the remainder. Raises ValueError
     where no pixel is valid.
     """
-    if not found.valid.any():
+    if not fit.valid.any():
         raise ValueError(
             "no pixel has both a valid flow and a depth: its render shows nothing of "
             "the photo; train longer, or another model"
         )
-    net_px = found.camera_px + found.remainder_px
+    net_px = fit.camera_px + fit.remainder_px
     model = {} if model_px is None else {"model": model_px}
     vectors_px = model | {
         "flow": net_px + model.get("model", 0),
-        "camera": found.camera_px,
-        "remainder": found.remainder_px,
+        "camera": fit.camera_px,
+        "remainder": fit.remainder_px,
     }
     lengths_px = {
-        part: np.linalg.norm(vectors[found.valid].astype(np.float64), axis=-1)
+        part: np.linalg.norm(vectors[fit.valid].astype(np.float64), axis=-1)
         for part, vectors in vectors_px.items()
     }
-    moved = found.moved[found.valid]
-    net_length_px = np.linalg.norm(net_px[found.valid], axis=-1)
+    moved = fit.moved[fit.valid]
+    net_length_px = np.linalg.norm(net_px[fit.valid], axis=-1)
     return {
-        "valid_share": float(found.valid.mean()),
+        "valid_share": float(fit.valid.mean()),
         **{
             f"{part}_{name}": value
             for part in PARTS
@@ -149,9 +149,9 @@ def statistics(found: camera_fit.Fit, model_px=None):
         "camera_share": explained(net_length_px, lengths_px["remainder"]),
         "moved_share": float(moved.mean()),
         "moved_mean_px": float((lengths_px["remainder"] * moved).mean()),
-        "noise_px": found.noise_px,
-        **_camera(found.motion),
-        "fitted_pixels": found.pixels,
+        "noise_px": fit.noise_px,
+        **_camera(fit.motion),
+        "fitted_pixels": fit.pixels,
     }
 
 
@@ -181,11 +181,11 @@ def _camera(motion):
     return columns | {"focal_ratio": float(np.exp(motion.log_focal))}
 
 
-def write_parts(path, found: camera_fit.Fit, model_px):
+def write_parts(path, fit: camera_fit.Fit, model_px):
     """Write camera_px, remainder_px (and model_px) [h, w, 2], valid, moved [h, w]."""
     parts = {} if model_px is None else {"model_px": model_px}
     for name in ("camera_px", "remainder_px", "valid", "moved"):
-        parts[name] = getattr(found, name)
+        parts[name] = getattr(fit, name)
     with atomic.replace_file(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, **parts)
 

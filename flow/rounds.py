@@ -56,10 +56,10 @@ def decide(now_px, before_px=None, *, least_fall=LEAST_FALL):
         return True, f"{now_px:.3f} px remain to be corrected"
     fall = (before_px - now_px) / before_px if before_px > 0 else 0.0
     goes_on = fall >= least_fall
-    found = "" if goes_on else "not "
+    negation = "" if goes_on else "not "
     return goes_on, (
         f"{now_px:.3f} px remain, {before_px:.3f} px before: "
-        f"the least fall of {least_fall:.0%} is {found}reached"
+        f"the least fall of {least_fall:.0%} is {negation}reached"
     )
 
 
@@ -75,9 +75,9 @@ def main(out, *, flow=None, before_flow=None, corrections=None, before=None):
     else:
         now_px = remaining_px(flow, before_flow)
     goes_on, reason = decide(now_px, before and read_number(before, "remaining_px"))
-    found = {"go_on": goes_on, "reason": reason, "remaining_px": now_px}
+    decision = {"go_on": goes_on, "reason": reason, "remaining_px": now_px}
     with atomic.replace_file(out) as path:
-        path.write_text(json.dumps(found) + "\n")
+        path.write_text(json.dumps(decision) + "\n")
 
 
 def run(arguments=None):

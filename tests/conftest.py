@@ -31,7 +31,7 @@ import numpy as np
 import pytest
 import yaml
 
-# One device in this process, whatever stage it calls first (see training/devices.py).
+# One device in this process, whatever stage it calls first (see processes/devices.py).
 jax.devices()
 # Arrays of other ranks meet by name, [:, None], or not at all.
 jax.config.update("jax_numpy_rank_promotion", "raise")

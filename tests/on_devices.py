@@ -6,17 +6,18 @@ import re
 import jax
 import numpy as np
 
-from alignerf.training import devices, gradients
+from alignerf.processes import devices
+from alignerf.training import gradients
 from tests import training_cases as cases
 
 METHODS = {"mipnerf360": cases.baseline(), "alignerf": cases.alignerf(patches=16)}
 STEPS = 4
 
 
-def losses(method, views, *, parts, used):
+def losses(method, views, *, micro_batches, used):
     """The losses of a few steps, and the collectives of the compiled step."""
     mesh = gradients.make_mesh(method.units, used)
-    state, step = cases.start(method, parts=parts, mesh=mesh)
+    state, step = cases.start(method, micro_batches=micro_batches, mesh=mesh)
     state, views = devices.place((state, views), mesh)
     compiled = step.func.lower(state, views, **step.keywords).compile()
     collectives = re.findall(
@@ -35,8 +36,8 @@ def main():
     views, every = cases.make_views(), jax.local_devices()
     found = {
         name: {
-            "one": losses(method, views, parts=1, used=every[:1]),
-            "all": losses(method, views, parts=2, used=every),
+            "one": losses(method, views, micro_batches=1, used=every[:1]),
+            "all": losses(method, views, micro_batches=2, used=every),
         }
         for name, method in METHODS.items()
     }

@@ -12,7 +12,7 @@ import sys
 from alignerf import train
 from alignerf.files import faults
 from alignerf.processes import rank, rendezvous
-from alignerf.training import checkpoint, loop
+from alignerf.training import checkpoint, loop, run
 
 
 def main():
@@ -47,7 +47,7 @@ def arguments(args, out):
 
 def let_happen(args, todo):
     """Each step's loss is said; in the last training what is asked for happens."""
-    save, check = checkpoint.save, loop.check_finite
+    save, check = checkpoint.save, run.check_finite
 
     def save_and_say(folder, state, *, final, **facts):
         save(folder, state, final=final, **facts)
@@ -62,7 +62,7 @@ def let_happen(args, todo):
         if not todo and is_last and int(state.step) == args.freezes_at:
             os.kill(os.getpid(), signal.SIGSTOP)
 
-    checkpoint.save, loop.check_finite = save_and_say, check_and_freeze
+    checkpoint.save, run.check_finite = save_and_say, check_and_freeze
 
 
 if __name__ == "__main__":

@@ -15,9 +15,9 @@ import numpy as np
 
 from alignerf.alignment import cameras, look, outputs, photos, store, words
 from alignerf.experiment import jobs
-from alignerf.processes import consensus, rank
+from alignerf.processes import consensus, devices, rank
 from alignerf.scenes import prepared
-from alignerf.training import compose, devices, memory, renderer
+from alignerf.training import compose, memory, renderer
 from flow.camera import correct
 from flow.estimation import estimators
 
@@ -72,25 +72,25 @@ class Aligner:
         self.places = jobs.places(self.settings, steps)
 
     def restore(self, step) -> bool:
-        """Take what the alignments before a step have found; whether it is there.
+        """Load the alignments made before a step; returns whether they are on disk.
 
-        One that is done before this very step is not made again.
+        An alignment that was made before this very step is not repeated.
         """
-        found = None
+        stored = None
         if rank.is_first():
-            found = store.read(self.folder, identity=self.identity, size=self.sizes())
-        aligned = consensus.on(found and found[1]["step"])
+            stored = store.read(self.folder, identity=self.identity, size=self.sizes())
+        aligned = consensus.on(stored and stored[1]["step"])
         last = max((at for at in self.places if at < step), default=None)
         if aligned is None or aligned not in (step, last):
             return last is None
-        self.take(shared(found and found[0]))
-        self.report = consensus.on(found and found[1]["report"])
+        self.take(shared(stored and stored[0]))
+        self.report = consensus.on(stored and stored[1]["report"])
         if aligned == step:
             del self.places[step]
         return True
 
     def align(self, params, step):
-        """Look at all training views by these parameters; put right what is off."""
+        """Render all training views by these parameters, and correct what is off."""
         begun, compiled_s = time.perf_counter(), self.compile_time_s
         kinds = self.places[step]
         arrays, row = None, {}
@@ -98,12 +98,12 @@ class Aligner:
             seen = list(self.look(devices.on_first(params)))
             row = {"step": step, "corrects": kinds, "shrink": self.k}
             row |= words.flow_length(seen, self.k)
-            found = None
+            corrections = None
             if "cameras" in kinds:
-                found = self.corrections(seen, step)
-                row |= self.move_cameras(found)
+                corrections = self.corrections(seen, step)
+                row |= self.move_cameras(corrections)
             if "photos" in kinds:
-                row |= self.move_photos(seen, found)
+                row |= self.move_photos(seen, corrections)
             elif row.get("cameras_moved"):
                 # Offsets from renders by other cameras say nothing of these.
                 self.offsets_px = self.valid = None
@@ -128,7 +128,7 @@ class Aligner:
         if self.small is None:
             self.small = look.read_photos(loaded, chosen, self.scene.photos, k)
             h, w = (side // k for side in self.size)
-            self.render = renderer.make_for_params(self.method, w, h)
+            self.render = renderer.Renderer(self.method, w, h)
             # Compiling is counted apart: a cache often saves it.
             begun = time.perf_counter()
             self.render(params, loaded.pixtocams[0], loaded.camtoworlds[0])
@@ -149,57 +149,57 @@ class Aligner:
 
     def corrections(self, seen, step):
         """A `correct.Correction` of each view."""
-        found = correct.corrections(
+        corrections = correct.corrections(
             lambda: iter(seen),
             least_px=self.least_px(step),
             zooms=not self.were_wrong(),
             most_pixels=FITTED_PIXELS,
         )
-        if len(found) > 1:
-            return found
-        # What all corrections share is taken out: of one that is all of it.
+        if len(corrections) > 1:
+            return corrections
+        # What all corrections share is taken out: of a single correction, all of it.
         alone = "of one view nothing is known but by itself"
-        return [correct.left_alone(one, alone) for one in found]
+        return [correct.left_alone(one, alone) for one in corrections]
 
-    def move_cameras(self, found):
-        """Move the cameras that can be trusted; what was done."""
+    def move_cameras(self, corrections):
+        """Move the cameras that can be trusted; returns entries of the report."""
         train = self.scene.views
-        self.now = cameras.corrected(self.now, train, found)
+        self.now = cameras.corrected(self.now, train, corrections)
         names = [self.now.names[view] for view in train]
         return {
-            "camera_px": self.k * cameras.median_px(found),
-            "cameras_moved": len(cameras.moved_views(train, found)),
-            "left_alone": words.staying(names, found, self.k),
+            "camera_px": self.k * cameras.median_px(corrections),
+            "cameras_moved": len(cameras.moved_views(train, corrections)),
+            "left_alone": words.staying(names, corrections, self.k),
         }
 
     def least_px(self, step):
-        """Where the median camera would move by less, the flow's own error does that.
+        """Median motion in px below which all motions are the flow's own error.
 
-        Early in a training renders are blurred, and that error is larger.
+        Early in a training renders are blurred, and the error is larger.
         """
         if self.were_wrong():
             return AGAIN * self.settings.least_move_px
         return self.settings.least_move_px * max(1.0, SETTLED * self.steps / step)
 
     def were_wrong(self):
-        """Whether the cameras were: not one among good ones, but most of them."""
+        """Whether an earlier alignment moved most of the cameras."""
         most = len(self.scene.views) / 2
         return any(row.get("cameras_moved", 0) >= most for row in self.report)
 
     def move_photos(self, seen, corrections):
-        """Find by how much each photo is to be warped; what was done.
+        """Set the offsets by which photos are warped; returns entries of the report.
 
         corrections: of the cameras at this step, or None.
         """
         whole = self.settings.photos == "whole"
         options = {"whole": whole, "most_pixels": FITTED_PIXELS}
         corrections = corrections or [None] * len(seen)
-        found = [
+        fields = [
             photos.offsets(view, one, **options)
             for view, one in zip(seen, corrections, strict=True)
         ]
-        self.offsets_px = np.stack([offset for offset, _ in found]).astype(np.float32)
-        self.valid = np.stack([valid for _, valid in found])
+        self.offsets_px = np.stack([offset for offset, _ in fields]).astype(np.float32)
+        self.valid = np.stack([valid for _, valid in fields])
         moving = (self.offsets_px != 0).any(axis=-1).mean(axis=(1, 2))
         return {
             "photos_warped": int((moving > 0).sum()),
@@ -207,7 +207,7 @@ class Aligner:
         }
 
     def views(self, views):
-        """The training views, `batches.Views`, as they are to be learnt from now."""
+        """The `batches.Views` after the alignments so far; views: before them."""
         chosen = self.scene.views
         if self.offsets_px is not None:
             views = photos.warped(views, self.offsets_px, self.valid, self.k)
@@ -217,17 +217,17 @@ class Aligner:
         )
 
     def arrays(self):
-        """All that the alignments so far have found, as `take` takes it."""
-        found = {
+        """{name: array} of the state: cameras and, where photos are warped, offsets."""
+        arrays = {
             "pixtocams": np.asarray(self.now.pixtocams),
             "camtoworlds": np.asarray(self.now.camtoworlds),
         }
         if self.offsets_px is not None:
-            found |= {"offsets_px": self.offsets_px, "valid": self.valid}
-        return found
+            arrays |= {"offsets_px": self.offsets_px, "valid": self.valid}
+        return arrays
 
     def take(self, arrays):
-        """Go on from what `arrays` gave."""
+        """Set the state from the arrays of `arrays`."""
         self.now = dataclasses.replace(
             self.scene.loaded,
             pixtocams=arrays["pixtocams"],
@@ -247,14 +247,14 @@ class Aligner:
             outputs.write_photos(folder, names, self.views(views))
 
     def more_bytes(self, shapes):
-        """What the alignments take besides the training's views; shapes: of these.
+        """Bytes that the alignments take besides the training's views, of these shapes.
 
         Photos as taken stay beside those that are warped; renders and flows are small.
         """
         photos = memory.tree_bytes(shapes.photos)
         small = SMALL_BYTES * photos // (3 * self.k**2)
-        # Also where none is warped: views with other cameras are placed anew, beside
-        # those before.
+        # Also where no photo is warped: views with new cameras are placed on the device
+        # while the old ones are still there.
         return small + photos + memory.tree_bytes(shapes.valid)
 
     def sizes(self):

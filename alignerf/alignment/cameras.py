@@ -8,19 +8,19 @@ from alignerf.scenes import cameras, prepared
 from flow.camera import motion as camera_motion
 
 
-def corrected(before: prepared.Scene, train, found) -> prepared.Scene:
+def corrected(before: prepared.Scene, train, corrections) -> prepared.Scene:
     """The scene with its cameras moved, and the frame where it was.
 
-    train [n]: indices of the views that `found`, their `correct.Correction`s, are of.
+    train [n]: indices of the views; corrections: a `correct.Correction` of each.
     What all corrections have in common (a turn, a shift and a scale of the world)
     cannot be seen in any photo, and is taken out. Views that are left alone count as
-    corrected by nothing: they hold the frame. A lens that is put right is every view's.
+    corrections of zero, and so hold the frame. A corrected lens is that of every view.
     """
     camtoworlds = before.camtoworlds.copy()
-    moved = moved_views(train, found)
-    zoom = np.exp(-zoom_of(found))
+    moved = moved_views(train, corrections)
+    zoom = np.exp(-zoom_of(corrections))
     pixtocams = np.diag([zoom, zoom, 1.0]) @ before.pixtocams
-    for view, correction in zip(train, found, strict=True):
+    for view, correction in zip(train, corrections, strict=True):
         _, camtoworlds[view] = camera_motion.apply(
             correction.motion, pixtocams[view], camtoworlds[view]
         )
@@ -30,17 +30,17 @@ def corrected(before: prepared.Scene, train, found) -> prepared.Scene:
     return dataclasses.replace(before, pixtocams=pixtocams, camtoworlds=camtoworlds)
 
 
-def moved_views(train, found):
-    """Those of the views `train` whose corrections are not none."""
-    return [v for v, c in zip(train, found, strict=True) if not c.left_alone]
+def moved_views(train, corrections):
+    """The views among `train` whose cameras move."""
+    return [v for v, c in zip(train, corrections, strict=True) if not c.left_alone]
 
 
-def zoom_of(found):
+def zoom_of(corrections):
     """The log_focal that all corrections share."""
-    return max((c.motion.log_focal for c in found), key=abs)
+    return max((c.motion.log_focal for c in corrections), key=abs)
 
 
-def median_px(found):
+def median_px(corrections):
     """Median length of the corrections that are made; 0 where there is none."""
-    lengths_px = [c.length_px for c in found if not c.left_alone]
+    lengths_px = [c.length_px for c in corrections if not c.left_alone]
     return float(np.median(lengths_px)) if lengths_px else 0.0

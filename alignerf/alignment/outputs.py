@@ -1,4 +1,4 @@
-"""What a training that aligned itself has learnt from, as files for other stages."""
+"""The corrected cameras and warped photos of an aligned training, as files."""
 
 import numpy as np
 
@@ -7,13 +7,13 @@ from alignerf.scenes import prepared
 from alignerf.training import batches
 
 
-def write_cameras(path, given, scene: prepared.Scene, cameras=None):
+def write_cameras(path, original, scene: prepared.Scene, cameras=None):
     """Write a scene's cameras as they are now.
 
-    given: the scene with its cameras as they were. cameras: the file of these; the
+    original: the scene with its cameras as they were. cameras: the file of these; the
     poses of views that did not move stay as they are there, to the bit.
     """
-    moved = (scene.camtoworlds != given.camtoworlds).any(axis=(1, 2))
+    moved = (scene.camtoworlds != original.camtoworlds).any(axis=(1, 2))
     prepared.write_cameras(path, scene, cameras, moved)
 
 

@@ -22,14 +22,14 @@ def flow_length(seen, k):
     return {"flow_px": k * float(np.median(medians)) if medians else None}
 
 
-def staying(names, found, k):
+def staying(names, corrections, k):
     """{why a camera stays: names of these views}, of their `correct.Correction`s.
 
-    k: by how much the images are smaller in whose pixels the reasons speak.
+    k: factor by which the images were made smaller; reasons are in their pixels.
     """
     unit = f" (px of renders made smaller by {k})" if k > 1 else ""
     reasons = {}
-    for name, correction in zip(names, found, strict=True):
+    for name, correction in zip(names, corrections, strict=True):
         if correction.left_alone:
             reasons.setdefault(correction.left_alone + unit, []).append(name)
     return reasons
@@ -37,15 +37,16 @@ def staying(names, found, k):
 
 def say(row):
     """Log an entry of the report."""
-    found = []
+    clauses = []
     if row["flow_px"] is not None:
-        found.append(f"renders and photos are apart by {row['flow_px']:.2f} px")
+        clauses.append(f"renders and photos are apart by {row['flow_px']:.2f} px")
     if "cameras_moved" in row:
         moved, length_px = row["cameras_moved"], row["camera_px"]
-        found.append(f"{moved} cameras move, by {length_px:.2f} px in the median")
+        clauses.append(f"{moved} cameras move, by {length_px:.2f} px in the median")
     if "photos_warped" in row:
         share = row["moving_share"]
-        found.append(f"{row['photos_warped']} photos warped, {share:.1%} of the median")
-    log.info("aligned at step %d: %s", row["step"], "; ".join(found))
+        warped = row["photos_warped"]
+        clauses.append(f"{warped} photos warped, {share:.1%} of the median")
+    log.info("aligned at step %d: %s", row["step"], "; ".join(clauses))
     for reason, views in row.get("left_alone", {}).items():
         log.info("cameras of %s stay: %s", faults.some_names(views), reason)

@@ -79,8 +79,8 @@ def search(
     length_px = np.linalg.norm(offsets, axis=-1).astype(np.float32)
     offsets, penalties = jnp.asarray(offsets), spatial_weight * jnp.asarray(length_px)
 
-    def look(i, found):
-        least, best = found
+    def look(i, best_so_far):
+        least, best = best_so_far
         start = (offsets[i, 1] + radius, offsets[i, 0] + radius)
         part = jax.lax.dynamic_slice(photo, (*start, 0), render.shape)
         count = jax.lax.dynamic_slice(counts, start, (size, size))

@@ -22,7 +22,7 @@ def colours(values, colours_of, *, width, height, strip, halo):
     """
     if min(width, height) <= halo:
         raise ValueError(f"an image of {width}x{height} pixels is too small to reflect")
-    values, found = iter(values), []
+    values, painted_strips = iter(values), []
     kept, first = next(values), 0
     for top in range(0, height, strip):
         above, below = max(top - halo, 0), min(top + strip + halo, height)
@@ -36,8 +36,8 @@ def colours(values, colours_of, *, width, height, strip, halo):
         columns = _reflect(np.arange(-halo, width + halo), width)
         image = kept[: (below - above) * width].reshape(below - above, width, -1)
         painted = np.asarray(colours_of(image[rows[:, None], columns]))
-        found.append(painted[: height - top])
-    return np.concatenate(found)
+        painted_strips.append(painted[: height - top])
+    return np.concatenate(painted_strips)
 
 
 def _at_least(count, kept, values):

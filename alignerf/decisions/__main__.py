@@ -1,8 +1,8 @@
-"""What a scene's facts call for: `python -m alignerf.decisions`.
+"""Decide settings by a scene's facts: `python -m alignerf.decisions`.
 
 Writes decisions.json: each key with its default, its value, the reason and the facts
-behind it; prints a line for each. A config with `decide: true` takes them for all keys
-that it does not say itself. `--show` prints what such files say.
+behind it; prints a line for each. A config with `decide: true` takes the decisions for
+all keys that it leaves out. `--show` prints decisions.json files.
 """
 
 import argparse
@@ -37,25 +37,25 @@ def shown(paths, asked):
 
     asked: whether the config leaves anything to facts.
     """
-    found = []
+    lines = []
     for path in paths:
-        lines = [rules.line(decision) for decision in fill.read(path).values()]
-        found += [f"{path.parent.name}: the facts call for", *(f"  {x}" for x in lines)]
+        lines.append(f"{path.parent.name}: the facts call for")
+        lines += [f"  {rules.line(decision)}" for decision in fill.read(path).values()]
     if not asked:
-        found.append("This config does not ask for it: decide: true.")
-    return found
+        lines.append("This config does not ask for it: decide: true.")
+    return lines
 
 
 def read_facts(path):
     """The facts of a facts.json; ValueError names a file that is none."""
-    found = json_files.read(path, rules.FACTS)
+    facts = json_files.read(path, rules.FACTS)
     counts = rules.COUNTS
-    if found.get("downscale_decided"):
+    if facts.get("downscale_decided"):
         counts = (*counts, *rules.OF_DOWNSCALE, "downscale")
     for name in counts:
-        if not rules.known(found.get(name)):
-            raise ValueError(f"{path}: {name} is {found.get(name)!r:.60}")
-    return found
+        if not rules.known(facts.get(name)):
+            raise ValueError(f"{path}: {name} is {facts.get(name)!r:.60}")
+    return facts
 
 
 if __name__ == "__main__":

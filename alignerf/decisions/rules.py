@@ -49,16 +49,16 @@ class Decision(NamedTuple):
 
 
 def decide(facts) -> list[Decision]:
-    """What the facts, as facts.json has them, call for.
+    """The decisions on the content of a facts.json.
 
     A key whose facts are unknown keeps its default, and the reason says so.
     """
-    found = [downscale(facts)] if facts.get("downscale_decided") else []
-    return [*found, *(rule(facts) for rule in (near, radius, finest, steps))]
+    first = [downscale(facts)] if facts.get("downscale_decided") else []
+    return [*first, *(rule(facts) for rule in (near, radius, finest, steps))]
 
 
 def downscale(facts):
-    """By how much photos were made smaller, where stage `poses` had to decide it."""
+    """The decision of stage `poses` on the factor by which photos are made smaller."""
     width, height, views = (facts[name] for name in OF_DOWNSCALE)
     return Decision(
         "scenes.downscale",
@@ -94,10 +94,10 @@ def radius(facts):
     nearest = facts["nearest"]
     if not known(nearest):
         return unknown("model.radius", default, facts, ["nearest"])
-    found = max(default, digits(np.clip(nearest, *LENGTHS)))
-    where = "beyond" if found > default else "among"
+    value = max(default, digits(np.clip(nearest, *LENGTHS)))
+    where = "beyond" if value > default else "among"
     reason = f"the nearest points are {where} the cameras"
-    return Decision("model.radius", default, found, reason, {"nearest": nearest})
+    return Decision("model.radius", default, value, reason, {"nearest": nearest})
 
 
 def finest(facts):
@@ -119,7 +119,7 @@ def finest(facts):
 
 
 def contraction_across(distance):
-    """How much the contraction stretches what lies across, this far from the middle."""
+    """Stretch of the contraction across the radius, at a distance from the middle."""
     return 1.0 if distance <= 1 else (2 - 1 / distance) / distance
 
 
@@ -128,12 +128,12 @@ def steps(facts):
     usual = training_keys.Training()
     default, batch = usual.steps, usual.batch_rays
     pixels = math.prod(facts[name] for name in COUNTS)
-    found = int(np.clip(100 * math.ceil(PASSES * pixels / batch / 100), *STEPS))
-    seen = found * batch / pixels
+    count = int(np.clip(100 * math.ceil(PASSES * pixels / batch / 100), *STEPS))
+    seen = count * batch / pixels
     return Decision(
         "training.steps",
         default,
-        found,
+        count,
         f"each of {pixels / 1e6:.3g} million pixels is seen {seen:.2g} times, with "
         f"{batch} rays a step",
         {name: facts[name] for name in COUNTS},
@@ -151,7 +151,7 @@ def digits(value, count=3):
 
 
 def unknown(key, default, facts, names):
-    """The default, since one of these facts is not known."""
+    """The decision to keep the default: one of these facts is unknown."""
     return Decision(
         *(key, default, default, f"not known: {', '.join(names)}"),
         {name: facts.get(name) for name in names},

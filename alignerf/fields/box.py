@@ -69,8 +69,8 @@ class Box(nn.Module):
         table = self.param(
             "table", grid.table_init, (sum(levels.entries), self.features)
         )
-        found = grid.look_up(table, at.T, levels, self.moving)
-        x = jnp.moveaxis(found, -1, 1).reshape(-1, at.shape[0])
+        features = grid.look_up(table, at.T, levels, self.moving)
+        x = jnp.moveaxis(features, -1, 1).reshape(-1, at.shape[0])
         x = nn.relu(product(self, "density_0", self.width, x))
         x = product(self, "density_1", LEAST_OUTPUTS, x).astype(jnp.float32)
         density = jnp.exp(jnp.minimum(x[0], MOST_LOG_DENSITY)) * inside

@@ -88,11 +88,11 @@ def slopes_of(cells, ends, levels: Levels):
     _, weights = cells
     weights = [weight[end] for weight, end in zip(weights, ends, strict=True)]
     resolution = np.array(levels.resolutions, np.float32)[:, None]
-    found = []
+    slopes = []
     for axis, end in enumerate(ends):
         a, b = (weight for other, weight in enumerate(weights) if other != axis)
-        found.append((2 * end - 1) * resolution * a * b)
-    return jnp.stack(found)
+        slopes.append((2 * end - 1) * resolution * a * b)
+    return jnp.stack(slopes)
 
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(2, 3))
@@ -103,16 +103,16 @@ def look_up(table, points, levels: Levels, moving=False):
     cameras that are learnt need it, and it costs the table's rows once more. Without,
     their gradient is zero (the sampling along a ray is not differentiated).
     """
-    cells, found = cells_of(points, levels), 0.0
+    cells, total = cells_of(points, levels), 0.0
     for ends in CORNERS:
         row, weight = corner_of(cells, ends, levels)
-        found = found + weight[..., None] * table.at[row].get(mode="promise_in_bounds")
-    return found
+        total = total + weight[..., None] * table.at[row].get(mode="promise_in_bounds")
+    return total
 
 
 def _look_up_forward(table, points, levels, moving):
-    found = look_up(table, points, levels, moving)
-    return found, (points, table if moving else table.shape)
+    features = look_up(table, points, levels, moving)
+    return features, (points, table if moving else table.shape)
 
 
 def _look_up_backward(levels, moving, residuals, found_grad):
@@ -187,14 +187,14 @@ class Grid(nn.Module):
         points = mean.reshape(-1, 3).T / (2 * EXTENT) + 0.5
         sigma = radius.reshape(-1) / (2 * EXTENT)
         table = self.param("table", table_init, (sum(levels.entries), self.features))
-        found = look_up(table, points, levels, self.moving)
+        features = look_up(table, points, levels, self.moving)
         share = jnp.ones((self.levels, sigma.size))
         if self.anti_aliased:
             share = shares_of(sigma, levels)
         if fineness is not None:
             share = share * shading.fine_weights(fineness, self.levels)[:, None]
-        found = jnp.moveaxis(found * share[..., None], -1, 1)
-        x = found.reshape(-1, sigma.size)
+        features = jnp.moveaxis(features * share[..., None], -1, 1)
+        x = features.reshape(-1, sigma.size)
         x = nn.relu(shading.Dense(self.width, self.precision)(x))
         width = 1 + (0 if viewdirs is None else self.bottleneck)
         x = shading.Dense(width, self.precision)(x)

@@ -49,10 +49,10 @@ class Nerf(nn.Module):
             if layer == self.skip_after:
                 x = (*x, encoded)
             last = layer == self.depth - 1
-            found = shading.Dense(self.width + last, self.precision)(*x)
+            outputs = shading.Dense(self.width + last, self.precision)(*x)
             if last:
-                raw, found = found[:1], found[1:]
-            x = (nn.relu(found),)
+                raw, outputs = outputs[:1], outputs[1:]
+            x = (nn.relu(outputs),)
         density = jax.nn.softplus(raw.astype(jnp.float32)).reshape(batch)
         if viewdirs is None:
             return density, None

@@ -35,13 +35,13 @@ class Dense(nn.Module):
         points = max(x.shape[1] for x in inputs)
         kernel = self.param("kernel", KERNEL_INIT, (self.width, sum(channels)))
         bias = self.param("bias", nn.initializers.zeros, (self.width,))
-        found, start = bias.astype(self.precision)[:, None], 0
+        total, start = bias.astype(self.precision)[:, None], 0
         for x, count in zip(inputs, channels, strict=True):
             part = kernel[:, start : start + count].astype(self.precision)
             product = part @ x.astype(self.precision)
-            found = found + jnp.repeat(product, points // x.shape[1], axis=1)
+            total = total + jnp.repeat(product, points // x.shape[1], axis=1)
             start += count
-        return found
+        return total
 
 
 def density_of(raw):

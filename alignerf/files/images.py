@@ -42,7 +42,7 @@ def read(path, *, size=None) -> np.ndarray:
 
 
 def check(path, *, size=None):
-    """Refuse now, by the file's head, most of what `read` refuses."""
+    """Raise early, by the file's head alone, most of the errors of `read`."""
     with _opened(path, size):
         pass
 
@@ -83,8 +83,8 @@ def _opened(path, size):
                 if kind != RGB_8_BIT:
                     raise ValueError(f"{path}: not an 8-bit RGB PNG")
                 if size is not None and image.size != tuple(size):
-                    found, wanted = ("{}x{}".format(*s) for s in (image.size, size))
-                    raise ValueError(f"{path}: {found} pixels, not {wanted}")
+                    own, wanted = ("{}x{}".format(*s) for s in (image.size, size))
+                    raise ValueError(f"{path}: {own} pixels, not {wanted}")
                 yield image
     except _BROKEN as error:
         raise ValueError(f"{path}: not a readable image ({error})") from None

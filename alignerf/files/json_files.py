@@ -18,25 +18,25 @@ def read(path, kinds=None):
     """
     try:
         faults.check_regular(path)
-        found = json.loads(Path(path).read_text(encoding="utf-8"))
-        check(found, kinds or {})
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        check(content, kinds or {})
     except FileNotFoundError:
         raise ValueError(f"{path}: not found") from None
     except RecursionError:
         raise ValueError(f"{path}: nested too deeply") from None
     except ValueError as error:
         raise ValueError(f"{path}: not the JSON that it should be: {error}") from None
-    return found
+    return content
 
 
-def check(found, kinds):
-    """It is an object, and its keys are of their kinds; ValueError names one."""
-    if not isinstance(found, dict):
+def check(content, kinds):
+    """ValueError where the content is no object, or a key not of its kind."""
+    if not isinstance(content, dict):
         raise ValueError("not an object")
     for key, kind in kinds.items():
-        if key not in found:
+        if key not in content:
             raise ValueError(f"no {key} in it")
-        value = found[key]
+        value = content[key]
         # Python calls True a number.
         is_truth = isinstance(value, bool) and kind is not bool
         if is_truth or not isinstance(value, kind):

@@ -16,10 +16,10 @@ _limit = None
 def cores() -> int:
     """Cores that this process may use: fewer than there are in a container, say."""
     if hasattr(os, "sched_getaffinity"):
-        found = len(os.sched_getaffinity(0))
+        count = len(os.sched_getaffinity(0))
     else:
-        found = os.cpu_count() or 1
-    return min(found, _limit or found)
+        count = os.cpu_count() or 1
+    return min(count, _limit or count)
 
 
 def limit(threads: int | None):
@@ -53,13 +53,13 @@ def processor(cpuinfo=Path("/proc/cpuinfo")) -> str:
 
     Its architecture and, on Linux, a hash of the abilities that the first core lists.
     """
-    found = platform.machine()
+    architecture = platform.machine()
     try:
         lines = cpuinfo.read_text().splitlines()
     except OSError:
-        return found
+        return architecture
     flags = next((line for line in lines if line.lower().startswith(FLAGS)), "")
-    return f"{found}-{hashlib.sha256(flags.encode()).hexdigest()[:8]}"
+    return f"{architecture}-{hashlib.sha256(flags.encode()).hexdigest()[:8]}"
 
 
 def has_accelerator(devices=Path("/dev")) -> bool:

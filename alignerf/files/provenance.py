@@ -1,6 +1,6 @@
 """Where a table comes from: commit, libraries, device, seeds, configs, trainings.
 
-It lies beside the table, in `<stem>.provenance.json`. What is not known is null: the
+It lies beside the table, in `<stem>.provenance.json`. Unknown facts are null: the
 commit where the sources are no git checkout, the lock where they were installed.
 """
 
@@ -29,25 +29,25 @@ def path_beside(table):
     return Path(table).with_suffix(".provenance.json")
 
 
-def as_json(found):
-    """The content of that file."""
-    return json.dumps(found, indent=2) + "\n"
+def as_json(facts_of_file):
+    """The content of a provenance file."""
+    return json.dumps(facts_of_file, indent=2) + "\n"
 
 
 def describe(rows, configs, *, seeds=(), devices=()):
     """The provenance of a table, as JSON can have it.
 
     rows: mappings of a row's labels and its `trainings`, each with its `path` and KEYS.
-    configs: a scene's complete config each. seeds, devices: those besides the ones
-    that configs and trainings name. Raises ValueError naming a file that is damaged.
+    configs: paths of the scenes' complete configs. seeds, devices: further ones, which
+    neither configs nor trainings name. Raises ValueError naming a file that is damaged.
     """
-    found = {one["device"] for row in rows for one in row["trainings"]}
+    trained_on = {one["device"] for row in rows for one in row["trainings"]}
     contents = {str(path): config_of(path) for path in configs}
     of_configs = [
         s for path, config in contents.items() for s in seeds_of(path, config)
     ]
     return facts() | {
-        "device": sorted({*devices, *found} - {None}),
+        "device": sorted({*devices, *trained_on} - {None}),
         "seeds": sorted({*seeds, *of_configs}),
         "configs": contents,
         "rows": rows,
@@ -72,7 +72,7 @@ def commit():
 
 
 def git(*arguments):
-    """What git prints of the sources' folder; None where it fails or is not there."""
+    """Git's output in the folder of the sources; None where git fails or is missing."""
     # A hook's variables would name another repository.
     ours = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
     environment = {key: value for key, value in os.environ.items() if key not in ours}
@@ -92,7 +92,7 @@ def git(*arguments):
 
 @functools.cache
 def lock():
-    """Which versions of the libraries are pinned: of SHA-256 16 digits; or None."""
+    """16 digits of the SHA-256 of the lock of the libraries' versions; or None."""
     try:
         content = (ROOT / LOCK).read_bytes()
     except OSError:
@@ -103,20 +103,20 @@ def lock():
 def processor():
     """The name of this machine's processor."""
     try:
-        found = re.search(r"model name\s*: (.+)", Path("/proc/cpuinfo").read_text())
+        named = re.search(r"model name\s*: (.+)", Path("/proc/cpuinfo").read_text())
     except (OSError, UnicodeDecodeError):
-        found = None
-    return found[1].strip() if found else platform.processor() or platform.machine()
+        named = None
+    return named[1].strip() if named else platform.processor() or platform.machine()
 
 
 def of_training(path):
     """KEYS of a training, None for those that its timing.json lacks."""
     timing = json_files.read(path)
-    found = {key: timing.get(key) for key in KEYS}
-    for key, value in found.items():
+    facts_of_training = {key: timing.get(key) for key in KEYS}
+    for key, value in facts_of_training.items():
         if not isinstance(value, str | None):
             raise ValueError(f"{path}: {key} is {value!r:.60} instead of text")
-    return found
+    return facts_of_training
 
 
 def config_of(path):

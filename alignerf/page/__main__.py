@@ -21,11 +21,11 @@ HERE = Path(__file__).resolve().parent
 
 def main(argv=None):
     args = parse(argv)
-    found = json_rows.read(rows.Renders, args.rounds)
+    renders = json_rows.read(rows.Renders, args.rounds)
     page = render(
         args.scene,
-        rounds=[(r.renders, r.flow) for r in found if r.method is None],
-        others={r.method: (r.renders, r.flow) for r in found if r.method is not None},
+        rounds=[(r.renders, r.flow) for r in renders if r.method is None],
+        others={r.method: (r.renders, r.flow) for r in renders if r.method is not None},
         base=args.base,
     )
     with atomic.replace_file(args.out) as path:
@@ -37,8 +37,8 @@ def render(folder, *, rounds, base, others=None):
     """The page's HTML of a scene's folder of results.
 
     rounds: (renders, flow), folders of the reference's test views round by round;
-    others: {name: the same of another method}; base: the folder of its round 0, where
-    training views lie too if they were rendered.
+    others: {method: its (renders, flow)}; base: folder of the reference's round 0, with
+    renders of training views too, if there are any.
     """
     folder, base = Path(folder), Path(base)
     told = contents.verdict(folder)
@@ -66,12 +66,14 @@ def render(folder, *, rounds, base, others=None):
 
 
 def shown_views(folder, rounds, others, base, leak_px):
-    """`pictures.Shown` of the views that the page has."""
+    """`pictures.Shown` of each view on the page."""
     table = csv_files.read(folder / "tables" / "views.csv")
     # Empty where a view does not, which is read as a number where none does.
     reasons = [why if isinstance(why, str) else "" for why in table["stands_out"]]
     table["stands_out"] = np.array(reasons, object)
-    found = [views.View(**row) for row in table[list(views.COLUMNS)].to_dict("records")]
+    scored = [
+        views.View(**row) for row in table[list(views.COLUMNS)].to_dict("records")
+    ]
     turns = json_files.read(folder / "poses.json").get("quarter_turns", {})
     truth = folder / "truth" / "oracle"
     of_split = {
@@ -99,7 +101,7 @@ def shown_views(folder, rounds, others, base, leak_px):
                 turns.get(row.view, 0),
             ),
         )
-        for row in pictures.choose(found)
+        for row in pictures.choose(scored)
     ]
 
 
@@ -112,13 +114,13 @@ def note_on(view):
 
 def figures(folder):
     """(title, data URI) of the figures that the page repeats."""
-    found = []
+    uris = []
     for name, title in contents.FIGURES.items():
         path = folder / "figures" / f"{name}.png"
         if path.is_file():
             text = base64.b64encode(path.read_bytes()).decode()
-            found.append((title, f"data:image/png;base64,{text}"))
-    return found
+            uris.append((title, f"data:image/png;base64,{text}"))
+    return uris
 
 
 def template():

@@ -42,39 +42,39 @@ PLAN = dict.fromkeys(
 
 
 class Cell(NamedTuple):
-    """A place of a table: what is shown, and what it is sorted by."""
+    """A cell of a table: its text, and the key that it is sorted by."""
 
     text: str
     order: str | float
 
 
 def verdict(folder):
-    """The content of verdict.json; its state is a class of the page's style."""
-    found = json_files.read(folder / "verdict.json", VERDICT)
-    for line in found["verdict"] or [None]:
+    """The verdict as the template shows it, from verdict.json."""
+    content = json_files.read(folder / "verdict.json", VERDICT)
+    for line in content["verdict"] or [None]:
         if not isinstance(line, str):
             raise ValueError(f"{folder / 'verdict.json'}: verdict is not lines of text")
-    head, *lines = found["verdict"]
+    head, *lines = content["verdict"]
     todo = [line.removeprefix("To do: ") for line in lines if line.startswith("To do:")]
     return {
         "head": head.removeprefix("Verdict: "),
-        "state": found["state"],
+        "state": content["state"],
         "lines": [line for line in lines if not line.startswith("To do:")],
         "todo": todo,
-        "evidence": found["evidence"],
+        "evidence": content["evidence"],
     }
 
 
 def tables(folder):
-    """The tables that are there, as the template shows them."""
-    shown = []
+    """The tables of a scene as the template shows them; missing ones are left out."""
+    sections = []
     for name in TABLES:
         path = folder / "tables" / f"{name}.csv"
         if path.is_file():
             told = columns.TABLES[name]
-            entry = {"name": name, "heading": told.title, "note": told.note}
-            shown.append(entry | table_of(csv_files.read(path), told.columns))
-    return shown
+            section = {"name": name, "heading": told.title, "note": told.note}
+            sections.append(section | table_of(csv_files.read(path), told.columns))
+    return sections
 
 
 def table_of(data: pd.DataFrame, told):
@@ -124,14 +124,14 @@ def decisions(folder):
     if json_files.read(folder / "poses.json").get("downscale_decided"):
         open_keys.add("downscale")
     rows = [
-        found._asdict() | {"taken": key.rpartition(".")[2] in open_keys}
-        for key, found in fill.read(folder / "decisions.json").items()
+        decision._asdict() | {"taken": key.rpartition(".")[2] in open_keys}
+        for key, decision in fill.read(folder / "decisions.json").items()
     ]
     return rows, any(row["taken"] for row in rows)
 
 
 def costs(folder):
-    """Sentences on what the run was to cost, from its preflight; none without one."""
+    """Sentences on the estimated cost of the run; none without a preflight."""
     path = folder / "preflight.json"
     if not path.is_file() or not (plan := json_files.read(path)):
         return []
@@ -146,27 +146,27 @@ def costs(folder):
 
 
 def downloads(folder):
-    """(path relative to the page, what it is) of files that are there."""
-    found = [(name, what) for name, what in DOWNLOADS.items()]
+    """(path relative to the page, description) of the files to download."""
+    links = [(name, what) for name, what in DOWNLOADS.items()]
     for path in sorted((folder / "tables").glob("*")):
         if path.suffix in (".csv", ".tex"):
             form = "CSV" if path.suffix == ".csv" else "LaTeX"
-            found.append((f"tables/{path.name}", f"table, {form}"))
-    found += [
+            links.append((f"tables/{path.name}", f"table, {form}"))
+    links += [
         (f"figures/{path.name}", "figure")
         for path in sorted((folder / "figures").glob("*.png"))
     ]
-    found += [
+    links += [
         (path.relative_to(folder).as_posix(), "export for nerfstudio")
         for path in sorted(folder.glob("*/export/*/transforms.json"))
     ]
-    return [(name, what) for name, what in found if (folder / name).is_file()]
+    return [(name, what) for name, what in links if (folder / name).is_file()]
 
 
 def facts(folder):
-    """(name, text) of what a visitor asks first: photos, size, poses."""
+    """(name, text) of the scene's main facts: photos, size, poses."""
     poses = json_files.read(folder / "poses.json", POSES)
-    found = [
+    entries = [
         ("photos", f"{poses['registered']} of {poses['total']} placed"),
         ("held out", f"{poses['test_views']}"),
         ("trained at", f"{poses['width']}x{poses['height']} px"),
@@ -174,5 +174,5 @@ def facts(folder):
     ]
     error = poses.get("mean_reprojection_error_px")
     if error is not None:
-        found.append(("reprojection error", f"{error:.2f} px of the photo"))
-    return found
+        entries.append(("reprojection error", f"{error:.2f} px of the photo"))
+    return entries

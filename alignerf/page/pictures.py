@@ -73,7 +73,7 @@ def _length(view):
 
 
 def layers_of(view, source: Source, photos, leak_px, turns=0):
-    """{name: image} of a view; what was not made for its split is left out.
+    """{name: image} of a view; layers that its split lacks are left out.
 
     turns: quarter turns, clockwise, that make it stand upright.
     """
@@ -81,7 +81,7 @@ def layers_of(view, source: Source, photos, leak_px, turns=0):
     def read(folder):
         return np.rot90(images.read(Path(folder) / f"{view}.png"), -turns)
 
-    found = {"photo": read(photos)}
+    layers = {"photo": read(photos)}
     last = len(source.rounds) - 1
     pairs = {"": source.rounds[0]}
     if last > 0:
@@ -89,19 +89,19 @@ def layers_of(view, source: Source, photos, leak_px, turns=0):
     others = (source.others or {}).items()
     pairs |= {f", {name}": folders for name, folders in others}
     for after, (renders, flow) in pairs.items():
-        found[f"render{after}"] = read(renders)
+        layers[f"render{after}"] = read(renders)
         data = archives.read(Path(flow) / f"{view}.npz", ("flow_px", "valid"))
         flow_px, valid = turned(data["flow_px"], turns), np.rot90(data["valid"], -turns)
-        found[f"flow{after}"] = coloured(flow_px, leak_px, valid)
+        layers[f"flow{after}"] = coloured(flow_px, leak_px, valid)
     if source.warped is not None:
-        found["warped photo"] = read(source.warped)
+        layers["warped photo"] = read(source.warped)
     if source.truth is not None:
-        found["truth"] = read(source.truth)
-    return found
+        layers["truth"] = read(source.truth)
+    return layers
 
 
 def turned(flow_px, turns):
-    """A flow [h, w, 2] as it is when its image is turned: what led right leads down."""
+    """A flow [h, w, 2] after quarter turns of its image: right becomes down."""
     for _ in range(turns):
         flow_px = np.rot90(flow_px, -1)
         flow_px = np.stack([-flow_px[..., 1], flow_px[..., 0]], axis=-1)
@@ -130,15 +130,15 @@ def fitted(shown):
     Views are left out from the end where even the smallest is too large.
     """
     for longest_px, quality in SIZES:
-        found = _encoded(shown, longest_px, quality)
-        if found is not None:
-            return found
+        uris = _encoded(shown, longest_px, quality)
+        if uris is not None:
+            return uris
     return _encoded(shown, *SIZES[-1], cut=True)
 
 
 def _encoded(shown, longest_px, quality, *, cut=False):
-    """All views' layers, None (or those so far) from MOST_BYTES on."""
-    found, size = {}, 0
+    """{view: {layer: data URI}}; beyond MOST_BYTES None or, if cut, those so far."""
+    views, size = {}, 0
     for one in shown:
         uris = {
             name: data_uri(image, longest_px, quality)
@@ -146,13 +146,13 @@ def _encoded(shown, longest_px, quality, *, cut=False):
         }
         size += sum(map(len, uris.values())) * 3 // 4
         if size > MOST_BYTES:
-            return found if cut else None
-        found[one.split + "/" + one.view] = uris
-    return found
+            return views if cut else None
+        views[one.split + "/" + one.view] = uris
+    return views
 
 
 def data_uri(image, longest_px=None, quality=None):
-    """An image as text that a page can hold; lossless where no quality is given."""
+    """An image as a data URI; lossless where no quality is given."""
     picture = Image.fromarray(np.ascontiguousarray(image))
     if longest_px is not None:
         # Never larger than it is.

@@ -37,29 +37,29 @@ def main(argv=None):
 
 
 def renew(args):
-    """Measure anew what says nothing of the plan that there is now.
+    """Measure anew where a preflight.json is of another plan.
 
-    The file keeps its time: a newer one would have finished trainings made again.
+    The file keeps its time: with a newer one Snakemake would repeat finished trainings.
     """
     for path, config in zip(args.show, args.configs, strict=True):
-        found = work_of(config, path.parent.name)
-        if read(path).get("work") != (found and work.digest(found)):
+        todo = work_of(config, path.parent.name)
+        if read(path).get("work") != (todo and work.digest(todo)):
             before = path.stat()
             times_ns = before.st_atime_ns, before.st_mtime_ns
-            write(args, path.parent, found, path, times_ns)
+            write(args, path.parent, todo, path, times_ns)
 
 
 def work_of(config, scene):
-    """What there is to do for a scene, of its complete config."""
-    found = check.checked(yaml_files.read(config), [str(config)])
+    """The work of a scene by its complete config."""
+    complete = check.checked(yaml_files.read(config), [str(config)])
     # With `rounds: auto` all rounds are counted that there may be.
-    return work.of_scene(plan.Experiment(found, None), scene)
+    return work.of_scene(plan.Experiment(complete, None), scene)
 
 
 def write(args, scene, todo, out, times_ns=None):
-    """Measure a scene's plan, say what it costs, and write it down.
+    """Measure a scene's plan, log its cost, and write preflight.json.
 
-    times_ns: of access and of change, that the file is to have.
+    times_ns: the file's times of access and of change; None for the present.
     """
     filled = decided(todo)
     cost = {} if filled is None else plan_of(args, scene, filled)
@@ -90,27 +90,27 @@ def parse(argv=None):
 
 
 def decided(todo):
-    """The work with what the scene's facts decided, steps above all."""
+    """The work with its decided settings filled in, above all the steps."""
     if todo is None:
         return None
-    found = [one | {"job": fill.fill(one["job"])} for one in todo["trainings"]]
-    return todo | {"trainings": found}
+    trainings = [one | {"job": fill.fill(one["job"])} for one in todo["trainings"]]
+    return todo | {"trainings": trainings}
 
 
 def shown(paths):
-    """Lines of files that are there already, and of all together."""
+    """Lines of existing preflight.json files, and of their sum."""
     costs = [cost for path in paths if (cost := read(path))]
-    found = [line for cost in costs for line in fit.lines(cost, cost["scene"])]
+    lines = [line for cost in costs for line in fit.lines(cost, cost["scene"])]
     if len(costs) > 1:
-        found.append(f"all scenes: about {fit.minutes(fit.in_all(costs))}")
-    return found or ["nothing is said with `preflight: false`"]
+        lines.append(f"all scenes: about {fit.minutes(fit.in_all(costs))}")
+    return lines or ["nothing is said with `preflight: false`"]
 
 
 def read(path):
     """The content of a preflight.json; ValueError names a file that is none."""
-    found = json_files.read(path)
+    cost = json_files.read(path)
     try:
-        if found and not fit.lines(found, found["scene"]):
+        if cost and not fit.lines(cost, cost["scene"]):
             raise ValueError("it says nothing")
     except (
         ValueError,
@@ -120,7 +120,7 @@ def read(path):
         ZeroDivisionError,
     ) as error:
         raise ValueError(f"{path}: not a preflight: {error}") from None
-    return found
+    return cost
 
 
 def plan_of(args, scene, todo):
@@ -160,7 +160,7 @@ def plan_of(args, scene, todo):
 
 
 def views_of(loaded: prepared.Scene) -> schedule.Views:
-    """How many views of which size there are."""
+    """Number and size of a scene's views."""
     paths = [loaded.folder / "images" / f"{name}.png" for name in loaded.names]
     return schedule.Views(
         train=len(loaded.views("train")),
@@ -181,9 +181,9 @@ def calibrated(scene, loaded: prepared.Scene, todo, threads, at_once):
     try:
         photos, names = loaded.folder / "images", loaded.names
         of_flow = pool.submit(flow.measure, photos, names, todo["flow"])
-        found = {one: pool.submit(measure, jobs[one[0]], one[1]) for one in pairs}
+        futures = {one: pool.submit(measure, jobs[one[0]], one[1]) for one in pairs}
         of_flow = of_flow.result()
-        results = {one: future.result() for one, future in found.items()}
+        results = {one: future.result() for one, future in futures.items()}
     finally:
         # After a fault, what has not begun is left.
         pool.shutdown(cancel_futures=True)
@@ -195,9 +195,9 @@ def calibrated(scene, loaded: prepared.Scene, todo, threads, at_once):
 
 
 def calibrate(scene, threads, job, what):
-    """What `alignerf.preflight.calibrate` says, from a process of its own.
+    """The output of `alignerf.preflight.calibrate`, run as a process of its own.
 
-    Raises ValueError with its fault, or where the system has ended it.
+    Raises ValueError with the fault of the process, or where the system killed it.
     """
     command = [sys.executable, "-m", "alignerf.preflight.calibrate", "--what", what]
     command += ["--scene", str(scene), "--threads", str(threads)]

@@ -1,5 +1,6 @@
 """Several processes, on one host or on many, that train one model.
 
-Each step's rays are shared by all their devices. All compute the same; the first one
-alone reads checkpoints and writes files.
+All processes compute the same step, whose rays their `devices` share. Each process has
+a `rank`; the first alone reads checkpoints and writes files. They meet in `rendezvous`
+and agree by `consensus`.
 """

@@ -1,6 +1,6 @@
-"""Which of how many processes this is, and how a launcher says so. No JAX here.
+"""The rank of this process, from the environment of its launcher. No JAX here.
 
-`srun` and `mpirun` say it in variables of their own; by hand it is
+`srun` and `mpirun` set variables of their own. By hand a user sets
 JAX_COORDINATOR_ADDRESS (host:port of the first process), JAX_NUM_PROCESSES and
 JAX_PROCESS_ID (from 0).
 """
@@ -20,25 +20,25 @@ LAUNCHERS = (
 FIRST_PORT, PORTS = 61440, 4096
 
 
-class Place(NamedTuple):
-    """Which of how many processes."""
+class Rank(NamedTuple):
+    """A process's number among the processes of a training, and their count."""
 
     number: int
     count: int
 
 
-_here = Place(0, 1)
+_here = Rank(0, 1)
 
 
-def here() -> Place:
-    """This process's place: the only one, until `take`."""
+def here() -> Rank:
+    """This process's rank; the only one of its training, until `take`."""
     return _here
 
 
-def take(found: Place):
-    """Let this process be the one of that place."""
+def take(rank: Rank):
+    """Set this process's rank."""
     global _here
-    _here = found
+    _here = rank
 
 
 def is_first() -> bool:
@@ -51,11 +51,11 @@ def are_several() -> bool:
     return _here.count > 1
 
 
-def from_environment(environ) -> Place:
-    """Which of how many processes the environment says that this is.
+def from_environment(environ) -> Rank:
+    """This process's rank by the environment.
 
-    ValueError where it says half of what is said by hand. A batch job of Slurm with
-    several tasks is one process until `srun` starts them.
+    Raises ValueError where only some of the variables BY_HAND are set. A batch job of
+    Slurm with several tasks is one process until `srun` starts them.
     """
     said = [name for name in BY_HAND if environ.get(name)]
     if said:
@@ -68,21 +68,21 @@ def from_environment(environ) -> Place:
     for names in LAUNCHERS:
         if all(environ.get(name) for name in names):
             return numbered(environ, *names)
-    return Place(0, 1)
+    return Rank(0, 1)
 
 
-def numbered(environ, count, number) -> Place:
-    """The place that two environment variables name; ValueError where they do not."""
+def numbered(environ, count, number) -> Rank:
+    """The rank that two environment variables name; ValueError where they do not."""
     for name in (count, number):
         if not (environ[name].isascii() and environ[name].isdigit()):
             raise ValueError(f"environment: {name}={environ[name]!r:.40}: no number")
-    place = Place(int(environ[number]), int(environ[count]))
-    if not place.number < place.count:
+    rank = Rank(int(environ[number]), int(environ[count]))
+    if not rank.number < rank.count:
         raise ValueError(
-            f"environment: {number}={place.number} of {count}={place.count} processes: "
+            f"environment: {number}={rank.number} of {count}={rank.count} processes: "
             "they count from 0"
         )
-    return place
+    return rank
 
 
 def port(environ) -> int:
@@ -92,7 +92,7 @@ def port(environ) -> int:
 
 
 def accelerators(environ):
-    """Which of the devices that it sees a process takes; None: JAX decides.
+    """Indices of the visible accelerators that a process takes; None: JAX decides.
 
     JAX takes the one with the process's number on its host. Where `srun` shows each
     process one of its own (`--gpus-per-task`), that one has number 0.

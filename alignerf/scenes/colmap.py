@@ -25,7 +25,7 @@ MIN_REGISTERED = 3
 
 
 class Reconstruction(NamedTuple):
-    """The largest model COLMAP found, and what it left out."""
+    """COLMAP's largest model, and the names of the views that it left out."""
 
     names: list[str]
     left_out: list[str]
@@ -44,11 +44,11 @@ class Reconstruction(NamedTuple):
     camera_of: list[int]
     """Which camera took each view."""
     camera_model: str
-    found: pycolmap.Reconstruction
+    of_colmap: pycolmap.Reconstruction
     """COLMAP's own, of the images that it saw."""
 
     def of_size(self, scale):
-        """The same of photos whose width and height are `scale` [n, 2] as large."""
+        """The reconstruction of photos resized by `scale` [n, 2]: width, height."""
         each = np.concatenate([scale, np.ones((len(scale), 1))], axis=1)
         times = scale.mean(axis=1)
         error_px = self.mean_reprojection_error_px * float(times.mean())
@@ -124,7 +124,7 @@ def pose_folder(
 
     background, masks: as of `ingest.ingest`. Returns prepare.PosedViews, the
     Reconstruction, whose lenses and errors are those of the photos in full, and the
-    ingest.Taken. What it needs for long lies in work_folder.
+    ingest.Taken. Files that are needed for long lie in work_folder.
     """
     options = {"background": background, "most_side_px": max_size_px, "masks": masks}
     taken = ingest.ingest(folder, work_folder, **options)
@@ -161,30 +161,30 @@ def pose_folder(
         sizes,
         model.camtoworlds,
         camera_of=model.camera_of,
-        load=lambda i: taken.load(kept[i]),
-        load_mask=None if masks is None else lambda i: taken.load_mask(kept[i]),
+        photos=[prepare.Photo(i, (taken.load,)) for i in kept],
+        masks=masks and [prepare.Photo(i, (taken.load_mask,)) for i in kept],
         where=where,
     )
     return views._replace(points=(model.points, model.colours)), model, taken
 
 
 def write_model(model: Reconstruction, folder, sizes, files):
-    """COLMAP's own model, as if it had seen photos of these sizes.
+    """Write COLMAP's own model, rescaled to photos of these sizes.
 
     files: name of each view's photo.
     """
     folder.mkdir()
-    found, times = model.found, {}
+    own, times = model.of_colmap, {}
     for number, size in dict(zip(model.camera_of, sizes, strict=True)).items():
-        camera = found.cameras[number]
+        camera = own.cameras[number]
         times[number] = np.array(size) / [camera.width, camera.height]
         camera.rescale(*size)
-    for image in found.images.values():
+    for image in own.images.values():
         image.name = files[image.name.removesuffix(".png")]
         for point in image.points2D:
             point.xy = point.xy * times[image.camera_id]
-    found.update_point_3d_errors()
-    found.write(folder)
+    own.update_point_3d_errors()
+    own.write(folder)
 
 
 def convert(model, names, *, models=()) -> Reconstruction:
@@ -213,7 +213,7 @@ def convert(model, names, *, models=()) -> Reconstruction:
         errors_px=np.array([_error_px(model, posed[name]) for name in kept]),
         camera_of=[posed[name].camera_id for name in kept],
         camera_model=taken_by[0].model.name,
-        found=model,
+        of_colmap=model,
     )
 
 

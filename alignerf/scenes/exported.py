@@ -18,17 +18,17 @@ from alignerf.scenes import cameras, llff
 POINTS = "points.ply"
 
 
-def write_transforms(path, found, *, masked=False):
-    """Write transforms.json of cameras as `prepared.read_cameras` has them; returned.
+def write_transforms(path, arrays, *, masked=False):
+    """Write transforms.json; returns its content.
 
-    Images are named images/<view>.png; `points` among the arrays are those of POINTS,
-    see `write_colmap`. masked: each view has a masks/<view>.png, black where a pixel is
-    not to be learnt from.
+    arrays: as of `prepared.read_cameras`, with `points` where `write_colmap` writes
+    POINTS. Images are named images/<view>.png. masked: each view has a
+    masks/<view>.png, black where a pixel is not to be learnt from.
     """
-    camtopix = np.linalg.inv(found["pixtocams"])
+    camtopix = np.linalg.inv(arrays["pixtocams"])
     frames = []
     for name, matrix, pose in zip(
-        found["names"].tolist(), camtopix, found["camtoworlds"], strict=True
+        arrays["names"].tolist(), camtopix, arrays["camtoworlds"], strict=True
     ):
         frame = {
             "file_path": f"images/{name}.png",
@@ -44,37 +44,37 @@ def write_transforms(path, found, *, masked=False):
     files = {
         f"{split}_filenames": [
             frame["file_path"]
-            for frame, own in zip(frames, found["split"].tolist(), strict=True)
+            for frame, own in zip(frames, arrays["split"].tolist(), strict=True)
             if own == split
         ]
         for split in ("train", "test")
     }
     scene = {
         "camera_model": "PINHOLE",
-        "w": int(found["width"]),
-        "h": int(found["height"]),
+        "w": int(arrays["width"]),
+        "h": int(arrays["height"]),
         **files,
         # nerfstudio looks at views of this name while it trains.
         "val_filenames": files["test_filenames"],
         "frames": frames,
     }
-    if "points" in found:
+    if "points" in arrays:
         scene["ply_file_path"] = POINTS
     write_json(path, scene)
     return scene
 
 
-def write_blender(folder, found, scene):
+def write_blender(folder, arrays, scene):
     """Write transforms_train.json, _val.json and _test.json, as NeRF's scenes have.
 
     scene: what `write_transforms` wrote of the same arrays. Photos are named without
     their suffix; the views of `val` are those of `test`. Raises ValueError where one
     field of view does not say all lenses: the format has no more.
     """
-    focal_px = one_focal_length(found)
-    size = found["width"], found["height"]
+    focal_px = one_focal_length(arrays)
+    size = arrays["width"], arrays["height"]
     centred = np.linalg.inv(cameras.intrinsics(focal_px, *size))
-    if np.abs(np.linalg.inv(found["pixtocams"][0]) - centred).max() > 1e-6 * focal_px:
+    if np.abs(np.linalg.inv(arrays["pixtocams"][0]) - centred).max() > 1e-6 * focal_px:
         raise ValueError("the principal point is not the photo's middle")
     shared = {key: scene[key] for key in ("camera_model", "w", "h")}
     shared["camera_angle_x"] = 2 * float(np.arctan(0.5 * scene["w"] / focal_px))
@@ -89,9 +89,9 @@ def write_blender(folder, found, scene):
         write_json(path, shared | {"frames": frames})
 
 
-def one_focal_length(found):
-    """That of all views in pixels; ValueError where they differ, or the axes do."""
-    lenses = np.linalg.inv(found["pixtocams"])
+def one_focal_length(arrays):
+    """The focal length of all views in px; ValueError where views or axes differ."""
+    lenses = np.linalg.inv(arrays["pixtocams"])
     if np.ptp(lenses, axis=0).max() > 1e-9:
         raise ValueError("the views' lenses differ")
     focal_px = float(lenses[0, 0, 0])
@@ -101,36 +101,34 @@ def one_focal_length(found):
 
 
 def write_json(path, content):
-    """Write what a program of others reads."""
+    """Write JSON for another program."""
     Path(path).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def write_colmap(folder, found):
-    """Write COLMAP's model of the same arrays: sparse/0, and of its points POINTS.
+def write_colmap(folder, arrays):
+    """Write COLMAP's model of the arrays: sparse/0 and, of its points, POINTS.
 
-    `points` [m, 3] and `colours` may be among them; they do not know the views that
-    they were seen in.
+    `points` [m, 3] and `colours` may be among the arrays; the points have no tracks.
     """
     sparse = Path(folder) / "sparse" / "0"
     sparse.mkdir(parents=True)
-    model = model_of(found)
-    if "points" in found:
-        for point, colour in zip(found["points"], found["colours"], strict=True):
+    model = model_of(arrays)
+    if "points" in arrays:
+        for point, colour in zip(arrays["points"], arrays["colours"], strict=True):
             model.add_point3D(point, pycolmap.Track(), colour)
         model.export_PLY(Path(folder) / POINTS)
     model.write(sparse)
 
 
-def model_of(found) -> pycolmap.Reconstruction:
+def model_of(arrays) -> pycolmap.Reconstruction:
     """COLMAP's model of the arrays of a cameras.npz, without points.
 
     Views that share their intrinsics share a camera.
     """
     model, camera_ids = pycolmap.Reconstruction(), {}
-    size = {"width": int(found["width"]), "height": int(found["height"])}
-    views = zip(
-        found["names"].tolist(), found["pixtocams"], found["camtoworlds"], strict=True
-    )
+    size = {"width": int(arrays["width"]), "height": int(arrays["height"])}
+    names = arrays["names"].tolist()
+    views = zip(names, arrays["pixtocams"], arrays["camtoworlds"], strict=True)
     for number, (name, pixtocam, pose) in enumerate(views, start=1):
         matrix = np.linalg.inv(pixtocam)
         # Rounding makes no other lens.
@@ -152,19 +150,19 @@ def model_of(found) -> pycolmap.Reconstruction:
     return model
 
 
-def write_llff(path, found, bounds):
+def write_llff(path, arrays, bounds):
     """Write poses_bounds.npy of the same arrays, beside `write_colmap`'s sparse/0.
 
     bounds [n, 2]: nearest and farthest depth of each view. Raises ValueError where
     views differ in their lens, or one focal length does not say it: the format has no
     more. The principal point stands in sparse/0.
     """
-    focal_px = one_focal_length(found)
-    lens = np.array([found["height"], found["width"], focal_px], np.float64)
+    focal_px = one_focal_length(arrays)
+    lens = np.array([arrays["height"], arrays["width"], focal_px], np.float64)
     # In the order of the file names, which is not that of the names alone.
-    order = sorted(range(len(bounds)), key=lambda i: f"{found['names'][i]}.png")
+    order = sorted(range(len(bounds)), key=lambda i: f"{arrays['names'][i]}.png")
     rows = []
-    for pose, depths in zip(found["camtoworlds"][order], bounds[order], strict=True):
+    for pose, depths in zip(arrays["camtoworlds"][order], bounds[order], strict=True):
         turn = pose[:, :3] @ llff.LLFF_FROM_OPENGL.T
         matrix = np.concatenate([turn, pose[:, 3:], lens[:, None]], axis=-1)
         rows.append(np.concatenate([matrix.ravel(), depths]))

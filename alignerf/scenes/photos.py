@@ -20,7 +20,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 import pillow_heif
-from PIL import Image
+from PIL import ExifTags, Image
 
 from alignerf.files import faults
 from alignerf.scenes import prepared
@@ -33,7 +33,7 @@ SUFFIXES = frozenset(
 # What a file of such a name may hold. Pillow knows more, some by other programs.
 FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP", "HEIF")
 PNG = b"\x89PNG\r\n\x1a\n"
-EXIF_IFD, FOCAL_35MM_TAG, ORIENTATION_TAG = 0x8769, 0xA405, 0x0112
+EXIF, TAG = ExifTags.IFD.Exif, ExifTags.Base
 # The diagonal of 36 x 24 mm film, to which EXIF's 35 mm equivalent refers (CIPA).
 FILM_DIAGONAL_MM = 43.2666
 
@@ -51,14 +51,12 @@ UPRIGHT = {
 # Those that change width and height, and of each orientation the one that undoes it.
 SIDEWAYS = (5, 6, 7, 8)
 UNDONE_BY = {o: {6: 8, 8: 6}.get(o, o) for o in UPRIGHT}
-# Maker, model, and the lens among EXIF's own.
-MAKE_TAG, MODEL_TAG, LENS_TAG = 0x010F, 0x0110, 0xA434
 
 pillow_heif.register_heif_opener()
 
 
 class Head(NamedTuple):
-    """What a photo's file says before its pixels are decoded."""
+    """The facts of a photo's file that are known before its pixels are decoded."""
 
     # (width, height) of the rows as stored.
     size: tuple[int, int]
@@ -71,19 +69,19 @@ class Head(NamedTuple):
 def find_images(folder, others=()):
     """Paths of the images in a folder, sorted by view name (the file's stem).
 
-    others: files in it that are known to be something else, such as films; with some
-    the images may be none. Raises ValueError for a missing or empty folder and for two
-    files of one name.
+    others: known files that are no images, such as films. Raises ValueError for two
+    files of one name, for a missing folder, and for one without images and others.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise ValueError(f"no folder of photos at {folder}")
-    found = [p for p in folder.iterdir() if not p.name.startswith(".")]
+    visible = [p for p in folder.iterdir() if not p.name.startswith(".")]
     paths = sorted(
-        (p for p in found if p.is_file() and p.suffix.lower() in SUFFIXES),
+        (p for p in visible if p.is_file() and p.suffix.lower() in SUFFIXES),
         key=lambda p: p.stem,
     )
-    unknown = {p.name for p in found} - {p.name for p in [*paths, *others]} - {"masks"}
+    known = {p.name for p in [*paths, *others]} | {"masks"}
+    unknown = {p.name for p in visible} - known
     if unknown:
         few = faults.some_names(sorted(map(ascii_of, unknown)))
         log.warning("%s: ignored %s: not images", folder, few)
@@ -94,7 +92,7 @@ def find_images(folder, others=()):
 
 
 def ascii_of(name):
-    """A name that can be printed, whatever bytes it is of."""
+    """A printable form of a name of any bytes."""
     return name if name.isprintable() else ascii(name)
 
 
@@ -127,10 +125,10 @@ def decode(path, background=None, *, upright=True):
         turned_by = _turned_by(opened)
         opened.load()
         exif = opened.getexif()
-        focal_35mm_mm = exif.get_ifd(EXIF_IFD).get(FOCAL_35MM_TAG)
+        focal_35mm_mm = exif.get_ifd(EXIF).get(TAG.FocalLengthIn35mmFilm)
         # Nothing is copied without need: a photo of 170 megapixels takes 0.7 GB.
-        orientation = exif.get(ORIENTATION_TAG, 1) if opened.format != "TIFF" else 1
-    # What it refuses has words of its own.
+        orientation = exif.get(TAG.Orientation, 1) if opened.format != "TIFF" else 1
+    # Outside of `_opened`: its ValueErrors name the file already.
     rgb = _to_rgb(opened, path, background)
     if upright:
         turned = UPRIGHT.get(orientation, UPRIGHT[1])(rgb)
@@ -140,23 +138,29 @@ def decode(path, background=None, *, upright=True):
     return rgb, _focal_px(focal_35mm_mm, *rgb.shape[1::-1])
 
 
+def as_stored(path, background=None):
+    """The image [h, w, 3] uint8 of `decode`, its rows as they are stored."""
+    return decode(path, background, upright=False)[0]
+
+
 def _turned_by(opened):
     """The orientation that a decoder applies by itself: of HEIC, 1 of all others."""
-    found = opened.info.get("original_orientation") if opened.format == "HEIF" else 1
-    return found if found in UPRIGHT else 1
+    is_heic = opened.format == "HEIF"
+    orientation = opened.info.get("original_orientation") if is_heic else 1
+    return orientation if orientation in UPRIGHT else 1
 
 
 def head(path) -> Head:
     """A photo's size and orientation, by its first bytes; ValueError as of `decode`."""
     with _opened(path) as opened:
         exif = opened.getexif()
-        texts = [exif.get(MAKE_TAG), exif.get(MODEL_TAG)]
-        texts.append(exif.get_ifd(EXIF_IFD).get(LENS_TAG))
+        texts = [exif.get(TAG.Make), exif.get(TAG.Model)]
+        texts.append(exif.get_ifd(EXIF).get(TAG.LensModel))
         camera = " ".join(str(text).strip("\0 ") for text in texts if text)
         if (turned_by := _turned_by(opened)) != 1:
             size = opened.size[::-1] if turned_by in SIDEWAYS else opened.size
             return Head(size, turned_by, camera)
-        orientation = exif.get(ORIENTATION_TAG, 1)
+        orientation = exif.get(TAG.Orientation, 1)
         # Pillow turns the rows of a TIFF itself; others are none that EXIF has.
         if opened.format == "TIFF" or orientation not in UPRIGHT:
             orientation = 1
@@ -165,7 +169,7 @@ def head(path) -> Head:
 
 @contextlib.contextmanager
 def _opened(path):
-    """A photo's file for Pillow, whatever goes wrong named with it."""
+    """Open a photo's file with Pillow; every fault is a ValueError naming the file."""
     faults.check_regular(path)
     try:
         with warnings.catch_warnings():
@@ -182,8 +186,7 @@ def _opened(path):
 
 def stored_size(path, background=None):
     """(width, height) of an image as its rows are stored, decoded whole to be sure."""
-    image, _ = decode(path, background, upright=False)
-    return image.shape[1], image.shape[0]
+    return as_stored(path, background).shape[1::-1]
 
 
 def one_size(names, sizes, where):

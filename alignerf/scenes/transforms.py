@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.files import faults, json_files
-from alignerf.scenes import photos, prepare
+from alignerf.scenes import distortion, photos, prepare
 from alignerf.scenes.capture import ingest
 
 log = logging.getLogger(__name__)
@@ -68,21 +68,21 @@ def read(path, background=None, *, split_by_lists=True):
         for frame, _ in kept
     ]
     images = Images(path)
-    masks = [_find_mask(images, frame) for frame, _ in kept]
-
-    def load_mask(i):
-        if masks[i] is None:
-            return np.full((height, width, 3), 255, np.uint8)
-        return ingest.read_mask(masks[i], kept[i][1])
-
-    views = prepare.pinhole_views(
+    mask_paths, masks = [_find_mask(images, frame) for frame, _ in kept], None
+    if any(mask_paths):
+        masks = [
+            _mask(path, image, width, height)
+            for path, (_, image) in zip(mask_paths, kept, strict=True)
+        ]
+    as_stored = functools.partial(photos.as_stored, background=background)
+    views = distortion.pinhole_views(
         names,
         lenses,
         np.stack([_pose(path, frame) for frame, _ in kept]),
         width=width,
         height=height,
-        load=lambda i: photos.decode(kept[i][1], background, upright=False)[0],
-        load_mask=load_mask if any(masks) else None,
+        photos=[prepare.Photo(image, (as_stored,)) for _, image in kept],
+        masks=masks,
         where=path,
     )
     if splits:
@@ -91,12 +91,19 @@ def read(path, background=None, *, split_by_lists=True):
     return views, left_out
 
 
+def _mask(path, image, width, height):
+    """The mask of an image; all of its pixels count where it has none."""
+    if path is None:
+        return prepare.all_count(width, height)
+    return prepare.Photo(path, (functools.partial(ingest.read_mask, photo=image),))
+
+
 def _splits(path, scene, kept):
     """{image: its split} as nerfstudio writes it; none where it does not say.
 
     Raises ValueError for a name that is to be scored and has no frame with an image.
     """
-    images, have, found = Images(path), {image for _, image in kept}, {}
+    images, have, split_of = Images(path), {image for _, image in kept}, {}
     for split in ("train", "test"):
         names = scene.get(f"{split}_filenames", [])
         if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
@@ -108,16 +115,16 @@ def _splits(path, scene, kept):
                 raise ValueError(f"{path}: 'test_filenames': no frame shows {few}")
             log.warning("%s: 'train_filenames': no frame shows %s", path, few)
         for image in have.intersection(places.values()):
-            if found.setdefault(image, split) != split:
+            if split_of.setdefault(image, split) != split:
                 raise ValueError(f"{path}: {image.name} is to be trained on and scored")
-    if len(set(found.values())) < 2:
-        if found:
+    if len(set(split_of.values())) < 2:
+        if split_of:
             log.warning("%s: its lists do not say what is held out", path)
         return {}
-    if others := [image.name for _, image in kept if image not in found]:
+    if others := [image.name for _, image in kept if image not in split_of]:
         few = faults.some_names(others)
         log.warning("%s: neither trained on nor scored: %s", path, few)
-    return found
+    return split_of
 
 
 def _frames_with_image(path, frames):

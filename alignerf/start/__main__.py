@@ -37,21 +37,21 @@ def main(argv=None):
     if not args.folder:
         raise ValueError("FOLDER is missing: make photos FOLDER=my_photos")
     folder = Path(args.folder).expanduser()
-    found = folders.scenes_of(folder)
+    scenes = folders.scenes_of(folder)
     name = args.name or folders.name_of(folder)
-    if args.name and len(found) == 1:
-        found = {args.name: next(iter(found.values()))}
+    if args.name and len(scenes) == 1:
+        scenes = {args.name: next(iter(scenes.values()))}
     path = Path("results") / f"{name}.yaml"
-    for scene, content in found.items():
+    for scene, content in scenes.items():
         print(f"{scene}: {content['source']} in {content['path']}")
-    say_where(path, config_of(found, args), folder)
-    print(f"page, in the end: {', '.join(map(targets.page_of, found))}", flush=True)
+    say_where(path, config_of(scenes, args), folder)
+    print(f"page, in the end: {', '.join(map(targets.page_of, scenes))}", flush=True)
     if not args.only_config and (code := run(path, args.cores)):
         sys.exit(code)
 
 
 def config_of(scenes, args):
-    """The config of scenes; what it leaves out follows from the photos."""
+    """The config of scenes; the keys that it leaves out follow from the photos."""
     if args.background:
         scenes = {n: s | {"background": args.background} for n, s in scenes.items()}
     methods = {"plain": {}, "aligned": {"align": {}}}
@@ -62,9 +62,9 @@ def config_of(scenes, args):
 
 
 def say_where(path, config, folder):
-    """Write the config, unless one is there that a user has changed, which is kept.
+    """Write the config, and log its path; a config that a user has changed is kept.
 
-    Raises ValueError where that is of other folders, or says otherwise than asked.
+    Raises ValueError where the kept config is of other folders or other arguments.
     """
     if path.exists():
         there = yaml_files.read(path)

@@ -1,6 +1,7 @@
-"""What a folder holds: photos, films, or photos with cameras by another program.
+"""The kind of a folder: photos, films, or photos with cameras by another program.
 
-Nothing is opened here: names tell. A folder of such folders holds several scenes.
+Files are told by their names, and none is opened. A folder of such folders holds
+several scenes.
 """
 
 import logging
@@ -27,26 +28,26 @@ RULE = re.compile(r"^\s*(?:rule|checkpoint|use rule \w+ as) (\w+)", re.MULTILINE
 def scenes_of(folder):
     """{name: {source, path}} of the scenes in a folder.
 
-    Raises ValueError where there is none, naming what was looked for.
+    Raises ValueError, naming the known kinds of files, where there is no scene.
     """
     folder = Path(folder)
     if not folder.exists():
         raise ValueError(f"{folder} does not exist")
     if (own := scene_of(folder)) is not None:
         return {name_of(folder): own}
-    found = {}
+    scenes = {}
     for inner in sorted(folder.iterdir()) if folder.is_dir() else ():
         if not inner.name.startswith(".") and (own := scene_of(inner)) is not None:
             name = name_of(inner)
-            if name in found:
+            if name in scenes:
                 raise ValueError(f"{inner}: another scene is called {name} too")
-            found[name] = own
-    if not found:
+            scenes[name] = own
+    if not scenes:
         raise ValueError(
             f"{folder}: no photos ({', '.join(sorted(photos.SUFFIXES))}) and no films "
             f"({', '.join(sorted(video.SUFFIXES))}), nor folders of such"
         )
-    return found
+    return scenes
 
 
 def scene_of(path):

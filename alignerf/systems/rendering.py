@@ -36,10 +36,10 @@ def squared(*, coarse=0.0):
     """The squared error, and `coarse` times that of each earlier look."""
 
     def loss(rendering, photo, weight):
-        found = mean_square(rendering.values, photo, weight)
+        error = mean_square(rendering.values, photo, weight)
         if not coarse:
-            return found
-        return found + coarse * sum(
+            return error
+        return error + coarse * sum(
             mean_square(values, photo, weight) for values in rendering.coarse
         )
 
@@ -52,10 +52,10 @@ def mean_square(values, photo, weight):
 
 
 def huber(rendering, photo, weight):
-    """Square up to HUBER, line beyond, of one slope where they meet."""
+    """Huber's loss: a square up to HUBER, a line of the same slope beyond."""
     error = jnp.abs(rendering.values - photo)
     large = error > HUBER
     # Not the minimum, whose slope is halved where both are equal.
     square = 0.5 / HUBER * jnp.where(large, HUBER, error) ** 2
-    found = jnp.where(large, error - 0.5 * HUBER, square)
-    return losses.weighted_mean(jnp.mean(found, axis=-1), weight)
+    loss = jnp.where(large, error - 0.5 * HUBER, square)
+    return losses.weighted_mean(jnp.mean(loss, axis=-1), weight)

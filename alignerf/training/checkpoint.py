@@ -4,8 +4,8 @@ A folder of checkpoints holds `state-<step>.msgpack` and `manifest.json`, which
 names the newest one with its SHA-256, the job's fingerprint, the time spent and the
 number of micro-batches.
 The manifest is replaced last, so a killed writer leaves the previous state.
-With a budget of minutes `budget.json` says how many steps they are; it is written
-before the first one.
+With a budget of minutes, `budget.json` holds the number of steps; it is written before
+the first step.
 """
 
 import contextlib
@@ -41,10 +41,10 @@ def fingerprint(*parts) -> str:
 
 def digest(tree):
     """SHA-256 of the arrays of a tree: the data that a training starts from."""
-    found = hashlib.sha256()
+    sha256 = hashlib.sha256()
     for leaf in jax.tree.leaves(jax.device_get(tree)):
-        found.update(np.ascontiguousarray(leaf))
-    return found.hexdigest()
+        sha256.update(np.ascontiguousarray(leaf))
+    return sha256.hexdigest()
 
 
 @contextlib.contextmanager
@@ -65,11 +65,11 @@ def lock(folder):
         ) from None
 
 
-def save(folder, state, *, identity, time_s, parts, final):
+def save(folder, state, *, identity, time_s, micro_batches, final):
     """Write a state as the folder's newest checkpoint.
 
-    `parts` is the number of micro-batches, on which the rounding of a step hangs;
-    `final` the numbers of the last steps.
+    micro_batches: their number, on which the rounding of a step depends. final: the
+    numbers of the last steps.
     """
     folder = pathlib.Path(folder)
     state = jax.device_get(state)
@@ -81,7 +81,7 @@ def save(folder, state, *, identity, time_s, parts, final):
         "sha256": hashlib.sha256(data).hexdigest(),
         "identity": identity,
         "time_s": time_s,
-        "parts": parts,
+        "parts": micro_batches,
         "final": final,
     }
     write(folder / "manifest.json", json.dumps(manifest, indent=1).encode())
@@ -90,10 +90,10 @@ def save(folder, state, *, identity, time_s, parts, final):
             old.unlink()
 
 
-def read_parts(folder) -> int | None:
-    """Micro-batches of the folder's checkpoint, whosever it is; None without one.
+def read_micro_batches(folder) -> int | None:
+    """Micro-batches of the checkpoint, even if another job's; None without one.
 
-    What is wrong with the manifest is left to `restore` to say.
+    `restore` logs the faults of a manifest.
     """
     try:
         return _read_manifest(folder)["parts"]
@@ -102,9 +102,9 @@ def read_parts(folder) -> int | None:
 
 
 def save_budget(folder, *, identity, steps, steps_per_s):
-    """Write down how many steps a job's budget holds, and the speed that says so."""
-    found = {"identity": identity, "steps": steps, "steps_per_s": steps_per_s}
-    write(pathlib.Path(folder) / "budget.json", json.dumps(found, indent=1).encode())
+    """Write budget.json: the steps of a job's budget, and the measured speed."""
+    budget = {"identity": identity, "steps": steps, "steps_per_s": steps_per_s}
+    write(pathlib.Path(folder) / "budget.json", json.dumps(budget, indent=1).encode())
 
 
 def read_budget(folder, *, identity) -> dict | None:
@@ -113,23 +113,23 @@ def read_budget(folder, *, identity) -> dict | None:
     if not path.exists():
         return None
     try:
-        found = json_files.read(path, BUDGET)
-        if found["identity"] != identity:
+        budget = json_files.read(path, BUDGET)
+        if budget["identity"] != identity:
             log.info("%s: of another configuration, timing anew", path)
             return None
-        if not (found["steps"] >= 1 and found["steps_per_s"] > 0):
+        if not (budget["steps"] >= 1 and budget["steps_per_s"] > 0):
             raise ValueError(f"{path}: no such speed")
     except (OSError, ValueError) as error:
         log.warning("timing anew: %s", error)
         return None
-    return {key: found[key] for key in ("steps", "steps_per_s")}
+    return {key: budget[key] for key in ("steps", "steps_per_s")}
 
 
 def restore(folder, template, *, identity):
     """The newest state and its manifest, or None where none fits.
 
-    A checkpoint of another job (other config, photos or initial weights) or a
-    damaged one is said so and left out; training then starts anew.
+    A damaged checkpoint, or one of another job (other config, photos or initial
+    weights), is logged and ignored; training then starts anew.
     """
     folder = pathlib.Path(folder)
     try:
@@ -154,15 +154,15 @@ def _read_manifest(folder):
     if not path.exists():
         raise FileNotFoundError(path)
     # Older ones say nothing of the last numbers.
-    found = {"final": {}} | json_files.read(path, MANIFEST)
-    json_files.check(found, {"final": dict})
-    if not STATE.match(found["file"]):
-        raise ValueError(f"file is {found['file']!r:.60}")
-    if not (found["time_s"] >= 0 and found["parts"] >= 1):
+    manifest = {"final": {}} | json_files.read(path, MANIFEST)
+    json_files.check(manifest, {"final": dict})
+    if not STATE.match(manifest["file"]):
+        raise ValueError(f"file is {manifest['file']!r:.60}")
+    if not (manifest["time_s"] >= 0 and manifest["parts"] >= 1):
         raise ValueError("time_s or parts is negative")
-    for key, value in found["final"].items():
+    for key, value in manifest["final"].items():
         json_files.check({key: value}, {key: json_files.NUMBER})
-    return found
+    return manifest
 
 
 def write_params(path, params):
@@ -171,7 +171,7 @@ def write_params(path, params):
 
 
 def read_params(path, template):
-    """Parameters of the template's shapes; anything else names the file."""
+    """Parameters of the template's shapes; else ValueError naming the file."""
     try:
         faults.check_regular(path)
         data = pathlib.Path(path).read_bytes()
@@ -181,7 +181,8 @@ def read_params(path, template):
 
 
 def _from_bytes(template, data, where):
-    """flax accepts surplus entries, other shapes and NaN: all are checked here."""
+    """Parameters from bytes. flax accepts surplus entries, other shapes and NaN; this
+    raises ValueError for them."""
     wanted = flax.serialization.to_state_dict(template)
     try:
         stored = flax.serialization.msgpack_restore(data)
@@ -191,10 +192,10 @@ def _from_bytes(template, data, where):
         raise ValueError(f"{where}: not a file of parameters ({error})") from None
     if not same:
         raise ValueError(f"{where}: not parameters of this model")
-    found = flax.serialization.from_state_dict(template, stored)
+    params = flax.serialization.from_state_dict(template, stored)
     for (path, wanted), leaf in zip(
         jax.tree_util.tree_leaves_with_path(template),
-        jax.tree.leaves(found),
+        jax.tree.leaves(params),
         strict=True,
     ):
         name = jax.tree_util.keystr(path)
@@ -206,11 +207,11 @@ def _from_bytes(template, data, where):
             )
         if not np.isfinite(leaf).all():
             raise ValueError(f"{where}: {name} is not finite")
-    return found
+    return params
 
 
 def write(path, data):
-    """Write bytes whole, and through to the disk."""
+    """Write bytes atomically, and flush them to the disk."""
     with atomic.replace_file(path) as temporary, open(temporary, "wb") as file:
         file.write(data)
         file.flush()

@@ -1,14 +1,15 @@
 """The method that a job names, composed of its model, its field and its losses."""
 
 from alignerf import fields
+from alignerf.cameras import refine
 from alignerf.contributions import frequency_loss
 from alignerf.experiment import jobs
 from alignerf.experiment.keys import fields as fields_keys
 from alignerf.experiment.keys import model as model_keys
 from alignerf.files import extensions
-from alignerf.metrics import vgg19
 from alignerf.mipnerf360 import model as mipnerf360
-from alignerf.systems import instant_ngp, mipnerf, nerf, nerfpp, refine, rendering
+from alignerf.networks import vgg19
+from alignerf.systems import instant_ngp, mipnerf, nerf, nerfpp, rendering
 from alignerf.training import methods
 
 # What each kind of model but mip-NeRF 360 is made by.
@@ -21,9 +22,9 @@ def make_method(
 ) -> methods.Method:
     """The method of a job: baseline, or AligNeRF in its fine-tuning stage.
 
-    views: a function that gives the training views' cameras (`refine.Views`); asked
-    where they are learnt too. to_train False leaves out what only its loss needs, the
-    weights file. moving: its renders can be differentiated in their rays.
+    views: a function that gives the training views' cameras (`refine.Views`), called
+    where cameras are learnt. to_train: False leaves out the weights file, which only
+    the loss needs. moving: the renders can be differentiated in their rays.
     """
     moving = moving or job.refine is not None
     method = without_cameras(job, to_train=to_train, moving=moving)
@@ -33,7 +34,7 @@ def make_method(
 
 
 def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
-    """The same without the learning of cameras."""
+    """`make_method` of a job whose cameras are not learnt."""
     if job.model.kind != "mipnerf360":
         return make_system(job, moving=moving)
     fine = job.stage == "finetune"
@@ -78,7 +79,7 @@ def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
 
 
 def make_system(job: jobs.Job, *, moving) -> methods.Method:
-    """Another of the paper's systems, with its own loss."""
+    """The method of another system of the paper, with its own loss."""
     training = job.training
     if job.model.kind == "ngp":
         model, loss = instant_ngp.make(job.model, moving=moving)
@@ -119,7 +120,7 @@ def make_field(
     chosen: fields_keys.Grid | fields_keys.Mlp | fields_keys.Nerf, **options
 ):
     """The field of these settings; options, as `outputs`, are added to them."""
-    found = chosen.model_dump() | options
+    settings = chosen.model_dump() | options
     return fields.make(
-        **{k: tuple(v) if isinstance(v, list) else v for k, v in found.items()}
+        **{k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
     )

@@ -1,7 +1,7 @@
 """Why a step is not finite: which terms, which networks, the rays of which views.
 
-Slow, and run once: the step is drawn again and taken apart. The batch is looked at
-in small parts of one size, so that the code is compiled once.
+Slow, and run once: the batch of the step is drawn again and searched in small parts of
+one size, so that the code is compiled once.
 """
 
 import functools
@@ -20,23 +20,23 @@ VIEWS = 256
 draw = jax.jit(train_step.draw, static_argnames=("method", "seed"))
 
 
-def explain(method, state, views, names, *, steps, seed, parts=1) -> str:
+def explain(method, state, views, names, *, steps, seed, micro_batches=1) -> str:
     """One line: why the step that starts from `state` is not finite.
 
-    `names` [n] are those of the views; the training itself ran in `parts`.
+    names [n]: of the views. micro_batches: of the training's own steps.
     """
     where = f"training diverged at step {int(state.step)}: not finite: "
     if spoilt := spoilt_parameters(state.params):
         return where + ", ".join(spoilt)
     batch, share = draw(method, views, state.step, steps=steps, seed=seed)
-    size = -(-method.units // max(PARTS, parts))
+    size = -(-method.units // max(PARTS, micro_batches))
 
     def look(units):
         """Faults of some units, padded by the last one to the size of a part."""
         units = np.pad(units, (0, size - len(units)), mode="edge")
         part = jax.tree.map(lambda x: x[units], batch)
-        found = spoilt_terms(method.terms, state.params, part, share)
-        return {name for name, bad in found.items() if bad}
+        spoilt = spoilt_terms(method.terms, state.params, part, share)
+        return {name for name, bad in spoilt.items() if bad}
 
     view = np.asarray(batch.view)
     what, guilty = search(look, view, size)
@@ -49,7 +49,7 @@ def explain(method, state, views, names, *, steps, seed, parts=1) -> str:
 
 
 def spoilt_parameters(params):
-    """What to say of the networks with parameters that are not finite."""
+    """A text for each network with parameters that are not finite."""
     return [
         f"{count} parameters of the {name}"
         for name, network in train_step.networks(params).items()
@@ -69,30 +69,31 @@ def largest(tree):
 @functools.partial(jax.jit, static_argnames="terms")
 def spoilt_terms(terms, params, part, share):
     """{what: whether it is not finite} of each term's value and gradients."""
-    found = {}
+    is_spoilt = {}
     values, _ = terms(params, part, share)
     for name, value in values.items():
         # One gradient a term: a zero times another term's infinity is not finite.
         grads = jax.grad(lambda p, name=name: terms(p, part, share)[0][name])(params)
         bad = ~jnp.isfinite(value)
-        found[f"{name} loss"] = bad
+        is_spoilt[f"{name} loss"] = bad
         for network, tree in train_step.networks(grads).items():
             # As in the step: Adam keeps squares.
             spoilt = train_step.count_nonfinite_squares(tree) > 0
-            found[f"gradient of the {name} loss in the {network}"] = spoilt & ~bad
-    return found
+            where = f"gradient of the {name} loss in the {network}"
+            is_spoilt[where] = spoilt & ~bad
+    return is_spoilt
 
 
 def search(look, view, size):
-    """(all faults, views at fault) of a batch, of whose units these are the views.
+    """(all faults, views at fault) of a batch; view [units]: the view of each unit.
 
-    look(units) gives the faults of at most `size` units. Views that share a part
-    with a fault are looked at one by one, VIEWS of them at most.
+    look(units) gives the faults of at most `size` units. Views in a part with a fault
+    are searched one by one, VIEWS of them at most.
     """
     what, suspects = set(), set()
     for units in parts_of(np.argsort(view, kind="stable"), size):
-        if found := look(units):
-            what |= found
+        if spoilt := look(units):
+            what |= spoilt
             suspects |= set(view[units].tolist())
     guilty = [
         number

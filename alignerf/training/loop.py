@@ -1,22 +1,22 @@
 """The training loop: resume, step, look at the numbers, save.
 
-A budget of minutes becomes a number of steps before the first one, once and for all.
-
-Nothing here knows what a method is made of, or where its photos came from.
+A budget of minutes is turned into a number of steps once, before the first step. The
+loop does not depend on the kind of method, nor on the source of its photos.
 """
 
 import contextlib
 import logging
 import time
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from alignerf.experiment import jobs
 from alignerf.files import progress, provenance
-from alignerf.processes import consensus, rank
-from alignerf.training import checkpoint, devices, diagnose, memory, program
+from alignerf.processes import consensus, devices, rank
+from alignerf.training import checkpoint, memory, program
+from alignerf.training import run as train_run
 
 log = logging.getLogger("alignerf")
 
@@ -29,15 +29,15 @@ TIMING_SHARE, TIMING_S = 0.05, 5.0
 
 
 class NoAligner:
-    """What a training asks of `alignment.aligner.Aligner`, where nothing is aligned."""
+    """The `alignment.aligner.Aligner` of a training that aligns nothing."""
 
     places, report, compile_time_s = (), (), 0.0
 
     def begin(self, steps, identity):
-        """Nothing to be fixed."""
+        """There are no places to fix."""
 
     def restore(self, step):
-        """Nothing has to be there."""
+        """No alignment has to be on disk."""
         return True
 
     def views(self, views):
@@ -45,25 +45,25 @@ class NoAligner:
         return views
 
 
-def fit(
-    job,
-    method,
-    built,
-    params,
-    views,
-    checkpoints,
-    *,
-    names,
-    sources="",
-    note=progress.nothing,
-    aligner=None,
-):
+def fit(*start, note=progress.nothing, **options):
     """Train to the last step; returns (parameters, timing).
 
-    `names` [n] are those of the views. `sources` identifies the code: a checkpoint of
-    other code, config or data is not resumed. Compilation is timed apart: a cache
-    often saves it. note: what the progress line says besides, of the share done.
-    aligner: puts right what the training learns from, at some of its steps.
+    start, options: those of `begin`. note: what the progress line says besides, of the
+    share done. Compilation is timed apart: a cache often saves it.
+    """
+    run = begin(*start, **options)
+    run_steps(run, note)
+    return devices.local(run.state.params), run.timing()
+
+
+def begin(
+    job, method, built, params, views, checkpoints, *, names, sources="", aligner=None
+) -> train_run.Run:
+    """The run of a job, from its checkpoint or from `params`.
+
+    names [n]: of the views. sources: identifies the code; a checkpoint of other code,
+    config or data is not resumed. aligner: puts right what the training learns from, at
+    some of its steps.
     """
     aligner = aligner or NoAligner()
     data = checkpoint.digest((params, views)), sources
@@ -71,92 +71,59 @@ def fit(
     job, built, facts = in_budget(job, method, built, params, views, checkpoints, data)
     identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
     facts |= describe(job, params)
-    log.info(
-        "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)
-    )
-    state = program.fresh_state(built.optimizer, params)
     aligner.begin(job.steps, identity)
-    state, spent_s, parts, last = resume(
-        checkpoints, state, identity, job.steps, aligner
-    )
-    given, views = views, aligner.views(views)
-    built = with_parts(built, parts, job, method, params, views)
-    program.log_memory(job, built, state, views)
-    # Those of the first steps are let go where an alignment gives others.
-    state, *placed = devices.place((state, views), built.mesh)
-    del views
+    fresh = Resumed(program.fresh_state(built.optimizer, params), 0.0, None, {})
+    done = resume(checkpoints, fresh, identity, job.steps, aligner)
+    # Both take as much memory as the parameters and Adam's moments.
+    del fresh
+    aligned = aligner.views(views)
+    built = program.refitted(built, done.micro_batches, job, method, params, aligned)
+    program.log_memory(job, built, done.state, aligned)
+    state, placed = devices.place((done.state, aligned), built.mesh)
     memory.keep_freed()
-    start = time.perf_counter()
-
-    def time_s():
-        passed_s = time.perf_counter() - start - aligner.compile_time_s
-        return round(spent_s + passed_s, 3)
-
-    def save(state, numbers):
-        state = devices.local(state)
-        check_finite(state)
-        facts = {"identity": identity, "time_s": time_s(), "parts": built.parts}
-        if rank.is_first():
-            checkpoint.save(checkpoints, state, final=numbers, **facts)
-
-    def align(state):
-        aligner.align(devices.local(state.params), int(state.step))
-        views = aligner.views(given)
-        if rank.are_several():
-            consensus.check_same(checkpoint.digest(views), "views after an alignment")
-        return devices.place(views, built.mesh)
-
-    def explain(state, views):
-        options = {"steps": job.schedule_steps, "seed": job.seed, "parts": built.parts}
-        return diagnose.explain(
-            method, *devices.local((state, views)), names, **options
-        )
-
-    schedule = program.schedule_of(job, built.mesh)
-
-    def step(state, views):
-        return built.step(state, views, schedule)
-
-    loop = {"save": save, "explain": explain, "note": note}
-    loop |= {"align": align, "places": aligner.places}
-    state, numbers = run_steps(job, step, state, placed.pop(), **loop)
-    # A finished training that was resumed made no step.
-    numbers = numbers or last
-    return devices.local(state.params), facts | {
-        "train_time_s": time_s(),
-        "compile_time_s": round(built.compile_time_s + aligner.compile_time_s, 3),
-        "micro_batches": built.parts,
-        "final": numbers,
-        **({"alignments": aligner.report} if aligner.report else {}),
-    }
+    return train_run.Run(
+        job=job,
+        method=method,
+        program=built,
+        checkpoints=checkpoints,
+        identity=identity,
+        aligner=aligner,
+        names=names,
+        unaligned=views,
+        facts=facts,
+        state=state,
+        views=placed,
+        numbers=done.numbers,
+        spent_s=done.spent_s,
+    )
 
 
 def in_budget(job, method, built, params, views, checkpoints, data):
-    """(job with its steps, program, what a table says of the budget, if there is one).
+    """(job with its steps, program, {fact of the budget}); no facts without a budget.
 
-    The steps that the budget holds are those written down, or as timed now. `data`
-    identifies what the job starts from.
+    The number of steps is read from budget.json, or timed now. data: identifies the
+    photos, cameras and initial parameters.
     """
     if job.budget_min is None:
         return job, built, {}
     identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
-    found = consensus.on(checkpoint.read_budget(checkpoints, identity=identity))
-    if found is None:
+    budget = consensus.on(checkpoint.read_budget(checkpoints, identity=identity))
+    if budget is None:
         # A new training begins in the usual micro-batches.
-        built = with_parts(built, None, job, method, params, views)
-        found = time_budget(job, built, params, views)
+        built = program.refitted(built, None, job, method, params, views)
+        budget = time_budget(job, built, params, views)
         if rank.is_first():
-            checkpoint.save_budget(checkpoints, identity=identity, **found)
-    minutes, job = job.budget_min, jobs.with_steps(job, found["steps"])
-    speed_text = f"{found['steps_per_s']:.3g} steps/s"
+            checkpoint.save_budget(checkpoints, identity=identity, **budget)
+    minutes, job = job.budget_min, jobs.with_steps(job, budget["steps"])
+    speed_text = f"{budget['steps_per_s']:.3g} steps/s"
     log.info("budget %g min: %d steps at %s", minutes, job.steps, speed_text)
-    return job, built, {"budget_min": minutes, "steps_per_s": found["steps_per_s"]}
+    return job, built, {"budget_min": minutes, "steps_per_s": budget["steps_per_s"]}
 
 
 def time_budget(job, built, params, views):
     """{steps, steps_per_s} of the whole training's budget, at this stage's speed.
 
-    The steps that are timed change a copy of the parameters, which is thrown away.
+    The timed steps change a copy of the parameters, which is discarded.
     """
     most_s = min(TIMING_S, TIMING_SHARE * 60 * job.budget_min)
     copy = jax.tree.map(jnp.copy, params)
@@ -178,63 +145,39 @@ def step_time_s(job, built, params, views, *, most_s):
     )
 
 
-def resume(checkpoints, state, identity, steps, aligner):
-    """The state to go on from, its seconds so far, micro-batches and last numbers.
+class Resumed(NamedTuple):
+    """What a checkpoint holds: micro_batches None and numbers empty without one."""
 
-    The first process reads it, whatever number of processes has written it. A state
-    whose alignments are lost is of no use.
+    state: Any
+    spent_s: float
+    micro_batches: int | None
+    numbers: dict
+
+
+def resume(checkpoints, fresh: Resumed, identity, steps, aligner) -> Resumed:
+    """The newest checkpoint of this very job, or `fresh` where there is none.
+
+    The first process reads the checkpoint, whatever number of processes has written
+    it. A state whose alignments are lost is of no use.
     """
-    found = None
+    restored = None
     if rank.is_first():
-        found = checkpoint.restore(checkpoints, state, identity=identity)
-    manifest = consensus.on(found and found[1])
-    fresh = state, 0.0, None, {}
+        restored = checkpoint.restore(checkpoints, fresh.state, identity=identity)
+    manifest = consensus.on(restored and restored[1])
     if manifest is None:
         return fresh
-    if not aligner.restore(consensus.on(found and int(found[0].step))):
+    if not aligner.restore(consensus.on(restored and int(restored[0].step))):
         log.warning("%s: its alignment is lost, starting anew", checkpoints)
         return fresh
-    state = consensus.on_arrays(found[0] if found else state)
+    state = consensus.on_arrays(restored[0] if restored else fresh.state)
     log.info("resuming at step %d of %d", int(state.step), steps)
     state = jax.tree.map(jnp.asarray, state)
-    return state, manifest["time_s"], manifest["parts"], manifest["final"]
-
-
-def with_parts(built, parts, job, method, params, views):
-    """The program in the micro-batches that the resumed training had, if they fit.
-
-    parts: how many; None where nothing is resumed, which takes the usual ones.
-    """
-    first = program.first_parts(job, method, built.mesh, parts)
-    if first != built.first_parts:
-        # Built for a checkpoint that turned out to be another job's. Only this case
-        # compiles twice: a new training begins with the usual ones, whatever lay there.
-        # A CPU takes the photos as they lie in memory.
-        on_cpu = jax.local_devices()[0].platform == "cpu"
-        to_come = 0 if on_cpu else memory.tree_bytes(views)
-        before_s = built.compile_time_s
-        built = program.build(job, method, params, views, parts=parts, to_come=to_come)
-        built = built._replace(compile_time_s=before_s + built.compile_time_s)
-    if parts not in (None, built.parts):
-        log.warning(
-            "resuming in %d micro-batches instead of %d: other rounding",
-            *(built.parts, parts),
-        )
-    return built
-
-
-def check_finite(state):
-    """ValueError where parameters are not finite: such a checkpoint is of no use."""
-    if spoilt := diagnose.spoilt_parameters(state.params):
-        raise ValueError(
-            f"training diverged before step {int(state.step)}: not finite: "
-            + ", ".join(spoilt)
-        )
+    return Resumed(state, *(manifest[key] for key in ("time_s", "parts", "final")))
 
 
 def describe(job, params):
-    """What a table says of a training, besides its time."""
-    return {
+    """The facts of a training for tables, besides its times; the log shows some."""
+    facts = {
         "stage": job.stage,
         "steps": job.steps,
         "rays_seen": job.steps * job.rays_per_step,
@@ -243,53 +186,41 @@ def describe(job, params):
         "processes": rank.here().count,
         **provenance.facts(),
     }
+    log.info(
+        "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)
+    )
+    return facts
 
 
-def run_steps(job, step, state, views, *, save, explain, note, align, places):
+def run_steps(run, note):
     """The loop: step, look at the numbers, save now and then.
 
-    Before the steps of `places` it saves, and goes on with the views of align(state).
-    Returns the last state and the numbers of the last steps (none where a finished
-    training was resumed). Raises ValueError(explain(state, views)), with the state
-    before it, for the first step that is not finite.
+    Before the aligner's steps the run is saved, then aligned. Raises
+    ValueError(run.explain()) for the first step that is not finite.
     """
-    done = int(state.step)
-    pending, history = [], {}
+    steps, places = run.job.steps, run.aligner.places
+    schedule = program.schedule_of(run.job, run.program.mesh)
+    done, pending = int(run.state.step), []
     saved = fetched = time.perf_counter()
     options = {"done": done, "note": note, "silent": not rank.is_first()}
-    bar = progress.Progress(job.stage, job.steps, **options)
+    bar = progress.Progress(run.job.stage, steps, **options)
     with contextlib.closing(bar):
-        while done < job.steps:
+        while done < steps:
             if done in places:
-                save(state, history)
-                views = align(state)
+                run.save()
+                run.align()
                 saved = fetched = time.perf_counter()
-            state, stats = step(state, views)
+            run.state, stats = run.program.step(run.state, run.views, schedule)
             pending.append(stats)
             done += 1
-            if len(pending) < FETCH_EVERY and done not in {*places, job.steps}:
+            if len(pending) < FETCH_EVERY and done not in {*places, steps}:
                 continue
-            numbers = jax.device_get(pending)
-            if not all(is_finite(stats) for stats in numbers):
-                raise ValueError(explain(state, views))
-            history = {
-                key: float(np.mean([stats[key] for stats in numbers])) for key in stats
-            }
+            run.look(pending)
             now = time.perf_counter()
-            rays_per_s = len(pending) * job.rays_per_step / (now - fetched)
-            bar.advance(
-                len(pending),
-                loss=history["loss"],
-                psnr=history["psnr_db"],
-                **{"rays/s": rays_per_s},
-            )
+            rays_per_s = len(pending) * run.job.rays_per_step / (now - fetched)
+            shown = {"loss": run.numbers["loss"], "psnr": run.numbers["psnr_db"]}
+            bar.advance(len(pending), **shown, **{"rays/s": rays_per_s})
             fetched, pending = now, []
-            if now - saved > CHECKPOINT_EVERY_S or done == job.steps:
-                save(state, history)
+            if now - saved > CHECKPOINT_EVERY_S or done == steps:
+                run.save()
                 saved = time.perf_counter()
-    return state, history
-
-
-def is_finite(stats):
-    """Whether a step had a finite loss and gradient, and so changed the state."""
-    return np.isfinite(stats["loss"]) and stats["nonfinite_gradients"] == 0

@@ -1,7 +1,7 @@
-"""What a training takes of the memory, and what there is; all in bytes.
+"""The memory that a training takes, and the free memory, in bytes.
 
-The compiler says what a step needs besides its inputs. Where that does not fit, the
-batch is split into micro-batches, as few as will do.
+The compiler says how much a step needs besides its inputs. A batch that does not fit
+is split into as few micro-batches as possible.
 """
 
 import contextlib
@@ -40,7 +40,7 @@ def free_bytes(device) -> int:
 
 
 def free_host_bytes(root="/") -> int:
-    """What this process can still take: of the machine, and of its containers."""
+    """Memory that this process can still take, of the machine and of its containers."""
     root = pathlib.Path(root)
     return max(0, min([_free_of_machine(root), *_free_of_containers(root)]))
 
@@ -51,12 +51,12 @@ def _free_of_machine(root):
     except OSError:
         # Not Linux: all memory that there is.
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    (found,) = (line for line in lines if line.startswith("MemAvailable:"))
-    return int(found.split()[1]) * 1024
+    (available,) = (line for line in lines if line.startswith("MemAvailable:"))
+    return int(available.split()[1]) * 1024
 
 
 def _free_of_containers(root):
-    """What is left of every limit on a group that the process is in."""
+    """Free memory under the limit of each control group of this process."""
     try:
         groups = (root / "proc/self/cgroup").read_text().splitlines()
     except OSError:
@@ -81,14 +81,14 @@ def _and_parents(path):
 
 
 def step_bytes(compiled, devices) -> int:
-    """What running a compiled step takes of a device's memory, besides its inputs.
+    """Memory that a compiled step takes on a device, besides its inputs.
 
-    Devices that report no memory of their own, CPUs, share the host's.
+    CPU devices, which report no memory of their own, share the host's.
     """
-    found = compiled.memory_analysis()
-    fresh = found.output_size_in_bytes - found.alias_size_in_bytes
+    analysis = compiled.memory_analysis()
+    fresh = analysis.output_size_in_bytes - analysis.alias_size_in_bytes
     sharing = len(devices) if devices[0].memory_stats() is None else 1
-    return sharing * (found.temp_size_in_bytes + fresh)
+    return sharing * (analysis.temp_size_in_bytes + fresh)
 
 
 def tree_bytes(tree) -> int:
@@ -122,24 +122,24 @@ def check(needed, free, what):
         raise ValueError(f"{what} of {sizes}")
 
 
-def compile_to_fit(compile_parts, units, free, *, parts=1):
-    """(compiled step, micro-batches): the fewest, from `parts` on, that fit.
+def compile_to_fit(compile_in, units, free, *, micro_batches=1):
+    """(compiled step, its micro-batches): the fewest that fit the free bytes.
 
-    compile_parts(parts) -> (compiled, bytes that it takes); parts divide the units.
-    ValueError where not even single units fit.
+    compile_in(micro_batches) -> (compiled step, bytes that it takes). The numbers that
+    are tried divide the units. ValueError where not even a single unit fits.
     """
     while True:
-        compiled, needed = compile_parts(parts)
+        compiled, needed = compile_in(micro_batches)
         if needed <= USABLE * free:
-            return compiled, parts
+            return compiled, micro_batches
         sizes = f"{text(needed)}, more than {USABLE:.0%} of {text(free)}"
-        log.info("memory: a step takes %s, in %d micro-batches", sizes, parts)
+        log.info("memory: a step takes %s, in %d micro-batches", sizes, micro_batches)
         # At least as many as would do if all of it were activations.
-        enough = max(2 * parts, parts * needed / max(USABLE * free, 1))
-        more = [n for n in range(parts + 1, units + 1) if units % n == 0]
+        enough = max(2 * micro_batches, micro_batches * needed / max(USABLE * free, 1))
+        more = [n for n in range(micro_batches + 1, units + 1) if units % n == 0]
         if not more:
             check(needed, free, "config.model: activations of a ray or patch,")
-        parts = next((n for n in more if n >= enough), more[-1])
+        micro_batches = next((n for n in more if n >= enough), more[-1])
 
 
 def text(size):

@@ -71,20 +71,21 @@ def mipnerf360(
 ) -> Method:
     """The baseline: single rays, Charbonnier loss (arXiv 2111.12077).
 
-    proposal_share: of the rays, as many teach the proposals; as published all do.
-    annealed: early in training samples spread beyond where the proposals put them;
-    not so for a training that begins with trained proposals.
-    coarse_to_fine: shares of the training between which what is fine comes in (BARF).
+    proposal_share: share of the rays that train the proposals; as published, all.
+    annealed: early in training, samples spread beyond where the proposals put them;
+    False for a training that begins with trained proposals.
+    coarse_to_fine: the shares of the training between which fine frequencies are faded
+    in (BARF).
     """
 
     def of_share(share):
-        found = {
+        shares = {
             "train_share": share if annealed else 1.0,
             "proposal_share": proposal_share,
         }
         if coarse_to_fine:
-            found["fineness"] = passed(share, *coarse_to_fine)
-        return found
+            shares["fineness"] = passed(share, *coarse_to_fine)
+        return shares
 
     return single_rays(
         model,
@@ -101,8 +102,8 @@ def single_rays(
     """A model that learns from rays drawn one by one.
 
     data_loss: (rendering, photo, weight) -> mean, see `systems.rendering`.
-    regularisers: histograms -> {term: mean}. of_share: what the model is told of the
-    share of the training that has passed.
+    regularisers: histograms -> {term: mean}. of_share: share of the training that has
+    passed -> keyword arguments of the model.
     """
 
     def terms(params, batch, share):
@@ -133,12 +134,12 @@ def single_rays(
 
 
 def passed(share, first, last):
-    """How much of the way from one share of the training to another is done [0, 1]."""
+    """Progress in [0, 1] from the share `first` of the training to the share `last`."""
     return jnp.clip((share - first) / max(last - first, 1e-6), 0.0, 1.0)
 
 
 class Loss(NamedTuple):
-    """How a rendered patch is set against the photo around it.
+    """How a rendered patch is compared with the photo around it.
 
     matching: `patch` moves the photo by one offset a patch (Eq. 4), `pixel` by one a
     pixel (contextual). error: `squared` (as printed) or `charbonnier` (the
@@ -172,25 +173,26 @@ def data_loss(rgb, photo, exists, loss: Loss):
 
 def match_patches(rgb, photo, exists, penalty):
     """One offset a patch: (patches, L_PM a colour value, lengths in px)."""
-    found = jax.vmap(functools.partial(align_loss.align, penalty=penalty))(
+    match = jax.vmap(functools.partial(align_loss.align, penalty=penalty))(
         rgb, photo, exists
     )
-    length_px = jnp.sqrt(jnp.sum(found.offset_px.astype(jnp.float32) ** 2, axis=-1))
+    length_px = jnp.sqrt(jnp.sum(match.offset_px.astype(jnp.float32) ** 2, axis=-1))
     # Of one offset: to the same rounding as in the search.
-    squared = jax.vmap(align_loss.squared_errors)(rgb, found.patch)[:, 0, 0]
-    squared = squared * found.scale
-    return found.patch, jnp.mean(squared + penalty * length_px) / rgb[0].size, length_px
+    squared = jax.vmap(align_loss.squared_errors)(rgb, match.patch)[:, 0, 0]
+    squared = squared * match.scale
+    return match.patch, jnp.mean(squared + penalty * length_px) / rgb[0].size, length_px
 
 
 def match_pixels(rgb, photo, exists, penalty):
     """One offset a pixel: (patches, contextual loss, lengths in px).
 
-    The penalty is Eq. 4's: of a patch's sum there, of a pixel's mean here.
+    The penalty has Eq. 4's value, where it weighs against a sum over the patch. Here
+    it weighs against the mean of a pixel.
     """
     match = functools.partial(contextual_loss.match, spatial_weight=penalty)
-    found = jax.vmap(match)(rgb, photo, exists)
-    length_px = jnp.sqrt(jnp.sum(found.offset_px.astype(jnp.float32) ** 2, axis=-1))
-    return found.patch, jnp.mean(found.loss) / rgb.shape[-1], length_px
+    matches = jax.vmap(match)(rgb, photo, exists)
+    length_px = jnp.sqrt(jnp.sum(matches.offset_px.astype(jnp.float32) ** 2, axis=-1))
+    return matches.patch, jnp.mean(matches.loss) / rgb.shape[-1], length_px
 
 
 def alignerf(
@@ -228,14 +230,14 @@ def alignerf(
         values = rendering.values.reshape(-1, patch_px, patch_px, model.field.outputs)
         rgb = colours(params, values)
         patch, data, shown = data_loss(rgb, batch.photo, batch.exists, loss)
-        found = {"data": data, **_regularisers(rendering.histograms, loss_weights)}
+        losses_of = {"data": data, **_regularisers(rendering.histograms, loss_weights)}
         if loss.frequency_features:
             frequency = frequency_loss.frequency_loss(
                 loss.frequency_features, patch, rgb
             )
             # As printed against the sum over the patch, see `data_loss`.
-            found["frequency"] = loss.frequency_weight * frequency / rgb[0].size
-        return found, shown
+            losses_of["frequency"] = loss.frequency_weight * frequency / rgb[0].size
+        return losses_of, shown
 
     def init(key):
         key_model, key_head = jax.random.split(key)

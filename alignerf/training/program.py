@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from alignerf.processes import consensus, rank
-from alignerf.training import devices, gradients, memory
+from alignerf.processes import consensus, devices, rank
+from alignerf.training import gradients, memory
 from alignerf.training import step as train_step
 
 log = logging.getLogger("alignerf")
@@ -22,28 +22,27 @@ SCALARS = train_step.Schedule(*[jax.ShapeDtypeStruct((), jnp.int32)] * 2)
 
 
 class Program(NamedTuple):
-    """A compiled step, in how many micro-batches, and over which devices.
+    """A compiled step, its micro-batches and its devices.
 
-    How long a training is, is one of the step's inputs: (state, views, Schedule).
-    first_parts: micro-batches that were tried first; where they did not fit, `parts`
-    are more.
+    The length of the training is an input of the step: (state, views, Schedule).
+    first_micro_batches: the number that was tried first; micro_batches are more where
+    these did not fit.
     """
 
     optimizer: Any
     step: Any
-    first_parts: int
-    parts: int
+    first_micro_batches: int
+    micro_batches: int
     mesh: Any
     compile_time_s: float
 
 
-def build(job, method, params, views, *, parts=None, to_come=0) -> Program:
-    """Compile a job's step; of the views their shapes are enough.
+def build(job, method, params, views, *, micro_batches=None, to_come=0) -> Program:
+    """Compile a job's step; views: their shapes suffice.
 
     A compiler's memory can thus be given back before the photos are loaded, and a
-    training that does not fit is refused before. `to_come` bytes will yet be taken.
-    parts: micro-batches of the training to go on with; None for those that suit the
-    device.
+    training that does not fit is refused before. to_come: bytes that will yet be taken.
+    micro_batches: those of the training that is resumed; None for the device's own.
     """
     start = time.perf_counter()
     optimizer_of = functools.partial(make_optimizer, job)
@@ -60,13 +59,44 @@ def build(job, method, params, views, *, parts=None, to_come=0) -> Program:
     )
     # Adam's two moments are only shapes yet.
     to_come += memory.tree_bytes(shapes[0].optimizer)
-    first = first_parts(job, method, mesh, parts)
-    step, parts = compile_step(
-        job, method, optimizer_of, *shapes, parts=first, mesh=mesh, to_come=to_come
+    first = first_micro_batches(job, method, mesh, micro_batches)
+    step, micro_batches = compile_step(
+        job,
+        method,
+        optimizer_of,
+        *shapes,
+        micro_batches=first,
+        mesh=mesh,
+        to_come=to_come,
     )
     memory.give_back()
     compile_time_s = round(time.perf_counter() - start, 3)
-    return Program(optimizer, step, first, parts, mesh, compile_time_s)
+    return Program(optimizer, step, first, micro_batches, mesh, compile_time_s)
+
+
+def refitted(built, micro_batches, job, method, params, views) -> Program:
+    """The program in the micro-batches that the resumed training had, if they fit.
+
+    micro_batches: None where nothing is resumed, which takes the device's own.
+    """
+    first = first_micro_batches(job, method, built.mesh, micro_batches)
+    if first != built.first_micro_batches:
+        # Built for a checkpoint that turned out to be another job's. Only this case
+        # compiles twice: a new training begins with the usual ones, whatever lay there.
+        # A CPU takes the photos as they lie in memory.
+        on_cpu = jax.local_devices()[0].platform == "cpu"
+        to_come = 0 if on_cpu else memory.tree_bytes(views)
+        before_s = built.compile_time_s
+        built = build(
+            job, method, params, views, micro_batches=micro_batches, to_come=to_come
+        )
+        built = built._replace(compile_time_s=before_s + built.compile_time_s)
+    if micro_batches not in (None, built.micro_batches):
+        log.warning(
+            "resuming in %d micro-batches instead of %d: other rounding",
+            *(built.micro_batches, micro_batches),
+        )
+    return built
 
 
 def fresh_state(optimizer, params):
@@ -92,44 +122,47 @@ def schedule_of(job, mesh=None) -> train_step.Schedule:
     return devices.place(train_step.Schedule(*map(jnp.int32, schedule)), mesh)
 
 
-def first_parts(job, method, mesh, parts=None) -> int:
-    """Micro-batches to try first: `parts`, or those that suit the device.
+def first_micro_batches(job, method, mesh, micro_batches=None) -> int:
+    """Micro-batches to try first: a checkpoint's, else those that suit the device.
 
-    Those of a checkpoint from other devices may not come out even.
+    A checkpoint's number, from other devices, may not divide the units.
     """
     mine, units = share(method, mesh)
-    if parts is not None and units % parts == 0:
-        return parts
+    if micro_batches is not None and units % micro_batches == 0:
+        return micro_batches
     points = job.rays_per_step * job.model.points_a_ray // method.units
-    return gradients.parts_for_caches(units, points, mine[0], hashed(job.model))
+    return gradients.micro_batches_for_caches(units, points, mine[0], hashed(job.model))
 
 
 def hashed(model):
-    """Whether a model's points are looked up in tables, of the job's settings."""
+    """Whether the model of these settings looks its points up in hash tables."""
     return hasattr(getattr(model, "field", model), "log2_entries")
 
 
 def share(method, mesh):
-    """(this process's devices of a mesh, or the only one; units that each takes)."""
+    """(this process's devices in the mesh, or its only one; units of each device)."""
     if mesh is None:
         return jax.local_devices()[:1], method.units
     return list(mesh.local_devices), method.units // mesh.size
 
 
-def compile_step(job, method, optimizer_of, *inputs, parts, mesh=None, to_come=0):
-    """(compiled step, micro-batches): `parts`, or more where the memory asks for it.
+def compile_step(
+    job, method, optimizer_of, *inputs, micro_batches, mesh=None, to_come=0
+):
+    """(compiled step, its micro-batches), which are more where the memory is short.
 
-    inputs: shapes of the state, the views and the schedule.
+    inputs: shapes of the state, the views and the schedule. micro_batches: the number
+    to try first.
     """
     mine, units = share(method, mesh)
 
-    def compile_parts(parts):
+    def compile_in(micro_batches):
         step = train_step.make_step(
             method,
             optimizer_of,
             gradient_norm=job.training.gradient_norm,
             seed=job.seed,
-            parts=parts,
+            micro_batches=micro_batches,
             mesh=mesh,
         )
         compiled = step.lower(*inputs).compile()
@@ -137,13 +170,13 @@ def compile_step(job, method, optimizer_of, *inputs, parts, mesh=None, to_come=0
 
     # The host with the least memory decides for all: each compiles the same.
     free = consensus.on_smallest(max(0, memory.free_bytes(mine[0]) - to_come))
-    return memory.compile_to_fit(compile_parts, units, free, parts=parts)
+    return memory.compile_to_fit(compile_in, units, free, micro_batches=micro_batches)
 
 
 def log_memory(job, program, state, views):
-    """Say what the training takes, and what was free."""
+    """Log the memory that the training takes, and the free memory."""
     count = program.mesh.size if program.mesh else 1
-    rays = job.rays_per_step // (program.parts * count)
+    rays = job.rays_per_step // (program.micro_batches * count)
     params = memory.tree_bytes(state.params)
     activations = memory.step_bytes(program.step, jax.local_devices()[:1]) - params
     sizes = {
@@ -156,7 +189,7 @@ def log_memory(job, program, state, views):
     log.info(
         "memory: %s; %d micro-batches of %d rays on %d devices",
         ", ".join(f"{name} {memory.text(size)}" for name, size in sizes.items()),
-        *(program.parts, rays, count),
+        *(program.micro_batches, rays, count),
     )
 
 
@@ -182,7 +215,7 @@ def step_time_s(step, state, *, most_s, at_once, clock=consensus.clock):
     if single_s >= most_s:
         return single_s
     count = at_once if at_once * single_s < most_s / 3 else 1
-    start, found = clock(), []
+    start, times_s = clock(), []
     while clock() - start < most_s:
-        found.append(run(count))
-    return statistics.median(found)
+        times_s.append(run(count))
+    return statistics.median(times_s)

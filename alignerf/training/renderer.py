@@ -11,10 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from alignerf.cameras import refine
 from alignerf.contributions import strips
 from alignerf.decisions import fill
 from alignerf.scenes import cameras, prepared
-from alignerf.systems import refine
 from alignerf.training import checkpoint, compose, memory
 
 # Rays at once: large enough to fill the machine, small enough for its memory.
@@ -36,86 +36,100 @@ def read_model(config, model, loaded: prepared.Scene, *, moving=False):
     views = functools.partial(refine.views_of, loaded)
     method = compose.make_method(job, views, to_train=False, moving=moving)
     template = jax.eval_shape(method.init, jax.random.key(0))
-    found = checkpoint.read_params(model, template)
-    return method, jax.tree.map(jnp.asarray, found)
+    params = checkpoint.read_params(model, template)
+    return method, jax.tree.map(jnp.asarray, params)
 
 
 def make_renderer(method, params, width, height):
-    """`make_for_params` of these parameters."""
-    return functools.partial(make_for_params(method, width, height), params)
+    """A function from a camera to its image and depth: a `Renderer` of parameters."""
+    return functools.partial(Renderer(method, width, height), params)
 
 
-def make_for_params(method, width, height):
-    """A function from parameters and a camera to an image and its depth.
+class Renderer:
+    """A method's images of one size: one program for all parameters and cameras."""
 
-    (params, pixtocam, camtoworld) -> (image [h, w, 3] uint8, depth [h, w] float32): for
-    other parameters nothing is compiled anew. A fourth argument, a mask [h, w], may say
-    which pixels are wanted: others are black, or no colours, with a depth of 0.
-    """
-    memory.keep_freed()
-    count = width * height
-    chunk = min(CHUNK_RAYS, -(-count // CACHED_RAYS) * CACHED_RAYS)
-    on_cpu = jax.local_devices()[0].platform == "cpu"
-    strip = min(height, -(-STRIP_PIXELS // width))
+    def __init__(self, method, width, height):
+        memory.keep_freed()
+        self.width, self.height, self.halo = width, height, method.halo
+        count = width * height
+        self.chunk = min(CHUNK_RAYS, -(-count // CACHED_RAYS) * CACHED_RAYS)
+        self.strip = min(height, -(-STRIP_PIXELS // width))
+        on_cpu = jax.local_devices()[0].platform == "cpu"
+        at_once = CACHED_RAYS if on_cpu else self.chunk
+        self._render = jax.jit(functools.partial(render_pixels, method, width, at_once))
+        self._colours = jax.jit(functools.partial(clipped_colours, method))
 
-    @jax.jit
-    def values_of(params, pixel, pixtocam, camtoworld):
-        def values_at(pixel):
-            rays = cameras.pixels_to_rays(
-                pixel % width, pixel // width, pixtocam, camtoworld
-            )
-            rendering = method.render(params, rays)
-            return rendering.values, rendering.depth
+    def __call__(self, params, pixtocam, camtoworld, wanted=None):
+        """(image [h, w, 3] uint8, depth [h, w] float32) as a camera sees it.
 
-        parts = pixel.reshape(-1, CACHED_RAYS if on_cpu else chunk)
-        values, depth = jax.lax.map(values_at, parts)
-        return jnp.concatenate(values), depth.ravel()
-
-    @jax.jit
-    def colours_of(params, values):
-        return jnp.clip(method.colours(params, values), 0.0, 1.0)
-
-    def paint(params, values):
-        rgb = np.asarray(colours_of(params, values))
-        if not np.isfinite(rgb).all():
-            raise ValueError("the model renders colours that are not finite")
-        return np.round(rgb * 255.0).astype(np.uint8)
-
-    def render(params, pixtocam, camtoworld, wanted=None):
+        wanted [h, w]: mask of the pixels that are needed. The others are black, or have
+        no meaning, and depth 0. Raises ValueError for colours that are not finite.
+        """
         camera = [jnp.asarray(m, jnp.float32) for m in (pixtocam, camtoworld)]
-        depths = np.zeros(count, np.float32)
+        depth = np.zeros(self.width * self.height, np.float32)
+        image = strips.colours(
+            self.values(params, camera, self.seen_by(wanted), depth_out=depth),
+            functools.partial(self.colours, params),
+            width=self.width,
+            height=self.height,
+            strip=self.strip,
+            halo=self.halo,
+        )
+        return image, depth.reshape(self.height, self.width)
 
-        def values():
-            """Of all pixels in their order; zero where a pixel is not needed."""
-            done = 0
-            for part in in_chunks(needed(wanted)):
-                found, depths[part] = values_of(params, jnp.asarray(part), *camera)
-                end = part[-1] + 1
-                block = np.zeros((end - done, found.shape[-1]), found.dtype)
-                block[part - done] = found
-                done = end
-                yield block
-            if done < count:
-                yield np.zeros((count - done, block.shape[-1]), block.dtype)
-
-        size = {"width": width, "height": height, "strip": strip, "halo": method.halo}
-        image = strips.colours(values(), functools.partial(paint, params), **size)
-        return image, depths.reshape(height, width)
-
-    def needed(wanted):
-        """Indices of the pixels whose values the wanted ones' colours depend on."""
+    def seen_by(self, wanted):
+        """Indices of the pixels on whose values the wanted pixels' colours depend."""
         if wanted is None:
-            return np.arange(count)
-        side = 2 * method.halo + 1
+            return np.arange(self.width * self.height)
+        side = 2 * self.halo + 1
         return np.flatnonzero(
             cv2.dilate(wanted.astype(np.uint8), np.ones((side, side)))
         )
 
-    def in_chunks(pixels):
-        """Rows [chunk] of indices; the last one is filled up with its last pixel."""
-        rows = -(-len(pixels) // chunk)
-        return np.pad(pixels, (0, rows * chunk - len(pixels)), "edge").reshape(
-            -1, chunk
-        )
+    def values(self, params, camera, pixels, *, depth_out):
+        """Yield blocks [n, c]: the values of all pixels in order, 0 beside `pixels`.
 
-    return render
+        depth_out [h w]: takes the depth of the pixels, block by block.
+        """
+        done = 0
+        for chunk in self.chunks(pixels):
+            rendered, depth = self._render(params, jnp.asarray(chunk), *camera)
+            depth_out[chunk] = depth
+            end = chunk[-1] + 1
+            block = np.zeros((end - done, rendered.shape[-1]), rendered.dtype)
+            block[chunk - done] = rendered
+            done = end
+            yield block
+        if done < len(depth_out):
+            yield np.zeros((len(depth_out) - done, block.shape[-1]), block.dtype)
+
+    def chunks(self, pixels):
+        """Rows [chunk] of indices; the last row is filled up with its last pixel."""
+        missing = -len(pixels) % self.chunk
+        return np.pad(pixels, (0, missing), "edge").reshape(-1, self.chunk)
+
+    def colours(self, params, values):
+        """uint8 colours of the values of a strip, as `strips.colours` asks for them."""
+        rgb = np.asarray(self._colours(params, values))
+        if not np.isfinite(rgb).all():
+            raise ValueError("the model renders colours that are not finite")
+        return np.round(rgb * 255.0).astype(np.uint8)
+
+
+def render_pixels(method, width, at_once, params, pixels, pixtocam, camtoworld):
+    """(values [n, c], depth [n]) of pixel indices [n], `at_once` rays after others."""
+
+    def render(pixels):
+        rays = cameras.pixels_to_rays(
+            pixels % width, pixels // width, pixtocam, camtoworld
+        )
+        rendering = method.render(params, rays)
+        return rendering.values, rendering.depth
+
+    values, depth = jax.lax.map(render, pixels.reshape(-1, at_once))
+    return jnp.concatenate(values), depth.ravel()
+
+
+def clipped_colours(method, params, values):
+    """Colours in [0, 1] of values."""
+    return jnp.clip(method.colours(params, values), 0.0, 1.0)

@@ -158,7 +158,7 @@ def draw(method, views, step, *, steps, seed):
     return method.draw(jax.random.key(seed), step, views), share
 
 
-def make_step(method, optimizer_of, *, gradient_norm, seed, parts=1, mesh=None):
+def make_step(method, optimizer_of, *, gradient_norm, seed, micro_batches=1, mesh=None):
     """The jitted step: (state, views, Schedule) -> (state, numbers to show).
 
     optimizer_of(Schedule) is the optimizer; what it keeps does not depend on that.
@@ -169,7 +169,7 @@ def make_step(method, optimizer_of, *, gradient_norm, seed, parts=1, mesh=None):
     def step(state, views, schedule):
         drawn = draw(method, views, state.step, steps=schedule.steps, seed=seed)
         (loss, shown), grads = gradients.mean(
-            method.terms, state.params, *drawn, parts=parts, mesh=mesh
+            method.terms, state.params, *drawn, micro_batches=micro_batches, mesh=mesh
         )
         grads = clip_per_network(grads, gradient_norm)
         nonfinite = count_nonfinite_squares(grads)

@@ -17,10 +17,10 @@ from alignerf.verdict import advice, causes, evidence, views, words
 def main(argv=None):
     args = parse(argv)
     loaded = prepared.load(args.scene)
-    found = evidence.read_views(loaded, args.base, ("train", "test"))
+    rows = evidence.read_views(loaded, args.base, ("train", "test"))
     known = evidence.gather(
         loaded,
-        found,
+        rows,
         evidence.read_pattern(loaded, args.base),
         poses=json_files.read(f"{args.scene}/poses.json", evidence.POSES),
         timing=json_files.read(f"{args.base}/timing.json", evidence.TIMING),
@@ -28,7 +28,7 @@ def main(argv=None):
     )
     findings = causes.find(known)
     gains = words.gains_of(args.misalignment) if args.misalignment else []
-    sentences = words.say(known, findings, gains, found)
+    sentences = words.say(known, findings, gains, rows)
     content = {
         "verdict": sentences,
         "state": words.state(known, findings),
@@ -37,9 +37,9 @@ def main(argv=None):
             gain._asdict() | {"pays": advice.pays(known, gain)} for gain in gains
         ],
         "evidence": known._asdict(),
-        "stands_out": {v.view: v.stands_out for v in found if v.stands_out},
+        "stands_out": {v.view: v.stands_out for v in rows if v.stands_out},
     }
-    table = pd.DataFrame(found, columns=views.COLUMNS)
+    table = pd.DataFrame(rows, columns=views.COLUMNS)
     with (
         atomic.replace_file(args.out) as path,
         atomic.replace_file(args.views) as views_path,

@@ -1,6 +1,6 @@
-"""What is known of a scene after its reference's first round, in numbers.
+"""The numbers of a verdict, after the first round of a scene's reference.
 
-Reads what the stages wrote: photos, renders, flow and its parts, trainings, poses.
+Reads the outputs of the stages: photos, renders, flow and its parts, trainings, poses.
 """
 
 import math
@@ -21,7 +21,7 @@ def read_views(loaded: prepared.Scene, base, splits):
 
     base: folder of the reference's round 0. A split without renders is left out.
     """
-    found = []
+    rows = []
     for split in splits:
         folder = Path(base) / "renders" / split
         if not folder.is_dir():
@@ -35,7 +35,7 @@ def read_views(loaded: prepared.Scene, base, splits):
             _, valid = read_flow(base, split, name)
             (counts,) = prepared.read_masks(loaded, [view])
             row = parts.loc[name]
-            found.append(
+            rows.append(
                 views.View(
                     view=name,
                     split=split,
@@ -47,7 +47,7 @@ def read_views(loaded: prepared.Scene, base, splits):
                     **views.measured(photo, render, valid, counts),
                 )
             )
-    return views.named(found)
+    return views.named(rows)
 
 
 # What it takes from a poses.json, and from the reference's timing.json.
@@ -68,7 +68,7 @@ def read_flow(base, split, name):
 
 
 def moved_share(base, split, name, camera_px):
-    """Share of a view's valid pixels that moved, and by a length that can be told."""
+    """Share of a view's valid pixels that moved on their own, by a visible length."""
     least_px = max(causes.MOVED_PX, causes.MOVED_OF_CAMERA * camera_px)
     path = Path(base) / "parts_photos" / split / f"{name}.npz"
     data = archives.read(path, ("remainder_px", "moved", "valid"))
@@ -78,7 +78,7 @@ def moved_share(base, split, name, camera_px):
 
 
 def read_pattern(loaded: prepared.Scene, base) -> pattern.Pattern:
-    """What the flows of training views, of test views where there are none, share."""
+    """The pattern of the training views' flows; of the test views' without these."""
     split = "train" if (Path(base) / "flow" / "train").is_dir() else "test"
     chosen = loaded.views(split)
     places = np.linspace(0, len(chosen) - 1, min(MOST_PATTERN_VIEWS, len(chosen)))
@@ -89,14 +89,14 @@ def read_pattern(loaded: prepared.Scene, base) -> pattern.Pattern:
     return pattern.of_flows(flows)
 
 
-def gather(loaded, found, shared: pattern.Pattern, *, poses, timing, leak):
+def gather(loaded, rows, shared: pattern.Pattern, *, poses, timing, leak):
     """`causes.Evidence` of a scene's views.
 
     poses, timing: contents of poses.json and of the reference's timing.json. leak: CSV
     of the flow invented between images that belong to one another, or None.
     """
     of_split = {
-        split: [v for v in found if v.split == split] for split in ("train", "test")
+        split: [v for v in rows if v.split == split] for split in ("train", "test")
     }
     pixels = len(loaded.views("train")) * loaded.width * loaded.height
     photo_px = poses["photo_width"] / poses["width"]
@@ -140,16 +140,16 @@ def number(value):
     return math.nan if value is None else float(value)
 
 
-def median(found, key):
-    """Over views; NaN of none."""
-    return float(np.median([getattr(v, key) for v in found])) if found else math.nan
+def median(rows, key):
+    """Over views; NaN without views."""
+    return float(np.median([getattr(v, key) for v in rows])) if rows else math.nan
 
 
-def spread(found, key):
+def spread(rows, key):
     """Standard deviation over views."""
-    return float(np.std([getattr(v, key) for v in found]))
+    return float(np.std([getattr(v, key) for v in rows]))
 
 
-def mean(found, key):
-    """Over views; NaN of none."""
-    return float(np.mean([getattr(v, key) for v in found])) if found else math.nan
+def mean(rows, key):
+    """Over views; NaN without views."""
+    return float(np.mean([getattr(v, key) for v in rows])) if rows else math.nan

@@ -1,4 +1,4 @@
-"""What all views' flows have in common: faults of the lens, not of poses or motion.
+"""The pattern that all views' flows share: faults of the lens, not of poses or motion.
 
 A camera that is off differs from view to view; a principal point or a distortion that
 is wrong is the same in all. Notation: flows [n, h, w, 2] from renders to photos, NaN
@@ -64,5 +64,5 @@ def fit(flow):
     columns = [np.tile([1.0, 0.0], (len(at), 1)), np.tile([0.0, 1.0], (len(at), 1))]
     columns += [at, at * square]
     matrix = np.stack(columns, axis=-1).reshape(-1, 4)
-    found, *_ = np.linalg.lstsq(matrix, vectors.ravel(), rcond=None)
-    return found
+    coefficients, *_ = np.linalg.lstsq(matrix, vectors.ravel(), rcond=None)
+    return coefficients

@@ -43,7 +43,7 @@ COLUMNS = View._fields
 
 
 def measured(photo, render, valid, counts=None):
-    """What `View` has of a photo and the render of its view, without their flow.
+    """The fields of `View` by a photo and the render of its view, without their flow.
 
     counts [h, w]: where the photo counts; everywhere, where None.
     """
@@ -81,18 +81,18 @@ def exposure_ev(photo, render, valid):
 
 def named(views):
     """The views, each with why it stands out among those of its split."""
-    found = list(views)
+    rows = list(views)
     for split in ("train", "test"):
-        places = [i for i, view in enumerate(found) if view.split == split]
+        places = [i for i, view in enumerate(rows) if view.split == split]
         if len(places) < 5:
             continue
         for key, sign, what in REASONS:
-            values = np.array([getattr(found[i], key) for i in places], float)
+            values = np.array([getattr(rows[i], key) for i in places], float)
             for i, far in zip(places, deviations(values) * sign, strict=True):
                 if far > STANDS_OUT:
-                    why = "; ".join(filter(None, [found[i].stands_out, what]))
-                    found[i] = found[i]._replace(stands_out=why)
-    return found
+                    why = "; ".join(filter(None, [rows[i].stands_out, what]))
+                    rows[i] = rows[i]._replace(stands_out=why)
+    return rows
 
 
 # What makes a view stand out, and in which direction.
@@ -118,5 +118,5 @@ def deviations(values):
     spread = 1.4826 * np.median(np.abs(known - middle))
     least = max(LEAST_SPREAD[0] * abs(middle), LEAST_SPREAD[1])
     # A view without a number does not stand out by it.
-    found = (values - middle) / max(spread, least)
-    return np.where(np.isfinite(values), found, 0.0)
+    distances = (values - middle) / max(spread, least)
+    return np.where(np.isfinite(values), distances, 0.0)

@@ -39,8 +39,8 @@ def peak_bytes():
     """Most memory that this process held; of its own, where the system tells."""
     try:
         lines = Path("/proc/self/status").read_text().splitlines()
-        (found,) = (line for line in lines if line.startswith("VmHWM:"))
-        return 1024 * int(found.split()[1])
+        (peak,) = (line for line in lines if line.startswith("VmHWM:"))
+        return 1024 * int(peak.split()[1])
     except (OSError, ValueError):
         # Not Linux. Elsewhere it may be the peak of the process that started this one.
         unit = 1 if sys.platform == "darwin" else 1024

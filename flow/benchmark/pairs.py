@@ -42,10 +42,10 @@ def middlebury(folder):
 
     Baker et al. 2011; frame11(x + flow) ~ frame10(x).
     """
-    found = sorted(path.parent for path in Path(folder).glob("*/flow10.flo"))
-    if not found:
+    folders = sorted(path.parent for path in Path(folder).glob("*/flow10.flo"))
+    if not folders:
         raise ValueError(f"{folder}: no sequence (*/flow10.flo)")
-    for path in found:
+    for path in folders:
         frames = [images.read(path / f"frame1{i}.png") for i in (0, 1)]
         truth = files.read_flo(path / "flow10.flo")
         yield Pair("middlebury", path.name, *frames, *truth)
@@ -106,11 +106,11 @@ def scene(folder, renders, split="test"):
     """
     folder = Path(folder)
     for model in renders:
-        found = sorted((folder / model / "renders" / split).glob("*.png"))
-        if not found:
+        paths = sorted((folder / model / "renders" / split).glob("*.png"))
+        if not paths:
             raise ValueError(f"{folder / model / 'renders' / split}: no renders")
         data = f"{folder.name} {Path(model).name}"
-        for path in found:
+        for path in paths:
             name = f"{model} {path.stem}"
             render = images.read(path)
             photo = images.read(folder / "images" / path.name)

@@ -18,7 +18,7 @@ def write(table, outputs, *, configs=()):
 
     Beside the CSV, with them, its provenance. configs: that of the scene, if any.
     """
-    found = provenance.describe([], configs, devices=[provenance.processor()])
+    origin = provenance.describe([], configs, devices=[provenance.processor()])
     outputs = outputs | {"provenance": provenance.path_beside(outputs["csv"])}
     with ExitStack() as stack:
         paths = {
@@ -27,7 +27,7 @@ def write(table, outputs, *, configs=()):
         }
         table.to_csv(paths["csv"], index=False, float_format="%.6g")
         paths["tex"].write_text(to_latex(table))
-        paths["provenance"].write_text(provenance.as_json(found))
+        paths["provenance"].write_text(provenance.as_json(origin))
         draw(table).savefig(paths["figure"], dpi=150, format="png")
 
 

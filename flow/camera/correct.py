@@ -1,9 +1,8 @@
-"""Which cameras a scene's flows put right, and by how much.
+"""The corrections of a scene's cameras by the views' flows.
 
-Each view's flow, from a render to its photo, says how its camera moves (see `fit`).
-Of all views together it shows which of these motions can be trusted, and whether the
-focal length, which the views share, is wrong. A view that cannot be trusted stays
-where it is.
+Each view's flow, from a render to its photo, gives a motion of its camera (see `fit`).
+All views together show which motions can be trusted, and whether the focal length,
+which the views share, is wrong. A camera without a trusted motion stays where it is.
 """
 
 from typing import NamedTuple
@@ -36,7 +35,7 @@ LEAST_VIEWS = 3
 
 
 class View(NamedTuple):
-    """What a view's flow says of its camera.
+    """The flow and the depth of a view, by which its camera is corrected.
 
     flow_px [h, w, 2], valid [h, w]: from its render to its photo; pixtocam [3, 3];
     depth [h, w] of the render along the optical axis.
@@ -82,8 +81,8 @@ def corrections(
         log_focal = shared_zoom(
             [fit.motion.log_focal for fit in fits if not fit.left_alone]
         )
-    found = [_fitted(view, log_focal=log_focal, **size) for view in views()]
-    kept = [correction for correction in found if not correction.left_alone]
+    corrected = [_fitted(view, log_focal=log_focal, **size) for view in views()]
+    kept = [correction for correction in corrected if not correction.left_alone]
     usual = {
         name: float(np.median([getattr(correction, name) for correction in kept]))
         for name in (("noise_px", "length_px") if kept else ())
@@ -93,11 +92,11 @@ def corrections(
             f"the median view would move by {usual['length_px']:.2f} px, and under "
             f"{least_px:g} px that is the flow's error"
         )
-        found = [
+        corrected = [
             c if c.left_alone or c.length_px > CLEAR_PX else left_alone(c, reason)
-            for c in found
+            for c in corrected
         ]
-    return [c if c.left_alone else _with_others(c, **usual) for c in found]
+    return [c if c.left_alone else _with_others(c, **usual) for c in corrected]
 
 
 def shared_zoom(log_focals):
@@ -111,7 +110,7 @@ def shared_zoom(log_focals):
 
 
 def _fitted(view: View, **options) -> Correction:
-    """What a view says by itself; options: of `camera_fit.split`."""
+    """The correction of a view by itself; options: of `camera_fit.split`."""
     fit = camera_fit.split(*view, **options)
     lengths_px = np.linalg.norm(fit.camera_px[fit.valid], axis=-1)
     share = float(fit.valid.mean())
@@ -121,7 +120,7 @@ def _fitted(view: View, **options) -> Correction:
         reason = f"only {fit.valid.sum()} pixels have a flow and a depth"
     elif share < LEAST_VALID_SHARE:
         reason = f"only {share:.1%} of its pixels have a flow and a depth"
-    found = Correction(
+    correction = Correction(
         motion=fit.motion,
         length_px=float(np.median(lengths_px)) if len(lengths_px) else 0.0,
         noise_px=fit.noise_px,
@@ -129,30 +128,32 @@ def _fitted(view: View, **options) -> Correction:
         depth=float(np.median(near)) if len(near) else 1.0,
         left_alone="",
     )
-    return _mistrusted(found, reason) if reason else found
+    return _mistrusted(correction, reason) if reason else correction
 
 
-def _with_others(found: Correction, *, noise_px, length_px) -> Correction:
-    """The correction, or none where it is unlike the others, of these medians."""
-    if found.noise_px > max(LEAST_NOISE_PX, NOISE_RATIO * noise_px):
+def _with_others(correction: Correction, *, noise_px, length_px) -> Correction:
+    """The correction, or none where it is unlike the views' medians."""
+    if correction.noise_px > max(LEAST_NOISE_PX, NOISE_RATIO * noise_px):
         return _mistrusted(
-            found,
-            f"no camera explains its flow: {found.noise_px:.2f} px remain, "
+            correction,
+            f"no camera explains its flow: {correction.noise_px:.2f} px remain, "
             f"{noise_px:.2f} px in the median view",
         )
-    if found.length_px > max(LEAST_LENGTH_PX, LENGTH_RATIO * length_px):
+    if correction.length_px > max(LEAST_LENGTH_PX, LENGTH_RATIO * length_px):
         return _mistrusted(
-            found,
-            f"it would move by {found.length_px:.1f} px, the median view by "
+            correction,
+            f"it would move by {correction.length_px:.1f} px, the median view by "
             f"{length_px:.2f} px",
         )
-    return found
+    return correction
 
 
-def _mistrusted(found: Correction, reason) -> Correction:
-    return left_alone(found, reason)._replace(trusted=False)
+def _mistrusted(correction: Correction, reason) -> Correction:
+    return left_alone(correction, reason)._replace(trusted=False)
 
 
-def left_alone(found: Correction, reason) -> Correction:
-    """The correction as none, with the reason why."""
-    return found._replace(motion=camera_motion.STILL, length_px=0.0, left_alone=reason)
+def left_alone(correction: Correction, reason) -> Correction:
+    """The correction without a motion, and the reason for leaving the camera alone."""
+    return correction._replace(
+        motion=camera_motion.STILL, length_px=0.0, left_alone=reason
+    )

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from alignerf.files import archives, atomic, images, progress
-from flow.estimation import estimate, given, pairs
+from flow.estimation import estimate, external, pairs
 from flow.warping import files, lengths, warp
 
 COLUMNS = ("view", *lengths.COLUMNS, "blur_sigma_px", "time_s")
@@ -22,7 +22,7 @@ def align(renders, photos, targets, stats_out, **options):
     photos, "warped". They and the CSV appear together or not at all. options: those
     of `align_view`. Raises ValueError or OSError.
     """
-    found = pairs.find_pairs(Path(renders), Path(photos))
+    views = pairs.find_pairs(Path(renders), Path(photos))
     rows = []
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
@@ -30,7 +30,7 @@ def align(renders, photos, targets, stats_out, **options):
         folders = {}
         for kind, target in targets.items():
             folders[kind] = stack.enter_context(atomic.replace_folder(target))
-        for view, render_path, photo_path in progress.over(found, "flow"):
+        for view, render_path, photo_path in progress.over(views, "flow"):
             started = time.perf_counter()
             render, photo = images.read(render_path), images.read(photo_path)
             row = align_view(view, render, photo, folders, **options)
@@ -53,8 +53,8 @@ def align_view(
         flow_px, valid, sigma_px = flow_of_view(view, render, photo, **options)
         if counts is not None:
             valid &= warp.sees_only(flow_px, counts)
-        if (found := read_depth(depth, view)) is not None:
-            valid &= warp.unoccluded(flow_px, found)
+        if (depth_map := read_depth(depth, view)) is not None:
+            valid &= warp.unoccluded(flow_px, depth_map)
     except ValueError as error:
         raise ValueError(f"view {view}: {error}") from error
     row = lengths.statistics(flow_px, valid, view=view)
@@ -83,10 +83,12 @@ def flow_of_view(
     **options,
 ):
     """`pairs.flow_and_validity`, or what the folder `flows` has for method `files`."""
-    if method != given.METHOD:
+    if method != external.METHOD:
         options |= {"method": method, "tolerance_px": tolerance_px}
         return pairs.flow_and_validity(render, photo, **options)
     estimate.check_pair(render, photo)
     size = render.shape[:2]
-    found = given.flow_and_validity(flows, view, size, tolerance_px=tolerance_px)
-    return *found, 0.0
+    flow_px, valid = external.flow_and_validity(
+        flows, view, size, tolerance_px=tolerance_px
+    )
+    return flow_px, valid, 0.0

@@ -76,13 +76,13 @@ def draw_views(parts, photos, renders, path):
     )
     top, bottom = figure.subfigures(2, height_ratios=inches)
     rows = top.subplots(len(parts), 2 + len(names), squeeze=False)
-    for number, (axes, (view, found)) in enumerate(
+    for number, (axes, (view, parts_of_view)) in enumerate(
         zip(rows, parts.items(), strict=True)
     ):
         shown = [images.read(folder / f"{view}.png") for folder in (photos, renders)]
         titles = [f"photo {view}", "render"]
         for name in names:
-            flow = found[name], found["valid"]
+            flow = parts_of_view[name], parts_of_view["valid"]
             shown.append(drawing.coloured(flow, scale_px))
             heading = f"{TITLES[name]}\n" if number == 0 else ""
             titles.append(f"{heading}{drawing.median_px(flow):.2f} px")

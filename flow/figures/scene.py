@@ -35,10 +35,10 @@ def main(photos, testset, reference, rounds, parts, curves, out, crops=None):
     figures = {name: out / f"{name}.png" for name in FIGURES}
     rounds = json.loads(rounds)
     draw_middle_view(photos, testset, reference, rounds, figures)
-    found = part_figures.read_parts(parts)
+    views_parts = part_figures.read_parts(parts)
     renders = Path(rounds[0]["renders"])
-    part_figures.draw_views(found, photos, renders, figures["views"])
-    part_figures.draw_lengths(found, figures["lengths"])
+    part_figures.draw_views(views_parts, photos, renders, figures["views"])
+    part_figures.draw_lengths(views_parts, figures["lengths"])
     table = part_figures.read_rounds(curves)
     part_figures.draw_rounds(table, figures["curves"])
     if crops is not None:

@@ -62,8 +62,8 @@ def read_split(path, split, *keys):
     The arrays begin with the axis of `names` [n] and `split` [n]. Raises ValueError
     naming the file.
     """
-    found = archives.read(path, ("names", "split", *keys))
-    names, splits, *arrays = found.values()
+    columns = archives.read(path, ("names", "split", *keys))
+    names, splits, *arrays = columns.values()
     views = {
         str(names[i]): [a[i] for a in arrays] for i in np.flatnonzero(splits == split)
     }

@@ -141,11 +141,12 @@ def test_it_ends_in_time(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(
         program, "step_time_s", lambda step, *a, **o: measure(slowed(step), *a, **o)
     )
-    monkeypatch.setattr(
-        loop,
-        "run_steps",
-        lambda job, step, *a, **o: run_steps(job, slowed(step), *a, **o),
-    )
+
+    def run_slowed(run, note):
+        run.program = run.program._replace(step=slowed(run.program.step))
+        run_steps(run, note)
+
+    monkeypatch.setattr(loop, "run_steps", run_slowed)
     cases.run(folder, tmp_path, with_budget(0.1))
     timing = timing_of(tmp_path)
     assert timing["train_time_s"] == pytest.approx(6.0, rel=0.2, abs=1.0)

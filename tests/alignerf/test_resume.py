@@ -60,8 +60,8 @@ def test_another_job_does_not_resume(
         more = ("--photos", str(tmp_path / "photos"))
     started = []
 
-    def first_state(job, step, state, *others, **options):
-        started.append(int(state.step))
+    def first_state(run, note):
+        started.append(int(run.state.step))
         raise cases.Killed
 
     monkeypatch.setattr(loop, "run_steps", first_state)

@@ -96,9 +96,9 @@ def test_a_warm_start_begins_with_the_parameters_given(
     with monkeypatch.context() as patched:
         run_steps = loop.run_steps
 
-        def first_state(job, step, state, *others, **options):
-            begun.append(jax.tree.map(np.asarray, state.params))
-            return run_steps(job, step, state, *others, **options)
+        def first_state(run, note):
+            begun.append(jax.tree.map(np.asarray, run.state.params))
+            return run_steps(run, note)
 
         patched.setattr(loop, "run_steps", first_state)
         whole = cases.run(folder, tmp_path / "whole", warm, *more)

@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.training import batches, compose, devices, memory, program, renderer
+from alignerf.processes import devices
+from alignerf.training import batches, compose, memory, program, renderer
 
 
 class Training:
@@ -22,7 +23,7 @@ class Training:
         self._state, self._views = devices.place((state, views), built.mesh)
         self._step, self.compile_s = built.step, built.compile_time_s
         # What the compiler counts of a step; of its micro-batches it counts one.
-        self.flop = built.step.cost_analysis()["flops"] * built.parts
+        self.flop = built.step.cost_analysis()["flops"] * built.micro_batches
         self._schedule = program.schedule_of(job, built.mesh)
         memory.keep_freed()
 

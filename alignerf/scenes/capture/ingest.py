@@ -38,8 +38,7 @@ class Taken(NamedTuple):
 
     def load(self, i):
         """Photo i [height, width, 3] uint8."""
-        image, _ = photos.decode(self.paths[i], self.background, upright=False)
-        return self.lays[i].apply(image)
+        return self.lays[i].apply(photos.as_stored(self.paths[i], self.background))
 
     def load_mask(self, i):
         """An image like photo i: 255 where its mask is not black, else 0."""
@@ -78,7 +77,7 @@ class Camera(NamedTuple):
 def ingest(
     folder, work_folder, *, background=None, most_side_px=1600, masks=None
 ) -> Taken:
-    """Look through a folder, and decode every photo once to be sure that it is whole.
+    """Read a folder, and decode every photo once to be sure that none is broken.
 
     Films become frames, in <work_folder>/frames. background: as of `photos.decode`.
     most_side_px: of the copies. masks: a folder of <photo's file name>.png, black where
@@ -86,11 +85,13 @@ def ingest(
     naming the file for what is broken.
     """
     work_folder = Path(work_folder)
+
+    def is_frame(path):
+        return path.parent.parent == work_folder
+
     paths = find(folder, work_folder)
     heads = [photos.head(path) for path in paths]
     laid = orientation.lay_alike([(head.size, head.orientation) for head in heads])
-    sizes = [size for size, _ in laid]
-    lays = [lay for _, lay in laid]
     copies = work_folder / "copies"
     copies.mkdir()
     copy_sizes, focals_px = [], []
@@ -104,19 +105,14 @@ def ingest(
     focals_px = np.array(focals_px)
     # Frames of a film are by its camera, which may be cut otherwise than the photos'.
     kinds = [
-        (
-            lay.kind,
-            path.stem.rpartition("_")[0]
-            if path.parent.parent == work_folder
-            else head.camera,
-        )
-        for path, lay, head in zip(paths, lays, heads, strict=True)
+        (lay.kind, path.stem.rpartition("_")[0] if is_frame(path) else head.camera)
+        for path, (_, lay), head in zip(paths, laid, heads, strict=True)
     ]
     taken = Taken(
         names=[path.stem for path in paths],
         paths=paths,
-        lays=lays,
-        sizes=sizes,
+        lays=[lay for _, lay in laid],
+        sizes=[size for size, _ in laid],
         copy_sizes=copy_sizes,
         folder=copies,
         focals_px=focals_px,
@@ -138,19 +134,19 @@ def find_masks(folder, paths):
     if folder is None:
         return [None] * len(paths)
     folder = Path(folder)
-    found = []
+    masks = []
     for path in paths:
         names = (f"{path.name}.png", f"{path.stem}.png")
         there = [folder / name for name in names if (folder / name).is_file()]
-        found.append(there[0] if there else None)
-    if not any(found):
+        masks.append(there[0] if there else None)
+    if not any(masks):
         raise ValueError(f"{folder}: no mask <photo's file name>.png of any photo")
-    return found
+    return masks
 
 
 def read_mask(path, photo):
     """A mask [h, w, 3] uint8, 0 or 255; ValueError if not of its photo's size."""
-    mask, _ = photos.decode(path, "black", upright=False)
+    mask = photos.as_stored(path, "black")
     size = photos.head(photo).size
     if mask.shape[1::-1] != size:
         raise ValueError(
@@ -198,9 +194,10 @@ def share_cameras(kinds, focals_px):
 
 
 def zoom_of(focal_px, all_px):
-    """The shortest focal length of the zoom that one belongs to, of all of its kind.
+    """The shortest focal length of the zoom that a photo belongs to.
 
-    One that is not known has the zoom of the others, if they have one.
+    all_px: the focal lengths of all photos of its kind. A photo of unknown focal length
+    has the zoom of the others, if they share one; else 0 is returned.
     """
     first = []
     for one in np.sort(all_px[np.isfinite(all_px)]):

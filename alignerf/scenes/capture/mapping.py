@@ -128,9 +128,9 @@ def _neighbours(database, seed):
     alike.num_images, alike.vocab_tree_path = ALIKE, vocabulary.build(database)
     alike.num_threads = 1
     with pycolmap.Database.open(database) as opened:
-        found = pycolmap.SequentialPairGenerator(following, opened).all_pairs()
-        found += pycolmap.VocabTreePairGenerator(alike, opened).all_pairs()
-    return {(min(pair), max(pair)) for pair in found if pair[0] != pair[1]}
+        pairs = pycolmap.SequentialPairGenerator(following, opened).all_pairs()
+        pairs += pycolmap.VocabTreePairGenerator(alike, opened).all_pairs()
+    return {(min(pair), max(pair)) for pair in pairs if pair[0] != pair[1]}
 
 
 @contextlib.contextmanager

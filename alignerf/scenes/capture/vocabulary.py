@@ -1,4 +1,4 @@
-"""Words of what the photos themselves show, by which those that look alike are found.
+"""A visual vocabulary of the photos themselves, to find photos that look alike.
 
 COLMAP finds photos that look alike by a vocabulary tree. Its own, learnt from photos of
 elsewhere, would have to be downloaded; one of the scene's own features serves as well.
@@ -23,15 +23,15 @@ def build(database):
     opened = pycolmap.Database.open(database)
     ids = [image.image_id for image in opened.read_all_images()]
     each = max(1, MOST_FEATURES // max(len(ids), 1))
-    found = [spread(opened.read_descriptors(i).data, each) for i in ids]
+    descriptors = [spread(opened.read_descriptors(i).data, each) for i in ids]
     opened.close()
-    found = np.concatenate(found).astype(np.float32)
+    descriptors = np.concatenate(descriptors).astype(np.float32)
     features = pycolmap.FeatureDescriptorsFloat(
-        pycolmap.FeatureExtractorType.SIFT, found
+        pycolmap.FeatureExtractorType.SIFT, descriptors
     )
     index = pycolmap.VisualIndex.create(SIFT_DIMENSIONS, SHORT_DIMENSIONS)
     options = pycolmap.VisualIndex.BuildOptions()
-    options.num_visual_words = min(WORDS, max(2, len(found) // 50))
+    options.num_visual_words = min(WORDS, max(2, len(descriptors) // 50))
     options.num_threads = 1
     index.build(options, features)
     path = Path(database).with_suffix(".words")

@@ -49,10 +49,10 @@ def gather(texture, x, y):
     folded = [np.zeros(shape, np.float32) for _ in range(2)]
     for fold, value in zip(folded, (x, y), strict=True):
         fold.reshape(-1)[: len(value)] = value
-    found = cv2.remap(
+    values = cv2.remap(
         texture, *folded, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )
-    return found.reshape(-1, 3)[: len(x)]
+    return values.reshape(-1, 3)[: len(x)]
 
 
 def level_of(view, across, texel_m):

@@ -188,11 +188,11 @@ def shows_moving(scene: Courtyard, given: prepare.PosedViews, i, margin_px):
     displaced = np.take_along_axis(scene.displacements, farthest[None], axis=0)[0]
     moves = displaced.any(axis=-1)
     objects = courtyard_rays.part_objects(scene.world)
-    found = np.zeros((given.height, given.width), bool)
+    shown = np.zeros((given.height, given.width), bool)
     for displacements in (courtyard.at_rest(), displaced):
         hits = cast_pixels(scene, given, i, displacements)
-        found |= moves[objects[hits.part]].reshape(found.shape)
-    return ndimage.binary_dilation(found, iterations=margin_px)
+        shown |= moves[objects[hits.part]].reshape(shown.shape)
+    return ndimage.binary_dilation(shown, iterations=margin_px)
 
 
 def compare_cameras(estimated, true):

@@ -77,7 +77,7 @@ def of_one(scene, tmp_path_factory):
             found[int(state.step)] = final["loss"]
 
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(gradients, "parts_for_caches", lambda *_: parts)
+            patch.setattr(gradients, "micro_batches_for_caches", lambda *_: parts)
             patch.setattr(checkpoint, "save", save_and_note)
             patch.setattr(loop, "CHECKPOINT_EVERY_S", 0.0)
             patch.setattr(loop, "FETCH_EVERY", 1)

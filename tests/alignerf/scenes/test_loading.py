@@ -11,7 +11,8 @@ SCRIPT = """
 import json, pathlib, sys
 import jax
 from alignerf.scenes import prepared
-from alignerf.training import batches, checkpoint, devices
+from alignerf.processes import devices
+from alignerf.training import batches, checkpoint
 
 def resident(key):
     lines = pathlib.Path("/proc/self/status").read_text().splitlines()

@@ -36,7 +36,12 @@ def state(rng):
 
 def save(folder, state, time_s=2.5):
     checkpoint.save(
-        folder, state, identity="job", time_s=time_s, parts=4, final={"loss": 0.5}
+        folder,
+        state,
+        identity="job",
+        time_s=time_s,
+        micro_batches=4,
+        final={"loss": 0.5},
     )
 
 
@@ -120,7 +125,7 @@ def test_a_manifest_that_was_changed_starts_anew(tmp_path, state, changes):
     found = {key: value for key, value in found.items() if value is not ...}
     path.write_text(json.dumps(found))
     assert restore(tmp_path, state) is None
-    assert checkpoint.read_parts(tmp_path) in (None, 4)
+    assert checkpoint.read_micro_batches(tmp_path) in (None, 4)
 
 
 @pytest.mark.parametrize("data", [b"\x91" * 10**5, b"\xdf\xff\xff\xff\xff", b"\x07"])

@@ -26,9 +26,11 @@ def test_micro_batches_give_the_gradient_of_the_batch(kind):
         weight = batch.weight.at[:24].set(0.0)
         batch = batch._replace(weight=weight / jnp.mean(weight))
 
-    @functools.partial(jax.jit, static_argnames="parts")
-    def mean(parts):
-        return gradients.mean(method.terms, params, batch, 0.3, parts=parts)
+    @functools.partial(jax.jit, static_argnames="micro_batches")
+    def mean(micro_batches):
+        return gradients.mean(
+            method.terms, params, batch, 0.3, micro_batches=micro_batches
+        )
 
     (loss, shown), grads = mean(1)
     flat = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(grads)])

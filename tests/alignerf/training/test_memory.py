@@ -64,19 +64,21 @@ def test_a_limit_of_version_1_counts(tmp_path):
     assert memory.free_host_bytes(machine(tmp_path, files)) == 0
 
 
-def fit(free, *, units=24, fixed=100, each=10, parts=1):
-    """Micro-batches of a step that takes fixed + each * units / parts, and tries."""
+def fit(free, *, units=24, fixed=100, each=10, micro_batches=1):
+    """A step of fixed + each * units / micro_batches bytes: micro-batches and tries."""
     tried = []
 
-    def compile_parts(parts):
-        assert units % parts == 0
-        tried.append(parts)
-        return f"in {parts}", fixed + each * units / parts
+    def compile_in(micro_batches):
+        assert units % micro_batches == 0
+        tried.append(micro_batches)
+        return f"in {micro_batches}", fixed + each * units / micro_batches
 
-    compiled, parts = memory.compile_to_fit(compile_parts, units, free, parts=parts)
-    assert compiled == f"in {parts}"
-    assert tried[-1] == parts
-    return parts, tried
+    compiled, micro_batches = memory.compile_to_fit(
+        compile_in, units, free, micro_batches=micro_batches
+    )
+    assert compiled == f"in {micro_batches}"
+    assert tried[-1] == micro_batches
+    return micro_batches, tried
 
 
 def test_as_few_micro_batches_as_fit_in_few_tries():
@@ -84,11 +86,11 @@ def test_as_few_micro_batches_as_fit_in_few_tries():
     assert fit(341 / usable) == (1, [1])
     assert fit(339 / usable) == (2, [1, 2])
     assert fit(200 / usable)[0] == 3 or fit(200 / usable)[0] == 4
-    parts, tried = fit(110.01 / usable)
-    assert parts == 24
+    micro_batches, tried = fit(110.01 / usable)
+    assert micro_batches == 24
     assert len(tried) <= 5
     # Never fewer than those of a checkpoint, whose rounding they keep.
-    assert fit(10_000, parts=6) == (6, [6])
+    assert fit(10_000, micro_batches=6) == (6, [6])
 
 
 @pytest.mark.parametrize("free", [0, 50, 109])

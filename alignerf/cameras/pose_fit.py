@@ -1,7 +1,7 @@
 """A camera moved by gradient descent until the model's render fits a photo.
 
-What the field does with test views whose poses are off (BARF, arXiv 2104.06405, section
-4.2): the model stays, six numbers of the camera are learnt from the photo's colours.
+The usual treatment of test views whose poses are off (BARF, arXiv 2104.06405, section
+4.2): the model is fixed, six numbers of the camera are learnt from the photo's colours.
 """
 
 import jax
@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
+from alignerf.cameras import refine
 from alignerf.mipnerf360 import losses
 from alignerf.scenes import cameras
-from alignerf.systems import refine
 
 # Rays a step. A method that convolves is asked for patches of so many pixels.
 RAYS, PATCH_PX = 512, 8
@@ -37,13 +37,14 @@ def make_fitter(method, params, *, steps, patch_px=PATCH_PX):
         optax.exponential_decay(RATES[0], steps, RATES[1] / RATES[0]), *BETAS
     )
 
-    def loss(found, key, params, photo, corners, camera, scale):
+    def loss(coordinates, key, params, photo, corners, camera, scale):
         chosen = corners[jax.random.randint(key, (count,), 0, len(corners))]
         y, x = jnp.meshgrid(*[jnp.arange(side) - method.halo] * 2, indexing="ij")
         x = (chosen[:, 0, None, None] + x[None]).reshape(-1)
         y = (chosen[:, 1, None, None] + y[None]).reshape(-1)
         rays = cameras.pixels_to_rays(x, y, *camera)
-        twist = jnp.broadcast_to(refine.twists(found[None], scale[None]), (len(x), 6))
+        twist = refine.twists(coordinates[None], scale[None])
+        twist = jnp.broadcast_to(twist, (len(x), 6))
         values = method.render(params, refine.move(rays, twist)).values
         values = values.reshape(count, side, side, -1)
         rgb = jax.vmap(lambda values: method.colours(params, values))(values)
@@ -55,15 +56,15 @@ def make_fitter(method, params, *, steps, patch_px=PATCH_PX):
     @jax.jit
     def learn(key, *fixed):
         def step(state, key):
-            found, moments = state
-            gradient = jax.grad(loss)(found, key, *fixed)
+            coordinates, moments = state
+            gradient = jax.grad(loss)(coordinates, key, *fixed)
             change, moments = optimizer.update(gradient, moments)
-            return (optax.apply_updates(found, change), moments), None
+            return (optax.apply_updates(coordinates, change), moments), None
 
         start = jnp.zeros(6)
         keys = jax.random.split(key, steps)
-        (found, _), _ = jax.lax.scan(step, (start, optimizer.init(start)), keys)
-        return found
+        (coordinates, _), _ = jax.lax.scan(step, (start, optimizer.init(start)), keys)
+        return coordinates
 
     def fit(photo, mask, pixtocam, camtoworld, *, seed):
         """The camera's pose [3, 4] as the photo's pixels under a mask ask for it.
@@ -78,25 +79,25 @@ def make_fitter(method, params, *, steps, patch_px=PATCH_PX):
         )
         camera = [jnp.asarray(m, jnp.float32) for m in (pixtocam, camtoworld)]
         fixed = params, photo, corners, camera, jnp.float32(scale)
-        found = np.asarray(learn(jax.random.key(seed), *fixed))
-        if not np.isfinite(found).all():
+        coordinates = np.asarray(learn(jax.random.key(seed), *fixed))
+        if not np.isfinite(coordinates).all():
             raise NoFitError("the camera does not stay finite")
-        twist = np.asarray(refine.twists(found[None], scale[None]))
+        twist = np.asarray(refine.twists(coordinates[None], scale[None]))
         return refine.moved_cameras(camtoworld[None], twist)[0]
 
     return fit
 
 
 def corners_of(mask, patch, halo):
-    """Corners [h w, 2] (x, y) of the patches under a mask [h, w], again and again.
+    """Corners [h w, 2] (x, y) of the patches under a mask [h, w], repeated to h w.
 
-    Always as many, so that one compiled program takes any mask. What a patch's colours
-    depend on lies within the image.
+    Their number does not depend on the mask, so that one compiled program serves all
+    masks. A patch and its halo lie within the image.
     """
     height, width = mask.shape
     windows = np.lib.stride_tricks.sliding_window_view(mask, (patch, patch))
-    found = windows.all(axis=(2, 3))
-    y, x = np.nonzero(found)
+    whole = windows.all(axis=(2, 3))
+    y, x = np.nonzero(whole)
     inside = (x >= halo) & (x + patch + halo <= width)
     inside &= (y >= halo) & (y + patch + halo <= height)
     corners = np.stack([x[inside], y[inside]], axis=-1)

@@ -36,16 +36,16 @@ def flow_and_validity(folder, view, shape, *, tolerance_px):
 
 def read(folder, name, shape):
     """(flow_px [h, w, 2] float32, known [h, w]) of <name>.flo or .npz; unknown is 0."""
-    found = [path for path in _paths(folder, name) if path.is_file()]
-    if not found:
+    paths = [path for path in _paths(folder, name) if path.is_file()]
+    if not paths:
         raise ValueError(f"{_paths(folder, name)[0]}: no such flow, nor as .npz")
-    if len(found) > 1:
-        raise ValueError(f"{found[0]}: there is {found[1].name} too, remove one")
-    read_one = files.read_flo if found[0].suffix == ".flo" else _read_npz
-    flow_px, known = read_one(found[0])
+    if len(paths) > 1:
+        raise ValueError(f"{paths[0]}: there is {paths[1].name} too, remove one")
+    read_one = files.read_flo if paths[0].suffix == ".flo" else _read_npz
+    flow_px, known = read_one(paths[0])
     if flow_px.shape[:2] != tuple(shape):
         raise ValueError(
-            f"{found[0]}: a flow of {flow_px.shape[1]}x{flow_px.shape[0]} pixels, "
+            f"{paths[0]}: a flow of {flow_px.shape[1]}x{flow_px.shape[0]} pixels, "
             f"where render and photo have {shape[1]}x{shape[0]}"
         )
     return np.where(known[..., None], flow_px, np.float32(0)), known

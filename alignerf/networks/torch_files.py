@@ -13,7 +13,7 @@ import zipfile
 
 import numpy as np
 
-from alignerf.metrics import state_dict_pickle as pickled
+from alignerf.networks import state_dict_pickle as pickled
 
 MAGIC = 0x1950A86A20F9469CFC6C
 PROTOCOL = 1001
@@ -62,10 +62,10 @@ def _read_legacy(file, shapes):
 
 def _legacy_starts(file, keys, position, tensors):
     """{key: byte at which the numbers start}; storages follow in the order of keys."""
-    found = {tensor.storage for tensor in tensors.values()}
-    storages = {storage.key: storage for storage in found}
+    used = {tensor.storage for tensor in tensors.values()}
+    storages = {storage.key: storage for storage in used}
     whole = isinstance(keys, list) and all(isinstance(key, str) for key in keys)
-    if not whole or sorted(keys) != sorted(storage.key for storage in found):
+    if not whole or sorted(keys) != sorted(storage.key for storage in used):
         raise ValueError("its storages are not those of its tensors")
     end = file.seek(0, os.SEEK_END)
     starts = {}
@@ -112,7 +112,7 @@ def _member(archive, name, most_bytes):
 
 
 def _tensors(state):
-    """{name: Tensor} of an interpreted state dict; what is no tensor is left out."""
+    """{name: Tensor} of an interpreted state dict; other entries are left out."""
     if not isinstance(state, dict):
         raise ValueError("it holds no dict of tensors")
     inner = {

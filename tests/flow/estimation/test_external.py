@@ -8,7 +8,7 @@ import pytest
 
 from alignerf.files import images
 from flow import align
-from flow.estimation import given
+from flow.estimation import external
 from flow.warping import files, warp
 
 SHAPE = (40, 56)
@@ -40,7 +40,7 @@ def test_reads_the_flow_and_what_is_unknown(tmp_path, suffix):
         valid = np.ones(SHAPE, bool)
         valid[9] = expected[9] = False
         np.savez(path, flow_px=flow_px.astype(np.float64), valid=valid)
-    found_px, known = given.read(tmp_path, "a", SHAPE)
+    found_px, known = external.read(tmp_path, "a", SHAPE)
     np.testing.assert_array_equal(known, expected)
     np.testing.assert_array_equal(found_px[known], flow_px[known])
     assert not found_px[~known].any()
@@ -51,7 +51,7 @@ def test_validity_without_a_flow_back_is_the_frame_and_the_mask(tmp_path):
     known = np.ones(SHAPE, bool)
     known[10:12] = False
     np.savez(tmp_path / "a.npz", flow_px=shift_flow(3, 0), valid=known)
-    _, valid = given.flow_and_validity(tmp_path, "a", SHAPE, tolerance_px=1.0)
+    _, valid = external.flow_and_validity(tmp_path, "a", SHAPE, tolerance_px=1.0)
     expected = known.copy()
     expected[:, -3:] = False
     np.testing.assert_array_equal(valid, expected)
@@ -63,7 +63,7 @@ def test_validity_with_a_flow_back_is_its_answer(tmp_path):
     back_px[20:24, 30:36] = 1e10  # unknown
     back_px[8:10, 8:10] = (5, 5)  # disagrees
     write_flo(tmp_path / "a.back.flo", back_px)
-    _, valid = given.flow_and_validity(tmp_path, "a", SHAPE, tolerance_px=0.5)
+    _, valid = external.flow_and_validity(tmp_path, "a", SHAPE, tolerance_px=0.5)
     expected = np.ones(SHAPE, bool)
     expected[:, -2:] = expected[-1:] = False
     # A pixel up and two to the left: where the render's pixels ask.
@@ -125,7 +125,7 @@ def test_bad_files_are_named(tmp_path, damage, reason):
     np.savez(tmp_path / "a.npz", flow_px=shift_flow(1, 0))
     damage(tmp_path)
     with pytest.raises(ValueError, match=reason):
-        given.flow_and_validity(tmp_path, "a", SHAPE, tolerance_px=1.0)
+        external.flow_and_validity(tmp_path, "a", SHAPE, tolerance_px=1.0)
 
 
 @pytest.fixture

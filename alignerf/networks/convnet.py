@@ -56,14 +56,14 @@ def read_weights(path, shapes):
     Raises ValueError naming the file where it is no .npz, lacks an array, or
     holds one of another shape or with a number that is not finite.
     """
-    found = archives.read(path, shapes)
-    for name, array in found.items():
+    arrays = archives.read(path, shapes)
+    for name, array in arrays.items():
         if array.shape != shapes[name]:
             raise ValueError(
                 f"{path}: array {name} is {array.shape} instead of {shapes[name]}"
             )
         with np.errstate(over="ignore"):
-            found[name] = array.astype(np.float32)
-        if array.dtype.kind != "f" or not np.isfinite(found[name]).all():
+            arrays[name] = array.astype(np.float32)
+        if array.dtype.kind != "f" or not np.isfinite(arrays[name]).all():
             raise ValueError(f"{path}: array {name} is not of finite numbers")
-    return {name: jnp.asarray(array) for name, array in found.items()}
+    return {name: jnp.asarray(array) for name, array in arrays.items()}

@@ -9,7 +9,7 @@ import jax
 import pytest
 
 from alignerf.files import machine
-from alignerf.training import devices
+from alignerf.processes import devices
 
 EVERY_MODULE = """
 import importlib, pkgutil
@@ -37,7 +37,7 @@ def test_no_import_starts_jax(root):
     """What an import started would leave a training one device."""
     code = """
 from alignerf.files import machine
-from alignerf.training import devices
+from alignerf.processes import devices
 import jax
 machine.cores = lambda: 3
 devices.use_as_devices()
@@ -53,7 +53,7 @@ def test_a_limit_is_all_that_jax_takes(root):
     code = """
 from pathlib import Path
 from alignerf.files import machine
-from alignerf.training import devices
+from alignerf.processes import devices
 machine.limit(1)
 devices.use_as_devices()
 import jax

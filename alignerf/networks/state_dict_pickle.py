@@ -132,8 +132,8 @@ class _Machine:
 
 def _typed(value, kind):
     if not isinstance(value, kind):
-        found = type(value).__name__
-        raise ValueError(f"broken pickle: {found} in place of {kind.__name__}")
+        own = type(value).__name__
+        raise ValueError(f"broken pickle: {own} in place of {kind.__name__}")
     return value
 
 

@@ -1,6 +1,6 @@
 """Weights of the fixed networks as .npz.
 
-    python -m alignerf.metrics.weights WHAT --out FILE
+    python -m alignerf.networks.weights WHAT --out FILE
 
 WHAT is `frequency` (VGG-19's first block, for the config's `frequency_weights`) or
 `lpips_alex`, `lpips_squeeze`, `lpips_vgg` (for its `lpips`). They are made from the
@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.files import atomic, faults, progress
-from alignerf.metrics import lpips, torch_files, vgg19
+from alignerf.networks import backbones, torch_files, vgg19
 
 BLOCK_BYTES = 1 << 20
 TIMEOUT_S = 60
@@ -122,19 +122,19 @@ def main(argv=None):
     with atomic.scratch_folder(out.parent) as scratch:
         # The small file first: what is wrong with it shows before a long download.
         if args.what in HEADS:
-            found = find(args.heads, HEADS[args.what], scratch, args.any_file)
-            rest = heads_of(args.what, found)
+            heads = find(args.heads, HEADS[args.what], scratch, args.any_file)
+            rest = heads_of(args.what, heads)
         else:
             rest = {"mean": np.float32(MEAN), "std": np.float32(STD)}
-        found = find(args.backbone, BACKBONES[args.what], scratch, args.any_file)
+        backbone = find(args.backbone, BACKBONES[args.what], scratch, args.any_file)
         with atomic.replace_file(out) as path:
-            np.savez(path, **layers_of(args.what, found), **rest)
+            np.savez(path, **layers_of(args.what, backbone), **rest)
 
 
 def layers_of(what, path):
     """{array: kernel (HWIO) or bias} of torchvision's backbone in a .pth."""
     net = what.removeprefix("lpips_")
-    layers = lpips.NETS[net].layers if net in lpips.NETS else vgg19.LAYERS
+    layers = backbones.NETS[net].layers if net in backbones.NETS else vgg19.LAYERS
     places = {
         name: f"features.{place}"
         for name, place in zip(layers, PLACES[what], strict=True)
@@ -154,28 +154,31 @@ def layers_of(what, path):
 
 def heads_of(what, path):
     """{lin<k>: weights [c] of tap k} of LPIPS' linear heads in a .pth."""
-    channels = lpips.NETS[what.removeprefix("lpips_")].channels
+    channels = backbones.NETS[what.removeprefix("lpips_")].channels
     shapes = {f"lin{k}.model.1.weight": (1, c, 1, 1) for k, c in enumerate(channels)}
     tensors = torch_files.read(path, shapes)
     return {name.split(".")[0]: array.ravel() for name, array in tensors.items()}
 
 
-def find(given, published, folder, any_file):
-    """Path of a file: the one given, checked unless any may be, or one fetched."""
-    if not given:
+def find(path, published, folder, any_file):
+    """Path of a published file: `path`, its hash checked, or a download.
+
+    any_file: the hash of `path` is not checked.
+    """
+    if not path:
         return fetch(published, folder)
     if not any_file:
-        check_published(given, published)
-    return given
+        check_published(path, published)
+    return path
 
 
 def check_published(path, published):
     """ValueError where a file is not the published one."""
     with open(path, "rb") as file:
-        found = hashlib.file_digest(file, "sha256").hexdigest()
-    if found != published.sha256:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    if sha256 != published.sha256:
         raise ValueError(
-            f"{path}: not {published.url}: its SHA-256 is {found} instead of "
+            f"{path}: not {published.url}: its SHA-256 is {sha256} instead of "
             f"{published.sha256}"
         )
 

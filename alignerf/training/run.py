@@ -1,0 +1,105 @@
+"""A training on its way: what changes with its steps, and what they need.
+
+The loop makes the steps; a `Run` fetches their numbers, saves and lets photos and
+cameras be aligned.
+"""
+
+import dataclasses
+import time
+from typing import Any
+
+import jax
+import numpy as np
+
+from alignerf.experiment import jobs
+from alignerf.processes import consensus, devices, rank
+from alignerf.training import checkpoint, diagnose, program
+
+
+@dataclasses.dataclass
+class Run:
+    """A training on its way: what its steps need, and how far it has come."""
+
+    job: jobs.Job
+    method: Any
+    program: program.Program
+    checkpoints: str
+    identity: str
+    aligner: Any
+    names: list  # of the views
+    unaligned: Any  # the views as they were loaded
+    facts: dict  # for the tables, known before the first step
+    state: Any
+    views: Any  # on the devices
+    numbers: dict  # means over the last steps
+    spent_s: float  # on the steps before it was resumed
+    started_s: float = dataclasses.field(default_factory=time.perf_counter)
+
+    def time_s(self):
+        """Seconds of all steps so far; what the aligner compiles is counted apart."""
+        passed_s = time.perf_counter() - self.started_s - self.aligner.compile_time_s
+        return round(self.spent_s + passed_s, 3)
+
+    def save(self):
+        """Write a checkpoint; ValueError where the parameters are not finite."""
+        state = devices.local(self.state)
+        check_finite(state)
+        facts = {"identity": self.identity, "time_s": self.time_s()}
+        facts |= {"micro_batches": self.program.micro_batches, "final": self.numbers}
+        if rank.is_first():
+            checkpoint.save(self.checkpoints, state, **facts)
+
+    def align(self):
+        """Align cameras and photos, and replace the views by the aligned ones."""
+        params = devices.local(self.state.params)
+        self.aligner.align(params, int(self.state.step))
+        views = self.aligner.views(self.unaligned)
+        if rank.are_several():
+            consensus.check_same(checkpoint.digest(views), "views after an alignment")
+        self.views = devices.place(views, self.program.mesh)
+
+    def look(self, stats):
+        """Fetch the numbers of some steps; ValueError where a step is not finite."""
+        numbers = jax.device_get(stats)
+        if not all(map(is_finite, numbers)):
+            raise ValueError(self.explain())
+        self.numbers = {
+            key: float(np.mean([step[key] for step in numbers])) for key in numbers[0]
+        }
+
+    def explain(self):
+        """Why the next step is not finite; such a step leaves the state as it was."""
+        return diagnose.explain(
+            self.method,
+            *devices.local((self.state, self.views)),
+            self.names,
+            steps=self.job.schedule_steps,
+            seed=self.job.seed,
+            micro_batches=self.program.micro_batches,
+        )
+
+    def timing(self):
+        """The content of timing.json."""
+        compiled_s = self.program.compile_time_s + self.aligner.compile_time_s
+        report = self.aligner.report
+        return self.facts | {
+            "train_time_s": self.time_s(),
+            "compile_time_s": round(compiled_s, 3),
+            "micro_batches": self.program.micro_batches,
+            "final": self.numbers,
+            **({"alignments": report} if report else {}),
+        }
+
+
+def check_finite(state):
+    """ValueError where parameters are not finite: their checkpoint would be useless."""
+    if spoilt := diagnose.spoilt_parameters(state.params):
+        raise ValueError(
+            f"training diverged before step {int(state.step)}: not finite: "
+            + ", ".join(spoilt)
+        )
+
+
+def is_finite(stats):
+    """Whether a step had a finite loss and gradient, and so changed the state."""
+    return np.isfinite(stats["loss"]) and stats["nonfinite_gradients"] == 0
