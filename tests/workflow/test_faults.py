@@ -30,7 +30,7 @@ def write(folder, config):
             {"scenes": {"mine": {"source": "photos", "path": "no where"}}},
             "no where does",
         ),
-        ({"scenes": None}, "scenes: None is not of type"),
+        ({"scenes": None}, "scenes: None should be a mapping"),
     ],
 )
 def test_planning_stops_with_one_line(tmp_path, demo, snakemake, change, reason):

@@ -1,5 +1,7 @@
 """Faults of a config: one line that names the key, or the file and its line."""
 
+import datetime
+
 import pytest
 import yaml
 
@@ -321,6 +323,13 @@ def bomb(item):
     return "\n".join(lines)
 
 
+def deep(value):
+    """A mapping in a mapping, deeper than Python calls functions."""
+    for _ in range(5000):
+        value = {"x": value}
+    return value
+
+
 COURTYARD = {"a": {"source": "courtyard"}}
 ZOOMED = {"source": "courtyard", "courtyard": {"zooms": [0.5]}}
 # 48 views, of which six are held out.
@@ -342,6 +351,22 @@ SEVEN = {"source": "courtyard", "courtyard": {"zooms": [1] * 7}}
         ({"training": None}, "training: None should be a mapping"),
         ({"methods": {"m": None}}, "methods.m: None should be a mapping"),
         ({"scenes": {"a" * 300: {"source": "courtyard"}}}, "scenes: 'aaa"),
+        ({"seed": datetime.date(2026, 1, 2)}, "seed: datetime.date.* valid integer"),
+        ({"vary": {"seeds": {1, 2}}}, r"vary.seeds: \{1, 2\} should be a valid list"),
+        ({"vary": {"seeds": [1] * 10**5}}, "vary.seeds: .* at most 100 items"),
+        ({"training": {3: 1}}, "training: 3 is no key"),
+        ({"training": {None: 1}}, "training: None is no key"),
+        ({"training": 10**4200}, "training: 10+.*0+ should be a mapping"),
+        ({"seed": 16**5000}, "seed: int of too many digits should be less"),
+        ({"seed": deep({})}, "seed: .* should be a valid integer"),
+        (
+            {"tradeoff": {"variants": {"a": {"field": {"levels": deep({})}}}}},
+            "tradeoff.variants.a.field: no key of a field is a mapping",
+        ),
+        (
+            {"models": {"m": {"field": {"degrees": 4}}}},
+            "models.m.field: 'degrees' is no key",
+        ),
         ({"regimes": "tradeoff"}, "regimes: tradeoff has files of its own"),
         (
             {"scenes": {"alignerf_regimes.csv": {"source": "courtyard"}}},
@@ -370,8 +395,10 @@ SEVEN = {"source": "courtyard", "courtyard": {"zooms": [1] * 7}}
     ],
 )
 def test_what_would_fail_later_is_named_now(change, reason):
-    with pytest.raises(ValueError, match="^config: .*" + reason):
+    with pytest.raises(ValueError, match="^config: .*" + reason) as caught:
         check.checked({"scenes": COURTYARD} | change)
+    assert len(str(caught.value)) < 600
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("config", [[1, 2], "hello", 5])
