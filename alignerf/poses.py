@@ -175,7 +175,10 @@ def load_courtyard(config, scratch):
         camtoworlds=scene.camtoworlds,
         width=scene.width,
         height=scene.height,
-        load=lambda i: images.read(folder / f"{scene.names[i]}.png"),
+        photos=[
+            prepare.Photo(folder / f"{name}.png", (images.read,))
+            for name in scene.names
+        ],
     )
     return views, report.registration(scene.names, []), scene
 

@@ -22,12 +22,15 @@ def main(argv=None):
     loaded = prepared.load(args.scene)
     # As stored: normalising the normalised poses anew could turn the frame.
     stored = archives.read(loaded.folder / "cameras.npz", ["camtoworlds"])
-    paths = [loaded.folder / "images" / f"{name}.png" for name in loaded.names]
+    size = loaded.width, loaded.height
 
-    def load_mask(i):
-        (mask,) = prepared.read_masks(loaded, [i])
-        return images.of_mask(mask)
+    def read_photo(name):
+        return images.read(loaded.folder / "images" / f"{name}.png", size=size)
 
+    def read_mask(view):
+        return images.of_mask(prepared.read_masks(loaded, [view])[0])
+
+    masks = [prepare.Photo(view, (read_mask,)) for view in range(len(loaded.names))]
     masked = (loaded.folder / prepared.MASKS).is_dir()
     views = prepare.PosedViews(
         names=loaded.names,
@@ -35,8 +38,8 @@ def main(argv=None):
         camtoworlds=stored["camtoworlds"],
         width=loaded.width,
         height=loaded.height,
-        load=lambda i: images.read(paths[i], size=(loaded.width, loaded.height)),
-        load_mask=load_mask if masked else None,
+        photos=[prepare.Photo(name, (read_photo,)) for name in loaded.names],
+        masks=masks if masked else None,
     )
     smaller = prepare.downscale(views, args.factor)
     out = pathlib.Path(args.out)

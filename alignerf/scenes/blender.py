@@ -20,7 +20,7 @@ def read(folder, background):
     A view's name begins with its split. background: as of `photos.decode`. Raises
     ValueError with one line that names the file and the key or frame.
     """
-    parts, names, splits, left_out = [], [], [], []
+    halves, names, left_out = [], [], []
     for split in SPLITS:
         path = Path(folder) / f"transforms_{split}.json"
         views, missing = transforms.read(path, background, split_by_lists=False)
@@ -31,40 +31,17 @@ def read(folder, background):
             )
         prefixed = prefixed_by(split, [*views.names, *missing])
         left_out += prefixed[len(views.names) :]
-        parts.append(views)
+        halves.append(views)
         names += prefixed[: len(views.names)]
-        splits += [split] * len(views.names)
-    sizes = {(views.width, views.height) for views in parts}
+    sizes = {(views.width, views.height) for views in halves}
     if len(sizes) > 1:
         raise ValueError(f"{folder}: photos of train and test differ in size")
-    first, second = parts
-    count = len(first.names)
-    masked = any(part.load_mask for part in parts)
-    views = prepare.PosedViews(
-        names=names,
-        pixtocams=np.concatenate([views.pixtocams for views in parts]),
-        camtoworlds=np.concatenate([views.camtoworlds for views in parts]),
-        width=first.width,
-        height=first.height,
-        load=both(first.load, second.load, count),
-        load_mask=both(*map(load_masks, parts), count) if masked else None,
-        split=np.array(splits),
-    )
-    return views, left_out
+    views = prepare.join(halves, masked=any(views.masks for views in halves))
+    split = np.repeat(SPLITS, [len(views.names) for views in halves])
+    return views._replace(names=names, split=split), left_out
 
 
 def prefixed_by(split, names):
     """Names that begin with their split; where all have it already, as they are."""
     has = all(name.startswith(f"{split}_") for name in names)
     return list(names) if has else [f"{split}_{name}" for name in names]
-
-
-def both(first, second, count):
-    """A loader of the views of two parts, the first with `count` of them."""
-    return lambda i: first(i) if i < count else second(i - count)
-
-
-def load_masks(views):
-    """The masks' loader of a part; where it has none, all pixels count."""
-    everything = np.full((views.height, views.width, 3), 255, np.uint8)
-    return views.load_mask or (lambda i: everything)

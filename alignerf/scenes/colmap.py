@@ -14,7 +14,7 @@ import pycolmap
 from jaxtyping import Float, UInt8
 
 from alignerf.files import faults
-from alignerf.scenes import cameras
+from alignerf.scenes import cameras, prepare
 from alignerf.scenes.capture import canvas, ingest, mapping
 
 log = logging.getLogger(__name__)
@@ -161,8 +161,8 @@ def pose_folder(
         sizes,
         model.camtoworlds,
         camera_of=model.camera_of,
-        load=lambda i: taken.load(kept[i]),
-        load_mask=None if masks is None else lambda i: taken.load_mask(kept[i]),
+        photos=[prepare.Photo(i, (taken.load,)) for i in kept],
+        masks=masks and [prepare.Photo(i, (taken.load_mask,)) for i in kept],
         where=where,
     )
     return views._replace(points=(model.points, model.colours)), model, taken

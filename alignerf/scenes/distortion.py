@@ -9,8 +9,12 @@ into it shifts the principal point by half a pixel.
 import cv2
 import numpy as np
 
+from alignerf.scenes import prepare
+
 # How far, in pixels, a point may be from itself after undistorting and distorting.
 ROUND_TRIP_PX = 0.05
+# How far Lanczos reaches.
+KERNEL_PX = 4
 
 
 def pinhole_camera(camtopix, distortion, width, height):
@@ -54,6 +58,48 @@ def undistort(image, camtopix, distortion, pinhole):
     return cv2.remap(
         image, map_x, map_y, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REFLECT_101
     )
+
+
+def pinhole_views(
+    names, lenses, camtoworlds, *, width, height, photos, where, masks=None
+):
+    """PosedViews of photos as taken, each lens's distortion undone.
+
+    lenses: (camtopix [3, 3], distortion [5]) of each view at width x height; photos,
+    masks: a `Photo` of each. Raises ValueError naming `where` for a distortion that no
+    pinhole view undoes.
+    """
+    pinholes = []
+    for name, lens in zip(names, lenses, strict=True):
+        try:
+            pinholes.append(pinhole_camera(*lens, width, height))
+        except ValueError as error:
+            raise ValueError(f"{where}: {name}: {error}") from None
+
+    def undistorted(photo, lens, pinhole):
+        return photo.then(lambda image: undistort(image, *lens, pinhole))
+
+    def undistorted_mask(mask, lens, pinhole):
+        # What is hidden must not come through a kernel that reaches over its edge.
+        hidden = mask.then(eroded) if np.any(lens[1]) else mask
+        return undistorted(hidden, lens, pinhole)
+
+    return prepare.PosedViews(
+        names=names,
+        pixtocams=np.linalg.inv(np.stack(pinholes)),
+        camtoworlds=camtoworlds,
+        width=width,
+        height=height,
+        photos=list(map(undistorted, photos, lenses, pinholes)),
+        masks=masks and list(map(undistorted_mask, masks, lenses, pinholes)),
+    )
+
+
+def eroded(mask):
+    """A mask [h, w, 3] uint8 without what a Lanczos kernel mixes with hidden pixels."""
+    side = 2 * KERNEL_PX + 1
+    # Beyond the border nothing is hidden.
+    return cv2.erode(mask, np.ones((side, side), np.uint8), borderValue=(255,) * 4)
 
 
 def distort_points(points, camtopix, distortion):

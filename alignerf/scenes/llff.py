@@ -20,7 +20,7 @@ import numpy as np
 import pycolmap
 
 from alignerf.files import archives
-from alignerf.scenes import colmap, photos, prepare
+from alignerf.scenes import colmap, distortion, photos, prepare
 
 log = logging.getLogger(__name__)
 
@@ -52,13 +52,13 @@ def read(folder, chosen=None) -> prepare.PosedViews:
     where = [f"{path}: row {i} ({name})" for i, name in enumerate(names)]
     cameras_bin = folder / "sparse" / "0" / "cameras.bin"
     cameras = _cameras(cameras_bin, rows[:, :, 4], where)
-    return prepare.pinhole_views(
+    return distortion.pinhole_views(
         names,
         [_lens(*pair, size) for pair in zip(images, cameras, strict=True)],
         np.stack([_pose(*pair) for pair in zip(rows, where, strict=True)]),
         width=size[0],
         height=size[1],
-        load=lambda i: photos.decode(images[i], upright=False)[0],
+        photos=[prepare.Photo(image, (photos.as_stored,)) for image in images],
         where=cameras_bin,
     )._replace(bounds=bounds)
 
@@ -154,8 +154,9 @@ def _check_same_camera(sizes_and_focals, camera, where, path):
 
 def _lens(image, camera, size):
     """(camtopix [3, 3], distortion [5]) of a camera at its image's true size."""
-    camtopix, distortion, camera_size = camera
-    return prepare.true_scale(camera_size, size, where=image) @ camtopix, distortion
+    camtopix, coefficients, camera_size = camera
+    scale = prepare.true_scale(camera_size, size, where=image)
+    return scale @ camtopix, coefficients
 
 
 def _pose(row, where):

@@ -14,7 +14,7 @@ import numpy as np
 import pycolmap
 
 from alignerf.files import faults
-from alignerf.scenes import colmap, llff, photos, prepare
+from alignerf.scenes import colmap, distortion, llff, photos, prepare
 from alignerf.scenes.capture import model_files
 
 log = logging.getLogger(__name__)
@@ -48,16 +48,16 @@ def read(folder, images=None):
     width, height = photos.one_size(names, sizes, chosen)
     lenses = []
     for name in names:
-        camtopix, distortion, size, _ = posed[name]
+        camtopix, coefficients, size, _ = posed[name]
         scale = prepare.true_scale(size, (width, height), where=paths[name])
-        lenses.append((scale @ camtopix, distortion))
-    views = prepare.pinhole_views(
+        lenses.append((scale @ camtopix, coefficients))
+    views = distortion.pinhole_views(
         names,
         lenses,
         np.stack([posed[name][3] for name in names]),
         width=width,
         height=height,
-        load=lambda i: photos.decode(paths[names[i]], upright=False)[0],
+        photos=[prepare.Photo(paths[name], (photos.as_stored,)) for name in names],
         where=model,
     )
     return views._replace(points=points), left_out

@@ -141,6 +141,11 @@ def decode(path, background=None, *, upright=True):
     return rgb, _focal_px(focal_35mm_mm, *rgb.shape[1::-1])
 
 
+def as_stored(path, background=None):
+    """The image [h, w, 3] uint8 of `decode`, its rows as they are stored."""
+    return decode(path, background, upright=False)[0]
+
+
 def _turned_by(opened):
     """The orientation that a decoder applies by itself: of HEIC, 1 of all others."""
     is_heic = opened.format == "HEIF"
@@ -184,8 +189,7 @@ def _opened(path):
 
 def stored_size(path, background=None):
     """(width, height) of an image as its rows are stored, decoded whole to be sure."""
-    image, _ = decode(path, background, upright=False)
-    return image.shape[1], image.shape[0]
+    return as_stored(path, background).shape[1::-1]
 
 
 def one_size(names, sizes, where):

@@ -4,88 +4,73 @@ Notation: n views of one size; `pixtocams` [n, 3, 3], `camtoworlds` [n, 3, 4] as
 `cameras`; images [h, w, 3] uint8 RGB, undistorted.
 """
 
+import functools
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from jaxtyping import Float
 
 from alignerf.files import images, progress
-from alignerf.scenes import cameras, distortion, prepared
+from alignerf.scenes import cameras, prepared
 
 # Under this no method of the analysis works: SSIM needs 11 pixels, flow more.
 MIN_SIZE_PX = 32
 # Rounding a photo's size at a smaller scale changes its shape by less than this.
 SAME_SHAPE = 1.02
-# How far Lanczos reaches.
-KERNEL_PX = 4
 # Of a mask that was resampled: less is a pixel that something else has touched.
 WHITE = 254
 
 
+class Photo(NamedTuple):
+    """A view's photo or mask, read when it is needed: together they fill the memory.
+
+    source: a path, or what else the first step takes. Each step takes what the step
+    before it gives; the last one gives [h, w, 3] uint8.
+    """
+
+    source: Any
+    steps: tuple[Callable, ...] = ()
+
+    def then(self, step):
+        """The photo with one more step."""
+        return self._replace(steps=(*self.steps, step))
+
+    def read(self):
+        """The image [h, w, 3] uint8."""
+        image = self.source
+        for step in self.steps:
+            image = step(image)
+        return image
+
+
 class PosedViews(NamedTuple):
-    """What every source hands over; images are loaded one by one, as they are large."""
+    """What every source hands over."""
 
     names: list[str]
     pixtocams: Float[np.ndarray, "n 3 3"]
     camtoworlds: Float[np.ndarray, "n 3 4"]
     width: int
     height: int
-    load: Callable[[int], np.ndarray]
-    """Index of a view -> its undistorted image [h, w, 3] uint8."""
+    photos: list[Photo]
+    """Undistorted."""
     points: tuple[np.ndarray, np.ndarray] | None = None
     """What COLMAP has triangulated: positions and colours (uint8), both [m, 3]."""
     bounds: Float[np.ndarray, "n 2"] | None = None
     """Nearest and farthest depth of each view, where LLFF gives them."""
     split: np.ndarray | None = None
     """`train` or `test` of each view, where the source says so."""
-    load_mask: Callable[[int], np.ndarray] | None = None
-    """Index of a view -> an image [h, w, 3] uint8, 255 where its pixels count: it goes
-    the way of the photo, whatever is done to that. None where all pixels count."""
+    masks: list[Photo] | None = None
+    """255 where a pixel of the photo counts; a mask takes every step that its photo
+    takes. None where all pixels of all photos count."""
 
 
-def pinhole_views(
-    names, lenses, camtoworlds, *, width, height, load, where, load_mask=None
-):
-    """PosedViews of photos as taken, each lens's distortion undone.
-
-    lenses: (camtopix [3, 3], distortion [5]) of each view at width x height; load(i)
-    is the photo [h, w, 3] uint8, load_mask(i) what of it counts. Raises ValueError
-    naming `where` for a distortion that no pinhole view undoes.
-    """
-    pinholes = []
-    for name, lens in zip(names, lenses, strict=True):
-        try:
-            pinholes.append(distortion.pinhole_camera(*lens, width, height))
-        except ValueError as error:
-            raise ValueError(f"{where}: {name}: {error}") from None
-
-    def undistorted(load):
-        return lambda i: distortion.undistort(load(i), *lenses[i], pinholes[i])
-
-    def undistorted_mask(i):
-        # What is hidden must not come through a kernel that reaches over its edge.
-        hidden = eroded(load_mask(i)) if np.any(lenses[i][1]) else load_mask(i)
-        return distortion.undistort(hidden, *lenses[i], pinholes[i])
-
-    return PosedViews(
-        names=names,
-        pixtocams=np.linalg.inv(np.stack(pinholes)),
-        camtoworlds=camtoworlds,
-        width=width,
-        height=height,
-        load=undistorted(load),
-        load_mask=load_mask and undistorted_mask,
-    )
-
-
-def eroded(mask):
-    """A mask [h, w, 3] uint8 without what a Lanczos kernel mixes with hidden pixels."""
-    side = 2 * KERNEL_PX + 1
-    # Beyond the border nothing is hidden.
-    return cv2.erode(mask, np.ones((side, side), np.uint8), borderValue=(255,) * 4)
+def all_count(width, height) -> Photo:
+    """The mask of a photo whose pixels all count."""
+    full = functools.partial(np.full, fill_value=255, dtype=np.uint8)
+    return Photo((height, width, 3), (full,))
 
 
 def true_scale(given_size, true_size, *, where):
@@ -115,6 +100,25 @@ def nearest_rotation(matrix, *, where):
     return u @ vt
 
 
+def join(groups: list[PosedViews], *, masked) -> PosedViews:
+    """One PosedViews of groups of one size, one after the other.
+
+    masked: whether it has masks; all pixels count of a group that has none.
+    """
+    width, height = groups[0].width, groups[0].height
+    full = all_count(width, height)
+    masks = [views.masks or [full] * len(views.names) for views in groups]
+    return PosedViews(
+        names=[name for views in groups for name in views.names],
+        pixtocams=np.concatenate([views.pixtocams for views in groups]),
+        camtoworlds=np.concatenate([views.camtoworlds for views in groups]),
+        width=width,
+        height=height,
+        photos=[photo for views in groups for photo in views.photos],
+        masks=[mask for group in masks for mask in group] if masked else None,
+    )
+
+
 def sort_by_name(views: PosedViews) -> PosedViews:
     """The views in the order of their names, on which the split depends."""
     order = np.argsort(views.names, kind="stable")
@@ -122,8 +126,8 @@ def sort_by_name(views: PosedViews) -> PosedViews:
         names=[views.names[i] for i in order],
         pixtocams=np.asarray(views.pixtocams)[order],
         camtoworlds=np.asarray(views.camtoworlds)[order],
-        load=lambda i: views.load(order[i]),
-        load_mask=views.load_mask and (lambda i: views.load_mask(order[i])),
+        photos=[views.photos[i] for i in order],
+        masks=views.masks and [views.masks[i] for i in order],
         bounds=None if views.bounds is None else views.bounds[order],
         split=None if views.split is None else views.split[order],
     )
@@ -162,8 +166,8 @@ def downscale(views: PosedViews, factor: int | float) -> PosedViews:
     if factor == 1:
         return views
 
-    def smaller_of(load):
-        return lambda i: shrink(load(i), width, height)
+    def smaller_of(photo):
+        return photo.then(lambda image: shrink(image, width, height))
 
     return views._replace(
         pixtocams=cameras.rescale_intrinsics(
@@ -171,8 +175,8 @@ def downscale(views: PosedViews, factor: int | float) -> PosedViews:
         ),
         width=width,
         height=height,
-        load=smaller_of(views.load),
-        load_mask=views.load_mask and smaller_of(views.load_mask),
+        photos=list(map(smaller_of, views.photos)),
+        masks=views.masks and list(map(smaller_of, views.masks)),
     )
 
 
@@ -198,8 +202,8 @@ def write_views(folder, views: PosedViews, *, split):
     """
     (folder / "images").mkdir(parents=True)
     for i, name in progress.over(enumerate(views.names), "images"):
-        images.write(folder / "images" / f"{name}.png", views.load(i))
-    if views.load_mask is not None:
+        images.write(folder / "images" / f"{name}.png", views.photos[i].read())
+    if views.masks is not None:
         write_masks(folder / prepared.MASKS, views)
     write_cameras(folder / "cameras.npz", views, split=split)
     if views.points is not None:
@@ -217,7 +221,7 @@ def write_masks(folder, views: PosedViews):
     """
     folder.mkdir()
     for i, name in progress.over(enumerate(views.names), "masks"):
-        valid = (views.load_mask(i) >= WHITE).all(axis=-1)
+        valid = (views.masks[i].read() >= WHITE).all(axis=-1)
         if not valid.any():
             raise ValueError(f"{name}: its mask leaves no pixel")
         np.savez_compressed(folder / f"{name}.npz", valid=valid)

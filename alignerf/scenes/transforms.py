@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.files import faults, json_files
-from alignerf.scenes import photos, prepare
+from alignerf.scenes import distortion, photos, prepare
 from alignerf.scenes.capture import ingest
 
 log = logging.getLogger(__name__)
@@ -68,27 +68,34 @@ def read(path, background=None, *, split_by_lists=True):
         for frame, _ in kept
     ]
     images = Images(path)
-    masks = [_find_mask(images, frame) for frame, _ in kept]
-
-    def load_mask(i):
-        if masks[i] is None:
-            return np.full((height, width, 3), 255, np.uint8)
-        return ingest.read_mask(masks[i], kept[i][1])
-
-    views = prepare.pinhole_views(
+    mask_paths, masks = [_find_mask(images, frame) for frame, _ in kept], None
+    if any(mask_paths):
+        masks = [
+            _mask(path, image, width, height)
+            for path, (_, image) in zip(mask_paths, kept, strict=True)
+        ]
+    as_stored = functools.partial(photos.as_stored, background=background)
+    views = distortion.pinhole_views(
         names,
         lenses,
         np.stack([_pose(path, frame) for frame, _ in kept]),
         width=width,
         height=height,
-        load=lambda i: photos.decode(kept[i][1], background, upright=False)[0],
-        load_mask=load_mask if any(masks) else None,
+        photos=[prepare.Photo(image, (as_stored,)) for _, image in kept],
+        masks=masks,
         where=path,
     )
     if splits:
         own = np.array([splits[image] for _, image in kept])
         views = views._replace(split=own)
     return views, left_out
+
+
+def _mask(path, image, width, height):
+    """The mask of an image; all of its pixels count where it has none."""
+    if path is None:
+        return prepare.all_count(width, height)
+    return prepare.Photo(path, (functools.partial(ingest.read_mask, photo=image),))
 
 
 def _splits(path, scene, kept):

@@ -72,12 +72,10 @@ def begin(
     job, built, facts = in_budget(job, method, built, params, views, checkpoints, data)
     identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
     facts |= describe(job, params)
-    log.info(
-        "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)
-    )
     aligner.begin(job.steps, identity)
     fresh = Resumed(program.fresh_state(built.optimizer, params), 0.0, None, {})
     done = resume(checkpoints, fresh, identity, job.steps, aligner)
+    # Both take as much memory as the parameters and Adam's moments.
     del fresh
     aligned = aligner.views(views)
     built = program.refitted(built, done.micro_batches, job, method, params, aligned)
@@ -85,8 +83,19 @@ def begin(
     state, placed = devices.place((done.state, aligned), built.mesh)
     memory.keep_freed()
     return train_run.Run(
-        *(job, method, built, checkpoints, identity, aligner, names, views, facts),
-        *(state, placed, done.numbers, done.spent_s),
+        job=job,
+        method=method,
+        program=built,
+        checkpoints=checkpoints,
+        identity=identity,
+        aligner=aligner,
+        names=names,
+        unaligned=views,
+        facts=facts,
+        state=state,
+        views=placed,
+        numbers=done.numbers,
+        spent_s=done.spent_s,
     )
 
 
@@ -168,8 +177,8 @@ def resume(checkpoints, fresh: Resumed, identity, steps, aligner) -> Resumed:
 
 
 def describe(job, params):
-    """What a table says of a training, besides its time."""
-    return {
+    """What a table says of a training, besides its time; the log says some of it."""
+    facts = {
         "stage": job.stage,
         "steps": job.steps,
         "rays_seen": job.steps * job.rays_per_step,
@@ -178,6 +187,10 @@ def describe(job, params):
         "processes": rank.here().count,
         **provenance.facts(),
     }
+    log.info(
+        "{stage}: {params:,} parameters, {steps} steps, on {device}".format(**facts)
+    )
+    return facts
 
 
 def run_steps(run, note):

@@ -96,7 +96,7 @@ def test_what_came_as_llff_goes_as_llff(scene, moved, rng):
     np.testing.assert_array_equal(views.bounds, bounds)
     for i, name in enumerate(renamed):
         stored = np.asarray(Image.open(scene / "images" / f"{name}.png"))
-        np.testing.assert_array_equal(views.load(i), stored)
+        np.testing.assert_array_equal(views.photos[i].read(), stored)
 
 
 def test_lenses_that_llff_cannot_say_are_said(scene, moved, caplog):

@@ -138,7 +138,7 @@ def fox(data, factor):
     views = prepare.downscale(prepare.sort_by_name(found), factor)
     camtoworlds = cameras.frame_of(views.camtoworlds).normalised(views.camtoworlds)
     photos = Photos(
-        images=np.stack([views.load(i) for i in range(len(views.names))]),
+        images=np.stack([views.photos[i].read() for i in range(len(views.names))]),
         pixtocams=views.pixtocams,
         camtoworlds=camtoworlds,
     )
@@ -155,7 +155,7 @@ def write_scene(folder, photos: Photos):
         camtoworlds=photos.camtoworlds,
         width=width,
         height=height,
-        load=lambda i: photos.images[i],
+        photos=list(map(prepare.Photo, photos.images)),
     )
     split = prepare.split_views(count, test_every=8)
     prepare.write_views(folder, views, split=split)

@@ -6,11 +6,13 @@ the middle; what lies beyond the canvas is cut off, and what it leaves free coun
 nowhere.
 """
 
+import functools
+
 import cv2
 import numpy as np
 
 from alignerf.files import images
-from alignerf.scenes import cameras, prepare
+from alignerf.scenes import cameras, distortion, prepare
 
 # Of one lens, estimated twice, focal lengths differ by less: its photos stay as they
 # are, which costs no sharpness.
@@ -18,27 +20,26 @@ SAME_ANGLE = 0.03
 
 
 def views_of(
-    names, lenses, sizes, camtoworlds, *, camera_of, load, load_mask=None, where
+    names, lenses, sizes, camtoworlds, *, camera_of, photos, masks=None, where
 ):
     """PosedViews of photos of any sizes and lenses, distortion undone, on one canvas.
 
     lenses: (camtopix [3, 3], distortion [5]); sizes: (width, height); camera_of: which
-    camera took each; load(i) is the photo, and load_mask(i), where there are masks, an
-    image [h, w, 3] uint8 that is 255 where the photo counts. Raises ValueError naming
-    `where`, as `prepare.pinhole_views`.
+    camera took each; photos, masks: a `prepare.Photo` of each. Raises ValueError naming
+    `where`, as `distortion.pinhole_views`.
     """
     keys = list(zip(sizes, camera_of, strict=True))
     groups = {}
     for key in dict.fromkeys(keys):
         chosen = [i for i, one in enumerate(keys) if one == key]
-        groups[key] = prepare.pinhole_views(
+        groups[key] = distortion.pinhole_views(
             [names[i] for i in chosen],
             [lenses[i] for i in chosen],
             camtoworlds[chosen],
             width=key[0][0],
             height=key[0][1],
-            load=_of(load, chosen),
-            load_mask=load_mask and _of(load_mask, chosen),
+            photos=[photos[i] for i in chosen],
+            masks=masks and [masks[i] for i in chosen],
             where=where,
         )
     size = max(set(sizes), key=lambda one: (sizes.count(one), one))
@@ -48,16 +49,12 @@ def views_of(
     for key, group in groups.items():
         differs = np.abs(focal_of(group) / focal_px - 1).max() > SAME_ANGLE
         laid.append(lay(group, focal_px, size) if key[0] != size or differs else group)
-    return laid[0] if len(laid) == 1 else join(laid, size)
+    return laid[0] if len(laid) == 1 else prepare.join(laid, masked=True)
 
 
 def focal_of(views):
     """Focal length [2] in px along x and y, of the view in the middle."""
     return np.median(np.linalg.inv(views.pixtocams)[:, [0, 1], [0, 1]], axis=0)
-
-
-def _of(load, chosen):
-    return lambda i: load(chosen[i])
 
 
 def lay(views: prepare.PosedViews, focal_px, size):
@@ -68,34 +65,6 @@ def lay(views: prepare.PosedViews, focal_px, size):
     camtopix = np.linalg.inv(views.pixtocams)
     own = views.width, views.height
     places = [place(one, focal_px, own, size) for one in camtopix]
-
-    def put(image, i):
-        (width, height), (left, top) = places[i]
-        free = ~inside(places[i], size)
-        if width < own[0]:
-            image = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
-        # Pixel centres lie at +0.5 in both; straight onto the canvas, which cuts off
-        # what would be far larger.
-        scale = np.array([width, height]) / image.shape[1::-1]
-        move = np.array([left, top]) + 0.5 * scale - 0.5
-        matrix = np.concatenate([np.diag(scale), move[:, None]], axis=1)
-        canvas = cv2.warpAffine(
-            image,
-            matrix,
-            size,
-            flags=cv2.INTER_LANCZOS4 if width > own[0] else cv2.INTER_NEAREST,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        canvas[free] = 0
-        return canvas
-
-    def load_mask(i):
-        if views.load_mask is None:
-            return images.of_mask(inside(places[i], size))
-        larger = places[i][0][0] > own[0]
-        mask = views.load_mask(i)
-        return put(prepare.eroded(mask) if larger else mask, i)
-
     pixtocams = [
         moved(
             cameras.rescale_intrinsics(pixtocam, new[0] / own[0], new[1] / own[1]),
@@ -107,9 +76,50 @@ def lay(views: prepare.PosedViews, focal_px, size):
         pixtocams=np.stack(pixtocams),
         width=size[0],
         height=size[1],
-        load=lambda i: put(views.load(i), i),
-        load_mask=load_mask,
+        photos=[
+            photo.then(functools.partial(put, placed=placed, own=own, size=size))
+            for photo, placed in zip(views.photos, places, strict=True)
+        ],
+        masks=masks_of(views, places, size),
     )
+
+
+def masks_of(views, places, size):
+    """A mask of each view on the canvas: what it leaves free counts nowhere."""
+    if views.masks is None:
+        laid = functools.partial(inside, size=size)
+        return [prepare.Photo(placed, (laid, images.of_mask)) for placed in places]
+    own, masks = (views.width, views.height), []
+    for mask, placed in zip(views.masks, places, strict=True):
+        is_larger = placed[0][0] > own[0]
+        hidden = mask.then(distortion.eroded) if is_larger else mask
+        lay_mask = functools.partial(put, placed=placed, own=own, size=size)
+        masks.append(hidden.then(lay_mask))
+    return masks
+
+
+def put(image, placed, own, size):
+    """An image on the canvas, where it is placed; black where it leaves that free.
+
+    own: the (width, height) that the photo has.
+    """
+    (width, height), (left, top) = placed
+    if width < own[0]:
+        image = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+    # Pixel centres lie at +0.5 in both; straight onto the canvas, which cuts off what
+    # would be far larger.
+    scale = np.array([width, height]) / image.shape[1::-1]
+    move = np.array([left, top]) + 0.5 * scale - 0.5
+    matrix = np.concatenate([np.diag(scale), move[:, None]], axis=1)
+    canvas = cv2.warpAffine(
+        image,
+        matrix,
+        size,
+        flags=cv2.INTER_LANCZOS4 if width > own[0] else cv2.INTER_NEAREST,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    canvas[~inside(placed, size)] = 0
+    return canvas
 
 
 def inside(placed, size):
@@ -135,30 +145,3 @@ def moved(pixtocam, corner):
     shift = np.eye(3)
     shift[:2, 2] = -np.array(corner)
     return pixtocam @ shift
-
-
-def join(parts, size):
-    """One PosedViews of several on one canvas, one after the other."""
-    counts = [len(part.names) for part in parts]
-    owner = np.repeat(np.arange(len(parts)), counts)
-    first = np.cumsum([0, *counts])
-
-    def caller(kind):
-        def call(i):
-            part = parts[owner[i]]
-            function = getattr(part, kind)
-            if function is None:
-                return np.full((size[1], size[0], 3), 255, np.uint8)
-            return function(i - first[owner[i]])
-
-        return call
-
-    return prepare.PosedViews(
-        names=[name for part in parts for name in part.names],
-        pixtocams=np.concatenate([part.pixtocams for part in parts]),
-        camtoworlds=np.concatenate([part.camtoworlds for part in parts]),
-        width=size[0],
-        height=size[1],
-        load=caller("load"),
-        load_mask=caller("load_mask"),
-    )

@@ -38,8 +38,7 @@ class Taken(NamedTuple):
 
     def load(self, i):
         """Photo i [height, width, 3] uint8."""
-        image, _ = photos.decode(self.paths[i], self.background, upright=False)
-        return self.lays[i].apply(image)
+        return self.lays[i].apply(photos.as_stored(self.paths[i], self.background))
 
     def load_mask(self, i):
         """An image like photo i: 255 where its mask is not black, else 0."""
@@ -150,7 +149,7 @@ def find_masks(folder, paths):
 
 def read_mask(path, photo):
     """A mask [h, w, 3] uint8, 0 or 255; ValueError if not of its photo's size."""
-    mask, _ = photos.decode(path, "black", upright=False)
+    mask = photos.as_stored(path, "black")
     size = photos.head(photo).size
     if mask.shape[1::-1] != size:
         raise ValueError(

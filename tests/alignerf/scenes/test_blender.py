@@ -81,7 +81,8 @@ def test_an_exported_scene_is_one_of_its_kind(scene, tmp_path):
     np.testing.assert_allclose(again.pixtocams, first.pixtocams, atol=1e-6)
     np.testing.assert_allclose(again.camtoworlds, first.camtoworlds, atol=1e-6)
     for view in range(5):
-        np.testing.assert_array_equal(again.load(view), first.load(view))
+        shown = [views.photos[view].read() for views in (again, first)]
+        np.testing.assert_array_equal(*shown)
 
 
 def test_lenses_that_one_angle_does_not_say_are_not_written(scene, tmp_path, caplog):
@@ -113,7 +114,7 @@ def test_masks_and_names_come_along(scene):
     path.write_text(json.dumps(content))
     views, _ = blender.read(scene, "white")
     assert len(views.names) == 5
-    shown = [views.load_mask(view).max() for view in range(5)]
+    shown = [views.masks[view].read().max() for view in range(5)]
     assert shown == [255, 0, 255, 255, 255]
     assert blender.prefixed_by("train", ["train_0", "0"]) == [
         "train_train_0",
@@ -123,7 +124,7 @@ def test_masks_and_names_come_along(scene):
 
 @pytest.mark.parametrize(("background", "level"), [("white", 255), ("black", 0)])
 def test_transparent_pixels_stand_on_the_background(scene, background, level):
-    image = blender.read(scene, background)[0].load(4)
+    image = blender.read(scene, background)[0].photos[4].read()
     share = ALPHA[:, None] / 255
     wanted = np.round(share * COLOUR + (1 - share) * level)
     np.testing.assert_array_equal(image[0, [0, 15, 39]], wanted)
@@ -138,7 +139,7 @@ def test_without_a_background_they_are_refused_by_name(scene):
 
 def test_transforms_and_photos_take_a_background(scene):
     views, _ = transforms.read(scene / "transforms_val.json", "white")
-    assert views.load(0)[0, 0].tolist() == [255, 255, 255]
+    assert views.photos[0].read()[0, 0].tolist() == [255, 255, 255]
     image, _ = photos.decode(scene / "val" / "r_0.png", "black")
     assert image[0, 0].tolist() == [0, 0, 0]
 

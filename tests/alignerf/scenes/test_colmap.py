@@ -114,7 +114,7 @@ def test_portrait_and_landscape_of_one_sensor_are_one_camera(photos, tmp_path):
     assert set(model.camera_of) == {model.camera_of[0]}
     assert [lay.turns for lay in taken.lays] == [1, 1, 0, 0, 0, 0, 0]
     assert (views.width, views.height) == (240, 180)
-    assert views.load(0).shape == (180, 240, 3)
+    assert views.photos[0].read().shape == (180, 240, 3)
     # The features were seen at 200 px, the camera is that of the photo.
     assert views.pixtocams[0][0, 2] / views.pixtocams[0][0, 0] == pytest.approx(
         -120, abs=3
@@ -164,7 +164,7 @@ def test_photos_of_another_size_and_lens_are_laid_on_one_canvas(photos, tmp_path
     assert len(smaller) >= 2
     for name in smaller:
         i = views.names.index(name)
-        image, mask = views.load(i), views.load_mask(i) == 255
+        image, mask = views.photos[i].read(), views.masks[i].read() == 255
         whole = images.read(photos[0] / f"{name}.png")
         # As large again, in the middle; what it does not see is free.
         assert 0.85 < mask.all(axis=-1).mean() < 0.93
@@ -174,7 +174,7 @@ def test_photos_of_another_size_and_lens_are_laid_on_one_canvas(photos, tmp_path
         assert not image[~mask.all(axis=-1)].any()
     for i, name in enumerate(views.names):
         if name in names[0::2]:
-            assert (views.load_mask(i) == 255).all()
+            assert (views.masks[i].read() == 255).all()
     # All at one angle a pixel, each with its own axis.
     focal_px = np.linalg.inv(views.pixtocams)[:, [0, 1], [0, 1]]
     np.testing.assert_allclose(focal_px, np.median(focal_px), rtol=0.02)
@@ -197,7 +197,7 @@ def test_masks_go_the_way_of_their_photos(photos, tmp_path):
     )
     for i, name in enumerate(views.names):
         hidden = 0.25 if name in photos[1][:3] else 0.0
-        assert (views.load_mask(i) < 255).mean() == pytest.approx(hidden)
+        assert (views.masks[i].read() < 255).mean() == pytest.approx(hidden)
     for image in model.of_colmap.images.values():
         left = min(point.xy[0] for point in image.points2D)
         assert (left >= 60) == (image.name[:-4] in photos[1][:3])

@@ -68,7 +68,7 @@ def test_cameras_are_read_as_written(scene, caplog):
         np.testing.assert_allclose(np.linalg.inv(pixtocam), camtopix, atol=1e-9)
     for i, name in enumerate(views.names):
         stored = images.read(folder / "images_2" / f"{name}.png")
-        np.testing.assert_array_equal(views.load(i), stored)
+        np.testing.assert_array_equal(views.photos[i].read(), stored)
     assert "photos from images_2" in caplog.text
     assert "cameras.bin not found" in caplog.text
 
@@ -98,7 +98,7 @@ def test_the_lens_of_colmap_is_undone(scene):
     np.testing.assert_allclose(np.linalg.inv(views.pixtocams[3]), pinhole)
     photo = images.read(folder / "images_2" / "c.png")
     wanted = distortion.undistort(photo, camtopix, lens, pinhole)
-    np.testing.assert_array_equal(views.load(3), wanted)
+    np.testing.assert_array_equal(views.photos[3].read(), wanted)
 
 
 def npy(array):

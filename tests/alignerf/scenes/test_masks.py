@@ -8,7 +8,7 @@ from PIL import Image
 
 from alignerf import evaluate, export, facts, shrink
 from alignerf.files import images
-from alignerf.scenes import prepare, prepared, transforms
+from alignerf.scenes import distortion, prepare, prepared, transforms
 from alignerf.training import batches
 from alignerf.verdict import views as verdict_views
 from tests.bench import cases
@@ -108,9 +108,9 @@ def test_a_mask_becomes_smaller_with_its_photo_and_keeps_no_mixed_pixel(tmp_path
         camtoworlds=np.stack([np.eye(3, 4)] * 2),
         width=80,
         height=60,
-        load=lambda i: photo,
+        photos=[prepare.Photo(photo)] * 2,
         # Of `b` only: sorted by name, it comes second.
-        load_mask=lambda i: mask if i == 0 else np.full_like(photo, 255),
+        masks=[prepare.Photo(mask), prepare.all_count(80, 60)],
     )
     views = prepare.downscale(prepare.sort_by_name(views), 1.25)
     prepare.write_views(tmp_path / "new", views, split=np.array(["train", "test"]))
@@ -130,8 +130,8 @@ def test_a_mask_that_hides_all_is_refused_by_name(tmp_path):
         camtoworlds=np.eye(3, 4)[None],
         width=40,
         height=40,
-        load=lambda i: np.zeros((40, 40, 3), np.uint8),
-        load_mask=lambda i: np.zeros((40, 40, 3), np.uint8),
+        photos=[prepare.Photo(np.zeros((40, 40, 3), np.uint8))],
+        masks=[prepare.Photo(np.zeros((40, 40, 3), np.uint8))],
     )
     with pytest.raises(ValueError, match="a: its mask leaves no pixel"):
         prepare.write_views(tmp_path / "new", views, split=np.array(["train"]))
@@ -153,19 +153,19 @@ def test_what_is_hidden_does_not_come_through_an_undistorted_edge():
     mask = np.full_like(photo, 255)
     mask[40:80, 60:100] = 0
     lens = np.array([[120.0, 0, 80], [0, 120, 60], [0, 0, 1]])
-    views = prepare.pinhole_views(
+    views = distortion.pinhole_views(
         ["a"],
         [(lens, np.array([-0.1, 0.0, 0.0, 0.0, 0.0]))],
         np.eye(3, 4)[None],
         width=160,
         height=120,
-        load=lambda i: photo,
-        load_mask=lambda i: mask,
+        photos=[prepare.Photo(photo)],
+        masks=[prepare.Photo(mask)],
         where="HERE",
     )
-    valid = (views.load_mask(0) >= prepare.WHITE).all(axis=-1)
+    valid = (views.masks[0].read() >= prepare.WHITE).all(axis=-1)
     assert valid.mean() > 0.7
-    assert (views.load(0)[valid] == 60).all()
+    assert (views.photos[0].read()[valid] == 60).all()
 
 
 def test_exported_masks_come_back_through_our_own_source(scene, tmp_path):
@@ -173,7 +173,7 @@ def test_exported_masks_come_back_through_our_own_source(scene, tmp_path):
     export.main(["--scene", str(scene), "--out", str(out)])
     views, _ = transforms.read(out)
     for i in range(len(views.names)):
-        mask = views.load_mask(i)
+        mask = views.masks[i].read()
         assert not mask[:, :HIDDEN].any()
         assert (mask[:, HIDDEN:] == 255).all()
     content = json.loads((out / "transforms.json").read_text())

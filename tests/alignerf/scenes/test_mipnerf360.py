@@ -71,9 +71,9 @@ def test_lenses_are_those_of_the_true_size(scene, images, size):
     wanted = np.array([[fx * wide, 0, cx * wide], [0, fy * high, cy * high], [0, 0, 1]])
     found = np.linalg.inv(views.pixtocams)
     np.testing.assert_allclose(found, [wanted] * len(NAMES), atol=1e-9)
-    assert views.load(3).shape == (size[1], size[0], 3)
+    assert views.photos[3].read().shape == (size[1], size[0], 3)
     # Of the photo of the name, not of another one's.
-    assert abs(int(views.load(3).mean()) - 60) <= 2
+    assert abs(int(views.photos[3].read().mean()) - 60) <= 2
 
 
 def test_every_eighth_view_by_name_is_a_test_view(scene):

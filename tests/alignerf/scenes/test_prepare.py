@@ -6,14 +6,14 @@ import pytest
 from alignerf.scenes import cameras, prepare
 
 
-def views_of(count, width, height, load=None):
+def views_of(count, width, height, image=None):
     return prepare.PosedViews(
         names=[f"v{i}" for i in range(count)],
         pixtocams=np.stack([cameras.intrinsics(80.0, width, height)] * count),
         camtoworlds=np.stack([np.eye(4)[:3]] * count),
         width=width,
         height=height,
-        load=load,
+        photos=[prepare.Photo(image)] * count,
     )
 
 
@@ -38,11 +38,11 @@ def test_many_photos_do_not_become_tiny():
 
 def test_downscaling_follows_the_true_ratio():
     pixels = np.random.default_rng(0).integers(0, 256, (135, 201, 3), dtype=np.uint8)
-    views = views_of(1, 201, 135, lambda i: pixels)
+    views = views_of(1, 201, 135, pixels)
     small = prepare.downscale(views, 4)
     assert (small.width, small.height) == (50, 34)
     corner = small.pixtocams[0] @ [50, 34, 1]
     np.testing.assert_allclose(corner, views.pixtocams[0] @ [201, 135, 1])
-    np.testing.assert_allclose(small.load(0).mean(), pixels.mean(), atol=0.5)
+    np.testing.assert_allclose(small.photos[0].read().mean(), pixels.mean(), atol=0.5)
     with pytest.raises(ValueError, match="downscale: 5"):
         prepare.downscale(views, 5)

@@ -139,7 +139,7 @@ def test_cameras_are_read_as_written(scene, caplog):
         matrix = np.array(scene[1]["frames"][frame]["transform_matrix"])
         np.testing.assert_allclose(views.camtoworlds[i], matrix[:3], atol=1e-9)
         stored = images.read(scene[0] / scene[1]["frames"][frame]["file_path"])
-        np.testing.assert_array_equal(views.load(i), stored)
+        np.testing.assert_array_equal(views.photos[i].read(), stored)
 
 
 def test_field_of_view_and_paths_without_suffix(scene):
@@ -304,4 +304,4 @@ def test_fox(shared_data):
     assert len(left_out) == 17
     assert (views.width, views.height) == (1080, 1920)
     small = prepare.downscale(views, 4)
-    assert small.load(0).shape == (480, 270, 3)
+    assert small.photos[0].read().shape == (480, 270, 3)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from alignerf.scenes import prepare
 from alignerf.scenes.capture import canvas
 
 SIZE = (80, 60)
@@ -41,7 +42,7 @@ def views_of(taken, **options):
         [one[1] for one in taken],
         np.stack([np.eye(3, 4)] * len(taken)),
         camera_of=[one[3] for one in taken],
-        load=lambda i: photos[i],
+        photos=list(map(prepare.Photo, photos)),
         where="HERE",
         **options,
     )
@@ -65,8 +66,8 @@ def test_every_pixel_shows_what_its_camera_says(other):
     views = views_of([*USUAL, other])
     assert (views.width, views.height) == SIZE
     place = views.names.index("3")
-    image = views.load(place)
-    counts = (views.load_mask(place) == 255).all(axis=-1)
+    image = views.photos[place].read()
+    counts = (views.masks[place].read() == 255).all(axis=-1)
     camtopix = np.linalg.inv(views.pixtocams[place])
     np.testing.assert_allclose(camtopix[[0, 1], [0, 1]], FOCAL_PX, rtol=0.02)
     assert counts.any()
@@ -79,9 +80,9 @@ def test_every_pixel_shows_what_its_camera_says(other):
 
 def test_a_lens_estimated_twice_is_not_resampled():
     views = views_of([*USUAL, (FOCAL_PX * 1.01, SIZE, (0.0, 0.0), 2)])
-    assert views.load_mask is None or (views.load_mask(3) == 255).all()
+    assert views.masks is None or (views.masks[3].read() == 255).all()
     own = np.linalg.inv(lens(FOCAL_PX * 1.01, SIZE, (0.0, 0.0))[0])
-    np.testing.assert_array_equal(views.load(3), np.round(seen(own, SIZE)))
+    np.testing.assert_array_equal(views.photos[3].read(), np.round(seen(own, SIZE)))
 
 
 def test_a_zoom_of_the_usual_size_is_laid_too():
@@ -90,16 +91,16 @@ def test_a_zoom_of_the_usual_size_is_laid_too():
     focal_px = np.linalg.inv(views.pixtocams)[:, 0, 0]
     np.testing.assert_allclose(focal_px, FOCAL_PX, rtol=1e-6)
     # A wider photo fills the canvas; a longer one leaves its rim free.
-    assert (views.load_mask(3) == 255).all()
+    assert (views.masks[3].read() == 255).all()
     long = views_of([*USUAL, (FOCAL_PX * 2, SIZE, (0.0, 0.0), 2)])
-    assert (long.load_mask(3) == 255).mean() == pytest.approx(0.25)
+    assert (long.masks[3].read() == 255).mean() == pytest.approx(0.25)
 
 
 def test_a_wide_lens_among_long_ones_is_never_made_larger_than_the_canvas(monkeypatch):
     monkeypatch.setattr(canvas.cv2, "resize", None)
     views = views_of([*USUAL, (2.0, (400, 300), (0.0, 0.0), 2)])
-    assert views.load(3).shape == (60, 80, 3)
-    assert (views.load_mask(3) == 255).all()
+    assert views.photos[3].read().shape == (60, 80, 3)
+    assert (views.masks[3].read() == 255).all()
 
 
 def test_a_hidden_pixel_does_not_come_through_where_it_is_made_larger():
@@ -108,9 +109,9 @@ def test_a_hidden_pixel_does_not_come_through_where_it_is_made_larger():
     full = np.full((60, 80, 3), 255, np.uint8)
     views = views_of(
         [*USUAL, (50.0, (40, 30), (0.0, 0.0), 2)],
-        load_mask=lambda i: hidden if i == 3 else full,
+        masks=list(map(prepare.Photo, [full, full, full, hidden])),
     )
-    valid = (views.load_mask(3) >= 254).all(axis=-1)
+    valid = (views.masks[3].read() >= 254).all(axis=-1)
     # Twice as large: columns 20 to 30, and what Lanczos reaches on both sides.
     assert not valid[12:38, 12:38].any()
     assert valid[:, 45:].all()
