@@ -19,6 +19,7 @@ from pathlib import Path
 
 import jax
 
+from alignerf.cameras import refine
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.decisions import fill
 from alignerf.experiment import jobs
@@ -26,7 +27,6 @@ from alignerf.files import archives, atomic, faults, machine
 from alignerf.preflight import eta
 from alignerf.processes import consensus, devices, rank, rendezvous
 from alignerf.scenes import pose_error, prepared
-from alignerf.systems import refine
 from alignerf.training import (
     batches,
     checkpoint,

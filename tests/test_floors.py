@@ -17,14 +17,14 @@ SOURCES = {
 # Lowest first. A folder imports itself and folders of lower floors, nothing else.
 FLOORS = [
     {"alignerf.files", "alignerf.mipnerf360"},
-    {"alignerf.experiment", "alignerf.processes"},
+    {"alignerf.experiment", "alignerf.processes", "alignerf.networks"},
     {
         *("alignerf.fields", "alignerf.scenes", "alignerf.metrics", "alignerf.tables"),
         "alignerf.decisions",
         *("flow.warping", "flow.camera"),
     },
     {
-        *("alignerf.contributions", "alignerf.systems"),
+        *("alignerf.contributions", "alignerf.systems", "alignerf.cameras"),
         *("flow.estimation", "flow.figures"),
     },
     {"alignerf.training", "alignerf.verdict", "flow.benchmark"},
@@ -32,7 +32,7 @@ FLOORS = [
     {"alignerf", "flow"},  # the stages: files directly in a package
 ]
 # Folders that hold commands besides the stages.
-COMMANDS = ("alignerf.metrics", "alignerf.tables", "flow.figures", "flow.benchmark")
+COMMANDS = ("alignerf.networks", "alignerf.tables", "flow.figures", "flow.benchmark")
 COMMANDS += ("alignerf.decisions", "alignerf.preflight", "alignerf.verdict")
 COMMANDS += ("alignerf.page", "alignerf.start")
 MOST_MODULES = 12

@@ -3,7 +3,7 @@
     w ||F(G_i) - F(R)||^2 / (C W H),  w = 0.05
 
 Notation: F maps an RGB patch [..., h, w, 3] in [0, 1] to C feature maps. F is
-VGG-19 up to relu1_2, before its max-pool (`metrics.vgg19`); without weights for it, a
+VGG-19 up to relu1_2, before its max-pool (`networks.vgg19`); without weights for it, a
 fixed bank of oriented derivative filters, which the tables then name.
 """
 
@@ -12,7 +12,7 @@ from collections.abc import Callable
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.metrics import convnet
+from alignerf.networks import convnet
 
 BANK_SIGMAS_PX = (0.7, 1.4)
 BANK_ANGLES = 4

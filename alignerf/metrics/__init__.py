@@ -1,1 +1,1 @@
-"""Image metrics (PSNR, SSIM, LPIPS) and the networks behind them, without PyTorch."""
+"""Image metrics: PSNR, SSIM and LPIPS."""

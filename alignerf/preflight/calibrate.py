@@ -16,11 +16,11 @@ import time
 import jax
 import numpy as np
 
+from alignerf.cameras import refine
 from alignerf.experiment import jobs
 from alignerf.files import faults, machine
 from alignerf.processes import devices
 from alignerf.scenes import prepared
-from alignerf.systems import refine
 from alignerf.training import (
     batches,
     checkpoint,

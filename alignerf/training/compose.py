@@ -3,13 +3,14 @@
 import dataclasses
 
 from alignerf import fields
+from alignerf.cameras import refine
 from alignerf.contributions import frequency_loss
 from alignerf.experiment import jobs
 from alignerf.experiment.keys import fields as fields_keys
 from alignerf.experiment.keys import model as model_keys
-from alignerf.metrics import vgg19
 from alignerf.mipnerf360 import model as mipnerf360
-from alignerf.systems import instant_ngp, mipnerf, nerf, nerfpp, refine, rendering
+from alignerf.networks import vgg19
+from alignerf.systems import instant_ngp, mipnerf, nerf, nerfpp, rendering
 from alignerf.training import methods
 
 # What each kind of model but mip-NeRF 360 is made by.

@@ -11,10 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from alignerf.cameras import refine
 from alignerf.contributions import strips
 from alignerf.decisions import fill
 from alignerf.scenes import cameras, prepared
-from alignerf.systems import refine
 from alignerf.training import checkpoint, compose, memory
 
 # Rays at once: large enough to fill the machine, small enough for its memory.

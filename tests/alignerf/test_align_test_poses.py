@@ -10,10 +10,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from alignerf import align_test_poses
+from alignerf.cameras import pose_fit
 from alignerf.files import faults, images
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import cameras, prepared
-from alignerf.systems import pose_fit
 from alignerf.training import methods, renderer
 from flow.camera import fit as camera_fit
 from flow.estimation import estimate

@@ -9,7 +9,7 @@ from scipy import ndimage
 from alignerf.contributions import frequency_loss, patch_conv
 from alignerf.experiment import jobs
 from alignerf.fields import shading
-from alignerf.metrics import vgg19
+from alignerf.networks import vgg19
 from alignerf.training import compose
 from tests.bench import cases
 

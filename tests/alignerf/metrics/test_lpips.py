@@ -8,6 +8,7 @@ from PIL import Image
 from scipy import ndimage
 
 from alignerf.metrics import lpips
+from alignerf.networks import backbones
 
 SHARED = ("alex", "squeeze")
 FIRE_PARTS = ("squeeze", "expand1x1", "expand3x3")
@@ -111,7 +112,7 @@ def lpips_twin(net, weights, *images):
 def random_weights(net, rng):
     """He-normal kernels, small biases, positive heads."""
     weights = {}
-    for name, shape in lpips.shapes(net).items():
+    for name, shape in backbones.shapes(net).items():
         sigma = np.sqrt(2 / np.prod(shape[:-1])) if len(shape) > 1 else 0.1
         array = rng.normal(size=shape) * sigma
         weights[name] = np.abs(array) if name.startswith("lin") else array
@@ -126,7 +127,7 @@ def weights_of(net, rng, shared_data):
 
 # Sides for which max-pools with and without `ceil` differ, and the smallest.
 @pytest.mark.parametrize("size", [(53, 66), (31, 31)])
-@pytest.mark.parametrize("net", lpips.NETS)
+@pytest.mark.parametrize("net", backbones.NETS)
 def test_a_network_equals_its_twin(net, size, rng, shared_data):
     weights = weights_of(net, rng, shared_data)
     pair = rng.uniform(size=(2, *size, 3)).astype(np.float32)
@@ -147,30 +148,32 @@ def test_it_is_a_distance_that_grows_with_distortion(net, shared_data, rng):
     assert other == pytest.approx(found[2], rel=1e-5)
 
 
-@pytest.mark.parametrize("net", lpips.NETS)
+@pytest.mark.parametrize("net", backbones.NETS)
 def test_images_too_small_are_refused(net, rng):
     arrays = {
         name: jax.ShapeDtypeStruct(shape, jnp.float32)
-        for name, shape in lpips.shapes(net).items()
+        for name, shape in backbones.shapes(net).items()
     }
 
     def least_side(height):
         rgb = jax.ShapeDtypeStruct((1, height, 99, 3), jnp.float32)
         taps = jax.eval_shape(
-            lambda w, x: list(lpips.NETS[net].taps(w, x)), arrays, rgb
+            lambda w, x: list(backbones.NETS[net].taps(w, x)), arrays, rgb
         )
         return min(tap.shape[1] for tap in taps)
 
-    smallest = lpips.NETS[net].smallest_px
+    smallest = backbones.NETS[net].smallest_px
     assert (least_side(smallest - 1), least_side(smallest)) == (0, 1)
     pair = rng.uniform(size=(2, smallest - 1, 99, 3))
     with pytest.raises(ValueError, match=f"under {smallest} pixels"):
         distance(net, {}, *pair)
 
 
-@pytest.mark.parametrize("net", lpips.NETS)
+@pytest.mark.parametrize("net", backbones.NETS)
 def test_other_weights_are_refused_by_name(net, tmp_path):
-    whole = {name: np.zeros(shape, "f4") for name, shape in lpips.shapes(net).items()}
+    whole = {
+        name: np.zeros(shape, "f4") for name, shape in backbones.shapes(net).items()
+    }
     path = tmp_path / "net.npz"
 
     def refused(arrays, reason):

@@ -1,6 +1,6 @@
 """Weights of the fixed networks as .npz.
 
-    python -m alignerf.metrics.weights WHAT --out FILE
+    python -m alignerf.networks.weights WHAT --out FILE
 
 WHAT is `frequency` (VGG-19's first block, for the config's `frequency_weights`) or
 `lpips_alex`, `lpips_squeeze`, `lpips_vgg` (for its `lpips`). They are made from the
@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.files import atomic, faults, progress
-from alignerf.metrics import lpips, torch_files, vgg19
+from alignerf.networks import backbones, torch_files, vgg19
 
 BLOCK_BYTES = 1 << 20
 TIMEOUT_S = 60
@@ -134,7 +134,7 @@ def main(argv=None):
 def layers_of(what, path):
     """{array: kernel (HWIO) or bias} of torchvision's backbone in a .pth."""
     net = what.removeprefix("lpips_")
-    layers = lpips.NETS[net].layers if net in lpips.NETS else vgg19.LAYERS
+    layers = backbones.NETS[net].layers if net in backbones.NETS else vgg19.LAYERS
     places = {
         name: f"features.{place}"
         for name, place in zip(layers, PLACES[what], strict=True)
@@ -154,7 +154,7 @@ def layers_of(what, path):
 
 def heads_of(what, path):
     """{lin<k>: weights [c] of tap k} of LPIPS' linear heads in a .pth."""
-    channels = lpips.NETS[what.removeprefix("lpips_")].channels
+    channels = backbones.NETS[what.removeprefix("lpips_")].channels
     shapes = {f"lin{k}.model.1.weight": (1, c, 1, 1) for k, c in enumerate(channels)}
     tensors = torch_files.read(path, shapes)
     return {name.split(".")[0]: array.ravel() for name, array in tensors.items()}

@@ -9,7 +9,8 @@ import threading
 import numpy as np
 import pytest
 
-from alignerf.metrics import lpips, vgg19, weights
+from alignerf.metrics import lpips
+from alignerf.networks import backbones, vgg19, weights
 from tests import torch_writer
 
 FIRES = dict(zip(range(2, 10), (3, 4, 6, 7, 9, 10, 11, 12), strict=True))
@@ -89,7 +90,7 @@ def test_mean_and_deviation_are_those_of_the_real_weights(shared_data):
 
 @pytest.mark.parametrize("written", torch_writer.FORMATS.values())
 def test_backbone_and_heads_of_lpips(written, tmp_path, rng):
-    arrays = random_arrays(lpips.shapes("squeeze"), rng)
+    arrays = random_arrays(backbones.shapes("squeeze"), rng)
     paths = [tmp_path / name for name in ("squeeze.npz", "net.pth", "heads.pth")]
     paths[1].write_bytes(written(backbone_of(arrays)))
     paths[2].write_bytes(written(heads_of(arrays)))
@@ -106,7 +107,7 @@ def test_backbone_and_heads_of_lpips(written, tmp_path, rng):
 @pytest.mark.parametrize("what", weights.BACKBONES)
 def test_each_layer_has_one_place(what):
     net = what.removeprefix("lpips_")
-    layers = lpips.NETS[net].layers if net in lpips.NETS else VGG19
+    layers = backbones.NETS[net].layers if net in backbones.NETS else VGG19
     assert len(set(weights.PLACES[what])) == len(weights.PLACES[what]) == len(layers)
     for published in (weights.BACKBONES[what], weights.HEADS.get(what)):
         if published:

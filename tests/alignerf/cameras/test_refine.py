@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from alignerf import fields
+from alignerf.cameras import refine
 from alignerf.experiment.keys import method as method_keys
 from alignerf.fields import grid, shading
 from alignerf.mipnerf360 import coord
 from alignerf.scenes import cameras, prepared
-from alignerf.systems import refine
 from alignerf.training import methods
 from alignerf.training import step as train_step
 from tests import training_cases as cases

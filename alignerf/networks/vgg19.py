@@ -5,7 +5,7 @@ arXiv 1409.1556. Notation: images [n, h, w, 3] RGB in [0, 1].
 
 from collections.abc import Callable
 
-from alignerf.metrics import convnet
+from alignerf.networks import convnet
 
 # {layer: (kernel's side, channels in, out)}.
 LAYERS = {"conv1_1": (3, 3, 64), "conv1_2": (3, 64, 64)}

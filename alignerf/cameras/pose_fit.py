@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
+from alignerf.cameras import refine
 from alignerf.mipnerf360 import losses
 from alignerf.scenes import cameras
-from alignerf.systems import refine
 
 # Rays a step. A method that convolves is asked for patches of so many pixels.
 RAYS, PATCH_PX = 512, 8

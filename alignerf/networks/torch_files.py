@@ -13,7 +13,7 @@ import zipfile
 
 import numpy as np
 
-from alignerf.metrics import state_dict_pickle as pickled
+from alignerf.networks import state_dict_pickle as pickled
 
 MAGIC = 0x1950A86A20F9469CFC6C
 PROTOCOL = 1001

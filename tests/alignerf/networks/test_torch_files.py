@@ -8,7 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from alignerf.metrics import torch_files
+from alignerf.networks import torch_files
 from tests import torch_writer
 
 SHAPES = {"a.weight": (4, 3, 2, 2), "a.bias": (4,)}

@@ -1,0 +1,5 @@
+"""Cameras that are learnt from photos (BARF, CamP).
+
+`refine` learns those of the training views with the scene; `pose_fit` moves one camera
+until the finished model's render fits a photo.
+"""
