@@ -15,7 +15,7 @@ from alignerf.experiment.keys import fields as fields_keys
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.scenes.courtyard import scene as courtyard
-from flow.estimation import estimate, given
+from flow.estimation import estimate, external
 from flow.warping import warp
 
 
@@ -107,7 +107,7 @@ def test_fields_have_the_defaults_of_their_classes():
 def test_the_flow_and_the_sources_have_the_choices_of_their_modules():
     defs = schema.root(config_keys.Config)["$defs"]
     flow = defs["Flow"]["properties"]
-    assert flow["estimator"]["enum"] == [*estimate.METHODS, given.METHOD]
+    assert flow["estimator"]["enum"] == [*estimate.METHODS, external.METHOD]
     assert flow["kernel"]["enum"] == list(warp.KERNELS)
     assert flow["estimator"]["default"] == estimate.DEFAULT
     scene = defs["Scene"]["properties"]
