@@ -10,13 +10,12 @@ baseline, mip-NeRF 360          `mipnerf360`, and what maps a point to values, `
 its three contributions         `contributions`: patch_conv, align_loss, frequency_loss
 staged training                 `training`
 misalignment analysis           the package `flow`
-learning poses (CamP, BARF)      `systems`
+learning poses (CamP, BARF)      `cameras`
 Tables 1 and 4, their controls  `tables`: misalignment, controls, ranking, regimes, ...
-PSNR, SSIM, LPIPS               `metrics`
+PSNR, SSIM, LPIPS               `metrics`, on `networks` with published weights
 images, cameras, the truth      `scenes`, the embedded scene in `scenes.courtyard`
 
-`experiment` is what a config means, without JAX: which jobs there are, and what each of
-them depends on, and what they ask of a cluster. `processes` lets several train one
-model. `files` is what all commands share: errors in one line, files that are
-whole or not there.
+`experiment` says what a config means, without JAX: the jobs, what each job depends on,
+and what it asks of a cluster. `processes` lets several processes train one model.
+`files` is what all commands share: errors in one line, and atomic outputs.
 """

@@ -5,8 +5,8 @@ how much. So each test camera is moved until the render fits the photo, on one h
 the pixels, and the other half is rendered with it. The halves are the squares of a
 checkerboard. By gradient descent no pixel moves the camera that it is rendered by. By
 flow nearly none does: a flow is smooth, so the margins of the squares are left out of
-the fit; what still gets across is in the leak. Writes, for each way of fitting, a
-folder of <view>.png, of both halves:
+the fit, and the leak measures what still gets across. Writes, for each way of fitting,
+a folder of <view>.png, of both halves:
 
 aligned_pose                 moved by the flow from the render to the photo
 aligned_pose_gradient        moved by gradient descent on the colours
@@ -58,7 +58,7 @@ class Target(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """A half's camera [3, 4], to how many pixels it was fitted, and what remains."""
+    """The camera [3, 4] of a half, the number of pixels fitted, and the noise left."""
 
     pose: np.ndarray
     pixels: int
@@ -113,7 +113,7 @@ def main(argv=None):
 
 
 def targets_of(args):
-    """The photos and, for the leak, the oracle."""
+    """What the renders are fitted to: the photos and, for the leak, the oracle."""
     targets = [Target("", Path(args.scene) / "images", args.flow)]
     if args.truth:
         targets.append(Target("_leak", args.truth / "oracle", args.truth_flow))
@@ -174,7 +174,7 @@ def fitters_of(args, loaded: prepared.Scene, method, params, block_px):
 
 
 def fit_by_flow(loaded: prepared.Scene, depth, margin_px, view, target: Target, mask):
-    """The pose that the flow of these pixels asks for; as it is, of too few."""
+    """The pose fitted to the flow of the mask's pixels; unchanged by too few."""
     name = f"{loaded.names[view]}.npz"
     flow_px, valid = files.read_flow(target.flow / name)
     if valid.shape != (loaded.height, loaded.width):
@@ -193,7 +193,7 @@ def fit_by_flow(loaded: prepared.Scene, depth, margin_px, view, target: Target, 
 
 
 def within(mask, margin_px):
-    """The mask's pixels that are farther than a margin from all others."""
+    """The mask without a margin along its edges."""
     if margin_px == 0:
         return mask
     # The image's own border is no edge of a square.
@@ -205,7 +205,7 @@ def depth_of(folder, name):
 
 
 def fit_by_gradient(loaded: prepared.Scene, fit, view, target: Target, mask):
-    """The pose that the colours of these pixels ask for; as it is, where none can."""
+    """The pose fitted to the colours of the mask's pixels; unchanged if none fits."""
     (photo,) = prepared.read_images(loaded, [view], target.images)
     mask = mask & prepared.read_masks(loaded, [view])[0]
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]

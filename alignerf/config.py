@@ -1,8 +1,8 @@
 """Write a scene's complete config: `python -m alignerf.config`.
 
-A config says only what differs from the defaults. This writes what they come to, so
-that results tell how they were made. `--check FILE` looks at a config without planning,
-`--schema` prints the schema that `workflow/schemas/config.schema.yaml` holds.
+A config says only what differs from the defaults. The complete config, written beside
+the results, tells how these were made. `--check FILE` looks at a config without
+planning, `--schema` prints the schema of `workflow/schemas/config.schema.yaml`.
 """
 
 import argparse

@@ -8,7 +8,7 @@ each.
 What all corrections of a round have in common (a turn, a shift and a scale of the
 world) cannot be seen in any photo. It is taken out, so that the frame of the training
 views does not drift from that of the test views, which stay as they are. Views that are
-left alone count as corrected by nothing: they hold the frame.
+left alone count as corrections of zero, and so hold the frame.
 """
 
 import argparse
@@ -94,7 +94,7 @@ def parse(argv=None):
 
 
 def views_of(before: prepared.Scene, train, args):
-    """What the flow says of each view."""
+    """Yield a `correct.View` of each training view."""
     for view in train:
         name = f"{before.names[view]}.npz"
         flow_px, valid = files.read_flow(f"{args.flow}/{name}")
@@ -107,7 +107,7 @@ def views_of(before: prepared.Scene, train, args):
 
 
 def row(original: prepared.Scene, after: prepared.Scene, view, correction):
-    """What was done to a view's camera in all, against the scene's own camera."""
+    """A view's row of the report: its whole correction, from the scene's own camera."""
     before, now = (camera_of(state, view) for state in (original, after))
     size = original.width, original.height
     return {

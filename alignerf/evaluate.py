@@ -91,7 +91,7 @@ def main(argv=None):
 
 
 def check_renders(names, folder):
-    """ValueError naming the views that have no render; others' folders lack some."""
+    """ValueError naming the views without a render, which external folders lack."""
     folder = pathlib.Path(folder)
     if missing := [name for name in names if not (folder / f"{name}.png").is_file()]:
         few = faults.some_names(missing)

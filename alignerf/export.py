@@ -1,10 +1,10 @@
 """Write cameras and photos for other programs: `python -m alignerf.export`.
 
 One folder with images/, transforms.json (nerfstudio, instant-ngp) and sparse/0 (COLMAP,
-Gaussian splatting). With warped photos the training views are these, and masks/ says
-which pixels are valid; the other views keep the photos as taken. The points that COLMAP
-found when it made the poses come with them; poses that came as LLFF's poses_bounds.npy
-or as one of NeRF's synthetic scenes go as that too.
+Gaussian splatting). Where photos are warped, the training views have the warped photos,
+and masks/ says which pixels are valid; the other views keep their photos. COLMAP's
+points are exported with its poses. A scene that came as LLFF's poses_bounds.npy or as
+one of NeRF's synthetic scenes is written in that format too.
 """
 
 import argparse
@@ -56,7 +56,7 @@ def main(argv=None):
 
 
 def pays(verdict, method):
-    """Whether a scene's verdict.json says that a method's alignment paid; says so."""
+    """Whether verdict.json says that a method's alignment paid; logged where not."""
     gains = json_files.read(verdict, {"gains": list})["gains"]
     own = [gain for gain in gains if gain.get("method") == method]
     if any(gain.get("pays") is True for gain in own):
@@ -70,7 +70,7 @@ def pays(verdict, method):
 
 
 def source_of(folder):
-    """Where the scene came from; None where it does not say."""
+    """The source of a scene by its poses.json; None where that does not say."""
     report = folder / "poses.json"
     return json_files.read(report).get("source") if report.is_file() else None
 
@@ -95,7 +95,7 @@ def write_masks(folder, loaded, warped, valid):
 
 
 def write_blender(folder, arrays, scene):
-    """Write the files of NeRF's synthetic scenes, or say why not."""
+    """Write the files of NeRF's synthetic scenes, or log why they cannot be."""
     try:
         exported.write_blender(folder, arrays, scene)
     except ValueError as error:
@@ -103,7 +103,7 @@ def write_blender(folder, arrays, scene):
 
 
 def write_llff(path, arrays, bounds):
-    """Write poses_bounds.npy, or say why not; bounds: the file of the depths."""
+    """Write poses_bounds.npy, or log why not. bounds: the file of the depths."""
     depths = archives.read(bounds, ["bounds"])["bounds"]
     if depths.shape != (len(arrays["names"]), 2):
         raise ValueError(f"{bounds}: {depths.shape} is not two depths for each view")

@@ -1,9 +1,9 @@
 """What a scene is, before anything is trained: `python -m alignerf.facts`.
 
-People model only what a scene requires: how many views of what size, how they stand,
-how near and how far what they see is, how well its poses fit, how much exposure
-changes, and which photos are soft. Lengths are in units of the normalised scene, in
-which the largest coordinate of a camera is 1; a fact that cannot be had is null.
+Facts: number and size of the views, how the cameras stand, the nearest and the farthest
+depth, how well the poses fit, how much exposure changes, and which photos are soft.
+Lengths are in units of the normalised scene, in which the largest coordinate of a
+camera is 1. An unknown fact is null.
 """
 
 import argparse
@@ -98,10 +98,10 @@ def capture_of(camtoworlds, agreement):
 
 
 def neighbour_angle_deg(camtoworlds):
-    """Median angle between a view's direction and the most alike other view's.
+    """Median angle between a view's direction and that of its nearest neighbour.
 
-    Directions to the place that all look at, seen from there; of forward-facing or
-    outward views, the optical axes. Large angles are few photos for what there is.
+    Directions are those from the cameras' common focus; for forward-facing or outward
+    views, the optical axes. A large angle means few photos for the scene's size.
     """
     if len(camtoworlds) < 2:
         return None
@@ -117,9 +117,9 @@ def neighbour_angle_deg(camtoworlds):
 
 
 def point_facts(loaded: prepared.Scene):
-    """How near and far what the cameras see is, by LLFF's bounds or COLMAP's points.
+    """Nearest and farthest depths, from LLFF's bounds or COLMAP's points.
 
-    `bounded`: hardly any point lies farther than a few times what the cameras look at.
+    `bounded`: hardly any point lies beyond a few times the median depth.
     """
     own = prepared.read_cameras(loaded.folder / "cameras.npz")["camtoworlds"]
     transform = cameras.frame_of(own).transform()
@@ -139,7 +139,7 @@ def point_facts(loaded: prepared.Scene):
 
 
 def depths_of_points(loaded: prepared.Scene, transform):
-    """Depths of COLMAP's points; one is taken to be seen where it lies in an image."""
+    """Depths of COLMAP's points in every view whose image they fall into."""
     path = loaded.folder / prepared.POINTS
     if not path.is_file():
         return np.zeros(0)

@@ -1,8 +1,8 @@
 """Images and cameras of a scene: `python -m alignerf.poses --config JSON --out DIR`.
 
 Writes images/<view>.png (undistorted, at the resolution of training), cameras.npz,
-poses.json and, for the embedded courtyard, truth/. Nothing appears before everything
-has succeeded; poses.json comes last, and says that the rest is whole.
+poses.json and, for the embedded courtyard, truth/. No output appears before all have
+succeeded; poses.json is moved last, so its presence says that the rest is complete.
 """
 
 import argparse
@@ -107,7 +107,7 @@ def check_enough(split, least, where):
 
 
 def warn_of_few(out, split):
-    """Say now what the verdict will say after all trainings."""
+    """Log now that there are too few views, which the verdict would say at the end."""
     counts = {name: int((split == name).sum()) for name in prepared.SPLITS}
     if counts["train"] < FEW_TRAIN_VIEWS or counts["test"] < FEW_TEST_VIEWS:
         log.warning(
@@ -134,31 +134,31 @@ def load_photos(config, scratch):
 
 
 def load_transforms(config, scratch):
-    """The same of a transforms.json, with the poses that it gives."""
+    """`load_photos` of a transforms.json, with the poses of the file."""
     views, left_out = transforms.read(config["path"], config["background"])
     return views, report.registration(views.names, left_out), None
 
 
 def load_blender(config, scratch):
-    """The same of NeRF's synthetic scenes, with their own split."""
+    """`load_photos` of one of NeRF's synthetic scenes, with its own split."""
     views, left_out = blender.read(config["path"], config["background"])
     return views, report.registration(views.names, left_out), None
 
 
 def load_mipnerf360(config, scratch):
-    """The same of mip-NeRF 360's layout, with the poses of its COLMAP model."""
+    """`load_photos` of mip-NeRF 360's layout, with the poses of its COLMAP model."""
     views, left_out = mipnerf360.read(config["path"], config["images"])
     return views, report.registration(views.names, left_out), None
 
 
 def load_llff(config, scratch):
-    """The same of LLFF's poses_bounds.npy."""
+    """`load_photos` of LLFF's poses_bounds.npy."""
     views = llff.read(config["path"])
     return views, report.registration(views.names, []), None
 
 
 def load_courtyard(config, scratch):
-    """The same of the embedded scene, which knows its truth: it comes last."""
+    """`load_photos` of the embedded scene; the third value is its truth."""
     made = config["courtyard"]
     if made["moving"] is None:
         made = made | {"moving": list(courtyard.MOVING)}
@@ -214,7 +214,7 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
 
 
 def add_points(fresh, scratch, photo_scale, config):
-    """Triangulate what the given views see: the part of the report about points.
+    """Triangulate the points that the views share; returns the report's part on points.
 
     photo_scale: a photo's width over its view's; errors of the report are in pixels of
     the photo.

@@ -52,7 +52,7 @@ def fitting(table):
 def pivot(table):
     """PSNR in dB per method and warping, test sets side by side, and the cost.
 
-    Behind each score its difference to the same model without warping.
+    Behind each score stands its difference to the same model without warping.
     """
     keys = ["method", "warping"]
     texts = [score_text(row) for row in table.itertuples()]
@@ -75,9 +75,9 @@ def staged_of(folder):
 
 
 def below_baseline(table, staged):
-    """A line for each staged method below its baseline beyond chance, and why.
+    """A line for each staged method that is significantly below its baseline.
 
-    Against the oracle, or without a truth on the standard test set.
+    Scores are those against the oracle; without a truth, those on the standard set.
     """
     test_set = "oracle" if "oracle" in set(table["test_set"]) else "standard"
     others = table[table["method"].isin(staged) & (table["test_set"] == test_set)]

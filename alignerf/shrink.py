@@ -1,7 +1,7 @@
 """A prepared scene with smaller photos: `python -m alignerf.shrink`.
 
-For training on less: views, poses and split stay, so that what is learnt from the
-smaller photos can be rendered and scored at the scene's own size.
+Views, poses and split stay, so that a model trained on the smaller photos can be
+rendered and scored at the scene's own size.
 """
 
 import argparse

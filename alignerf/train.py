@@ -3,8 +3,8 @@
 One product: the parameters, beside a `timing.json`. Resumes from its checkpoint
 folder bit for bit, with the same number of threads, devices and micro-batches (those
 of the checkpoint are taken again, where they fit). The first loss or gradient that is
-not finite ends it; the last checkpoint is kept. Several processes, as of `srun`, train
-one model (`alignerf.processes`).
+not finite ends the training; the last checkpoint is kept. Several processes, started
+by `srun` for example, train one model (`alignerf.processes`).
 """
 
 import argparse
@@ -48,7 +48,7 @@ def main(argv=None):
 
 
 def run(args):
-    """Train, and write what came out; with several processes only the first writes."""
+    """Train and write the results; of several processes only the first writes."""
     job = with_radius(fill.read_job(args.config), args.displacement)
     with contextlib.ExitStack() as stack:
         if rank.is_first():
@@ -152,10 +152,10 @@ def train(job, args):
 
 
 def make_aligner(job, loaded: prepared.Scene, chosen, photos, args):
-    """What puts right what the job learns from, or None.
+    """The `Aligner` of a job that aligns on the way, else None.
 
-    Imported by its name: `experiment.sources` follows imports that stand in a file, and
-    a change of the flow, which this needs, is no change of all other trainings.
+    Imported by name: `experiment.sources` follows the import statements of a file, and
+    a change of the flow package must not rerun the trainings that align nothing.
     """
     if job.align is None:
         return None
@@ -165,7 +165,7 @@ def make_aligner(job, loaded: prepared.Scene, chosen, photos, args):
 
 
 def write_cameras(path, learnt, job, args):
-    """The cameras of the renders: as learnt, else the file of those given."""
+    """Write the cameras of the renders: learnt ones, else those of a given file."""
     if job.refine:
         prepared.write_cameras(path, learnt, args.cameras)
         return
@@ -181,7 +181,7 @@ def to_truth(loaded: prepared.Scene, truth):
 
 
 def with_radius(job, displacement) -> jobs.Job:
-    """The job with a search radius: its own, or from the measured misalignment."""
+    """The job with a search radius: its own, or one by the measured misalignment."""
     if job.stage != "finetune" or job.alignerf.radius_px is not None:
         return job
     if displacement is None:
@@ -193,7 +193,7 @@ def with_radius(job, displacement) -> jobs.Job:
 
 
 def weights_digest(job) -> str:
-    """SHA-256 of what the frequency loss looks through: another file starts anew."""
+    """SHA-256 of the frequency loss's weights: with others training starts anew."""
     path = job.alignerf and job.alignerf.frequency_weights
     if job.stage != "finetune" or not path:
         return ""
@@ -202,7 +202,7 @@ def weights_digest(job) -> str:
 
 
 def check_patches(job, loaded: prepared.Scene):
-    """A patch must lie inside the photos."""
+    """ValueError where a patch does not fit into the photos."""
     smallest = min(loaded.width, loaded.height)
     if job.stage == "finetune" and job.alignerf.patch_px > smallest:
         raise ValueError(
@@ -212,7 +212,7 @@ def check_patches(job, loaded: prepared.Scene):
 
 
 def initial_params(job, method, initial):
-    """Fresh parameters, those of a round before, or pre-trained ones widened."""
+    """Fresh parameters, those of the round before, or widened pre-trained ones."""
     key = jax.random.key(job.seed)
     if job.stage in ("warm", "finetune") and initial is None:
         raise ValueError(f"--initial: stage {job.stage!r} needs trained parameters")

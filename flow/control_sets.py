@@ -1,4 +1,4 @@
-"""Write the control sets of a warped test set: what of its gain is not alignment.
+"""Write the control sets of a warped test set: they measure the gain without alignment.
 
 Beside the warped photos, for each view:
 

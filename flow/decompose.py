@@ -1,8 +1,8 @@
-"""What the misalignment of each view is made of: `python -m flow.decompose`.
+"""Split each view's misalignment into its causes: `python -m flow.decompose`.
 
 The camera part of a flow is what a small motion and a zoom of the view's camera
-explain, given the rendered depth; the remainder is what moves in the scene, what the
-model bent to average misaligned photos, errors of the flow, and occlusion. Where the
+explain, given the rendered depth. The remainder holds moving objects, bends of the
+model, which averages misaligned photos, errors of the flow, and occlusion. Where the
 truth is known, the model's part, the flow from the render to the oracle of the same
 view, is taken off first. Writes <view>.npz with the parts, and statistics.
 

@@ -72,9 +72,9 @@ class Aligner:
         self.places = jobs.places(self.settings, steps)
 
     def restore(self, step) -> bool:
-        """Take what the alignments before a step have found; whether it is there.
+        """Load the alignments made before a step; returns whether they are on disk.
 
-        One that is done before this very step is not made again.
+        An alignment that was made before this very step is not repeated.
         """
         stored = None
         if rank.is_first():
@@ -90,7 +90,7 @@ class Aligner:
         return True
 
     def align(self, params, step):
-        """Look at all training views by these parameters; put right what is off."""
+        """Render all training views by these parameters, and correct what is off."""
         begun, compiled_s = time.perf_counter(), self.compile_time_s
         kinds = self.places[step]
         arrays, row = None, {}
@@ -157,12 +157,12 @@ class Aligner:
         )
         if len(corrections) > 1:
             return corrections
-        # What all corrections share is taken out: of one that is all of it.
+        # What all corrections share is taken out: of a single correction, all of it.
         alone = "of one view nothing is known but by itself"
         return [correct.left_alone(one, alone) for one in corrections]
 
     def move_cameras(self, corrections):
-        """Move the cameras that can be trusted; what was done."""
+        """Move the cameras that can be trusted; returns entries of the report."""
         train = self.scene.views
         self.now = cameras.corrected(self.now, train, corrections)
         names = [self.now.names[view] for view in train]
@@ -173,21 +173,21 @@ class Aligner:
         }
 
     def least_px(self, step):
-        """Where the median camera would move by less, the flow's own error does that.
+        """Median motion in px below which all motions are the flow's own error.
 
-        Early in a training renders are blurred, and that error is larger.
+        Early in a training renders are blurred, and the error is larger.
         """
         if self.were_wrong():
             return AGAIN * self.settings.least_move_px
         return self.settings.least_move_px * max(1.0, SETTLED * self.steps / step)
 
     def were_wrong(self):
-        """Whether the cameras were: not one among good ones, but most of them."""
+        """Whether an earlier alignment moved most of the cameras."""
         most = len(self.scene.views) / 2
         return any(row.get("cameras_moved", 0) >= most for row in self.report)
 
     def move_photos(self, seen, corrections):
-        """Find by how much each photo is to be warped; what was done.
+        """Set the offsets by which photos are warped; returns entries of the report.
 
         corrections: of the cameras at this step, or None.
         """
@@ -207,7 +207,7 @@ class Aligner:
         }
 
     def views(self, views):
-        """The training views, `batches.Views`, as they are to be learnt from now."""
+        """The `batches.Views` after the alignments so far; views: before them."""
         chosen = self.scene.views
         if self.offsets_px is not None:
             views = photos.warped(views, self.offsets_px, self.valid, self.k)
@@ -217,7 +217,7 @@ class Aligner:
         )
 
     def arrays(self):
-        """All that the alignments so far have found, as `take` takes it."""
+        """{name: array} of the state: cameras and, where photos are warped, offsets."""
         arrays = {
             "pixtocams": np.asarray(self.now.pixtocams),
             "camtoworlds": np.asarray(self.now.camtoworlds),
@@ -227,7 +227,7 @@ class Aligner:
         return arrays
 
     def take(self, arrays):
-        """Go on from what `arrays` gave."""
+        """Set the state from the arrays of `arrays`."""
         self.now = dataclasses.replace(
             self.scene.loaded,
             pixtocams=arrays["pixtocams"],
@@ -247,14 +247,14 @@ class Aligner:
             outputs.write_photos(folder, names, self.views(views))
 
     def more_bytes(self, shapes):
-        """What the alignments take besides the training's views; shapes: of these.
+        """Bytes that the alignments take besides the training's views, of these shapes.
 
         Photos as taken stay beside those that are warped; renders and flows are small.
         """
         photos = memory.tree_bytes(shapes.photos)
         small = SMALL_BYTES * photos // (3 * self.k**2)
-        # Also where none is warped: views with other cameras are placed anew, beside
-        # those before.
+        # Also where no photo is warped: views with new cameras are placed on the device
+        # while the old ones are still there.
         return small + photos + memory.tree_bytes(shapes.valid)
 
     def sizes(self):

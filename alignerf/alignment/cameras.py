@@ -14,7 +14,7 @@ def corrected(before: prepared.Scene, train, corrections) -> prepared.Scene:
     train [n]: indices of the views; corrections: a `correct.Correction` of each.
     What all corrections have in common (a turn, a shift and a scale of the world)
     cannot be seen in any photo, and is taken out. Views that are left alone count as
-    corrected by nothing: they hold the frame. A lens that is put right is every view's.
+    corrections of zero, and so hold the frame. A corrected lens is that of every view.
     """
     camtoworlds = before.camtoworlds.copy()
     moved = moved_views(train, corrections)
@@ -31,7 +31,7 @@ def corrected(before: prepared.Scene, train, corrections) -> prepared.Scene:
 
 
 def moved_views(train, corrections):
-    """Those of the views `train` whose corrections are not none."""
+    """The views among `train` whose cameras move."""
     return [v for v, c in zip(train, corrections, strict=True) if not c.left_alone]
 
 

@@ -1,7 +1,7 @@
-"""What a training shows of its views when it stops: small renders, and their flow.
+"""Small renders of the training views at a stop of the training, and their flow.
 
 Notation: k the factor by which renders and photos are made smaller; a small render's
-cones are k times as wide. Photos are those as taken, so that nothing compounds.
+cones are k times as wide. The photos are those as taken, so that warps do not add up.
 """
 
 import dataclasses
@@ -29,11 +29,10 @@ class Photo(NamedTuple):
 
 
 def with_fewer_samples(job: jobs.Job) -> jobs.Job:
-    """The job whose model renders what a flow is taken of: small, and so less sharp.
+    """The job of the model that renders for the flow, with fewer samples a ray.
 
-    The first round, which only finds out where to look closer, has half of its samples
-    and takes two thirds of the time. With half in all rounds cameras ended a third
-    farther from the truth.
+    The first round of proposals has half of its samples, and rendering takes two thirds
+    of the time. With half in all rounds cameras ended a third farther from the truth.
     """
     first, *others = job.model.samples
     if job.model.kind not in ("mipnerf360", "ngp") or not others:
@@ -83,7 +82,7 @@ def flow_of(render, photo, *, estimator, match_blur):
 
 
 def at(render, scene: prepared.Scene, view, photo: Photo, k, flow_of) -> correct.View:
-    """What a view's small render, and its flow to the photo, say of its camera.
+    """The `correct.View` of a view: its small render's flow to the photo, and depth.
 
     render: of a `training.renderer`, for the small size. flow_of: (render, photo) ->
     (flow_px, valid), of images of 8 bits.

@@ -1,4 +1,4 @@
-"""What a training that aligned itself has learnt from, as files for other stages."""
+"""The corrected cameras and warped photos of an aligned training, as files."""
 
 import numpy as np
 

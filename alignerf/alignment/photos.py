@@ -20,7 +20,7 @@ LEAST_MOVE_PX = 0.2
 
 
 def offsets(view: correct.View, correction=None, *, whole, most_pixels):
-    """(offsets_px, valid) of one view: by how much its photo is to be warped.
+    """(offsets_px, valid) of one view: the offsets by which its photo is warped.
 
     correction: by which its camera moves at this step, if it does; what that explains
     of the flow is then no part of an offset. whole: all of the rest; else only what

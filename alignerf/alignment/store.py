@@ -1,8 +1,8 @@
-"""What the alignments of a training have found, on disk beside its checkpoint.
+"""The corrections of a training's alignments, on disk beside its checkpoint.
 
-`alignment-<step>.msgpack` holds the arrays of the newest alignment, from which all that
-it changes is made again. `alignment.json` names it with its SHA-256, the training's
-fingerprint and what was found. It is replaced last, as in `training.checkpoint`.
+`alignment-<step>.msgpack` holds the arrays of the newest alignment, its cameras and
+offsets. `alignment.json` names this file with its SHA-256, the training's fingerprint
+and the report. The JSON is replaced last, as in `training.checkpoint`.
 """
 
 import hashlib

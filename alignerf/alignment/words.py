@@ -25,7 +25,7 @@ def flow_length(seen, k):
 def staying(names, corrections, k):
     """{why a camera stays: names of these views}, of their `correct.Correction`s.
 
-    k: by how much the images are smaller in whose pixels the reasons speak.
+    k: factor by which the images were made smaller; reasons are in their pixels.
     """
     unit = f" (px of renders made smaller by {k})" if k > 1 else ""
     reasons = {}

@@ -1,7 +1,7 @@
 """A camera moved by gradient descent until the model's render fits a photo.
 
-What the field does with test views whose poses are off (BARF, arXiv 2104.06405, section
-4.2): the model stays, six numbers of the camera are learnt from the photo's colours.
+The usual treatment of test views whose poses are off (BARF, arXiv 2104.06405, section
+4.2): the model is fixed, six numbers of the camera are learnt from the photo's colours.
 """
 
 import jax
@@ -89,10 +89,10 @@ def make_fitter(method, params, *, steps, patch_px=PATCH_PX):
 
 
 def corners_of(mask, patch, halo):
-    """Corners [h w, 2] (x, y) of the patches under a mask [h, w], again and again.
+    """Corners [h w, 2] (x, y) of the patches under a mask [h, w], repeated to h w.
 
-    Always as many, so that one compiled program takes any mask. What a patch's colours
-    depend on lies within the image.
+    Their number does not depend on the mask, so that one compiled program serves all
+    masks. A patch and its halo lie within the image.
     """
     height, width = mask.shape
     windows = np.lib.stride_tricks.sliding_window_view(mask, (patch, patch))

@@ -1,8 +1,8 @@
-"""Cameras learnt with the scene: the rival of cameras put right by flow.
+"""Cameras learnt with the scene: the alternative to cameras corrected by flow.
 
-A method around another: each training view has a turn and a step, learnt from the
-colours of its rays as BARF (arXiv 2104.06405) and CamP (arXiv 2308.10902) do. What is
-rendered in the end is the method's own; where the cameras went is beside it.
+`refined` wraps a method: each training view gets a turn and a step, learnt from the
+colours of its rays as in BARF (arXiv 2104.06405) and CamP (arXiv 2308.10902). Renders
+are those of the wrapped method; `learnt` gives the cameras that go with them.
 
 Notation: twist [views, 6] = (turn w, a rotation vector; step v), both along the axes of
 the normalised scene: a ray's direction d becomes R(w) d, its origin o + v.
@@ -42,7 +42,7 @@ def views_of(loaded: prepared.Scene) -> Views:
 
 
 def scales_of(views: Views, preconditioned):
-    """[views, 6, 6]: twists are these times the learnt parameters."""
+    """Matrices [views, 6, 6] that map the learnt parameters to twists."""
     if preconditioned:
         return preconditioners(*views)
     return np.broadcast_to(np.eye(6), (len(views.pixtocams), 6, 6))
@@ -138,12 +138,11 @@ def pixel_jacobian(points, pixtocam, pose):
 
 
 def learnt(loaded: prepared.Scene, params, preconditioned) -> prepared.Scene:
-    """The scene with all poses in the frame that it was learnt in.
+    """The scene with the learnt poses, all views in the frame of the learnt ones.
 
-    params [views, 6]: the learnt ones. Training views are where learning left them.
-    What all have in common is no error, since nothing in a photo shows it: the other
-    views come along by the similarity that takes the training views as given to those
-    as learnt.
+    params [views, 6]: the learnt parameters of the training views. A similarity that
+    all learnt poses share is no error, since no photo shows it. So the other views are
+    moved by the similarity that takes the given training poses to the learnt ones.
     """
     views, chosen = views_of(loaded), loaded.views("train")
     twist = twists(params, scales_of(views, preconditioned))

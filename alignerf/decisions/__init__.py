@@ -1,1 +1,1 @@
-"""What a scene requires: settings that its facts decide, each with its reason."""
+"""Settings that a scene's facts decide, each with its reason."""

@@ -1,8 +1,8 @@
-"""What a scene's facts call for: `python -m alignerf.decisions`.
+"""Decide settings by a scene's facts: `python -m alignerf.decisions`.
 
 Writes decisions.json: each key with its default, its value, the reason and the facts
-behind it; prints a line for each. A config with `decide: true` takes them for all keys
-that it does not say itself. `--show` prints what such files say.
+behind it; prints a line for each. A config with `decide: true` takes the decisions for
+all keys that it leaves out. `--show` prints decisions.json files.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Jobs with what the facts decided, and the file that says what that is."""
+"""Jobs with their decided settings filled in, and the reader of decisions.json."""
 
 from alignerf.decisions import rules
 from alignerf.experiment import jobs
@@ -7,12 +7,12 @@ from alignerf.files import json_files
 
 
 def read_job(text) -> jobs.Job:
-    """The job of a JSON object, or its file, with what the facts decided."""
+    """The job of a JSON object, or of its file, with the decided settings."""
     return jobs.parse(fill(jobs.read(text)))
 
 
 def fill(values):
-    """A job's mapping, the keys that it leaves to facts taken from its decisions.
+    """A job's mapping whose open keys are filled from its decisions.json.
 
     A stage that takes a share of the steps takes the same share of those decided, and
     a warm-up of its own keeps its share. Raises ValueError where the file is missing,
@@ -41,7 +41,7 @@ def fill(values):
 
 
 def one(decisions, name, path):
-    """The decision on a key, whose place its name tells."""
+    """The decision on a key, given by the last part of its name."""
     for key, decision in decisions.items():
         if key.rpartition(".")[2] == name:
             return decision
@@ -49,7 +49,7 @@ def one(decisions, name, path):
 
 
 def read(path):
-    """{key: Decision} of a decisions.json; ValueError names a file that is none."""
+    """{key: Decision} of a decisions.json; ValueError names a damaged file."""
     entries = json_files.read(path, {"decisions": list})["decisions"]
     try:
         decisions = {entry["key"]: rules.Decision(**entry) for entry in entries}

@@ -49,7 +49,7 @@ class Decision(NamedTuple):
 
 
 def decide(facts) -> list[Decision]:
-    """What the facts, as facts.json has them, call for.
+    """The decisions on the content of a facts.json.
 
     A key whose facts are unknown keeps its default, and the reason says so.
     """
@@ -58,7 +58,7 @@ def decide(facts) -> list[Decision]:
 
 
 def downscale(facts):
-    """By how much photos were made smaller, where stage `poses` had to decide it."""
+    """The decision of stage `poses` on the factor by which photos are made smaller."""
     width, height, views = (facts[name] for name in OF_DOWNSCALE)
     return Decision(
         "scenes.downscale",
@@ -119,7 +119,7 @@ def finest(facts):
 
 
 def contraction_across(distance):
-    """How much the contraction stretches what lies across, this far from the middle."""
+    """Stretch of the contraction across the radius, at a distance from the middle."""
     return 1.0 if distance <= 1 else (2 - 1 / distance) / distance
 
 
@@ -150,7 +150,7 @@ def digits(value, count=3):
 
 
 def unknown(key, default, facts, names):
-    """The default, since one of these facts is not known."""
+    """The decision to keep the default: one of these facts is unknown."""
     return Decision(
         *(key, default, default, f"not known: {', '.join(names)}"),
         {name: facts.get(name) for name in names},

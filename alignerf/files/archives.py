@@ -73,7 +73,7 @@ def has(path, name):
 
 @contextlib.contextmanager
 def _opened(path, names):
-    """An .npz that has arrays of these names; faults in it are a line with its name."""
+    """Open an .npz with arrays of these names; its faults are ValueErrors naming it."""
     fault = f"{path}: not the .npz that it should be"
     try:
         faults.check_regular(path)
@@ -94,7 +94,7 @@ def _opened(path, names):
 
 
 def check(path, names):
-    """Refuse now, by the heads, most of what `read` refuses."""
+    """Raise early, by the heads alone, most of the errors of `read`."""
     with _opened(path, names) as archive:
         for name in names:
             check_member(archive, name)
@@ -133,7 +133,7 @@ def read_head(file):
 
 
 def check_size(shape, dtype, held_bytes):
-    """An array is no larger than arrays are, and all of it is there."""
+    """ValueError where an array is too large, or cut short."""
     if min(shape, default=0) < 0:
         raise ValueError(f"a shape of {shape}")
     size = math.prod(shape) * dtype.itemsize
@@ -144,7 +144,7 @@ def check_size(shape, dtype, held_bytes):
 
 
 def check_layout(name, shape, dtype):
-    """An array of a name that stages know is of its kind and sides."""
+    """ValueError where an array is not of the kind and sides of its name's LAYOUT."""
     kind, sides = LAYOUTS[name]
     fits = len(shape) == len(sides) and all(
         not side.isdigit() or int(side) == length
@@ -158,7 +158,7 @@ def check_layout(name, shape, dtype):
 
 
 def check_together(arrays):
-    """Sides of one letter are of one length in all arrays of a file."""
+    """ValueError where a letter stands for two lengths among the arrays of a file."""
     known = {}
     # In an order, so that the same array is named each time.
     for name in sorted(arrays.keys() & LAYOUTS.keys(), reverse=True):

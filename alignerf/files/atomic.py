@@ -1,7 +1,7 @@
-"""Outputs that are whole or not there: written beside their place, then renamed.
+"""Atomic outputs: written under a temporary name beside their path, then renamed.
 
-A temporary name tells the machine and the process that it belongs to: what a killed
-one has left behind, the next run removes.
+A temporary name tells its machine and its process, so that the next run can remove
+what a killed process has left behind.
 """
 
 import contextlib
@@ -98,14 +98,14 @@ def scratch_folder(parent, *, name="scratch"):
 
 
 def temporary_prefix(name):
-    """Of a temporary name of this process; a long name is cut, a letter has 4 bytes."""
+    """Prefix of a temporary name of this process, cut to the length a file may have."""
     name = name.encode(errors="ignore")[:60].decode(errors="ignore")
     return f".{name}.~{machine()}~{os.getpid()}~"
 
 
 @functools.cache
 def machine():
-    """This machine, and where there are several rooms for process ids, the room."""
+    """Name of this machine and of its namespace of process ids, as of a container."""
     try:
         room = os.stat("/proc/self/ns/pid").st_ino
     except OSError:
@@ -115,7 +115,7 @@ def machine():
 
 @contextlib.contextmanager
 def naming(path):
-    """An error of a full disk inside says what was being written."""
+    """Add the path to an error of a full disk inside, which names no file."""
     try:
         yield
     except OSError as error:
@@ -127,7 +127,7 @@ def naming(path):
 def sweep(folder):
     """Remove what dead processes of this machine have left in a folder and below.
 
-    Returns the paths. Those of processes that live, or of other machines, stay.
+    Returns the removed paths. Files of living processes and of other machines stay.
     """
     removed = []
     for parent, folders, files in os.walk(folder):
@@ -148,8 +148,8 @@ def sweep(folder):
 def bring_back(folder):
     """Set the times of files that lie in the future to now, each in its order.
 
-    Where a clock was set back, Snakemake would take what it makes now for older than
-    what that is made of, and stop. Returns how many there were.
+    Where a clock was set back, Snakemake would take new outputs for older than their
+    inputs, and stop. Returns the number of files.
     """
     now_ns, late = time.time_ns(), {}
     for parent, folders, files in os.walk(folder):

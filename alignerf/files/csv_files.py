@@ -39,14 +39,14 @@ def read(path, *, columns=(), sep=","):
         check_columns(table, columns)
     except FileNotFoundError:
         raise ValueError(f"{path}: not found") from None
-    # What a parser stumbles over is nothing that one can choose from.
+    # The parser's own errors.
     except (ValueError, csv.Error) as error:
         raise ValueError(f"{path}: not the table that it should be: {error}") from None
     return table
 
 
 def check_rows(text, sep):
-    """Every row has as many cells as the head: one that was cut off has fewer."""
+    """ValueError where a row has not as many cells as the head, or there is none."""
     if "\0" in text:
         raise ValueError("a byte of zero in it")
     rows = csv.reader(io.StringIO(text, newline=""), delimiter=sep, strict=True)
@@ -63,7 +63,7 @@ def check_rows(text, sep):
 
 
 def check_columns(table, columns):
-    """All that are asked for are there, and those of numbers hold some, or nothing."""
+    """ValueError where a column is missing, or one of numbers holds anything else."""
     if missing := set(columns) - set(table):
         raise ValueError(f"no column {min(missing)}")
     if "view" in table and table.duplicated().any():

@@ -42,7 +42,7 @@ def read(path, *, size=None) -> np.ndarray:
 
 
 def check(path, *, size=None):
-    """Refuse now, by the file's head, most of what `read` refuses."""
+    """Raise early, by the file's head alone, most of the errors of `read`."""
     with _opened(path, size):
         pass
 

@@ -30,7 +30,7 @@ def read(path, kinds=None):
 
 
 def check(content, kinds):
-    """It is an object, and its keys are of their kinds; ValueError names one."""
+    """ValueError where the content is no object, or a key not of its kind."""
     if not isinstance(content, dict):
         raise ValueError("not an object")
     for key, kind in kinds.items():

@@ -9,7 +9,7 @@ import tqdm
 
 
 def nothing(share):
-    """The note of a line that has none."""
+    """The note of a progress line without a note."""
     return ""
 
 
@@ -85,7 +85,7 @@ def over(items, title, *, unit="view"):
 
 @contextlib.contextmanager
 def heartbeat(title, every_s=15.0):
-    """Say every now and then that something long, which counts nothing, still runs."""
+    """Log from time to time that a long operation without steps still runs."""
     done, start = threading.Event(), time.perf_counter()
 
     def beat():

@@ -1,6 +1,6 @@
 """Where a table comes from: commit, libraries, device, seeds, configs, trainings.
 
-It lies beside the table, in `<stem>.provenance.json`. What is not known is null: the
+It lies beside the table, in `<stem>.provenance.json`. Unknown facts are null: the
 commit where the sources are no git checkout, the lock where they were installed.
 """
 
@@ -30,7 +30,7 @@ def path_beside(table):
 
 
 def as_json(facts_of_file):
-    """The content of that file."""
+    """The content of a provenance file."""
     return json.dumps(facts_of_file, indent=2) + "\n"
 
 
@@ -38,8 +38,8 @@ def describe(rows, configs, *, seeds=(), devices=()):
     """The provenance of a table, as JSON can have it.
 
     rows: mappings of a row's labels and `trainings`, paths of their timing.json.
-    configs: a scene's complete config each. seeds, devices: those besides the ones
-    that configs and trainings name. Raises ValueError naming a file that is damaged.
+    configs: paths of the scenes' complete configs. seeds, devices: further ones, which
+    neither configs nor trainings name. Raises ValueError naming a file that is damaged.
     """
     rows = [row | {"trainings": list(map(training, row["trainings"]))} for row in rows]
     trained_on = {one["device"] for row in rows for one in row["trainings"]}
@@ -73,7 +73,7 @@ def commit():
 
 
 def git(*arguments):
-    """What git prints of the sources' folder; None where it fails or is not there."""
+    """Git's output in the folder of the sources; None where git fails or is missing."""
     # A hook's variables would name another repository.
     ours = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
     environment = {key: value for key, value in os.environ.items() if key not in ours}
@@ -93,7 +93,7 @@ def git(*arguments):
 
 @functools.cache
 def lock():
-    """Which versions of the libraries are pinned: of SHA-256 16 digits; or None."""
+    """16 digits of the SHA-256 of the lock of the libraries' versions; or None."""
     try:
         content = (ROOT / LOCK).read_bytes()
     except OSError:

@@ -1,6 +1,6 @@
-"""Paths of each split, where one command line names those of several.
+"""Paths with `{split}` in them: one command line names the files of several splits.
 
-A path that is not given, None, stays so.
+A path of None stays None.
 """
 
 from pathlib import Path
@@ -16,5 +16,5 @@ def check(splits, paths):
 
 
 def fill(path, split):
-    """The path of a split: its name stands in it where MARK stood."""
+    """The path with a split's name in place of MARK."""
     return path and Path(str(path).replace(MARK, split))

@@ -1,4 +1,4 @@
-"""What YAML takes without a word: a key that stands twice, aliases without end."""
+"""Reading YAML strictly: equal keys and endless aliases are faults."""
 
 import contextlib
 from pathlib import Path
@@ -10,14 +10,14 @@ MOST_VALUES = 100_000
 
 
 def read(path):
-    """What a file says, after `check`; ValueError names the file."""
+    """The content of a file, after `check`; ValueError names the file."""
     check(path)
     with _faults_of(path):
         return yaml.safe_load(Path(path).read_text())
 
 
 def check(path):
-    """Raise ValueError, naming file and line, for what a reader would not notice."""
+    """ValueError naming file and line for equal keys and for endless aliases."""
     with _faults_of(path):
         node = yaml.compose(Path(path).read_text(), Loader=yaml.SafeLoader)
         size = 0 if node is None else values_of(node, path, {})
@@ -26,7 +26,7 @@ def check(path):
 
 
 class Fault(ValueError):
-    """One of ours, which names its file already."""
+    """A fault that names its file already."""
 
 
 @contextlib.contextmanager
@@ -61,7 +61,7 @@ def values_of(node, path, known):
 
 
 def check_keys_once(node, path):
-    """YAML takes the last of two equal keys without a word."""
+    """ValueError where two keys of a mapping are equal: YAML would take the last."""
     seen = set()
     for key, _ in node.value:
         # `<<` may stand more than once, and keys may be lists.

@@ -112,7 +112,7 @@ def _member(archive, name, most_bytes):
 
 
 def _tensors(state):
-    """{name: Tensor} of an interpreted state dict; what is no tensor is left out."""
+    """{name: Tensor} of an interpreted state dict; other entries are left out."""
     if not isinstance(state, dict):
         raise ValueError("it holds no dict of tensors")
     inner = {

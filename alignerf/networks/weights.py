@@ -161,7 +161,10 @@ def heads_of(what, path):
 
 
 def find(path, published, folder, any_file):
-    """Path of a published file: `path`, checked unless any may be, or downloaded."""
+    """Path of a published file: `path`, its hash checked, or a download.
+
+    any_file: the hash of `path` is not checked.
+    """
     if not path:
         return fetch(published, folder)
     if not any_file:

@@ -37,8 +37,8 @@ def render(folder, *, rounds, base, others=None):
     """The page's HTML of a scene's folder of results.
 
     rounds: (renders, flow), folders of the reference's test views round by round;
-    others: {name: the same of another method}; base: the folder of its round 0, where
-    training views lie too if they were rendered.
+    others: {method: its (renders, flow)}; base: folder of the reference's round 0, with
+    renders of training views too, if there are any.
     """
     folder, base = Path(folder), Path(base)
     told = contents.verdict(folder)
@@ -66,7 +66,7 @@ def render(folder, *, rounds, base, others=None):
 
 
 def shown_views(folder, rounds, others, base, leak_px):
-    """`pictures.Shown` of the views that the page has."""
+    """`pictures.Shown` of each view on the page."""
     table = csv_files.read(folder / "tables" / "views.csv")
     # Empty where a view does not, which is read as a number where none does.
     reasons = [why if isinstance(why, str) else "" for why in table["stands_out"]]

@@ -109,14 +109,14 @@ PLAN = dict.fromkeys(
 
 
 class Cell(NamedTuple):
-    """A place of a table: what is shown, and what it is sorted by."""
+    """A cell of a table: its text, and the key that it is sorted by."""
 
     text: str
     order: str | float
 
 
 def verdict(folder):
-    """The content of verdict.json; its state is a class of the page's style."""
+    """The verdict as the template shows it, from verdict.json."""
     content = json_files.read(folder / "verdict.json", VERDICT)
     for line in content["verdict"] or [None]:
         if not isinstance(line, str):
@@ -133,7 +133,7 @@ def verdict(folder):
 
 
 def tables(folder):
-    """The tables that are there, as the template shows them."""
+    """The tables of a scene as the template shows them; missing ones are left out."""
     sections = []
     for name, (heading, note, columns) in TABLES.items():
         path = folder / "tables" / f"{name}.csv"
@@ -202,7 +202,7 @@ def decisions(folder):
 
 
 def costs(folder):
-    """Sentences on what the run was to cost, from its preflight; none without one."""
+    """Sentences on the estimated cost of the run; none without a preflight."""
     path = folder / "preflight.json"
     if not path.is_file() or not (plan := json_files.read(path)):
         return []
@@ -217,7 +217,7 @@ def costs(folder):
 
 
 def downloads(folder):
-    """(path relative to the page, what it is) of files that are there."""
+    """(path relative to the page, description) of the files to download."""
     links = [(name, what) for name, what in DOWNLOADS.items()]
     for path in sorted((folder / "tables").glob("*")):
         if path.suffix in (".csv", ".tex"):
@@ -235,7 +235,7 @@ def downloads(folder):
 
 
 def facts(folder):
-    """(name, text) of what a visitor asks first: photos, size, poses."""
+    """(name, text) of the scene's main facts: photos, size, poses."""
     poses = json_files.read(folder / "poses.json", POSES)
     entries = [
         ("photos", f"{poses['registered']} of {poses['total']} placed"),

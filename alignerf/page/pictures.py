@@ -73,7 +73,7 @@ def _length(view):
 
 
 def layers_of(view, source: Source, photos, leak_px, turns=0):
-    """{name: image} of a view; what was not made for its split is left out.
+    """{name: image} of a view; layers that its split lacks are left out.
 
     turns: quarter turns, clockwise, that make it stand upright.
     """
@@ -101,7 +101,7 @@ def layers_of(view, source: Source, photos, leak_px, turns=0):
 
 
 def turned(flow_px, turns):
-    """A flow [h, w, 2] as it is when its image is turned: what led right leads down."""
+    """A flow [h, w, 2] after quarter turns of its image: right becomes down."""
     for _ in range(turns):
         flow_px = np.rot90(flow_px, -1)
         flow_px = np.stack([-flow_px[..., 1], flow_px[..., 0]], axis=-1)
@@ -137,7 +137,7 @@ def fitted(shown):
 
 
 def _encoded(shown, longest_px, quality, *, cut=False):
-    """All views' layers, None (or those so far) from MOST_BYTES on."""
+    """{view: {layer: data URI}}; beyond MOST_BYTES None or, if cut, those so far."""
     views, size = {}, 0
     for one in shown:
         uris = {
@@ -152,7 +152,7 @@ def _encoded(shown, longest_px, quality, *, cut=False):
 
 
 def data_uri(image, longest_px=None, quality=None):
-    """An image as text that a page can hold; lossless where no quality is given."""
+    """An image as a data URI; lossless where no quality is given."""
     picture = Image.fromarray(np.ascontiguousarray(image))
     if longest_px is not None:
         # Never larger than it is.

@@ -1,1 +1,1 @@
-"""What a plan costs before it starts, and what is left of it while it runs."""
+"""The cost of a plan before it starts, and the time left while it runs."""

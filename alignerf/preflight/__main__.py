@@ -37,9 +37,9 @@ def main(argv=None):
 
 
 def renew(args):
-    """Measure anew what says nothing of the plan that there is now.
+    """Measure anew where a preflight.json is of another plan.
 
-    The file keeps its time: a newer one would have finished trainings made again.
+    The file keeps its time: with a newer one Snakemake would repeat finished trainings.
     """
     for path, config in zip(args.show, args.configs, strict=True):
         todo = work_of(config, path.parent.name)
@@ -50,16 +50,16 @@ def renew(args):
 
 
 def work_of(config, scene):
-    """What there is to do for a scene, of its complete config."""
+    """The work of a scene by its complete config."""
     complete = check.checked(yaml_files.read(config), [str(config)])
     # With `rounds: auto` all rounds are counted that there may be.
     return work.of_scene(plan.Experiment(complete, None), scene)
 
 
 def write(args, scene, todo, out, times_ns=None):
-    """Measure a scene's plan, say what it costs, and write it down.
+    """Measure a scene's plan, log its cost, and write preflight.json.
 
-    times_ns: of access and of change, that the file is to have.
+    times_ns: the file's times of access and of change; None for the present.
     """
     filled = decided(todo)
     cost = {} if filled is None else plan_of(args, scene, filled)
@@ -90,7 +90,7 @@ def parse(argv=None):
 
 
 def decided(todo):
-    """The work with what the scene's facts decided, steps above all."""
+    """The work with its decided settings filled in, above all the steps."""
     if todo is None:
         return None
     trainings = [one | {"job": fill.fill(one["job"])} for one in todo["trainings"]]
@@ -98,7 +98,7 @@ def decided(todo):
 
 
 def shown(paths):
-    """Lines of files that are there already, and of all together."""
+    """Lines of existing preflight.json files, and of their sum."""
     costs = [cost for path in paths if (cost := read(path))]
     lines = [line for cost in costs for line in fit.lines(cost, cost["scene"])]
     if len(costs) > 1:
@@ -160,7 +160,7 @@ def plan_of(args, scene, todo):
 
 
 def views_of(loaded: prepared.Scene) -> schedule.Views:
-    """How many views of which size there are."""
+    """Number and size of a scene's views."""
     paths = [loaded.folder / "images" / f"{name}.png" for name in loaded.names]
     return schedule.Views(
         train=len(loaded.views("train")),
@@ -195,9 +195,9 @@ def calibrated(scene, loaded: prepared.Scene, todo, threads, at_once):
 
 
 def calibrate(scene, threads, job, what):
-    """What `alignerf.preflight.calibrate` says, from a process of its own.
+    """The output of `alignerf.preflight.calibrate`, run as a process of its own.
 
-    Raises ValueError with its fault, or where the system has ended it.
+    Raises ValueError with the fault of the process, or where the system killed it.
     """
     command = [sys.executable, "-m", "alignerf.preflight.calibrate", "--what", what]
     command += ["--scene", str(scene), "--threads", str(threads)]

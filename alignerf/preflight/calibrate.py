@@ -1,8 +1,8 @@
 """Time a training's step, or a rendering: `python -m alignerf.preflight.calibrate`.
 
-A process of its own, as the job will be: the same threads and devices, so that what is
-compiled here comes from JAX's cache there. Everything is compiled twice: what the
-second time takes, from the cache, is what the job will take. Writes JSON to stdout.
+The process has the threads and devices of the job, so that the job later takes the
+compiled programs from JAX's cache. Everything is compiled twice: the second time, from
+the cache, is the job's. Writes JSON to stdout.
 """
 
 import argparse
@@ -55,7 +55,7 @@ def main(argv=None):
 
 
 def with_radius(job):
-    """The job with a search radius, where its own is not known yet."""
+    """The job with a search radius; RADIUS_PX where its own is still unknown."""
     if job.stage != "finetune" or job.alignerf.radius_px is not None:
         return job
     settings = dataclasses.replace(job.alignerf, radius_px=RADIUS_PX)
@@ -126,7 +126,7 @@ def of_rendering(job, scene, started):
 
 
 def forget_compiled():
-    """As a process that finds all that was compiled in the cache."""
+    """Forget the compiled programs, as in a new process with a filled cache."""
     jax.clear_caches()
     memory.give_back()
     try:
@@ -137,7 +137,7 @@ def forget_compiled():
 
 
 def peak_bytes():
-    """The largest size of this process in memory, since then where that is known."""
+    """Peak memory of this process; on Linux since `forget_compiled`."""
     try:
         status = pathlib.Path("/proc/self/status").read_text()
         return 1024 * int(re.search(r"VmHWM:\s+(\d+)", status)[1])

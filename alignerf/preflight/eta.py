@@ -1,7 +1,7 @@
-"""How much of the whole plan is left, for the lines that a running job prints.
+"""The time left of the whole plan, for the progress lines of a running job.
 
-Read from the `preflight.json` of the config's scenes: tasks whose files are not there
-yet. It says nothing where there is none, and never fails a run.
+The tasks left are those of the scenes' `preflight.json` whose files do not exist yet.
+Without a preflight there is no text; a damaged one never fails a run.
 """
 
 import json
@@ -21,7 +21,7 @@ NO_PLAN = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionEr
 
 
 class Left:
-    """How much is left of all, asked from a task that is under way itself.
+    """The time left of all tasks, asked by a task that is running itself.
 
     scene: its folder. timing: the file that the task ends with.
     """
@@ -31,7 +31,7 @@ class Left:
         self.next_s, self.text = 0.0, ""
 
     def words(self, share=0.0) -> str:
-        """'all: 12 min left of 34 min', `share` of this task done; or nothing."""
+        """'all: 12 min left of 34 min', or nothing; share: done of this task."""
         begun_s = time.monotonic()
         if begun_s >= self.next_s:
             try:
@@ -45,7 +45,7 @@ class Left:
 
 
 def plans_of(scene: Path):
-    """The plans of the run's scenes, of which this is one: those that are there."""
+    """(folder, plan) of each scene of the run that has a plan; scene: one of them."""
     lines = os.environ.get(SCENES, "").split("\n")
     digests = {scene.name: ""} | dict(
         line.partition(" ")[::2] for line in lines if line
@@ -61,7 +61,7 @@ def plans_of(scene: Path):
 
 
 def text_of(plans, timing: Path, share):
-    """The words, of (folder, plan) each."""
+    """The text of `Left.words`; plans: (folder, plan) of each scene."""
     if not plans:
         return ""
     left, is_ours = [], False

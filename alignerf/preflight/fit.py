@@ -1,4 +1,4 @@
-"""Whether a plan fits this machine, and what is said of it. No JAX here."""
+"""Whether a plan fits this machine, and its cost in words. No JAX here."""
 
 from alignerf.preflight import simulate
 
@@ -8,7 +8,7 @@ USABLE = 0.9
 
 
 def check(plan):
-    """ValueError where a plan's memory or disk is not there, with what to change."""
+    """ValueError with advice where a plan needs more memory or disk than is free."""
     memory, disk = plan["memory_bytes"], plan["disk_bytes"]
     if memory > USABLE * plan["memory_free_bytes"]:
         smaller = "--cores 1" if plan["lanes"] > 1 else "a smaller model or batch_rays"
@@ -26,7 +26,7 @@ def check(plan):
 
 
 def lines(plan, name):
-    """What is said of a plan."""
+    """The cost of a plan in words, line by line."""
     tasks = plan["tasks"]
     parts = {}
     for task in tasks:
@@ -49,14 +49,14 @@ def lines(plan, name):
 
 
 def advice(plan):
-    """What makes a long plan shorter."""
+    """Advice on making a long plan shorter."""
     if plan["wall_s"] < 4 * 3600:
         return []
     return ["  to be done sooner: fewer rounds or methods, training.budget_min"]
 
 
 def in_all(plans):
-    """Seconds until the plans of all scenes are done, side by side."""
+    """Seconds until the plans of all scenes, run side by side, are done."""
     tasks = [task for plan in plans for task in tasks_of(plan)]
     return simulate.wall_s(tasks, max(plan["cores"] for plan in plans))
 

@@ -1,4 +1,4 @@
-"""What a view's flow takes here: `flow.align` on some photos and blurred copies."""
+"""The cost of a view's flow: `flow.align` on some photos and blurred copies."""
 
 import csv
 import subprocess
@@ -21,7 +21,7 @@ BLUR_PX = 1.0
 def measure(photos, names, options) -> schedule.Flow:
     """Seconds and bytes of these photos' flow, with the command's options.
 
-    Raises ValueError with what the command said, where it fails.
+    Raises ValueError with the command's error where it fails.
     """
     with tempfile.TemporaryDirectory() as folder:
         root, photos = Path(folder), Path(photos)
@@ -53,12 +53,12 @@ def measure(photos, names, options) -> schedule.Flow:
 
 
 def how_many(photo):
-    """Photos of this size that are enough."""
+    """Number of photos of this size to measure."""
     pixels = photo.shape[0] * photo.shape[1]
     return min(max(VIEWS, MORE_PIXELS // pixels), MORE_VIEWS)
 
 
 def mean_size(folder):
-    """Bytes of a folder's file."""
+    """Mean size in bytes of a folder's files."""
     sizes = [path.stat().st_size for path in Path(folder).iterdir()]
     return sum(sizes) // len(sizes)

@@ -1,8 +1,8 @@
 """The tasks of a scene's plan, each with seconds and bytes. No JAX here.
 
-What trains, renders or estimates flow was timed on this machine (`Rates`, `Flow`). All
-else is small: a process's start and a share by pixels, in units of what a view's flow
-or a start takes here.
+Trainings, renderings and flows were timed on this machine (`Rates`, `Flow`). All other
+tasks are short: a process's start and a time by pixels, scaled by how fast this machine
+starts a process and estimates a flow.
 """
 
 from typing import NamedTuple
@@ -36,7 +36,7 @@ FIT_RAYS, BACKWARDS = 512, 4
 
 
 class Rates(NamedTuple):
-    """What a training and its rendering take on this machine."""
+    """The cost of a training and of its rendering on this machine."""
 
     start_s: float
     compile_s: float
@@ -50,7 +50,7 @@ class Rates(NamedTuple):
 
 
 class Flow(NamedTuple):
-    """What a process of the flow takes: its start, a view, and a view's files."""
+    """The cost of a flow process: its start, a view, and a view's files."""
 
     start_s: float
     view_s: float
@@ -59,7 +59,7 @@ class Flow(NamedTuple):
 
 
 class Views(NamedTuple):
-    """What the facts of a scene say: how many views of which size."""
+    """Number and size of a scene's views."""
 
     train: int
     test: int
@@ -73,9 +73,9 @@ class Views(NamedTuple):
 
 
 def program_of(job):
-    """What of a job decides its compiled step: trainings of one program share rates.
+    """The part of a job that decides its compiled step: equal parts share rates.
 
-    How long a training is, is an input of its program.
+    The length of a training is an input of the program.
     """
     unlike = {"steps", "budget_min", "warmup_steps", "learning_rates"}
     shared = job | {"training": without(job["training"], unlike)}
@@ -115,7 +115,7 @@ def tasks_of(work, rates, flow: Flow, views: Views, *, threads) -> list[Task]:
 
 
 def controls(work, flow: Flow, views: Views):
-    """The warped test set, and those beside it."""
+    """The task of the warped test set and its control sets."""
     seconds = 2 * flow.start_s + views.test * flow.view_s * (1 + CONTROL_FLOWS)
     sets = TESTSET_IMAGES * flow.warped_bytes + TESTSET_FLOWS * flow.flow_bytes
     return Task(
@@ -125,7 +125,7 @@ def controls(work, flow: Flow, views: Views):
 
 
 def for_verdict(work, flow: Flow, views: Views):
-    """The parts of all views' flow that the verdict looks at: two flows each."""
+    """The tasks that decompose all views' flow for the verdict: two flows a view."""
     name = work["verdict"]
     for one in work["trainings"]:
         if one["name"] == name:
@@ -138,7 +138,7 @@ def for_verdict(work, flow: Flow, views: Views):
 
 
 def tables(work, flow: Flow, views: Views, every):
-    """Facts, tables, figures and the verdict, after all others."""
+    """The last task: facts, tables, figures and the verdict."""
     megapixels = 1e-6 * views.test * views.pixels
     seconds = pace(flow) * megapixels * (FIGURES_S * rounds(work) + VERDICT_S)
     seconds += 4 * SLOW_START * flow.start_s
@@ -147,12 +147,12 @@ def tables(work, flow: Flow, views: Views, every):
 
 
 def rounds(work):
-    """Trainings whose test views are looked at."""
+    """Trainings whose test views are scored."""
     return sum(one["scored"] for one in work["trainings"])
 
 
 def pace(flow: Flow):
-    """How many times as long small things take here as where they were timed."""
+    """Time of small tasks on this machine over that on the machine of the constants."""
     return flow.start_s / START_S
 
 
@@ -167,7 +167,7 @@ def evaluate_s(flow: Flow, views: Views):
 
 
 def training(one, rate: Rates, flow: Flow, views: Views, *, threads):
-    """The training itself, its renders and their flow."""
+    """The tasks of a training, of its renders and of their flow."""
     name, splits = one["name"], one["renders"]
     job, count = jobs.parse(one["job"]), views.number(splits)
     minutes = job.budget_min
@@ -216,7 +216,7 @@ def aligns_s(job, rate: Rates, flow: Flow, views: Views):
 
 
 def shrink_of(job, views: Views):
-    """By how much an alignment's renders are smaller, as of `alignment.look.factor`."""
+    """Factor by which an alignment's renders are smaller, as `look.factor` chooses."""
     return max(1, min(job.align.shrink, views.side // FLOW_SIDE))
 
 
@@ -234,7 +234,7 @@ def render_s(rate: Rates, pixels):
 
 
 def scores(one, work, rate: Rates, flow: Flow, views: Views, *, threads):
-    """What is made of a training's test views: parts of their flow, and scores."""
+    """The tasks on a training's test views: their flow decomposed, and their scores."""
     name, pixels = one["name"], views.test * views.pixels
     targets = 2 if work["truth"] else 1
     parts_s = flow.start_s + decompose_s(flow, pixels)

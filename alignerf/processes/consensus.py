@@ -16,14 +16,14 @@ from alignerf.processes import rank
 
 
 def on(value):
-    """The first process's value, in all of them; JSON-able."""
+    """The first process's JSON-able value, in all processes."""
     if not rank.are_several():
         return value
     return json.loads(on_bytes(json.dumps(value).encode()))
 
 
 def on_bytes(data: bytes) -> bytes:
-    """The first process's bytes, in all of them; less than 2 GiB."""
+    """The first process's bytes, less than 2 GiB, in all processes."""
     if not rank.are_several():
         return data
     mine = np.frombuffer(data, np.uint8)
@@ -36,7 +36,7 @@ def on_bytes(data: bytes) -> bytes:
 
 
 def on_arrays(tree):
-    """The first process's arrays, in all of them; of the same shapes everywhere."""
+    """The first process's arrays, in all processes, where they have the same shapes."""
     if not rank.are_several():
         return tree
     return jax.tree.map(np.asarray, multihost_utils.broadcast_one_to_all(tree))
@@ -55,7 +55,7 @@ def check_same(digest, what):
 
 
 def on_smallest(size: int) -> int:
-    """The smallest of the processes' numbers of bytes, to a megabyte."""
+    """The smallest of the processes' sizes in bytes, rounded down to a megabyte."""
     if not rank.are_several():
         return size
     every = multihost_utils.process_allgather(np.int32(size // 10**6))
@@ -63,5 +63,5 @@ def on_smallest(size: int) -> int:
 
 
 def clock() -> float:
-    """Seconds, the same in all processes, so that they decide the same by them."""
+    """The first process's clock in s, so that all processes decide alike by it."""
     return on(time.perf_counter())

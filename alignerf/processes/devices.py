@@ -1,4 +1,4 @@
-"""What a training computes on: the cores of a CPU, or accelerators; of all processes.
+"""The devices of all processes of a training: cores of a CPU, or accelerators.
 
 A small model's operations are too short for XLA to share one between cores. Two
 threads on two cores render a hash grid 1.9 times as fast as one does, and as two
@@ -34,8 +34,8 @@ _held = []
 def use_as_devices():
     """Let every core be a device of JAX, where there is no accelerator.
 
-    Only the first thing that a process does with JAX can: later they stay as they
-    are, which is said; so they do where the user has said how many in XLA_FLAGS.
+    Call it before anything else uses JAX: later the devices stay as they are, and a
+    warning says so. A number of devices in the user's XLA_FLAGS is kept.
     """
     if "xla_force_host_platform_device_count" in os.environ.get("XLA_FLAGS", ""):
         return
@@ -54,10 +54,10 @@ def use_as_devices():
 def take_accelerator(device_files=Path("/dev"), locks=None):
     """Take one of this host's NVIDIA accelerators that no other job of this user has.
 
-    Where there are several and nobody, as Slurm does, has said which. It is held until
-    the process ends. Where each process takes a share of its memory
-    (XLA_CLIENT_MEM_FRACTION), as many share one as fit. ValueError where all are
-    taken.
+    Nothing is taken on a host with one accelerator, and where CUDA_VISIBLE_DEVICES is
+    set, as by Slurm. The accelerator is held until the process ends. Where each process
+    takes a share of the memory (XLA_CLIENT_MEM_FRACTION), as many processes share an
+    accelerator as fit. Raises ValueError where all are taken.
     """
     numbers = sorted(
         int(path.name.removeprefix("nvidia"))
@@ -136,5 +136,5 @@ def on_first(tree):
 
 
 def local(tree):
-    """The same where there are several processes; else the tree as it is."""
+    """`on_first` where there are several processes; else the tree as it is."""
     return on_first(tree) if processes.are_several() else tree

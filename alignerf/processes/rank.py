@@ -1,6 +1,6 @@
-"""Which of how many processes this is, and how a launcher says so. No JAX here.
+"""The rank of this process, from the environment of its launcher. No JAX here.
 
-`srun` and `mpirun` say it in variables of their own; by hand it is
+`srun` and `mpirun` set variables of their own. By hand a user sets
 JAX_COORDINATOR_ADDRESS (host:port of the first process), JAX_NUM_PROCESSES and
 JAX_PROCESS_ID (from 0).
 """
@@ -52,10 +52,10 @@ def are_several() -> bool:
 
 
 def from_environment(environ) -> Rank:
-    """Which of how many processes the environment says that this is.
+    """This process's rank by the environment.
 
-    ValueError where it says half of what is said by hand. A batch job of Slurm with
-    several tasks is one process until `srun` starts them.
+    Raises ValueError where only some of the variables BY_HAND are set. A batch job of
+    Slurm with several tasks is one process until `srun` starts them.
     """
     said = [name for name in BY_HAND if environ.get(name)]
     if said:
@@ -92,7 +92,7 @@ def port(environ) -> int:
 
 
 def accelerators(environ):
-    """Which of the devices that it sees a process takes; None: JAX decides.
+    """Indices of the visible accelerators that a process takes; None: JAX decides.
 
     JAX takes the one with the process's number on its host. Where `srun` shows each
     process one of its own (`--gpus-per-task`), that one has number 0.

@@ -53,10 +53,10 @@ HOLD_S = 5.0
 
 @contextlib.contextmanager
 def together():
-    """Meet the other processes of a training, where it has some, before JAX starts.
+    """Meet the other processes of a training, if any, before JAX starts.
 
-    One that fails says why and ends at once, whatever the others wait for; they then
-    fail as well, and say that they have lost it.
+    A failing process prints its error and exits at once. The others then exit too,
+    reporting a lost peer.
     """
     rank.take(rank.from_environment(os.environ))
     if not rank.are_several():
@@ -72,7 +72,7 @@ def together():
 
 
 def end(error):
-    """Say what ended this process, and end it, whatever the others wait for."""
+    """Print the error of this process and exit at once, without waiting for others."""
     try:
         if not rank.is_first():
             time.sleep(HOLD_S)
@@ -85,7 +85,7 @@ def end(error):
 
 
 def say(error):
-    """Print what ended this process, with its number; of our own faults a traceback."""
+    """Print the error of this process with its rank; for our own faults a traceback."""
     number, count = rank.here()
     if isinstance(error, KeyboardInterrupt):
         return
@@ -99,16 +99,16 @@ def say(error):
 
 
 def is_lost(text):
-    """Whether a message is that of a collective whose other side is gone.
+    """Whether an error's text is that of a collective that has lost a process.
 
-    Those of XLA begin with a status in capitals.
+    XLA's messages begin with a status in capitals.
     """
     status, _, rest = text.partition(": ")
     return status.isupper() and any(word in rest for word in LOST)
 
 
 def join(environ):
-    """Connect to the other processes; all of JAX's devices are then those of all."""
+    """Connect to the other processes; JAX then sees the devices of all processes."""
     number, count = rank.here()
     options = {"num_processes": count, "process_id": number}
     if environ.get(rank.BY_HAND[0]):
@@ -136,11 +136,11 @@ def join(environ):
 
 
 def shorten_stderr():
-    """Let a page of C++ on a lost process be one line, from now on.
+    """From now on, shorten the C++ trace of a lost process to one line.
 
     JAX ends a process that has lost the first one, or that waits for a frozen one, with
-    an abort from a thread of its own, which no code of ours can see. So what is
-    written to stderr passes through another process, which outlives it.
+    an abort from a thread of its own, which no code of ours can catch. So stderr is
+    piped through another process, which outlives this one.
     """
     read, write = os.pipe()
     command = [sys.executable, "-c", SHORTEN, LOST_LINE.format(*rank.here())]

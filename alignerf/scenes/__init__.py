@@ -1,12 +1,10 @@
-"""Where images and cameras come from, one module per source.
+"""The sources of images and cameras, one module each.
 
 `courtyard` is embedded and knows its truth; `photos` reads a folder of images,
 whose poses `colmap` estimates; `transforms` reads an instant-ngp or nerfstudio
 json, `llff` the poses_bounds.npy of LLFF, `mipnerf360` the folders of 360_v2, `blender`
-NeRF's synthetic scenes. `prepare` holds what they hand over,
-undistorted pinhole views, and brings it to the resolution of training; `distortion`
-is what makes views pinhole. `prepared` is the scene on disk, as all later stages read
-it, and `cameras` the geometry that all share. Which sources there are, and which of
-them knows its truth, says `alignerf.experiment.keys.scene.SOURCES`: a plan needs that
-without importing any of these.
+NeRF's synthetic scenes. `distortion` turns photos into pinhole views; `prepare` brings
+these to the resolution of training and writes them. `prepared` is the scene on disk, as
+all later stages read it, and `cameras` the geometry that all share. The list of sources
+is `alignerf.experiment.keys.scene.SOURCES`: a plan needs it without importing these.
 """

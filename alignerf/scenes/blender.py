@@ -1,7 +1,7 @@
 """NeRF's synthetic scenes: transforms_train.json, _val and _test beside one another.
 
-The files say which views are trained on and which are scored; those of `val`, which no
-published score uses, are left out. Photos have alpha: they stand on a background.
+The files say which views are trained on and which are scored. Views of `val`, which no
+published score uses, are left out. Photos with alpha are set on a background.
 """
 
 from pathlib import Path

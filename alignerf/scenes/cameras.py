@@ -87,9 +87,10 @@ def pixels_to_rays(x_px, y_px, pixtocams, camtoworlds) -> Rays:
 
 
 def check(where, names, pixtocams, camtoworlds, size):
-    """Every camera is finite, sees, and is turned, not mirrored or scaled.
+    """ValueError with `where` and the view, where a camera is none.
 
-    names [n]; size: (width, height). Raises ValueError with `where` and the view.
+    A camera is finite, has a field of view, and its pose neither mirrors nor scales.
+    names [n]; size: (width, height).
     """
     finite = (np.abs(camtoworlds) < LARGEST).all(axis=(1, 2))
     turns = np.where(finite[:, None, None], camtoworlds[:, :, :3], np.eye(3))
@@ -131,7 +132,7 @@ def project(points, pixtocam, camtoworld):
 
 
 class Frame(NamedTuple):
-    """The normalised frame of a scene, in terms of the given one."""
+    """The normalised frame of a scene, relative to the frame of its files."""
 
     mean: np.ndarray  # [3] of the camera centres
     rotation: np.ndarray  # [3, 3], to the normalised frame

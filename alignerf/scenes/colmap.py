@@ -25,7 +25,7 @@ MIN_REGISTERED = 3
 
 
 class Reconstruction(NamedTuple):
-    """The largest model COLMAP found, and what it left out."""
+    """COLMAP's largest model, and the names of the views that it left out."""
 
     names: list[str]
     left_out: list[str]
@@ -48,7 +48,7 @@ class Reconstruction(NamedTuple):
     """COLMAP's own, of the images that it saw."""
 
     def of_size(self, scale):
-        """The same of photos whose width and height are `scale` [n, 2] as large."""
+        """The reconstruction of photos resized by `scale` [n, 2]: width, height."""
         each = np.concatenate([scale, np.ones((len(scale), 1))], axis=1)
         times = scale.mean(axis=1)
         error_px = self.mean_reprojection_error_px * float(times.mean())
@@ -124,7 +124,7 @@ def pose_folder(
 
     background, masks: as of `ingest.ingest`. Returns prepare.PosedViews, the
     Reconstruction, whose lenses and errors are those of the photos in full, and the
-    ingest.Taken. What it needs for long lies in work_folder.
+    ingest.Taken. Files that are needed for long lie in work_folder.
     """
     options = {"background": background, "most_side_px": max_size_px, "masks": masks}
     taken = ingest.ingest(folder, work_folder, **options)
@@ -169,7 +169,7 @@ def pose_folder(
 
 
 def write_model(model: Reconstruction, folder, sizes, files):
-    """COLMAP's own model, as if it had seen photos of these sizes.
+    """Write COLMAP's own model, rescaled to photos of these sizes.
 
     files: name of each view's photo.
     """

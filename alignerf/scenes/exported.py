@@ -19,11 +19,11 @@ POINTS = "points.ply"
 
 
 def write_transforms(path, arrays, *, masked=False):
-    """Write transforms.json of cameras as `prepared.read_cameras` has them; returned.
+    """Write transforms.json; returns its content.
 
-    Images are named images/<view>.png; `points` among the arrays are those of POINTS,
-    see `write_colmap`. masked: each view has a masks/<view>.png, black where a pixel is
-    not to be learnt from.
+    arrays: as of `prepared.read_cameras`, with `points` where `write_colmap` writes
+    POINTS. Images are named images/<view>.png. masked: each view has a
+    masks/<view>.png, black where a pixel is not to be learnt from.
     """
     camtopix = np.linalg.inv(arrays["pixtocams"])
     frames = []
@@ -90,7 +90,7 @@ def write_blender(folder, arrays, scene):
 
 
 def one_focal_length(arrays):
-    """That of all views in pixels; ValueError where they differ, or the axes do."""
+    """The focal length of all views in px; ValueError where views or axes differ."""
     lenses = np.linalg.inv(arrays["pixtocams"])
     if np.ptp(lenses, axis=0).max() > 1e-9:
         raise ValueError("the views' lenses differ")
@@ -101,15 +101,14 @@ def one_focal_length(arrays):
 
 
 def write_json(path, content):
-    """Write what a program of others reads."""
+    """Write JSON for another program."""
     Path(path).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
 def write_colmap(folder, arrays):
-    """Write COLMAP's model of the same arrays: sparse/0, and of its points POINTS.
+    """Write COLMAP's model of the arrays: sparse/0 and, of its points, POINTS.
 
-    `points` [m, 3] and `colours` may be among them; they do not know the views that
-    they were seen in.
+    `points` [m, 3] and `colours` may be among the arrays; the points have no tracks.
     """
     sparse = Path(folder) / "sparse" / "0"
     sparse.mkdir(parents=True)

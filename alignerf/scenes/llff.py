@@ -3,8 +3,7 @@
 One row of 17 numbers a photo, photos in the order of their file names: [3, 5] of
 camera-to-world rotation, position and (height, width, focal length) in px of the
 photo that COLMAP saw, then the nearest and farthest depth. Axes of the rotation are
-down, right and backwards. The depths are kept for those who are given the scene on: the
-contraction needs none.
+down, right and backwards. The depths are kept for exports; the contraction needs none.
 
 The rows say nothing of the lens, yet their poses are COLMAP's for a distorted photo:
 the principal point and the distortion come from `sparse/0/cameras.bin`. Without that
@@ -35,8 +34,7 @@ def read(folder, chosen=None) -> prepare.PosedViews:
     """Posed, undistorted views of a folder with poses_bounds.npy and photos.
 
     chosen: the folder of photos; None for `images`, else the images_<n> of least n.
-    Raises
-    ValueError with one line that names the file, and the row or photo.
+    Raises ValueError with one line that names the file, and the row or photo.
     """
     folder = Path(folder)
     path = folder / "poses_bounds.npy"

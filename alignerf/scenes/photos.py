@@ -58,7 +58,7 @@ pillow_heif.register_heif_opener()
 
 
 class Head(NamedTuple):
-    """What a photo's file says before its pixels are decoded."""
+    """The facts of a photo's file that are known before its pixels are decoded."""
 
     # (width, height) of the rows as stored.
     size: tuple[int, int]
@@ -71,9 +71,8 @@ class Head(NamedTuple):
 def find_images(folder, others=()):
     """Paths of the images in a folder, sorted by view name (the file's stem).
 
-    others: files in it that are known to be something else, such as films; with some
-    the images may be none. Raises ValueError for a missing or empty folder and for two
-    files of one name.
+    others: known files that are no images, such as films. Raises ValueError for two
+    files of one name, for a missing folder, and for one without images and others.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -95,7 +94,7 @@ def find_images(folder, others=()):
 
 
 def ascii_of(name):
-    """A name that can be printed, whatever bytes it is of."""
+    """A printable form of a name of any bytes."""
     return name if name.isprintable() else ascii(name)
 
 
@@ -131,7 +130,7 @@ def decode(path, background=None, *, upright=True):
         focal_35mm_mm = exif.get_ifd(EXIF_IFD).get(FOCAL_35MM_TAG)
         # Nothing is copied without need: a photo of 170 megapixels takes 0.7 GB.
         orientation = exif.get(ORIENTATION_TAG, 1) if opened.format != "TIFF" else 1
-    # What it refuses has words of its own.
+    # Outside of `_opened`: its ValueErrors name the file already.
     rgb = _to_rgb(opened, path, background)
     if upright:
         turned = UPRIGHT.get(orientation, UPRIGHT[1])(rgb)
@@ -172,7 +171,7 @@ def head(path) -> Head:
 
 @contextlib.contextmanager
 def _opened(path):
-    """A photo's file for Pillow, whatever goes wrong named with it."""
+    """Open a photo's file with Pillow; every fault is a ValueError naming the file."""
     faults.check_regular(path)
     try:
         with warnings.catch_warnings():

@@ -1,7 +1,7 @@
-"""How far cameras are from the true ones, in pixels.
+"""Pose error: the distance of cameras from the true ones, in pixels.
 
-A frame cannot be seen: before they are compared, all true cameras are brought nearest
-to the others by one similarity.
+A frame cannot be seen in photos: before cameras are compared, one similarity aligns the
+true cameras to the others.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ GRID = 16
 
 
 def median_px(state: prepared.Scene, true, views, depths):
-    """Median over views of how far each camera is from its true one, in px.
+    """Median over views of the distance between a camera and its true one, in px.
 
     true: arrays as of `prepared.read_cameras`, of the same views; depths [views] in
     units of the state's frame, at which the cameras are compared.
@@ -38,7 +38,7 @@ def median_px(state: prepared.Scene, true, views, depths):
 
 
 def difference(camera, other, size, depth):
-    """How far a camera is from another: {rotation_deg, centre, length_px}.
+    """The difference of two cameras: {rotation_deg, centre, length_px}.
 
     centre in units of the frame; arguments as of `length_px`.
     """
@@ -52,9 +52,10 @@ def difference(camera, other, size, depth):
 
 
 def length_px(camera, other, size, depth):
-    """Median over an image of how far apart two cameras see what is at a depth.
+    """Median over an image of the distance in px between two cameras' projections.
 
-    camera, other: (pixtocam [3, 3], camtoworld [3, 4]); size: (width, height) in px.
+    camera, other: (pixtocam [3, 3], camtoworld [3, 4]); size: (width, height) in px;
+    depth: of the points that are projected.
     """
     steps = [(np.arange(GRID) + 0.5) * side / GRID for side in size]
     pixels = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""From a source's posed views to the folder that training reads.
+"""The posed views of a source, and the folder written from them, which training reads.
 
 Notation: n views of one size; `pixtocams` [n, 3, 3], `camtoworlds` [n, 3, 4] as in
 `cameras`; images [h, w, 3] uint8 RGB, undistorted.
@@ -92,7 +92,7 @@ def true_scale(given_size, true_size, *, where):
 
 
 def nearest_rotation(matrix, *, where):
-    """The rotation [3, 3] that a printed one means; ValueError if it is none."""
+    """The rotation [3, 3] nearest to a printed one; ValueError where none is near."""
     off = np.abs(matrix @ matrix.T - np.eye(3)).max()
     if off > cameras.ROTATION_ERROR or np.linalg.det(matrix) < 0:
         raise ValueError(f"{where} is not a rotation")
@@ -101,9 +101,9 @@ def nearest_rotation(matrix, *, where):
 
 
 def join(groups: list[PosedViews], *, masked) -> PosedViews:
-    """One PosedViews of groups of one size, one after the other.
+    """The views of all groups, which have one size, one group after the other.
 
-    masked: whether it has masks; all pixels count of a group that has none.
+    masked: whether the result has masks; in a group without masks all pixels count.
     """
     width, height = groups[0].width, groups[0].height
     full = all_count(width, height)
@@ -134,9 +134,9 @@ def sort_by_name(views: PosedViews) -> PosedViews:
 
 
 def factor_for(views: PosedViews, pixels: int, side_px: int) -> int:
-    """The least factor of `downscale` that leaves all views so many pixels or fewer.
+    """The least factor of `downscale` that leaves at most `pixels` in all views.
 
-    No side becomes shorter than `side_px`, however many they are.
+    No side becomes shorter than `side_px`, however many pixels that leaves.
     """
     factor = 1
     while (
@@ -216,8 +216,8 @@ def write_views(folder, views: PosedViews, *, split):
 def write_masks(folder, views: PosedViews):
     """Write <name>.npz with `valid` [h, w], where a view's pixels count.
 
-    A pixel to which anything that does not count has contributed counts no more.
-    Raises ValueError naming a view of which nothing counts.
+    A resampled pixel counts where all pixels that it was made of count. Raises
+    ValueError naming a view in which no pixel counts.
     """
     folder.mkdir()
     for i, name in progress.over(enumerate(views.names), "masks"):

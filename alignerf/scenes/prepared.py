@@ -60,8 +60,8 @@ def load(folder, cameras_path=None) -> Scene:
     """Read and check a scene's cameras; poses come out normalised.
 
     cameras_path: other cameras of the same views, in the given frame (see
-    `alignerf.correct_poses`). They come out in the frame of the scene's own, so that
-    what was learnt with one is where the other sees it.
+    `alignerf.correct_poses`). They are normalised by the scene's own cameras, so models
+    trained with either share one frame.
     """
     own = pathlib.Path(folder) / "cameras.npz"
     path = pathlib.Path(cameras_path or own)
@@ -83,10 +83,10 @@ def load(folder, cameras_path=None) -> Scene:
 
 
 def write_cameras(path, scene: Scene, cameras_path=None, views=slice(None)):
-    """Write a cameras.npz like another, with the scene's lenses and these views' poses.
+    """Write a copy of a cameras.npz with the scene's lenses and poses of some views.
 
-    cameras_path: the other one, as in `load`. The poses of views that are not named
-    stay as they are there, to the bit.
+    cameras_path: the file that is copied, as in `load`. The poses of all other views
+    are copied to the bit.
     """
     own = scene.folder / "cameras.npz"
     frame = cameras.frame_of(read_cameras(own)["camtoworlds"])
@@ -113,7 +113,7 @@ def read_cameras(path):
 
 
 def check_views(path, views):
-    """ValueError, naming the path, where views could not be found again, or not seen.
+    """ValueError, naming the path, for names that are no file's and for bad cameras.
 
     views: with names, pixtocams, camtoworlds, width and height.
     """
@@ -149,7 +149,7 @@ def check_names(path, names):
 
 
 def check_images(scene: Scene, views, folder):
-    """Refuse now, by the file's head, most of what `read_images` refuses."""
+    """Raise early, by the files' heads, most of the errors of `read_images`."""
     for view in views:
         path = _image_path(scene, view, folder)
         images.check(path, size=(scene.width, scene.height))
@@ -162,7 +162,7 @@ def _image_path(scene, view, folder):
 def read_images(scene: Scene, views, folder) -> np.ndarray:
     """Images [views, h, w, 3] uint8 of these views from a folder of PNGs.
 
-    Decoded side by side, each straight to its place: one copy is in memory.
+    Images are decoded in threads into one array, so that only one copy is in memory.
     """
     stack = empty_images((len(views), scene.height, scene.width, 3))
 
@@ -184,7 +184,7 @@ def empty_images(shape):
 
 
 def read_masks(scene: Scene, views) -> np.ndarray:
-    """Masks [views, h, w] bool: where the photos of these views count; all, usually."""
+    """Masks [views, h, w] bool of the photos' pixels that count; usually all do."""
     folder = scene.folder / MASKS
     if folder.is_dir():
         return read_validity(scene, views, folder)
@@ -194,7 +194,7 @@ def read_masks(scene: Scene, views) -> np.ndarray:
 def read_validity(scene: Scene, views, folder) -> np.ndarray:
     """Masks [views, h, w] bool of these views from a folder of flow archives.
 
-    Raises ValueError where a view has no valid pixel: nothing could be learnt.
+    Raises ValueError where a view has no valid pixel to learn from.
     """
     masks = np.empty((len(views), scene.height, scene.width), bool)
     for slot, view in enumerate(views):

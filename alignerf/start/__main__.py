@@ -51,7 +51,7 @@ def main(argv=None):
 
 
 def config_of(scenes, args):
-    """The config of scenes; what it leaves out follows from the photos."""
+    """The config of scenes; the keys that it leaves out follow from the photos."""
     if args.background:
         scenes = {n: s | {"background": args.background} for n, s in scenes.items()}
     methods = {"plain": {}, "aligned": {"align": {}}}
@@ -62,9 +62,9 @@ def config_of(scenes, args):
 
 
 def say_where(path, config, folder):
-    """Write the config, unless one is there that a user has changed, which is kept.
+    """Write the config, and log its path; a config that a user has changed is kept.
 
-    Raises ValueError where that is of other folders, or says otherwise than asked.
+    Raises ValueError where the kept config is of other folders or other arguments.
     """
     if path.exists():
         there = yaml_files.read(path)

@@ -1,6 +1,7 @@
-"""What a folder holds: photos, films, or photos with cameras by another program.
+"""The kind of a folder: photos, films, or photos with cameras by another program.
 
-Nothing is opened here: names tell. A folder of such folders holds several scenes.
+Files are told by their names, and none is opened. A folder of such folders holds
+several scenes.
 """
 
 import logging
@@ -27,7 +28,7 @@ RULE = re.compile(r"^\s*(?:rule|checkpoint|use rule \w+ as) (\w+)", re.MULTILINE
 def scenes_of(folder):
     """{name: {source, path}} of the scenes in a folder.
 
-    Raises ValueError where there is none, naming what was looked for.
+    Raises ValueError, naming the known kinds of files, where there is no scene.
     """
     folder = Path(folder)
     if not folder.exists():

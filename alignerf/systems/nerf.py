@@ -33,7 +33,7 @@ class Nerf(nn.Module):
 
     @property
     def parts(self):
-        """Of these: places of points in both looks, noise on densities in both."""
+        """Random numbers by use: places of points in both looks, noise in both."""
         first, more = self.samples
         noises = (first, first + more) if self.noise else (0, 0)
         return (first, more, *noises)

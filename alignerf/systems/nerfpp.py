@@ -31,7 +31,7 @@ class NerfPlusPlus(nn.Module):
 
     @property
     def parts(self):
-        """Of these, within and outside, in the first look and in the second."""
+        """Random numbers by use: within and outside, of the first and second look."""
         first, more = self.samples
         return (first, first, more, more)
 

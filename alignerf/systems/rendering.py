@@ -52,7 +52,7 @@ def mean_square(values, photo, weight):
 
 
 def huber(rendering, photo, weight):
-    """Square up to HUBER, line beyond, of one slope where they meet."""
+    """Huber's loss: a square up to HUBER, a line of the same slope beyond."""
     error = jnp.abs(rendering.values - photo)
     large = error > HUBER
     # Not the minimum, whose slope is halved where both are equal.

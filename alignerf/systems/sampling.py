@@ -1,5 +1,5 @@
-"""Samples as NeRF draws them: evenly along a ray, then again where a first look found
-something; and what lies between two of them.
+"""NeRF's samples, evenly along a ray and then by the weights of a first look, and the
+compositing of what they see.
 
 Notation: t [rays, n] distances along a ray in units of its direction, jitter in [0, 1);
 weights of points, or of the intervals between edges. float32, whatever near and far.
@@ -22,7 +22,7 @@ EPS = float(jnp.finfo(jnp.float32).eps)
 
 
 def split_jitter(jitter: Float[Array, "rays n"] | None, counts):
-    """Of a ray's random numbers those of each purpose; None of none."""
+    """A ray's random numbers split by counts; a list of None without any."""
     if jitter is None:
         return (None,) * len(counts)
     ends = [sum(counts[:end]) for end in range(1, len(counts))]
@@ -50,7 +50,7 @@ def stratified(
 
 
 def moved(jitter, t):
-    """Each distance somewhere between the middles of the gaps beside it."""
+    """Each distance moved at random between the midpoints to its neighbours."""
     middle = (t[..., 1:] + t[..., :-1]) / 2
     low = jnp.concatenate([t[..., :1], middle], axis=-1)
     high = jnp.concatenate([middle, t[..., -1:]], axis=-1)

@@ -1,6 +1,6 @@
-"""What a training step learns from: rays or patches of rays, drawn from the views.
+"""The batches of a training: rays, or patches of rays, drawn from the views.
 
-All that is random is drawn here, with the batch, before anything is computed of it.
+All random numbers of a step are drawn here, with its batch.
 """
 
 from typing import Any, NamedTuple
@@ -56,9 +56,9 @@ def unpack_valid(bits, w):
 
 
 def all_valid(n, h, w):
-    """As `pack_valid` of n photos in which every pixel counts.
+    """`pack_valid` of n photos in which every pixel counts.
 
-    A training has a mask even so: its rounds then share one compiled program.
+    A training without masks has this one, so that all rounds share a compiled program.
     """
     return np.full((n, h, -(-w // 8)), 255, np.uint8)
 
@@ -75,7 +75,7 @@ def view_shapes(loaded: prepared.Scene, chosen) -> Views:
 
 
 def load_views(loaded: prepared.Scene, chosen, photos, valid=None) -> Views:
-    """The training views in the host's memory, with what says which pixels count."""
+    """The training views in the host's memory, with the masks of the valid pixels."""
     packed = [all_valid(len(chosen), loaded.height, loaded.width)]
     if valid or (loaded.folder / prepared.MASKS).is_dir():
         # View by view: masks of all photos are a third of their size.

@@ -4,8 +4,8 @@ A folder of checkpoints holds `state-<step>.msgpack` and `manifest.json`, which
 names the newest one with its SHA-256, the job's fingerprint, the time spent and the
 number of micro-batches.
 The manifest is replaced last, so a killed writer leaves the previous state.
-With a budget of minutes `budget.json` says how many steps they are; it is written
-before the first one.
+With a budget of minutes, `budget.json` holds the number of steps; it is written before
+the first step.
 """
 
 import contextlib
@@ -91,9 +91,9 @@ def save(folder, state, *, identity, time_s, micro_batches, final):
 
 
 def read_micro_batches(folder) -> int | None:
-    """Micro-batches of the folder's checkpoint, whosever it is; None without one.
+    """Micro-batches of the checkpoint, even if another job's; None without one.
 
-    What is wrong with the manifest is left to `restore` to say.
+    `restore` logs the faults of a manifest.
     """
     try:
         return _read_manifest(folder)["parts"]
@@ -102,7 +102,7 @@ def read_micro_batches(folder) -> int | None:
 
 
 def save_budget(folder, *, identity, steps, steps_per_s):
-    """Write down how many steps a job's budget holds, and the speed that says so."""
+    """Write budget.json: the steps of a job's budget, and the measured speed."""
     budget = {"identity": identity, "steps": steps, "steps_per_s": steps_per_s}
     write(pathlib.Path(folder) / "budget.json", json.dumps(budget, indent=1).encode())
 
@@ -128,8 +128,8 @@ def read_budget(folder, *, identity) -> dict | None:
 def restore(folder, template, *, identity):
     """The newest state and its manifest, or None where none fits.
 
-    A checkpoint of another job (other config, photos or initial weights) or a
-    damaged one is said so and left out; training then starts anew.
+    A damaged checkpoint, or one of another job (other config, photos or initial
+    weights), is logged and ignored; training then starts anew.
     """
     folder = pathlib.Path(folder)
     try:
@@ -171,7 +171,7 @@ def write_params(path, params):
 
 
 def read_params(path, template):
-    """Parameters of the template's shapes; anything else names the file."""
+    """Parameters of the template's shapes; else ValueError naming the file."""
     try:
         faults.check_regular(path)
         data = pathlib.Path(path).read_bytes()
@@ -181,7 +181,8 @@ def read_params(path, template):
 
 
 def _from_bytes(template, data, where):
-    """flax accepts surplus entries, other shapes and NaN: all are checked here."""
+    """Parameters from bytes. flax accepts surplus entries, other shapes and NaN; this
+    raises ValueError for them."""
     wanted = flax.serialization.to_state_dict(template)
     try:
         stored = flax.serialization.msgpack_restore(data)
@@ -210,7 +211,7 @@ def _from_bytes(template, data, where):
 
 
 def write(path, data):
-    """Write bytes whole, and through to the disk."""
+    """Write bytes atomically, and flush them to the disk."""
     with atomic.replace_file(path) as temporary, open(temporary, "wb") as file:
         file.write(data)
         file.flush()

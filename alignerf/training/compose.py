@@ -22,9 +22,9 @@ def make_method(
 ) -> methods.Method:
     """The method of a job: baseline, or AligNeRF in its fine-tuning stage.
 
-    views: a function that gives the training views' cameras (`refine.Views`); asked
-    where they are learnt too. to_train False leaves out what only its loss needs, the
-    weights file. moving: its renders can be differentiated in their rays.
+    views: a function that gives the training views' cameras (`refine.Views`), called
+    where cameras are learnt. to_train: False leaves out the weights file, which only
+    the loss needs. moving: the renders can be differentiated in their rays.
     """
     moving = moving or job.refine is not None
     method = without_cameras(job, to_train=to_train, moving=moving)
@@ -34,7 +34,7 @@ def make_method(
 
 
 def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
-    """The same without the learning of cameras."""
+    """`make_method` of a job whose cameras are not learnt."""
     if job.model.kind != "mipnerf360":
         return make_system(job, moving=moving)
     fine = job.stage == "finetune"
@@ -79,7 +79,7 @@ def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
 
 
 def make_system(job: jobs.Job, *, moving) -> methods.Method:
-    """Another of the paper's systems, with its own loss."""
+    """The method of another system of the paper, with its own loss."""
     training = job.training
     if job.model.kind == "ngp":
         model, loss = instant_ngp.make(job.model, moving=moving)

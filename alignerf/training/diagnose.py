@@ -1,7 +1,7 @@
 """Why a step is not finite: which terms, which networks, the rays of which views.
 
-Slow, and run once: the step is drawn again and taken apart. The batch is looked at
-in small parts of one size, so that the code is compiled once.
+Slow, and run once: the batch of the step is drawn again and searched in small parts of
+one size, so that the code is compiled once.
 """
 
 import functools
@@ -49,7 +49,7 @@ def explain(method, state, views, names, *, steps, seed, micro_batches=1) -> str
 
 
 def spoilt_parameters(params):
-    """What to say of the networks with parameters that are not finite."""
+    """A text for each network with parameters that are not finite."""
     return [
         f"{count} parameters of the {name}"
         for name, network in train_step.networks(params).items()
@@ -85,10 +85,10 @@ def spoilt_terms(terms, params, part, share):
 
 
 def search(look, view, size):
-    """(all faults, views at fault) of a batch, of whose units these are the views.
+    """(all faults, views at fault) of a batch; view [units]: the view of each unit.
 
-    look(units) gives the faults of at most `size` units. Views that share a part
-    with a fault are looked at one by one, VIEWS of them at most.
+    look(units) gives the faults of at most `size` units. Views in a part with a fault
+    are searched one by one, VIEWS of them at most.
     """
     what, suspects = set(), set()
     for units in parts_of(np.argsort(view, kind="stable"), size):

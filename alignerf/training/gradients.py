@@ -27,7 +27,7 @@ CACHED_POINTS, CACHED_LOOKUPS = 12288, 49152
 def make_mesh(units, devices, *, all_of_them=False):
     """The mesh of as many devices as share the units evenly; None for one device.
 
-    all_of_them: ValueError where some would be left out, as with several processes.
+    all_of_them: raise ValueError rather than leave devices out (several processes).
     """
     count = max(n for n in range(1, len(devices) + 1) if units % n == 0)
     if count < len(devices) and all_of_them:
@@ -59,7 +59,7 @@ def mean(terms, params, batch, share, *, micro_batches=1, mesh=None):
     """((loss, {term or number: mean}), gradient of the loss) of a batch.
 
     terms(params, batch, share) -> ({term: mean}, {number to show: mean}); the
-    loss is the sum of the terms. Parts and devices change its rounding alone.
+    loss is the sum of the terms. Micro-batches and devices change only its rounding.
     """
     local = functools.partial(accumulate, terms, micro_batches=micro_batches)
     if mesh is None:

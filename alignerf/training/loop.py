@@ -1,8 +1,7 @@
 """The training loop: resume, step, look at the numbers, save.
 
-A budget of minutes becomes a number of steps before the first one, once and for all.
-
-Nothing here knows what a method is made of, or where its photos came from.
+A budget of minutes is turned into a number of steps once, before the first step. The
+loop does not depend on the kind of method, nor on the source of its photos.
 """
 
 import contextlib
@@ -30,15 +29,15 @@ TIMING_SHARE, TIMING_S = 0.05, 5.0
 
 
 class NoAligner:
-    """What a training asks of `alignment.aligner.Aligner`, where nothing is aligned."""
+    """The `alignment.aligner.Aligner` of a training that aligns nothing."""
 
     places, report, compile_time_s = (), (), 0.0
 
     def begin(self, steps, identity):
-        """Nothing to be fixed."""
+        """There are no places to fix."""
 
     def restore(self, step):
-        """Nothing has to be there."""
+        """No alignment has to be on disk."""
         return True
 
     def views(self, views):
@@ -100,10 +99,10 @@ def begin(
 
 
 def in_budget(job, method, built, params, views, checkpoints, data):
-    """(job with its steps, program, what a table says of the budget, if there is one).
+    """(job with its steps, program, {fact of the budget}); no facts without a budget.
 
-    The steps that the budget holds are those written down, or as timed now. `data`
-    identifies what the job starts from.
+    The number of steps is read from budget.json, or timed now. data: identifies the
+    photos, cameras and initial parameters.
     """
     if job.budget_min is None:
         return job, built, {}
@@ -124,7 +123,7 @@ def in_budget(job, method, built, params, views, checkpoints, data):
 def time_budget(job, built, params, views):
     """{steps, steps_per_s} of the whole training's budget, at this stage's speed.
 
-    The steps that are timed change a copy of the parameters, which is thrown away.
+    The timed steps change a copy of the parameters, which is discarded.
     """
     most_s = min(TIMING_S, TIMING_SHARE * 60 * job.budget_min)
     copy = jax.tree.map(jnp.copy, params)
@@ -177,7 +176,7 @@ def resume(checkpoints, fresh: Resumed, identity, steps, aligner) -> Resumed:
 
 
 def describe(job, params):
-    """What a table says of a training, besides its time; the log says some of it."""
+    """The facts of a training for tables, besides its times; the log shows some."""
     facts = {
         "stage": job.stage,
         "steps": job.steps,
@@ -196,7 +195,7 @@ def describe(job, params):
 def run_steps(run, note):
     """The loop: step, look at the numbers, save now and then.
 
-    Before the aligner's steps it saves, and goes on with the views as aligned. Raises
+    Before the aligner's steps the run is saved, then aligned. Raises
     ValueError(run.explain()) for the first step that is not finite.
     """
     steps, places = run.job.steps, run.aligner.places

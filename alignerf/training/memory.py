@@ -1,7 +1,7 @@
-"""What a training takes of the memory, and what there is; all in bytes.
+"""The memory that a training takes, and the free memory, in bytes.
 
-The compiler says what a step needs besides its inputs. Where that does not fit, the
-batch is split into micro-batches, as few as will do.
+The compiler says how much a step needs besides its inputs. A batch that does not fit
+is split into as few micro-batches as possible.
 """
 
 import contextlib
@@ -40,7 +40,7 @@ def free_bytes(device) -> int:
 
 
 def free_host_bytes(root="/") -> int:
-    """What this process can still take: of the machine, and of its containers."""
+    """Memory that this process can still take, of the machine and of its containers."""
     root = pathlib.Path(root)
     return max(0, min([_free_of_machine(root), *_free_of_containers(root)]))
 
@@ -56,7 +56,7 @@ def _free_of_machine(root):
 
 
 def _free_of_containers(root):
-    """What is left of every limit on a group that the process is in."""
+    """Free memory under the limit of each control group of this process."""
     try:
         groups = (root / "proc/self/cgroup").read_text().splitlines()
     except OSError:
@@ -81,9 +81,9 @@ def _and_parents(path):
 
 
 def step_bytes(compiled, devices) -> int:
-    """What running a compiled step takes of a device's memory, besides its inputs.
+    """Memory that a compiled step takes on a device, besides its inputs.
 
-    Devices that report no memory of their own, CPUs, share the host's.
+    CPU devices, which report no memory of their own, share the host's.
     """
     analysis = compiled.memory_analysis()
     fresh = analysis.output_size_in_bytes - analysis.alias_size_in_bytes

@@ -71,10 +71,11 @@ def mipnerf360(
 ) -> Method:
     """The baseline: single rays, Charbonnier loss (arXiv 2111.12077).
 
-    proposal_share: of the rays, as many teach the proposals; as published all do.
-    annealed: early in training samples spread beyond where the proposals put them;
-    not so for a training that begins with trained proposals.
-    coarse_to_fine: shares of the training between which what is fine comes in (BARF).
+    proposal_share: share of the rays that train the proposals; as published, all.
+    annealed: early in training, samples spread beyond where the proposals put them;
+    False for a training that begins with trained proposals.
+    coarse_to_fine: the shares of the training between which fine frequencies are faded
+    in (BARF).
     """
 
     def of_share(share):
@@ -101,8 +102,8 @@ def single_rays(
     """A model that learns from rays drawn one by one.
 
     data_loss: (rendering, photo, weight) -> mean, see `systems.rendering`.
-    regularisers: histograms -> {term: mean}. of_share: what the model is told of the
-    share of the training that has passed.
+    regularisers: histograms -> {term: mean}. of_share: share of the training that has
+    passed -> keyword arguments of the model.
     """
 
     def terms(params, batch, share):
@@ -133,12 +134,12 @@ def single_rays(
 
 
 def passed(share, first, last):
-    """How much of the way from one share of the training to another is done [0, 1]."""
+    """Progress in [0, 1] from the share `first` of the training to the share `last`."""
     return jnp.clip((share - first) / max(last - first, 1e-6), 0.0, 1.0)
 
 
 class Loss(NamedTuple):
-    """How a rendered patch is set against the photo around it.
+    """How a rendered patch is compared with the photo around it.
 
     matching: `patch` moves the photo by one offset a patch (Eq. 4), `pixel` by one a
     pixel (contextual). error: `squared` (as printed) or `charbonnier` (the
@@ -185,7 +186,8 @@ def match_patches(rgb, photo, exists, penalty):
 def match_pixels(rgb, photo, exists, penalty):
     """One offset a pixel: (patches, contextual loss, lengths in px).
 
-    The penalty is Eq. 4's: of a patch's sum there, of a pixel's mean here.
+    The penalty has Eq. 4's value, where it weighs against a sum over the patch. Here
+    it weighs against the mean of a pixel.
     """
     match = functools.partial(contextual_loss.match, spatial_weight=penalty)
     matches = jax.vmap(match)(rgb, photo, exists)

@@ -39,7 +39,7 @@ class Program(NamedTuple):
 
 
 def build(job, method, params, views, *, micro_batches=None, to_come=0) -> Program:
-    """Compile a job's step; of the views their shapes are enough.
+    """Compile a job's step; views: their shapes suffice.
 
     A compiler's memory can thus be given back before the photos are loaded, and a
     training that does not fit is refused before. to_come: bytes that will yet be taken.
@@ -136,12 +136,12 @@ def first_micro_batches(job, method, mesh, micro_batches=None) -> int:
 
 
 def hashed(model):
-    """Whether a model's points are looked up in tables, of the job's settings."""
+    """Whether the model of these settings looks its points up in hash tables."""
     return hasattr(getattr(model, "field", model), "log2_entries")
 
 
 def share(method, mesh):
-    """(this process's devices of a mesh, or the only one; units that each takes)."""
+    """(this process's devices in the mesh, or its only one; units of each device)."""
     if mesh is None:
         return jax.local_devices()[:1], method.units
     return list(mesh.local_devices), method.units // mesh.size
@@ -175,7 +175,7 @@ def compile_step(
 
 
 def log_memory(job, program, state, views):
-    """Say what the training takes, and what was free."""
+    """Log the memory that the training takes, and the free memory."""
     count = program.mesh.size if program.mesh else 1
     rays = job.rays_per_step // (program.micro_batches * count)
     params = memory.tree_bytes(state.params)

@@ -50,7 +50,7 @@ class Run:
             checkpoint.save(self.checkpoints, state, **facts)
 
     def align(self):
-        """Let the aligner look at the views, and go on with what it has put right."""
+        """Align cameras and photos, and replace the views by the aligned ones."""
         params = devices.local(self.state.params)
         self.aligner.align(params, int(self.state.step))
         views = self.aligner.views(self.unaligned)
@@ -68,7 +68,7 @@ class Run:
         }
 
     def explain(self):
-        """Why the step after the state, which such a step leaves, is not finite."""
+        """Why the next step is not finite; such a step leaves the state as it was."""
         return diagnose.explain(
             self.method,
             *devices.local((self.state, self.views)),
@@ -79,7 +79,7 @@ class Run:
         )
 
     def timing(self):
-        """What the tables say of the finished training."""
+        """The content of timing.json."""
         compiled_s = self.program.compile_time_s + self.aligner.compile_time_s
         report = self.aligner.report
         return self.facts | {
@@ -92,7 +92,7 @@ class Run:
 
 
 def check_finite(state):
-    """ValueError where parameters are not finite: such a checkpoint is of no use."""
+    """ValueError where parameters are not finite: their checkpoint would be useless."""
     if spoilt := diagnose.spoilt_parameters(state.params):
         raise ValueError(
             f"training diverged before step {int(state.step)}: not finite: "

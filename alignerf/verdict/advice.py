@@ -1,4 +1,4 @@
-"""What to do first, what that brought where it was measured, and what it cost there."""
+"""The remedy to try first, with its measured gain and cost."""
 
 from alignerf.verdict import causes
 
@@ -43,7 +43,7 @@ ALIGNED = ("camera", "motion")
 
 
 def advise(e, findings, gains=()):
-    """What to do first; a remedy that this run tried in vain is not recommended."""
+    """The remedy to try first; never one that this run has tried in vain."""
     named = {finding.cause for finding in findings}
     for cause, text in ADVICE:
         if cause in named and cause in ALIGNED and (tried := of_tried(e, gains)):
@@ -64,16 +64,16 @@ def advise(e, findings, gains=()):
 
 
 def pays(e, gain):
-    """Whether a remedy brought more than chance, on enough held-out photos to tell.
+    """Whether a remedy's gain is significant, on enough held-out photos.
 
-    Of moved cameras the photos as they are cannot tell.
+    Scores on the photos as they are say nothing of moved cameras.
     """
     fair = not (gain.on_the_way and gain.test_set == "standard")
     return fair and e.test_views >= causes.FEW_TEST_VIEWS and gain.low > 0
 
 
 def of_tried(e, gains):
-    """What to do where this run has aligned itself on the way; nothing where not."""
+    """Advice where this run has aligned itself on the way, else nothing."""
     tried = [gain for gain in gains if getattr(gain, "on_the_way", False)]
     if not tried:
         return ""
@@ -92,6 +92,6 @@ def of_tried(e, gains):
 
 
 def in_vain(e, gains):
-    """Whether this run warped photos, and enough views say that nothing came of it."""
+    """Whether this run warped photos without a gain, by enough views."""
     lows = [gain[2] for gain in gains if "warped" in gain[0]]
     return bool(lows) and e.test_views >= causes.FEW_TEST_VIEWS and max(lows) <= 0

@@ -37,7 +37,7 @@ SHIFT_PX, BEND_PX, LENS_ERRORS = 0.045, 0.08, 3.5
 
 
 class Evidence(NamedTuple):
-    """What the causes are decided from; NaN is unknown."""
+    """The numbers that the causes are decided by; NaN is unknown."""
 
     train_views: int
     test_views: int
@@ -75,7 +75,7 @@ class Finding(NamedTuple):
 
 
 def find(evidence: Evidence) -> list[Finding]:
-    """All causes that were found, the gravest first; none where nothing is wrong."""
+    """The causes that apply, the gravest first; empty where nothing is wrong."""
     tests = (few_views, unregistered, sparse, undertrained, lens_shift)
     tests = (*tests, lens_distortion, blurred, exposure, camera, motion)
     findings = [finding for test in tests if (finding := test(evidence))]
@@ -163,7 +163,7 @@ def undertrained(e: Evidence):
 
 
 def camera(e: Evidence):
-    """Poses are off: what a moved camera explains, or what photos share disagrees."""
+    """Poses are off: a moved camera explains the flow, or shared points disagree."""
     if by_flow(e):
         return Finding("camera", e.camera_px, e.camera_px > 2 * PART_PX)
     if by_points(e):
@@ -173,12 +173,12 @@ def camera(e: Evidence):
 
 
 def by_flow(e: Evidence):
-    """Whether the flow tells that poses are off."""
+    """Whether the flow shows that poses are off."""
     return misaligned(e) and e.camera_px > PART_PX
 
 
 def by_points(e: Evidence):
-    """Whether points tell that poses are off where the flow cannot.
+    """Whether the points show that poses are off where the flow cannot.
 
     From too few photos a wrong pose is learnt as geometry, so that training views fit.
     """

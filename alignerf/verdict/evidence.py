@@ -1,6 +1,6 @@
-"""What is known of a scene after its reference's first round, in numbers.
+"""The numbers of a verdict, after the first round of a scene's reference.
 
-Reads what the stages wrote: photos, renders, flow and its parts, trainings, poses.
+Reads the outputs of the stages: photos, renders, flow and its parts, trainings, poses.
 """
 
 import math
@@ -68,7 +68,7 @@ def read_flow(base, split, name):
 
 
 def moved_share(base, split, name, camera_px):
-    """Share of a view's valid pixels that moved, and by a length that can be told."""
+    """Share of a view's valid pixels that moved on their own, by a visible length."""
     least_px = max(causes.MOVED_PX, causes.MOVED_OF_CAMERA * camera_px)
     path = Path(base) / "parts_photos" / split / f"{name}.npz"
     data = archives.read(path, ("remainder_px", "moved", "valid"))
@@ -78,7 +78,7 @@ def moved_share(base, split, name, camera_px):
 
 
 def read_pattern(loaded: prepared.Scene, base) -> pattern.Pattern:
-    """What the flows of training views, of test views where there are none, share."""
+    """The pattern of the training views' flows; of the test views' without these."""
     split = "train" if (Path(base) / "flow" / "train").is_dir() else "test"
     chosen = loaded.views(split)
     places = np.linspace(0, len(chosen) - 1, min(MOST_PATTERN_VIEWS, len(chosen)))
@@ -141,7 +141,7 @@ def number(value):
 
 
 def median(rows, key):
-    """Over views; NaN of none."""
+    """Over views; NaN without views."""
     return float(np.median([getattr(v, key) for v in rows])) if rows else math.nan
 
 
@@ -151,5 +151,5 @@ def spread(rows, key):
 
 
 def mean(rows, key):
-    """Over views; NaN of none."""
+    """Over views; NaN without views."""
     return float(np.mean([getattr(v, key) for v in rows])) if rows else math.nan

@@ -43,7 +43,7 @@ COLUMNS = View._fields
 
 
 def measured(photo, render, valid, counts=None):
-    """What `View` has of a photo and the render of its view, without their flow.
+    """The fields of `View` by a photo and the render of its view, without their flow.
 
     counts [h, w]: where the photo counts; everywhere, where None.
     """

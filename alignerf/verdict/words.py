@@ -78,7 +78,7 @@ CALLED = {
 
 
 def alignment(e):
-    """How far photos and renders are apart, and what cannot be told."""
+    """How far photos and renders are apart, and what stays unknown."""
     parts = []
     if math.isfinite(e.flow_train_px):
         parts.append(f"{both(e.flow_train_px, e)} on photos that were learnt from")
@@ -184,7 +184,7 @@ def photos(views):
 
 
 class Gain(NamedTuple):
-    """What a remedy brought in this run, in dB with its interval, and what it took."""
+    """A remedy's gain in this run, in dB with its interval, and its minutes."""
 
     name: str
     db: float
@@ -197,7 +197,8 @@ class Gain(NamedTuple):
     test_set: str = ""
 
 
-# In a table's column `field`, of a training that aligned itself (`experiment.rows`).
+# In a table's column `field`, of a training that aligned itself
+# (`experiment.tables.rows`).
 ON_THE_WAY = "aligned on the way"
 # Test sets, the fairest first. Cameras that have moved see a test view elsewhere than
 # the given one says, so of these the photos as they are count last.
@@ -208,10 +209,10 @@ OF_GAINS += ("difference_db", "difference_low_db", "difference_high_db")
 
 
 def gains_of(path):
-    """The `Gain` of each remedy of a table over the same model without one.
+    """The `Gain` of each remedy in a table over the baseline, the model without one.
 
-    Against the oracle where it is known, else on held-out photos as they are; of a
-    training that aligned itself, by cameras that are moved to fit them.
+    Scores are those against the oracle where it is known, else those on held-out
+    photos; for a training that aligned itself, with cameras moved to fit the photos.
     """
     table = csv_files.read(path, columns=OF_GAINS)
     known = set(table["test_set"])
@@ -236,7 +237,7 @@ def gains_of(path):
 
 
 def gain_line(gain, e):
-    """What a remedy brought in this run; no claim from few views."""
+    """A sentence on a remedy's gain in this run; it claims nothing from few views."""
     name, db, low, high, minutes = gain[:5]
     took = f"{minutes:.0f} min" if minutes >= 1 else "under a minute"
     text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}] in {took}"

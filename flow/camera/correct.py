@@ -1,9 +1,8 @@
-"""Which cameras a scene's flows put right, and by how much.
+"""The corrections of a scene's cameras by the views' flows.
 
-Each view's flow, from a render to its photo, says how its camera moves (see `fit`).
-Of all views together it shows which of these motions can be trusted, and whether the
-focal length, which the views share, is wrong. A view that cannot be trusted stays
-where it is.
+Each view's flow, from a render to its photo, gives a motion of its camera (see `fit`).
+All views together show which motions can be trusted, and whether the focal length,
+which the views share, is wrong. A camera without a trusted motion stays where it is.
 """
 
 from typing import NamedTuple
@@ -36,7 +35,7 @@ LEAST_VIEWS = 3
 
 
 class View(NamedTuple):
-    """What a view's flow says of its camera.
+    """The flow and the depth of a view, by which its camera is corrected.
 
     flow_px [h, w, 2], valid [h, w]: from its render to its photo; pixtocam [3, 3];
     depth [h, w] of the render along the optical axis.
@@ -111,7 +110,7 @@ def shared_zoom(log_focals):
 
 
 def _fitted(view: View, **options) -> Correction:
-    """What a view says by itself; options: of `camera_fit.split`."""
+    """The correction of a view by itself; options: of `camera_fit.split`."""
     fit = camera_fit.split(*view, **options)
     lengths_px = np.linalg.norm(fit.camera_px[fit.valid], axis=-1)
     share = float(fit.valid.mean())
@@ -133,7 +132,7 @@ def _fitted(view: View, **options) -> Correction:
 
 
 def _with_others(correction: Correction, *, noise_px, length_px) -> Correction:
-    """The correction, or none where it is unlike the others, of these medians."""
+    """The correction, or none where it is unlike the views' medians."""
     if correction.noise_px > max(LEAST_NOISE_PX, NOISE_RATIO * noise_px):
         return _mistrusted(
             correction,
@@ -154,7 +153,7 @@ def _mistrusted(correction: Correction, reason) -> Correction:
 
 
 def left_alone(correction: Correction, reason) -> Correction:
-    """The correction as none, with the reason why."""
+    """The correction without a motion, and the reason for leaving the camera alone."""
     return correction._replace(
         motion=camera_motion.STILL, length_px=0.0, left_alone=reason
     )

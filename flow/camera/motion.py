@@ -1,4 +1,4 @@
-"""What a view shows when its camera is moved a little: exact, and its derivative.
+"""The flow of a camera that is moved a little: exact, and its derivative.
 
 Notation: a pixel's ray d [..., 3] = pixtocam (x + .5, y + .5, 1), of depth 1; its
 point d / rho with `rho` = 1 / depth along the optical axis, so that infinitely far is
@@ -51,9 +51,9 @@ def points_of(pixtocam, depth) -> Points:
 
 
 def flow(motion: Motion, points: Points):
-    """By how many pixels [..., 2] the moved camera sees the points aside.
+    """The flow [..., 2] in px that the motion of the camera causes.
 
-    Against what the same formula gives for no motion: that is then exactly zero.
+    The difference to the same formula without motion, so that no motion gives zero.
     """
     return _project(motion, points) - _project(STILL, points)
 

@@ -1,4 +1,4 @@
-"""What people have in a folder: photos of any orientation, HEIC, video.
+"""Folders of photos as people have them: any orientation, HEIC, video.
 
 `ingest` goes through the folder, `orientation` finds how photos of one sensor lie
 alike, `video` chooses the frames of a film, `canvas` lays photos of several sizes on

@@ -2,8 +2,7 @@
 
 The canvas is the size that most photos have. Another photo is made larger or smaller
 until its pixels cover the angle that theirs do, and is laid with its optical axis in
-the middle; what lies beyond the canvas is cut off, and what it leaves free counts
-nowhere.
+the middle. Pixels beyond the canvas are cut off; the free rest of the canvas is masked.
 """
 
 import functools
@@ -85,7 +84,7 @@ def lay(views: prepare.PosedViews, focal_px, size):
 
 
 def masks_of(views, places, size):
-    """A mask of each view on the canvas: what it leaves free counts nowhere."""
+    """The masks of the views on the canvas, whose free rest does not count."""
     if views.masks is None:
         laid = functools.partial(inside, size=size)
         return [prepare.Photo(placed, (laid, images.of_mask)) for placed in places]
@@ -99,9 +98,9 @@ def masks_of(views, places, size):
 
 
 def put(image, placed, own, size):
-    """An image on the canvas, where it is placed; black where it leaves that free.
+    """An image laid onto the canvas as `placed` says; the free rest is black.
 
-    own: the (width, height) that the photo has.
+    own: the (width, height) of the photo before it is laid.
     """
     (width, height), (left, top) = placed
     if width < own[0]:

@@ -77,7 +77,7 @@ class Camera(NamedTuple):
 def ingest(
     folder, work_folder, *, background=None, most_side_px=1600, masks=None
 ) -> Taken:
-    """Look through a folder, and decode every photo once to be sure that it is whole.
+    """Read a folder, and decode every photo once to be sure that none is broken.
 
     Films become frames, in <work_folder>/frames. background: as of `photos.decode`.
     most_side_px: of the copies. masks: a folder of <photo's file name>.png, black where
@@ -197,9 +197,10 @@ def share_cameras(kinds, focals_px):
 
 
 def zoom_of(focal_px, all_px):
-    """The shortest focal length of the zoom that one belongs to, of all of its kind.
+    """The shortest focal length of the zoom that a photo belongs to.
 
-    One that is not known has the zoom of the others, if they have one.
+    all_px: the focal lengths of all photos of its kind. A photo of unknown focal length
+    has the zoom of the others, if they share one; else 0 is returned.
     """
     first = []
     for one in np.sort(all_px[np.isfinite(all_px)]):

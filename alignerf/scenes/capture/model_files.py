@@ -1,7 +1,7 @@
 """COLMAP's binary models, walked through before its own reader sees them.
 
-That reader believes what a file says: of one that was cut short it makes 15 GB, and
-takes minutes. Formats: COLMAP's src/colmap/scene/reconstruction_io_binary.cc.
+COLMAP's reader trusts a file's counts: on a file that was cut short it takes minutes
+and 15 GB. Formats: COLMAP's src/colmap/scene/reconstruction_io_binary.cc.
 """
 
 import struct
@@ -15,7 +15,7 @@ OF_POINT_2D, OF_TRACK, OF_DATA, OF_POSE = 24, 8, 16, 56
 
 
 class Walk:
-    """A place in a file's bytes, which may only go forwards, and not beyond the end."""
+    """A position in a file's bytes that moves forwards; ValueError beyond the end."""
 
     def __init__(self, content):
         self.content, self.place = content, 0
@@ -77,7 +77,7 @@ ENTRIES |= {"frames": frame, "rigs": rig}
 
 
 def check(folder):
-    """ValueError naming a file of a model that does not hold what it says."""
+    """ValueError naming a file of a model that is shorter than its counts say."""
     for name, entry in ENTRIES.items():
         path = Path(folder) / f"{name}.bin"
         if not path.exists():

@@ -18,7 +18,7 @@ TURNS = {1: 0, 6: 1, 3: 2, 8: 3}
 
 
 class Lay(NamedTuple):
-    """How a photo comes to lie as the others do."""
+    """The turns that make a photo lie as the others do."""
 
     # EXIF's orientation that is applied to the rows as stored.
     orientation: int
@@ -42,7 +42,7 @@ def upright_size(size, orientation):
 
 
 def lay_alike(heads):
-    """((width, height), Lay) of each photo as it comes to lie.
+    """((width, height), Lay) of each photo, laid like the others.
 
     heads: (stored (width, height), orientation) of each photo. Photos of another size
     lie with their longer side as most photos have it.

@@ -1,4 +1,4 @@
-"""What poses.json says of photos that were posed, and of the points that they share."""
+"""The parts of poses.json on the photos that were posed, and on their points."""
 
 import numpy as np
 

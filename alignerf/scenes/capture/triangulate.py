@@ -1,7 +1,7 @@
 """Points of a scene whose cameras are given: COLMAP's features, and no camera moves.
 
-What is nearest and farthest decides settings. How well the views' points agree says
-how right the cameras are, before anything is trained.
+The nearest and farthest depths decide settings. The points' reprojection error tells,
+before any training, how exact the cameras are.
 """
 
 from pathlib import Path
@@ -18,7 +18,7 @@ MOST_FEATURES = 2048
 
 
 def triangulate(image_folder, work_folder, views, *, seed) -> colmap.Reconstruction:
-    """The given views, and the points that several of them see, the same on every run.
+    """The given views and their triangulated points, the same on every run.
 
     views: the arrays of a cameras.npz; image_folder: <view>.png of their size. Writes
     into work_folder. There may be no point; their mean error is then 0.

@@ -43,7 +43,7 @@ def find(folder):
 
 
 def without_live_photos(films, photos):
-    """The films that are none of a phone's seconds around a photo, of its name."""
+    """The films without live photos, the seconds around a photo of the same name."""
     stems = {path.stem for path in photos}
     live = [film.name for film in films if film.stem in stems]
     if live:
@@ -122,7 +122,7 @@ def choose(sharpness, steps):
 
 
 def frame_count(path):
-    """How many frames a film says that it has; 0 where it does not say."""
+    """The number of frames by a film's own header; 0 where it has none."""
     film = cv2.VideoCapture(str(path))
     try:
         return max(int(film.get(cv2.CAP_PROP_FRAME_COUNT)), 0)

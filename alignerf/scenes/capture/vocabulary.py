@@ -1,4 +1,4 @@
-"""Words of what the photos themselves show, by which those that look alike are found.
+"""A visual vocabulary of the photos themselves, to find photos that look alike.
 
 COLMAP finds photos that look alike by a vocabulary tree. Its own, learnt from photos of
 elsewhere, would have to be downloaded; one of the scene's own features serves as well.
