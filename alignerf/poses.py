@@ -46,53 +46,62 @@ PRODUCTS = ("images", "truth", "colmap", "cameras.npz", "poses.json")
 def main(config, out):
     """Run one scene's slice of the config; `out` is the scene's folder of results."""
     started = time.monotonic()
-    config = checked(config)
-    out = Path(out)
+    config, out = checked(config), Path(out)
     with atomic.scratch_folder(out) as scratch:
-        views, told, scene = READERS[config["source"]](config, scratch)
-        photo_size = views.width, views.height
-        views = prepare.sort_by_name(views)
+        full, told, scene = READERS[config["source"]](config, scratch)
         told["downscale_decided"] = config["downscale"] == "auto"
-        if told["downscale_decided"]:
-            config["downscale"] = prepare.factor_for(views, MOST_PIXELS, LEAST_SIDE_PX)
-            log.info("downscale: %d", config["downscale"])
-        views = prepare.downscale(views, config["downscale"])
+        views = for_training(full, config)
         prepared.check_views(config["path"] or out, views)
-        rng = np.random.default_rng([config["seed"], 1])
-        views = views._replace(
-            camtoworlds=cameras.perturb_poses(
-                views.camtoworlds, views.pixtocams, config["perturb_px"], rng
-            )
-        )
-        split = views.split
-        if split is None:
-            every = config["test_every"]
-            split = prepare.split_views(len(views.names), test_every=every)
-        elif config["test_every"] != scene_keys.Scene.test_every:
-            log.warning("test_every: the given file itself says what is held out")
+        views = perturbed(views, config)
+        split = split_of(views, config)
         check_enough(split, config["least_train_views"], config["path"] or out)
         warn_of_few(out, split)
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
         if scene_keys.wants_points(config) and views.points is None:
-            told |= add_points(fresh, scratch, photo_size[0] / views.width, config)
+            told |= add_points(fresh, scratch, full.width / views.width, config)
         if scene is not None:
             log.info("rendering the truth of %d views", len(views.names))
-            scene = truth.select(scene, views.names)
             told["true_misalignment_px"] = truth.write_truth(
                 fresh / "truth",
-                scene,
+                truth.select(scene, views.names),
                 views,
                 split=split,
                 perturb_px=config["perturb_px"],
             )
         if (scratch / "colmap").is_dir():
             atomic.move(scratch / "colmap", fresh / "colmap")
-        told |= describe_views(views, photo_size, split, config)
+        told |= describe_views(views, (full.width, full.height), split, config)
         told["time_s"] = round(time.monotonic() - started, 1)
         (fresh / "poses.json").write_text(json.dumps(told, indent=1) + "\n")
         publish(fresh, out)
     log.info("%s: %d of %d views", out, told["registered"], told["total"])
+
+
+def for_training(views, config):
+    """The views by name, at the resolution of training; sets an open `downscale`."""
+    views = prepare.sort_by_name(views)
+    if config["downscale"] == "auto":
+        config["downscale"] = prepare.factor_for(views, MOST_PIXELS, LEAST_SIDE_PX)
+        log.info("downscale: %d", config["downscale"])
+    return prepare.downscale(views, config["downscale"])
+
+
+def perturbed(views, config):
+    """The views with a pose error of the config's `perturb_px`."""
+    poses, rng = views.camtoworlds, np.random.default_rng([config["seed"], 1])
+    poses = cameras.perturb_poses(poses, views.pixtocams, config["perturb_px"], rng)
+    return views._replace(camtoworlds=poses)
+
+
+def split_of(views, config):
+    """Split [n] of the views: by their files, else every `test_every`-th is test."""
+    every = config["test_every"]
+    if views.split is None:
+        return prepare.split_views(len(views.names), test_every=every)
+    if every != scene_keys.Scene.test_every:
+        log.warning("test_every: the given file itself says what is held out")
+    return views.split
 
 
 def check_enough(split, least, where):
@@ -133,28 +142,19 @@ def load_photos(config, scratch):
     return views, told, None
 
 
-def load_transforms(config, scratch):
-    """`load_photos` of a transforms.json, with the poses of the file."""
-    views, left_out = transforms.read(config["path"], config["background"])
+# Sources whose files give the poses -> (views, names of photos without a pose).
+GIVEN = {
+    "transforms": lambda config: transforms.read(config["path"], config["background"]),
+    "llff": lambda config: (llff.read(config["path"]), []),
+    "mipnerf360": lambda config: mipnerf360.read(config["path"], config["images"]),
+    "blender": lambda config: blender.read(config["path"], config["background"]),
+}
+
+
+def load_given(config, scratch):
+    """`load_photos` of a scene whose files give the poses."""
+    views, left_out = GIVEN[config["source"]](config)
     return views, report.registration(views.names, left_out), None
-
-
-def load_blender(config, scratch):
-    """`load_photos` of one of NeRF's synthetic scenes, with its own split."""
-    views, left_out = blender.read(config["path"], config["background"])
-    return views, report.registration(views.names, left_out), None
-
-
-def load_mipnerf360(config, scratch):
-    """`load_photos` of mip-NeRF 360's layout, with the poses of its COLMAP model."""
-    views, left_out = mipnerf360.read(config["path"], config["images"])
-    return views, report.registration(views.names, left_out), None
-
-
-def load_llff(config, scratch):
-    """`load_photos` of LLFF's poses_bounds.npy."""
-    views = llff.read(config["path"])
-    return views, report.registration(views.names, []), None
 
 
 def load_courtyard(config, scratch):
@@ -187,10 +187,7 @@ def load_courtyard(config, scratch):
 READERS = {
     "courtyard": load_courtyard,
     "photos": load_photos,
-    "transforms": load_transforms,
-    "llff": load_llff,
-    "mipnerf360": load_mipnerf360,
-    "blender": load_blender,
+    **dict.fromkeys(GIVEN, load_given),
 }
 
 

@@ -102,22 +102,15 @@ def train(job, args):
         checkpoint.fingerprint(jobs.as_dict(job), args.sources), "config"
     )
     loaded = prepared.load(args.scene, args.cameras)
-    check_patches(job, loaded)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
-    prepared.check_images(loaded, chosen, photos)
-    for view in chosen if args.valid else ():
-        archives.check(f"{args.valid}/{loaded.names[view]}.npz", ["valid"])
+    check_inputs(job, loaded, chosen, photos, args.valid)
     moves = job.refine or job.align
     compared = to_truth(loaded, args.truth) if moves and args.truth else None
     method = compose.make_method(job, lambda: refine.views_of(loaded))
     params = initial_params(job, method, args.initial)
     shapes = batches.view_shapes(loaded, chosen)
     aligner = make_aligner(job, loaded, chosen, photos, args)
-    to_come = memory.tree_bytes(shapes)
-    if aligner:
-        to_come += aligner.more_bytes(shapes)
-    for free in (memory.free_host_bytes(), memory.free_bytes(jax.local_devices()[0])):
-        memory.check(to_come, free, f"{photos}: training views")
+    to_come = checked_bytes(shapes, aligner, photos)
     left = eta.Left(args.scene, args.timing)
     if text := left.words():
         log.info(text)
@@ -140,15 +133,34 @@ def train(job, args):
     elif job.refine:
         moved = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
     if rank.is_first():
-        with atomic.replace_folder(args.learnt) as folder:
-            if job.align:
-                aligner.write(folder, views, args.cameras)
-            else:
-                write_cameras(folder / "cameras.npz", moved, job, args)
+        write_learnt(job, moved, aligner, views, args)
     if compared:
         errors_px = {"given": compared(loaded), "after": compared(moved)}
         timing["pose_error_px"] = errors_px
     return params, timing
+
+
+def check_inputs(job, loaded: prepared.Scene, chosen, photos, valid):
+    """ValueError naming a photo or mask that cannot be learnt from, by its head."""
+    smallest = min(loaded.width, loaded.height)
+    if job.stage == "finetune" and job.alignerf.patch_px > smallest:
+        raise ValueError(
+            f"config.alignerf.patch_px: {job.alignerf.patch_px} px do not fit photos "
+            f"of {loaded.width}x{loaded.height}"
+        )
+    prepared.check_images(loaded, chosen, photos)
+    for view in chosen if valid else ():
+        archives.check(f"{valid}/{loaded.names[view]}.npz", ["valid"])
+
+
+def checked_bytes(shapes, aligner, photos):
+    """Memory that the views and their alignment take; ValueError where it is short."""
+    to_come = memory.tree_bytes(shapes)
+    if aligner:
+        to_come += aligner.more_bytes(shapes)
+    for free in (memory.free_host_bytes(), memory.free_bytes(jax.local_devices()[0])):
+        memory.check(to_come, free, f"{photos}: training views")
+    return to_come
 
 
 def make_aligner(job, loaded: prepared.Scene, chosen, photos, args):
@@ -164,13 +176,17 @@ def make_aligner(job, loaded: prepared.Scene, chosen, photos, args):
     return alignment.Aligner(job, scene, args.checkpoints)
 
 
-def write_cameras(path, learnt, job, args):
-    """Write the cameras of the renders: learnt ones, else those of a given file."""
-    if job.refine:
-        prepared.write_cameras(path, learnt, args.cameras)
-        return
-    original = args.seen_by or args.cameras or f"{args.scene}/cameras.npz"
-    shutil.copyfile(original, path)
+def write_learnt(job, moved, aligner, views, args):
+    """Write the cameras that the renders are seen by, and photos that were warped."""
+    with atomic.replace_folder(args.learnt) as folder:
+        path = folder / "cameras.npz"
+        if job.align:
+            aligner.write(folder, views, args.cameras)
+        elif job.refine:
+            prepared.write_cameras(path, moved, args.cameras)
+        else:
+            original = args.seen_by or args.cameras or f"{args.scene}/cameras.npz"
+            shutil.copyfile(original, path)
 
 
 def to_truth(loaded: prepared.Scene, truth):
@@ -199,16 +215,6 @@ def weights_digest(job) -> str:
         return ""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def check_patches(job, loaded: prepared.Scene):
-    """ValueError where a patch does not fit into the photos."""
-    smallest = min(loaded.width, loaded.height)
-    if job.stage == "finetune" and job.alignerf.patch_px > smallest:
-        raise ValueError(
-            f"config.alignerf.patch_px: {job.alignerf.patch_px} px do not fit photos "
-            f"of {loaded.width}x{loaded.height}"
-        )
 
 
 def initial_params(job, method, initial):

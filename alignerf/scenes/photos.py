@@ -20,7 +20,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 import pillow_heif
-from PIL import Image
+from PIL import ExifTags, Image
 
 from alignerf.files import faults
 from alignerf.scenes import prepared
@@ -33,7 +33,7 @@ SUFFIXES = frozenset(
 # What a file of such a name may hold. Pillow knows more, some by other programs.
 FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP", "HEIF")
 PNG = b"\x89PNG\r\n\x1a\n"
-EXIF_IFD, FOCAL_35MM_TAG, ORIENTATION_TAG = 0x8769, 0xA405, 0x0112
+EXIF, TAG = ExifTags.IFD.Exif, ExifTags.Base
 # The diagonal of 36 x 24 mm film, to which EXIF's 35 mm equivalent refers (CIPA).
 FILM_DIAGONAL_MM = 43.2666
 
@@ -51,8 +51,6 @@ UPRIGHT = {
 # Those that change width and height, and of each orientation the one that undoes it.
 SIDEWAYS = (5, 6, 7, 8)
 UNDONE_BY = {o: {6: 8, 8: 6}.get(o, o) for o in UPRIGHT}
-# Maker, model, and the lens among EXIF's own.
-MAKE_TAG, MODEL_TAG, LENS_TAG = 0x010F, 0x0110, 0xA434
 
 pillow_heif.register_heif_opener()
 
@@ -127,9 +125,9 @@ def decode(path, background=None, *, upright=True):
         turned_by = _turned_by(opened)
         opened.load()
         exif = opened.getexif()
-        focal_35mm_mm = exif.get_ifd(EXIF_IFD).get(FOCAL_35MM_TAG)
+        focal_35mm_mm = exif.get_ifd(EXIF).get(TAG.FocalLengthIn35mmFilm)
         # Nothing is copied without need: a photo of 170 megapixels takes 0.7 GB.
-        orientation = exif.get(ORIENTATION_TAG, 1) if opened.format != "TIFF" else 1
+        orientation = exif.get(TAG.Orientation, 1) if opened.format != "TIFF" else 1
     # Outside of `_opened`: its ValueErrors name the file already.
     rgb = _to_rgb(opened, path, background)
     if upright:
@@ -156,13 +154,13 @@ def head(path) -> Head:
     """A photo's size and orientation, by its first bytes; ValueError as of `decode`."""
     with _opened(path) as opened:
         exif = opened.getexif()
-        texts = [exif.get(MAKE_TAG), exif.get(MODEL_TAG)]
-        texts.append(exif.get_ifd(EXIF_IFD).get(LENS_TAG))
+        texts = [exif.get(TAG.Make), exif.get(TAG.Model)]
+        texts.append(exif.get_ifd(EXIF).get(TAG.LensModel))
         camera = " ".join(str(text).strip("\0 ") for text in texts if text)
         if (turned_by := _turned_by(opened)) != 1:
             size = opened.size[::-1] if turned_by in SIDEWAYS else opened.size
             return Head(size, turned_by, camera)
-        orientation = exif.get(ORIENTATION_TAG, 1)
+        orientation = exif.get(TAG.Orientation, 1)
         # Pillow turns the rows of a TIFF itself; others are none that EXIF has.
         if opened.format == "TIFF" or orientation not in UPRIGHT:
             orientation = 1

@@ -85,11 +85,13 @@ def ingest(
     naming the file for what is broken.
     """
     work_folder = Path(work_folder)
+
+    def is_frame(path):
+        return path.parent.parent == work_folder
+
     paths = find(folder, work_folder)
     heads = [photos.head(path) for path in paths]
     laid = orientation.lay_alike([(head.size, head.orientation) for head in heads])
-    sizes = [size for size, _ in laid]
-    lays = [lay for _, lay in laid]
     copies = work_folder / "copies"
     copies.mkdir()
     copy_sizes, focals_px = [], []
@@ -103,19 +105,14 @@ def ingest(
     focals_px = np.array(focals_px)
     # Frames of a film are by its camera, which may be cut otherwise than the photos'.
     kinds = [
-        (
-            lay.kind,
-            path.stem.rpartition("_")[0]
-            if path.parent.parent == work_folder
-            else head.camera,
-        )
-        for path, lay, head in zip(paths, lays, heads, strict=True)
+        (lay.kind, path.stem.rpartition("_")[0] if is_frame(path) else head.camera)
+        for path, (_, lay), head in zip(paths, laid, heads, strict=True)
     ]
     taken = Taken(
         names=[path.stem for path in paths],
         paths=paths,
-        lays=lays,
-        sizes=sizes,
+        lays=[lay for _, lay in laid],
+        sizes=[size for size, _ in laid],
         copy_sizes=copy_sizes,
         folder=copies,
         focals_px=focals_px,

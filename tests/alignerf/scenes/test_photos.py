@@ -142,7 +142,7 @@ def test_folders_that_cannot_be_used(tmp_path, pixels):
 def test_focal_length_from_exif(tmp_path):
     """A lens of 43.27 mm equivalent sees its image's diagonal at its own length."""
     exif = Image.Exif()
-    exif.get_ifd(photos.EXIF_IFD)[photos.FOCAL_35MM_TAG] = 26
+    exif.get_ifd(photos.EXIF)[photos.TAG.FocalLengthIn35mmFilm] = 26
     save(tmp_path / "a.jpg", np.zeros((3000, 4000, 3), np.uint8), exif=exif)
     _, focal_px = photos.decode(tmp_path / "a.jpg")
     assert focal_px == pytest.approx(26 / 43.2666 * 5000)
@@ -151,7 +151,7 @@ def test_focal_length_from_exif(tmp_path):
 def test_a_heic_photo_is_decoded_and_tells_its_size(tmp_path, pixels):
     big = pixels.repeat(8, 0).repeat(8, 1)
     exif = Image.Exif()
-    exif.get_ifd(photos.EXIF_IFD)[photos.FOCAL_35MM_TAG] = 26
+    exif.get_ifd(photos.EXIF)[photos.TAG.FocalLengthIn35mmFilm] = 26
     save(tmp_path / "a.heic", big, quality=95, exif=exif)
     assert photos.find_images(tmp_path) == [tmp_path / "a.heic"]
     assert photos.head(tmp_path / "a.heic")[:2] == ((160, 96), 1)
