@@ -4,6 +4,9 @@ import concurrent.futures
 import hashlib
 import os
 import platform
+import re
+import resource
+import sys
 from pathlib import Path
 
 # Device files of NVIDIA's and AMD's drivers, and of Google's TPUs.
@@ -60,6 +63,17 @@ def processor(cpuinfo=Path("/proc/cpuinfo")) -> str:
         return architecture
     flags = next((line for line in lines if line.lower().startswith(FLAGS)), "")
     return f"{architecture}-{hashlib.sha256(flags.encode()).hexdigest()[:8]}"
+
+
+def peak_bytes() -> int:
+    """Peak memory of this process; on Linux since /proc/self/clear_refs was written."""
+    try:
+        status = Path("/proc/self/status").read_text()
+        return 1024 * int(re.search(r"VmHWM:\s+(\d+)", status)[1])
+    except (OSError, TypeError):
+        # Elsewhere it may be the peak of the process that started this one.
+        unit = 1 if sys.platform == "darwin" else 1024
+        return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def has_accelerator(devices=Path("/dev")) -> bool:

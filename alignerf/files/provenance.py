@@ -29,9 +29,9 @@ def path_beside(table):
     return Path(table).with_suffix(".provenance.json")
 
 
-def as_json(facts_of_file):
-    """The content of a provenance file."""
-    return json.dumps(facts_of_file, indent=2) + "\n"
+def as_json(described):
+    """The content of a provenance file; described: as of `describe`."""
+    return json.dumps(described, indent=2) + "\n"
 
 
 def describe(rows, configs, *, seeds=(), devices=()):
@@ -112,11 +112,11 @@ def processor():
 def of_training(path):
     """KEYS of a training, None for those that its timing.json lacks."""
     timing = json_files.read(path)
-    facts_of_training = {key: timing.get(key) for key in KEYS}
-    for key, value in facts_of_training.items():
+    values = {key: timing.get(key) for key in KEYS}
+    for key, value in values.items():
         if not isinstance(value, str | None):
             raise ValueError(f"{path}: {key} is {value!r:.60} instead of text")
-    return facts_of_training
+    return values
 
 
 def config_of(path):

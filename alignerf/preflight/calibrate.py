@@ -8,8 +8,6 @@ the cache, is the job's. Writes JSON to stdout.
 import argparse
 import json
 import pathlib
-import re
-import resource
 import time
 
 import jax
@@ -85,7 +83,7 @@ def of_training(job, scene, started):
         "compile_s": built.compile_time_s,
         "step_s": step_s,
         "params": count,
-        "peak_bytes": peak_bytes(),
+        "peak_bytes": machine.peak_bytes(),
     }
 
 
@@ -120,7 +118,7 @@ def of_rendering(job, scene, started):
         "render_start_s": start_s,
         "render_compile_s": max(0.0, first_s - single_s),
         "pixel_s": all_s / (len(views) * height * loaded.width),
-        "render_peak_bytes": peak_bytes(),
+        "render_peak_bytes": machine.peak_bytes(),
     }
 
 
@@ -133,15 +131,6 @@ def forget_compiled():
         pathlib.Path("/proc/self/clear_refs").write_text("5")
     except OSError:
         return
-
-
-def peak_bytes():
-    """Peak memory of this process; on Linux since `forget_compiled`."""
-    try:
-        status = pathlib.Path("/proc/self/status").read_text()
-        return 1024 * int(re.search(r"VmHWM:\s+(\d+)", status)[1])
-    except (OSError, TypeError):
-        return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 if __name__ == "__main__":

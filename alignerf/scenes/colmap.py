@@ -14,7 +14,7 @@ import pycolmap
 from jaxtyping import Float, UInt8
 
 from alignerf.files import faults
-from alignerf.scenes import cameras
+from alignerf.scenes import cameras, prepare
 from alignerf.scenes.capture import canvas, ingest, mapping
 
 log = logging.getLogger(__name__)

@@ -67,13 +67,6 @@ def read(path, background=None, *, split_by_lists=True):
         _lens(path, {**scene, **frame}, width, height, where=str(frame["file_path"]))
         for frame, _ in kept
     ]
-    images = Images(path)
-    mask_paths, masks = [_find_mask(images, frame) for frame, _ in kept], None
-    if any(mask_paths):
-        masks = [
-            _mask(path, image, width, height)
-            for path, (_, image) in zip(mask_paths, kept, strict=True)
-        ]
     as_stored = functools.partial(photos.as_stored, background=background)
     views = distortion.pinhole_views(
         names,
@@ -82,7 +75,7 @@ def read(path, background=None, *, split_by_lists=True):
         width=width,
         height=height,
         photos=[prepare.Photo(image, (as_stored,)) for _, image in kept],
-        masks=masks,
+        masks=_masks(path, kept, width, height),
         where=path,
     )
     if splits:
@@ -91,11 +84,19 @@ def read(path, background=None, *, split_by_lists=True):
     return views, left_out
 
 
-def _mask(path, image, width, height):
-    """The mask of an image; all of its pixels count where it has none."""
-    if path is None:
-        return prepare.all_count(width, height)
-    return prepare.Photo(path, (functools.partial(ingest.read_mask, photo=image),))
+def _masks(path, kept, width, height):
+    """A mask of each frame, in which all pixels count where it names none, or None."""
+    images = Images(path)
+    mask_paths = [_find_mask(images, frame) for frame, _ in kept]
+    if not any(mask_paths):
+        return None
+    full = prepare.all_count(width, height)
+    return [
+        prepare.Photo(mask, (functools.partial(ingest.read_mask, photo=image),))
+        if mask
+        else full
+        for mask, (_, image) in zip(mask_paths, kept, strict=True)
+    ]
 
 
 def _splits(path, scene, kept):

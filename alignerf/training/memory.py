@@ -61,10 +61,10 @@ def _free_of_containers(root):
         groups = (root / "proc/self/cgroup").read_text().splitlines()
     except OSError:
         return
-    names = {line.split(":", 2)[2].strip("/") for line in groups}
+    names = {pathlib.Path(line.split(":", 2)[2].strip("/")) for line in groups}
     for mount, limit_file, used_file, cache_name in CONTAINERS:
         # The groups themselves and those around them.
-        paths = {path for name in names for path in _and_parents(pathlib.Path(name))}
+        paths = {path for name in names for path in (name, *name.parents)}
         for folder in (root / mount / path for path in paths):
             try:
                 limit = int((folder / limit_file).read_text())
@@ -74,10 +74,6 @@ def _free_of_containers(root):
                 # No such group, or its limit is "max".
                 continue
             yield limit - used + int(dict(map(str.split, pages)).get(cache_name, 0))
-
-
-def _and_parents(path):
-    return [path, *path.parents]
 
 
 def step_bytes(compiled, devices) -> int:

@@ -8,15 +8,13 @@ it, and `peak_mib`, the most memory that the process held, Python and OpenCV inc
 
 import argparse
 import json
-import resource
 import sys
 import time
-from pathlib import Path
 
 import cv2
 import numpy as np
 
-from alignerf.files import faults
+from alignerf.files import faults, machine
 from flow.estimation import estimate
 
 
@@ -32,19 +30,7 @@ def main(method, width, height):
         "time_s": round(time.perf_counter() - started, 2),
         "cpu_time_s": round(time.process_time() - started_cpu, 2),
     }
-    return times | {"peak_mib": round(peak_bytes() / 2**20)}
-
-
-def peak_bytes():
-    """Most memory that this process held; of its own, where the system tells."""
-    try:
-        lines = Path("/proc/self/status").read_text().splitlines()
-        (peak,) = (line for line in lines if line.startswith("VmHWM:"))
-        return 1024 * int(peak.split()[1])
-    except (OSError, ValueError):
-        # Not Linux. Elsewhere it may be the peak of the process that started this one.
-        unit = 1 if sys.platform == "darwin" else 1024
-        return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return times | {"peak_mib": round(machine.peak_bytes() / 2**20)}
 
 
 def run(arguments=None):
