@@ -22,8 +22,9 @@ import math
 
 import pandas as pd
 
+from alignerf.experiment.tables import json_rows
 from alignerf.experiment.tables import rows as table_rows
-from alignerf.files import atomic, csv_files, faults, json_files, json_rows, provenance
+from alignerf.files import atomic, csv_files, faults, json_files, provenance
 from alignerf.tables import columns
 
 SCORES = ("method", "round", "test_set", "view", "metric", "value")

@@ -11,8 +11,8 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from alignerf.experiment.tables import rows
-from alignerf.files import atomic, csv_files, faults, json_files, json_rows
+from alignerf.experiment.tables import json_rows, rows
+from alignerf.files import atomic, csv_files, faults, json_files
 from alignerf.page import contents, pictures
 from alignerf.verdict import views
 

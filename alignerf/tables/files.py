@@ -5,8 +5,9 @@ import contextlib
 from pathlib import Path
 from typing import NamedTuple
 
+from alignerf.experiment.tables import json_rows
 from alignerf.experiment.tables.scenes import Scene
-from alignerf.files import atomic, json_rows, provenance
+from alignerf.files import atomic, provenance
 from alignerf.tables import results
 
 # What tells a table's rows apart, in provenance.

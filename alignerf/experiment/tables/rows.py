@@ -4,7 +4,7 @@ import csv
 from typing import NamedTuple
 
 from alignerf.experiment import inputs, kinds, layout, sources, trainings
-from alignerf.files import json_rows
+from alignerf.experiment.tables import json_rows
 
 # Rules write rows and wait for their files; commands read rows.
 as_json = json_rows.as_json
