@@ -55,17 +55,17 @@ def scores_of(rows):
 
     Raises ValueError naming the file whose views are not those of the first.
     """
+    readers = {"scores": views_of, "aligned_pose": views_of, "parts": parts_of}
     tables, first = [], None
     for row in rows:
-        for path in filter(None, map(row.files.get, ("scores", "aligned_pose"))):
-            table = views_of(path)
+        for name, reader in readers.items():
+            if not (path := row.files.get(name)):
+                continue
+            table = reader(path)
             views = set(table["view"])
             first = first or (path, views)
             if views != first[1]:
                 raise ValueError(f"{path}: not the views of {first[0]}")
-            tables.append(table.assign(method=row.method, round=row.round))
-        if path := row.files.get("parts"):
-            table = parts_of(path)
             tables.append(table.assign(method=row.method, round=row.round))
     return pd.concat(tables)[list(SCORES)]
 
@@ -126,7 +126,7 @@ def of_renders(files):
     line = {}
     if "render" in files:
         line["render_time_s"] = rendering_s(files["render"])
-        line["align_time_s"] = flow_s(files["align"])
+        line["align_time_s"] = flow_s(files.get("align"))
     if "render_test" in files:
         rendering = read_rendering(files["render_test"])
         line["view_time_s"] = rendering["view_time_s"]
@@ -134,8 +134,8 @@ def of_renders(files):
         work_s = line["render_time_s"] + rendering_s(files["render_test"])
         process_s = read_process(files["render_process"])["s"]
         line["render_rest_time_s"] = rest_s(process_s, work_s)
-        work_s = line["align_time_s"] + flow_s(files["align_test"])
-        process_s = read_process(files["align_process"])["s"]
+        work_s = line["align_time_s"] + flow_s(files.get("align_test"))
+        process_s = read_process(files.get("align_process"))["s"]
         line["align_rest_time_s"] = rest_s(process_s, work_s)
     return line
 
