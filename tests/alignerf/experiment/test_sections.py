@@ -24,6 +24,7 @@ REACHED = {
     "alignerf.poses": JOB | {"scene"},
     # The page says what the preflight says.
     "alignerf.page": JOB | {"scene"},
+    "alignerf.collect": {"scene"},
     "alignerf.tabulate": {"scene"},
     **{f"alignerf.tables.{name}": {"scene"} for name in TABLES},
     "alignerf.evaluate": {"scored"},
