@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from alignerf import collect as collecting
 from alignerf.experiment.tables import rows as table_rows
 from alignerf.experiment.tables import scenes as table_scenes
+from alignerf.tables import collect as collecting
 from alignerf.tables import columns, results
 from alignerf.tables import files as table_files
 

@@ -1,4 +1,4 @@
-"""The scores and costs of a scene, as `alignerf.collect` wrote them, row by row."""
+"""The scores and costs of a scene, as `tables.collect` wrote them, row by row."""
 
 from pathlib import Path
 from typing import NamedTuple

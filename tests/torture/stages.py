@@ -107,7 +107,11 @@ def rows_of(module):
     if module == "alignerf.tabulate":
         return ROWS
     package, _, table = module.rpartition(".")
-    return [f"{table}/{name}" for name in ROWS] if package == "alignerf.tables" else []
+    return (
+        [f"{table}/{name}" for name in ROWS]
+        if package == "alignerf.tables.across"
+        else []
+    )
 
 
 def reports_in(folder, path):

@@ -4,13 +4,13 @@ import pytest
 
 from alignerf.tables import (
     columns,
-    comparison,
     controls,
     displacement,
     misalignment,
     ranking,
     round_times,
 )
+from alignerf.tables.across import comparison
 from alignerf.verdict import views
 from tests import table_cases
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from alignerf.experiment.tables import rows as table_rows
-from alignerf.tables import comparison
+from alignerf.tables.across import comparison
 from tests import table_cases
 from tests.table_cases import one
 

@@ -7,7 +7,8 @@ import pytest
 
 from alignerf import tabulate
 from alignerf.files import provenance
-from alignerf.tables import columns, controls, tradeoff
+from alignerf.tables import columns, controls
+from alignerf.tables.across import tradeoff
 from tests import table_cases
 
 SETS = (*sorted(controls.NEEDED), "oracle")

@@ -1,4 +1,4 @@
-"""alignerf.tables.regimes: pooled over seeds, paired by view."""
+"""alignerf.tables.across.regimes: pooled over seeds, paired by view."""
 
 import itertools
 import json
@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 
 from alignerf.experiment.tables import rows as table_rows
-from alignerf.tables import columns, regimes
+from alignerf.tables import columns
+from alignerf.tables.across import regimes
 from alignerf.tables.plots import regimes as regimes_plot
 from tests import table_cases
 from tests.table_cases import one

@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 
 from alignerf.experiment.tables import rows as table_rows
-from alignerf.tables import columns, remedies
+from alignerf.tables import columns
+from alignerf.tables.across import remedies
 from alignerf.tables.plots import remedies as remedies_plot
 from alignerf.tables.plots import sizes as sizes_plot
 from tests import table_cases

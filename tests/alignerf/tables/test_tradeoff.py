@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.tables import intervals, tradeoff
+from alignerf.tables import intervals
+from alignerf.tables.across import tradeoff
 from alignerf.tables.plots import tradeoff as tradeoff_plot
 from tests import table_cases
 

@@ -4,9 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf import collect
 from alignerf.files import faults
-from alignerf.tables import columns, results
+from alignerf.tables import collect, columns, results
 from tests import table_cases
 
 DB = {"standard": [20.0, 22.0], "warped": [21.0, 25.0]}

@@ -1,4 +1,4 @@
-"""A scene's scores and trainings, a file each: `python -m alignerf.collect`.
+"""A scene's scores and trainings, a file each: `python -m alignerf.tables.collect`.
 
 scores.csv has a row per method, round, test set, view and metric: scores of renders,
 and of the flow from render to photo its length and its parts. trainings.csv has a row
@@ -32,7 +32,9 @@ TRAINED = ("steps", "rays_seen", "params", "train_time_s", "compile_time_s")
 
 
 def main(argv=None):
-    parser = argparse.ArgumentParser(prog="alignerf.collect", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="alignerf.tables.collect", description=__doc__
+    )
     parser.add_argument("--rows", required=True, help="JSON: of each row its files")
     parser.add_argument("--scores", required=True, help="CSV, written")
     parser.add_argument("--trainings", required=True, help="CSV, written")
