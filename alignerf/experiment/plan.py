@@ -51,6 +51,12 @@ class Experiment:
         return [name for name, m in self.methods.items() if kinds.of_method(m) is kind]
 
     @kept
+    def in_order(self):
+        """All methods, plain ones first: equal trainings have the first one's name."""
+        plain = self.names(kinds.plain)
+        return [*plain, *(name for name in self.methods if name not in plain)]
+
+    @kept
     def trained(self):
         """Methods that train something: all but another program's renders."""
         return [m for m in self.methods if m not in self.names(kinds.external)]
@@ -77,11 +83,10 @@ class Experiment:
         """A method's trainings in a scene, round 0 first; equal ones are the same.
 
         With `rounds: auto`, of all rounds that there may be. Those of plain methods
-        come first, and so equal ones have their names.
+        come first, and so equal ones have their names, whatever is asked for first.
         """
-        if method not in self.names(kinds.plain):
-            for name in self.names(kinds.plain):
-                self.rounds_of(scene, name)
+        for name in itertools.takewhile(lambda name: name != method, self.in_order()):
+            self.rounds_of(scene, name)
         equal = self.known.setdefault(("equal", scene), {})
 
         def once(training):

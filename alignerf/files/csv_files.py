@@ -16,8 +16,15 @@ NUMBERS = re.compile(
     r"|^(ssim|lpips_\w+)$"
 )
 
-# Names: a photo may be called NA or 0042, a method 1.
-TEXTS = dict.fromkeys(("view", "method", "baseline", "published"), str)
+# Names: a photo may be called NA or 0042, a method 1, and a hash may have digits alone.
+TEXTS = dict.fromkeys(
+    (
+        *("view", "test_set", "metric", "method", "description", "baseline", "base"),
+        *("published", "folder", "way", "flows", "corrected", "before"),
+        *("commit", "lock", "device"),
+    ),
+    str,
+)
 
 
 def read(path, *, columns=(), sep=","):

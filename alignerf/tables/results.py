@@ -1,4 +1,4 @@
-"""The scores and costs of a scene, as `alignerf.collect` wrote them, row by row."""
+"""The scores and costs of a scene, as `tables.collect` wrote them, row by row."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -46,9 +46,14 @@ class Row(NamedTuple):
         table = self.views.xs("psnr_db", axis=1, level=1)
         for name in needed:
             if name not in table:
-                what = f"{self.method} after round {self.round}"
+                what = row_name((self.method, self.round))
                 raise ValueError(f"{self.scene}: {what}: no test set {name!r}")
         return table
+
+
+def row_name(key):
+    """What a (method, round) is called where something is wrong with it."""
+    return " after round ".join(map(str, key))
 
 
 def read(scene, table=""):
@@ -61,11 +66,15 @@ def read(scene, table=""):
     views = read_scores(path.with_name("scores.csv"))
     lines = csv_files.read(path, columns=("folder", "way", *NAMES, *SUMMED, "params"))
     try:
-        trainings = lines.set_index("folder", drop=False, verify_integrity=True)
+        trainings = lines.set_index("folder", drop=False)
+        if twice := set(lines["folder"][lines["folder"].duplicated()]):
+            raise ValueError(f"{min(twice, key=str)} stands twice")
         rows = [
             row_of(line, trainings, views, Path(scene))
             for _, line in trainings[trainings["method"].notna()].iterrows()
         ]
+        if others := set(views) - {(row.method, row.round) for row in rows}:
+            raise ValueError(f"it has no {row_name(min(others, key=str))}")
     except (KeyError, ValueError) as error:
         beside = path.with_name("scores.csv").name
         raise ValueError(f"{path}: does not go with {beside}: {error}") from None
@@ -75,21 +84,25 @@ def read(scene, table=""):
 def row_of(line, trainings, views, scene):
     """The row of a line of trainings.csv. Raises KeyError for what is not there."""
     base = trainings.loc[line["base"]]
+    key, base_key = ((one["method"], int(one["round"])) for one in (line, base))
+    for name in (key, base_key):
+        if name not in views:
+            raise ValueError(f"no scores of {row_name(name)}")
     return Row(
         scene=scene.name,
-        method=line["method"],
-        round=int(line["round"]),
+        method=key[0],
+        round=key[1],
         description=line["description"],
         baseline=line["baseline"],
         published=line["published"] if has(line, "published") else None,
-        views=views[line["method"], line["round"]],
-        base=views[base["method"], base["round"]],
+        views=views[key],
+        base=views[base_key],
         own=line,
         before=trainings.loc[line["before"]] if has(line, "before") else None,
         costs=costs_of(trainings, line),
         trainings=[
             {"path": str(scene / folder / "timing.json")}
-            | {key: trainings.loc[folder].get(key) for key in provenance.KEYS}
+            | told_of(trainings.loc[folder])
             for folder in words(line, "way")
         ],
     )
@@ -100,15 +113,25 @@ def read_scores(path):
     table = csv_files.read(path, columns=SCORES)
     if table.duplicated(SCORES[:-1]).any():
         raise ValueError(f"{path}: a score stands twice")
-    found = {}
+    if unknown := set(table["metric"]) - {*columns.METRICS, *columns.PARTS}:
+        raise ValueError(f"{path}: no metric is called {min(unknown, key=str)}")
+    found, views = {}, None
     for key, own in table.groupby(["method", "round"], sort=False):
         wide = own.pivot(index="view", columns=["test_set", "metric"], values="value")
+        views = wide.index if views is None else views
+        if not wide.index.equals(views):
+            raise ValueError(f"{path}: {row_name(key)}: not the views of those above")
         # All test sets have all metrics, if only empty.
         sets = wide.columns.get_level_values(0).unique()
         whole = [(name, metric) for name in sets for metric in columns.METRICS]
         more = [column for column in wide if column not in set(whole)]
         found[key] = wide.reindex(columns=pd.MultiIndex.from_tuples([*whole, *more]))
     return found
+
+
+def told_of(line):
+    """What provenance tells of a training; None for what is not known."""
+    return {key: line[key] if has(line, key) else None for key in provenance.KEYS}
 
 
 def costs_of(trainings, line):

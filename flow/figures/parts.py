@@ -141,6 +141,8 @@ def read_rounds(path):
         median_px = flow["value"].mean(skipna=False)
         labels = {"method": method, "round": round}
         lines.append({**labels, "median_px": median_px, **psnr_db})
+    if not lines:
+        raise ValueError(f"{path}: no flow_median_px of any method")
     return pd.DataFrame(lines)
 
 

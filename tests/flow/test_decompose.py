@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.experiment.tables import rows as table_rows
-from alignerf.files import faults, images
+from alignerf.files import images
 from alignerf.scenes import cameras
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard
+from alignerf.tables import displacement
 from flow import align, decompose
 from flow.warping import files
 from tests import table_cases
@@ -252,36 +252,30 @@ def test_bad_input_is_one_line_and_nothing_is_written(tmp_path, capsys, damage, 
     assert {p.name for p in (tmp_path / "parts").iterdir()} == {"a.npz", "b c.npz"}
 
 
-def make_table(folder, stats):
-    rows = [table_rows.Displacement("a_b", k, str(p)) for k, p in enumerate(stats)]
-    return faults.exit_code(table_cases.make, "displacement", rows, folder)
-
-
-def test_table_of_means_over_views(tmp_path, capsys):
+def test_table_of_means_over_views(tmp_path):
+    """What it writes is what `collect` reads, and the table of displacements."""
     small(tmp_path)
     assert decompose.run(command(tmp_path)) == 0
-    views = pd.read_csv(tmp_path / "decomposition.csv")
-    views["flow_median_px"] = [1.0, 3.0]
-    views.to_csv(tmp_path / "other.csv", index=False)
-    stats = [tmp_path / "decomposition.csv", tmp_path / "other.csv"]
-    assert make_table(tmp_path, stats) == 0
-    table = pd.read_csv(tmp_path / "displacement.csv")
+    path = tmp_path / "decomposition.csv"
+    views = pd.read_csv(path)
+    db = {"standard": [20.0] * len(views)}
+    first, second = (table_cases.written(tmp_path, db, "a_b", k) for k in (0, 1))
+    for row, lengths in ((first, views["flow_median_px"]), (second, [1.0, 3.0])):
+        table = views.assign(flow_median_px=lengths)
+        table.to_csv(row.files["parts"], index=False)
+        scores = pd.read_csv(row.files["scores"]).assign(view=views["view"])
+        scores.to_csv(row.files["scores"], index=False)
+    table = displacement.make_table(table_cases.collect(tmp_path, [first, second]))
     assert table["round"].tolist() == [0, 1]
     assert table["views"].tolist() == [2, 2]
     assert table["flow_median_px"].tolist() == pytest.approx([2**0.5, 2.0], rel=1e-5)
     assert table["camera_share"][0] == pytest.approx(1, abs=1e-3)
     assert table["model_mean_px"].isna().all()
-    tex = (tmp_path / "displacement.tex").read_text()
+    tex = displacement.to_latex(table)
     assert "1.41" in tex
     assert r"a\_b" in tex
     assert "Model" not in tex
-    views.drop(columns="noise_px").to_csv(tmp_path / "other.csv", index=False)
-    assert make_table(tmp_path, stats) == 1
-    assert f"other.csv: {NO_TABLE}: no column noise_px" in capsys.readouterr().err
-    whole = (tmp_path / "displacement.csv").read_bytes()
-    empty = ",".join(views) + "\n"
-    for text in ("", empty):
-        (tmp_path / "other.csv").write_text(text)
-        assert make_table(tmp_path, stats) == 1
-        assert f"other.csv: {NO_TABLE}: no row" in capsys.readouterr().err
-    assert (tmp_path / "displacement.csv").read_bytes() == whole
+    views.drop(columns="noise_px").to_csv(second.files["parts"], index=False)
+    reason = f"decomposition_test.csv: {NO_TABLE}: no column noise_px"
+    with pytest.raises(ValueError, match=reason):
+        table_cases.collect(tmp_path, [first, second])

@@ -22,6 +22,8 @@ SPLITS = ("test", "train")
 # Stages that are given a scene's folder and read its reports too.
 OF_REPORTS = ("alignerf.verdict", "alignerf.page", "alignerf.preflight")
 REPORTS = ("facts.json", "decisions.json", "poses.json", "preflight.json")
+# What tables are made of, in a scene's folder or in one of the table's name.
+ROWS = ("scores.csv", "trainings.csv")
 # No outputs of the stage that leaves them there.
 NOT_READ = ("checkpoints", "logs")
 # What holds a time as its content, besides keys and columns that end in _s.
@@ -82,7 +84,8 @@ def inputs_of(stage, folder):
         for path in INPUT.findall(word):
             for split in SPLITS if "{split}" in path else ("",):
                 named.add(path.replace("{split}", split).rstrip("/."))
-    found = set()
+    scenes = {str(Path(path).parent) for path in named if path.endswith("/config.yaml")}
+    found = {f"{scene}/{name}" for scene in scenes for name in rows_of(stage.module)}
     for path in named:
         if path.count("/") == 1:
             of_scene = ["cameras.npz", "images"]
@@ -96,6 +99,18 @@ def inputs_of(stage, folder):
         if (folder / path).exists()
         and not set(NOT_READ) & set(Path(path).parts)
         and not any(is_part(path, made) for made in stage.outputs)
+    )
+
+
+def rows_of(module):
+    """Files below a scene's folder that a table is made of; none of other stages."""
+    if module == "alignerf.tabulate":
+        return ROWS
+    package, _, table = module.rpartition(".")
+    return (
+        [f"{table}/{name}" for name in ROWS]
+        if package == "alignerf.tables.across"
+        else []
     )
 
 

@@ -47,6 +47,26 @@ def check_scene(scene):
     assert facts["photo_bytes"] == 3 * WIDTH * HEIGHT * VIEWS
 
 
+def check_rows(scene):
+    """A score a row; a training a row, those on the way to others first."""
+    trainings = read_csv(scene / "trainings.csv")
+    first, *lines = [(row["method"], row["round"]) for row in trainings]
+    assert trainings[0]["folder"] == "pretrain/base"
+    assert first == ("", "")
+    assert len(lines) == 6
+    scores = read_csv(scene / "scores.csv")
+    assert list(dict.fromkeys((row["method"], row["round"]) for row in scores)) == lines
+    assert {row["view"] for row in scores} == set(TEST_VIEWS)
+    metrics = {row["metric"] for row in scores}
+    assert metrics >= {"psnr_db", "lpips_vgg", "flow_median_px", "moved_share"}
+    lengths = {row["test_set"] for row in scores if row["metric"] == "flow_median_px"}
+    assert lengths == {"standard"}
+    for row in trainings:
+        assert float(row["train_time_s"]) > 0
+    sweep = read_csv(scene / "tradeoff" / "trainings.csv")
+    assert [row["method"] for row in sweep] == ["base", "fast"]
+
+
 def check_table(scene):
     path = scene / "tables" / "misalignment.csv"
     assert path.read_text().splitlines()[0] == HEADER
@@ -125,7 +145,7 @@ def check_latex(scene, folder):
     if shutil.which("pdflatex") is None:
         pytest.skip("pdflatex is not installed: table only checked by its structure")
     (folder / "table.tex").write_text(
-        "\\documentclass{article}\\usepackage{booktabs,multirow}"
+        "\\documentclass{article}\\usepackage{booktabs}"
         "\\usepackage[table]{xcolor}\\begin{document}" + tex + "\\end{document}"
     )
     command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "table.tex"]

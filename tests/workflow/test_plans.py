@@ -58,6 +58,7 @@ def expected_jobs(config):
         "facts": scenes,
         "decisions": scenes,
         "config": scenes,
+        "collect": scenes,
         "figures": scenes,
     }
 
@@ -70,6 +71,7 @@ def expected_files(config):
         "/metrics.csv": scenes * (plain + staged),
         "/decomposition_test.csv": scenes * (plain + staged),
         "/flow_oracle/test": known * (plain + staged),
+        **dict.fromkeys(("/scores.csv", "/trainings.csv"), scenes),
         "/tables/misalignment.csv": scenes,
         "/tables/ranking.csv": known,
     }
@@ -137,6 +139,9 @@ def test_the_papers_tables_are_planned(name, trainings, root, tmp_path, snakemak
     rows = trainings + scenes
     # And a pre-training of each fine-tuning, which nobody looks at.
     assert (jobs["train"], jobs["comparison"]) == (rows + scenes, 1)
+    files = ("/comparison/scores.csv", "/comparison/trainings.csv")
+    assert made(output, *files) == dict.fromkeys(files, scenes)
+    assert jobs["collect"] == scenes
     # Another program's renders are scored, not rendered.
     assert (jobs["render"], made(output, "/metrics.csv")) == (
         rows,
@@ -278,9 +283,10 @@ def test_a_sweep_and_the_regimes_make_their_own_jobs_and_no_others(
             "poses_courtyard": 1,
             "shrink": len(scales),
             **dict.fromkeys(each, 1 + len(variants)),
-            "tradeoff": 1,
+            **dict.fromkeys(("collect", "tradeoff"), 1),
         }.items()
     )
+    assert made(output, "/tradeoff/scores.csv") == {"/tradeoff/scores.csv": 1}
     assert not {"figures", "testset", "align", "preflight"} & jobs.keys()
     others = ("/tables/misalignment.csv", "/decomposition_test.csv")
     assert made(output, *others) == dict.fromkeys(others, 0)
@@ -289,6 +295,10 @@ def test_a_sweep_and_the_regimes_make_their_own_jobs_and_no_others(
     # Unwarped, the method in its two stages, warped once and twice; and the
     # reference's other model.
     assert (jobs["regimes"], jobs["evaluate"], jobs["train"]) == (1, 4, 3 + 2 + 3)
+    assert (jobs["collect"], made(output, "/regimes/trainings.csv")) == (
+        1,
+        {"/regimes/trainings.csv": 1},
+    )
     assert "figures" not in jobs
     assert made(output, *others) == dict.fromkeys(others, 0)
 
@@ -314,5 +324,5 @@ def test_a_plan_asks_each_job_little(tmp_path):
     ours = str(ROOT / "alignerf" / "experiment")
     calls = sum(n for (path, *_), (_, n, *_) in found.items() if path.startswith(ours))
     jobs = sum(jobs_of(done.stdout + "\n\n").values())
-    assert jobs == 5 * 70 + 1
+    assert jobs == 5 * 71 + 1
     assert calls / jobs < 2 * 105

@@ -16,10 +16,11 @@ rule collect:
         "../../environment.yml"
     params:
         rows=lambda w: rows.as_json(scenes.rows_of(experiment, w.scene, w.table)),
-        sources=sources_of("alignerf.collect"),
+        sources=sources_of("alignerf.tables.collect"),
     shell:
-        "python -m alignerf.collect --rows {params.rows:q} --scores {output.scores:q}"
-        " --trainings {output.trainings:q} 2>&1 | tee {log:q}"
+        "python -m alignerf.tables.collect --rows {params.rows:q}"
+        " --scores {output.scores:q} --trainings {output.trainings:q}"
+        " 2>&1 | tee {log:q}"
 
 
 # What a reader looks at: the tables and the figures of a scene.

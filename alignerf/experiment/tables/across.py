@@ -83,7 +83,7 @@ def of_scenes(name, scenes_of, beside=()):
             )
         ]
 
-    module = f"alignerf.tables.{name}"
+    module = f"alignerf.tables.across.{name}"
     return Across(
         *(name, name, module),
         inputs=inputs,
@@ -103,7 +103,7 @@ def of_sweep():
         scene, changes = check.or_exit(sweep.variants, experiment)
         return ["--scene", f"results/{scene}", "--changes", rows.as_json(changes)]
 
-    module = "alignerf.tables.tradeoff"
+    module = "alignerf.tables.across.tradeoff"
     return Across(
         *("tradeoff", "tradeoff", module),
         inputs=lambda experiment: scenes.files(scene_of(experiment), "tradeoff"),

@@ -21,7 +21,7 @@ class Row(NamedTuple):
     published: what papers call it. way: the folders of all trainings that lead to it,
     its own last. flows: those of them whose training views were rendered and aligned.
     corrected: those whose cameras were then put right. before: the folder whose flow a
-    round begins with. files: {what it tells: path}, see `alignerf.collect`.
+    round begins with. files: {what it tells: path}, see `alignerf.tables.collect`.
     """
 
     folder: str

@@ -1,4 +1,4 @@
-"""The figure of `alignerf.tables.regimes`: what each method gains, regime by regime."""
+"""The figure of `tables.across.regimes`: what each method gains, regime by regime."""
 
 import matplotlib.figure
 import numpy as np
@@ -15,7 +15,7 @@ PREFERRED = ("oracle", "held_out", "standard")
 
 
 def draw(table, path):
-    """Write the figure of a table with the columns of `alignerf.tables.regimes`.
+    """Write the figure of a table with the columns of `tables.across.regimes`.
 
     A panel per curve (see `panels`), the difference to the baseline with its 95 %
     interval; regimes that are on no curve stand side by side in a panel of their own.

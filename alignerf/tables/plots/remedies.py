@@ -1,4 +1,4 @@
-"""The figure of `alignerf.tables.remedies`: dB over seconds, a panel a condition."""
+"""The figure of `tables.across.remedies`: dB over seconds, a panel a condition."""
 
 import matplotlib.figure
 import matplotlib.ticker

@@ -1,4 +1,4 @@
-"""The figure of `alignerf.tables.remedies` where captures stand there at several sizes.
+"""The figure of `tables.across.remedies` where captures stand there at several sizes.
 
 A column a capture: how far photos are off, and what each remedy gains, by their width.
 """

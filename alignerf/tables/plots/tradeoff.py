@@ -35,7 +35,7 @@ HALO = matplotlib.patheffects.withStroke(linewidth=2, foreground="white")
 
 
 def draw(table, path):
-    """Write the figure of `alignerf.tables.tradeoff`'s table, with a column `kind`."""
+    """Write the figure of `tables.across.tradeoff`'s table, with a column `kind`."""
     known = table.dropna(subset=["train_time_s", "psnr_db"])
     if known.empty:
         raise ValueError("figure: no variant has a PSNR in every view")

@@ -41,9 +41,8 @@ def test_a_round_changes_photos_or_cameras(demo, experiment_of):
 
     def of(method, round):
         found = experiment.at("courtyard", method, round)
-        reports = trainings.reports_of(found)
+        corrected = trainings.moved_for(found)
         cameras = found.cameras.removeprefix("results/courtyard/")
-        corrected = [path for path in reports if "corrected" in path]
         as_taken, masked = found.photos == photos, "valid" in found.inputs()
         return cameras, as_taken, masked, len(corrected)
 
@@ -83,13 +82,19 @@ def test_a_staged_training_may_put_cameras_right_between_its_stages(
         "alignerf": "results/courtyard/cameras.npz",
         "corrected": f"{folder}/corrected/cameras.npz",
     }
-    assert trainings.reports_of(found["alignerf"]) == []
+    every = rows.collected(experiment, "courtyard", [(m, 0) for m in staged])
+    first, *_, plain, corrected = every
+    assert (first.folder, first.method) == ("pretrain/base", None)
+    assert plain.flows == plain.corrected == []
     # What the correction took is part of the way to the model.
-    assert trainings.reports_of(found["corrected"]) == [
-        f"{folder}/render/train.json",
-        f"{folder}/displacement/train.csv",
-        f"{folder}/corrected/poses_corrected.json",
-    ]
+    assert corrected.flows == corrected.corrected == ["pretrain/base"]
+    assert first.files == {
+        "timing": f"{folder}/timing.json",
+        "process": f"{folder}/logs/train.tsv",
+        "render": f"{folder}/render/train.json",
+        "align": f"{folder}/displacement/train.csv",
+        "corrections": f"{folder}/corrected/poses_corrected.json",
+    }
     assert "cameras put right" in rows.describe_method(experiment, "corrected")
     assert "cameras put right" not in rows.describe_method(experiment, "alignerf")
     assert targets.exports(experiment) == ["results/courtyard/corrected/export/cameras"]
@@ -307,7 +312,7 @@ def test_what_is_asked_of_each_scene_is_found_once(demo, experiment_of):
         experiment = experiment_of(demo | {"scenes": dict.fromkeys(names, scene)})
         for name in names:
             targets.of_scene(experiment, name)
-            rows.tables(experiment, name)
+            rows.of_scene(experiment, name)
             rows.of_verdict(experiment, name)
             rows.crops(experiment, name)
         return experiment.known

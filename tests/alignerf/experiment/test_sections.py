@@ -24,8 +24,9 @@ REACHED = {
     "alignerf.poses": JOB | {"scene"},
     # The page says what the preflight says.
     "alignerf.page": JOB | {"scene"},
+    "alignerf.tables.collect": {"scene"},
     "alignerf.tabulate": {"scene"},
-    **{f"alignerf.tables.{name}": {"scene"} for name in TABLES},
+    **{f"alignerf.tables.across.{name}": {"scene"} for name in TABLES},
     "alignerf.evaluate": {"scored"},
     "alignerf.config": EVERY,
     "alignerf.preflight": EVERY,

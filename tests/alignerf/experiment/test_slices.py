@@ -16,7 +16,7 @@ from alignerf.experiment import (
     sweep,
     trainings,
 )
-from alignerf.experiment.tables import regimes, rows
+from alignerf.experiment.tables import rows, scenes
 
 WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
 
@@ -127,7 +127,7 @@ def test_minutes_of_a_scene_replace_the_steps_of_the_config(demo, experiment_of)
     found = jobs.parse(job_of(experiment, "courtyard", "mipnerf360")).training
     # A tenth of steps that are not known yet.
     assert (found.steps, found.budget_min, found.warmup_steps) == (None, 3.0, None)
-    assert regimes.scenes(experiment)[0].steps is None
+    assert scenes.regimes(experiment)[0].steps is None
 
 
 def test_a_scene_depends_on_its_own_source_only(demo, tmp_path, experiment_of):
@@ -155,7 +155,13 @@ def test_a_radius_is_measured_where_it_is_asked_for(demo, experiment_of):
     options = inputs.training_options(experiment, "courtyard", "mipnerf360/round0")
     assert "--displacement" not in options
     assert json.loads(found.job)["alignerf"]["radius_px"] is None
-    assert measured in trainings.reports_of(found)
+    # What measured it counts, and its training does not.
+    assert [one.folder for one in trainings.rendered_for(found)] == [
+        "mipnerf360/round0"
+    ]
+    assert "mipnerf360/round0" not in [one.folder for one in trainings.lead_to(found)]
+    *_, row = rows.collected(experiment, "courtyard", [("alignerf", 0)])
+    assert row.flows == ["mipnerf360/round0"]
 
 
 def test_a_warm_start_goes_on_from_the_round_before(demo, experiment_of):
@@ -174,10 +180,8 @@ def test_a_warm_start_goes_on_from_the_round_before(demo, experiment_of):
     assert second.photos == f"{folder}/warm/round1/warped/train"
     assert second.valid == f"{folder}/warm/round1/flow/train"
     assert second.initial == f"{folder}/warm/round1/model.msgpack"
-    assert trainings.timings_of(first) == [
-        f"{folder}/mipnerf360/round0/timing.json",
-        f"{folder}/warm/round1/timing.json",
-    ]
+    way = [one.folder for one in trainings.lead_to(first)]
+    assert way == ["mipnerf360/round0", "warm/round1"]
     before = arguments.of_rounds(experiment, "courtyard", "warm", "1")
     # The decision is the method's own, also where it starts from another's round.
     assert before["before"] == f"{folder}/warm/round0/decision.json"
@@ -189,7 +193,7 @@ def test_without_a_sweep_in_the_config_it_says_so(demo, experiment_of):
     experiment = experiment_of(demo)
     assert sweep.names(experiment) == []
     with pytest.raises(ValueError, match="config: tradeoff: not there"):
-        sweep.rows(experiment)
+        sweep.variants(experiment)
 
 
 def test_a_sweep_trains_on_photos_made_smaller(demo, experiment_of):
@@ -294,7 +298,7 @@ def test_a_scenes_complete_config_is_a_config(demo, experiment_of):
     assert slices.of_scene(again, "again") == poses
     # Tables follow the config's order, and what a method is set against.
     assert again.all_rounds("again") == experiment.all_rounds("again")
-    table = rows.as_json(rows.misalignment(experiment, "again"))
-    assert rows.as_json(rows.misalignment(again, "again")) == table
+    table = rows.as_json(rows.of_scene(experiment, "again"))
+    assert rows.as_json(rows.of_scene(again, "again")) == table
     assert alone["tradeoff"] is None
     assert json.loads(slices.complete(experiment, "courtyard"))["tradeoff"]

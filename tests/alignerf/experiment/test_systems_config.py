@@ -9,7 +9,7 @@ from alignerf import config as config_command
 from alignerf.experiment import check, inputs, jobs, targets
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
-from alignerf.experiment.tables import regimes, rows
+from alignerf.experiment.tables import rows, scenes
 
 
 def system(demo, **model):
@@ -139,16 +139,13 @@ def test_given_renders_are_scored_and_no_more(with_renders, experiment_of, tmp_p
     assert experiment.scored("courtyard") == [*trained, ("given", 0)]
     folder = inputs.renders_of(experiment, "courtyard", "given/round0")
     assert folder == f"{tmp_path}/courtyard"
-    *_, row = rows.misalignment(experiment, "courtyard")
-    assert (row.method, row.trainings, row.data) == ("given", [], [])
-    assert (row.base, row.aligned_pose) == ("mipnerf360_large", None)
-    for others in (rows.displacement, rows.times):
-        assert "given" not in {row.method for row in others(experiment, "courtyard")}
+    for table in ("", "comparison/"):
+        *others, row = scenes.rows_of(experiment, "courtyard", table)
+        assert (row.method, row.way, row.flows, row.before) == ("given", [], [], None)
+        assert row.base == "mipnerf360_large/round0"
+        assert row.files == {"scores": "results/courtyard/given/round0/metrics.csv"}
+        assert "given" not in {other.method for other in others}
     assert not [path for path in targets.exports(experiment) if "given" in path]
-    (scene,) = regimes.comparison(experiment)
-    assert scene.methods[-1].process is None
-    wanted = {path for path in rows.files_of([scene]) if "/given/" in path}
-    assert wanted == {"results/courtyard/given/round0/metrics.csv"}
 
 
 @pytest.mark.parametrize(
@@ -189,8 +186,11 @@ def test_all_are_set_against_a_round_that_is_trained(demo, experiment_of):
     """The reference's round 0 may be another method's, of the same model."""
     demo["methods"] = {"first": {"model": "base"}, "alias": {"model": "base"}}
     demo["reference"] = {"method": "alias"}
-    (scene,) = regimes.comparison(experiment_of(demo))
-    assert {m.base for m in scene.methods} == {"first"}
+    experiment = experiment_of(demo)
+    (scene,) = scenes.compared(experiment)
+    assert scene.reference == "first"
+    every = scenes.rows_of(experiment, "courtyard", "comparison/")
+    assert {row.base for row in every} == {"first/round0"}
 
 
 @pytest.mark.parametrize(

@@ -70,6 +70,18 @@ def test_equal_trainings_are_one_object(demo, experiment_of):
     assert f"{HERE}/aligned_again/export/cameras" in paths
 
 
+@pytest.mark.parametrize("name", METHODS)
+def test_equal_jobs_have_the_first_ones_name_whoever_is_asked_for(
+    demo, experiment_of, name
+):
+    demo["methods"] = METHODS | {f"{name}_again": METHODS[name]}
+    demo["reference"] = {"method": "plain"}
+    experiment = experiment_of(demo)
+    again = folders(experiment.rounds_of("courtyard", f"{name}_again"))
+    assert again == folders(experiment.rounds_of("courtyard", name))
+    assert not [folder for folder in again if "_again" in folder]
+
+
 @pytest.mark.parametrize(
     ("name", "change"),
     [
@@ -132,34 +144,22 @@ def test_none_of_a_scenes_trainings_stands_before_what_it_needs(experiment):
     assert {"pretrain/base", "tradeoff/base", "warm/round2"} <= {*folders(known)}
 
 
-def test_what_a_training_took_is_told_by_files(experiment):
+def test_what_a_training_took_is_told_by_the_way_to_it(experiment):
+    """Its trainings, those whose renders and flow count, those then put right."""
+
     def told(method, round):
         training = experiment.at("courtyard", method, round)
-        found = trainings.timings_of(training), trainings.reports_of(training)
-        return [[path.removeprefix(f"{HERE}/") for path in paths] for paths in found]
+        ways = (trainings.lead_to, trainings.rendered_for, trainings.moved_for)
+        return [folders(of(training)) for of in ways]
 
-    def of(folder, *more):
-        return [f"{folder}/{name}" for name in ("render/train.json", *more)]
-
-    moves, corrects = "displacement/train.csv", "corrected/poses_corrected.json"
-    assert told("plain", 0) == told("moved", 0) == [["plain/round0/timing.json"], []]
-    assert told("plain", 2) == [
-        [f"plain/round{k}/timing.json" for k in range(3)],
-        [*of("plain/round0", moves), *of("plain/round1", moves)],
-    ]
-    assert told("moved", 1) == [
-        ["plain/round0/timing.json", "moved/round1/timing.json"],
-        of("plain/round0", moves, corrects),
-    ]
-    assert told("between", 0) == [
-        ["pretrain/base/timing.json", "between/round0/timing.json"],
-        of("pretrain/base", moves, corrects),
-    ]
+    first, second, third = (f"plain/round{number}" for number in range(3))
+    assert told("plain", 0) == told("moved", 0) == [[first], [], []]
+    assert told("plain", 2) == [[first, second, third], [first, second], []]
+    assert told("moved", 1) == [[first, "moved/round1"], [first], [first]]
+    before = ["pretrain/base"]
+    assert told("between", 0) == [[*before, "between/round0"], before, before]
     # Renders and flow that a radius is measured on count, their training does not.
-    assert told("staged", 0) == [
-        ["pretrain/base/timing.json", "staged/round0/timing.json"],
-        of("plain/round0", moves),
-    ]
+    assert told("staged", 0) == [[*before, "staged/round0"], [first], []]
 
 
 def test_training_views_are_rendered_where_they_are_looked_at(demo, experiment_of):

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import pytest
 
-from alignerf.experiment import sweep
-from alignerf.experiment.tables import regimes, rows
+from alignerf.experiment.tables import rows, scenes
 from alignerf.files import json_rows
 
 
@@ -32,17 +31,10 @@ WHOLE = Row("a", [Part("x", 1), Part("y", None)], Part("z", 2.5), ["t"], {"k": [
     [
         (Row, WHOLE),
         (Row, WHOLE._replace(more="m", parts=[])),
-        (rows.Times, rows.Times("m", 0, "t", rows.Walls("w"))),
-        (rows.Times, rows.Times("m", 1, "t", rows.Walls("w", "v", "u"), "r", "a")),
+        (rows.Row, rows.Row("m/round0", [], [], [], {})),
+        (rows.Row, rows.Row("m", ["m"], ["n"], [], {"scores": "m.csv"}, "m", 0)),
         (rows.Renders, rows.Renders("r", "f")),
-        (sweep.Point, sweep.Point("base", {"a": {"b": None}}, "m", "t", "r")),
-        (
-            regimes.Regime,
-            regimes.Regime(
-                *("yard", 0, "{}", 1, None, 5, "d.csv"),
-                [regimes.Method("m", 0, "grid", "m.csv", ["t"], [])],
-            ),
-        ),
+        (scenes.Scene, scenes.Scene("a", 0, "", "", "", 1, None, 5, 0.5, "m")),
     ],
 )
 def test_what_is_written_is_read(kind, row):
@@ -55,13 +47,8 @@ def test_a_key_is_left_out_only_where_it_has_its_default():
     (found,) = json.loads(json_rows.as_json([WHOLE]))
     assert "more" not in found
     assert found["parts"][1] == {"path": "y", "size": None}
-    (found,) = json.loads(json_rows.as_json([rows.Times("m", 0, "t", rows.Walls("w"))]))
-    assert found == {
-        "method": "m",
-        "round": 0,
-        "training": "t",
-        "walls": {"train": "w"},
-    }
+    (found,) = json.loads(json_rows.as_json([rows.Renders("r", "f")]))
+    assert found == {"renders": "r", "flow": "f"}
 
 
 @pytest.mark.parametrize(
@@ -92,6 +79,7 @@ def test_a_missing_key_is_named():
 
 @pytest.mark.parametrize("text", ["", "{", "[" * 100_000, "{}", "3", "[3]", "[]"])
 def test_what_is_no_list_of_rows_is_refused(text):
-    with pytest.raises(ValueError, match="--rows") as refused:
-        json_rows.read(Row, text)
-    assert "\n" not in str(refused.value)
+    for option in ("--rows", "--scenes"):
+        with pytest.raises(ValueError, match=f"^{option}") as refused:
+            json_rows.read(Row, text, option)
+        assert "\n" not in str(refused.value)

@@ -85,12 +85,10 @@ def write_config(path, **seeds):
 
 
 def test_trainings_seeds_and_devices_are_gathered(checkout, tmp_path):
-    old, new = tmp_path / "old.json", tmp_path / "new.json"
-    old.write_text(json.dumps({"device": "cpu", "steps": 3}))
-    told = {"device": "H200", "commit": "abc", "lock": "12"}
-    new.write_text(json.dumps(told))
+    old = {"path": "old.json", "commit": None, "lock": None, "device": "cpu"}
+    new = {"path": "new.json", "device": "H200", "commit": "abc", "lock": "12"}
     rows = [
-        {"method": "a", "round": 0, "trainings": [str(old), str(new)]},
+        {"method": "a", "round": 0, "trainings": [old, new]},
         {"method": "b", "round": 0, "trainings": []},
     ]
     configs = [write_config(tmp_path / "one.yaml", yard=5)]
@@ -103,10 +101,16 @@ def test_trainings_seeds_and_devices_are_gathered(checkout, tmp_path):
     # What the files said then: they may be another experiment's later.
     assert found["configs"][str(configs[0])]["scenes"] == {"yard": {"seed": 5}}
     assert (found["commit"], found["lock"]) == (None, None)
-    first, second = found["rows"]
-    unknown = {"path": str(old), "commit": None, "lock": None, "device": "cpu"}
-    assert first["trainings"] == [unknown, {"path": str(new)} | told]
-    assert second == rows[1]
+    assert found["rows"] == rows
+
+
+def test_what_a_training_does_not_tell_is_null(tmp_path):
+    path = tmp_path / "timing.json"
+    path.write_text(json.dumps({"device": "cpu", "steps": 3}))
+    told = {"commit": None, "lock": None, "device": "cpu"}
+    assert provenance.of_training(path) == told
+    path.write_text(json.dumps(told | {"commit": "abc", "lock": "12"}))
+    assert provenance.of_training(path) == told | {"commit": "abc", "lock": "12"}
 
 
 @pytest.mark.parametrize("text", ["", "[1]", "3", '{"device": 3}', "[" * 100_000])
@@ -114,7 +118,7 @@ def test_a_timing_that_is_none_is_named(tmp_path, text):
     path = tmp_path / "timing.json"
     path.write_text(text)
     with pytest.raises(ValueError, match=r"timing\.json: "):
-        provenance.training(path)
+        provenance.of_training(path)
 
 
 @pytest.mark.parametrize("text", ["", "a: [", "[1]", "scenes: {a: {}}", "scenes: 3"])

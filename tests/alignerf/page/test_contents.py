@@ -11,6 +11,7 @@ import pytest
 
 from alignerf.page import __main__ as page
 from alignerf.page import contents
+from alignerf.tables.columns import Column
 
 
 class Parser(html.parser.HTMLParser):
@@ -83,7 +84,11 @@ def test_images_are_those_of_each_view(render):
 
 def test_numbers_are_sorted_as_numbers_and_none_comes_last():
     data = pd.DataFrame({"params": [1000.0, np.nan, 9.0], "method": ["b", None, "a"]})
-    columns = {"params": ("parameters", ",.0f"), "method": ("method", None)}
+    columns = {
+        "params": Column(heading="parameters", form=",.0f"),
+        "method": Column(heading="method"),
+        "psnr_db": Column(heading="PSNR (dB)", form=".2f"),
+    }
     table = contents.table_of(data, columns)
     assert [row[0].text for row in table["rows"]] == ["1,000", "--", "9"]
     assert [row[0].order for row in table["rows"]] == [1000.0, -math.inf, 9.0]
@@ -93,9 +98,21 @@ def test_numbers_are_sorted_as_numbers_and_none_comes_last():
 
 def test_a_column_without_any_number_is_left_out():
     data = pd.DataFrame({"view": ["a"], "flow_px": [np.nan]})
-    columns = {"view": ("view", None), "flow_px": ("flow", ".2f")}
-    table = contents.table_of(data, columns)
+    columns = {"view": Column(heading="view"), "split": Column(what="not shown")}
+    columns["flow_px"] = Column(heading="flow", form=".2f")
+    table = contents.table_of(data.assign(split="test"), columns)
     assert [column["text"] for column in table["columns"]] == ["view"]
+
+
+def test_headings_are_those_of_the_registry(results):
+    shown = {table["name"]: table for table in contents.tables(results)}
+    assert list(shown) == ["views", "misalignment"]
+    table = shown["misalignment"]
+    assert table["heading"] == "Image quality by method and warping"
+    texts = [column["text"] for column in table["columns"]]
+    assert texts[:4] == ["method", "warped", "test set", "PSNR (dB)"]
+    assert [cell.text for cell in table["rows"][1]][-2:] == ["1.5", "1,000"]
+    assert "flow (px)" in [column["text"] for column in shown["views"]["columns"]]
 
 
 def test_a_decision_that_the_config_leaves_open_is_taken(results):

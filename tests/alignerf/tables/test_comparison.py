@@ -1,171 +1,179 @@
 """Tables 2 and 3: means over scenes, published rows below ours, and rankings."""
 
-import json
-import pathlib
-
 import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.experiment.tables import regimes, rows
-from alignerf.tables import comparison
+from alignerf.experiment.tables import rows as table_rows
+from alignerf.tables.across import comparison
+from tests import table_cases
+from tests.table_cases import one
 
 VIEWS = 6
-SETS = ("standard", "warped", "control")
-# dB by which a method is above the first.
+SETS = {"standard": 0.0, "warped": 1.0, "control": 0.1}
+# dB by which a method is above the first, and what papers call it.
 GAINS = {"nerf": 0.0, "mipnerf360": 2.0, "given": 1.0}
+NAMES = {"nerf": "NeRF", "mipnerf360": "mip-NeRF 360"}
 
 
 @pytest.fixture
-def scenes(tmp_path, rng, monkeypatch):
+def scenes(rng):
     """Two scenes of 1x and one of 4x; the third method is another program's renders."""
-    monkeypatch.chdir(tmp_path)
-    found = []
-    for name, share, level in (("a", 1, 20.0), ("b", 1, 24.0), ("long", 4, 21.0)):
-        noise = rng.normal(size=VIEWS)
-        methods = [
-            write_method(rng, name, method, level + noise + gain, share)
-            for method, gain in GAINS.items()
-        ]
-        found.append(regimes.Comparison(name, name, 0, share, methods))
-    return found
-
-
-def write_method(rng, scene, method, psnr_db, share):
-    folder = f"results/{scene}/{method}/round0"
-    lines = [
-        {
-            "view": f"view_{view}",
-            "test_set": test_set,
-            "psnr_db": psnr_db[view] + offset,
-            "ssim": 0.5 + 0.01 * psnr_db[view],
-            **dict.fromkeys(("lpips_alex", "lpips_squeeze", "lpips_vgg"), np.nan),
-        }
-        for offset, test_set in zip((0.0, 1.0, 0.1), SETS, strict=True)
-        for view in range(VIEWS)
+    return [
+        scene_of(name, share, level + rng.normal(size=VIEWS))
+        for name, share, level in (("a", 1, 20.0), ("b", 1, 24.0), ("long", 4, 21.0))
     ]
-    path = ready_path(f"{folder}/metrics.csv")
-    pd.DataFrame(lines).to_csv(path, index=False)
-    trained = method != "given"
-    if trained:
-        timing = {"train_time_s": 60.0 * share, "steps": 10, "rays_seen": 5120}
-        timing["params"] = 1_191_688
-        ready_path(f"{folder}/timing.json").write_text(json.dumps(timing))
-        tsv = ready_path(f"{folder}/logs/train.tsv")
-        tsv.write_text("s\tmax_rss\n61.0\t512.5\n")
-    return regimes.Compared(
-        method=method,
-        round=0,
-        parts="renders given" if not trained else method,
-        metrics=str(path),
-        trainings=[f"{folder}/timing.json"] if trained else [],
-        data=[],
-        base="nerf",
-        published={"nerf": "NeRF", "mipnerf360": "mip-NeRF 360"}.get(method),
-        process=f"{folder}/logs/train.tsv" if trained else None,
-    )
 
 
-def ready_path(text):
-    path = pathlib.Path(text)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return path
+def scene_of(name, share, views_db, **fields):
+    """A scene whose methods gain GAINS in each view."""
+    rows = [
+        table_cases.row(
+            {test_set: views_db + gain + more for test_set, more in SETS.items()},
+            method,
+            costs={} if method == "given" else {"total_time_s": 60.0 * share},
+            own={"memory_mib": 512.5},
+            published=NAMES.get(method),
+        )
+        for method, gain in GAINS.items()
+    ]
+    return table_cases.scored(name, rows, share=share, **fields)
 
 
-def run(scenes, tmp_path, *more):
-    places = {name: str(tmp_path / f"out.{name}") for name in ("csv", "tex")}
-    ranking = str(tmp_path / "ranking.csv")
-    comparison.main(
-        [
-            *("--rows", rows.as_json(scenes), "--ranking", ranking),
-            *("--csv", places["csv"], "--tex", places["tex"], *more),
-        ]
-    )
-    with open(places["tex"]) as file:
-        return pd.read_csv(places["csv"]), file.read(), pd.read_csv(ranking)
+@pytest.fixture
+def printed():
+    """What the paper's Table 2 prints."""
+    return comparison.printed_lines(table_rows.published_table(), 2)
 
 
-def test_means_are_over_scenes_and_gains_paired_by_view(scenes, tmp_path):
-    table, tex, _ = run(scenes, tmp_path)
-    single = table[table["scene"] != "all"]
+def of_all(table, **keys):
+    """Lines of means over all scenes, by method."""
+    keys = {"scene": comparison.ALL} | keys
+    chosen = np.logical_and.reduce([table[key] == value for key, value in keys.items()])
+    return table[chosen].set_index("method")
+
+
+def test_means_are_over_scenes_and_gains_paired_by_view(scenes):
+    table = comparison.make_table(scenes)
+    single = table[table["scene"] != comparison.ALL]
     assert single["scene"].drop_duplicates().tolist() == ["a", "b"]
     assert set(single["scenes"]) == {1}
-    assert tex.count("\nnerf & ") == 2
-    table = table[table["scene"] == "all"]
-    one = table[(table["group"] == "1x") & (table["test_set"] == "standard")]
-    one = one.set_index("method")
-    assert one["scenes"].tolist() == [2, 2, 2]
-    assert one["views"].tolist() == [2 * VIEWS] * 3
-    of_views = [pd.read_csv(s.methods[0].metrics) for s in scenes[:2]]
-    means = [v[v["test_set"] == "standard"]["psnr_db"].mean() for v in of_views]
-    assert one.loc["nerf", "psnr_db"] == pytest.approx(np.mean(means), abs=1e-3)
+    tex = comparison.to_latex(table)
+    assert [cells[0] for cells in table_cases.cells(tex)].count("nerf") == 2
+    means = of_all(table, group="1x", test_set="standard")
+    assert means["scenes"].tolist() == [2, 2, 2]
+    assert means["views"].tolist() == [2 * VIEWS] * 3
+    views = [scene.rows[0].psnr_db()["standard"].mean() for scene in scenes[:2]]
+    assert means.loc["nerf", "psnr_db"] == pytest.approx(np.mean(views))
     for method, gain in GAINS.items():
-        assert one.loc[method, "difference_db"] == pytest.approx(gain, abs=1e-4)
+        assert means.loc[method, "difference_db"] == pytest.approx(gain)
     # The same gain in every view: nothing is uncertain.
-    assert one.loc["given", "difference_low_db"] == pytest.approx(1.0, abs=1e-4)
+    assert means.loc["given", "difference_low_db"] == pytest.approx(1.0)
     assert table["group"].drop_duplicates().tolist() == ["1x", "4x"]
     assert set(table["test_set"]) == set(SETS)
 
 
-def test_given_renders_cost_nothing_that_is_known(scenes, tmp_path):
-    table, tex, _ = run(scenes, tmp_path)
+def test_seeds_of_a_scene_are_together(scenes, rng):
+    again = scene_of("a2", 1, rng.normal(size=VIEWS), seed=1, alike="a")
+    table = comparison.make_table([*scenes, again])
+    single = table[table["scene"] != comparison.ALL]
+    assert single["scene"].drop_duplicates().tolist() == ["a", "b"]
+    assert set(single[single["scene"] == "a"]["scenes"]) == {2}
+
+
+def test_a_round_that_some_scene_lacks_is_left_out(scenes):
+    scenes[0].rows.append(scenes[0].rows[1]._replace(round=1))
+    table = comparison.make_table(scenes)
+    lines = table[table["warping"] == "once"]
+    assert set(lines["scene"]) == {"a"}
+
+
+def test_given_renders_cost_nothing_that_is_known(scenes):
+    table = comparison.make_table(scenes)
     given = table[table["method"] == "given"]
     assert given[["total_time_s", "params", "memory_mib"]].isna().all(axis=None)
-    trained = table[(table["method"] == "nerf") & (table["group"] == "4x")]
-    assert trained["total_time_s"].tolist() == [240.0] * len(SETS)
-    assert trained["memory_mib"].tolist() == [512.5] * len(SETS)
+    trained = of_all(table, group="4x").loc["nerf"]
+    assert set(trained["total_time_s"]) == {240.0}
+    assert set(trained["memory_mib"]) == {512.5}
+    tex = comparison.to_latex(table)
     assert "nan" not in tex.lower()
+    (given, *_) = (row for row in table_cases.cells(tex) if row[0] == "given")
+    assert given[-2:] == ["--", "--"]
 
 
-def test_published_rows_stand_below_ours(scenes, tmp_path):
-    more = ("--published", rows.published_table(), "--published-table", "2")
-    table, tex, _ = run(scenes, tmp_path, *more)
-    one = table[(table["group"] == "1x") & (table["scene"] == "all")]
-    names = one["method"].drop_duplicates().tolist()
-    assert names == [
+def test_published_rows_stand_below_ours(scenes, printed):
+    table = comparison.make_table(scenes, printed)
+    lines = of_all(table, group="1x")
+    assert list(dict.fromkeys(lines.index)) == [
         *("nerf", "NeRF, published", "mipnerf360", "mip-NeRF 360, published", "given"),
         # What no method of ours is called.
         *("mip-NeRF, published", "mip-NeRF with a bigger MLP, published"),
         "AligNeRF, published",
     ]
-    printed = one[one["method"] == "mip-NeRF 360, published"].set_index("test_set")
-    assert printed.loc["standard", "psnr_db"] == 23.71
-    assert printed.loc["warped", "lpips_published"] == 0.349
-    assert printed.loc["warped", "params"] == 9_900_000
-    assert printed.loc["warped", "total_time_s"] == pytest.approx(6.88 * 3600)
-    assert printed["source"].notna().all()
-    four = table[(table["group"] == "4x") & table["source"].notna()]
-    four = four[four["method"] == "mip-NeRF 360, published"]
-    assert four[four["test_set"] == "warped"]["psnr_db"].tolist() == [24.83]
+    name = "mip-NeRF 360, published"
+    lines = lines.loc[name].set_index("test_set")
+    assert lines.loc["standard", "psnr_db"] == 23.71
+    assert lines.loc["warped", "lpips_published"] == 0.349
+    assert lines.loc["warped", "params"] == 9_900_000
+    assert lines.loc["warped", "total_time_s"] == pytest.approx(6.88 * 3600)
+    assert lines["source"].notna().all()
+    four = one(table, group="4x", method=name, test_set="warped")
+    assert four["psnr_db"] == 24.83
+    assert comparison.printed_lines(None, 2) == []
+    assert comparison.printed_lines(table_rows.published_table(), None) == []
+
+
+def test_colours_are_for_ours_alone(scenes, printed):
+    tex = comparison.to_latex(comparison.make_table(scenes, printed))
     assert r"\textcolor{gray}{NeRF, published}" in tex
-
-
-def test_colours_are_for_ours_alone(scenes, tmp_path):
-    more = ("--published", rows.published_table(), "--published-table", "2")
-    _, tex, _ = run(scenes, tmp_path, *more)
     lines = [line for line in tex.splitlines() if "published" in line and "&" in line]
+    lines = [line for line in lines if "textcolor" in line]
     assert lines
     assert not any("cellcolor" in line for line in lines)
     best = next(line for line in tex.splitlines() if line.startswith("mipnerf360"))
     assert r"\cellcolor[HTML]{FF9999}" in best
 
 
-def test_rankings_are_between_all_test_sets(scenes, tmp_path):
-    _, _, ranks = run(scenes, tmp_path)
+def test_rankings_are_between_all_test_sets(scenes):
+    ranks = comparison.make_ranking(scenes)
     assert len(ranks) == 2 * 3
     # Each method is above the next one by as much on each set.
     assert ranks["tau"].tolist() == [1.0] * 6
     assert ranks["rows"].tolist() == [3] * 6
 
 
-def test_a_view_without_a_score_leaves_the_mean_empty(scenes, tmp_path):
-    path = scenes[0].methods[1].metrics
-    spoilt = pd.read_csv(path)
-    spoilt.loc[0, "psnr_db"] = np.nan
-    spoilt.to_csv(path, index=False)
-    table, _, _ = run(scenes, tmp_path)
-    table = table[(table["group"] == "1x") & (table["scene"] == "all")]
-    chosen = table[table["method"] == "mipnerf360"]
-    chosen = chosen.set_index("test_set")
-    assert np.isnan(chosen.loc["standard", "psnr_db"])
-    assert np.isfinite(chosen.loc["warped", "psnr_db"])
+def test_a_set_that_some_method_lacks_ranks_the_others(scenes):
+    for scene in scenes:
+        views = scene.rows[2].views.drop(columns="control", level=0)
+        scene.rows[2] = scene.rows[2]._replace(views=views)
+    ranks = comparison.make_ranking(scenes)
+    assert ranks["rows"].tolist() == [3, 2, 2] * 2
+    table = comparison.make_table(scenes)
+    assert set(of_all(table).loc["given", "test_set"]) == {"standard", "warped"}
+
+
+def test_a_view_without_a_score_leaves_the_mean_empty(scenes):
+    scenes[0].rows[1].views.loc["v0", ("standard", "psnr_db")] = np.nan
+    table = comparison.make_table(scenes)
+    keys = {"scene": comparison.ALL, "group": "1x", "method": "mipnerf360"}
+    assert np.isnan(one(table, test_set="standard", **keys)["psnr_db"])
+    assert np.isfinite(one(table, test_set="warped", **keys)["psnr_db"])
+
+
+def test_as_a_command(tmp_path):
+    folder = tmp_path / "a"
+    db = {"standard": [20.0, 22.0], "warped": [21.0, 25.0]}
+    rows = [table_cases.written(folder, db, m, base="nerf") for m in ("nerf", "b")]
+    table_cases.collect(folder, rows, "comparison")
+    scene = table_cases.scored("a", [table_cases.row(db, "nerf")]).scene
+    options = {kind: f"{tmp_path}/out.{kind}" for kind in ("csv", "tex")}
+    options |= {"scenes": table_rows.as_json([scene]), "results": str(tmp_path)}
+    options |= {"ranking": f"{tmp_path}/ranking.csv", "published-table": 3}
+    options["published"] = table_rows.published_table()
+    comparison.main([f"--{name}={value}" for name, value in options.items()])
+    table = pd.read_csv(tmp_path / "out.csv")
+    assert table["method"].drop_duplicates().tolist()[:2] == ["nerf", "b"]
+    assert table["source"].notna().any()
+    assert set(table["memory_mib"].dropna()) == {1.5}
+    assert len(pd.read_csv(tmp_path / "ranking.csv")) == 1
+    assert (tmp_path / "out.provenance.json").is_file()

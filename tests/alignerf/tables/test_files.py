@@ -1,173 +1,134 @@
 """Commands that make tables: what no table can be made of is named, nothing is left."""
 
 import json
-import math
 
+import pandas as pd
 import pytest
 
 from alignerf import tabulate
-from alignerf.experiment import sweep
-from alignerf.experiment.tables import rows as table_rows
-from alignerf.tables import controls, misalignment, ranking, round_times, tradeoff
-from alignerf.tables import files as table_files
+from alignerf.files import provenance
+from alignerf.tables import columns, controls
+from alignerf.tables.across import tradeoff
 from tests import table_cases
 
-SCORES = "view,test_set,psnr_db,ssim,lpips_alex,lpips_squeeze,lpips_vgg\n"
+SETS = (*sorted(controls.NEEDED), "oracle")
+MODULES = tabulate.TABLES | {"tradeoff": tradeoff}
 
 
 @pytest.fixture
-def entry(tmp_path):
-    """What any table's row may name, with all its files whole."""
-    sets = (*sorted(controls.NEEDED), "oracle")
-    rows = [f"{view},{name},20,0.5,0.5,,\n" for view in "ab" for name in sets]
-    timing = {f"{key}time_s": 1.0 for key in ("train_", "compile_", "view_", "")}
-    timing |= {"params": 1, "steps": 1, "rays_seen": 1, "views": 2, "device": "cpu"}
-    files = {
-        "metrics.csv": SCORES + "".join(rows),
-        "timing.json": json.dumps(timing),
-        "flow.csv": "view,time_s\na,0.5\n",
-        "wall.tsv": "s\tmax_rss\n9\t1\n",
-    }
-    for name, text in files.items():
-        (tmp_path / name).write_text(text)
-    metrics, timing, flow, wall = (str(tmp_path / name) for name in files)
-    labels = {"method": "plain", "field": "mlp 8", "round": 1, "base": "plain"}
-    walls = table_rows.Walls(wall, wall, wall)
-    return labels | {
-        "variant": "base",
-        "changes": {},
-        "metrics": metrics,
-        "base_metrics": metrics,
-        "aligned_pose": None,
-        "base_aligned_pose": None,
-        "trainings": [timing],
-        "data": [flow],
-        "training": timing,
-        "rendering": timing,
-        "alignment": flow,
-        "test_rendering": timing,
-        "test_alignment": flow,
-        "walls": walls,
-    }
+def scene(tmp_path):
+    """A scene's folder with two rows, for tables within it and for that of a sweep."""
+    scene = tmp_path / "yard"
+    db = {name: [20.0, 21.0] for name in SETS}
+    rows = [table_cases.written(scene, db, m, base="base") for m in ("base", "z_a")]
+    for table in ("", "tradeoff"):
+        table_cases.collect(scene, rows, table)
+    return scene
 
 
-KINDS = {
-    misalignment: table_rows.Misalignment,
-    controls: table_rows.Scores,
-    ranking: table_rows.Scores,
-    round_times: table_rows.Times,
-    tradeoff: sweep.Point,
-}
+def make(scene, *names, configs=()):
+    """Write tables; returns their folder."""
+    out = scene / "out"
+    more = ["--configs", *map(str, configs)]
+    if names == ("tradeoff",):
+        files = {key: f"{out}/tradeoff.{key}" for key in ("csv", "tex")}
+        files |= {"figure": f"{scene}/t.png", "scene": str(scene)}
+        files["changes"] = json.dumps({"base": {}, "z_a": {"seed": 8}})
+        tradeoff.main([f"--{key}={value}" for key, value in files.items()] + more)
+    else:
+        options = ["--scene", str(scene), "--tables", *names, "--out", str(out)]
+        tabulate.main([*options, *more])
+    return out
 
 
-def row_of(module, entry):
-    """A row of the table that a module makes."""
-    kind = KINDS[module]
-    return kind(**{name: entry[name] for name in kind._fields})
-
-
-def make(module, entry, out, *more):
-    """Write a table into the folder `out`; returns its name."""
-    name = module.__name__.rpartition(".")[2]
-    entries = [entry, entry | {"method": "other", "variant": "other"}]
-    rows = [row_of(module, entry) for entry in entries]
-    if module is not tradeoff:
-        table_cases.make(name, rows, out, *more)
-        return name
-    paths = {f"--{kind}": str(out / f"{name}.{kind}") for kind in ("csv", "tex")}
-    paths |= {"--rows": table_rows.as_json(rows), "--figure": str(out / "t.png")}
-    module.main([*(part for pair in paths.items() for part in pair), *more])
-    return name
-
-
-@pytest.mark.parametrize(
-    ("module", "name"),
-    [
-        (misalignment, "metrics.csv"),
-        (misalignment, "flow.csv"),
-        (controls, "metrics.csv"),
-        (ranking, "metrics.csv"),
-        (round_times, "flow.csv"),
-        (round_times, "wall.tsv"),
-        (tradeoff, "metrics.csv"),
-    ],
-)
-def test_an_empty_file_is_named(tmp_path, entry, module, name):
-    make(module, entry, tmp_path / "whole")
-    header = (tmp_path / name).read_text().splitlines(keepends=True)[0]
-    for text in ("", header):
-        (tmp_path / name).write_text(text)
-        with pytest.raises(ValueError, match=f"{name}: "):
-            make(module, entry, tmp_path / "out")
-        assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("module", KINDS)
-def test_a_table_without_its_latex_is_not_left(tmp_path, entry, module, monkeypatch):
-    def fail(table):
-        raise ValueError("no LaTeX")
-
-    monkeypatch.setattr(module, "to_latex", fail)
-    with pytest.raises(ValueError, match="no LaTeX"):
-        make(module, entry, tmp_path / "out")
-    assert not [path for path in tmp_path.glob("out/*") if path.is_file()]
-
-
-def test_a_table_that_fails_leaves_none_of_the_others(tmp_path, entry):
-    """What is whole is not mistaken for what belongs together."""
-    rows = {
-        "controls": [row_of(controls, entry)],
-        "round_times": [row_of(round_times, entry)._replace(training="nowhere.json")],
-    }
-    options = table_rows.options_of(rows)
-    with pytest.raises(ValueError, match="nowhere"):
-        tabulate.main([*options, "--out", str(tmp_path / "out")])
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_table_that_is_not_known_is_named(tmp_path, capsys):
-    with pytest.raises(SystemExit):
-        tabulate.main(["--rows", "scores", "[]", "--out", str(tmp_path)])
-    assert "no table 'scores'" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("text", ["", "[1]", "{}", "3"])
-def test_a_timing_that_is_none_is_named(tmp_path, text):
-    path = tmp_path / "timing.json"
-    path.write_text(text)
-    with pytest.raises(ValueError, match=r"timing\.json: not the JSON"):
-        table_files.read_timing(path, "time_s")
-
-
-@pytest.mark.parametrize("module", KINDS)
-def test_where_a_table_comes_from_lies_beside_it(tmp_path, entry, module):
-    config = tmp_path / "config.yaml"
+@pytest.mark.parametrize("name", MODULES)
+def test_a_table_lies_beside_its_latex_and_where_it_comes_from(scene, name):
+    config = scene / "config.yaml"
     config.write_text("seed: 0\nscenes: {yard: {seed: 3}}\n")
-    name = make(module, entry, tmp_path / "out", "--configs", str(config))
-    found = json.loads((tmp_path / "out" / f"{name}.provenance.json").read_text())
-    assert (found["seeds"], list(found["configs"])) == ([3], [str(config)])
-    assert len(found["rows"]) == 2
-    names_trainings = module not in (controls, ranking)
-    assert found["device"] == ["cpu"] * names_trainings
-    for row in found["rows"]:
-        assert len(row["trainings"]) == names_trainings
-        for training in row["trainings"]:
-            assert training["path"] == entry["training"]
-            assert (training["commit"], training["lock"]) == (None, None)
+    out = make(scene, name, configs=[config])
+    kinds = ("csv", "provenance.json", "tex")
+    made = sorted(path.name for path in out.iterdir())
+    assert made == [f"{name}.{kind}" for kind in kinds]
+    table = pd.read_csv(out / f"{name}.csv")
+    assert list(table.columns) == columns.names(name)
+    if name != "ranking":
+        # In the order of the config, not of the alphabet.
+        assert list(dict.fromkeys(table.iloc[:, 0])) == ["base", "z_a"]
+    tex = (out / f"{name}.tex").read_text()
+    assert tex.count(r"\begin{tabular}") == tex.count(r"\end{tabular}") == 1
+    told = json.loads((out / f"{name}.provenance.json").read_text())
+    # The seed of a variant is told too.
+    assert told["seeds"] == ([3, 8] if name == "tradeoff" else [3])
+    assert (list(told["configs"]), told["device"]) == ([str(config)], ["cpu"])
+    assert [(row["scene"], row["method"], row["round"]) for row in told["rows"]] == [
+        *(("yard", "base", 0), ("yard", "z_a", 0)),
+    ]
+    for row in told["rows"]:
+        path = str(scene / row["method"] / "round0" / "timing.json")
+        known = {"path": path, "commit": None, "lock": None, "device": "cpu"}
+        assert row["trainings"] == [known]
 
 
-@pytest.mark.parametrize("module", KINDS)
-def test_a_table_without_its_provenance_is_not_left(tmp_path, entry, module):
-    config = tmp_path / "config.yaml"
+def test_one_process_makes_all_of_a_scene(scene):
+    out = make(scene, *tabulate.TABLES)
+    assert len(list(out.iterdir())) == 3 * len(tabulate.TABLES)
+    # Seconds to a thousandth; whole numbers as such, however large.
+    assert ",28.000" in (out / "round_times.csv").read_text()
+    assert ",7,5,50," in (out / "misalignment.csv").read_text()
+
+
+@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("file", ["scores", "trainings"])
+def test_an_empty_file_is_named(scene, name, file):
+    table = "tradeoff" if name == "tradeoff" else ""
+    path = scene / table / f"{file}.csv"
+    head = path.read_text().splitlines(keepends=True)[0]
+    for text in ("", head):
+        path.write_text(text)
+        with pytest.raises(ValueError, match=rf"{file}\.csv: .*no row"):
+            make(scene, name)
+        assert not (scene / "out").exists()
+
+
+def fail(*_):
+    raise ValueError("no LaTeX")
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_a_table_without_what_lies_beside_it_is_not_left(scene, name, monkeypatch):
+    config = scene / "config.yaml"
     config.write_text("seed: 0\n")
     with pytest.raises(ValueError, match=r"config\.yaml: not a scene's config"):
-        make(module, entry, tmp_path / "out", "--configs", str(config))
-    assert not [path for path in tmp_path.glob("out/*") if path.is_file()]
+        make(scene, name, configs=[config])
+    monkeypatch.setattr(MODULES[name], "to_latex", fail)
+    with pytest.raises(ValueError, match="no LaTeX"):
+        make(scene, name)
+    assert not [path for path in scene.glob("out/*") if path.is_file()]
+    assert not (scene / "t.png").exists()
 
 
-def test_seconds_of_views_are_all_or_none(tmp_path):
-    path = tmp_path / "flow.csv"
-    path.write_text("view,time_s\na,0.5\nb,1\n")
-    assert table_files.views_time_s(path) == 1.5
-    path.write_text("view,time_s\na,0.5\nb,\n")
-    assert math.isnan(table_files.views_time_s(path))
+def test_a_table_that_fails_leaves_none_of_the_others(scene):
+    """What is whole is not mistaken for what belongs together."""
+    path = scene / "scores.csv"
+    path.write_text(path.read_text().replace(",held_out,", ",held,"))
+    reason = "yard: base after round 0: no test set 'held_out'"
+    with pytest.raises(ValueError, match=reason):
+        make(scene, "misalignment", "round_times", "controls")
+    assert not (scene / "out").exists()
+
+
+def test_a_table_that_is_not_known_is_named(scene, capsys):
+    with pytest.raises(SystemExit):
+        make(scene, "scores")
+    assert "invalid choice: 'scores'" in capsys.readouterr().err
+
+
+def test_what_papers_print_stands_below(scene, tmp_path):
+    path = tmp_path / "printed.csv"
+    head = "source,method,scene,psnr_db,ssim,lpips_published\n"
+    path.write_text(f"{head}arXiv 1,NeRF,yard,25,0.8,0.2\n")
+    options = ["--scene", str(scene), "--tables", "misalignment", "controls"]
+    tabulate.main([*options, "--published", str(path), "--out", str(scene / "out")])
+    table = pd.read_csv(scene / "out/misalignment.csv")
+    assert table["method"].iloc[-1] == "NeRF, published"
+    assert provenance.path_beside(scene / "out/controls.csv").is_file()

@@ -8,8 +8,8 @@ from alignerf.tables import intervals
 
 def coverage(draw, mean, *, cases=600):
     """Share of simulated samples whose interval holds the mean."""
-    found = [intervals.mean_interval(draw(), draws=2000) for _ in range(cases)]
-    return np.mean([low <= mean <= high for low, high in found])
+    ends = [intervals.mean_interval(draw(), draws=2000) for _ in range(cases)]
+    return np.mean([low <= mean <= high for low, high in ends])
 
 
 @pytest.mark.parametrize("n", [6, 12, 40])
@@ -78,3 +78,23 @@ def test_few_views():
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_view_without_a_number_leaves_no_interval(bad):
     assert np.isnan(intervals.mean_interval([20.0, bad, 22.0])).all()
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.3, 1.0, 3.0])
+def test_pooled_interval_holds_the_mean_as_often_as_it_says(spread):
+    """Seeds' and views' parts drawn from normals, views' of deviation 1."""
+    rng = np.random.default_rng(0)
+    hits = 0
+    for _ in range(300):
+        groups = [rng.normal(s, 1.0, 6) for s in rng.normal(0, spread, 3)]
+        low, high = intervals.pooled_interval(groups, draws=1000)
+        hits += low < 0 < high
+    # Three deviations of a share of 300 about 0.95.
+    assert hits / 300 > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 300)
+
+
+def test_pooled_interval_of_one_seed_is_that_of_its_views():
+    values = np.array([0.1, 0.4, -0.2, 0.3])
+    assert intervals.pooled_interval([values]) == intervals.mean_interval(values)
+    assert np.isnan(intervals.pooled_interval([values, [np.nan, 1.0]])).all()
+    assert np.isnan(intervals.pooled_interval([values, [1.0]])).all()

@@ -7,80 +7,65 @@ from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import misalignment
 from tests import table_cases
 
-
-def cells(tex):
-    """The body's cells, row by row."""
-    body = tex.split(r"\midrule")[1].split(r"\bottomrule")[0]
-    lines = [line for line in body.splitlines() if "&" in line]
-    rows = [line.strip().removesuffix(r"\\").split("&") for line in lines]
-    return [[cell.strip() for cell in row] for row in rows]
+PRINTED = """source,method,scene,psnr_db,ssim,lpips_published
+arXiv 1,mip-NeRF 360,garden,99,0.813,0.17
+arXiv 1,mip-NeRF 360,mean,24.47,0.691,0.283
+arXiv 2,mip_NeRF,garden,26,0.8,0.2
+"""
 
 
 @pytest.fixture
-def printed(tmp_path):
+def path(tmp_path):
     """A table as papers print it."""
     path = tmp_path / "means.csv"
-    path.write_text(
-        "source,method,scene,psnr_db,ssim,lpips_published\n"
-        "arXiv 1,mip-NeRF 360,garden,99,0.813,0.17\n"
-        "arXiv 1,mip-NeRF 360,mean,24.47,0.691,0.283\n"
-        "arXiv 2,mip_NeRF,garden,26,0.8,0.2\n"
-    )
+    path.write_text(PRINTED)
     return path
 
 
-def run(entry, folder, *more):
-    """The command's CSV and LaTeX for one row."""
-    csv, tex = table_cases.make("misalignment", [entry], folder, *more)
-    return pd.read_csv(csv), tex.read_text()
+def make(path, scene):
+    """The table of one row and of what is printed for a scene."""
+    row = table_cases.row({"standard": [20.0, 22.0], "warped": [21.0, 23.0]})
+    return misalignment.make_table([row], misalignment.published(path, scene))
 
 
-def test_published_rows_stand_below_and_compare_with_nothing(entry, tmp_path, printed):
-    alone, tex_alone = run(entry, tmp_path)
-    more = ("--published", str(printed), "--scene-name", "garden")
-    table, tex = run(entry, tmp_path, *more)
-    pd.testing.assert_frame_equal(table[:3], alone, check_dtype=False)
-    rows = table[3:].set_index("method")
-    names = ["mip-NeRF 360, published", "mip_NeRF, published"]
-    assert list(rows.index) == names
+def test_published_rows_stand_below_and_compare_with_nothing(path):
+    table, alone = make(path, "garden"), make(path, "fox")
+    pd.testing.assert_frame_equal(table[:2], alone, check_dtype=False)
+    rows = table[2:].set_index("method")
+    assert list(rows.index) == ["mip-NeRF 360, published", "mip_NeRF, published"]
     assert list(rows["source"]) == ["arXiv 1", "arXiv 2"]
     assert list(rows["test_set"]) == ["standard"] * 2
     assert list(rows["psnr_db"]) == [99, 26]
     assert list(rows["lpips_published"]) == [0.17, 0.2]
     empty = [*misalignment.COUNTS, "total_time_s", "lpips_alex", "difference_db"]
     assert rows[empty].isna().all(axis=None)
+    tex = misalignment.to_latex(table)
     above, below = tex.split(r"\bottomrule")[0].split(r"\midrule")[1:]
     # The 99 dB are not the best: they are nobody's of these.
     assert r"\cellcolor[HTML]{FF9999}" in above
     assert "cellcolor" not in below
-    assert "99.00" in below
-    assert r"mip\_NeRF, published" in below
-    assert "0.170" in below
+    for text in ("99.00", r"mip\_NeRF, published", "0.170"):
+        assert text in below
     assert "% mip-NeRF 360, published: as printed, arXiv 1." in tex
     assert "LPIPS (published)" in tex
     assert "nan" not in tex.lower()
-    assert "published" not in tex_alone
-    assert tex_alone.count(r"\midrule") == 1
+    # Of other scenes nothing is printed.
+    tex = misalignment.to_latex(alone)
+    assert "published" not in tex
+    assert tex.count(r"\midrule") == 1
 
 
-def test_of_other_scenes_nothing_is_printed(entry, tmp_path, printed):
-    more = ("--published", str(printed), "--scene-name", "fox")
-    table, tex = run(entry, tmp_path, *more)
-    alone, tex_alone = run(entry, tmp_path)
-    pd.testing.assert_frame_equal(table, alone)
-    assert tex == tex_alone
-
-
-def test_a_published_table_that_is_none_is_named(entry, tmp_path, printed):
-    more = ("--published", str(printed), "--scene-name", "garden")
-    text = printed.read_text()
-    printed.write_text(text.replace("mip_NeRF", "mip-NeRF 360"))
-    with pytest.raises(ValueError, match=r"means\.csv: scene garden: a method stands"):
-        run(entry, tmp_path, *more)
-    printed.write_text(text.replace("ssim", "SSIM"))
-    with pytest.raises(ValueError, match=r"means\.csv: .*: no column ssim"):
-        run(entry, tmp_path, *more)
-    assert not (tmp_path / "misalignment.csv").exists()
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ("mip_NeRF", "mip-NeRF 360", "scene garden: a method stands twice"),
+        ("ssim", "SSIM", ".*: no column ssim"),
+    ],
+)
+def test_a_published_table_that_is_none_is_named(path, old, new, reason):
+    path.write_text(PRINTED.replace(old, new))
+    with pytest.raises(ValueError, match=rf"means\.csv: {reason}"):
+        make(path, "garden")
 
 
 def test_scenes_of_the_papers_are_known_by_their_names(root):

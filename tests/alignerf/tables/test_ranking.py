@@ -1,10 +1,16 @@
-"""Kendall's tau-b at its edges; whole tables of it are in test_controls."""
+"""Kendall's tau-b between test sets, at its edges and over views."""
 
 import math
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from alignerf.tables import ranking
+from tests import table_cases
+
+VIEWS = 6
+SETS = (*ranking.TEST_SETS, "oracle", ranking.OPTIONAL)
 
 
 @pytest.mark.parametrize(
@@ -23,3 +29,60 @@ from alignerf.tables import ranking
 )
 def test_tau_of_few_rows_and_of_ties(first, second, tau):
     assert ranking.tau_b(first, second) == pytest.approx(tau, nan_ok=True)
+
+
+def ranked(oracle, other):
+    """The table of rows whose oracle and other means are these, each view alike."""
+    rows = [
+        table_cases.row(
+            dict.fromkeys(SETS, np.full(VIEWS, of_other))
+            | {"oracle": np.full(VIEWS, of_oracle)}
+        )
+        for of_oracle, of_other in zip(oracle, other, strict=True)
+    ]
+    return ranking.make_table(rows)
+
+
+def test_tau_counts_pairs_in_the_same_order():
+    assert ranked([1, 2, 3, 4], [5, 6, 7, 8])["tau"].tolist() == [1.0] * 5
+    assert ranked([1, 2, 3, 4], [8, 7, 6, 5])["tau"].tolist() == [-1.0] * 5
+    # Five pairs of six in the same order, one not.
+    table = ranked([1, 2, 3, 4], [5, 7, 6, 8])
+    np.testing.assert_allclose(table["tau"], (5 - 1) / 6)
+    # The same for every view, so for every draw of views.
+    np.testing.assert_allclose(table["tau_low"], table["tau"])
+    np.testing.assert_allclose(table["tau_high"], table["tau"])
+    # Tau-b: a tie in one is a pair for the other alone.
+    tied = ranked([1, 2, 3, 4], [5, 5, 7, 8])
+    np.testing.assert_allclose(tied["tau"], 5 / np.sqrt(6 * 5))
+    tied = ranked([1, 2, 3, 4], [5, 5, 5, 5])
+    assert tied["tau"].isna().all()
+    assert {row[1] for row in table_cases.cells(ranking.to_latex(tied))} == {"--"}
+
+
+def test_an_interval_of_tau_is_over_views(rng):
+    # Noise of single views is larger than what the methods differ in.
+    rows = [
+        table_cases.row({name: level + rng.normal(size=VIEWS) for name in SETS})
+        for level in (20.0, 20.5, 21.0, 21.5)
+    ]
+    table = ranking.make_table(rows)
+    assert set(table["rows"]) == {4}
+    assert set(table["views"]) == {VIEWS}
+    assert ((table["tau_low"] <= table["tau"]) & (table["tau"] <= 1)).all()
+    assert (table["tau_low"] < 0.7).all()
+    pd.testing.assert_frame_equal(ranking.make_table(rows), table)
+    tex = ranking.to_latex(table)
+    assert "Ranking of 4 methods and rounds" in tex
+    assert "over 6 views" in tex
+    assert table_cases.cells(tex)[2][0] == r"held\_out"
+
+
+def test_what_some_row_lacks_is_not_ranked_or_named():
+    whole = table_cases.row({key: [20.0, 21.0] for key in SETS})
+    without = table_cases.row({key: [20.0, 21.0] for key in SETS[:-1]})
+    table = ranking.make_table([whole, without])
+    assert table["test_set"].tolist() == [*ranking.TEST_SETS]
+    lacking = table_cases.row({key: [20.0, 21.0] for key in SETS[1:]}, "other", 1)
+    with pytest.raises(ValueError, match="other after round 1: no test set 'standard'"):
+        ranking.make_table([whole, lacking])

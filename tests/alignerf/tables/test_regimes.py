@@ -1,91 +1,66 @@
-"""alignerf.tables.regimes: pooled over seeds, paired by view."""
+"""alignerf.tables.across.regimes: pooled over seeds, paired by view."""
 
+import itertools
 import json
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.experiment.tables import regimes as regime_rows
 from alignerf.experiment.tables import rows as table_rows
-from alignerf.tables import intervals, regimes
+from alignerf.tables import columns
+from alignerf.tables.across import regimes
 from alignerf.tables.plots import regimes as regimes_plot
+from tests import table_cases
+from tests.table_cases import one
 
 ROWS = [("mipnerf360", 0), ("convolution", 0), ("alignment", 0), ("mipnerf360", 1)]
 
 
 @pytest.fixture
-def scene_of(tmp_path):
-    """Writes one scene's files; `gains` in dB of each row over the baseline."""
+def scene_of(tmp_path, rng):
+    """(name, dB of each row over the baseline, ...) -> its `files.Scored`."""
 
-    def write(name, gains, *, regime, view_db=(20.0, 24.0, 22.0), noise=0.0, seed=0):
-        rng = np.random.default_rng(seed)
-        methods = []
+    def make(name, gains, *, view_db=(20.0, 24.0, 22.0), noise=0.0, seed=0, **like):
+        path = tmp_path / name / regimes.FLOW
+        table_cases.put(path, pd.DataFrame({"median_px": [1.0, 2.0]}))
+        rows = []
         for place, gain in enumerate((0, *gains)):
-            views = [
-                {"view": f"v{i}", "test_set": test_set, "psnr_db": db, "ssim": 0.5}
-                for test_set, extra in (("standard", 0.0), ("oracle", 1.0))
-                for i, base in enumerate(view_db)
-                for db in [base + extra + gain + (place > 0) * noise * rng.normal()]
-            ]
-            methods.append(write_row(tmp_path, name, place, views))
-        displacement = tmp_path / f"{name}.csv"
-        pd.DataFrame({"median_px": [1.0, 2.0]}).to_csv(displacement, index=False)
-        return regime_rows.Regime(
-            **regime,
-            scene=name,
-            seed=seed,
-            alike=json.dumps(regime),
-            displacement=str(displacement),
-            methods=methods,
-        )
+            own = np.array(view_db) + gain + (place > 0) * noise * rng.normal(size=3)
+            rows.append(table_cases.row({"standard": own, "oracle": own + 1}))
+            method, round = ROWS[place]
+            trained = 1 + (place > 0)
+            costs = {"train_time_s": (10 + place) * trained, "data_time_s": 3 * round}
+            costs["total_time_s"] = sum(costs.values())
+            costs |= {"steps": 1, "rays_seen": 7 * trained, "params": place}
+            rows[-1] = rows[-1]._replace(method=method, round=round, costs=costs)
+        like = {"perturb_px": 1.0, "motion_m": 0.0, "steps": 100} | like
+        fields = like | {"like": json.dumps(like), "seed": seed}
+        return table_cases.scored(name, rows, tmp_path, **fields)
 
-    return write
+    return make
 
 
-def write_row(folder, scene, place, views):
-    """The files of one of ROWS: its views' scores, and what it took."""
-    method, round = ROWS[place]
-    metrics, timing, data = (
-        folder / f"{scene}_{method}{round or ''}{end}"
-        for end in (".csv", ".json", "_data.json")
-    )
-    pd.DataFrame(views).to_csv(metrics, index=False)
-    costs = {"train_time_s": 10 + place, "steps": 1, "rays_seen": 7, "params": place}
-    timing.write_text(json.dumps(costs))
-    data.write_text(json.dumps({"time_s": 3.0}))
-    return regime_rows.Method(
-        method=method,
-        round=round,
-        parts=method,
-        metrics=str(metrics),
-        trainings=[str(timing)] * (1 + (place > 0)),
-        data=[str(data)] * round,
-    )
-
-
-def regime(perturb_px=1.0, motion_m=0.0, steps=100):
-    return {"perturb_px": perturb_px, "motion_m": motion_m, "steps": steps}
-
-
-def one(table, **keys):
-    chosen = np.logical_and.reduce([table[key] == value for key, value in keys.items()])
-    (row,) = table[chosen].to_dict("records")
-    return row
+def without(scene, place, test_set):
+    """The scene, one of whose rows lacks a test set."""
+    row = scene.rows[place]
+    scene.rows[place] = row._replace(views=row.views.drop(columns=test_set, level=0))
+    return scene
 
 
 def test_minutes_show_the_steps_that_they_came_to(scene_of):
-    table = regimes.make_table([scene_of("a", (0, 0, 0), regime=regime(steps=None))])
+    table = regimes.make_table([scene_of("a", (0, 0, 0), steps=None)])
     assert set(table["steps"]) == {1}
 
 
 def test_seeds_are_pooled_and_regimes_are_not(scene_of):
     scenes = [
-        scene_of("a", (0.5, 1.5), regime=regime()),
-        scene_of("b", (0.1, 0.5), regime=regime(), seed=1),
-        scene_of("c", (-1.0, -1.0), regime=regime(perturb_px=4.0)),
+        scene_of("a", (0.5, 1.5)),
+        scene_of("b", (0.1, 0.5), seed=1),
+        scene_of("c", (-1.0, -1.0), perturb_px=4.0),
     ]
     table = regimes.make_table(scenes)
+    assert list(table.columns) == columns.names("regimes")
     row = one(table, perturb_px=1.0, method="alignment", test_set="oracle")
     assert row["difference_db"] == pytest.approx(1.0)
     assert row["step_db"] == pytest.approx(0.7)
@@ -102,8 +77,7 @@ def test_seeds_are_pooled_and_regimes_are_not(scene_of):
 
 
 def test_the_baseline_on_warped_photos_stands_last(scene_of, caplog):
-    scene = scene_of("a", (0.5, 1.5, 2.5), regime=regime())
-    table = regimes.make_table([scene])
+    table = regimes.make_table([scene_of("a", (0.5, 1.5, 2.5))])
     keys = {"method": "mipnerf360", "test_set": "oracle"}
     row = one(table, warping="once", **keys)
     assert row["difference_db"] == pytest.approx(2.5)
@@ -112,6 +86,7 @@ def test_the_baseline_on_warped_photos_stands_last(scene_of, caplog):
     assert one(table, warping="none", **keys)["total_time_s"] == 10
     # Of several trainings it has more rays, and that is no fault.
     assert "mipnerf360 saw" not in caplog.text
+    assert "a: convolution saw 2.00 of the baseline's rays" in caplog.text
     assert "mipnerf360, warped once &" in regimes.to_latex(table)
     assert set(regimes_plot.compared(table)["row"]) == {
         "convolution",
@@ -122,10 +97,7 @@ def test_the_baseline_on_warped_photos_stands_last(scene_of, caplog):
 
 @pytest.mark.parametrize("first", [0, 1])
 def test_a_round_that_one_seed_lacks_is_left_out_and_told(scene_of, caplog, first):
-    scenes = [
-        scene_of("a", (0.5, 1.5), regime=regime()),
-        scene_of("b", (0.1, 0.5, 9.0), regime=regime(), seed=1),
-    ]
+    scenes = [scene_of("a", (0.5, 1.5)), scene_of("b", (0.1, 0.5, 9.0), seed=1)]
     table = regimes.make_table(scenes[::-1] if first else scenes)
     assert set(table["warping"]) == {"none"}
     row = one(table, method="alignment", test_set="oracle")
@@ -134,117 +106,59 @@ def test_a_round_that_one_seed_lacks_is_left_out_and_told(scene_of, caplog, firs
 
 
 def test_how_unlike_views_are_is_no_part_of_the_interval(scene_of):
-    table = regimes.make_table([scene_of("a", (0.2, 0.3), regime=regime())])
+    table = regimes.make_table([scene_of("a", (0.2, 0.3))])
     row = one(table, method="convolution", test_set="standard")
     assert row["difference_low_db"] == pytest.approx(0.2)
     assert row["difference_high_db"] == pytest.approx(0.2)
 
 
-def test_other_views_are_refused_by_name(scene_of):
-    scene = scene_of("a", (0.2, 0.3), regime=regime())
-    other = scene_of("b", (0.2, 0.3), regime=regime(), view_db=(20.0, 21.0))
-    scene.methods[1] = other.methods[1]
-    with pytest.raises(ValueError, match=r"b_convolution\.csv: not the views"):
-        regimes.make_table([scene])
-
-
 def test_the_same_scene_twice_is_refused_by_name(scene_of):
-    scenes = [scene_of(name, (0.5, 1.5), regime=regime()) for name in "ab"]
     with pytest.raises(ValueError, match="b: the same as a"):
-        regimes.make_table(scenes)
+        regimes.make_table([scene_of(name, (0.5, 1.5)) for name in "ab"])
 
 
-def test_what_is_missing_is_named(scene_of):
-    scene = scene_of("a", (0.5, 1.5), regime=regime())
-    pd.DataFrame({"view": ["v"]}).to_csv(scene.displacement, index=False)
-    with pytest.raises(ValueError, match=r"a\.csv: .*: no column median_px"):
-        regimes.make_table([scene])
-    metrics = scene.methods[1].metrics
-    pd.read_csv(metrics).drop(columns="psnr_db").to_csv(metrics, index=False)
-    with pytest.raises(ValueError, match=r"a_convolution\.csv: no column psnr_db"):
+def test_a_flow_that_is_none_is_named(scene_of):
+    scene = scene_of("a", (0.5, 1.5))
+    table_cases.put(scene.folder / regimes.FLOW, "view\nv\n")
+    reason = r"displacement\.csv: .*: no column median_px"
+    with pytest.raises(ValueError, match=reason):
         regimes.make_table([scene])
 
 
 def test_a_test_set_that_one_method_lacks_is_left_out(scene_of):
-    scene = scene_of("a", (0.5, 1.5), regime=regime())
-    metrics = scene.methods[2].metrics
-    rows = pd.read_csv(metrics)
-    rows[rows["test_set"] == "standard"].to_csv(metrics, index=False)
+    scene = without(scene_of("a", (0.5, 1.5)), 2, "oracle")
     assert set(regimes.make_table([scene])["test_set"]) == {"standard"}
 
 
-def test_other_numbers_of_rays_are_told(scene_of, caplog):
-    scene = scene_of("a", (0.5, 1.5), regime=regime())
-    regimes.make_table([scene])
-    assert "a: convolution saw 2.00 of the baseline's rays" in caplog.text
-
-
-@pytest.mark.parametrize("spread", [0.0, 0.3, 1.0, 3.0])
-def test_pooled_interval_holds_the_mean_as_often_as_it_says(spread):
-    """Seeds' and views' parts drawn from normals, views' of deviation 1."""
-    rng = np.random.default_rng(0)
-    hits = 0
-    for _ in range(300):
-        groups = [rng.normal(s, 1.0, 6) for s in rng.normal(0, spread, 3)]
-        low, high = intervals.pooled_interval(groups, draws=1000)
-        hits += low < 0 < high
-    # Three deviations of a share of 300 about 0.95.
-    assert hits / 300 > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 300)
-
-
-def test_pooled_interval_of_one_seed_is_that_of_its_views():
-    values = np.array([0.1, 0.4, -0.2, 0.3])
-    assert intervals.pooled_interval([values]) == intervals.mean_interval(values)
-    assert np.isnan(intervals.pooled_interval([values, [np.nan, 1.0]])).all()
-    assert np.isnan(intervals.pooled_interval([values, [1.0]])).all()
-
-
-def test_files_are_written_and_latex_has_a_block_a_regime(scene_of, tmp_path):
-    chosen = [(0, 0.0, 100), (2, 0.0, 100), (0, 0.02, 100), (2, 0.02, 100)]
+def test_latex_has_a_block_a_regime_and_the_figure_a_panel_a_kind(scene_of):
+    chosen = [*itertools.product((0, 2), (0.0, 0.02), (100,)), (2, 0.02, 200)]
+    keys = ("perturb_px", "motion_m", "steps")
     scenes = [
-        scene_of(f"{p}{m}{s}", (0.5, 1.0), noise=0.1, seed=k, regime=regime(p, m, s))
-        for k, (p, m, s) in enumerate([*chosen, (2, 0.02, 200)])
+        scene_of(f"{k}", (0.5, 1.0), noise=0.1, **dict(zip(keys, like, strict=True)))
+        for k, like in enumerate(chosen)
     ]
-    fox = scene_of("fox", (0.1, 0.2), regime=regime(0, None, 300))
-    for method in fox.methods:
-        rows = pd.read_csv(method.metrics)
-        rows[rows["test_set"] == "standard"].to_csv(method.metrics, index=False)
-    scenes.append(fox)
-    paths = [tmp_path / f"out.{end}" for end in ("csv", "tex", "png")]
-    regimes.main(
-        ["--rows", table_rows.as_json(scenes)]
-        + [
-            f"{o}={p}"
-            for o, p in zip(("--csv", "--tex", "--figure"), paths, strict=True)
-        ]
-    )
-    csv, tex, png = paths
-    table = pd.read_csv(csv)
+    fox = scene_of("fox", (0.1, 0.2), perturb_px=0, motion_m=None, steps=300)
+    scenes.append(without(fox, 0, "oracle"))
+    table = regimes.make_table(scenes)
     assert len(table) == 5 * 3 * 2 + 3
     shown = pd.concat(regimes_plot.compared(rows) for _, rows in table.groupby("scene"))
     assert set(shown["method"]) == {"convolution", "alignment"}
     assert set(shown["scene"]) == set(table["scene"])
     titles = [title for title, *_ in regimes_plot.panels(shown)]
     assert titles == ["nothing moves", "objects move", "budget", "scenes"]
-    text = tex.read_text()
+    text = regimes.to_latex(table)
     assert text.count(r"\emph{") == 6
-    assert "poses off by 2 px, motion 2 cm, 200 steps" in text
+    assert "poses off by 2 px, motion 2 cm, 200 steps, flow 1.50 px" in text
     assert "poses off by 2 px, still, 100 steps" in text
     assert "fox, 300 steps" in text
-    assert png.read_bytes().startswith(b"\x89PNG")
-    origin = json.loads((tmp_path / "out.provenance.json").read_text())
-    labels = [(row["scene"], row["method"]) for row in origin["rows"]]
-    assert labels == [(s.scene, m.method) for s in scenes for m in s.methods]
-    assert len(origin["rows"][1]["trainings"]) == 2
+    # It lacks what the others have; nothing is in all columns of a block's head.
+    assert table_cases.cells(text)[-1][3:5] == ["--", ""]
 
 
 def test_a_view_without_a_length_leaves_the_misalignment_empty(scene_of):
-    scenes = [
-        scene_of("a", (0.5, 1.5), regime=regime()),
-        scene_of("b", (0.5, 1.5), regime=regime(), seed=1),
-    ]
+    scenes = [scene_of(name, (0.5, 1.5), seed=k) for k, name in enumerate("ab")]
     lengths = pd.DataFrame({"median_px": [1.0, np.nan]})
-    lengths.to_csv(scenes[1].displacement, index=False)
+    table_cases.put(scenes[1].folder / regimes.FLOW, lengths)
     table = regimes.make_table(scenes)
     assert table["misalignment_px"].isna().all()
     assert table["psnr_db"].notna().all()
@@ -252,13 +166,8 @@ def test_a_view_without_a_length_leaves_the_misalignment_empty(scene_of):
 
 
 def test_a_view_without_a_score_leaves_its_test_set_empty(scene_of):
-    scene = scene_of("a", (0.5, 1.5), regime=regime())
-    metrics = scene.methods[1].metrics
-    views = pd.read_csv(metrics)
-    views.loc[(views["view"] == "v1") & (views["test_set"] == "oracle"), "psnr_db"] = (
-        np.nan
-    )
-    views.to_csv(metrics, index=False)
+    scene = scene_of("a", (0.5, 1.5))
+    scene.rows[1].views.loc["v1", ("oracle", "psnr_db")] = np.nan
     table = regimes.make_table([scene])
     row = one(table, method="convolution", test_set="oracle")
     assert np.isnan([row["psnr_db"], row["difference_db"], row["step_db"]]).all()
@@ -268,3 +177,30 @@ def test_a_view_without_a_score_leaves_its_test_set_empty(scene_of):
     (line,) = [x for x in regimes.to_latex(table).splitlines() if "convolution" in x]
     assert "& -- & -- &" in line
     assert "nan" not in regimes.to_latex(table)
+
+
+def test_as_a_command(tmp_path):
+    """Two seeds, of a folder each; their rows stand in provenance."""
+    db = {"standard": [20.0, 22.0]}
+    scenes = []
+    for seed, name in enumerate("ab"):
+        folder = tmp_path / name
+        rows = [table_cases.written(folder, db, m, base="m") for m in ("m", "n")]
+        rows.append(table_cases.written(folder, db, "m", 1))
+        table_cases.collect(folder, rows, "regimes")
+        table_cases.put(folder / regimes.FLOW, "median_px\n1\n")
+        row = table_cases.row(db)
+        scenes.append(table_cases.scored(name, [row], like="one", seed=seed).scene)
+    options = {kind: f"{tmp_path}/out.{kind}" for kind in ("csv", "tex")}
+    options |= {"scenes": table_rows.as_json(scenes), "results": str(tmp_path)}
+    options["figure"] = f"{tmp_path}/out.png"
+    regimes.main([f"--{name}={value}" for name, value in options.items()])
+    table = pd.read_csv(tmp_path / "out.csv")
+    assert table["method"].tolist() == ["m", "n", "m"]
+    assert set(table["seeds"]) == {2}
+    assert r"\toprule" in (tmp_path / "out.tex").read_text()
+    assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG")
+    origin = json.loads((tmp_path / "out.provenance.json").read_text())
+    labels = [(row["scene"], row["method"]) for row in origin["rows"]]
+    assert labels == [(scene, method) for scene in "ab" for method in "mnm"]
+    assert len(origin["rows"][2]["trainings"]) == 2

@@ -1,67 +1,45 @@
 """Remedies at equal time, from curves that are known."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.experiment.tables import regimes as regime_rows
 from alignerf.experiment.tables import rows as table_rows
-from alignerf.tables import remedies
+from alignerf.tables import columns
+from alignerf.tables.across import remedies
 from alignerf.tables.plots import remedies as remedies_plot
 from alignerf.tables.plots import sizes as sizes_plot
+from tests import table_cases
+from tests.table_cases import one
 
-VIEWS = ["a", "b", "c"]
 SHARES = (0.5, 1, 2, 4)
 BASE_S = 100.0
+SETS = ("standard", "oracle")
 
 
 @pytest.fixture
-def row(tmp_path):
-    """(name, seed, share, {method: (dB of views, seconds)}) -> its row, with files."""
+def scene(tmp_path):
+    """(name, seed, share, {method: (dB of views, seconds)}) -> its `files.Scored`."""
 
-    def write(
-        name, seed, share, found, *, test_sets=("standard", "oracle"), width_px=200
-    ):
-        methods = []
-        scene = tmp_path / f"{name}_{seed}_{share:g}"
+    def make(name, seed, share, of_methods, *, test_sets=SETS, width_px=200):
+        folder = tmp_path / f"{name}_x{share}"
         facts = {"width_px": width_px, "height_px": 150, "pixel_angle_mrad": 2.0}
-        scene.with_suffix(".facts.json").write_text(json.dumps(facts))
-        # A fixed angle, whose pixels grow with the size.
-        flow_px = width_px / 400 * np.array([0.5, 1.0, 9.0])
-        displacement = scene.with_suffix(".flow.csv")
-        pd.DataFrame({"median_px": flow_px}).to_csv(displacement, index=False)
-        for round, (method, (views_db, seconds)) in enumerate(found.items()):
-            path = tmp_path / f"{name}_{seed}_{share:g}x_{method}".replace(".", "_")
-            lines = [
-                {"view": view, "test_set": test_set, "psnr_db": db + place, "ssim": 1}
-                for place, test_set in enumerate(test_sets)
-                for view, db in zip(VIEWS, views_db, strict=True)
-            ]
-            pd.DataFrame(lines).to_csv(f"{path}.csv", index=False)
-            costs = {"train_time_s": seconds - 3, "steps": 1}
-            costs |= {"rays_seen": 1, "params": 1}
-            path.with_suffix(".json").write_text(json.dumps(costs))
-            data = path.with_suffix(".data.json")
-            data.write_text(json.dumps({"time_s": 3.0}))
-            files = ([f"{path}.json"], [str(data)])
-            methods.append(
-                regime_rows.Method(method, round, method, f"{path}.csv", *files)
+        table_cases.put(folder / "facts.json", facts)
+        rows = [
+            table_cases.row(
+                {test_set: db + place for place, test_set in enumerate(test_sets)},
+                *(method, round),
+                costs={"total_time_s": seconds},
+                # A fixed angle, whose pixels grow with the size.
+                own={"flow_px": width_px / 400},
             )
-        return regime_rows.Remedies(
-            scene=f"{name}_x{share}",
-            seed=seed,
-            alike=name,
-            # What stands before its size.
-            capture=name.split("-")[0],
-            facts=str(scene.with_suffix(".facts.json")),
-            displacement=str(displacement),
-            share=share,
-            methods=methods,
-        )
+            for round, (method, (db, seconds)) in enumerate(of_methods.items())
+        ]
+        # What stands before its size.
+        fields = {"alike": name, "capture": name.split("-")[0], "seed": seed}
+        return table_cases.scored(folder.name, rows, tmp_path, share=share, **fields)
 
-    return write
+    return make
 
 
 def curves(share, *, plain_db=20.0, gain_db=1.5, cost=2.0):
@@ -74,23 +52,17 @@ def curves(share, *, plain_db=20.0, gain_db=1.5, cost=2.0):
 
 
 @pytest.fixture
-def rows(row):
+def scenes(scene):
     return [
-        row("wrong", seed, share, curves(share, plain_db=20 + seed))
+        scene("wrong", seed, share, curves(share, plain_db=20 + seed))
         for seed in (0, 2)
         for share in SHARES
     ]
 
 
-def one(table, **keys):
-    chosen = np.logical_and.reduce([table[key] == value for key, value in keys.items()])
-    (found,) = table[chosen].to_dict("records")
-    return found
-
-
-def test_scores_are_read_off_at_equal_time(rows):
-    table = remedies.make_table(remedies.conditions_of(rows))
-    assert tuple(table.columns) == remedies.COLUMNS
+def test_scores_are_read_off_at_equal_time(scenes):
+    table = remedies.make_table(remedies.conditions_of(scenes))
+    assert list(table.columns) == columns.names("remedies")
     assert list(dict.fromkeys(table["budget"])) == [1, 2, 4]
     for budget in (1, 2, 4):
         plain = one(table, budget=budget, method="plain", test_set="oracle")
@@ -105,45 +77,42 @@ def test_scores_are_read_off_at_equal_time(rows):
         assert (fix["seeds"], fix["views"], fix["warping"]) == (2, 6, "once")
 
 
-def test_between_two_lengths_the_line_is_over_the_logarithm(row):
-    rows = [
-        row("wrong", 0, share, curves(share, cost=2.0 * 2**0.25)) for share in SHARES
+def test_between_two_lengths_the_line_is_over_the_logarithm(scene):
+    scenes = [
+        scene("wrong", 0, share, curves(share, cost=2.0 * 2**0.25)) for share in SHARES
     ]
-    table = remedies.make_table(remedies.conditions_of(rows))
-    found = one(table, budget=2, method="fix", test_set="standard")
-    assert found["gain_db"] == pytest.approx(1.5 - 1.25)
+    table = remedies.make_table(remedies.conditions_of(scenes))
+    line = one(table, budget=2, method="fix", test_set="standard")
+    assert line["gain_db"] == pytest.approx(1.5 - 1.25)
 
 
-def test_nothing_is_extrapolated(row):
+def test_nothing_is_extrapolated(scene):
     """Too dear for the shortest budget, and not trained long enough for the longest."""
-    rows = [row("wrong", 0, s, curves(s, cost=3.0)) for s in SHARES]
-    table = remedies.make_table(remedies.conditions_of(rows))
+    scenes = [scene("wrong", 0, s, curves(s, cost=3.0)) for s in SHARES]
+    table = remedies.make_table(remedies.conditions_of(scenes))
     fix = table[table["method"] == "fix"]
     assert set(fix["budget"]) == {2, 4}
-    found = {}
-    for share in SHARES:
-        both = curves(share, cost=0.5)
-        found[share] = row("other", 0, share, both)
-    table = remedies.make_table(remedies.conditions_of(list(found.values())))
+    scenes = [scene("other", 0, s, curves(s, cost=0.5)) for s in SHARES]
+    table = remedies.make_table(remedies.conditions_of(scenes))
     assert set(table[table["method"] == "fix"]["budget"]) == {1, 2}
     # Seconds vary: a little too short counts as long enough.
-    rows = [row("third", 0, s, curves(s, cost=0.96)) for s in SHARES]
-    table = remedies.make_table(remedies.conditions_of(rows))
+    scenes = [scene("third", 0, s, curves(s, cost=0.96)) for s in SHARES]
+    table = remedies.make_table(remedies.conditions_of(scenes))
     assert one(table, budget=4, method="fix", test_set="oracle")["gain_db"] == 1.5
 
 
-def test_budgets_that_plain_training_lacks_are_left_out(row):
-    rows = [row("wrong", 0, share, curves(share)) for share in (0.25, 0.5, 1)]
-    table = remedies.make_table(remedies.conditions_of(rows))
+def test_budgets_that_plain_training_lacks_are_left_out(scene):
+    scenes = [scene("wrong", 0, share, curves(share)) for share in (0.25, 0.5, 1)]
+    table = remedies.make_table(remedies.conditions_of(scenes))
     assert set(table["budget"]) == {1}
 
 
-def test_conditions_and_photos_without_truth_stand_apart(rows, row):
+def test_conditions_and_photos_without_truth_stand_apart(scenes, scene):
     fox = [
-        row("fox", 0, share, curves(share), test_sets=("standard", "aligned_pose"))
+        scene("fox", 0, share, curves(share), test_sets=("standard", "aligned_pose"))
         for share in SHARES
     ]
-    conditions = remedies.conditions_of([*rows, *fox])
+    conditions = remedies.conditions_of([*scenes, *fox])
     table = remedies.make_table(conditions)
     assert list(dict.fromkeys(table["condition"])) == ["wrong_x0.5", "fox_x0.5"]
     assert set(table[table["condition"] == "fox_x0.5"]["test_set"]) == {
@@ -161,7 +130,7 @@ def test_conditions_and_photos_without_truth_stand_apart(rows, row):
     assert r"22.50 & \textbf{+0.50}" in tex
 
 
-def test_a_photo_is_one_view_however_many_seeds_there_are(row, rng):
+def test_a_photo_is_one_view_however_many_seeds_there_are(rng):
     """Trainings of the same photos: their gains are averaged before the interval."""
     gains = rng.normal(size=3)
     pairs = [(20.0 + gains, np.full(3, 20.0))]
@@ -176,26 +145,26 @@ def test_a_photo_is_one_view_however_many_seeds_there_are(row, rng):
     assert made["gain_low_db"] > once["gain_low_db"]
 
 
-def test_sizes_of_a_capture_are_set_side_by_side(row, rows, tmp_path, monkeypatch):
+def test_sizes_of_a_capture_are_set_side_by_side(scene, scenes, tmp_path, monkeypatch):
     """Its flow in pixels and as an angle, and a figure of gains by size."""
     sized = [
-        row(f"fox-{width}", seed, s, curves(s, gain_db=width / 200), width_px=width)
+        scene(f"fox-{width}", seed, s, curves(s, gain_db=width / 200), width_px=width)
         for width in (400, 200)
         for seed in (0, 2)
         for s in SHARES
     ]
-    conditions = remedies.conditions_of([*sized, *rows])
+    conditions = remedies.conditions_of([*sized, *scenes])
     table = remedies.make_table(conditions)
     for width in (200, 400):
         chosen = table[table["condition"] == f"fox-{width}_x0.5"]
-        found = one(chosen, method="fix", test_set="oracle", budget=2)
-        assert (found["width_px"], found["seeds"]) == (width, 2)
+        line = one(chosen, method="fix", test_set="oracle", budget=2)
+        assert (line["width_px"], line["seeds"]) == (width, 2)
         # The median view's.
-        assert found["flow_px"] == pytest.approx(width / 400)
-        assert found["flow_mrad"] == pytest.approx(width / 200)
-        assert found["gain_db"] == pytest.approx(width / 200 - 1)
+        assert line["flow_px"] == pytest.approx(width / 400)
+        assert line["flow_mrad"] == pytest.approx(width / 200)
+        assert line["gain_db"] == pytest.approx(width / 200 - 1)
     assert remedies.by_capture(conditions) == [["fox-400_x0.5", "fox-200_x0.5"]]
-    assert remedies.by_capture(remedies.conditions_of(rows)) == []
+    assert remedies.by_capture(remedies.conditions_of(scenes)) == []
     drawn = {}
     monkeypatch.setattr(
         "matplotlib.axes.Axes.errorbar",
@@ -219,10 +188,10 @@ def test_sizes_of_a_capture_are_set_side_by_side(row, rows, tmp_path, monkeypatc
     assert drawn["plain"][2] == "black"
 
 
-def test_the_flow_of_a_size_is_the_mean_of_its_seeds(row, rows):
-    more = row("wrong", 3, 1, curves(1), width_px=200)
-    pd.DataFrame({"median_px": [3.5]}).to_csv(more.displacement, index=False)
-    (condition,) = remedies.conditions_of([*rows, more])
+def test_the_flow_of_a_size_is_the_mean_of_its_seeds(scene, scenes):
+    more = scene("wrong", 3, 1, curves(1))
+    more.rows[0].own["flow_px"] = 3.5
+    (condition,) = remedies.conditions_of([*scenes, more])
     size = next(remedies.lines_of(condition))
     assert (size["width_px"], size["height_px"]) == (200, 150)
     # A number of pixels is whole, in the table too.
@@ -230,21 +199,48 @@ def test_the_flow_of_a_size_is_the_mean_of_its_seeds(row, rows):
     assert size["flow_px"] == pytest.approx((0.5 + 0.5 + 3.5) / 3)
 
 
-def test_faults_are_named(rows, row):
+def test_faults_are_named(scenes, scene):
     with pytest.raises(ValueError, match=r"wrong_x1: the same as another scene"):
-        remedies.conditions_of([*rows, row("wrong", 0, 1, curves(1))])
-    # Of another length of the same scene.
-    path = rows[3].methods[1].metrics
-    table = pd.read_csv(path)
-    table[table["view"] != "a"].to_csv(path, index=False)
-    with pytest.raises(ValueError, match="not the views of the others"):
-        remedies.conditions_of(rows)
+        remedies.conditions_of([*scenes, scene("wrong", 0, 1, curves(1))])
+    (scenes[0].folder / "facts.json").write_text("{}")
+    (scenes[1].folder / "facts.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"facts\.json: .*: no "):
+        remedies.conditions_of(scenes)
 
 
-def test_as_a_command(rows, tmp_path):
-    out = {kind: tmp_path / f"remedies.{kind}" for kind in ("csv", "tex", "png")}
-    places = [f"--csv={out['csv']}", f"--tex={out['tex']}", f"--figure={out['png']}"]
-    remedies.main(["--rows", table_rows.as_json(rows), *places])
-    assert pd.read_csv(out["csv"])["method"].tolist()[0] == "plain"
-    assert out["png"].stat().st_size > 10_000
-    assert out["tex"].read_text().count(r"\midrule") == 1
+def test_lengths_of_other_views_are_named(scene):
+    scenes = [scene("wrong", 0, share, curves(share)) for share in SHARES]
+    row = scenes[3].rows[1]
+    scenes[3].rows[1] = row._replace(views=row.views.iloc[1:])
+    with pytest.raises(ValueError, match="wrong_x4: not the views of the other length"):
+        remedies.conditions_of(scenes)
+
+
+def test_as_a_command(tmp_path):
+    """Of files: the flow is the plain training's, and costs are of the whole way."""
+    scenes = []
+    for share in (1, 2):
+        folder = tmp_path / f"a_x{share}"
+        timing = {"train_time_s": 100.0 * share}
+        rows = [
+            table_cases.written(folder, {"standard": [20.0, 22.0]}, *key, timing=timing)
+            for key in (("plain", 0), ("plain", 1))
+        ]
+        table_cases.collect(folder, rows, "remedies")
+        facts = {"width_px": 9, "height_px": 8, "pixel_angle_mrad": 2.0}
+        table_cases.put(folder / "facts.json", facts)
+        row = table_cases.row({"standard": [20.0]}, "plain")
+        like = {"alike": "a", "share": share}
+        scenes.append(table_cases.scored(folder.name, [row], **like).scene)
+    options = {kind: f"{tmp_path}/out.{kind}" for kind in ("csv", "tex")}
+    options |= {"scenes": table_rows.as_json(scenes), "results": str(tmp_path)}
+    options["figure"] = f"{tmp_path}/out.png"
+    remedies.main([f"--{name}={value}" for name, value in options.items()])
+    table = pd.read_csv(tmp_path / "out.csv")
+    # Warped photos take as long as both: 202.75 s at one length.
+    assert table["budget"].tolist() == [1, 2, 2]
+    assert table["time_s"].tolist() == [100.0, 200.0, 200.0]
+    assert set(table["flow_px"]) == {2.0}
+    assert set(table["flow_mrad"]) == {4.0}
+    assert (tmp_path / "out.png").stat().st_size > 10_000
+    assert (tmp_path / "out.tex").read_text().count(r"\midrule") == 1

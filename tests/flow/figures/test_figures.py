@@ -28,8 +28,8 @@ def scene(tmp_path, rng):
     return tmp_path
 
 
-def write_parts(scene, rng, *, model=True, rounds=3):
-    """The parts of the views, and a method's rounds as JSON; files as of the chain."""
+def write_parts(scene, rng, *, model=True):
+    """The parts of the views; returns the path of the scores of a method's rounds."""
     (scene / "parts").mkdir(exist_ok=True)
     names = ["camera_px", "remainder_px", *(["model_px"] if model else [])]
     for view in ("a", "b c"):
@@ -38,16 +38,24 @@ def write_parts(scene, rng, *, model=True, rounds=3):
         }
         valid = rng.uniform(size=(30, 40)) < 0.9
         np.savez(scene / "parts" / f"{view}.npz", valid=valid, **parts)
-    rows = []
-    for k in range(rounds):
-        stats, metrics = scene / f"stats{k}.csv", scene / f"metrics{k}.csv"
-        stats.write_text(f"view,flow_median_px\na,{2 - k}\nb c,{4 - k}\n")
-        metrics.write_text(
-            f"view,test_set,psnr_db\na,standard,{20 + k}\nb c,standard,{22 + k}\n"
-        )
-        row = {"method": "m", "round": k, "stats": str(stats), "metrics": str(metrics)}
-        rows.append(row)
-    return json.dumps(rows)
+    return write_scores(scene)
+
+
+def write_scores(scene, **changes):
+    """Three rounds' scores, and renders that are given; changes: {place: its value}."""
+    lines = ["method,round,test_set,view,metric,value", "given,0,standard,a,psnr_db,9"]
+    for k in range(3):
+        values = {"a_psnr_db": 20 + k, "b_psnr_db": 22 + k}
+        values |= {"a_flow_median_px": 2 - k, "b_flow_median_px": 4 - k}
+        for key, value in values.items():
+            view, _, metric = key.partition("_")
+            name = {"a": "a", "b": "b c"}[view]
+            value = changes.get(f"{key}_{k}", value)
+            lines.append(f"m,{k},standard,{name},{metric},{value}")
+    lines.append("m,1,oracle,a,psnr_db,30\nm,1,oracle,b c,psnr_db,32\n")
+    path = scene / "scores.csv"
+    path.write_text("\n".join(lines))
+    return path
 
 
 def arguments(scene, curves, rounds=2):
@@ -185,33 +193,31 @@ def test_parts_add_up_to_the_flow(scene, rng):
 
 
 def test_curves_are_means_over_views(scene, rng):
-    table = part_figures.read_rounds(json.loads(write_parts(scene, rng)))
+    table = part_figures.read_rounds(write_parts(scene, rng))
+    # Of renders that are given there is no flow.
+    assert table[["method", "round"]].values.tolist() == [["m", k] for k in range(3)]
     assert table["median_px"].tolist() == [3, 2, 1]
     assert table["standard"].tolist() == [21, 22, 23]
-    assert "oracle" not in table
+    assert table["oracle"].isna().tolist() == [True, False, True]
 
 
 def test_a_view_without_a_number_leaves_the_mean_empty(scene, rng, caplog):
     """The easier views that are left would flatter it."""
     curves = write_parts(scene, rng)
-    rows = json.loads(curves)
-    assert not part_figures.read_rounds(rows).isna().any(axis=None)
+    assert not part_figures.read_rounds(curves)["standard"].isna().any()
     assert not caplog.records
-    (scene / "stats1.csv").write_text("view,flow_median_px\na,1\nb c,\n")
-    scores = "a,standard,20\nb c,standard,\na,oracle,30\nb c,oracle,32\n"
-    (scene / "metrics1.csv").write_text("view,test_set,psnr_db\n" + scores)
-    table = part_figures.read_rounds(rows)
+    write_scores(scene, b_psnr_db_1="", b_flow_median_px_1="")
+    table = part_figures.read_rounds(curves)
     assert table["median_px"].isna().tolist() == [False, True, False]
     assert table["standard"].isna().tolist() == [False, True, False]
     assert table["oracle"][1] == 31
     said = [record.getMessage() for record in caplog.records]
     assert said == [
-        f"{scene / 'stats1.csv'}: no flow_median_px of b c: its mean is left empty",
-        f"{scene / 'metrics1.csv'}: no psnr_db of b c: its mean is left empty",
+        f"{curves}: no {metric} of m, round 1 in b c: its mean is left empty"
+        for metric in ("flow_median_px", "psnr_db")
     ]
     assert draw(scene, curves) == 0
-    for k in range(3):
-        (scene / f"stats{k}.csv").write_text("view,flow_median_px\na,\n")
+    write_scores(scene, **{f"a_flow_median_px_{k}": "" for k in range(3)})
     assert draw(scene, curves) == 0
 
 
@@ -225,8 +231,13 @@ def cut_parts(scene):
     path.write_bytes(path.read_bytes()[:100])
 
 
-def empty_metrics(scene):
-    (scene / "metrics1.csv").write_text("view,test_set,psnr_db\n")
+def empty_scores(scene):
+    (scene / "scores.csv").write_text("method,round,test_set,view,metric,value\n")
+
+
+def no_flow(scene):
+    path = scene / "scores.csv"
+    path.write_text(path.read_text().replace("flow_median_px", "flow_mean_px"))
 
 
 @pytest.mark.parametrize(
@@ -234,7 +245,8 @@ def empty_metrics(scene):
     [
         (lose_parts, "parts: no parts"),
         (cut_parts, "parts/a.npz: not the .npz that it should be"),
-        (empty_metrics, "metrics1.csv: not the table that it should be: no row"),
+        (empty_scores, "scores.csv: not the table that it should be: no row"),
+        (no_flow, "scores.csv: no flow_median_px of any method"),
     ],
 )
 def test_no_figure_of_broken_parts(scene, rng, capsys, damage, reason):

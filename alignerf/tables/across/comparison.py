@@ -1,4 +1,4 @@
-"""The paper's Tables 2 and 3: `python -m alignerf.tables.comparison`.
+"""The paper's Tables 2 and 3: `python -m alignerf.tables.across.comparison`.
 
 Of all that was trained, or given as renders, on all scenes; writes CSV and LaTeX. Means
 are over scenes, and the CSV has each scene's own lines below; scenes that were trained

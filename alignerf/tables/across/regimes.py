@@ -1,4 +1,6 @@
-"""When AligNeRF's parts pay (the paper's Table 4): `python -m alignerf.tables.regimes`.
+"""When AligNeRF's parts pay: `python -m alignerf.tables.across.regimes`.
+
+The paper's Table 4 is one of its blocks.
 
 A regime is what a scene is like and how long it is trained: pose error, motion,
 steps. Scenes that differ in their seed only are one regime, and are pooled. Its rows

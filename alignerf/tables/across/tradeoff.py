@@ -1,4 +1,4 @@
-"""What settings cost and what they bring: `python -m alignerf.tables.tradeoff`.
+"""What settings cost and what they bring: `python -m alignerf.tables.across.tradeoff`.
 
 Of a model and its variants; writes CSV, LaTeX and a figure. Scores are means over test
 views with 95 % intervals over views, and `base` is the variant that the others are set

@@ -1,4 +1,4 @@
-"""A scene's scores and trainings, a file each: `python -m alignerf.collect`.
+"""A scene's scores and trainings, a file each: `python -m alignerf.tables.collect`.
 
 scores.csv has a row per method, round, test set, view and metric: scores of renders,
 and of the flow from render to photo its length and its parts. trainings.csv has a row
@@ -33,7 +33,9 @@ TRAINED = ("steps", "rays_seen", "params", "train_time_s", "compile_time_s")
 
 
 def main(argv=None):
-    parser = argparse.ArgumentParser(prog="alignerf.collect", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="alignerf.tables.collect", description=__doc__
+    )
     parser.add_argument("--rows", required=True, help="JSON: of each row its files")
     parser.add_argument("--scores", required=True, help="CSV, written")
     parser.add_argument("--trainings", required=True, help="CSV, written")
@@ -56,17 +58,17 @@ def scores_of(rows):
 
     Raises ValueError naming the file whose views are not those of the first.
     """
+    readers = {"scores": views_of, "aligned_pose": views_of, "parts": parts_of}
     tables, first = [], None
     for row in rows:
-        for path in filter(None, map(row.files.get, ("scores", "aligned_pose"))):
-            table = views_of(path)
+        for name, reader in readers.items():
+            if not (path := row.files.get(name)):
+                continue
+            table = reader(path)
             views = set(table["view"])
             first = first or (path, views)
             if views != first[1]:
                 raise ValueError(f"{path}: not the views of {first[0]}")
-            tables.append(table.assign(method=row.method, round=row.round))
-        if path := row.files.get("parts"):
-            table = parts_of(path)
             tables.append(table.assign(method=row.method, round=row.round))
     return pd.concat(tables)[list(SCORES)]
 
@@ -127,7 +129,7 @@ def of_renders(files):
     line = {}
     if "render" in files:
         line["render_time_s"] = rendering_s(files["render"])
-        line["align_time_s"] = flow_s(files["align"])
+        line["align_time_s"] = flow_s(files.get("align"))
     if "render_test" in files:
         rendering = read_rendering(files["render_test"])
         line["view_time_s"] = rendering["view_time_s"]
@@ -135,8 +137,8 @@ def of_renders(files):
         work_s = line["render_time_s"] + rendering_s(files["render_test"])
         process_s = read_process(files["render_process"])["s"]
         line["render_rest_time_s"] = rest_s(process_s, work_s)
-        work_s = line["align_time_s"] + flow_s(files["align_test"])
-        process_s = read_process(files["align_process"])["s"]
+        work_s = line["align_time_s"] + flow_s(files.get("align_test"))
+        process_s = read_process(files.get("align_process"))["s"]
         line["align_rest_time_s"] = rest_s(process_s, work_s)
     return line
 

@@ -1,4 +1,4 @@
-"""What to do with T minutes: `python -m alignerf.tables.remedies`.
+"""What to do with T minutes: `python -m alignerf.tables.across.remedies`.
 
 A remedy is a method that may bring more than plain training: photos warped, cameras put
 right or learnt, AligNeRF. Each is trained at several lengths. Its score after any time

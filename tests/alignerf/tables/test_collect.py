@@ -1,0 +1,206 @@
+"""A scene's files become two tables, and these its rows: nothing is lost or made up."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from alignerf.files import faults
+from alignerf.tables import collect, columns, results
+from tests import table_cases
+
+DB = {"standard": [20.0, 22.0], "warped": [21.0, 25.0]}
+
+
+@pytest.fixture
+def scene(tmp_path):
+    return tmp_path / "yard"
+
+
+def lines_of(scene, rows):
+    """trainings.csv of these rows, by folder."""
+    table_cases.collect(scene, rows)
+    return pd.read_csv(scene / "trainings.csv").set_index("folder")
+
+
+def test_what_is_written_is_read_to_the_last_bit(scene, rng):
+    names, method = ["007", "NA", "b c"], "1"
+    psnr_db = rng.uniform(15, 25, 3) / 3
+    timing = {"train_time_s": rng.uniform(), "compile_time_s": rng.uniform()}
+    # A hash of digits is no number, and what is not known is null.
+    timing |= {"lock": "0012345678901234", "commit": None}
+    row = table_cases.written(
+        scene, {"standard": psnr_db}, method, published="NA", timing=timing
+    )
+    for name in ("scores", "parts"):
+        table = pd.read_csv(row.files[name]).assign(view=names)
+        table.to_csv(row.files[name], index=False)
+    (read,) = table_cases.collect(scene, [row])
+    assert (read.method, read.round, read.published) == (method, 0, "NA")
+    assert read.views.index.tolist() == names
+    assert read.views["standard", "psnr_db"].tolist() == psnr_db.tolist()
+    assert read.own["train_time_s"] == timing["train_time_s"]
+    assert read.own["compile_time_s"] == timing["compile_time_s"]
+    told = {"commit": None, "lock": "0012345678901234", "device": "cpu"}
+    path = str(scene / "1/round0/timing.json")
+    assert read.trainings == [{"path": path} | told]
+    assert read.views["standard"][columns.PARTS].eq(0.25).all(axis=None)
+    # Empty where it could not be had.
+    assert read.views["standard", "lpips_vgg"].isna().all()
+    head = (scene / "scores.csv").read_text().splitlines()[0]
+    assert head == ",".join(columns.names("scores"))
+    head = (scene / "trainings.csv").read_text().splitlines()[0]
+    assert head == ",".join(columns.names("trainings"))
+
+
+def test_seconds_are_told_apart_and_whole_numbers_stay_whole(scene):
+    row = table_cases.written(scene, DB)
+    given = row._replace(folder="given/round0", method="given", way=[])
+    given = given._replace(files={"scores": row.files["scores"]})
+    lines = lines_of(scene, [row, given])
+    line = lines.loc["plain/round0"]
+    seconds = {
+        "train_rest_time_s": 28 - 25,
+        # Of the views: loading and compiling count no more than a training's.
+        "render_time_s": 4 * 0.5,
+        # All but the seconds of the test views, which the same processes took.
+        "render_rest_time_s": 6 - 2 - 3 * 0.5,
+        "align_time_s": 0.75,
+        "align_rest_time_s": 2 - 0.75 - 0.125,
+        "correct_time_s": 1.5,
+        "view_time_s": 0.5,
+        "memory_mib": 1.5,
+        "flow_px": 2.0,
+    }
+    assert line[[*seconds]].to_dict() == seconds
+    assert lines.loc["given/round0", [*seconds, "steps"]].isna().all()
+    assert ",5,50,7,20.0,5.0," in (scene / "trainings.csv").read_text()
+
+
+def test_a_training_that_went_on_has_no_negative_rest(scene):
+    """The process knows its own seconds, timing.json those of all before it too."""
+    row = table_cases.written(scene, DB, timing={"train_time_s": 2000.0})
+    assert lines_of(scene, [row])["train_rest_time_s"].tolist() == [0.0]
+
+
+def test_a_view_without_a_number_leaves_its_sums_empty(scene):
+    row = table_cases.written(scene, DB)
+    text = "view,median_px,time_s\nt,,0.25\nu,3,\n"
+    table_cases.put(scene / "plain/round0/displacement/train.csv", text)
+    line = lines_of(scene, [row]).loc["plain/round0"]
+    empty = ["align_time_s", "align_rest_time_s", "flow_px"]
+    assert line[empty].isna().all()
+    assert line["render_rest_time_s"] == 2.5
+
+
+def test_a_training_on_the_way_has_a_line_and_no_scores(scene):
+    last = table_cases.written(scene, DB, round=1, base="plain")
+    first = table_cases.written(scene, DB)
+    way = first._replace(method=None, round=None, folder="pretrain/base", files={})
+    (row, _) = table_cases.collect(scene, [way, first, last])
+    assert row.method == "plain"
+    assert set(pd.read_csv(scene / "scores.csv")["round"]) == {0, 1}
+
+
+def test_scores_of_moved_cameras_stand_beside_the_others(scene):
+    row = table_cases.written(scene, DB)
+    moved = table_cases.written(scene / "moved", {"aligned_pose": [23.0, 24.0]})
+    both = row._replace(files=row.files | {"aligned_pose": moved.files["scores"]})
+    (read,) = table_cases.collect(scene, [both])
+    assert read.psnr_db()["aligned_pose"].tolist() == [23.0, 24.0]
+    assert read.psnr_db()["standard"].tolist() == DB["standard"]
+
+
+@pytest.mark.parametrize("name", ["scores", "aligned_pose", "parts"])
+def test_files_of_other_views_are_named(scene, name):
+    rows = [table_cases.written(scene, DB, method) for method in ("plain", "other")]
+    path = scene / "other.csv"
+    files = {"aligned_pose": rows[1].files["scores"]} | rows[1].files
+    table = pd.read_csv(files[name])
+    table[table["view"] != "v1"].to_csv(path, index=False)
+    rows[1] = rows[1]._replace(files=files | {name: str(path)})
+    with pytest.raises(ValueError, match=r"other\.csv: not the views of .*plain/"):
+        table_cases.collect(scene, rows)
+    assert not (scene / "scores.csv").exists()
+
+
+SCORES = "view,test_set,psnr_db\n"
+NO_TABLE = "not the table that it should be"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "reason"),
+    [
+        ("scores", "", "not the scores of views: .*no row"),
+        ("scores", SCORES, "not the scores of views: .*no row"),
+        ("scores", "view,psnr_db\na,1\n", "not the scores of views: .*no column test"),
+        ("scores", "view,test_set\na,b\n", "not the scores of views: .*no column psnr"),
+        ("scores", SCORES + "a,standard\n", "row 1 has 2 cells"),
+        ("scores", SCORES + "a,standard,x\n", "column psnr_db: not numbers"),
+        ("scores", SCORES + "a,b,1\na,b,2\n", "not the scores .*: one stands twice"),
+        ("scores", SCORES + "a,b,1\na,b,1\n", "two equal rows of view a"),
+        ("parts", "view,flow_median_px\na,1\n", f"{NO_TABLE}: no column"),
+        ("timing", "", "not the JSON that it should be"),
+        ("timing", "[1]", "not the JSON that it should be"),
+        ("timing", '{"steps": 3}', "not the JSON that it should be"),
+        ("process", "h:m:s\n0:00:01\n", f"{NO_TABLE}: no column"),
+        ("process", "s\tmax_rss\n1\t2\n3\t4\n", "not the benchmark of one run"),
+        ("render", "{}", "not the JSON that it should be"),
+        ("render_test", "3", "not the JSON that it should be"),
+        ("align", "view,time_s\n", f"{NO_TABLE}: no row"),
+        ("align_test", "view\na\n", f"{NO_TABLE}: no column time_s"),
+        ("render_process", "", f"{NO_TABLE}: no row"),
+        ("corrections", "{}", "not the JSON that it should be"),
+        ("displacement", "view,time_s\na,1\n", f"{NO_TABLE}: no column median_px"),
+    ],
+)
+def test_what_is_damaged_is_named_and_nothing_written(
+    scene, capsys, name, text, reason
+):
+    row = table_cases.written(scene, DB)
+    table_cases.collect(scene, [row])
+    before = {path: path.read_bytes() for path in scene.glob("*.csv")}
+    path = scene / "damaged"
+    path.write_text(text)
+    damaged = row._replace(files=row.files | {name: str(path)})
+    assert faults.exit_code(table_cases.collect, scene, [damaged]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert error.startswith(f"error: {path}: ")
+    assert pd.Series([error]).str.contains(reason).all()
+    assert {path: path.read_bytes() for path in scene.glob("*.csv")} == before
+
+
+def test_a_file_that_is_not_there_is_named(scene):
+    row = table_cases.written(scene, DB)
+    for name, path in row.files.items():
+        files = row.files | {name: f"{path}.none"}
+        with pytest.raises((ValueError, OSError), match=r"\.none"):
+            table_cases.collect(scene, [row._replace(files=files)])
+    for name in ("align", "align_test", "align_process"):
+        files = {key: path for key, path in row.files.items() if key != name}
+        with pytest.raises(ValueError, match="no table is given"):
+            table_cases.collect(scene, [row._replace(files=files)])
+    assert not list(scene.glob("*.csv"))
+
+
+def test_both_are_written_or_none(scene, monkeypatch):
+    row = table_cases.written(scene, DB)
+    whole = pd.DataFrame.to_csv
+
+    def fail(table, path, **options):
+        if "folder" in table:
+            raise OSError("disk full")
+        whole(table, path, **options)
+
+    monkeypatch.setattr(pd.DataFrame, "to_csv", fail)
+    with pytest.raises(OSError, match="disk full"):
+        table_cases.collect(scene, [row])
+    assert not [path for path in scene.iterdir() if path.is_file()]
+
+
+def test_the_benchmark_of_a_run_too_short_to_measure_is_empty(tmp_path):
+    path = tmp_path / "train.tsv"
+    path.write_text("s\th:m:s\tmax_rss\n0.1\t0:00:00\t-\n")
+    process = collect.read_process(path)
+    assert (process["s"], np.isnan(process["max_rss"])) == (0.1, True)
+    assert list(collect.SCORES) == results.SCORES

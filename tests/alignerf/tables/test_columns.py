@@ -1,0 +1,94 @@
+"""The registry of columns: tables have those that it says, and each has a meaning."""
+
+import pytest
+
+from alignerf.tables import (
+    columns,
+    controls,
+    displacement,
+    misalignment,
+    ranking,
+    round_times,
+)
+from alignerf.tables.across import comparison
+from alignerf.verdict import views
+from tests import table_cases
+
+SETS = (*sorted(controls.NEEDED), "oracle")
+ROWS = [
+    table_cases.row(dict.fromkeys(SETS, db), name)
+    for db, name in (
+        ({"psnr_db": [20.0, 22.0]} | dict.fromkeys(columns.PARTS, 1.0), "one"),
+        ({"psnr_db": [21.0, 25.0]} | dict.fromkeys(columns.PARTS, 2.0), "two"),
+    )
+]
+OF_ROWS = {
+    "misalignment": misalignment,
+    "round_times": round_times,
+    "controls": controls,
+    "displacement": displacement,
+    "ranking": ranking,
+}
+
+
+@pytest.mark.parametrize("name", OF_ROWS)
+def test_a_table_has_the_columns_of_the_registry(name):
+    table = OF_ROWS[name].make_table(ROWS)
+    assert list(table.columns) == columns.names(name)
+    assert len(table)
+
+
+def test_so_have_those_across_scenes():
+    scenes = [table_cases.scored("a", ROWS)]
+    table = comparison.make_table(scenes)
+    assert list(table.columns) == columns.names("comparison")
+    table = comparison.make_ranking(scenes)
+    assert list(table.columns) == columns.names("comparison_ranking")
+
+
+def test_what_is_said_of_each_photo_has_them_too():
+    """In another order: the page's is that of the registry."""
+    assert sorted(views.COLUMNS) == sorted(columns.names("views"))
+
+
+@pytest.mark.parametrize("name", columns.TABLES)
+def test_every_column_has_a_meaning_or_shares_the_one_before(name):
+    table = columns.TABLES[name]
+    first, *_ = table.columns.values()
+    assert first.what
+    for column in table.columns.values():
+        assert not column.form or column.heading
+        assert column.what == column.what.strip()
+
+
+def test_the_page_shows_no_table_without_a_title():
+    titled = {name for name, table in columns.TABLES.items() if table.title}
+    assert titled == {"views", "misalignment", "displacement", "round_times"}
+    for name in titled:
+        assert columns.TABLES[name].note
+        assert any(column.heading for column in columns.TABLES[name].columns.values())
+
+
+def test_the_list_of_the_docs_has_each_column_once():
+    text = columns.markdown("ranking")
+    assert text.splitlines() == [
+        "| column | what |",
+        "| --- | --- |",
+        "| `test_set` | what is compared with the oracle |",
+        "| `tau`, `tau_low`, `tau_high` | "
+        + columns.TABLES["ranking"].columns["tau"].what
+        + " |",
+        "| `rows`, `views` | how many methods and rounds, and test views |",
+    ]
+    for name in columns.TABLES:
+        text = columns.markdown(name)
+        for column in columns.names(name):
+            assert text.count(f"`{column}`") >= 1
+        # A cell has no line of its own, and no bar.
+        assert {line.count("|") for line in text.splitlines()} == {3}
+
+
+def test_metrics_have_their_headings_in_latex():
+    assert columns.latex("psnr_db") == r"PSNR (dB) $\uparrow$"
+    assert columns.latex("lpips_vgg") == r"LPIPS (VGG) $\downarrow$"
+    assert columns.latex(columns.PRINTED_ONLY) == r"LPIPS (published) $\downarrow$"

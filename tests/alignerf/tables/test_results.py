@@ -1,0 +1,169 @@
+"""Rows as tables read them: costs of the whole way, and what does not go together."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from alignerf.tables import columns, results
+from tests import table_cases
+
+DB = {"standard": [20.0, 22.0], "oracle": [21.0, 25.0]}
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A scene's tables: a training in two rounds, one that starts from it, and renders.
+
+    `warm` begins with the photos that `plain` warped, by cameras put right.
+    """
+    scene = tmp_path / "yard"
+    first, second = (table_cases.written(scene, DB, round=k) for k in (0, 1))
+    way = [*first.way, "warm/round1"]
+    warm = table_cases.written(
+        *(scene, DB, "warm", 1),
+        base="plain",
+        way=way,
+        flows=first.way,
+        corrected=first.way,
+        timing={"params": 9},
+        before="plain/round0",
+        published="NeRF",
+    )
+    given = second._replace(
+        folder="given/round0",
+        method="given",
+        round=0,
+        before=None,
+        way=[],
+        flows=[],
+        files={"scores": first.files["scores"]},
+    )
+    table_cases.collect(scene, [first, second, warm, given])
+    return scene
+
+
+def change(path, of_text):
+    """Change a file's text."""
+    before = path.read_text()
+    path.write_text(of_text(before))
+    assert path.read_text() != before
+
+
+def without(pattern):
+    """A text without the lines that match."""
+    return lambda text: "".join(
+        line for line in text.splitlines(True) if not re.match(pattern, line)
+    )
+
+
+def test_costs_are_of_all_that_leads_to_a_row(scene):
+    first, second, warm, given = results.read(scene)
+    assert [row.method for row in (first, second, warm, given)] == [
+        *("plain", "plain", "warm", "given"),
+    ]
+    alone = {"train_time_s": 20.0, "steps": 5, "rays_seen": 50, "params": 7}
+    assert first.costs == alone | {"data_time_s": 0.0, "total_time_s": 20.0}
+    # Rendering and flow of round 0 belong to the way; those of its own do not.
+    twice = {"train_time_s": 40.0, "steps": 10, "rays_seen": 100}
+    data = {"data_time_s": 2.75, "total_time_s": 42.75}
+    assert second.costs == twice | {"params": 7} | data
+    # Cameras put right, and the parameters of the last.
+    data = {"data_time_s": 4.25, "total_time_s": 44.25}
+    assert warm.costs == twice | {"params": 9} | data
+    assert given.costs == {}
+
+
+def test_a_row_knows_what_it_is_set_against_and_what_comes_before(scene):
+    first, second, warm, given = results.read(scene)
+    assert warm.base.equals(first.views)
+    assert (warm.baseline, warm.published, warm.warping) == ("plain", "NeRF", "once")
+    assert warm.before["folder"] == second.before["folder"] == "plain/round0"
+    assert first.before is first.published is None
+    assert [one["path"] for one in warm.trainings] == [
+        str(scene / name / "timing.json") for name in ("plain/round0", "warm/round1")
+    ]
+    assert given.trainings == []
+    assert {row.scene for row in (first, given)} == {"yard"}
+
+
+def test_a_view_without_seconds_leaves_the_costs_empty(scene):
+    table = pd.read_csv(scene / "trainings.csv")
+    table.loc[table["folder"] == "plain/round0", "align_time_s"] = np.nan
+    table.to_csv(scene / "trainings.csv", index=False)
+    first, second, *_ = results.read(scene)
+    assert np.isfinite(first.costs["total_time_s"])
+    assert np.isnan(
+        [second.costs[key] for key in ("data_time_s", "total_time_s")]
+    ).all()
+    assert second.costs["train_time_s"] == 40.0
+
+
+def test_all_test_sets_have_all_metrics_and_those_needed_are_named(scene):
+    row, *_ = results.read(scene)
+    for name in DB:
+        assert set(columns.METRICS) <= set(row.views[name])
+    assert row.psnr_db(["oracle"])["oracle"].tolist() == DB["oracle"]
+    reason = "yard: plain after round 0: no test set 'warped'"
+    with pytest.raises(ValueError, match=reason):
+        row.psnr_db(["standard", "warped"])
+
+
+def swap(old, new):
+    return lambda text: text.replace(old, new)
+
+
+@pytest.mark.parametrize(
+    ("name", "of_text", "reason"),
+    [
+        ("trainings", swap("given/round0,", "plain/round1,"), "plain/round1"),
+        ("trainings", without("plain/round0"), "plain/round0"),
+        ("trainings", without("given"), r"it has no given after round 0"),
+        ("trainings", swap(",plain/round0,plain", ",none,plain"), "none"),
+        ("trainings", swap(",plain/round0 warm", ",none warm"), "none"),
+        ("trainings", swap(",plain/round0,5", ",none,5"), "none"),
+        ("trainings", swap(",plain/round0,5", ",,5"), None),
+        ("trainings", lambda text: text[: len(text) // 2], r"row \d has \d+ cells"),
+        ("trainings", lambda text: "", "no row"),
+        ("trainings", lambda text: text.splitlines()[0] + "\n", "no row"),
+        ("trainings", swap("folder,", "place,"), "no column folder"),
+        ("trainings", swap(",params", ",parameters"), "no column params"),
+        ("trainings", swap(",20.0,", ",x,"), "column train_time_s: not numbers"),
+        ("trainings", swap("given,0", "given,x"), "given|x"),
+        ("trainings", swap("given,0", "given,"), "NaN|nan|NA"),
+        ("trainings", swap("plain/round0 warm/round1", "7"), "7"),
+        ("scores", without("given"), "no scores of given after round 0"),
+        ("scores", without("warm,1,oracle,v1"), None),
+        ("scores", without("warm,1,.*v1"), "warm after round 1: not the views of"),
+        ("scores", swap("v1", "v0"), "two equal rows of view v0"),
+        ("scores", swap(",ssim,", ",psnr_db,"), "a score stands twice"),
+        ("scores", swap(",psnr_db,", ",psnr,"), "no metric is called psnr"),
+        ("scores", swap(",20.0", ",x"), "column value: not numbers"),
+        ("scores", lambda text: text[:-3] + "\nplain", "row .* cells, the head 6"),
+        ("scores", lambda text: "", "no row"),
+        ("scores", swap("method,", "name,"), "no column method"),
+    ],
+)
+def test_what_does_not_go_together_is_named_by_file(scene, name, of_text, reason):
+    change(scene / f"{name}.csv", of_text)
+    if reason is None:
+        # An empty cell is nothing wrong.
+        results.read(scene)
+        return
+    with pytest.raises(ValueError, match=rf"(scores|trainings)\.csv: .*({reason})"):
+        results.read(scene)
+
+
+@pytest.mark.parametrize("name", ["scores", "trainings"])
+def test_a_table_that_is_not_there_is_named(scene, name):
+    (scene / f"{name}.csv").unlink()
+    with pytest.raises(ValueError, match=rf"{name}\.csv: not found"):
+        results.read(scene)
+
+
+def test_a_table_across_scenes_has_rows_of_its_own(scene):
+    rows = [table_cases.written(scene, DB, "only")]
+    (row,) = table_cases.collect(scene, rows, "regimes")
+    assert row.method == "only"
+    assert len(results.read(scene)) == 4
