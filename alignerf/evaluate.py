@@ -1,10 +1,10 @@
 """Score the renders of one trained method: `python -m alignerf.evaluate`.
 
-One row per test view and test set; `alignerf.experiment.test_sets` says what each is
-compared with, and on which pixels. Those that need a warped test set, or the truth, are
-scored where that is given; renders by moved cameras in a run of their own, with
---aligned-pose. Only sets on the same pixels compare. A metric that cannot be had is
-empty, and `note` says why; LPIPS needs weights, for each network.
+One row per test view and test set. What each is compared with, and on which pixels,
+`alignerf.experiment.tables.test_sets` says. Those that need a warped test set, or the
+truth, are scored where that is given; renders by moved cameras in a run of their own,
+with --aligned-pose. Only sets on the same pixels compare. A metric that cannot be had
+is empty, and `note` says why; LPIPS needs weights, for each network.
 """
 
 import argparse
@@ -14,8 +14,8 @@ import pathlib
 import numpy as np
 import pandas as pd
 
-from alignerf.experiment import test_sets
 from alignerf.experiment.keys import scored as scored_keys
+from alignerf.experiment.tables import test_sets
 from alignerf.files import archives, atomic, faults
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared

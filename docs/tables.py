@@ -15,7 +15,7 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from alignerf.experiment import test_sets
+from alignerf.experiment.tables import test_sets
 from alignerf.tables import columns
 
 MEASURED = "docs/measured"

@@ -22,7 +22,7 @@ ACCELERATORS = int(machine.has_accelerator())
 # Without one it takes half of the cores: operations of small models are too short to
 # share. Two trainings of the demo with a core each see 1.3 times as many rays a second
 # as one with two. Over 4 cores one training gains little from more (see
-# alignerf/training/devices.py).
+# alignerf/processes/devices.py).
 OF_TRAINING = WHOLE_MACHINE if ACCELERATORS else min(max(WHOLE_MACHINE // 2, 1), 4)
 
 # Compiled JAX programs.

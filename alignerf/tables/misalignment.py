@@ -8,7 +8,7 @@ nothing.
 
 import pandas as pd
 
-from alignerf.experiment import test_sets
+from alignerf.experiment.tables import test_sets
 from alignerf.files import csv_files
 from alignerf.tables import columns, latex, scores
 from alignerf.tables.columns import METRICS, PRINTED_ONLY

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import scipy.stats
 
-from alignerf.experiment import test_sets
+from alignerf.experiment.tables import test_sets
 from alignerf.tables import columns, intervals, latex, scores
 
 TEST_SETS = test_sets.shown_in("ranking")

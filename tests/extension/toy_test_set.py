@@ -2,7 +2,7 @@
 
 import cv2
 
-from alignerf.experiment.test_sets import TestSet
+from alignerf.experiment.tables.test_sets import TestSet
 
 SIGMA_PX = 1.0
 

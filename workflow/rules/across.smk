@@ -1,5 +1,4 @@
-# Tables of all scenes of a config, of its sweep, and of the flow estimators, each by its
-# name: `snakemake remedies`.
+# Tables across scenes, of the sweep and of the flow estimators: `snakemake remedies`.
 for table in across.every(experiment):
 
     rule:

@@ -1,5 +1,4 @@
-# Scores and costs of a scene, a row each; of all tables within it, or of one across
-# scenes, which may need less.
+# Scores and costs, a row each: of a scene's tables, or of one across scenes.
 rule collect:
     input:
         lambda w: rows.files_of(scenes.rows_of(experiment, w.scene, w.table)),
@@ -50,7 +49,7 @@ rule tables:
     conda:
         "../../environment.yml"
     params:
-        tables=targets.tables(known=False),
+        tables=lambda w: targets.tables(experiment.has_truth(w.scene)),
         sources=sources_of("alignerf.tabulate"),
     shell:
         "python -m alignerf.tabulate --scene results/{wildcards.scene:q}"
@@ -73,9 +72,6 @@ use rule tables as tables_courtyard with:
         targets.beside(known=True),
     wildcard_constraints:
         scene=plan.one_of(experiment.with_truth(True)),
-    params:
-        tables=targets.tables(known=True),
-        sources=sources_of("alignerf.tabulate"),
 
 
 rule figures:

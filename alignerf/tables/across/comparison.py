@@ -14,7 +14,7 @@ import itertools
 import numpy as np
 import pandas as pd
 
-from alignerf.experiment import test_sets
+from alignerf.experiment.tables import test_sets
 from alignerf.files import atomic, csv_files, faults
 from alignerf.tables import columns, latex, misalignment, ranking, scores
 from alignerf.tables import files as table_files

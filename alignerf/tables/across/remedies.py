@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from alignerf.experiment import test_sets
+from alignerf.experiment.tables import test_sets
 from alignerf.files import atomic, faults, json_files
 from alignerf.tables import columns, latex, scores
 from alignerf.tables import files as table_files
