@@ -9,6 +9,8 @@ from PIL import Image
 from alignerf.training import loop, memory
 from tests import job_cases as cases
 
+pytestmark = pytest.mark.usefixtures("keeps_steps")
+
 
 @pytest.mark.parametrize("at_step", [4, 12])
 def test_resumes_bit_for_bit(

@@ -12,6 +12,8 @@ from alignerf.scenes import cameras, prepared
 from alignerf.training import loop, memory
 from tests import job_cases as cases
 
+pytestmark = pytest.mark.usefixtures("keeps_steps")
+
 # The flow needs 32 px a side: renders are half as large, and a row and a column over.
 WIDTH, HEIGHT, COUNT = 81, 67, 6
 # All that a flow finds is taken: renders of so short a training are no match.

@@ -12,6 +12,8 @@ from alignerf.scenes import cameras, prepared
 from alignerf.training import checkpoint, compose, loop
 from tests import job_cases as cases
 
+pytestmark = pytest.mark.usefixtures("keeps_steps")
+
 
 @pytest.fixture(scope="module")
 def pretrained(folder, tmp_path_factory):

@@ -160,7 +160,7 @@ def changed(output):
     return found
 
 
-def test_the_whole_chain(tmp_path, root, snakemake, subtests, monkeypatch):
+def test_the_whole_chain(tmp_path, root, snakemake, dry_run, subtests, monkeypatch):
     project = tmp_path / "a project"
     for name in ("alignerf", "flow", "workflow"):
         skipped = shutil.ignore_patterns("__pycache__")
@@ -207,8 +207,6 @@ def test_the_whole_chain(tmp_path, root, snakemake, subtests, monkeypatch):
         assert code == 0, output
         assert "misalignment.csv" in (tmp_path / "report.html").read_text()
     with subtests.test("reruns"):
-        check_reruns(
-            lambda: snakemake(*options, "-n", root=project)[1], project, config
-        )
+        check_reruns(lambda: dry_run(*options, "-n", root=project)[1], project, config)
     with subtests.test("latex"):
         chain.check_latex(scene, tmp_path)

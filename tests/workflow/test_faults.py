@@ -33,9 +33,9 @@ def write(folder, config):
         ({"scenes": None}, "scenes: None should be a mapping"),
     ],
 )
-def test_planning_stops_with_one_line(tmp_path, demo, snakemake, change, reason):
+def test_planning_stops_with_one_line(tmp_path, demo, dry_run, change, reason):
     path = write(tmp_path, demo | change)
-    code, output = snakemake(tmp_path, "--configfile", path, "-n")
+    code, output = dry_run(tmp_path, "--configfile", path, "-n")
     assert code == 1
     assert output.startswith("error: config: ")
     assert reason in output
@@ -43,21 +43,21 @@ def test_planning_stops_with_one_line(tmp_path, demo, snakemake, change, reason)
     assert not (tmp_path / "results").exists()
 
 
-def test_a_key_that_stands_twice_is_named(tmp_path, demo, snakemake):
+def test_a_key_that_stands_twice_is_named(tmp_path, demo, dry_run):
     path = write(tmp_path, demo)
     with open(path, "a") as file:
         file.write("seed: 3\nseed: 4\n")
-    code, output = snakemake(tmp_path, "--configfile", path, "-n")
+    code, output = dry_run(tmp_path, "--configfile", path, "-n")
     assert code == 1
     assert "key 'seed' stands twice" in output
     assert len(output.splitlines()) == 1
 
 
-def test_a_target_that_the_config_has_not_is_named(tmp_path, demo, snakemake):
+def test_a_target_that_the_config_has_not_is_named(tmp_path, demo, dry_run):
     del demo["tradeoff"]
     options = (tmp_path, "--configfile", write(tmp_path, demo), "-n")
-    assert snakemake(*options)[0] == 0
-    code, output = snakemake(*options, "tradeoff")
+    assert dry_run(*options)[0] == 0
+    code, output = dry_run(*options, "tradeoff")
     assert code == 1
     assert output.splitlines()[-1].startswith("error: config: tradeoff: not there")
 

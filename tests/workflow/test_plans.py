@@ -91,7 +91,7 @@ def counts_of(config):
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
-def test_every_config_can_be_planned(path, tmp_path, snakemake):
+def test_every_config_can_be_planned(path, tmp_path, dry_run):
     config = yaml.safe_load(path.read_text())
     # Stand-ins for what lies on the user's disk.
     (tmp_path / "photos").mkdir()
@@ -104,7 +104,7 @@ def test_every_config_can_be_planned(path, tmp_path, snakemake):
     config["frequency_weights"] = "weights.npz"
     config["lpips"] = {"alex": "weights.npz", "squeeze": None}
     written = write(tmp_path, config)
-    code, output = snakemake(tmp_path, "--configfile", written, "-n")
+    code, output = dry_run(tmp_path, "--configfile", written, "-n")
     assert code == 0, output
     jobs = jobs_of(output)
     if any(m.get("rounds") == "auto" for m in config.get("methods", {}).values()):
@@ -119,7 +119,7 @@ def test_every_config_can_be_planned(path, tmp_path, snakemake):
 
 
 @pytest.mark.parametrize(("name", "trainings"), [("high", 10 * 4), ("low", 5 * 7)])
-def test_the_papers_tables_are_planned(name, trainings, root, tmp_path, snakemake):
+def test_the_papers_tables_are_planned(name, trainings, root, tmp_path, dry_run):
     config = yaml.safe_load((root / f"workflow/config/outdoor_{name}.yaml").read_text())
     for scene in config["scenes"].values():
         scene["path"] = "photos"
@@ -132,7 +132,7 @@ def test_the_papers_tables_are_planned(name, trainings, root, tmp_path, snakemak
         (tmp_path / path).touch()
     config["methods"]["other"] = {"renders": "other/{scene}"}
     written = write(tmp_path, config)
-    code, output = snakemake(tmp_path, "comparison", "-n", "--configfile", written)
+    code, output = dry_run(tmp_path, "comparison", "-n", "--configfile", written)
     assert code == 0, output
     jobs = jobs_of(output)
     scenes = 10 if name == "high" else 5
@@ -156,7 +156,7 @@ def test_the_configs_are_short():
 
 
 def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
-    tmp_path, demo, snakemake
+    tmp_path, demo, dry_run
 ):
     demo["methods"] = {
         "mipnerf360": {"model": "base", "rounds": 1},
@@ -168,7 +168,7 @@ def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
         "corrected": {"model": "base", "alignerf": {}, "changes": "cameras"},
     }
     written = write(tmp_path, demo)
-    code, output = snakemake(tmp_path, "--configfile", written, "-n", "all", "export")
+    code, output = dry_run(tmp_path, "--configfile", written, "-n", "all", "export")
     assert code == 0, output
     wanted = {
         # Rounds 0 and 1 of photos, 1 and 2 of cameras, and photos after the first;
@@ -190,47 +190,55 @@ def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
     assert made(output, *files) == files
 
 
-def test_without_arguments_the_demo_is_planned(tmp_path, demo, snakemake):
+def test_without_arguments_the_demo_is_planned(tmp_path, demo, snakemake, dry_run):
     code, output = snakemake(tmp_path, "-n")
     assert code == 0
     check_plan(output, demo)
     assert not (tmp_path / "results").exists()
+    # The quicker way of the other tests plans the same, job by job.
+    code, other = dry_run(tmp_path, "-n")
+    assert (code, said_of_jobs(other)) == (0, said_of_jobs(output))
 
 
-def test_a_scene_or_a_file_by_name(tmp_path, demo, snakemake):
+def said_of_jobs(output):
+    """What a dry run says of its jobs, but times: lines, and their words, sorted."""
+    lines = output[output.index("Job stats:") :].splitlines()
+    kept = [line for line in lines if not line.startswith("[")]
+    return sorted(sorted(re.findall(r"[^\s,;]+", line)) for line in kept)
+
+
+def test_a_scene_or_a_file_by_name(tmp_path, demo, dry_run):
     demo["scenes"]["my-yard.1"] = demo["scenes"]["courtyard"]
     options = (tmp_path, "--configfile", write(tmp_path, demo), "-n")
-    both, one = (jobs_of(snakemake(*options, *t)[1]) for t in ([], ["my-yard.1"]))
+    both, one = (jobs_of(dry_run(*options, *t)[1]) for t in ([], ["my-yard.1"]))
     assert one.pop("my-yard.1") == both.pop("all") == 1
     assert both == {rule: 2 * count for rule, count in one.items()}
     file = "results/my-yard.1/mipnerf360/round1/timing.json"
     jobs = {"poses_courtyard": 1, "preflight": 1, "train": 2}
     jobs |= {"render": 1, "align": 1}
-    output = snakemake(*options, file, "--cores", "200")[1]
+    output = dry_run(*options, file, "--cores", "200")[1]
     assert jobs_of(output) == jobs
     # However many cores there are, poses have all of this machine.
     threads = re.findall(r"threads: (\d+)", output)
     assert str(sources.WHOLE_MACHINE) in [*threads, "1"]
-    code, output = snakemake(
-        *options, "results/courtyard/mipnerf360/round01/timing.json"
-    )
+    code, output = dry_run(*options, "results/courtyard/mipnerf360/round01/timing.json")
     assert code == 1
     assert "Traceback" not in output
 
 
 def test_facts_decide_before_anything_is_trained_where_they_may(
-    tmp_path, demo, snakemake
+    tmp_path, demo, dry_run
 ):
     demo["decide"] = True
     file = "results/courtyard/alignerf/round0/renders"
     options = (tmp_path, "-n", file, "--configfile", write(tmp_path, demo))
     jobs = {"poses_courtyard": 1, "preflight": 1, "train": 2, "render": 1}
     facts = {"facts": 1, "decisions": 1}
-    assert jobs_of(snakemake(*options)[1]) == jobs | facts
+    assert jobs_of(dry_run(*options)[1]) == jobs | facts
     # What says all itself waits for nothing.
     demo["decide"] = False
     write(tmp_path, demo)
-    assert jobs_of(snakemake(*options)[1]) == jobs
+    assert jobs_of(dry_run(*options)[1]) == jobs
 
 
 @pytest.mark.parametrize("accelerator", [False, True])
@@ -250,11 +258,11 @@ def test_what_trains_has_the_accelerator_alone_or_half_of_the_cores(
         importlib.reload(sources)
 
 
-def test_both_splits_are_rendered_where_something_follows(tmp_path, demo, snakemake):
+def test_both_splits_are_rendered_where_something_follows(tmp_path, demo, dry_run):
     """Round 2 is the last: its training views are nobody's."""
     options = (tmp_path, "--configfile", write(tmp_path, demo), "-n", "-p")
     folder = "results/courtyard/mipnerf360/round{}"
-    code, output = snakemake(*options, f"{folder.format(2)}/displacement")
+    code, output = dry_run(*options, f"{folder.format(2)}/displacement")
     assert code == 0, output
     assert jobs_of(output).items() >= {"train": 3, "render": 3, "align": 3}.items()
     for module in ("alignerf.render_views", "flow.align"):
@@ -263,19 +271,19 @@ def test_both_splits_are_rendered_where_something_follows(tmp_path, demo, snakem
             (command,) = (c for c in commands if f"{folder.format(k)}/renders" in c)
             assert re.search(r"--splits ([a-z ]+) --", command)[1] == splits
     # What would be of no use to anybody cannot be asked for.
-    code, output = snakemake(*options, f"{folder.format(2)}/flow/train")
+    code, output = dry_run(*options, f"{folder.format(2)}/flow/train")
     assert code == 1
     assert "MissingRuleException" in output
 
 
 def test_a_sweep_and_the_regimes_make_their_own_jobs_and_no_others(
-    tmp_path, demo, snakemake
+    tmp_path, demo, dry_run
 ):
     options = (tmp_path, "--configfile", write(tmp_path, demo), "-n")
     variants = demo["tradeoff"]["variants"]
     scales = {v["downscale"] for v in variants.values() if "downscale" in v}
     each = ("train", "render", "evaluate")
-    output = snakemake(*options, "tradeoff")[1]
+    output = dry_run(*options, "tradeoff")[1]
     jobs = jobs_of(output)
     assert (
         jobs.items()
@@ -290,7 +298,7 @@ def test_a_sweep_and_the_regimes_make_their_own_jobs_and_no_others(
     assert not {"figures", "testset", "align", "preflight"} & jobs.keys()
     others = ("/tables/misalignment.csv", "/decomposition_test.csv")
     assert made(output, *others) == dict.fromkeys(others, 0)
-    output = snakemake(*options, "regimes")[1]
+    output = dry_run(*options, "regimes")[1]
     jobs = jobs_of(output)
     # Unwarped, the method in its two stages, warped once and twice; and the
     # reference's other model.

@@ -28,8 +28,8 @@ def options(tmp_path, demo):
     return tmp_path, "--configfile", path, "-n"
 
 
-def test_every_training_waits_for_its_scenes_cost(options, snakemake):
-    code, output = snakemake(*options)
+def test_every_training_waits_for_its_scenes_cost(options, dry_run):
+    code, output = dry_run(*options)
     assert code == 0, output
     assert planned(output)["preflight"] == 2
     jobs = re.split(r"\n(?=(?:rule|localrule|checkpoint) )", output)
@@ -46,14 +46,12 @@ def test_every_training_waits_for_its_scenes_cost(options, snakemake):
     assert not [folder for _, folder in trained if folder.startswith("tradeoff/")]
 
 
-def test_a_preview_trains_nothing_also_where_rounds_are_to_be_decided(
-    options, snakemake
-):
+def test_a_preview_trains_nothing_also_where_rounds_are_to_be_decided(options, dry_run):
     config = yaml.safe_load(options[2].read_text())
     config["methods"]["auto"] = {"model": "base", "rounds": "auto"}
     config["decide"] = True
     options[2].write_text(yaml.safe_dump(config, sort_keys=False))
-    code, output = snakemake(*options, "preview")
+    code, output = dry_run(*options, "preview")
     assert code == 0, output
     assert planned(output) == {
         "config": 2,
@@ -66,24 +64,24 @@ def test_a_preview_trains_nothing_also_where_rounds_are_to_be_decided(
     }
 
 
-def test_without_it_nothing_is_measured(options, snakemake):
+def test_without_it_nothing_is_measured(options, dry_run):
     """The file stays an input: a training is not made again for the switch."""
     config = yaml.safe_load(options[2].read_text())
     options[2].write_text(yaml.safe_dump(config | {"preflight": False}))
-    code, output = snakemake(*options, "-p", "preview")
+    code, output = dry_run(*options, "-p", "preview")
     assert code == 0, output
     assert planned(output)["preflight"] == 2
     assert output.count("--work null") == 2
 
 
-def test_a_cost_older_than_the_scene_hides_no_training(options, snakemake):
+def test_a_cost_older_than_the_scene_hides_no_training(options, dry_run):
     """As after a run that was stopped between the poses and the preflight.
 
     Of jobs whose `ancient` input is made again Snakemake plans none, and exits with 0.
     """
     folder, *arguments = options
     arguments += ["--rerun-triggers", "mtime"]
-    _, before = snakemake(folder, *arguments)
+    _, before = dry_run(folder, *arguments)
     made = re.findall(r"rule poses_courtyard:\n +output: (.*)", before)
     for path in (folder / name for names in made for name in names.split(", ")):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -93,7 +91,7 @@ def test_a_cost_older_than_the_scene_hides_no_training(options, snakemake):
         cost = scene / "preflight.json"
         cost.write_text("{}")
         os.utime(cost, (1e9, 1e9))
-    code, output = snakemake(folder, *arguments)
+    code, output = dry_run(folder, *arguments)
     assert code == 0, output
     assert len(scenes) == 2
     wanted = planned(before)

@@ -63,8 +63,11 @@ def test_of_several_processes_none_may_be_left_out():
 
 
 def test_eight_devices_learn_what_one_does(root):
+    flags = (
+        f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count=8"
+    )
     settings = {
-        "XLA_FLAGS": "--xla_force_host_platform_device_count=8",
+        "XLA_FLAGS": flags,
         # Compiles in half the time.
         "JAX_DISABLE_MOST_OPTIMIZATIONS": "1",
     }
