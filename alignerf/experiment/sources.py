@@ -94,17 +94,25 @@ def file_of(module):
     return path if path.is_file() else None
 
 
+# Where a statement has others in it.
+BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
+
+
 @functools.cache
 def imports(path):
     """Names of the modules that a file imports, and of what it takes from them."""
-    found = []
-    for node in ast.walk(ast.parse(path.read_text())):
+    modules, todo = [], [ast.parse(path.read_text())]
+    while todo:
+        node = todo.pop()
         if isinstance(node, ast.Import):
-            found += [alias.name for alias in node.names]
+            modules += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            found.append(node.module)
-            found += [f"{node.module}.{alias.name}" for alias in node.names]
-    return found
+            modules.append(node.module)
+            modules += [f"{node.module}.{alias.name}" for alias in node.names]
+        # Of statements alone: expressions are most of a file, and import nothing.
+        blocks = (getattr(node, name, ()) for name in BLOCKS)
+        todo += [one for block in blocks if isinstance(block, list) for one in block]
+    return modules
 
 
 def set_environment(scenes=None):

@@ -7,6 +7,7 @@ import subprocess
 import pytest
 import yaml
 
+from alignerf.tables import columns
 from docs import tables
 
 README_LINES = 120
@@ -57,10 +58,11 @@ def test_a_changed_value_is_named_and_then_written(copy, capsys):
 
 def test_every_csv_is_shown_and_every_table_told(root, pages):
     specs = yaml.safe_load((root / tables.MEASURED / "tables.yaml").read_text())
-    shown = {
-        name for text in pages.values() for _, name, *_ in tables.MARK.findall(text)
-    }
+    marks = [mark for text in pages.values() for mark in tables.MARK.findall(text)]
+    shown = {name for _, kind, name, *_ in marks if kind == "table"}
     assert shown == set(specs)
+    listed = {name for _, kind, name, *_ in marks if kind == "columns"}
+    assert listed == {*columns.TABLES, "test_sets"}
     used = {specs[name].get("csv", name) for name in shown}
     assert used == {path.stem for path in (root / tables.MEASURED).glob("*.csv")}
 

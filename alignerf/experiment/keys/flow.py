@@ -2,19 +2,12 @@
 
 from typing import Literal
 
+from alignerf.experiment.keys import estimators
 from alignerf.experiment.keys.key import Keys, key
-from alignerf.files import extensions
-
-# What aligns on the way may use them too: they take no longer than the training.
-FAST = (
-    *("dis_ultrafast", "dis_fast", "dis_medium", "dis_fine", "dis_smooth"),
-    *("deepflow", *extensions.names("estimators")),
-)
-ESTIMATORS = (*FAST, "farneback", "tvl1", "simpleflow", "files")
 
 
 class Flow(Keys):
-    estimator: Literal[ESTIMATORS] = key(
+    estimator: Literal[estimators.EVERY] = key(
         "deepflow",
         "see flow/estimation/estimators.py and `snakemake flow_benchmark`; files takes "
         "flows made elsewhere from `folder`",

@@ -4,7 +4,7 @@ from typing import Literal
 
 import pydantic
 
-from alignerf.experiment.keys.flow import FAST
+from alignerf.experiment.keys import estimators
 from alignerf.experiment.keys.key import Keys, key, learning_rates
 from alignerf.files import extensions
 
@@ -121,7 +121,9 @@ class Align(Keys):
         least=0,
         most=100,
     )
-    estimator: Literal[FAST] = key("deepflow", "of the flow, see `flow.estimator`")
+    estimator: Literal[estimators.FAST] = key(
+        "deepflow", "of the flow, see `flow.estimator`"
+    )
     match_blur: bool = key(
         False, "blur the photo like the render, for the estimate only"
     )

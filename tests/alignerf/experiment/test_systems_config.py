@@ -221,7 +221,7 @@ def test_names_that_no_paper_has_are_refused(demo, changes, reason):
 def test_a_rays_points_are_those_that_networks_see(demo, experiment_of, kind, points):
     experiment = experiment_of(system(demo, kind=kind))
     job = jobs.parse(job_of(experiment, "courtyard", "other"))
-    assert model_keys.points_a_ray(job.model) == points
+    assert job.model.points_a_ray == points
 
 
 def test_all_networks_of_a_system_have_to_fit(demo):

@@ -1,0 +1,10 @@
+"""Names of the flow's estimators: several sections have a key that takes one."""
+
+from alignerf.files import extensions
+
+# What aligns on the way may use them: they take no longer than the training.
+FAST = (
+    *("dis_ultrafast", "dis_fast", "dis_medium", "dis_fine", "dis_smooth"),
+    *("deepflow", *extensions.names("estimators")),
+)
+EVERY = (*FAST, "farneback", "tvl1", "simpleflow", "files")
