@@ -5,13 +5,13 @@ how much. So each test camera is moved until the render fits the photo, on one h
 the pixels, and the other half is rendered with it. The halves are the squares of a
 checkerboard. By gradient descent no pixel moves the camera that it is rendered by. By
 flow nearly none does: a flow is smooth, so the margins of the squares are left out of
-the fit, and the leak measures what still gets across. Writes, for each way of fitting,
-a folder of <view>.png, of both halves:
+the fit, and the overfit measures what still gets across. Writes, for each way of
+fitting, a folder of <view>.png, of both halves:
 
-aligned_pose                 moved by the flow from the render to the photo
-aligned_pose_gradient        moved by gradient descent on the colours
-aligned_pose_leak            the first, fitted to the oracle instead of the photo: what
-aligned_pose_gradient_leak   it gains against the oracle, the fit gains by itself
+aligned_pose                    moved by the flow from the render to the photo
+aligned_pose_gradient           moved by gradient descent on the colours
+aligned_pose_overfit            moved to fit the oracle instead of the photo: what this
+aligned_pose_gradient_overfit   gains against the oracle, the fit gains by itself
 
 and poses.csv, with the motion that each half was rendered with, how many pixels it was
 fitted to (none: the camera stayed), and what of the flow no camera explains.
@@ -113,10 +113,10 @@ def main(argv=None):
 
 
 def targets_of(args):
-    """What the renders are fitted to: the photos and, for the leak, the oracle."""
+    """What the renders are fitted to: the photos and, for the overfit, the oracle."""
     targets = [Target("", Path(args.scene) / "images", args.flow)]
     if args.truth:
-        targets.append(Target("_leak", args.truth / "oracle", args.truth_flow))
+        targets.append(Target("_overfit", args.truth / "oracle", args.truth_flow))
     return targets
 
 
@@ -139,7 +139,9 @@ def parse(argv=None):
     parser.add_argument("--model", required=True, help="trained parameters")
     parser.add_argument("--flow", type=Path, help="to the photos; omit for no such fit")
     parser.add_argument("--depth", type=Path, required=True, help="of the renders")
-    parser.add_argument("--truth", type=Path, help="folder of the oracle, for the leak")
+    parser.add_argument(
+        "--truth", type=Path, help="folder of the oracle, for the overfit"
+    )
     parser.add_argument("--truth-flow", type=Path, help="to the oracle")
     parser.add_argument("--gradient-steps", type=int, default=0, help="0: no such fit")
     parser.add_argument("--out", type=Path, required=True, help="folder, written")

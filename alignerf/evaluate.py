@@ -119,9 +119,9 @@ class View:
         return self.validity("flow")
 
     @functools.cached_property
-    def leak_valid(self):
+    def overfit_valid(self):
         """Where the invented flow is valid, and the photo counts."""
-        return self.validity("leak_flow") & self.everywhere
+        return self.validity("overfit_flow") & self.everywhere
 
     def validity(self, name):
         folder = self.testset / name

@@ -13,9 +13,9 @@ from alignerf.tables import scores
 
 # Columns of controls.csv that are shown.
 BREAKDOWN = (
-    *("gain", "choice", "resampling", "leak", "remains"),
-    *("held_out", "displaced", "oracle_gain"),
-    *("pose_gain", "pose_leak", "gradient_gain", "gradient_leak"),
+    *("gain", "pixel_choice", "resampling", "overfit", "remains"),
+    *("crossfit", "oracle_offset", "oracle_gain"),
+    *("pose_gain", "pose_overfit", "gradient_gain", "gradient_overfit"),
 )
 
 

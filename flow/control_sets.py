@@ -4,13 +4,14 @@ Beside the warped photos, for each view:
 
 control        the photo warped by the flow and back: only interpolation acts
 placebo        the photo warped by a random smooth flow of at most half a pixel
-held_out       the photo warped by a flow that has not seen the pixel it warps
+crossfit       the photo warped by a flow that has not seen the pixel it warps
 aligned        an image that belongs where the render is: the oracle, or a copy of
                the render made as sharp and as different as the photo
-leak           that image warped by the flow invented between it and the render
-leak_held_out  that image warped by a held-out flow: what is displaced in truth
+overfit        that image warped by the flow invented between it and the render
+overfit_crossfit
+               that image warped by a held-out flow: what is displaced in truth
 
-leak_flow holds the invented flow, and leak.csv its lengths.
+overfit_flow holds the invented flow, and overfit.csv its lengths.
 
     python -m flow.control_sets --renders DIR --photos DIR --flow DIR --out DIR
         [--truth DIR]
@@ -28,12 +29,12 @@ from flow.estimation import arguments as arguments_of_flow
 from flow.estimation import estimate, pairs
 from flow.warping import controls, files, lengths, warp
 
-IMAGES = ("control", "placebo", "held_out", "aligned", "leak", "leak_held_out")
+IMAGES = ("control", "placebo", "crossfit", "aligned", "overfit", "overfit_crossfit")
 COLUMNS = ("view", "aligned", *lengths.COLUMNS, "blur_sigma_px", "time_s")
 
 
 def main(renders, photos, flow, out, *, truth=None, masks=None, **options):
-    """Write all control sets into the folder `out`; returns the rows of leak.csv.
+    """Write all control sets into the folder `out`; returns the rows of overfit.csv.
 
     renders, photos: folders of <view>.png; flow: of <view>.npz, as the warped set
     has it; truth: a folder whose `oracle` holds an aligned image for each view;
@@ -44,9 +45,9 @@ def main(renders, photos, flow, out, *, truth=None, masks=None, **options):
     views = pairs.find_pairs(Path(renders), Path(photos))
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
-        table = stack.enter_context(atomic.replace_file(Path(out) / "leak.csv"))
+        table = stack.enter_context(atomic.replace_file(Path(out) / "overfit.csv"))
         folders = {}
-        for kind in (*IMAGES, "leak_flow"):
+        for kind in (*IMAGES, "overfit_flow"):
             place = atomic.replace_folder(Path(out) / kind)
             folders[kind] = stack.enter_context(place)
 
@@ -93,41 +94,41 @@ def write_view(
 
     options: method and match_blur, of both flows; tolerance_px: of what is valid.
     """
-    held_out_px = held_out_flow(render, photo, **options)
+    crossfit_px = crossfit_flow(render, photo, **options)
     if (aligned := oracle) is None:
-        aligned = controls.resharpened(render, photo, held_out_px)
-    leak_px, valid, sigma_px = pairs.flow_and_validity(
+        aligned = controls.resharpened(render, photo, crossfit_px)
+    overfit_px, valid, sigma_px = pairs.flow_and_validity(
         render, aligned, tolerance_px=tolerance_px, **options
     )
     warped = functools.partial(warp.warp, kernel=kernel)
     made = {
         "control": warp.round_trip(photo, flow_px, kernel=kernel),
         "placebo": warped(photo, controls.placebo_flow(*render.shape[:2], view=view)),
-        "held_out": warped(photo, held_out_px),
+        "crossfit": warped(photo, crossfit_px),
         "aligned": aligned,
-        "leak": warped(aligned, leak_px),
-        "leak_held_out": warped(aligned, held_out_flow(render, aligned, **options)),
+        "overfit": warped(aligned, overfit_px),
+        "overfit_crossfit": warped(aligned, crossfit_flow(render, aligned, **options)),
     }
     for kind, image in made.items():
         images.write(folders[kind] / f"{view}.png", image)
-    files.write_flow(folders["leak_flow"] / f"{view}.npz", leak_px, valid)
+    files.write_flow(folders["overfit_flow"] / f"{view}.npz", overfit_px, valid)
     return {
         "view": view,
         "aligned": "resharpened" if oracle is None else "oracle",
-        **lengths.statistics(leak_px, valid, view=view),
+        **lengths.statistics(overfit_px, valid, view=view),
         "blur_sigma_px": sigma_px,
     }
 
 
-def held_out_flow(render, photo, *, method=estimate.DEFAULT, match_blur=True):
-    """`controls.held_out_flow` with the estimator and blur that the warped set has.
+def crossfit_flow(render, photo, *, method=estimate.DEFAULT, match_blur=True):
+    """`controls.crossfit_flow` with the estimator and blur that the warped set has.
 
     One blur for the whole image: it is a single number, and says nothing of a pixel.
     """
     if match_blur:
         photo, _ = estimate.blur_match(photo, render, method=method)
     flow_of = functools.partial(estimate.estimate, method=method)
-    return controls.held_out_flow(render, photo, flow_of=flow_of)
+    return controls.crossfit_flow(render, photo, flow_of=flow_of)
 
 
 def parse(arguments=None):

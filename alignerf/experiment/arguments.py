@@ -5,8 +5,8 @@ from alignerf.files import split_paths
 
 # Folders of flow.control_sets beside the warped test set.
 CONTROL_SETS = (
-    *("control", "placebo", "held_out"),
-    *("aligned", "leak", "leak_flow", "leak_held_out"),
+    *("control", "placebo", "crossfit"),
+    *("aligned", "overfit", "overfit_flow", "overfit_crossfit"),
 )
 
 
@@ -96,7 +96,7 @@ def of_oracle(experiment, input, output):
 
 
 def aligned_pose_inputs(experiment, scene, folder):
-    """What moves the test cameras of a training: flows, and the truth for the leak."""
+    """What moves a training's test cameras: flows, and the truth for the overfit."""
     path = f"results/{scene}/{folder}"
     by_flow = experiment.config["aligned_pose"]["flow"]
     inputs = {"flow": f"{path}/flow/test"} if by_flow else {}

@@ -42,8 +42,8 @@ def render(folder, *, rounds, base, others=None):
     """
     folder, base = Path(folder), Path(base)
     told = contents.verdict(folder)
-    leak_px = pictures.leak_of(told["evidence"])
-    shown = shown_views(folder, rounds, others or {}, base, leak_px)
+    overfit_px = pictures.overfit_of(told["evidence"])
+    shown = shown_views(folder, rounds, others or {}, base, overfit_px)
     images = pictures.fitted(shown)
     decided, taken = contents.decisions(folder)
     return template().render(
@@ -53,9 +53,9 @@ def render(folder, *, rounds, base, others=None):
         views=[one for one in shown if f"{one.split}/{one.view}" in images],
         images=images,
         layers=pictures.layer_names(shown),
-        wheel=pictures.data_uri(pictures.wheel(leak_px)),
+        wheel=pictures.data_uri(pictures.wheel(overfit_px)),
         full_px=pictures.FULL_PX,
-        leak_px=leak_px,
+        overfit_px=overfit_px,
         tables=contents.tables(folder),
         figures=figures(folder),
         decisions=decided,
@@ -65,7 +65,7 @@ def render(folder, *, rounds, base, others=None):
     )
 
 
-def shown_views(folder, rounds, others, base, leak_px):
+def shown_views(folder, rounds, others, base, overfit_px):
     """`pictures.Shown` of each view on the page."""
     table = csv_files.read(folder / "tables" / "views.csv")
     # Empty where a view does not, which is read as a number where none does.
@@ -97,7 +97,7 @@ def shown_views(folder, rounds, others, base, leak_px):
                 row.view,
                 of_split[row.split],
                 folder / "images",
-                leak_px,
+                overfit_px,
                 turns.get(row.view, 0),
             ),
         )

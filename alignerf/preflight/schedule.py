@@ -120,7 +120,7 @@ def controls(work, flow: Flow, views: Views):
     sets = TESTSET_IMAGES * flow.warped_bytes + TESTSET_FLOWS * flow.flow_bytes
     return Task(
         *("testset", "rest", seconds, 1, [f"{work['reference']}/render"]),
-        *("testset/leak.csv", views.test * sets),
+        *("testset/overfit.csv", views.test * sets),
     )
 
 

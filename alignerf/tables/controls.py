@@ -1,9 +1,9 @@
 """What a warped test set's gain is made of: `tables/controls.csv`.
 
 All are means over test views of differences in PSNR, paired by view, both sides on the
-same pixels but for the gain, of which `choice` says how much that is. What `remains`
-adds up terms on three sets of pixels (all, valid, and valid for the invented flow):
-`held_out`, on the valid ones alone, is the measure of alignment, and `remains` its
+same pixels but for the gain, of which `pixel_choice` says how much that is. `remains`
+adds up terms on three sets of pixels (all, valid, and valid for the invented flow).
+`crossfit`, on the valid ones alone, is the measure of alignment, and `remains` its
 check.
 """
 
@@ -16,46 +16,46 @@ QUANTITIES = {
     "standard": ("standard", None),
     "warped": ("warped", None),
     "gain": ("warped", "standard"),
-    "choice": ("standard_valid", "standard"),
+    "pixel_choice": ("standard_valid", "standard"),
     "resampling": ("control", "standard"),
     "placebo": ("placebo", "standard"),
-    "leak": ("leak", "leak_held_out"),
-    "displaced": ("leak_held_out", "aligned"),
-    "held_out": ("held_out", "standard_valid"),
+    "overfit": ("overfit", "overfit_crossfit"),
+    "oracle_offset": ("overfit_crossfit", "aligned"),
+    "crossfit": ("crossfit", "standard_valid"),
     "oracle": ("oracle", None),
     "oracle_gain": ("oracle", "standard"),
     "pose_gain": ("aligned_pose", "standard"),
-    "pose_leak": ("aligned_pose_leak", "oracle"),
+    "pose_overfit": ("aligned_pose_overfit", "oracle"),
     "gradient_gain": ("aligned_pose_gradient", "standard"),
-    "gradient_leak": ("aligned_pose_gradient_leak", "oracle"),
+    "gradient_overfit": ("aligned_pose_gradient_overfit", "oracle"),
 }
 # What is no alignment; the rest of the gain remains as such.
-TAKEN = ("choice", "resampling", "leak")
-NEEDED = {"standard", "standard_valid", "warped", "control", "placebo", "held_out"}
-NEEDED |= {"aligned", "leak", "leak_held_out"}
+TAKEN = ("pixel_choice", "resampling", "overfit")
+NEEDED = {"standard", "standard_valid", "warped", "control", "placebo", "crossfit"}
+NEEDED |= {"aligned", "overfit", "overfit_crossfit"}
 HEADINGS = {
     "standard": "standard",
     "warped": "warped",
     "gain": "gain",
-    "choice": "pixels",
+    "pixel_choice": "pixels",
     "resampling": "resampling",
     "placebo": "(placebo)",
-    "leak": "leak",
+    "overfit": "overfit",
     "remains": "remains",
-    "held_out": "held out",
-    "displaced": "displaced",
+    "crossfit": "crossfit",
+    "oracle_offset": "oracle offset",
     "oracle": "oracle",
     "oracle_gain": "oracle gain",
     "pose_gain": "pose gain",
-    "pose_leak": "pose leak",
+    "pose_overfit": "pose overfit",
     "gradient_gain": "gradient gain",
-    "gradient_leak": "gradient leak",
+    "gradient_overfit": "gradient overfit",
 }
 NOTES = (
     "PSNR in dB, mean over test views; differences paired by view, with 95 %",
     "bootstrap intervals; bold: the interval does not hold 0.",
-    "gain = warped - standard; remains = gain - pixels - resampling - leak.",
-    "pose gain: by cameras moved to fit the photos; leak: where none needs to.",
+    "gain = warped - standard; remains = gain - pixels - resampling - overfit.",
+    "pose gain: by cameras moved to fit the photos; overfit: where none needs to.",
 )
 
 

@@ -24,7 +24,7 @@ def main(argv=None):
         evidence.read_pattern(loaded, args.base),
         poses=json_files.read(f"{args.scene}/poses.json", evidence.POSES),
         timing=json_files.read(f"{args.base}/timing.json", evidence.TIMING),
-        leak=args.leak,
+        overfit=args.overfit,
     )
     findings = causes.find(known)
     gains = words.gains_of(args.misalignment) if args.misalignment else []
@@ -66,7 +66,7 @@ def parse(argv=None):
     parser = argparse.ArgumentParser(prog="alignerf.verdict", description=__doc__)
     parser.add_argument("--scene", required=True, help="results/SCENE")
     parser.add_argument("--base", required=True, help="the reference's round 0")
-    parser.add_argument("--leak", help="the test set's leak.csv")
+    parser.add_argument("--overfit", help="the test set's overfit.csv")
     parser.add_argument("--misalignment", help="the scene's misalignment.csv")
     parser.add_argument("--out", required=True, help="verdict.json, written")
     parser.add_argument("--views", required=True, help="views.csv, written")

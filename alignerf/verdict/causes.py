@@ -55,7 +55,7 @@ class Evidence(NamedTuple):
     psnr_train_db: float
     psnr_test_db: float
     # What an estimator invents where nothing is.
-    leak_px: float
+    overfit_px: float
     passes: float
     detail_median: float
     blurred_share: float

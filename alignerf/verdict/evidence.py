@@ -89,11 +89,11 @@ def read_pattern(loaded: prepared.Scene, base) -> pattern.Pattern:
     return pattern.of_flows(flows)
 
 
-def gather(loaded, rows, shared: pattern.Pattern, *, poses, timing, leak):
+def gather(loaded, rows, shared: pattern.Pattern, *, poses, timing, overfit):
     """`causes.Evidence` of a scene's views.
 
-    poses, timing: contents of poses.json and of the reference's timing.json. leak: CSV
-    of the flow invented between images that belong to one another, or None.
+    poses, timing: contents of poses.json and of the reference's timing.json. overfit:
+    CSV of the flow invented between images that belong to one another, or None.
     """
     of_split = {
         split: [v for v in rows if v.split == split] for split in ("train", "test")
@@ -119,7 +119,7 @@ def gather(loaded, rows, shared: pattern.Pattern, *, poses, timing, leak):
         moved_share=median(main, "moved_share"),
         psnr_train_db=mean(of_split["train"], "even_psnr_db"),
         psnr_test_db=mean(of_split["test"], "even_psnr_db"),
-        leak_px=float(table(leak)["median_px"].median()) if leak else math.nan,
+        overfit_px=float(table(overfit)["median_px"].median()) if overfit else math.nan,
         passes=timing["rays_seen"] / pixels,
         detail_median=float(np.median(ratios)),
         blurred_share=float(

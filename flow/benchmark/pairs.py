@@ -69,7 +69,7 @@ def synthetic(photos=PHOTOS, lengths_px=LENGTHS_PX, blurs_px=BLURS_PX):
     """Photos warped by smooth random flows, the render's side blurred (or not).
 
     The longest flow of a pair has the length that its name tells. With a blur there
-    is the pair of true flow zero too (`leak ...`): what is found there is invented.
+    is the pair of true flow zero too (`overfit ...`): what is found there is invented.
     """
     for seed, (name, part) in enumerate(photos.items()):
         photo = np.ascontiguousarray(getattr(skimage.data, name)()[part])
@@ -80,7 +80,7 @@ def synthetic(photos=PHOTOS, lengths_px=LENGTHS_PX, blurs_px=BLURS_PX):
             for sigma_px in blurs_px:
                 if length_px == 0 and sigma_px == 0:
                     continue
-                kind = "smooth" if length_px else "leak"
+                kind = "smooth" if length_px else "overfit"
                 side = f"blurred {sigma_px:g} px" if sigma_px else "sharp"
                 blurred = blur.blur(render, sigma_px)
                 what = f"{name} {length_px:g} px"
@@ -102,7 +102,7 @@ def scene(folder, renders, split="test"):
     (<method>/round<k>), renders/<split>/. All models of a round are one kind of data.
     The true flow leads from the oracle to the photo, so what a model itself shows in a
     wrong place counts as an error, for all estimators alike; so it does for the pairs
-    of true flow zero (`leak ...`), which set the oracle in the photo's place.
+    of true flow zero (`overfit ...`), which set the oracle in the photo's place.
     """
     folder = Path(folder)
     for model in renders:
@@ -120,4 +120,4 @@ def scene(folder, renders, split="test"):
             yield Pair(data, name, render, photo, true_px, known)
             oracle = images.read(truth / "oracle" / path.name)
             nowhere = np.zeros_like(true_px), np.ones_like(known)
-            yield Pair(f"leak {data}", name, render, oracle, *nowhere)
+            yield Pair(f"overfit {data}", name, render, oracle, *nowhere)

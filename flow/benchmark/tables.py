@@ -85,7 +85,7 @@ def draw(table):
     order = list(dict.fromkeys(table["data"]))
     figure = matplotlib.figure.Figure(figsize=(13, 6), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[2, 1])
-    aimed = [data for data in order if " round" in data and "leak" not in data]
+    aimed = [data for data in order if " round" in data and "overfit" not in data]
     markers = dict(zip(dict.fromkeys(table["method"]), MARKERS, strict=False))
     for number, ((method, matched), rows) in enumerate(
         table.groupby(["method", "match_blur"], sort=False)

@@ -64,7 +64,7 @@ def spread(values, kept, *, sigma_px):
     return np.where(kept[..., None], values, filled)
 
 
-def held_out_flow(render, photo, *, flow_of, block_px=BLOCK_PX, passages=PASSAGES):
+def crossfit_flow(render, photo, *, flow_of, block_px=BLOCK_PX, passages=PASSAGES):
     """Flow [h, w, 2] that at no pixel has seen the render there.
 
     A checkerboard's squares are held out, half and half: in both images they are

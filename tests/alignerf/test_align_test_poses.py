@@ -140,16 +140,16 @@ def test_moved_cameras_render_what_the_photos_show(scene):
     for name in NAMES:
         pair = [
             scene / d / f"{name}.png"
-            for d in ("truth/oracle", "moved/aligned_pose_leak")
+            for d in ("truth/oracle", "moved/aligned_pose_overfit")
         ]
         np.testing.assert_array_equal(*map(images.read, pair))
-    assert psnr_db(scene, "truth/oracle", "moved/aligned_pose_gradient_leak") > 38
+    assert psnr_db(scene, "truth/oracle", "moved/aligned_pose_gradient_overfit") > 38
     with open(scene / "moved" / "poses.csv") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 4 * 2 * 4
     lengths = {row["test_set"]: float(row["length_px"]) for row in rows}
     assert lengths["aligned_pose"] > 1
-    assert lengths["aligned_pose_leak"] == pytest.approx(0, abs=1e-9)
+    assert lengths["aligned_pose_overfit"] == pytest.approx(0, abs=1e-9)
 
 
 @BOTH

@@ -104,8 +104,8 @@ def test_valid_at_the_border_only_leaves_ssim_empty(pair):
 
 
 WARPED = (
-    *("warped", "control", "placebo", "held_out"),
-    *("aligned", "leak", "leak_held_out"),
+    *("warped", "control", "placebo", "crossfit"),
+    *("aligned", "overfit", "overfit_crossfit"),
 )
 
 
@@ -128,7 +128,7 @@ def folder(tmp_path, rng):
         for kind in ("images", "renders", *(f"testset/{name}" for name in WARPED)):
             image = rng.integers(0, 256, (*SIZE, 3), dtype=np.uint8)
             images.write(tmp_path / kind / f"{view}.png", image)
-        for name in ("flow", "leak_flow"):
+        for name in ("flow", "overfit_flow"):
             valid = rng.uniform(size=SIZE) < 0.7
             flow_px = np.zeros((*SIZE, 2), np.float32)
             files.write_flow(
@@ -151,21 +151,21 @@ def test_each_test_set_is_scored_against_its_own_images(folder):
     assert list(found.index.unique("view")) == ["a", "c"]
     for view in ("a", "c"):
         render = images.read(folder / "renders" / f"{view}.png")
-        valid, leak_valid = (
+        valid, overfit_valid = (
             files.read_flow(folder / "testset" / name / f"{view}.npz")[1]
-            for name in ("flow", "leak_flow")
+            for name in ("flow", "overfit_flow")
         )
-        assert (valid != leak_valid).any()
+        assert (valid != overfit_valid).any()
         for test_set, (kind, mask) in {
             "standard": ("images", EVERYWHERE),
             "standard_valid": ("images", valid),
             "warped": ("testset/warped", valid),
             "control": ("testset/control", EVERYWHERE),
             "placebo": ("testset/placebo", EVERYWHERE),
-            "held_out": ("testset/held_out", valid),
-            "aligned": ("testset/aligned", leak_valid),
-            "leak": ("testset/leak", leak_valid),
-            "leak_held_out": ("testset/leak_held_out", leak_valid),
+            "crossfit": ("testset/crossfit", valid),
+            "aligned": ("testset/aligned", overfit_valid),
+            "overfit": ("testset/overfit", overfit_valid),
+            "overfit_crossfit": ("testset/overfit_crossfit", overfit_valid),
         }.items():
             target = images.read(folder / kind / f"{view}.png")
             row = found.loc[view, test_set]
@@ -192,7 +192,7 @@ def test_the_oracle_where_the_truth_is_known(folder):
 
 
 def test_moved_cameras_are_scored_by_their_own_renders(folder, rng):
-    """Against the photo, and the leak against the oracle."""
+    """Against the photo, and the overfit against the oracle."""
     (folder / "truth").mkdir()
     (folder / "testset" / "aligned").rename(folder / "truth" / "oracle")
     shutil.copytree(folder / "truth" / "oracle", folder / "testset" / "aligned")
@@ -205,8 +205,8 @@ def test_moved_cameras_are_scored_by_their_own_renders(folder, rng):
     for name, kind in {
         "aligned_pose": "images",
         "aligned_pose_gradient": "images",
-        "aligned_pose_leak": "truth/oracle",
-        "aligned_pose_gradient_leak": "truth/oracle",
+        "aligned_pose_overfit": "truth/oracle",
+        "aligned_pose_gradient_overfit": "truth/oracle",
     }.items():
         target = images.read(folder / kind / "c.png")
         render = images.read(folder / "moved" / name / "c.png")
@@ -252,8 +252,8 @@ def test_without_a_warped_test_set_the_rest_is_scored(folder):
         ("renders/c.png", "renders: no <view>.png of 1 test views: c"),
         ("testset/flow/a.npz", "flow/a.npz"),
         ("testset/control/a.png", "control/a.png"),
-        ("testset/held_out/c.png", "held_out/c.png"),
-        ("testset/leak_flow/c.npz", "leak_flow/c.npz"),
+        ("testset/crossfit/c.png", "crossfit/c.png"),
+        ("testset/overfit_flow/c.npz", "overfit_flow/c.npz"),
     ],
 )
 def test_what_is_missing_is_named_and_nothing_written(folder, path, reason):

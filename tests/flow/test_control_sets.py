@@ -14,7 +14,7 @@ from flow.estimation import pairs
 from flow.warping import controls, files, lengths, warp
 
 VIEWS = ("a", "b c")
-SETS = {*control_sets.IMAGES, "leak_flow", "leak.csv"}
+SETS = {*control_sets.IMAGES, "overfit_flow", "overfit.csv"}
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def read(scene, kind, view):
 
 
 def rows(scene):
-    with open(scene / "out" / "leak.csv", newline="") as file:
+    with open(scene / "out" / "overfit.csv", newline="") as file:
         return list(csv.DictReader(file))
 
 
@@ -72,19 +72,23 @@ def test_every_set_is_the_warp_that_it_says(scene):
         found = {kind: read(scene / "out", kind, view) for kind in control_sets.IMAGES}
         oracle = read(scene, "truth/oracle", view)
         np.testing.assert_array_equal(found["aligned"], oracle)
-        leak_px, valid = files.read_flow(scene / "out" / "leak_flow" / f"{view}.npz")
-        np.testing.assert_array_equal(found["leak"], warp.warp(oracle, leak_px))
+        overfit_px, valid = files.read_flow(
+            scene / "out" / "overfit_flow" / f"{view}.npz"
+        )
+        np.testing.assert_array_equal(found["overfit"], warp.warp(oracle, overfit_px))
         placebo_px = controls.placebo_flow(*photo.shape[:2], view=view)
         np.testing.assert_array_equal(found["placebo"], warp.warp(photo, placebo_px))
         # Back where it was, half a pixel away at most, and onto the render.
         flow_px, _ = files.read_flow(scene / "flow" / f"{view}.npz")
         np.testing.assert_array_equal(found["control"], warp.round_trip(photo, flow_px))
-        assert error(found["held_out"], render) < 0.5 * error(photo, render)
-        assert error(found["leak"], render) < error(oracle, render)
-        assert error(found["leak"], render) < error(found["leak_held_out"], render)
+        assert error(found["crossfit"], render) < 0.5 * error(photo, render)
+        assert error(found["overfit"], render) < error(oracle, render)
+        assert error(found["overfit"], render) < error(
+            found["overfit_crossfit"], render
+        )
         assert (row["view"], row["aligned"]) == (view, "oracle")
         assert list(row) == list(control_sets.COLUMNS)
-        wanted = lengths.statistics(leak_px, valid, view=view)
+        wanted = lengths.statistics(overfit_px, valid, view=view)
         assert {key: float(row[key]) for key in wanted} == pytest.approx(wanted)
         assert 0 < float(row["median_px"]) < 0.5
 
@@ -97,20 +101,20 @@ def test_without_truth_a_copy_of_the_render_stands_in(scene):
         # copy, whatever an estimator finds there.
         assert 0 < float(row["median_px"]) < 0.5
         render, photo = (read(scene, kind, view) for kind in ("renders", "photos"))
-        aligned, leak, held_out = (
+        aligned, overfit, crossfit = (
             error(read(scene / "out", kind, view), render)
-            for kind in ("aligned", "leak", "leak_held_out")
+            for kind in ("aligned", "overfit", "overfit_crossfit")
         )
         assert aligned < error(photo, render)
-        assert leak == pytest.approx(aligned, rel=0.1)
-        assert held_out > 0.95 * aligned
+        assert overfit == pytest.approx(aligned, rel=0.1)
+        assert crossfit > 0.95 * aligned
 
 
 def test_again_gives_the_same_bits_and_nothing_stale(scene):
     assert control_sets.run(with_truth(scene)) == 0
     out = scene / "out"
     first = {path: path.read_bytes() for path in out.glob("*/*.png")}
-    (out / "leak" / "stale.png").write_text("of an older run")
+    (out / "overfit" / "stale.png").write_text("of an older run")
     (out / "warped").mkdir()
     assert control_sets.run(with_truth(scene)) == 0
     assert {path: path.read_bytes() for path in out.glob("*/*.png")} == first
@@ -121,14 +125,15 @@ def test_settings_reach_the_warps(scene):
     options = ("--kernel", "bilinear", "--no-match-blur", "--method", "dis_medium")
     assert control_sets.run([*with_truth(scene), *options]) == 0
     assert {row["blur_sigma_px"] for row in rows(scene)} == {"0.0"}
-    leak_px, _ = files.read_flow(scene / "out" / "leak_flow" / "a.npz")
+    overfit_px, _ = files.read_flow(scene / "out" / "overfit_flow" / "a.npz")
     render, oracle = read(scene, "renders", "a"), read(scene, "truth/oracle", "a")
     wanted_px, _, _ = pairs.flow_and_validity(
         render, oracle, method="dis_medium", match_blur=False
     )
-    np.testing.assert_array_equal(leak_px, wanted_px)
+    np.testing.assert_array_equal(overfit_px, wanted_px)
     np.testing.assert_array_equal(
-        read(scene / "out", "leak", "a"), warp.warp(oracle, leak_px, kernel="bilinear")
+        read(scene / "out", "overfit", "a"),
+        warp.warp(oracle, overfit_px, kernel="bilinear"),
     )
 
 

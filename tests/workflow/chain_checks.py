@@ -22,8 +22,8 @@ HEADER = (
     "train_time_s,data_time_s,total_time_s,params,steps,rays_seen,source"
 )
 CONTROLS = (
-    *("control", "placebo", "held_out"),
-    *("aligned", "leak", "leak_held_out"),
+    *("control", "placebo", "crossfit"),
+    *("aligned", "overfit", "overfit_crossfit"),
 )
 SWEEP_HEADER = (
     "variant,changes,pareto,params,steps,rays_seen,train_time_s,compile_time_s,"
@@ -213,22 +213,24 @@ def check_controls(scene):
     for line in lines:
         rows = [row for row in table if (row["method"], row["warping"]) == line]
         db = {row["quantity"]: float(row["db"]) for row in rows}
-        parts = sum(db[key] for key in ("choice", "resampling", "leak", "remains"))
+        parts = sum(
+            db[key] for key in ("pixel_choice", "resampling", "overfit", "remains")
+        )
         assert db["gain"] == pytest.approx(parts, abs=1e-4)
         assert db["oracle_gain"] == pytest.approx(
             db["oracle"] - db["standard"], abs=1e-4
         )
-        assert {"pose_gain", "pose_leak"} <= db.keys()
+        assert {"pose_gain", "pose_overfit"} <= db.keys()
     ranking = read_csv(scene / "tables" / "ranking.csv")
-    sets = ["standard", "warped", "held_out", "control", "aligned_pose"]
+    sets = ["standard", "warped", "crossfit", "control", "aligned_pose"]
     assert [row["test_set"] for row in ranking] == sets
     for row in ranking:
         low, tau, high = (float(row[key]) for key in ("tau_low", "tau", "tau_high"))
         assert -1 <= low <= tau <= high <= 1
         assert (row["rows"], row["views"]) == ("6", str(len(TEST_VIEWS)))
-    leak = read_csv(scene / "testset" / "leak.csv")
-    assert [row["view"] for row in leak] == TEST_VIEWS
-    assert {row["aligned"] for row in leak} == {"oracle"}
+    overfit = read_csv(scene / "testset" / "overfit.csv")
+    assert [row["view"] for row in overfit] == TEST_VIEWS
+    assert {row["aligned"] for row in overfit} == {"oracle"}
 
 
 def shapes(folder):

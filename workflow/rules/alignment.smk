@@ -67,7 +67,7 @@ rule control_sets:
             directory(f"results/{{scene}}/testset/{name}")
             for name in arguments.CONTROL_SETS
         ],
-        lengths="results/{scene}/testset/leak.csv",
+        lengths="results/{scene}/testset/overfit.csv",
     log:
         "results/{scene}/testset/logs/control_sets.log",
     benchmark:

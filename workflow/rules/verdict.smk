@@ -6,7 +6,7 @@ rule verdict:
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
         poses="results/{scene}/poses.json",
-        leak="results/{scene}/testset/leak.csv",
+        overfit="results/{scene}/testset/overfit.csv",
         misalignment="results/{scene}/tables/misalignment.csv",
     output:
         verdict="results/{scene}/verdict.json",
@@ -27,6 +27,6 @@ rule verdict:
         sources=sources_of("alignerf.verdict"),
     shell:
         "python -m alignerf.verdict --scene results/{wildcards.scene:q}"
-        " --base {params.base:q} --leak {input.leak:q}"
+        " --base {params.base:q} --overfit {input.overfit:q}"
         " --misalignment {input.misalignment:q} --out {output.verdict:q}"
         " --views {output.views:q} 2>&1 | tee {log:q}"

@@ -81,35 +81,35 @@ EVERY = (
         folder("placebo", "everywhere"),
     ),
     TestSet(
-        "held_out",
+        "crossfit",
         "valid",
         "the photo warped by a flow that was estimated without the pixel",
         "testset",
-        folder("held_out", "valid"),
+        folder("crossfit", "valid"),
         ("regimes", "ranking"),
     ),
     TestSet(
         "aligned",
-        "leak",
+        "overfit",
         "an image that belongs where the reference model's render is: the oracle, or a "
         "stand-in, see below",
         "testset",
-        folder("aligned", "leak_valid"),
+        folder("aligned", "overfit_valid"),
     ),
     TestSet(
-        "leak",
-        "leak",
+        "overfit",
+        "overfit",
         "`aligned`, warped by the flow that the estimator invents between it and the "
         "render",
         "testset",
-        folder("leak", "leak_valid"),
+        folder("overfit", "overfit_valid"),
     ),
     TestSet(
-        "leak_held_out",
-        "leak",
+        "overfit_crossfit",
+        "overfit",
         "`aligned`, warped by a held-out flow: what is displaced in truth",
         "testset",
-        folder("leak_held_out", "leak_valid"),
+        folder("overfit_crossfit", "overfit_valid"),
     ),
     TestSet(
         "oracle",
@@ -156,7 +156,7 @@ EVERY = (
         moved=True,
     ),
     TestSet(
-        "aligned_pose_leak",
+        "aligned_pose_overfit",
         "all",
         "courtyard only: the oracle. The camera is moved to fit that",
         "truth",
@@ -164,7 +164,7 @@ EVERY = (
         moved=True,
     ),
     TestSet(
-        "aligned_pose_gradient_leak",
+        "aligned_pose_gradient_overfit",
         "all",
         "the same by gradient descent",
         "truth",

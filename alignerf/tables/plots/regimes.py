@@ -11,7 +11,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4
 MARKERS = "osD^vP"
 LABEL_PT, SMALL_PT = 9, 7.5
 # Against the truth where it is known, else against the photos.
-PREFERRED = ("oracle", "held_out", "standard")
+PREFERRED = ("oracle", "crossfit", "standard")
 
 
 def draw(table, path):

@@ -73,7 +73,7 @@ def results(tmp_path, rng):
         {
             "verdict": ["Verdict: aligned.", "A < B & C.", "To do: nothing."],
             "state": "aligned",
-            "evidence": {"leak_px": None},
+            "evidence": {"overfit_px": None},
         },
     )
     poses = {"registered": 5, "total": 6, "test_views": 3, "width": WIDTH}

@@ -11,25 +11,25 @@ from tests import table_cases
 
 VIEWS = 6
 MOVED = (
-    *("aligned_pose", "aligned_pose_leak"),
-    *("aligned_pose_gradient", "aligned_pose_gradient_leak"),
+    *("aligned_pose", "aligned_pose_overfit"),
+    *("aligned_pose_gradient", "aligned_pose_gradient_overfit"),
 )
 SETS = (*sorted(controls.NEEDED), "oracle", *MOVED)
 # What each is made of: the means of two test sets, the second taken from the first.
 WANTED = {
     "gain": ("warped", "standard"),
-    "choice": ("standard_valid", "standard"),
+    "pixel_choice": ("standard_valid", "standard"),
     "resampling": ("control", "standard"),
     "placebo": ("placebo", "standard"),
-    "leak": ("leak", "leak_held_out"),
-    "displaced": ("leak_held_out", "aligned"),
+    "overfit": ("overfit", "overfit_crossfit"),
+    "oracle_offset": ("overfit_crossfit", "aligned"),
     # On the pixels of the warped photo, not on all.
-    "held_out": ("held_out", "standard_valid"),
+    "crossfit": ("crossfit", "standard_valid"),
     "oracle_gain": ("oracle", "standard"),
     "pose_gain": ("aligned_pose", "standard"),
-    "pose_leak": ("aligned_pose_leak", "oracle"),
+    "pose_overfit": ("aligned_pose_overfit", "oracle"),
     "gradient_gain": ("aligned_pose_gradient", "standard"),
-    "gradient_leak": ("aligned_pose_gradient_leak", "oracle"),
+    "gradient_overfit": ("aligned_pose_gradient_overfit", "oracle"),
 }
 LINES = [*itertools.product(("plain_one", "other"), ("none", "once"))]
 
@@ -57,7 +57,7 @@ def test_a_gain_is_the_sum_of_its_parts(rows):
         db, psnr_db = lines.set_index("quantity")["db"], row.psnr_db().mean()
         for name, (above, below) in WANTED.items():
             assert db[name] == pytest.approx(psnr_db[above] - psnr_db[below])
-        parts = db["choice"] + db["resampling"] + db["leak"] + db["remains"]
+        parts = db["pixel_choice"] + db["resampling"] + db["overfit"] + db["remains"]
         assert db["gain"] == pytest.approx(parts)
         assert set(lines["views"]) == {VIEWS}
 
@@ -96,8 +96,8 @@ def test_a_view_without_a_score_leaves_its_quantities_empty(scores):
 
 
 def test_a_test_set_that_is_needed_is_named(scores):
-    del scores["held_out"]
-    reason = "yard: plain after round 0: no test set 'held_out'"
+    del scores["crossfit"]
+    reason = "yard: plain after round 0: no test set 'crossfit'"
     with pytest.raises(ValueError, match=reason):
         controls.make_table([table_cases.row(scores)])
 

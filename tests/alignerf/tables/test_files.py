@@ -110,8 +110,8 @@ def test_a_table_without_what_lies_beside_it_is_not_left(scene, name, monkeypatc
 def test_a_table_that_fails_leaves_none_of_the_others(scene):
     """What is whole is not mistaken for what belongs together."""
     path = scene / "scores.csv"
-    path.write_text(path.read_text().replace(",held_out,", ",held,"))
-    reason = "yard: base after round 0: no test set 'held_out'"
+    path.write_text(path.read_text().replace(",crossfit,", ",held,"))
+    reason = "yard: base after round 0: no test set 'crossfit'"
     with pytest.raises(ValueError, match=reason):
         make(scene, "misalignment", "round_times", "controls")
     assert not (scene / "out").exists()

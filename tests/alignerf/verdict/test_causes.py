@@ -23,7 +23,7 @@ WELL = causes.Evidence(
     moved_share=0.0,
     psnr_train_db=28.7,
     psnr_test_db=27.2,
-    leak_px=0.09,
+    overfit_px=0.09,
     passes=0.8,
     detail_median=1.2,
     blurred_share=0.0,
@@ -163,7 +163,7 @@ def test_what_to_do_follows_what_this_run_has_tried(changes, views, said, pays):
     assert advice.pays(known, tried) == pays
 
 
-def test_of_few_held_out_photos_nothing_pays():
+def test_of_few_crossfit_photos_nothing_pays():
     known = WELL._replace(**FAULTS["camera"] | {"test_views": 3})
     assert not advice.pays(known, gain())
     assert advice.of_tried(known, [gain()]) == ""

@@ -91,7 +91,7 @@ def test_true_flows_lead_from_render_to_photo(middlebury, scene):
     assert len(pairs) == 1 + 1 + 2 + 3
     for pair in pairs:
         moved = pair._replace(true_px=np.zeros_like(pair.true_px))
-        if pair.data.startswith("leak"):
+        if pair.data.startswith("overfit"):
             assert not pair.true_px.any()
             continue
         assert residual(pair) < 0.7 * residual(moved)
@@ -105,7 +105,7 @@ def test_synthetic_pairs_have_the_lengths_and_blurs_of_their_names():
     for pair in pairs:
         longest = np.linalg.norm(pair.true_px, axis=-1).max()
         assert pair.name == f"coffee {longest:.4g} px"
-        assert pair.data.startswith("leak") == (longest == 0)
+        assert pair.data.startswith("overfit") == (longest == 0)
         detail = [cv2.Laplacian(i, cv2.CV_64F).std() for i in (pair.render, pair.photo)]
         assert (detail[0] < 0.5 * detail[1]) == ("blurred 2 px" in pair.data)
 
@@ -138,8 +138,8 @@ def test_the_whole_table(few, middlebury, scene, tmp_path, caplog):
     assert benchmark.run(arguments(tmp_path / "out", *where)) == 0
     table = pd.read_csv(tmp_path / "out" / "b.csv")
     assert tuple(table.columns) == benchmark.COLUMNS
-    data = ["middlebury", "leak blurred 2 px", "smooth sharp", "smooth blurred 2 px"]
-    data += ["yard round0", "leak yard round0"]
+    data = ["middlebury", "overfit blurred 2 px", "smooth sharp", "smooth blurred 2 px"]
+    data += ["yard round0", "overfit yard round0"]
     assert list(dict.fromkeys(table["data"])) == data
     assert len(table) == len(data) * 4
     assert table["note"].isna().all()
@@ -151,7 +151,7 @@ def test_the_whole_table(few, middlebury, scene, tmp_path, caplog):
     # What a wrong direction or a swapped pair would cost: the flow is 3.6 px long.
     assert scores["middlebury", "dis_fast", False] < 0.5
     assert scores["yard round0", "dis_fast", True] < 0.5
-    assert scores["leak yard round0", "dis_fast", True] < 0.5
+    assert scores["overfit yard round0", "dis_fast", True] < 0.5
     tex = (tmp_path / "out" / "b.tex").read_text()
     assert tex.count(r"\toprule") == tex.count(r"\bottomrule") == 2
     assert r"dis\_fast" in tex

@@ -50,10 +50,10 @@ def gain_db(render, photo, flow_px):
     return psnr_db(warp.warp(photo, flow_px), render) - psnr_db(photo, render)
 
 
-def held_out(render, photo, *, method=estimate.DEFAULT, **options):
+def crossfit(render, photo, *, method=estimate.DEFAULT, **options):
     photo, _ = estimate.blur_match(photo, render, method=method)
     flow_of = functools.partial(estimate.estimate, method=method)
-    return controls.held_out_flow(render, photo, flow_of=flow_of, **options)
+    return controls.crossfit_flow(render, photo, flow_of=flow_of, **options)
 
 
 def in_sample(render, photo, method):
@@ -63,11 +63,11 @@ def in_sample(render, photo, method):
 @pytest.mark.parametrize(
     ("longest_px", "sigma_px", "share"), [(2, 20, 0.9), (3, 40, 0.95), (1, 30, 0.9)]
 )
-def test_held_out_flow_keeps_true_smooth_alignment(longest_px, sigma_px, share):
+def test_crossfit_flow_keeps_true_smooth_alignment(longest_px, sigma_px, share):
     for seed in range(2):
         photo, true_px = texture(seed), smooth_flow(longest_px, sigma_px, seed)
         render = degrade(warp.warp(photo, true_px), blur_px=1.25, noise=6, seed=seed)
-        found_px = held_out(render, photo)
+        found_px = crossfit(render, photo)
         true_db = gain_db(render, photo, true_px)
         assert true_db > 0.3
         assert share * true_db < gain_db(render, photo, found_px) < 1.01 * true_db
@@ -78,12 +78,12 @@ def test_held_out_flow_keeps_true_smooth_alignment(longest_px, sigma_px, share):
 def test_one_passage_would_lose_much_of_it():
     photo, true_px = texture(), smooth_flow(3, 40)
     render = degrade(warp.warp(photo, true_px), blur_px=1.25, noise=6)
-    once, thrice = (held_out(render, photo, passages=n) for n in (1, 3))
+    once, thrice = (crossfit(render, photo, passages=n) for n in (1, 3))
     assert gain_db(render, photo, once) < 0.95 * gain_db(render, photo, thrice)
 
 
 @pytest.mark.parametrize(("noise", "correlated_px"), [(12, 0.0), (12, 1.5), (20, 2.0)])
-def test_noise_is_fitted_in_sample_and_not_held_out(noise, correlated_px):
+def test_noise_is_fitted_in_sample_and_not_crossfit(noise, correlated_px):
     """Nothing is displaced: what a warp gains here, it gains by fitting the errors."""
     for seed in range(3):
         photo = texture(seed)
@@ -92,17 +92,17 @@ def test_noise_is_fitted_in_sample_and_not_held_out(noise, correlated_px):
         )
         # Of the estimators the one that fits errors most.
         fitted_db = gain_db(render, photo, in_sample(render, photo, "dis_fine"))
-        held_db = gain_db(render, photo, held_out(render, photo, method="dis_fine"))
+        held_db = gain_db(render, photo, crossfit(render, photo, method="dis_fine"))
         assert fitted_db > 0
         if correlated_px:
             assert fitted_db > 0.02
         assert held_db < 0
 
 
-def test_held_out_flow_has_the_direction_of_flow():
+def test_crossfit_flow_has_the_direction_of_flow():
     image = texture()
     render = np.roll(image, (-2, 3), axis=(0, 1))
-    found_px = held_out(render, image)
+    found_px = crossfit(render, image)
     # render(x) is photo(x + (-3, 2)).
     np.testing.assert_allclose(
         np.median(found_px.reshape(-1, 2), axis=0), [-3, 2], atol=0.1
@@ -111,7 +111,7 @@ def test_held_out_flow_has_the_direction_of_flow():
 
 def test_identical_images_give_exactly_zero():
     image = texture()
-    assert not held_out(image, image).any()
+    assert not crossfit(image, image).any()
 
 
 def test_the_flow_of_a_half_never_sees_the_other_half_of_the_render():
@@ -131,14 +131,14 @@ def test_the_flow_of_a_half_never_sees_the_other_half_of_the_render():
     assert np.abs(changed_px - found_px).max() > 0.5
 
 
-def test_each_pixel_is_held_out_once():
+def test_each_pixel_is_crossfit_once():
     photo, seen = texture(), []
 
     def flow_of(render, photo):
         seen.append(render)
         return np.full((HEIGHT, WIDTH, 2), float(len(seen)), np.float32)
 
-    found_px = controls.held_out_flow(photo, photo, flow_of=flow_of, passages=1)
+    found_px = controls.crossfit_flow(photo, photo, flow_of=flow_of, passages=1)
     kept = controls.checkerboard(HEIGHT, WIDTH)
     assert 0.45 < kept.mean() < 0.55
     np.testing.assert_array_equal(seen[0][kept], photo[kept])
@@ -169,7 +169,7 @@ def test_spread_keeps_and_fills_from_the_kept_alone(rng):
 def test_images_within_one_block_are_refused():
     image = np.zeros((10, 10, 3), np.uint8)
     with pytest.raises(ValueError, match="larger than blocks of 12 px"):
-        controls.held_out_flow(image, image, flow_of=estimate.estimate)
+        controls.crossfit_flow(image, image, flow_of=estimate.estimate)
 
 
 @pytest.mark.parametrize("size", [(150, 200), (33, 500), (1, 40), (40, 1), (2, 2)])
@@ -206,7 +206,7 @@ def test_a_resharpened_copy_is_as_different_as_the_photo_and_not_displaced():
         ]
         assert sharpness[0] < 0.9 * sharpness[1]
         # The photo's displacement is not in it, although a flow is found.
-        found_px = held_out(render, copy)
+        found_px = crossfit(render, copy)
         left_px = np.abs(np.median(found_px[INNER].reshape(-1, 2), axis=0))
         assert left_px.max() < 0.1
         assert gain_db(render, copy, found_px) < 0.02
