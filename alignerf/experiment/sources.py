@@ -110,8 +110,10 @@ def imports(path):
             modules.append(node.module)
             modules += [f"{node.module}.{alias.name}" for alias in node.names]
         # Of statements alone: expressions are most of a file, and import nothing.
-        blocks = (getattr(node, name, ()) for name in BLOCKS)
-        todo += [one for block in blocks if isinstance(block, list) for one in block]
+        for name in BLOCKS:
+            block = getattr(node, name, None)
+            if isinstance(block, list):
+                todo += block
     return modules
 
 
