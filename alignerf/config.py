@@ -60,6 +60,8 @@ class ForEditors(json_schema.GenerateJsonSchema):
 def schema_text():
     """The schema as YAML, as editors read it."""
     made = config_keys.Config.model_json_schema(schema_generator=ForEditors)
+    # Else in the order in which the classes were first asked for.
+    made["$defs"] = dict(sorted(made["$defs"].items()))
     return HEAD + as_yaml({"$schema": ForEditors.schema_dialect} | made)
 
 

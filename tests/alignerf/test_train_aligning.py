@@ -213,7 +213,7 @@ def test_the_step_is_compiled_once(scene, tmp_path, monkeypatch):
         ({"cameras_at": [0.3, 0.31]}, "align.cameras_at: 0.31 of 14 steps is number 4"),
         ({"photos_at": [0.01]}, "align.photos_at: 0.01 of 14 steps is the first"),
         ({"photos_at": [0.99]}, "0.99 of 14 steps is beyond the last"),
-        ({"cameras_at": [1.5]}, "config: align.cameras_at.0: 1.5 is greater"),
+        ({"cameras_at": [1.5]}, "config: align.cameras_at.0: 1.5 should be less"),
     ],
 )
 def test_what_cannot_be_is_one_line(scene, tmp_path, capsys, change, fault):

@@ -222,7 +222,7 @@ def check_controls(scene):
         )
         assert {"pose_gain", "pose_overfit"} <= db.keys()
     ranking = read_csv(scene / "tables" / "ranking.csv")
-    sets = ["standard", "warped", "crossfit", "control", "aligned_pose"]
+    sets = ["standard", "warped", "control", "crossfit", "aligned_pose"]
     assert [row["test_set"] for row in ranking] == sets
     for row in ranking:
         low, tau, high = (float(row[key]) for key in ("tau_low", "tau", "tau_high"))

@@ -54,7 +54,7 @@ def test_hidden_pixels_teach_nothing_also_where_photos_are_warped(scene, tmp_pat
 def test_hidden_pixels_are_not_scored(scene):
     loaded = prepared.load(scene)
     view = loaded.views("test")[0]
-    photo, mask = evaluate.targets_of(loaded, view, None, None)["standard"]
+    photo, mask = evaluate.targets_of(evaluate.View(loaded, view))["standard"]
     render = np.clip(photo.astype(int) + 20, 0, 255).astype(np.uint8)
     wrong = render.copy()
     wrong[:, :HIDDEN] = 255 - wrong[:, :HIDDEN]

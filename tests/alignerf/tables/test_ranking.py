@@ -75,7 +75,7 @@ def test_an_interval_of_tau_is_over_views(rng):
     tex = ranking.to_latex(table)
     assert "Ranking of 4 methods and rounds" in tex
     assert "over 6 views" in tex
-    assert table_cases.cells(tex)[3][0] == r"held\_out"
+    assert table_cases.cells(tex)[3][0] == "crossfit"
 
 
 def test_what_some_row_lacks_is_not_ranked_or_named():
