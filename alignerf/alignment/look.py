@@ -1,7 +1,8 @@
-"""Small renders of the training views at a stop of the training, and their flow.
+"""Small renders of the training views at an alignment step, and their flow.
 
-Notation: k the factor by which renders and photos are made smaller; a small render's
-cones are k times as wide. The photos are those as taken, so that warps do not add up.
+Notation: k is the factor by which renders and photos are made smaller. A pixel of a
+small render is a cone k times as wide. The flow goes to the photos as taken, never to
+warped photos, so a later warp replaces an earlier one.
 """
 
 from typing import NamedTuple
@@ -16,22 +17,22 @@ from flow.warping import small, warp
 
 # Largest forward-backward disagreement of a valid pixel, in px of the small images.
 TOLERANCE_PX = 1.0
-# Of a round of proposals.
+# Samples a ray that the first round of proposals keeps at least.
 LEAST_SAMPLES = 4
 
 
 class Photo(NamedTuple):
-    """A photo made small, and where it counts; None: everywhere."""
+    """A small photo, and the mask of the pixels that count; None: all pixels count."""
 
     image: np.ndarray  # [h // k, w // k, 3] uint8
     counts: np.ndarray | None  # [h // k, w // k] bool
 
 
 def with_fewer_samples(job: jobs.Job) -> jobs.Job:
-    """The job of the model that renders for the flow, with fewer samples a ray.
+    """The job, with half of the samples a ray in the first round of proposals.
 
-    The first round of proposals has half of its samples, and rendering takes two thirds
-    of the time. With half in all rounds cameras ended a third farther from the truth.
+    Rendering for the flow then takes two thirds of the time. With half of the samples
+    in all rounds, the cameras' final error was a third larger.
     """
     first, *others = job.model.samples
     if job.model.kind not in ("mipnerf360", "ngp") or not others:
@@ -42,9 +43,10 @@ def with_fewer_samples(job: jobs.Job) -> jobs.Job:
 
 
 def factor(size, least_side_px, most):
-    """k for photos of `size` (h, w): at most `most`, and a flow needs its side in px.
+    """k for photos of `size` (h, w): the largest whole number up to `most`.
 
-    Raises ValueError where even the photos as they are have less.
+    The smaller side of the small photos has at least least_side_px, which the flow
+    estimator needs. Raises ValueError where the photos themselves have less.
     """
     side = min(size)
     if side < least_side_px:
@@ -70,26 +72,26 @@ def read_photos(loaded: prepared.Scene, views, folder, k):
 
 
 def flow_of(render, photo, *, estimator, match_blur):
-    """(flow_px, valid) between two small images: valid where that back agrees.
+    """(flow_px, valid) between two small images.
 
-    On courtyard, where offsets are short, the check changed no score of a training. It
-    is for offsets that are not.
+    valid: the flow from photo to render agrees (forward-backward check). On courtyard,
+    where offsets are short, the check changed no score; it is for long offsets.
     """
     options = {"match_blur": match_blur, "tolerance_px": TOLERANCE_PX}
     return pairs.flow_and_validity(render, photo, method=estimator, **options)[:2]
 
 
 def at(render, scene: prepared.Scene, view, photo: Photo, k, flow_of) -> correct.View:
-    """The `correct.View` of a view: its small render's flow to the photo, and depth.
+    """The `correct.View` of a training view: flow from small render to photo, depth.
 
-    render: of a `training.renderer`, for the small size. flow_of: (render, photo) ->
-    (flow_px, valid), of images of 8 bits.
+    render: (pixtocam, camtoworld) -> (image, depth), a `training.renderer` of the small
+    size. flow_of: (render, photo) -> (flow_px, valid), of images [h, w, 3] uint8.
     """
     pixtocam = small.shrink_pixtocam(scene.pixtocams[view], k)
     image, depth = render(pixtocam, scene.camtoworlds[view])
     target = photo.image
     if photo.counts is not None:
-        # What does not count would else be matched to something.
+        # Pixels that do not count get the render itself, so that their flow is zero.
         target = np.where(photo.counts[..., None], target, image)
     try:
         flow_px, valid = flow_of(image, target)
@@ -98,6 +100,7 @@ def at(render, scene: prepared.Scene, view, photo: Photo, k, flow_of) -> correct
     if photo.counts is not None:
         valid &= warp.sees_only(flow_px, photo.counts)
     usable = np.isfinite(depth) & (depth > 0)
-    near = np.where(usable, depth, np.float32(1e30))
-    valid &= usable & warp.unoccluded(flow_px, near)
+    # A pixel without a depth hides nothing: it counts as far away.
+    depth_or_far = np.where(usable, depth, np.float32(1e30))
+    valid &= usable & warp.unoccluded(flow_px, depth_or_far)
     return correct.View(flow_px, valid, pixtocam, depth)

@@ -1,39 +1,40 @@
-"""What the rules of trainings, scores and exports wait for, and how it is passed on."""
+"""Input files and command-line options of the rules that train, score and export."""
 
 import json
 
 from alignerf.experiment import arguments, kinds, layout, slices, sources
 
 
-def is_given(experiment, folder):
-    """Whether a folder below a scene's is an external method's."""
+def is_external(experiment, folder):
+    """Whether a folder below results/SCENE/ belongs to an external method."""
     return folder.partition("/")[0] in experiment.names(kinds.external)
 
 
 def renders_of(experiment, scene, folder, moved=""):
-    """The folder of the views that are scored: a training's, or another program's.
+    """The folder of the renders that are scored: a training's, or another program's.
 
-    moved: whether they are those by moved cameras, as the name of their scores has it.
+    moved: `_aligned_pose` for renders by moved cameras, else "". It is the wildcard in
+    metrics{moved}.csv.
     """
-    if is_given(experiment, folder):
+    if is_external(experiment, folder):
         method = experiment.methods[folder.partition("/")[0]]
         return method["renders"].replace("{scene}", scene)
     return f"results/{scene}/{folder}/{'aligned_pose' if moved else 'renders/test'}"
 
 
 def decisions_of(experiment, scene):
-    """What the scene's facts decided, where the config leaves something to them."""
+    """The path of decisions.json, or [] where the config leaves no setting open."""
     return slices.decisions_of(experiment.config, scene) or []
 
 
 def truth_of(experiment, scene):
-    """The oracle's folder, where the scene's truth is known."""
+    """{"truth": folder} of the scene's truth; {} where the truth is not known."""
     truth = experiment.truth_of(scene)
     return {"truth": truth} if truth else {}
 
 
 def of_training(experiment, scene, folder):
-    """{name: path} of the outputs of rules that a training waits for."""
+    """{name: path} of the inputs of rule `train`: outputs of other rules."""
     training = experiment.training(scene, folder)
     needed = layout.outputs_of(training.inputs())
     needed |= {
@@ -47,7 +48,7 @@ def of_training(experiment, scene, folder):
 
 
 def training_options(experiment, scene, folder):
-    """Options of `alignerf.train`: what the training learns from."""
+    """Options of `alignerf.train` that name the photos, cameras and other inputs."""
     training = experiment.training(scene, folder)
     words = arguments.options({"scene": training.prepared} | training.inputs())
     if training.prepared != f"results/{scene}":
@@ -56,7 +57,7 @@ def training_options(experiment, scene, folder):
 
 
 def weights_of(experiment, scene, folder):
-    """The file that a fine-tuning's loss looks through, where it has one."""
+    """[file] of the VGG-19 weights of a fine-tuning's frequency loss; [] without."""
     finetuning = json.loads(experiment.training(scene, folder).job)["alignerf"]
     weights = finetuning and finetuning["frequency_weights"]
     return [weights] if weights else []
@@ -74,7 +75,10 @@ def last_training(experiment, scene, method):
 
 
 def of_export(experiment, scene, method, what):
-    """{name: output} of what is handed to other programs, `cameras` or `photos`."""
+    """{name: path} of the inputs of rule `export_method`.
+
+    what: `cameras` exports photos as taken, `photos` the warped photos.
+    """
     training = last_training(experiment, scene, method)
     inputs = {"learnt": training.learnt}
     if what == "photos":
@@ -85,7 +89,7 @@ def of_export(experiment, scene, method, what):
 
 
 def export_options(experiment, scene, method, what):
-    """Options of `alignerf.export`: cameras, warped photos, and whether it paid."""
+    """Options of `alignerf.export`: cameras, warped photos, the verdict to check."""
     training = last_training(experiment, scene, method)
     chosen = {"cameras": f"{training.learnt}/cameras.npz"}
     if what == "photos":
@@ -93,22 +97,23 @@ def export_options(experiment, scene, method, what):
         chosen |= {"valid": training.warped["valid"]}
     words = arguments.options(chosen)
     if method in experiment.names(kinds.aligned):
-        # Where aligning on the way brought nothing, cameras go out as given.
+        # Where the verdict says that alignment gained nothing, exports are as given.
         words += ["--if-pays", f"results/{scene}/verdict.json", training.owner]
     return words
 
 
 def testset_of(scene, folder, moved):
-    """The warped test set, where renders are scored by it.
+    """The folder of the warped test set, or None where renders are not scored on it.
 
-    A point of the sweep, and renders by moved cameras, are scored by the photos.
+    Trainings of the sweep, and renders by moved cameras, are scored on the photos
+    alone.
     """
     by_photos = moved or folder.startswith("tradeoff/")
     return None if by_photos else f"results/{scene}/testset"
 
 
 def of_scores(experiment, scene, folder, moved):
-    """{name: output} that scores need besides renders: the truth, and the test sets."""
+    """{name: path} of inputs of rule `evaluate` besides renders: truth, test sets."""
     inputs = truth_of(experiment, scene)
     if testset := testset_of(scene, folder, moved):
         sets = ("flow", "warped", *arguments.CONTROL_SETS)
@@ -119,7 +124,7 @@ def of_scores(experiment, scene, folder, moved):
 def scores_options(experiment, scene, folder, moved):
     """Options of `alignerf.evaluate`: renders, test sets, LPIPS.
 
-    Of renders by moved cameras PSNR alone is scored.
+    Renders by moved cameras are scored in PSNR alone, so LPIPS is left out.
     """
     renders = renders_of(experiment, scene, folder, moved)
     chosen = {"aligned-pose" if moved else "renders": renders}

@@ -1,7 +1,7 @@
-"""An experiment: its methods, the trainings that they come to, and their rounds.
+"""An experiment: its methods, and the trainings of each method, round by round.
 
-Notation: a method's round 0 trains on the photos as taken, round k on those that round
-k - 1 warped, or with cameras that its flow put right.
+Notation: round 0 of a method trains on the photos as taken. Round k trains on photos
+that the flow of round k - 1 warped, or with cameras that this flow corrected.
 """
 
 import functools
@@ -14,10 +14,11 @@ from alignerf.files import json_files
 
 
 def kept(method):
-    """Of an experiment: made once for each of its arguments, then looked up.
+    """A cached method of `Experiment`: one computation for equal arguments.
 
-    A plan of many scenes asks for the same millions of times. Not for what
-    `decided` says, which is another when a checkpoint has run.
+    A plan of many scenes calls a method millions of times with equal arguments. A
+    method that calls `decided` must not be cached: the answer of `decided` changes
+    when Snakemake's checkpoint `decide` has run.
     """
 
     @functools.wraps(method)
@@ -33,9 +34,9 @@ def kept(method):
 class Experiment:
     """A config as `check.checked` returns it, and what follows from it.
 
-    The config does not change from then on, nor what the methods return.
+    Neither the config nor the result of a cached method changes later.
     decided(scene=, method=, round=) says whether a method with `rounds: auto` trains
-    another round after this one. It is asked only where nothing else says how many.
+    another round after `round`. A method with a number of rounds never asks `decided`.
     """
 
     def __init__(self, config, decided):
@@ -52,7 +53,10 @@ class Experiment:
 
     @kept
     def in_order(self):
-        """All methods, plain ones first: equal trainings have the first one's name."""
+        """All methods, plain methods first.
+
+        A training that several methods share is named after the first of them.
+        """
         plain = self.names(kinds.plain)
         return [*plain, *(name for name in self.methods if name not in plain)]
 
@@ -63,11 +67,11 @@ class Experiment:
 
     @kept
     def baseline(self, method):
-        """The method whose round 0 tables set a method against.
+        """The method whose round 0 is the baseline of a method in tables.
 
-        The first plain one of the same model, which a plain one may be itself; of a
-        warm one, where it starts. One that has a model alone is its own baseline.
-        Renders that are given are set against the reference.
+        Of a warm method: the method in `warm_start.from`. Of an external method: the
+        reference's method. Of others: the first plain method with the same model, or
+        the method itself where no plain method has this model.
         """
         chosen = self.methods[method]
         if method in self.names(kinds.warm):
@@ -80,10 +84,11 @@ class Experiment:
 
     @kept
     def rounds_of(self, scene, method):
-        """A method's trainings in a scene, round 0 first; equal ones are the same.
+        """A method's trainings in a scene, round 0 first; equal trainings are shared.
 
-        With `rounds: auto`, of all rounds that there may be. Those of plain methods
-        come first, and so equal ones have their names, whatever is asked for first.
+        With `rounds: auto`, all rounds up to `most_rounds`. The trainings of methods
+        earlier in `in_order` are always made first, so the name of a shared training
+        does not depend on the order of calls.
         """
         for name in itertools.takewhile(lambda name: name != method, self.in_order()):
             self.rounds_of(scene, name)
@@ -97,9 +102,9 @@ class Experiment:
 
     @kept
     def trainings(self, scene):
-        """{folder: training} of all that a scene may need, those before others first.
+        """{folder: training} of a scene, in an order in which trainings can run.
 
-        The points of the sweep among them.
+        All rounds that there may be, and the trainings of the sweep, are included.
         """
         chains = [self.rounds_of(scene, method) for method in self.methods]
         chains.append(sweep.trainings(self, scene))
@@ -115,25 +120,31 @@ class Experiment:
         return self.rounds_of(scene, method)[int(round)]
 
     def folder(self, scene, method, round):
-        """Folder of a method's round, which may have another method's name."""
+        """Path results/SCENE/... of a method's round.
+
+        A shared training lies in the folder of another method.
+        """
         if method in self.names(kinds.external):
             return f"results/{scene}/{method}/round0"
         return self.at(scene, method, round).path
 
     @kept
     def splits(self, scene, folder):
-        """The splits whose views are rendered after a training, and aligned.
+        """The splits whose views are rendered after a training, with their flow.
 
-        Training views are where another training comes from their flow, or the verdict
-        looks at it: where a method aligns itself, the reference's show how much there
-        is to be aligned. No test view is rendered after a pre-training.
+        `train` for the trainings in `followed`; `test` for all but pre-trainings.
         """
         splits = ["train"] * (folder in self.followed(scene))
         return splits + ["test"] * (not folder.startswith("pretrain/"))
 
     @kept
     def followed(self, scene):
-        """Folders of the trainings whose training views are rendered and aligned."""
+        """Folders of the trainings whose training views are rendered, with flow.
+
+        Another training needs the flow, or the verdict does: if the config has an
+        aligned method, the flow after the reference's round 0 shows how misaligned the
+        photos are.
+        """
         every = self.trainings(scene).values()
         folders = {before.folder for training in every for before in training.flows}
         if self.names(kinds.aligned):
@@ -141,7 +152,7 @@ class Experiment:
         return folders
 
     def last_round(self, scene, method):
-        """A method's last round. With `rounds: auto`, what the rounds have shown."""
+        """A method's last round; with `rounds: auto`, where the rounds stopped."""
         chosen = self.methods[method]
         if chosen["rounds"] != "auto":
             return chosen["rounds"]
@@ -151,7 +162,10 @@ class Experiment:
         return k + 1
 
     def all_rounds(self, scene):
-        """(method, round) of every training that is scored, in the config's order."""
+        """(method, round) of every training that is scored, in the config's order.
+
+        A shared training is listed once, under the method that it is named after.
+        """
         return [
             (name, k)
             for name in self.trained()
@@ -160,7 +174,7 @@ class Experiment:
         ]
 
     def scored(self, scene):
-        """(method, round) of all that is scored: trainings, then given renders."""
+        """(method, round) of all that is scored: trainings, then external methods."""
         given = self.names(kinds.external)
         return [*self.all_rounds(scene), *((name, 0) for name in given)]
 
@@ -196,9 +210,9 @@ def goes_on(path):
 
 
 def folders(experiment):
-    """Regular expression of what is scored or trained, by its folder below a scene's.
+    """Regular expression of all folders below a scene's that are trained or scored.
 
-    Scenes have the same; one of them has the points of the sweep besides.
+    All scenes have the same folders; the sweep's scene has the sweep's folders too.
     """
     sweeps = experiment.config["tradeoff"]
     scenes = {next(iter(experiment.scenes)), *([sweeps["scene"]] if sweeps else [])}
@@ -208,9 +222,9 @@ def folders(experiment):
 
 
 def check_equal(experiment):
-    """ValueError where a method trains nothing but what another one trains.
+    """Raise ValueError where two methods have the same trainings.
 
-    It would have no row in any table.
+    The second method would have no row in any table.
     """
     scene, first = next(iter(experiment.scenes)), {}
     for name in experiment.trained():
@@ -227,10 +241,10 @@ def one_of(names):
 
 
 def letters(names):
-    """The same of sorted names, letter by letter; of none, nothing.
+    """Regular expression of sorted names, as a prefix tree; "" for no names.
 
-    A plan matches every file with many expressions. One name after the other, what
-    that takes grows with the number of scenes.
+    Snakemake matches every file with many expressions. In an alternation of whole
+    names the time of a match grows with the number of names; in a prefix tree not.
     """
     parts = []
     for letter, group in itertools.groupby(names, key=lambda name: name[:1]):

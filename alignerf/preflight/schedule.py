@@ -1,8 +1,8 @@
 """The tasks of a scene's plan, each with seconds and bytes. No JAX here.
 
 Trainings, renderings and flows were timed on this machine (`Rates`, `Flow`). All other
-tasks are short: a process's start and a time by pixels, scaled by how fast this machine
-starts a process and estimates a flow.
+tasks are short. Their seconds are a process's start and a constant a megapixel; `pace`
+scales the constants to this machine.
 """
 
 from typing import NamedTuple
@@ -10,28 +10,30 @@ from typing import NamedTuple
 from alignerf.experiment import jobs
 from alignerf.preflight.simulate import Task
 
-# Control sets estimate so many flows of a test view, besides a few warps.
+# Flows that the control sets estimate for each test view.
 CONTROL_FLOWS = 6
-# Seconds a megapixel on the machine whose flow process starts in START_S: scores of a
-# view in all test sets, its parts by camera, the figures and what the verdict looks at.
+# Measured on one machine: the seconds in which a flow process starts; then seconds a
+# megapixel to score a view in all test sets, to decompose a flow into the camera's part
+# and the rest, to draw the figures, and to make the verdict.
 START_S = 0.6
 EVALUATE_S, DECOMPOSE_S, FIGURES_S, VERDICT_S = 3.0, 7.0, 1.0, 1.0
-# Between one process and the next.
+# Seconds that Snakemake takes for each job besides the process.
 JOB_S = 0.4
-# A correction of cameras fits each training view's flow a few times.
+# Seconds a megapixel to correct cameras: each view's flow is fitted a few times.
 CORRECT_S = 4.0
-# Processes of Pandas and Matplotlib, in starts of one of the flow.
+# Start of a process with Pandas or Matplotlib over the start of a flow process.
 SLOW_START = 3.0
-# A round's files besides those of its views: parameters, once in the model's file and
-# three times, with Adam's moments, in the checkpoint; logs and tables.
+# Bytes on disk of a training, without its views. A parameter takes 4 in the model's
+# file and 12 in the checkpoint, which has Adam's two moments. Then: logs and tables.
 PARAM_BYTES, SMALL_BYTES = 16, 100_000
 DEPTH_BYTES, RGB_BYTES = 4, 3
-# Of an alignment: the smaller side that its flow needs in px, and bytes of a pixel of
-# its small images.
+# Of an alignment: the least smaller side in px of its small images, and the bytes of
+# memory for each of their pixels.
 FLOW_SIDE, ALIGNED_BYTES = 48, 44
-# Folders of images, and of flows, of each test view: control sets with the warped set.
+# Images, and flows, on disk for each test view in the warped set and its control sets.
 TESTSET_IMAGES, TESTSET_FLOWS = 7, 2
-# Rays of a step of a camera's fit by gradients, forwards and backwards, in renders.
+# Of a fit of a camera by gradient descent: rays a step, and the time of a ray forwards
+# and backwards over that of a rendered ray.
 FIT_RAYS, BACKWARDS = 512, 4
 
 
@@ -65,7 +67,7 @@ class Views(NamedTuple):
     test: int
     pixels: int
     image_bytes: int
-    # The smaller one, in px.
+    # Smaller side of a photo in px.
     side: int = 0
 
     def number(self, splits):
@@ -73,9 +75,10 @@ class Views(NamedTuple):
 
 
 def program_of(job):
-    """The part of a job that decides its compiled step: equal parts share rates.
+    """The settings of a job that its compiled step depends on.
 
-    The length of a training is an input of the program.
+    Jobs with equal settings share measured `Rates`. The length of a training is left
+    out: it is an input of the compiled step.
     """
     unlike = {"steps", "budget_min", "warmup_steps", "learning_rates"}
     shared = job | {"training": without(job["training"], unlike)}
@@ -99,14 +102,15 @@ def without(mapping, keys):
 def tasks_of(work, rates, flow: Flow, views: Views, *, threads) -> list[Task]:
     """All tasks of a scene after its poses, in an order in which they can run.
 
-    work: `experiment.cluster.work.of_scene`. rates: one of each training, in its order.
+    work: of `experiment.cluster.work.of_scene`. rates: the `Rates` of each entry of
+    work["trainings"], in the same order. threads: of a training.
     """
     tasks = []
     for one, rate in zip(work["trainings"], rates, strict=True):
         tasks += training(one, rate, flow, views, threads=threads)
         if one["scored"]:
             tasks += scores(one, work, rate, flow, views, threads=threads)
-    # Scores are of all test sets, so that they wait for these.
+    # All scores wait for the test sets, so this task comes before the first score.
     at = next((i for i, t in enumerate(tasks) if t.kind == "score"), len(tasks))
     tasks.insert(at, controls(work, flow, views))
     tasks += for_verdict(work, flow, views)
@@ -125,7 +129,7 @@ def controls(work, flow: Flow, views: Views):
 
 
 def for_verdict(work, flow: Flow, views: Views):
-    """The tasks that decompose all views' flow for the verdict: two flows a view."""
+    """The task that decomposes all views' flow for the verdict, two files a view."""
     name = work["verdict"]
     for one in work["trainings"]:
         if one["name"] == name:
@@ -147,12 +151,12 @@ def tables(work, flow: Flow, views: Views, every):
 
 
 def rounds(work):
-    """Trainings whose test views are scored."""
+    """The number of trainings whose test views are scored."""
     return sum(one["scored"] for one in work["trainings"])
 
 
 def pace(flow: Flow):
-    """Time of small tasks on this machine over that on the machine of the constants."""
+    """The slowness of this machine: 1 on the machine that the constants are from."""
     return flow.start_s / START_S
 
 
@@ -188,7 +192,7 @@ def training(one, rate: Rates, flow: Flow, views: Views, *, threads):
         rate.peak_bytes + aligns_bytes(job, views),
     )
     if not splits:
-        # Those that wait for its flow wait for the training itself.
+        # There is no flow task: the training takes that name, which others wait for.
         return [train._replace(name=f"{name}/flow")]
     render = Task(
         *(f"{name}/render", "render", render_s(rate, count * views.pixels), threads),
@@ -221,7 +225,7 @@ def shrink_of(job, views: Views):
 
 
 def aligns_bytes(job, views: Views):
-    """Memory of a training's alignments: photos twice, and small images."""
+    """Extra memory of alignments: a second copy of the photos, and small images."""
     if not job.align:
         return 0
     small = ALIGNED_BYTES / shrink_of(job, views) ** 2
@@ -240,7 +244,7 @@ def scores(one, work, rate: Rates, flow: Flow, views: Views, *, threads):
     parts_s = flow.start_s + decompose_s(flow, pixels)
     flows = 2
     if work["truth"]:
-        # The flow to the oracle, and the model's own part.
+        # The flow to the oracle is estimated too; two more flow files are written.
         parts_s += views.test * flow.view_s
         flows = 4
     parts = Task(
@@ -255,6 +259,7 @@ def scores(one, work, rate: Rates, flow: Flow, views: Views, *, threads):
     if not (fits := work["aligned_pose"]):
         return [parts, scored]
     ways = fits["flow"] + (fits["gradient_steps"] > 0)
+    # A camera is fitted twice a view: once for each half of the checkerboard.
     rays = BACKWARDS * FIT_RAYS * fits["gradient_steps"] * 2 * views.test
     moved_s = render_s(rate, targets * (ways * pixels + rays))
     moved_s += SLOW_START * flow.start_s

@@ -1,4 +1,4 @@
-"""The scores and costs of a scene, as `tables.collect` wrote them, row by row."""
+"""Read scores.csv and trainings.csv, as `tables.collect` wrote them, as `Row`s."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -15,12 +15,13 @@ NAMES = ("method", "round", "description", "baseline", "base", "published")
 
 
 class Row(NamedTuple):
-    """A method after a round, or renders that are given.
+    """A method after a round, or an external method's renders.
 
-    views, base: scores, a row a test view, columns (test set, metric); those of what it
-    is set against. own: its line of trainings.csv. before: the same of the round before
-    it. costs: what all that leads to it took, and how large its model is; empty for
-    renders that are given. trainings: where these come from, see `provenance`.
+    views: scores, a row for each test view, columns (test set, metric). base: `views`
+    of the baseline's round 0. own: the method's line of trainings.csv. before: the line
+    of the round before, or None. costs: seconds, steps and rays of all trainings that
+    lead to the round, and the number of its parameters; empty for external renders.
+    trainings: path and `provenance.KEYS` of each of these trainings.
     """
 
     scene: str
@@ -38,11 +39,14 @@ class Row(NamedTuple):
 
     @property
     def warping(self):
-        """How the paper calls its number of rounds."""
+        """The paper's word for the number of rounds: `none`, `once`, `twice`."""
         return scores.warping(self.round)
 
     def psnr_db(self, needed=()):
-        """PSNR in dB, a row a view and a column a test set, `needed` among them."""
+        """PSNR in dB, a row for each view and a column for each test set.
+
+        Raises ValueError where a test set of `needed` has no column.
+        """
         table = self.views.xs("psnr_db", axis=1, level=1)
         for name in needed:
             if name not in table:
@@ -52,15 +56,15 @@ class Row(NamedTuple):
 
 
 def row_name(key):
-    """What a (method, round) is called where something is wrong with it."""
+    """The name of a (method, round) in error messages."""
     return " after round ".join(map(str, key))
 
 
 def read(scene, table=""):
     """The rows of a scene's folder, in the order of its trainings.csv.
 
-    table: of all tables within the scene, or of one across scenes. Raises ValueError
-    naming the file, and what it lacks.
+    table: the folder, below the scene's, of a table across scenes; "" for the scene's
+    own tables. Raises ValueError with the file's name where the two files disagree.
     """
     path = Path(scene) / table / "trainings.csv"
     views = read_scores(path.with_name("scores.csv"))
@@ -82,7 +86,10 @@ def read(scene, table=""):
 
 
 def row_of(line, trainings, views, scene):
-    """The row of a line of trainings.csv. Raises KeyError for what is not there."""
+    """The `Row` of a line of trainings.csv.
+
+    Raises KeyError for a folder without a line, ValueError for a row without scores.
+    """
     base = trainings.loc[line["base"]]
     key, base_key = ((one["method"], int(one["round"])) for one in (line, base))
     for name in (key, base_key):
@@ -109,7 +116,7 @@ def row_of(line, trainings, views, scene):
 
 
 def read_scores(path):
-    """{(method, round): scores}; see `Row.views`."""
+    """{(method, round): table of scores}; a table is laid out as `Row.views`."""
     table = csv_files.read(path, columns=SCORES)
     if table.duplicated(SCORES[:-1]).any():
         raise ValueError(f"{path}: a score stands twice")
@@ -121,7 +128,7 @@ def read_scores(path):
         views = wide.index if views is None else views
         if not wide.index.equals(views):
             raise ValueError(f"{path}: {row_name(key)}: not the views of those above")
-        # All test sets have all metrics, if only empty.
+        # Every test set gets a column for every metric; a missing metric is NaN.
         sets = wide.columns.get_level_values(0).unique()
         whole = [(name, metric) for name in sets for metric in columns.METRICS]
         more = [column for column in wide if column not in set(whole)]
@@ -130,12 +137,12 @@ def read_scores(path):
 
 
 def told_of(line):
-    """What provenance tells of a training; None for what is not known."""
+    """{key: value} of `provenance.KEYS` of a training; None for an unknown value."""
     return {key: line[key] if has(line, key) else None for key in provenance.KEYS}
 
 
 def costs_of(trainings, line):
-    """Seconds, steps and rays of all that leads to a row; parameters of the last."""
+    """Costs, summed over the trainings that lead to a row; parameters of the last."""
     way = words(line, "way")
     if not way:
         return {}

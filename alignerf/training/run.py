@@ -1,7 +1,7 @@
-"""A training on its way: what changes with its steps, and what they need.
+"""A running training: its state, and what the loop does between steps.
 
-The loop makes the steps; a `Run` fetches their numbers, saves and lets photos and
-cameras be aligned.
+`loop.run_steps` makes the steps. A `Run` fetches the steps' numbers, saves
+checkpoints, and calls the aligner for photos and cameras.
 """
 
 import dataclasses
@@ -18,7 +18,7 @@ from alignerf.training import checkpoint, diagnose, program
 
 @dataclasses.dataclass
 class Run:
-    """A training on its way: what its steps need, and how far it has come."""
+    """A running training: inputs of its steps, its state, and its numbers so far."""
 
     job: jobs.Job
     method: Any
@@ -27,16 +27,16 @@ class Run:
     identity: str
     aligner: Any
     names: list  # of the views
-    unaligned: Any  # the views as they were loaded
-    facts: dict  # for the tables, known before the first step
+    unaligned: Any  # the views before any alignment
+    facts: dict  # entries of timing.json that are known before the first step
     state: Any
-    views: Any  # on the devices
-    numbers: dict  # means over the last steps
-    spent_s: float  # on the steps before it was resumed
+    views: Any  # after the alignments so far, on the devices
+    numbers: dict  # loss, PSNR and others: means over the last steps
+    spent_s: float  # seconds of earlier processes, from the checkpoint
     started_s: float = dataclasses.field(default_factory=time.perf_counter)
 
     def time_s(self):
-        """Seconds of all steps so far; what the aligner compiles is counted apart."""
+        """Seconds of all steps, alignments and saves so far, without compilation."""
         passed_s = time.perf_counter() - self.started_s - self.aligner.compile_time_s
         return round(self.spent_s + passed_s, 3)
 
@@ -59,7 +59,11 @@ class Run:
         self.views = devices.place(views, self.program.mesh)
 
     def look(self, stats):
-        """Fetch the numbers of some steps; ValueError where a step is not finite."""
+        """Fetch the numbers of some steps, and keep their means.
+
+        stats: a dict of device arrays for each step. Raises ValueError where a step is
+        not finite.
+        """
         numbers = jax.device_get(stats)
         if not all(map(is_finite, numbers)):
             raise ValueError(self.explain())
@@ -68,7 +72,11 @@ class Run:
         }
 
     def explain(self):
-        """Why the next step is not finite; such a step leaves the state as it was."""
+        """A text: why the step from this state is not finite.
+
+        A step that is not finite does not change the state, so `diagnose` can repeat
+        the step.
+        """
         return diagnose.explain(
             self.method,
             *devices.local((self.state, self.views)),

@@ -12,25 +12,29 @@ import numpy as np
 from flow.camera import fit as camera_fit
 from flow.camera import motion as camera_motion
 
-# A view with a flow on less of its pixels says too little.
+# A camera stays where a smaller share of the view's pixels has a flow and a depth.
 LEAST_VALID_SHARE = 0.05
-# A flow that no camera explains: so many times noisier than the views are, and by this
-# standard deviation in pixels at least.
+# A camera stays where its fit leaves more noise than this many times the views' median
+# noise, and more than this standard deviation in px.
 NOISE_RATIO, LEAST_NOISE_PX = 4.0, 0.5
-# A motion unlike the others': so many times longer than theirs, and by this at least.
+# A camera stays where its motion is longer than this many times the views' median
+# motion, and longer than this in px.
 LENGTH_RATIO, LEAST_LENGTH_PX = 10.0, 3.0
-# Motions that are shorter in the median view are a flow's own error: with true poses it
-# is 0.05 to 0.08 px, and cameras that follow it made the next round blurrier.
+# All cameras stay where the median motion is shorter: it is then the estimator's error.
+# With true poses this error is 0.05 to 0.08 px, and cameras moved by it made the next
+# round blurrier.
 LEAST_MEDIAN_PX = 0.1
-# A view that would move by more is no error of its flow, whatever the others do: with
-# true poses no view of 42 asked for more than 0.20 px, objects moving.
+# A longer motion is no estimator's error: this camera moves even if the median motion
+# is below LEAST_MEDIAN_PX. With true poses and moving objects none of 42 views had a
+# motion longer than 0.20 px.
 CLEAR_PX = 0.5
-# The focal length moves where the views' median zoom is beyond so many of its standard
-# errors: what the views do not agree on is no property of their lens.
+# The focal length changes where the views' median zoom is more than this many standard
+# errors from 0. Otherwise the views disagree, and the lens is not the cause.
 ZOOM_ERRORS = 4.0
-# Standard deviations in a median absolute deviation, and of a median in a mean's.
+# Of a normal distribution: standard deviation over median absolute deviation, and
+# standard error of the median over that of the mean.
 MAD_SIGMAS, MEDIAN_ERRORS = 1.4826, 1.2533
-# Fewer views agree by chance.
+# Fewer views may agree on a zoom by chance.
 LEAST_VIEWS = 3
 
 
@@ -50,10 +54,11 @@ class View(NamedTuple):
 class Correction(NamedTuple):
     """How a camera moves, in its own frame and in units of the depth.
 
-    length_px: median over the pixels that were fitted of what the motion does to them.
-    depth: their median depth, 1 where there is none. left_alone: why the camera stays
-    where it is (motion is then none); else empty. trusted: its flow is one that a
-    camera explains, like the others'.
+    length_px: median length of the flow that the motion causes. noise_px: standard
+    deviation of the rest of the flow. valid_share: share of pixels with a flow and a
+    depth. depth: median depth of these pixels, or 1. left_alone: the reason why the
+    camera stays (motion is then `STILL`), "" for a camera that moves. trusted: False
+    where too few pixels have a flow, or noise or motion is an outlier among the views.
     """
 
     motion: camera_motion.Motion
@@ -68,12 +73,13 @@ class Correction(NamedTuple):
 def corrections(
     views, *, least_px=LEAST_MEDIAN_PX, zooms=True, most_pixels=camera_fit.MAX_PIXELS
 ) -> list[Correction]:
-    """The correction of each view, in their order; views is read one at a time, twice.
+    """The `Correction` of each view, in the order of the views.
 
-    views: a function that gives an iterator of `View`. All motions that are not none
-    share one log_focal. least_px: where the median view would move by less, that is the
-    flow's error. zooms: whether the focal length may change. most_pixels: of a view are
-    fitted. Raises ValueError where a view's arrays do not fit each other.
+    views: a function that gives an iterator of `View`; with `zooms` it is called twice,
+    else once. All cameras that move share one log_focal. least_px: where the median
+    motion is shorter, only motions beyond CLEAR_PX are kept. zooms: whether the focal
+    length may change. most_pixels: the fit samples about so many pixels of a view.
+    Raises ValueError where the shapes of a view's arrays do not match.
     """
     log_focal, size = 0.0, {"most_pixels": most_pixels}
     if zooms:
@@ -100,7 +106,7 @@ def corrections(
 
 
 def shared_zoom(log_focals):
-    """The zoom that all views agree on; 0 where they do not, or are too few."""
+    """The views' median log_focal; 0 where they disagree, or are under LEAST_VIEWS."""
     if len(log_focals) < LEAST_VIEWS:
         return 0.0
     median = float(np.median(log_focals))
@@ -110,7 +116,7 @@ def shared_zoom(log_focals):
 
 
 def _fitted(view: View, **options) -> Correction:
-    """The correction of a view by itself; options: of `camera_fit.split`."""
+    """The correction by one view's flow alone; options: of `camera_fit.split`."""
     fit = camera_fit.split(*view, **options)
     lengths_px = np.linalg.norm(fit.camera_px[fit.valid], axis=-1)
     share = float(fit.valid.mean())
@@ -132,7 +138,7 @@ def _fitted(view: View, **options) -> Correction:
 
 
 def _with_others(correction: Correction, *, noise_px, length_px) -> Correction:
-    """The correction, or none where it is unlike the views' medians."""
+    """The correction; not trusted where its noise or length is an outlier."""
     if correction.noise_px > max(LEAST_NOISE_PX, NOISE_RATIO * noise_px):
         return _mistrusted(
             correction,
@@ -153,7 +159,7 @@ def _mistrusted(correction: Correction, reason) -> Correction:
 
 
 def left_alone(correction: Correction, reason) -> Correction:
-    """The correction without a motion, and the reason for leaving the camera alone."""
+    """The correction with no motion, for a camera that stays; reason: a text."""
     return correction._replace(
         motion=camera_motion.STILL, length_px=0.0, left_alone=reason
     )

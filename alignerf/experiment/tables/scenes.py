@@ -1,4 +1,4 @@
-"""What tables across scenes are told of each scene, and what stands in them."""
+"""Inputs of the tables across scenes: a `Scene` for each scene, and the rows."""
 
 from typing import NamedTuple
 
@@ -9,13 +9,14 @@ from alignerf.experiment.trainings import DISPLACED, RENDERED
 
 
 class Scene(NamedTuple):
-    """What a scene is like, and how long it is trained.
+    """A scene's settings, and the keys by which tables pool scenes.
 
-    like: all but the seed, and alike: all but seed and length of training; equal for
-    scenes that are pooled. capture: all but these and the photos' size. motion_m: None
-    where the truth is not known. steps: None where it has minutes. share: its length
-    over that of the config's training; None where they do not compare. reference: the
-    method by whose name the reference's round 0 is trained.
+    Keys are the settings as JSON text, equal for scenes that are pooled. like: without
+    the seed. alike: without seed and length of training. capture: without seed, length
+    and the photos' size. motion_m: None where the truth is not known. steps: None where
+    the length is in minutes. share: the length over that of the config's training; None
+    where one is in steps, the other in minutes. reference: the method that the training
+    of the reference's round 0 is named after.
     """
 
     scene: str
@@ -30,18 +31,18 @@ class Scene(NamedTuple):
     reference: str
 
 
-# What scenes of the same remedies may differ in, and those of one capture besides.
+# Settings that `Scene.alike` leaves out, and those that `Scene.capture` leaves out.
 LENGTH = ("seed", "steps", "budget_min")
 SIZE = (*LENGTH, "downscale", "images")
 
 
 def of_experiment(experiment):
-    """A `Scene` each."""
+    """The `Scene` of each scene in the config."""
     return [of_scene(experiment, name) for name in experiment.scenes]
 
 
 def of_scene(experiment, name):
-    """How its objects move is known of a made scene only."""
+    """The `Scene` of one scene; motion_m is known for a synthetic scene only."""
     scene = experiment.scenes[name]
     motion_m = None
     if scene_keys.SOURCES[scene["source"]].has_truth:
@@ -63,14 +64,15 @@ def of_scene(experiment, name):
 
 
 def without(scene, *keys):
-    """A scene's other keys, as text."""
+    """A scene's settings as JSON text, without some keys."""
     return slices.as_json({key: scene[key] for key in scene if key not in keys})
 
 
 def capture_of(scene):
-    """What it has in common with the same photos of other sizes.
+    """A key, equal for scenes of the same photos at different sizes.
 
-    An error of the poses is told in pixels of the training size; the angle counts.
+    The pose error `perturb_px` is in pixels of the training size. The key has it in
+    pixels of the full size, where an equal angle is an equal number.
     """
     if scene["downscale"] != "auto":
         scaled = {"perturb_px": scene["perturb_px"] * scene["downscale"]}
@@ -79,16 +81,17 @@ def capture_of(scene):
 
 
 def length_share(experiment, scene):
-    """How long a scene is trained, over how long the config's training is."""
+    """A scene's length of training over the config's; None where the units differ."""
     own, whole = experiment.scenes[scene], experiment.config["training"]
     key = "steps" if whole["steps"] else "budget_min"
     return own[key] / whole[key] if own[key] else None
 
 
 def compared(experiment):
-    """`Scene`s that have a length of the config's kind: of the paper's Tables 2 and 3.
+    """All `Scene`s, for the comparison (the paper's Tables 2 and 3).
 
-    Raises ValueError naming one without.
+    Raises ValueError where a scene's length is in steps and the config's in minutes, or
+    the other way round.
     """
     found = of_experiment(experiment)
     key = "steps" if experiment.config["training"]["steps"] else "budget_min"
@@ -100,16 +103,16 @@ def compared(experiment):
 
 
 def regimes(experiment):
-    """`Scene`s of a config that has a baseline and methods that are set against it.
+    """All `Scene`s, for the table of regimes.
 
-    Raises ValueError for a config without them.
+    Raises ValueError where the config has no staged method, or no baseline for it.
     """
     regime_base(experiment)
     return of_experiment(experiment)
 
 
 def regime_base(experiment):
-    """The baseline of all staged methods."""
+    """The name of the method that is the baseline of all staged methods."""
     staged = experiment.names(kinds.staged)
     base = {experiment.baseline(method) for method in staged}
     if len(base) != 1 or base & set(staged):
@@ -120,10 +123,10 @@ def regime_base(experiment):
 
 
 def in_regimes(experiment, scene):
-    """(method, round) of every row: the baseline, the staged methods, warped photos.
+    """(method, round) of every row: the baseline, the staged methods, warping rounds.
 
-    Trainings on these, of the baseline and then from its weights, are what the staged
-    methods are to reach at less cost.
+    Warping rounds are those of the baseline, and of warm methods that start from the
+    baseline. Staged methods should reach the scores of warping rounds at less cost.
     """
     base = regime_base(experiment)
     warm = experiment.names(kinds.warm)
@@ -139,10 +142,10 @@ def in_regimes(experiment, scene):
 
 
 def remedies(experiment):
-    """`Scene`s of a config whose methods can be compared at equal time.
+    """All `Scene`s, for the table of remedies.
 
-    Raises ValueError for one whose methods cannot, and for scenes without the
-    training's own length.
+    Raises ValueError where methods have several models or `rounds: auto`, and where a
+    scene lacks a twin that is trained as long as the config's `training`.
     """
     trained = {name: experiment.methods[name] for name in experiment.trained()}
     if len({method["model"] for method in trained.values()}) > 1:
@@ -163,18 +166,18 @@ def remedies(experiment):
 
 
 def remedy_base(experiment):
-    """The plain training, before all others."""
+    """The name of the plain method that all remedies are compared with."""
     return experiment.baseline(experiment.trained()[0])
 
 
 def in_remedies(experiment, scene):
-    """(method, round): the plain training, and every method's last round."""
+    """(method, round) of every row: the plain training, each method's last round."""
     last = [(name, experiment.methods[name]["rounds"]) for name in experiment.trained()]
     return list(dict.fromkeys([(remedy_base(experiment), 0), *last]))
 
 
 def of_sweep(experiment, scene):
-    """A `Row` per variant, the base first; it is called by its variant."""
+    """A `Row` for each training of the sweep, base first; `method` is the variant."""
     return [
         rows.Row(
             *(training.folder, [training.folder], [], []),
@@ -192,9 +195,9 @@ def of_sweep(experiment, scene):
 
 
 def rows_of(experiment, scene, table):
-    """Rows of a table across scenes, and what leads to them; "": of all of a scene's.
+    """The `Row`s of a table, and of the trainings that lead to them.
 
-    table: the name of its folder, with a slash behind it.
+    table: a key of OF_TABLES for a table across scenes; "" for the scene's own tables.
     """
     if not table:
         return rows.of_scene(experiment, scene)
@@ -213,11 +216,11 @@ def of_comparison(experiment, scene):
 
 
 def of_remedies(experiment, scene):
-    """Rows of `in_remedies`; of the first how far its renders are off the photos."""
+    """Rows of `in_remedies`; the first row also has the flow from renders to photos."""
     chosen = in_remedies(experiment, scene)
     every = rows.collected(experiment, scene, chosen, aligned_pose=True)
     base = next(row for row in every if (row.method, row.round) == chosen[0])
-    # Of training views, where it has these.
+    # The flow of the training views, where that exists; else of the test views.
     split = experiment.splits(scene, base.folder)[0]
     path = f"results/{scene}/{base.folder}"
     base.files["displacement"] = rows.report(path, DISPLACED, split)
@@ -233,6 +236,6 @@ OF_TABLES = {
 
 
 def files(scene, table):
-    """The files that the rows of a table across scenes are collected in."""
+    """The outputs of rule `collect` for a table across scenes; table: no slash."""
     folder = f"results/{scene}/{table}"
     return [f"{folder}/scores.csv", f"{folder}/trainings.csv"]

@@ -1,8 +1,8 @@
-"""Photos of several sizes and lenses on one canvas, at one angle a pixel.
+"""Photos of several sizes and lenses on one canvas, with one focal length in px.
 
-The canvas is the size that most photos have. Another photo is made larger or smaller
-until its pixels cover the angle that theirs do, and is laid with its optical axis in
-the middle. Pixels beyond the canvas are cut off; the free rest of the canvas is masked.
+The canvas has the most common size of the photos. A photo of another size or lens is
+scaled to the canvas's focal length, and its principal point is put in the middle of the
+canvas. Pixels beyond the canvas are cut off. Canvas pixels without a photo are masked.
 """
 
 import functools
@@ -13,8 +13,8 @@ import numpy as np
 from alignerf.files import images
 from alignerf.scenes import cameras, distortion, prepare
 
-# Of one lens, estimated twice, focal lengths differ by less: its photos stay as they
-# are, which costs no sharpness.
+# Two estimates of one lens's focal length differ by a smaller share. Photos whose focal
+# length differs by less are not scaled, so they lose no sharpness.
 SAME_ANGLE = 0.03
 
 
@@ -23,9 +23,10 @@ def views_of(
 ):
     """PosedViews of photos of any sizes and lenses, distortion undone, on one canvas.
 
-    lenses: (camtopix [3, 3], distortion [5]); sizes: (width, height); camera_of: which
-    camera took each; photos, masks: a `prepare.Photo` of each. Raises ValueError naming
-    `where`, as `distortion.pinhole_views`.
+    Of each photo: lenses (camtopix [3, 3], distortion [5]); sizes (width, height);
+    camera_of, the camera's number; photos, masks, a `prepare.Photo`. The views come in
+    groups of one size and camera, not in the order of `names`. where: named in the
+    ValueError of `distortion.pinhole_views`.
     """
     keys = list(zip(sizes, camera_of, strict=True))
     groups = {}
@@ -52,14 +53,15 @@ def views_of(
 
 
 def focal_of(views):
-    """Focal length [2] in px along x and y, of the view in the middle."""
+    """Focal length [2] in px along x and y: the median over the views."""
     return np.median(np.linalg.inv(views.pixtocams)[:, [0, 1], [0, 1]], axis=0)
 
 
 def lay(views: prepare.PosedViews, focal_px, size):
-    """Pinhole views of another size or lens on a canvas [width, height].
+    """Pinhole views, scaled and laid onto the canvas.
 
-    focal_px [2]: along x and y, on the canvas. A view keeps its aspect to a rounding.
+    focal_px [2]: the canvas's focal length along x and y. size: the canvas's (width,
+    height). A scaled photo's width and height are rounded to whole pixels.
     """
     camtopix = np.linalg.inv(views.pixtocams)
     own = views.width, views.height
@@ -84,29 +86,31 @@ def lay(views: prepare.PosedViews, focal_px, size):
 
 
 def masks_of(views, places, size):
-    """The masks of the views on the canvas, whose free rest does not count."""
+    """The masks of the views on the canvas; canvas pixels without a photo are 0."""
     if views.masks is None:
         laid = functools.partial(inside, size=size)
         return [prepare.Photo(placed, (laid, images.of_mask)) for placed in places]
     own, masks = (views.width, views.height), []
     for mask, placed in zip(views.masks, places, strict=True):
-        is_larger = placed[0][0] > own[0]
-        hidden = mask.then(distortion.eroded) if is_larger else mask
+        is_enlarged = placed[0][0] > own[0]
+        # An enlarged photo is interpolated: hidden pixels must not come through.
+        hidden = mask.then(distortion.eroded) if is_enlarged else mask
         lay_mask = functools.partial(put, placed=placed, own=own, size=size)
         masks.append(hidden.then(lay_mask))
     return masks
 
 
 def put(image, placed, own, size):
-    """An image laid onto the canvas as `placed` says; the free rest is black.
+    """An image, scaled and laid onto the canvas; pixels without a photo are black.
 
-    own: the (width, height) of the photo before it is laid.
+    placed: of `place`. own: (width, height) of the photo before scaling. size: (width,
+    height) of the canvas.
     """
     (width, height), (left, top) = placed
     if width < own[0]:
         image = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
-    # Pixel centres lie at +0.5 in both; straight onto the canvas, which cuts off what
-    # would be far larger.
+    # Pixel centres lie at +0.5 in photo and canvas. One warp scales and cuts: an
+    # enlarged photo may be far larger than the canvas, and is never made whole.
     scale = np.array([width, height]) / image.shape[1::-1]
     move = np.array([left, top]) + 0.5 * scale - 0.5
     matrix = np.concatenate([np.diag(scale), move[:, None]], axis=1)
@@ -122,7 +126,7 @@ def put(image, placed, own, size):
 
 
 def inside(placed, size):
-    """Mask [h, w] of a canvas [width, height]: where a photo lies."""
+    """Mask [h, w] of the canvas pixels that a photo covers; size: (width, height)."""
     (width, height), (left, top) = placed
     shown = np.zeros(size[::-1], bool)
     rows = slice(max(top, 0), max(top + height, 0))
@@ -131,7 +135,7 @@ def inside(placed, size):
 
 
 def place(camtopix, focal_px, own, size):
-    """((width, height) it is made, (left, top) on the canvas) of one view."""
+    """A scaled view's ((width, height), (left, top)): its size, its corner's place."""
     scale = focal_px / camtopix[[0, 1], [0, 1]]
     new = np.maximum(np.round(scale * own), 1).astype(int)
     axis = camtopix[:2, 2] * new / own
@@ -140,7 +144,7 @@ def place(camtopix, focal_px, own, size):
 
 
 def moved(pixtocam, corner):
-    """Inverse intrinsics [3, 3] of an image whose corner now lies at (left, top)."""
+    """Inverse intrinsics [3, 3] of the canvas; corner: the photo's (left, top)."""
     shift = np.eye(3)
     shift[:2, 2] = -np.array(corner)
     return pixtocam @ shift

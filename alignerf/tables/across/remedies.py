@@ -1,19 +1,18 @@
-"""What to do with T minutes: `python -m alignerf.tables.across.remedies`.
+"""Remedies compared at equal time: `python -m alignerf.tables.across.remedies`.
 
 A remedy is a method that may bring more than plain training: photos warped, cameras put
-right or learnt, AligNeRF. Each is trained at several lengths. Its score after any time
-is read off the line through these, over the logarithm of the time; all that it takes is
-counted but compilation: every training, rendering and flow. So remedies are compared at
-equal time.
+right or learnt, AligNeRF. Each remedy is trained at several lengths. The score at any
+time is interpolated between these lengths, linearly in the logarithm of the time. The
+time is that of every training, rendering and flow of the remedy, without compilation.
 
-Writes CSV, LaTeX and a figure. Per condition (scenes that differ in seed and length
-only), budget (1, 2 and 4 times the plain training), remedy and test set: the score, and
-what it is above plain training of the same time. Differences are paired by view; 95 %
-intervals are over views and, where there are several, seeds. A time that a remedy was
-not trained for, shorter or longer by more than 5 %, has no score.
+Writes CSV, LaTeX and a figure. A line has a condition (scenes that differ in seed and
+length only), a budget (1, 2 and 4 times the plain training's time), a remedy and a test
+set; the score, and the gain over plain training of the same time. Gains are paired by
+view; 95 % intervals are over views and, if there are several, seeds. A remedy has no
+line where the budget lies more than 5 % outside the times that it was trained for.
 
-Where a capture stands there at several sizes of its photos, the figure shows gains by
-size instead: misalignment is fixed in angle, so it grows in pixels (paper, Table 2).
+Where the config has one capture at several photo sizes, the figure shows gains by size:
+misalignment is fixed in angle, so it grows in pixels (paper, Table 2).
 """
 
 from typing import NamedTuple
@@ -28,16 +27,16 @@ from alignerf.tables import files as table_files
 from alignerf.tables.plots import remedies as remedies_plot
 from alignerf.tables.plots import sizes as sizes_plot
 
-# The warped test set is another one at each length: its scores do not compare.
+# Without the warped test set: each length has its own, so its scores do not compare.
 TEST_SETS = test_sets.shown_in("remedies")
-# Times the plain training's own.
+# In units of the plain training's time.
 BUDGETS = (1, 2, 4)
-# A training's seconds vary from run to run by as much.
+# Seconds of equal trainings differ by up to this factor from run to run.
 SLACK = 1.05
 FLOW = ("flow_px", "flow_mrad")
 NOTES = (
     "PSNR in dB at equal total time, and its difference to plain training of",
-    "the same time, paired by view; 95 % intervals; bold: 0 is outside.",
+    "the same time, paired by view; 95 % intervals; bold: the interval excludes 0.",
 )
 
 
@@ -45,7 +44,7 @@ class Condition(NamedTuple):
     """Scenes that differ in seed and length only."""
 
     name: str
-    # Alike for those that differ in their photos' size besides.
+    # `Scene.capture`: equal for conditions that differ only in the photos' size.
     capture: str
     # {seed: {(method, round, parts): {share: (seconds, PSNR of views by test set)}}}
     seeds: dict
@@ -70,9 +69,9 @@ def main(argv=None):
 
 
 def conditions_of(scenes):
-    """Conditions of `files.Scored`, in their order.
+    """The `Condition`s of a list of `files.Scored`, in the order of the list.
 
-    Raises ValueError where the lengths of a seed have not the same views.
+    Raises ValueError where trainings of one seed differ in their test views.
     """
     conditions, views = {}, {}
     for one in scenes:
@@ -96,9 +95,9 @@ def conditions_of(scenes):
 
 
 def size_of(one):
-    """Of a scene's photos, and how far the plain training's renders are off.
+    """Size of a scene's photos, and length of the flow of the plain training's renders.
 
-    The flow is the median view's median length.
+    flow_px: the median over views of each view's median flow length.
     """
     keys = ("width_px", "height_px", "pixel_angle_mrad")
     path = one.folder / "facts.json"
@@ -113,7 +112,7 @@ def size_of(one):
 
 
 def by_capture(conditions):
-    """Names of conditions that differ in the size of their photos alone, in lists."""
+    """Lists of condition names: a list for each capture with several photo sizes."""
     found = {}
     for one in conditions:
         found.setdefault(one.capture, []).append(one.name)
@@ -130,7 +129,7 @@ def lines_of(condition):
     """Lines of one condition."""
     seeds = condition.seeds
     sizes = list(condition.sizes.values())
-    # Seeds differ in their flow alone.
+    # Seeds share the photos' size; only the flow is averaged.
     flow = {key: np.mean([one[key] for one in sizes]) for key in FLOW}
     size = sizes[0] | flow
     shared = set.intersection(*(set(remedies) for remedies in seeds.values()))
@@ -170,8 +169,8 @@ def lines_of(condition):
 def gain_of(pairs, *, same_photos):
     """Score and gain of [(PSNR of views, that of plain training)], one pair a seed.
 
-    same_photos: seeds are of the trainings alone, so that a view is one view, however
-    many seeds there are.
+    same_photos: seeds change the training alone, not the photos. Gains are then
+    averaged over seeds first, so that each view counts once in the interval.
     """
     gains = [own - other for own, other in pairs]
     if same_photos:
@@ -184,7 +183,7 @@ def gain_of(pairs, *, same_photos):
 
 
 def at_time(points, time_s, test_set):
-    """PSNR in dB of the views [n] after a time; NaN where no training was as long.
+    """PSNR in dB of the views [n] at a time; NaN outside the times of the trainings.
 
     points: {share: (seconds, PSNR of views by test set)}.
     """
@@ -200,7 +199,7 @@ def at_time(points, time_s, test_set):
 
 
 def to_latex(table):
-    """A block per condition, remedies down, budgets across."""
+    """LaTeX: a block for each condition, a row for each remedy, budgets as columns."""
     budgets = sorted(set(table["budget"]))
     blocks = []
     for name, of_condition in table.groupby("condition", sort=False):
