@@ -7,6 +7,7 @@ A package names its objects under `alignerf.kinds`, `alignerf.test_sets`,
 import functools
 import importlib.metadata
 import importlib.util
+import sys
 from pathlib import Path
 
 GROUPS = tuple(f"alignerf.{n}" for n in ("kinds", "test_sets", "systems", "estimators"))
@@ -14,9 +15,31 @@ GROUPS = tuple(f"alignerf.{n}" for n in ("kinds", "test_sets", "systems", "estim
 
 @functools.cache
 def of_group(group):
-    """{name: object} of what other packages have under `alignerf.<group>`."""
-    points = importlib.metadata.entry_points(group=f"alignerf.{group}")
-    return {point.name: point.load() for point in sorted(points)}
+    """{name: object} of what other packages have under `alignerf.<group>`.
+
+    Ends the process with one line where one cannot be imported, or has the name of
+    another.
+    """
+    points = sorted(importlib.metadata.entry_points(group=f"alignerf.{group}"))
+    objects = {}
+    for point in points:
+        where = f"error: entry point {point.name} = {point.value} of alignerf.{group}"
+        if point.name in objects:
+            sys.exit(f"{where}: another package has the same name")
+        try:
+            objects[point.name] = point.load()
+        # Whatever the code of others raises.
+        except Exception as error:
+            what = " ".join(f"{type(error).__name__}: {error}".split())
+            sys.exit(f"{where}: {what}")
+    return objects
+
+
+def check_new(group, names, taken):
+    """End the process with one line where a name of others is one of the program's."""
+    for name in names:
+        if name in taken:
+            sys.exit(f"error: alignerf.{group}: {name} is a name that is taken")
 
 
 @functools.cache

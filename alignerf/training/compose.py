@@ -14,7 +14,10 @@ from alignerf.training import methods
 
 # What each kind of model but mip-NeRF 360 is made by.
 SYSTEMS = {"nerf": nerf, "mipnerf": mipnerf, "nerfpp": nerfpp}
-SYSTEMS |= extensions.of_group("systems")
+SYSTEMS |= {
+    system.Keys.default("kind"): system
+    for system in extensions.of_group("systems").values()
+}
 
 
 def make_method(

@@ -96,8 +96,9 @@ METHODS = {
     "farneback": Estimator(_farneback, 32),
     "tvl1": Estimator(_grey(cv2.optflow.DualTVL1OpticalFlow_create), 32),
     "simpleflow": Estimator(_simpleflow, 32),
-    **extensions.of_group("estimators"),
 }
+extensions.check_new("estimators", extensions.names("estimators"), METHODS)
+METHODS |= extensions.of_group("estimators")
 
 # Refused by name, with the reason (OpenCV 5.0).
 LEFT_OUT = {

@@ -212,13 +212,16 @@ def of_usual_kind(value):
     return value
 
 
-SYSTEMS = (
-    *(NerfSystem, MipNerfSystem, NerfPlusPlus, InstantNgp),
-    *(system.Keys for system in extensions.of_group("systems").values()),
-)
+SYSTEMS = (NerfSystem, MipNerfSystem, NerfPlusPlus, InstantNgp)
 KINDS = {kind.default("kind"): kind for kind in (Model, *SYSTEMS)}
+OF_OTHERS = {
+    system.Keys.default("kind"): system.Keys
+    for system in extensions.of_group("systems").values()
+}
+extensions.check_new("systems", OF_OTHERS, KINDS)
+KINDS |= OF_OTHERS
 Models = Annotated[
-    Union[(Model, *SYSTEMS)],
+    Union[tuple(KINDS.values())],  # noqa: UP007 (of a tuple)
     BY_KIND,
     pydantic.BeforeValidator(of_usual_kind),
 ]

@@ -4,6 +4,7 @@ Each is one entry here. `alignerf.evaluate` scores them, tables show them in thi
 and docs/columns.md lists them.
 """
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -174,9 +175,13 @@ EVERY = (
 )
 
 
+@functools.cache
 def every():
     """All of them, those of other packages last."""
-    return (*EVERY, *extensions.of_group("test_sets").values())
+    others = extensions.of_group("test_sets").values()
+    names = [one.name for one in EVERY]
+    extensions.check_new("test_sets", [one.name for one in others], names)
+    return (*EVERY, *others)
 
 
 def shown_in(table):

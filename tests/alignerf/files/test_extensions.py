@@ -1,0 +1,70 @@
+"""Entry points of other packages: what cannot be taken is one line."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+READ = "from alignerf.experiment import check"
+
+
+def package(folder, name, group, point, code="VALUE = 3\n"):
+    """Write a package of one module with one entry point."""
+    info = folder / f"{name}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1\n")
+    (info / "entry_points.txt").write_text(f"[alignerf.{group}]\n{point}\n")
+    (folder / f"{name}.py").write_text(code)
+
+
+def run(root, folder, code=READ):
+    """Its exit code, and the lines that it writes to stderr."""
+    path = os.pathsep.join([str(folder), str(root)])
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+    )
+    return done.returncode, done.stderr.strip().splitlines()
+
+
+@pytest.mark.parametrize(
+    ("group", "point", "code", "reason"),
+    [
+        ("kinds", "k = one:NONE", "", "k = one:NONE of alignerf.kinds: AttributeError"),
+        ("kinds", "k = nowhere", "", "alignerf.kinds: ModuleNotFoundError: No module"),
+        ("kinds", "k = one", "1 / 0\n", "alignerf.kinds: ZeroDivisionError"),
+        ("kinds", "k = one", "KEY = 'align'\n", "alignerf.kinds: align is a name that"),
+        (
+            "systems",
+            "s = one",
+            "class Keys:\n    default = lambda name: 'ngp'\n",
+            "alignerf.systems: ngp is a name that is taken",
+        ),
+    ],
+)
+def test_what_cannot_be_taken_is_one_line(tmp_path, root, group, point, code, reason):
+    package(tmp_path, "one", group, point, code)
+    exit_code, lines = run(root, tmp_path)
+    assert exit_code == 1
+    assert len(lines) == 1
+    assert lines[0].startswith("error: ")
+    assert reason in lines[0]
+
+
+def test_two_packages_with_one_name(tmp_path, root):
+    for name in ("one", "two"):
+        package(tmp_path, name, "test_sets", f"same = {name}:VALUE")
+    read = "from alignerf.experiment.tables import test_sets; test_sets.every()"
+    exit_code, (line,) = run(root, tmp_path, read)
+    assert exit_code == 1
+    assert line.endswith("another package has the same name")
+
+
+def test_an_estimator_of_the_programs_name(tmp_path, root):
+    package(tmp_path, "one", "estimators", "deepflow = one:VALUE")
+    exit_code, (line,) = run(root, tmp_path, "from flow.estimation import estimators")
+    assert exit_code == 1
+    assert line == "error: alignerf.estimators: deepflow is a name that is taken"
