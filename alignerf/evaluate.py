@@ -143,6 +143,8 @@ def targets_of(view):
     for one in test_sets.every():
         if one.needs in view.has and not one.moved:
             image, mask = one.make(view)
+            if image.shape != view.photo.shape or mask.shape != image.shape[:2]:
+                raise ValueError(f"test set {one.name}: not of the photo's size")
             # Of a view in which nothing moves, nothing is to be seen of what does.
             if one.needs != "moving" or mask.any():
                 targets[one.name] = image, mask

@@ -45,6 +45,8 @@ class Experiment:
         self.methods = config["methods"]
         self.scenes = config["scenes"]
         self.known = {}
+        # Methods whose trainings are being made.
+        self.making = set()
 
     @kept
     def names(self, kind):
@@ -97,8 +99,15 @@ class Experiment:
         def once(training):
             return equal.setdefault(training.value, training)
 
-        kind = kinds.of_method(self.methods[method])
-        return kind.trainings(self, scene, method, once)
+        if method in self.making:
+            what = "its kind sets it against a plain method of its model: there is none"
+            raise ValueError(f"config: methods.{method}: {what}")
+        self.making.add(method)
+        try:
+            kind = kinds.of_method(self.methods[method])
+            return kind.trainings(self, scene, method, once)
+        finally:
+            self.making.discard(method)
 
     @kept
     def trainings(self, scene):

@@ -58,8 +58,7 @@ def sources_of(*modules):
         digest.update(path.read_bytes())
         for beside in data_beside(path):
             digest.update(beside.read_bytes())
-    for path in extensions.files():
-        digest.update(path.read_bytes())
+    digest.update(extensions.digest())
     if (ROOT / LOCK).is_file():
         digest.update((ROOT / LOCK).read_bytes())
     return digest.hexdigest()[:16]

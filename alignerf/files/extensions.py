@@ -5,12 +5,19 @@ A package names its objects under `alignerf.kinds`, `alignerf.test_sets`,
 """
 
 import functools
+import hashlib
 import importlib.metadata
 import importlib.util
 import sys
 from pathlib import Path
 
-GROUPS = tuple(f"alignerf.{n}" for n in ("kinds", "test_sets", "systems", "estimators"))
+# {group: what its objects must have}.
+NEEDED = {
+    "kinds": ("KEY", "Keys", "takes", "trainings", "words"),
+    "test_sets": ("name", "pixels", "meaning", "needs", "make", "tables"),
+    "systems": ("make", "Keys.kind", "Keys.near", "Keys.samples", "Keys.training"),
+    "estimators": ("calculate", "min_side_px"),
+}
 
 
 @functools.cache
@@ -23,7 +30,8 @@ def of_group(group):
     points = sorted(importlib.metadata.entry_points(group=f"alignerf.{group}"))
     objects = {}
     for point in points:
-        where = f"error: entry point {point.name} = {point.value} of alignerf.{group}"
+        of = f"alignerf.{group} of {point.dist.name if point.dist else 'a package'}"
+        where = f"error: entry point {point.name} = {point.value} of {of}"
         if point.name in objects:
             sys.exit(f"{where}: another package has the same name")
         try:
@@ -32,14 +40,30 @@ def of_group(group):
         except Exception as error:
             what = " ".join(f"{type(error).__name__}: {error}".split())
             sys.exit(f"{where}: {what}")
+        if lacking := [
+            name for name in NEEDED[group] if not has(objects[point.name], name)
+        ]:
+            sys.exit(f"{where}: it has no {lacking[0]}")
     return objects
 
 
+def has(one, name):
+    """Whether an object has an attribute, or one of an attribute: `Keys.near`."""
+    for part in name.split("."):
+        fields = getattr(one, "model_fields", {})
+        if part not in fields and not hasattr(one, part):
+            return False
+        one = getattr(one, part, None)
+    return True
+
+
 def check_new(group, names, taken):
-    """End the process with one line where a name of others is one of the program's."""
+    """End the process with one line where a name is taken, or stands twice."""
+    seen = set(taken)
     for name in names:
-        if name in taken:
+        if name in seen:
             sys.exit(f"error: alignerf.{group}: {name} is a name that is taken")
+        seen.add(name)
 
 
 @functools.cache
@@ -50,8 +74,29 @@ def names(group):
 
 
 @functools.cache
-def files():
-    """The modules that they lie in: a change of one is a change of the program."""
-    points = (p for g in GROUPS for p in importlib.metadata.entry_points(group=g))
-    specs = (importlib.util.find_spec(point.module) for point in points)
-    return sorted({Path(spec.origin) for spec in specs if spec and spec.origin})
+def digest():
+    """SHA-256 of all entry points and of the code behind them.
+
+    That is every module of the folders in which they lie: a change of one is a change
+    of the program.
+    """
+    code = hashlib.sha256()
+    for group in NEEDED:
+        for point in sorted(importlib.metadata.entry_points(group=f"alignerf.{group}")):
+            code.update(f"{group} {point.name} {point.value}\n".encode())
+            for path in modules_beside(point.module):
+                code.update(path.read_bytes())
+    return code.digest()
+
+
+def modules_beside(module):
+    """The files of a module and of its folder; of a module in no package its own."""
+    try:
+        spec = importlib.util.find_spec(module)
+    # `of_group` says what is wrong with it.
+    except Exception:
+        return []
+    if spec is None or not spec.origin:
+        return []
+    path = Path(spec.origin)
+    return sorted(path.parent.rglob("*.py")) if "." in module else [path]

@@ -68,18 +68,19 @@ def read(scene, table=""):
     """
     path = Path(scene) / table / "trainings.csv"
     views = read_scores(path.with_name("scores.csv"))
-    lines = csv_files.read(path, columns=("folder", "way", *NAMES, *SUMMED, "params"))
+    lines = csv_files.read(path, columns=columns.names("trainings"))
+    named = lines[lines["method"].notna()]
     try:
-        trainings = lines.set_index("folder", drop=False)
-        if twice := set(lines["folder"][lines["folder"].duplicated()]):
-            raise ValueError(f"{min(twice, key=str)} stands twice")
+        if named.duplicated(["method", "round"]).any():
+            raise ValueError("a method and round stands twice")
+        # Two methods may share a training: each has a line of its own.
+        trainings = lines.drop_duplicates("folder").set_index("folder", drop=False)
         rows = [
-            row_of(line, trainings, views, Path(scene))
-            for _, line in trainings[trainings["method"].notna()].iterrows()
+            row_of(line, trainings, views, Path(scene)) for _, line in named.iterrows()
         ]
         if others := set(views) - {(row.method, row.round) for row in rows}:
             raise ValueError(f"it has no {row_name(min(others, key=str))}")
-    except (KeyError, ValueError) as error:
+    except (KeyError, ValueError, TypeError, OverflowError) as error:
         beside = path.with_name("scores.csv").name
         raise ValueError(f"{path}: does not go with {beside}: {error}") from None
     return rows

@@ -125,6 +125,14 @@ def test_an_estimator_is_what_flows_come_from(scene):
     ("change", "message"),
     [
         (
+            {"plain": {"goes_on": {}}},
+            "config: methods.plain: its kind sets it against a plain method",
+        ),
+        (
+            {"twice": {"goes_on": {}, "align": {}}},
+            "config: methods.twice.align: not beside goes_on",
+        ),
+        (
             {"twice": {"goes_on": {}, "rounds": 1}},
             "config: methods.twice.goes_on: not beside rounds",
         ),

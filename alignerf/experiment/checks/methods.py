@@ -19,8 +19,8 @@ def check_method(config, name):
     if method["model"] not in config["models"]:
         fault(f"methods.{name}.model", f"no model {method['model']!r}")
     own = kinds.of_method(method)
-    if own in kinds.OF_OTHERS and hasattr(own, "check"):
-        own.check(config, name)
+    if own in kinds.OF_OTHERS:
+        check_foreign(config, name, own)
     kind = config["models"][method["model"]]["kind"]
     for stage in ("alignerf", "refine"):
         if method[stage] and kind != "mipnerf360":
@@ -45,6 +45,17 @@ def check_method(config, name):
         fault(f"methods.{name}.alignerf.radius_px", "matching pixel needs 1 or more")
     if found["radius_px"] == "auto":
         check_radius(config, name)
+
+
+def check_foreign(config, name, kind):
+    """A kind of another package stands alone, and checks itself."""
+    method = config["methods"][name]
+    foreign = [one.KEY for one in kinds.OF_OTHERS if one is not kind]
+    for key in ("alignerf", "refine", "align", "warm_start", *foreign):
+        if method[key]:
+            fault(f"methods.{name}.{key}", f"not beside {kind.KEY}")
+    if hasattr(kind, "check"):
+        kind.check(config, name)
 
 
 def check_align(config, name):

@@ -17,6 +17,7 @@ FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
     *("facts", "decisions", "poses", "cameras", "config", "tradeoff", "preflight"),
     *("masks", "colmap", "points", "bounds", "verdict", "index"),
+    *("regimes", "remedies", "comparison", "scores", "trainings"),
 }
 
 

@@ -180,9 +180,12 @@ class Method(Keys):
 def extended(kind):
     """The class with the keys of other packages' kinds of method."""
     kinds = extensions.of_group("kinds").values()
-    extensions.check_new("kinds", [one.KEY for one in kinds], kind.model_fields)
+    extensions.check_new("kinds", [one.KEY for one in kinds], dir(kind()))
     more = {
-        one.KEY: (one.Keys | None, key(None, one.Keys.__doc__.splitlines()[0]))
+        one.KEY: (
+            one.Keys | None,
+            key(None, (one.Keys.__doc__ or one.KEY).split("\n")[0]),
+        )
         for one in kinds
     }
     return pydantic.create_model(kind.__name__, __base__=kind, **more) if more else kind

@@ -1,5 +1,6 @@
 """Inputs of the tables across scenes: a `Scene` for each scene, and the rows."""
 
+import hashlib
 from typing import NamedTuple
 
 from alignerf.experiment import kinds, slices, sweep
@@ -11,7 +12,7 @@ from alignerf.experiment.trainings import DISPLACED, RENDERED
 class Scene(NamedTuple):
     """A scene's settings, and the keys by which tables pool scenes.
 
-    Keys are the settings as JSON text, equal for scenes that are pooled. like: without
+    Keys are digests of the settings, equal for scenes that are pooled. like: without
     the seed. alike: without seed and length of training. capture: without seed, length
     and the photos' size. motion_m: None where the truth is not known. steps: None where
     the length is in minutes. share: the length over that of the config's training; None
@@ -64,8 +65,12 @@ def of_scene(experiment, name):
 
 
 def without(scene, *keys):
-    """A scene's settings as JSON text, without some keys."""
-    return slices.as_json({key: scene[key] for key in scene if key not in keys})
+    """A key, equal for scenes whose settings are, but for some of them.
+
+    A digest: the settings of a hundred scenes are too long for a command line.
+    """
+    settings = slices.as_json({key: scene[key] for key in scene if key not in keys})
+    return hashlib.sha256(settings.encode()).hexdigest()[:16]
 
 
 def capture_of(scene):

@@ -5,6 +5,7 @@ and docs/columns.md lists them.
 """
 
 import functools
+import sys
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -45,16 +46,18 @@ def folder(name, mask):
     return lambda view: (view.of_testset(name), getattr(view, mask))
 
 
-# A table that shows a set ranks it, too, if it ranks.
+NEEDS = ("", "testset", "truth", "moving")
+TABLES = {"misalignment", "regimes", "comparison", "remedies", "ranking", "controls"}
 QUALITY = ("misalignment", "regimes", "comparison")
 EVERY = (
     TestSet(
         *("standard", "all", "the held-out photo as it is", "", photo),
-        (*QUALITY, "remedies", "ranking"),
+        (*QUALITY, "remedies", "ranking", "controls"),
     ),
     TestSet(
         *("standard_valid", "valid", "the photo", "testset"),
         lambda view: (view.photo, view.valid),
+        ("controls",),
     ),
     TestSet(
         "warped",
@@ -62,7 +65,7 @@ EVERY = (
         "the photo warped onto the reference model's render",
         "testset",
         folder("warped", "valid"),
-        (*QUALITY, "ranking"),
+        (*QUALITY, "ranking", "controls"),
     ),
     TestSet(
         "control",
@@ -71,7 +74,7 @@ EVERY = (
         "only the interpolation acts",
         "testset",
         folder("control", "everywhere"),
-        (*QUALITY, "ranking"),
+        (*QUALITY, "ranking", "controls"),
     ),
     TestSet(
         "placebo",
@@ -80,6 +83,7 @@ EVERY = (
         "each view's name: what any warp does",
         "testset",
         folder("placebo", "everywhere"),
+        ("controls",),
     ),
     TestSet(
         "crossfit",
@@ -87,30 +91,33 @@ EVERY = (
         "the photo warped by a flow that was estimated without the pixel",
         "testset",
         folder("crossfit", "valid"),
-        ("regimes", "ranking"),
+        ("regimes", "ranking", "controls"),
     ),
     TestSet(
         "aligned",
-        "overfit",
+        "matched",
         "an image that belongs where the reference model's render is: the oracle, or a "
         "stand-in, see below",
         "testset",
         folder("aligned", "overfit_valid"),
+        ("controls",),
     ),
     TestSet(
         "overfit",
-        "overfit",
+        "matched",
         "`aligned`, warped by the flow that the estimator invents between it and the "
         "render",
         "testset",
         folder("overfit", "overfit_valid"),
+        ("controls",),
     ),
     TestSet(
         "overfit_crossfit",
-        "overfit",
+        "matched",
         "`aligned`, warped by a held-out flow: what is displaced in truth",
         "testset",
         folder("overfit_crossfit", "overfit_valid"),
+        ("controls",),
     ),
     TestSet(
         "oracle",
@@ -119,7 +126,7 @@ EVERY = (
         "what a method should have shown",
         "truth",
         oracle,
-        (*QUALITY, "remedies"),
+        (*QUALITY, "remedies", "controls"),
     ),
     TestSet(
         "oracle_still",
@@ -144,7 +151,7 @@ EVERY = (
         "the photo. The render's camera is moved to fit it by the flow, see below",
         "",
         photo,
-        ("misalignment", "comparison", "remedies"),
+        ("misalignment", "comparison", "remedies", "controls"),
         moved=True,
     ),
     TestSet(
@@ -153,15 +160,16 @@ EVERY = (
         "the same by `aligned_pose.gradient_steps` of gradient descent on the colours",
         "",
         photo,
-        ("misalignment", "remedies"),
+        ("misalignment", "remedies", "controls"),
         moved=True,
     ),
     TestSet(
         "aligned_pose_overfit",
         "all",
-        "courtyard only: the oracle. The camera is moved to fit that",
+        "courtyard only: the oracle. The render's camera is moved to fit the oracle",
         "truth",
         oracle,
+        ("controls",),
         moved=True,
     ),
     TestSet(
@@ -170,6 +178,7 @@ EVERY = (
         "the same by gradient descent",
         "truth",
         oracle,
+        ("controls",),
         moved=True,
     ),
 )
@@ -181,6 +190,11 @@ def every():
     others = extensions.of_group("test_sets").values()
     names = [one.name for one in EVERY]
     extensions.check_new("test_sets", [one.name for one in others], names)
+    for one in others:
+        wrong = [one.needs] * (one.needs not in NEEDS) + sorted({*one.tables} - TABLES)
+        if wrong or one.moved:
+            what = f"unknown word {wrong[0]!r}" if wrong else "moved is not for others"
+            sys.exit(f"error: alignerf.test_sets: {one.name}: {what}")
     return (*EVERY, *others)
 
 

@@ -11,7 +11,7 @@ from alignerf.tables.plots.regimes import COLOURS, LABEL_PT, MARKERS, SMALL_PT
 def draw(conditions, path):
     """Write it.
 
-    conditions: of `tables.remedies`. The plain training's line is black.
+    conditions: of `tables.across.remedies`. The plain training's line is black.
     """
     found = {one.name: means_of(one) for one in conditions}
     width = 1.5 + 3.4 * len(conditions)

@@ -9,6 +9,25 @@ import pytest
 READ = "from alignerf.experiment import check"
 
 
+TEST_SET = "name = pixels = meaning = needs = tables = ''; make = moved = None\n"
+KIND = "KEY = {!r}\nKeys = takes = trainings = words = None\n"
+SYSTEM = """
+from typing import Literal
+
+from alignerf.experiment.keys.key import key
+from alignerf.experiment.keys.system import System, changes
+
+make = None
+
+
+class Keys(System):
+    kind: Literal[{0!r}] = key({0!r})
+    near: float = key(1.0)
+    samples: list[int] = key([2])
+    training: dict = changes()
+"""
+
+
 def package(folder, name, group, point, code="VALUE = 3\n"):
     """Write a package of one module with one entry point."""
     info = folder / f"{name}-1.0.dist-info"
@@ -33,14 +52,32 @@ def run(root, folder, code=READ):
 @pytest.mark.parametrize(
     ("group", "point", "code", "reason"),
     [
-        ("kinds", "k = one:NONE", "", "k = one:NONE of alignerf.kinds: AttributeError"),
-        ("kinds", "k = nowhere", "", "alignerf.kinds: ModuleNotFoundError: No module"),
-        ("kinds", "k = one", "1 / 0\n", "alignerf.kinds: ZeroDivisionError"),
-        ("kinds", "k = one", "KEY = 'align'\n", "alignerf.kinds: align is a name that"),
+        (
+            "kinds",
+            "k = one:NONE",
+            "",
+            "k = one:NONE of alignerf.kinds of one: AttributeError",
+        ),
+        (
+            "kinds",
+            "k = nowhere",
+            "",
+            "alignerf.kinds of one: ModuleNotFoundError: No module",
+        ),
+        ("kinds", "k = one", "KEY = 'x'\n", "alignerf.kinds of one: it has no Keys"),
+        ("kinds", "k = one", KIND.format("copy"), "alignerf.kinds: copy is a name"),
+        ("systems", "s = one", "make = 1\n", "of one: it has no Keys.kind"),
+        ("kinds", "k = one", "1 / 0\n", "alignerf.kinds of one: ZeroDivisionError"),
+        (
+            "kinds",
+            "k = one",
+            KIND.format("align"),
+            "alignerf.kinds: align is a name that",
+        ),
         (
             "systems",
             "s = one",
-            "class Keys:\n    default = lambda name: 'ngp'\n",
+            SYSTEM.format("ngp"),
             "alignerf.systems: ngp is a name that is taken",
         ),
     ],
@@ -56,7 +93,7 @@ def test_what_cannot_be_taken_is_one_line(tmp_path, root, group, point, code, re
 
 def test_two_packages_with_one_name(tmp_path, root):
     for name in ("one", "two"):
-        package(tmp_path, name, "test_sets", f"same = {name}:VALUE")
+        package(tmp_path, name, "test_sets", f"same = {name}", TEST_SET)
     read = "from alignerf.experiment.tables import test_sets; test_sets.every()"
     exit_code, (line,) = run(root, tmp_path, read)
     assert exit_code == 1

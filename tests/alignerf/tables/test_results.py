@@ -75,6 +75,17 @@ def test_costs_are_of_all_that_leads_to_a_row(scene):
     assert given.costs == {}
 
 
+def test_two_methods_that_share_a_training_have_a_row_each(tmp_path):
+    """As remedies do where a plain method stands beside one with rounds."""
+    scene = tmp_path / "yard"
+    first = table_cases.written(scene, DB)
+    table_cases.collect(scene, [first, first._replace(method="again")])
+    one, other = results.read(scene)
+    assert [row.method for row in (one, other)] == ["plain", "again"]
+    assert one.costs == other.costs
+    pd.testing.assert_frame_equal(one.views, other.views)
+
+
 def test_a_row_knows_what_it_is_set_against_and_what_comes_before(scene):
     first, second, warm, given = results.read(scene)
     assert warm.base.equals(first.views)
@@ -117,7 +128,7 @@ def swap(old, new):
 @pytest.mark.parametrize(
     ("name", "of_text", "reason"),
     [
-        ("trainings", swap("given/round0,", "plain/round1,"), "plain/round1"),
+        ("trainings", swap("round0,given,0", "round0,plain,0"), "stands twice"),
         ("trainings", without("plain/round0"), "plain/round0"),
         ("trainings", without("given"), r"it has no given after round 0"),
         ("trainings", swap(",plain/round0,plain", ",none,plain"), "none"),
