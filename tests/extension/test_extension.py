@@ -46,7 +46,15 @@ def scene(tmp_path_factory, snakemake, environment):
     """The folder of the scene's results, after the whole chain."""
     folder = tmp_path_factory.mktemp("chain")
     (folder / "toys.yaml").write_text(CONFIG)
-    options = ("--cores", "2", "--configfile", "toys.yaml", "--", "tiny", "export")
+    options = (
+        "--cores",
+        "2",
+        "--configfile",
+        folder / "toys.yaml",
+        "--",
+        "tiny",
+        "export",
+    )
     code, output = snakemake(folder, *options, more=environment)
     assert code == 0, output[-3000:]
     return folder / "results" / "tiny"
@@ -80,7 +88,7 @@ def test_a_kind_of_method_is_trained_costed_and_exported(scene):
 def test_a_preflight_knows_what_it_takes(scene):
     tasks = json.loads((scene / "preflight.json").read_text())["tasks"]
     by_name = {task["name"]: task for task in tasks}
-    trained = by_name["train twice/round0"]
+    trained = by_name["twice/round0/train"]
     before = set()
     todo = list(trained["after"])
     while todo:
@@ -88,8 +96,8 @@ def test_a_preflight_knows_what_it_takes(scene):
         if name not in before:
             before.add(name)
             todo += by_name[name]["after"]
-    assert {"train plain/round0", "render plain/round0"} <= before
-    assert "train look/round0" not in before
+    assert {"plain/round0/train", "plain/round0/flow"} <= before
+    assert "look/round0/train" not in before
     assert trained["seconds"] > 0
 
 
@@ -148,7 +156,7 @@ def test_a_fault_is_one_line_with_the_key(
     config = yaml.safe_load(CONFIG)
     config["methods"] = {"plain": {}} | change
     (tmp_path / "toys.yaml").write_text(yaml.safe_dump(config))
-    options = ("-n", "--cores", "1", "--configfile", "toys.yaml")
+    options = ("-n", "--cores", "1", "--configfile", tmp_path / "toys.yaml")
     code, output = snakemake(tmp_path, *options, more=environment)
     assert code != 0
     assert message in output.strip().splitlines()[-1]
@@ -157,7 +165,7 @@ def test_a_fault_is_one_line_with_the_key(
 
 def test_without_the_package_nothing_of_it_is_known(tmp_path, snakemake):
     (tmp_path / "toys.yaml").write_text(CONFIG)
-    options = ("-n", "--cores", "1", "--configfile", "toys.yaml")
+    options = ("-n", "--cores", "1", "--configfile", tmp_path / "toys.yaml")
     code, output = snakemake(tmp_path, *options)
     assert code != 0
     assert "config: " in output.strip().splitlines()[-1]
