@@ -27,6 +27,7 @@ from alignerf.scenes import (
     prepare,
     prepared,
     transforms,
+    windows,
 )
 from alignerf.scenes.capture import report, triangulate
 from alignerf.scenes.courtyard import scene as courtyard
@@ -53,6 +54,8 @@ def main(config, out):
         views = for_training(full, config)
         prepared.check_views(config["path"] or out, views)
         views = perturbed(views, config)
+        if config["zoom"]:
+            views, told["zoom"] = zoomed(views, scratch, config)
         split = split_of(views, config)
         check_enough(split, config["least_train_views"], config["path"] or out)
         warn_of_few(out, split)
@@ -92,6 +95,24 @@ def perturbed(views, config):
     poses, rng = views.camtoworlds, np.random.default_rng([config["seed"], 1])
     poses = cameras.perturb_poses(poses, views.pixtocams, config["perturb_px"], rng)
     return views._replace(camtoworlds=poses)
+
+
+def zoomed(views, scratch, config):
+    """The windows of the views, and what the report says of them."""
+    zoom, least = config["zoom"], config["least_train_views"] + 1
+    where = config["path"] or config["source"]
+    try:
+        point, whole = windows.place(views, scratch, zoom, least, config["seed"])
+        around = windows.around(point, whole, zoom["px"], least=least)
+    except ValueError as error:
+        raise ValueError(f"{where}: zoom: {error}") from None
+    log.info(
+        "%s: windows of %d px around %s, in %d of %d views",
+        *(where, zoom["px"], np.round(point, 4).tolist()),
+        *(len(around.names), len(views.names)),
+    )
+    told = {"px": zoom["px"], "point": np.asarray(point, float).tolist()}
+    return around, told | {"views": len(around.names), "of": len(views.names)}
 
 
 def split_of(views, config):

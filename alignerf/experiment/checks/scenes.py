@@ -39,9 +39,19 @@ def check_scene(scene, *place):
     if 1 < len(zooms) > views // scene["test_every"]:
         reason = f"{len(zooms)} of them are more than there are test views"
         fault(f"{where}courtyard.zooms", reason)
+    check_zoom(scene["zoom"] or {}, f"{where}zoom")
     if source.has_truth and 3 * views * width * height > MOST_PHOTO_BYTES:
         size = f"{views} photos of {width}x{height} are more than"
         fault(f"{where}courtyard", f"{size} {MOST_PHOTO_BYTES / 2**30:g} GiB")
+
+
+def check_zoom(zoom, where):
+    """The point of the windows is said in one way, or chosen."""
+    if (zoom.get("view") is None) != (zoom.get("pixel") is None):
+        fault(where, "view and pixel belong together")
+    ways = [key for key in ("view", "point", "number") if zoom.get(key)]
+    if len(ways) > 1:
+        fault(where, f"{' and '.join(ways)}: choose one")
 
 
 def check_path(scene, name):

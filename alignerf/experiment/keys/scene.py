@@ -33,7 +33,10 @@ def wants_points(scene):
     """Whether points of a scene's cameras are to be found, where they have none yet.
 
     Of given cameras unless it says no, of the courtyard's true ones where it says so.
+    Windows have them from the whole photos.
     """
+    if scene["zoom"]:
+        return False
     poses, wanted = poses_of(scene), scene["triangulate"]
     return poses == "given" if wanted is None else wanted and poses != "colmap"
 
@@ -98,6 +101,26 @@ class Courtyard(Keys):
     supersample: int = key(2, "rays a pixel and axis", least=1, most=16)
 
 
+class Zoom(Keys):
+    """A window of each photo, at its own size, around one point of the scene."""
+
+    px: int = key(256, "side of the windows, after downscale", least=32, most=8192)
+    number: int = key(
+        0,
+        "which of the points that suit best, the best is 0: seen by nearly all photos, "
+        "textured, near the middle of the depths, apart from the others",
+        least=0,
+        most=99,
+    )
+    view: str | None = key(None, "name of a photo in which the point is shown by hand")
+    pixel: list[float] | None = key(
+        None, "x and y of the point in that photo, after downscale", length=(2, 2)
+    )
+    point: list[float] | None = key(
+        None, "the point itself, in the frame of cameras.npz", length=(3, 3)
+    )
+
+
 class Scene(Keys):
     source: Literal[tuple(SOURCES)] = key(
         what="embedded scene, folder of photos, transforms.json, LLFF's "
@@ -148,6 +171,10 @@ class Scene(Keys):
         "with fewer to learn from the run stops: no geometry follows from them",
         least=1,
         most=10000,
+    )
+    zoom: Zoom | None = key(
+        None,
+        "the scene is made of windows of its photos; `zoom: {}` chooses the place",
     )
     seed: int | None = key(
         None,

@@ -1,0 +1,206 @@
+"""Windows: a scene around one of its points, at its photos' own size.
+
+A window is a square of each photo around where a 3D point is seen. With its own
+pixtocams, shifted by the window's corner, it is a view like any other. So a training
+sees pixels of the photo where the whole photos would take hours.
+
+Notation: points [m, 3] in world units, n views, xy [n, m, 2] in px of the photo (pixel
+centres at +0.5).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from alignerf.files import faults
+from alignerf.scenes import cameras, prepare, prepared
+from alignerf.scenes.capture import triangulate
+
+# Points that are looked at more closely; the others are seen by fewer views.
+MOST_CANDIDATES = 2000
+# Two windows show other things where their points are as far apart, in windows.
+APART = 1.0
+# Of the photos that points are found in, where a scene comes without any.
+MOST_PIXELS, LEAST_PX = 40_000_000, 400
+
+
+class Seen(NamedTuple):
+    """Where views see points.
+
+    inside [n, m]: whether the whole window around a point lies in the photo.
+    """
+
+    xy: np.ndarray
+    depth: np.ndarray
+    inside: np.ndarray
+
+
+def place(views: prepare.PosedViews, scratch, zoom, least, seed):
+    """(the point [3] of a config's `zoom`, the views with points).
+
+    Without points of COLMAP's, those are found that the views share. scratch: a folder.
+    """
+    if zoom["point"] is not None:
+        return np.array(zoom["point"]), views
+    if views.points is None:
+        views = views._replace(points=shared_points(views, scratch, seed))
+    points = views.points[0]
+    if not len(points):
+        raise ValueError("the views share no points: name a point")
+    if zoom["view"] is not None:
+        return behind(points, views, zoom["view"], zoom["pixel"]), views
+    count = zoom["number"] + 1
+    chosen = choose(points, views, zoom["px"], count, least=least)
+    if len(chosen) < count:
+        raise ValueError(
+            f"number: {len(chosen)} places suit, the last is number {len(chosen) - 1}"
+        )
+    return chosen[-1], views
+
+
+def shared_points(views: prepare.PosedViews, scratch, seed):
+    """Points [m, 3] and colours of the views, triangulated from smaller photos."""
+    folder = scratch / "whole"
+    small = prepare.downscale(views, prepare.factor_for(views, MOST_PIXELS, LEAST_PX))
+    prepare.write_views(folder, small, split=np.full(len(views.names), "train"))
+    cameras_of = prepared.read_cameras(folder / "cameras.npz")
+    model = triangulate.triangulate(folder / "images", scratch, cameras_of, seed=seed)
+    return model.points, model.colours
+
+
+def seen(points, views: prepare.PosedViews, px) -> Seen:
+    """Where the views see points [m, 3], and which windows of `px` lie inside."""
+    pairs = zip(views.pixtocams, views.camtoworlds, strict=True)
+    places = [cameras.project(points, *camera) for camera in pairs]
+    xy, depth = (np.stack(parts) for parts in zip(*places, strict=True))
+    corner = np.round(np.where(depth[..., None] > 0, xy, -px) - px / 2)
+    size = np.array([views.width, views.height])
+    inside = (depth > 0) & ((corner >= 0) & (corner + px <= size)).all(axis=-1)
+    return Seen(xy, depth, inside)
+
+
+def choose(points, views: prepare.PosedViews, px, count, *, least):
+    """Up to `count` points [count, 3] to look at, the best first.
+
+    Windows around them lie in nearly all photos, on texture (points are found where
+    there is some), near the middle of the depths, and show different things. least:
+    views that a window needs. Raises ValueError where no point has as many.
+    """
+    whole = seen(points, views, px)
+    share = whole.inside.sum(axis=0)
+    candidates = np.argsort(-share, kind="stable")[:MOST_CANDIDATES]
+    candidates = candidates[share[candidates] >= least]
+    if not len(candidates):
+        most = int(share.max(initial=0))
+        raise ValueError(
+            f"no window of {px} px lies in {least} photos or more (the best in {most} "
+            f"of {len(views.names)}): take a smaller one, or a point of your own"
+        )
+    middle = np.median(whole.depth[whole.depth > 0])
+    depth = np.median(np.abs(whole.depth[:, candidates]), axis=0)
+    texture = neighbours(whole, candidates, px)
+    score = share[candidates] / len(views.names)
+    score = score * np.sqrt(texture / max(texture.max(), 1))
+    score = score * np.exp(-np.abs(np.log(np.maximum(depth, 1e-12) / middle)))
+    chosen = []
+    for best in candidates[np.argsort(-score, kind="stable")]:
+        if len(chosen) < count and all(apart(whole, best, c, px) for c in chosen):
+            chosen.append(best)
+    return points[chosen]
+
+
+def neighbours(whole: Seen, candidates, px):
+    """Points in each candidate's window [c]: the median over views that have it."""
+    counts = np.full((len(whole.xy), len(candidates)), np.nan)
+    for view, (xy, depth) in enumerate(zip(whole.xy, whole.depth, strict=True)):
+        has = whole.inside[view, candidates]
+        away = np.abs(xy[candidates[has], None] - xy[None, depth > 0]).max(axis=-1)
+        counts[view, has] = (away < px / 2).sum(axis=1)
+    return np.nanmedian(counts, axis=0)
+
+
+def apart(whole: Seen, first, second, px):
+    """Whether two points' windows show different things, in the median view."""
+    away = np.abs(whole.xy[:, first] - whole.xy[:, second]).max(axis=-1)
+    both = (whole.depth[:, first] > 0) & (whole.depth[:, second] > 0)
+    return bool(np.median(away[both]) >= APART * px) if both.any() else True
+
+
+def behind(points, views: prepare.PosedViews, name, pixel):
+    """The point [3] that a view shows at a pixel (x, y): at its neighbours' depth.
+
+    Raises ValueError for a view that is not there, or a pixel outside or without any
+    point near it.
+    """
+    if name not in views.names:
+        few = faults.some_names(sorted(views.names))
+        raise ValueError(f"no view {name!r}, only {few}")
+    if not all(0 <= at <= side for at, side in zip(pixel, size_of(views), strict=True)):
+        width, height = size_of(views)
+        raise ValueError(f"{pixel} is not a pixel of {width}x{height}")
+    view = views.names.index(name)
+    pixtocam, pose = views.pixtocams[view], views.camtoworlds[view]
+    xy, depth = cameras.project(points, pixtocam, pose)
+    ahead = depth > 0
+    away = np.linalg.norm(xy[ahead] - pixel, axis=-1)
+    near = away <= max(size_of(views)) / 8
+    if not near.any():
+        raise ValueError(f"no point of the scene is seen near {pixel} in {name}")
+    nearest = np.argsort(away, kind="stable")[: min(8, near.sum())]
+    depth = np.median(depth[ahead][nearest])
+    inside = depth * (pixtocam @ [*pixel, 1.0]) * [1, -1, -1]
+    return pose[:, :3] @ inside + pose[:, 3]
+
+
+def size_of(views):
+    """(width, height)."""
+    return views.width, views.height
+
+
+def around(point, views: prepare.PosedViews, px, *, least) -> prepare.PosedViews:
+    """The windows of `px` around a point [3], of the views that have them whole.
+
+    Raises ValueError where fewer than `least` do.
+    """
+    whole = seen(np.asarray(point, np.float64)[None], views, px)
+    kept = np.flatnonzero(whole.inside[:, 0])
+    if len(kept) < least:
+        raise ValueError(
+            f"a window of {px} px around {np.round(point, 4).tolist()} lies in "
+            f"{len(kept)} photos, under {least}: take a smaller one, or another point"
+        )
+    corners = np.round(whole.xy[kept, 0] - px / 2).astype(int)
+    shift = np.tile(np.eye(3), (len(kept), 1, 1))
+    shift[:, :2, 2] = corners
+
+    def cut(photos):
+        return [
+            photos[view].then(lambda image, x=x, y=y: image[y : y + px, x : x + px])
+            for view, (x, y) in zip(kept, corners, strict=True)
+        ]
+
+    cropped = views._replace(
+        names=[views.names[view] for view in kept],
+        pixtocams=np.asarray(views.pixtocams)[kept] @ shift,
+        camtoworlds=np.asarray(views.camtoworlds)[kept],
+        width=px,
+        height=px,
+        photos=cut(views.photos),
+        masks=views.masks and cut(views.masks),
+        # They are of the whole photo.
+        bounds=None,
+        split=None if views.split is None else views.split[kept],
+    )
+    return cropped._replace(points=inside_of(cropped))
+
+
+def inside_of(views: prepare.PosedViews):
+    """Of the views' points and colours those that two of them or more see."""
+    if views.points is None:
+        return None
+    points, colours = views.points
+    counts = np.zeros(len(points), int)
+    for camera in zip(views.pixtocams, views.camtoworlds, strict=True):
+        xy, depth = cameras.project(points, *camera)
+        counts += (depth > 0) & ((xy >= 0) & (xy <= size_of(views))).all(axis=-1)
+    return points[counts > 1], colours[counts > 1]

@@ -1,0 +1,137 @@
+"""Windows of photos around a point: cameras, pixels, and which point is taken."""
+
+import numpy as np
+import pytest
+
+from alignerf.scenes import cameras, prepare, windows
+
+WIDTH, HEIGHT, PX = 200, 150, 64
+
+
+def image_of(view):
+    """A photo whose pixels say where they are: x, y and the view."""
+    x, y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
+    return np.stack([x, y, np.full_like(x, view)], axis=-1).astype(np.uint8)
+
+
+@pytest.fixture
+def views(rng):
+    """Six cameras in a row that look along -z, two units before a wall of points."""
+    count = 6
+    poses = np.tile(np.eye(3, 4), (count, 1, 1))
+    poses[:, 0, 3] = np.linspace(-0.3, 0.3, count)
+    points = np.concatenate([rng.uniform(-1, 1, (400, 2)), np.full((400, 1), -2)], 1)
+    return prepare.PosedViews(
+        names=[f"view_{i}" for i in range(count)],
+        pixtocams=np.tile(cameras.intrinsics(150.0, WIDTH, HEIGHT), (count, 1, 1)),
+        camtoworlds=poses,
+        width=WIDTH,
+        height=HEIGHT,
+        photos=[prepare.Photo(view, (image_of,)) for view in range(count)],
+        points=(points, np.zeros((400, 3), np.uint8)),
+    )
+
+
+def test_a_window_sees_what_its_photo_sees_there(views):
+    point = np.array([0.05, -0.1, -2.0])
+    cut = windows.around(point, views, PX, least=4)
+    assert (cut.width, cut.height, len(cut.names)) == (PX, PX, 6)
+    for place, name in enumerate(cut.names):
+        whole = views.names.index(name)
+        image = cut.photos[place].read()
+        assert image.shape == (PX, PX, 3)
+        assert set(image[..., 2].ravel()) == {whole}
+        corner = image[0, 0, :2].astype(int)
+        of_whole = (views.pixtocams[whole], views.camtoworlds[whole])
+        of_window = (cut.pixtocams[place], cut.camtoworlds[place])
+        (xy, depth), (own, same) = (
+            cameras.project(views.points[0], *camera) for camera in (of_whole, of_window)
+        )
+        np.testing.assert_allclose(own + corner, xy, atol=1e-9)
+        np.testing.assert_allclose(same, depth)
+        # The point lies in the middle, to half a pixel.
+        middle, _ = cameras.project(point, *of_window)
+        assert np.abs(middle - PX / 2).max() <= 0.5 + 1e-9
+    # Points that two windows see, and no others.
+    assert 0 < len(cut.points[0]) < len(views.points[0])
+
+
+def test_views_without_the_whole_window_are_left_out(views):
+    # The cameras to the left do not see so far to the right.
+    point = np.array([0.75, 0.0, -2.0])
+    cut = windows.around(point, views, PX, least=1)
+    assert 0 < len(cut.names) < 6
+    assert cut.names == views.names[-len(cut.names) :]
+    with pytest.raises(ValueError, match=r"64 px around .* lies in \d photos, under 6"):
+        windows.around(point, views, PX, least=6)
+
+
+def test_a_point_behind_the_cameras_is_in_no_window(views):
+    with pytest.raises(ValueError, match="lies in 0 photos"):
+        windows.around([0.0, 0.0, 2.0], views, PX, least=1)
+    with pytest.raises(ValueError, match="lies in 0 photos"):
+        windows.around([0.0, 0.0, 0.0], views, PX, least=1)
+
+
+def test_chosen_points_are_in_all_photos_and_apart(views):
+    chosen = windows.choose(views.points[0], views, PX, 3, least=4)
+    assert len(chosen) > 1
+    for point in chosen:
+        windows.around(point, views, PX, least=6)
+    first, second = chosen[:2]
+    for camera in zip(views.pixtocams, views.camtoworlds, strict=True):
+        away = cameras.project(first, *camera)[0] - cameras.project(second, *camera)[0]
+        assert np.abs(away).max() >= PX - 1e-9
+    again = windows.choose(views.points[0], views, PX, 3, least=4)
+    np.testing.assert_array_equal(again, chosen)
+
+
+def test_texture_and_the_middle_of_the_depths_are_preferred(views):
+    wall, colours = views.points
+    dense = np.array([0.1, 0.1, -2.0]) + 0.02 * np.random.default_rng(1).normal(
+        size=(200, 3)
+    ) * [1, 1, 0]
+    far = np.array([[0.0, 0.0, -200.0]])
+    points = np.concatenate([wall, dense, far])
+    (best,) = windows.choose(points, views, PX, 1, least=4)
+    assert np.linalg.norm(best - [0.1, 0.1, -2.0]) < 0.5
+    assert not np.array_equal(best, far[0])
+
+
+def test_a_pixel_by_hand_is_the_point_behind_it(views):
+    point = windows.behind(views.points[0], views, "view_2", [120.0, 60.0])
+    assert point[2] == pytest.approx(-2)
+    xy, _ = cameras.project(point, views.pixtocams[2], views.camtoworlds[2])
+    np.testing.assert_allclose(xy, [120, 60], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "pixel", "reason"),
+    [
+        ("other", [1, 1], "no view 'other', only view_0"),
+        ("view_1", [201, 1], "is not a pixel of 200x150"),
+        ("view_1", [1, -1], "is not a pixel of 200x150"),
+    ],
+)
+def test_a_place_that_is_not_there_is_named(views, name, pixel, reason):
+    with pytest.raises(ValueError, match=reason):
+        windows.behind(views.points[0], views, name, pixel)
+
+
+def test_no_window_is_said_with_the_best_there_is(views):
+    with pytest.raises(ValueError, match=r"no window of 149 px lies in 6 photos"):
+        windows.choose(views.points[0], views, 149, 1, least=6)
+    with pytest.raises(ValueError, match=r"the best in 0 of 6"):
+        windows.choose(views.points[0], views, 190, 1, least=1)
+    with pytest.raises(ValueError, match="no point of the scene is seen near"):
+        windows.behind(np.array([[0.0, 0.0, 3.0]]), views, "view_0", [10, 10])
+
+
+def test_masks_and_splits_follow(views):
+    split = np.array(["test", *["train"] * 5])
+    masks = [prepare.all_count(WIDTH, HEIGHT)] * 6
+    marked = views._replace(split=split, masks=masks)
+    cut = windows.around([0.0, 0.0, -2.0], marked, PX, least=4)
+    assert cut.split.tolist() == split.tolist()
+    assert all((mask.read() == 255).all() for mask in cut.masks)
+    assert cut.masks[0].read().shape[:2] == (PX, PX)
