@@ -17,7 +17,7 @@ import numpy as np
 from alignerf.experiment import jobs, schema
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
-from alignerf.files import atomic, faults, images
+from alignerf.files import archives, atomic, faults, images
 from alignerf.scenes import (
     blender,
     cameras,
@@ -41,6 +41,8 @@ FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
 # With `downscale: auto`: a training that sees each half a time takes minutes on a core.
 # Many photos may have more together, rather than sides under this.
 MOST_PIXELS, LEAST_SIDE_PX = 10_000_000, 200
+# Of the photos in which points are found to choose windows by.
+OF_POINTS = (40_000_000, 400)
 PRODUCTS = ("images", "truth", "colmap", "cameras.npz", "poses.json")
 
 
@@ -55,7 +57,8 @@ def main(config, out):
         prepared.check_views(config["path"] or out, views)
         views = perturbed(views, config)
         if config["zoom"]:
-            views, told["zoom"] = zoomed(views, scratch, config)
+            views, more = zoomed(views, scratch, config)
+            told |= more
         split = split_of(views, config)
         check_enough(split, config["least_train_views"], config["path"] or out)
         warn_of_few(out, split)
@@ -100,19 +103,36 @@ def perturbed(views, config):
 def zoomed(views, scratch, config):
     """The windows of the views, and what the report says of them."""
     zoom, least = config["zoom"], config["least_train_views"] + 1
-    where = config["path"] or config["source"]
+    where, told = config["path"] or config["source"], {}
+    if zoom["point"] is None and views.points is None:
+        views, told = with_points(views, scratch, config)
     try:
-        point, whole = windows.place(views, scratch, zoom, least, config["seed"])
-        around = windows.around(point, whole, zoom["px"], least=least)
+        point = windows.place(views, zoom, least=least)
+        around = windows.around(point, views, zoom["px"], least=least)
     except ValueError as error:
         raise ValueError(f"{where}: zoom: {error}") from None
+    kept = {"views": len(around.names), "of": len(views.names)}
     log.info(
         "%s: windows of %d px around %s, in %d of %d views",
-        *(where, zoom["px"], np.round(point, 4).tolist()),
-        *(len(around.names), len(views.names)),
+        *(where, zoom["px"], np.round(point, 4).tolist(), *kept.values()),
     )
-    told = {"px": zoom["px"], "point": np.asarray(point, float).tolist()}
-    return around, told | {"views": len(around.names), "of": len(views.names)}
+    of_zoom = {"px": zoom["px"], "point": point.tolist(), **kept}
+    return around, told | {"zoom": of_zoom}
+
+
+def with_points(views, scratch, config):
+    """The views with the points that they share, found in smaller photos; the report.
+
+    scratch: a folder, written into.
+    """
+    folder, every = scratch / "whole", np.full(len(views.names), "train")
+    small = prepare.downscale(views, prepare.factor_for(views, *OF_POINTS))
+    prepare.write_views(folder, small, split=every)
+    told = add_points(folder, scratch, views.width / small.width, config)
+    if told:
+        arrays = archives.read(folder / prepared.POINTS, ["points", "colours"])
+        views = views._replace(points=(arrays["points"], arrays["colours"]))
+    return views, told
 
 
 def split_of(views, config):

@@ -13,15 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.files import faults
-from alignerf.scenes import cameras, prepare, prepared
-from alignerf.scenes.capture import triangulate
+from alignerf.scenes import cameras, prepare
 
 # Points that are looked at more closely; the others are seen by fewer views.
 MOST_CANDIDATES = 2000
 # Two windows show other things where their points are as far apart, in windows.
 APART = 1.0
-# Of the photos that points are found in, where a scene comes without any.
-MOST_PIXELS, LEAST_PX = 40_000_000, 400
 
 
 class Seen(NamedTuple):
@@ -35,37 +32,23 @@ class Seen(NamedTuple):
     inside: np.ndarray
 
 
-def place(views: prepare.PosedViews, scratch, zoom, least, seed):
-    """(the point [3] of a config's `zoom`, the views with points).
+def place(views: prepare.PosedViews, zoom, *, least):
+    """The point [3] that a config's `zoom` means; the views have points.
 
-    Without points of COLMAP's, those are found that the views share. scratch: a folder.
+    least: views that a window needs. Raises ValueError where there is none.
     """
     if zoom["point"] is not None:
-        return np.array(zoom["point"]), views
-    if views.points is None:
-        views = views._replace(points=shared_points(views, scratch, seed))
+        return np.array(zoom["point"])
+    if views.points is None or not len(views.points[0]):
+        raise ValueError("the views share no points: name a `point`")
     points = views.points[0]
-    if not len(points):
-        raise ValueError("the views share no points: name a point")
     if zoom["view"] is not None:
-        return behind(points, views, zoom["view"], zoom["pixel"]), views
+        return behind(points, views, zoom["view"], zoom["pixel"])
     count = zoom["number"] + 1
     chosen = choose(points, views, zoom["px"], count, least=least)
     if len(chosen) < count:
-        raise ValueError(
-            f"number: {len(chosen)} places suit, the last is number {len(chosen) - 1}"
-        )
-    return chosen[-1], views
-
-
-def shared_points(views: prepare.PosedViews, scratch, seed):
-    """Points [m, 3] and colours of the views, triangulated from smaller photos."""
-    folder = scratch / "whole"
-    small = prepare.downscale(views, prepare.factor_for(views, MOST_PIXELS, LEAST_PX))
-    prepare.write_views(folder, small, split=np.full(len(views.names), "train"))
-    cameras_of = prepared.read_cameras(folder / "cameras.npz")
-    model = triangulate.triangulate(folder / "images", scratch, cameras_of, seed=seed)
-    return model.points, model.colours
+        raise ValueError(f"number: only {len(chosen)} places suit, counted from 0")
+    return chosen[-1]
 
 
 def seen(points, views: prepare.PosedViews, px) -> Seen:

@@ -45,7 +45,8 @@ def test_a_window_sees_what_its_photo_sees_there(views):
         of_whole = (views.pixtocams[whole], views.camtoworlds[whole])
         of_window = (cut.pixtocams[place], cut.camtoworlds[place])
         (xy, depth), (own, same) = (
-            cameras.project(views.points[0], *camera) for camera in (of_whole, of_window)
+            cameras.project(views.points[0], *camera)
+            for camera in (of_whole, of_window)
         )
         np.testing.assert_allclose(own + corner, xy, atol=1e-9)
         np.testing.assert_allclose(same, depth)
@@ -87,7 +88,7 @@ def test_chosen_points_are_in_all_photos_and_apart(views):
 
 
 def test_texture_and_the_middle_of_the_depths_are_preferred(views):
-    wall, colours = views.points
+    wall, _ = views.points
     dense = np.array([0.1, 0.1, -2.0]) + 0.02 * np.random.default_rng(1).normal(
         size=(200, 3)
     ) * [1, 1, 0]
