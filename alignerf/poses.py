@@ -77,7 +77,11 @@ def main(config, out):
             )
         if (scratch / "colmap").is_dir():
             atomic.move(scratch / "colmap", fresh / "colmap")
-        told |= describe_views(views, (full.width, full.height), split, config)
+        photo_size = (full.width, full.height)
+        if config["zoom"]:
+            # Of the windows, in pixels of the photo.
+            photo_size = [config["downscale"] * side for side in windows.size_of(views)]
+        told |= describe_views(views, photo_size, split, config)
         told["time_s"] = round(time.monotonic() - started, 1)
         (fresh / "poses.json").write_text(json.dumps(told, indent=1) + "\n")
         publish(fresh, out)
