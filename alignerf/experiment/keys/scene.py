@@ -114,10 +114,18 @@ class Zoom(Keys):
     )
     view: str | None = key(None, "name of a photo in which the point is shown by hand")
     pixel: list[float] | None = key(
-        None, "x and y of the point in that photo, after downscale", length=(2, 2)
+        None,
+        "x and y of the point in that photo, after downscale",
+        least=0,
+        most=1e6,
+        length=(2, 2),
     )
     point: list[float] | None = key(
-        None, "the point itself, in the frame of cameras.npz", length=(3, 3)
+        None,
+        "the point itself, in the frame of cameras.npz",
+        least=-1e9,
+        most=1e9,
+        length=(3, 3),
     )
 
 
