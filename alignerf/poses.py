@@ -56,8 +56,9 @@ def main(config, out):
         views = for_training(full, config)
         prepared.check_views(config["path"] or out, views)
         views = perturbed(views, config)
+        whole, cut = views, None
         if config["zoom"]:
-            views, more = zoomed(views, scratch, config)
+            views, cut, more = zoomed(views, scratch, config)
             told |= more
         split = split_of(views, config)
         check_enough(split, config["least_train_views"], config["path"] or out)
@@ -68,12 +69,8 @@ def main(config, out):
             told |= add_points(fresh, scratch, full.width / views.width, config)
         if scene is not None:
             log.info("rendering the truth of %d views", len(views.names))
-            told["true_misalignment_px"] = truth.write_truth(
-                fresh / "truth",
-                truth.select(scene, views.names),
-                views,
-                split=split,
-                perturb_px=config["perturb_px"],
+            told["true_misalignment_px"] = write_truth(
+                fresh / "truth", scene, whole, cut, split, config["perturb_px"]
             )
         if (scratch / "colmap").is_dir():
             atomic.move(scratch / "colmap", fresh / "colmap")
@@ -105,23 +102,39 @@ def perturbed(views, config):
 
 
 def zoomed(views, scratch, config):
-    """The windows of the views, and what the report says of them."""
+    """The windows as views, where they lie, and what the report says of them."""
     zoom, least = config["zoom"], config["least_train_views"] + 1
     where, told = config["path"] or config["source"], {}
     if zoom["point"] is None and views.points is None:
         views, told = with_points(views, scratch, config)
     try:
         point = windows.place(views, zoom, least=least)
-        around = windows.around(point, views, zoom["px"], least=least)
+        cut = windows.around(point, views, zoom["px"], least=least)
     except ValueError as error:
         raise ValueError(f"{where}: zoom: {error}") from None
-    kept = {"views": len(around.names), "of": len(views.names)}
+    kept = {"views": len(cut.kept), "of": len(views.names)}
     log.info(
         "%s: windows of %d px around %s, in %d of %d views",
         *(where, zoom["px"], np.round(point, 4).tolist(), *kept.values()),
     )
     of_zoom = {"px": zoom["px"], "point": point.tolist(), **kept}
-    return around, told | {"zoom": of_zoom}
+    return windows.cut(views, cut), cut, told | {"zoom": of_zoom}
+
+
+def write_truth(folder, scene, whole, cut, split, perturb_px):
+    """Write the truth of the views, or of their windows; returns its mean flow in px.
+
+    whole: the views; cut: `windows.Windows` in them, or None.
+    """
+    seen = whole if cut is None else windows.of_views(whole, cut.kept)
+    mean_px = truth.write_truth(
+        folder,
+        truth.select(scene, seen.names),
+        seen,
+        split=split,
+        perturb_px=perturb_px,
+    )
+    return mean_px if cut is None else windows.cut_truth(folder, seen.names, cut)
 
 
 def with_points(views, scratch, config):

@@ -12,13 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import faults
-from alignerf.scenes import cameras, prepare
+from alignerf.files import archives, faults, images
+from alignerf.scenes import cameras, prepare, prepared
 
 # Points that are looked at more closely; the others are seen by fewer views.
 MOST_CANDIDATES = 2000
 # Two windows show other things where their points are as far apart, in windows.
 APART = 1.0
+# Arrays of the truth's files.
+OF_TRUTH = {"depth": ["depth_m"], "flow": ["flow_px", "valid"], "moving": ["moving"]}
 
 
 class Seen(NamedTuple):
@@ -140,8 +142,16 @@ def size_of(views):
     return views.width, views.height
 
 
-def around(point, views: prepare.PosedViews, px, *, least) -> prepare.PosedViews:
-    """The windows of `px` around a point [3], of the views that have them whole.
+class Windows(NamedTuple):
+    """Where windows of `px` lie: in which views, and their corners [k, 2], x first."""
+
+    px: int
+    kept: np.ndarray
+    corners: np.ndarray
+
+
+def around(point, views: prepare.PosedViews, px, *, least) -> Windows:
+    """The windows of `px` around a point [3], in the views that have them whole.
 
     Raises ValueError where fewer than `least` do.
     """
@@ -152,29 +162,85 @@ def around(point, views: prepare.PosedViews, px, *, least) -> prepare.PosedViews
             f"a window of {px} px around {np.round(point, 4).tolist()} lies in "
             f"{len(kept)} photos, under {least}: take a smaller one, or another point"
         )
-    corners = np.round(whole.xy[kept, 0] - px / 2).astype(int)
-    shift = np.tile(np.eye(3), (len(kept), 1, 1))
-    shift[:, :2, 2] = corners
+    return Windows(px, kept, np.round(whole.xy[kept, 0] - px / 2).astype(int))
 
-    def cut(photos):
-        return [
-            photos[view].then(lambda image, x=x, y=y: image[y : y + px, x : x + px])
-            for view, (x, y) in zip(kept, corners, strict=True)
-        ]
 
-    cropped = views._replace(
+def of_views(views: prepare.PosedViews, kept) -> prepare.PosedViews:
+    """Some of the views, by their indices."""
+    return views._replace(
         names=[views.names[view] for view in kept],
-        pixtocams=np.asarray(views.pixtocams)[kept] @ shift,
+        pixtocams=np.asarray(views.pixtocams)[kept],
         camtoworlds=np.asarray(views.camtoworlds)[kept],
-        width=px,
-        height=px,
-        photos=cut(views.photos),
-        masks=views.masks and cut(views.masks),
-        # They are of the whole photo.
-        bounds=None,
+        photos=[views.photos[view] for view in kept],
+        masks=views.masks and [views.masks[view] for view in kept],
+        bounds=None if views.bounds is None else views.bounds[kept],
         split=None if views.split is None else views.split[kept],
     )
-    return cropped._replace(points=inside_of(cropped))
+
+
+def cut(views: prepare.PosedViews, windows: Windows) -> prepare.PosedViews:
+    """The windows as views: photos are cut when they are read, cameras shifted."""
+    views, px = of_views(views, windows.kept), windows.px
+    shift = np.tile(np.eye(3), (len(views.names), 1, 1))
+    shift[:, :2, 2] = windows.corners
+
+    def pieces(photos):
+        places = zip(photos, windows.corners, strict=True)
+        return [photo.then(piece_at(corner, px)) for photo, corner in places]
+
+    made = views._replace(
+        pixtocams=views.pixtocams @ shift,
+        width=px,
+        height=px,
+        photos=pieces(views.photos),
+        masks=views.masks and pieces(views.masks),
+        # They are of the whole photo.
+        bounds=None,
+    )
+    return made._replace(points=inside_of(made))
+
+
+def piece_at(corner, px):
+    """A function that cuts a window out of an image [h, w, ...]."""
+    left, top = corner
+    return lambda image: image[top : top + px, left : left + px]
+
+
+def cut_truth(folder, names, windows: Windows):
+    """Cut the truth of whole views, in place; returns the mean true flow in px.
+
+    folder: of `courtyard.truth.write_truth`, for the views that have windows.
+    """
+    lengths_px = []
+    for name, corner in zip(names, windows.corners, strict=True):
+        piece = piece_at(corner, windows.px)
+        path = folder / "oracle" / f"{name}.png"
+        images.write(path, piece(images.read(path)))
+        for kind, arrays_of in OF_TRUTH.items():
+            path = folder / kind / f"{name}.npz"
+            if path.is_file():
+                arrays = archives.read(path, arrays_of)
+                arrays = {key: piece(array) for key, array in arrays.items()}
+                if kind == "flow":
+                    arrays["valid"] &= stays(arrays["flow_px"], windows.px)
+                    flow_px = arrays["flow_px"][arrays["valid"]]
+                    lengths_px.append(np.linalg.norm(flow_px, axis=-1))
+                np.savez_compressed(path, **arrays)
+    path = folder / "cameras.npz"
+    shift = np.tile(np.eye(3), (len(names), 1, 1))
+    shift[:, :2, 2] = windows.corners
+    arrays = prepared.read_cameras(path)
+    arrays["pixtocams"] = arrays["pixtocams"] @ shift
+    arrays |= {"width": np.int64(windows.px), "height": np.int64(windows.px)}
+    np.savez(path, **arrays)
+    return float(np.concatenate(lengths_px).mean())
+
+
+def stays(flow_px, px):
+    """Where a flow [px, px, 2] ends inside of the window."""
+    y, x = np.mgrid[:px, :px]
+    ends = np.stack([x, y], axis=-1) + flow_px
+    return ((ends >= 0) & (ends <= px - 1)).all(axis=-1)
 
 
 def inside_of(views: prepare.PosedViews):

@@ -32,9 +32,14 @@ def views(rng):
     )
 
 
+def around(point, views, px, *, least):
+    """The windows as views."""
+    return windows.cut(views, windows.around(point, views, px, least=least))
+
+
 def test_a_window_sees_what_its_photo_sees_there(views):
     point = np.array([0.05, -0.1, -2.0])
-    cut = windows.around(point, views, PX, least=4)
+    cut = around(point, views, PX, least=4)
     assert (cut.width, cut.height, len(cut.names)) == (PX, PX, 6)
     for place, name in enumerate(cut.names):
         whole = views.names.index(name)
@@ -60,25 +65,25 @@ def test_a_window_sees_what_its_photo_sees_there(views):
 def test_views_without_the_whole_window_are_left_out(views):
     # The cameras to the left do not see so far to the right.
     point = np.array([0.75, 0.0, -2.0])
-    cut = windows.around(point, views, PX, least=1)
+    cut = around(point, views, PX, least=1)
     assert 0 < len(cut.names) < 6
     assert cut.names == views.names[-len(cut.names) :]
     with pytest.raises(ValueError, match=r"64 px around .* lies in \d photos, under 6"):
-        windows.around(point, views, PX, least=6)
+        around(point, views, PX, least=6)
 
 
 def test_a_point_behind_the_cameras_is_in_no_window(views):
     with pytest.raises(ValueError, match="lies in 0 photos"):
-        windows.around([0.0, 0.0, 2.0], views, PX, least=1)
+        around([0.0, 0.0, 2.0], views, PX, least=1)
     with pytest.raises(ValueError, match="lies in 0 photos"):
-        windows.around([0.0, 0.0, 0.0], views, PX, least=1)
+        around([0.0, 0.0, 0.0], views, PX, least=1)
 
 
 def test_chosen_points_are_in_all_photos_and_apart(views):
     chosen = windows.choose(views.points[0], views, PX, 3, least=4)
     assert len(chosen) > 1
     for point in chosen:
-        windows.around(point, views, PX, least=6)
+        around(point, views, PX, least=6)
     first, second = chosen[:2]
     for camera in zip(views.pixtocams, views.camtoworlds, strict=True):
         away = cameras.project(first, *camera)[0] - cameras.project(second, *camera)[0]
@@ -132,7 +137,7 @@ def test_masks_and_splits_follow(views):
     split = np.array(["test", *["train"] * 5])
     masks = [prepare.all_count(WIDTH, HEIGHT)] * 6
     marked = views._replace(split=split, masks=masks)
-    cut = windows.around([0.0, 0.0, -2.0], marked, PX, least=4)
+    cut = around([0.0, 0.0, -2.0], marked, PX, least=4)
     assert cut.split.tolist() == split.tolist()
     assert all((mask.read() == 255).all() for mask in cut.masks)
     assert cut.masks[0].read().shape[:2] == (PX, PX)
