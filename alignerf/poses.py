@@ -27,9 +27,8 @@ from alignerf.scenes import (
     prepare,
     prepared,
     transforms,
-    windows,
 )
-from alignerf.scenes.capture import report, triangulate
+from alignerf.scenes.capture import report, triangulate, windows
 from alignerf.scenes.courtyard import scene as courtyard
 from alignerf.scenes.courtyard import truth
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from alignerf.scenes import cameras, prepare, windows
+from alignerf.scenes import cameras, prepare
+from alignerf.scenes.capture import windows
 
 WIDTH, HEIGHT, PX = 200, 150, 64
 
