@@ -27,7 +27,6 @@ from alignerf.experiment.tables import rows as table_rows
 from alignerf.files import atomic, csv_files, faults, json_files, provenance
 from alignerf.tables import columns
 
-SCORES = ("method", "round", "test_set", "view", "metric", "value")
 # Of a training; seconds are without compilation.
 TRAINED = ("steps", "rays_seen", "params", "train_time_s", "compile_time_s")
 
@@ -43,7 +42,7 @@ def main(argv=None):
     rows = json_rows.read(table_rows.Row, args.rows)
     scores = scores_of([row for row in rows if row.method])
     trainings = pd.DataFrame([line_of(row) for row in rows])
-    trainings = trainings.reindex(columns=list(columns.TABLES["trainings"].columns))
+    trainings = trainings.reindex(columns=columns.names("trainings"))
     counts = dict.fromkeys(("round", "steps", "rays_seen", "params"), "Int64")
     with (
         atomic.replace_file(args.scores) as scores_path,
@@ -70,7 +69,7 @@ def scores_of(rows):
             if views != first[1]:
                 raise ValueError(f"{path}: not the views of {first[0]}")
             tables.append(table.assign(method=row.method, round=row.round))
-    return pd.concat(tables)[list(SCORES)]
+    return pd.concat(tables)[columns.names("scores")]
 
 
 def views_of(path):
@@ -82,18 +81,18 @@ def views_of(path):
     if table.duplicated(["view", "test_set"]).any():
         raise ValueError(f"{path}: not the scores of views: one stands twice")
     metrics = [name for name in columns.METRICS if name in table]
-    return long(table, ("view", "test_set"), metrics)
+    return long(table, metrics)
 
 
 def parts_of(path):
     """Lengths of the flow from render to photo and of its parts, by view."""
     table = csv_files.read(path, columns=("view", *columns.PARTS))
-    return long(table.assign(test_set="standard"), ("view", "test_set"), columns.PARTS)
+    return long(table.assign(test_set="standard"), columns.PARTS)
 
 
-def long(table, keys, metrics):
+def long(table, metrics):
     """A row per view, test set and metric."""
-    return table.melt(list(keys), list(metrics), "metric", "value")
+    return table.melt(["view", "test_set"], metrics, "metric", "value")
 
 
 def line_of(row):
@@ -128,13 +127,13 @@ def of_renders(files):
     """Seconds of rendering and flow; of the rest what their processes took besides."""
     line = {}
     if "render" in files:
-        line["render_time_s"] = rendering_s(files["render"])
+        line["render_time_s"] = rendering_s(read_rendering(files["render"]))
         line["align_time_s"] = flow_s(files.get("align"))
     if "render_test" in files:
-        rendering = read_rendering(files["render_test"])
-        line["view_time_s"] = rendering["view_time_s"]
+        of_test = read_rendering(files["render_test"])
+        line["view_time_s"] = of_test["view_time_s"]
     if "render_process" in files:
-        work_s = line["render_time_s"] + rendering_s(files["render_test"])
+        work_s = line["render_time_s"] + rendering_s(of_test)
         process_s = read_process(files["render_process"])["s"]
         line["render_rest_time_s"] = rest_s(process_s, work_s)
         work_s = line["align_time_s"] + flow_s(files.get("align_test"))
@@ -157,9 +156,8 @@ def read_rendering(path):
     return json_files.read(path, kinds)
 
 
-def rendering_s(path):
+def rendering_s(rendering):
     """Seconds of all views: loading and compiling count no more than a training's."""
-    rendering = read_rendering(path)
     return rendering["views"] * rendering["view_time_s"]
 
 

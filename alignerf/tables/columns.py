@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import yaml
 
+from alignerf.tables import scores
+
 
 class Column(NamedTuple):
     """A column of a CSV; see columns.yaml."""
@@ -56,6 +58,12 @@ PARTS = [
 def names(table):
     """Names of a table's columns, in the CSV's order."""
     return list(TABLES[table].columns)
+
+
+def shown(values, name):
+    """Numbers of a metric as text, `--` where there is none."""
+    form = TABLES["misalignment"].columns[name].form
+    return [scores.shown(value, form) for value in values]
 
 
 def latex(name):

@@ -84,15 +84,16 @@ def quantities_of(psnr_db):
 def to_latex(table):
     """A row per method and warping, a column a quantity."""
     quantities = [name for name in HEADINGS if name in set(table["quantity"])]
-    rows, above = [], None
+    rows = []
     for (method, warping), own in table.groupby(["method", "warping"], sort=False):
         texts = {
             line.quantity: cell(line.quantity, line.db, line.low_db, line.high_db)
             for line in own.itertuples()
         }
         cells = [texts.get(quantity, "--") for quantity in quantities]
-        rows.append([latex.name(method) if method != above else "", warping, *cells])
-        above = method
+        rows.append([latex.name(method), warping, *cells])
+    names, *others = zip(*rows, strict=True)
+    rows = latex.rows_of([latex.once(names), *others])
     heads = ["Method", "Warping", *(HEADINGS[quantity] for quantity in quantities)]
     return latex.table("ll" + "r" * len(quantities), [heads], rows, NOTES)
 

@@ -47,11 +47,6 @@ def to_latex(table):
         name: [scores.shown(v, ".0f") for v in 100 * table[key]]
         for key, name in SHARES.items()
     }
-    heads = [["Method", "Round"], ["", ""]]
-    body = [latex.once(list(map(latex.name, table["method"]))), table["round"]]
-    for heading, group in groups.items():
-        heads[0].append(latex.Span(heading, len(group)))
-        heads[1] += group
-        body += group.values()
-    align = "ll" + "r" * (len(body) - 2)
-    return latex.table(align, heads, list(map(list, zip(*body, strict=True))), NOTES)
+    names = map(latex.name, table["method"])
+    labels = {"Method": names, "Round": table["round"]}
+    return latex.table(*latex.side_by_side(labels, groups), NOTES)

@@ -31,6 +31,12 @@ class Scored(NamedTuple):
         return self.rows[self.names.index(name)]
 
 
+def shared_rows(group):
+    """(method, round) that all scenes have: with `rounds: auto` some have more."""
+    shared = set.intersection(*(set(one.names) for one in group))
+    return [name for name in group[0].names if name in shared]
+
+
 def parser(description):
     """Of the arguments --configs, --csv and --tex."""
     arguments = argparse.ArgumentParser(description=description)

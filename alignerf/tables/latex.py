@@ -63,6 +63,28 @@ def blocks(rows):
     return list(itertools.chain(*parted))[:-1]
 
 
+def rows_of(columns):
+    """Rows of cells from columns of cells."""
+    return list(map(list, zip(*columns, strict=True)))
+
+
+def side_by_side(labels, groups):
+    """(align, heads, rows) of groups of columns beside labels, which stand once each.
+
+    labels: {heading: cells}, at the left. groups: {heading: {heading below it: cells}},
+    at the right.
+    """
+    first, *others = labels.values()
+    body = [once(list(first)), *others]
+    heads = [[*labels], [""] * len(labels)]
+    for heading, group in groups.items():
+        heads[0].append(Span(heading, len(group)))
+        heads[1] += map(name, group)
+        body += group.values()
+    align = "l" * len(labels) + "r" * (len(body) - len(labels))
+    return align, heads, rows_of(body)
+
+
 def once(labels):
     """Labels of rows, each empty where it is the one above."""
     above = [None, *labels[:-1]]

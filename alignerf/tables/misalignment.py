@@ -20,7 +20,7 @@ PRINTED = ("psnr_db", "ssim", PRINTED_ONLY)
 COUNTS = ("params", "steps", "rays_seen")
 KEYS = ["method", "warping"]
 TIMES = ("train", "data", "total")
-DIFFERENCE = ("difference_db", "difference_low_db", "difference_high_db")
+DIFFERENCE = scores.with_ends("difference_")
 NOTES = (
     "Costs are of all rounds and stages that lead to a row. Differences are to",
     "the same model without warping, paired by view, with 95 % bootstrap",
@@ -87,19 +87,13 @@ def to_latex(table):
     rule of their own, are not among them.
     """
     lines = table.drop_duplicates(KEYS)
-    names = list(map(latex.name, lines["method"]))
-    body = [latex.once(names), list(lines["warping"])]
-    heads = [["Method", "Warping"], ["", ""]]
-    for heading, cells_of in groups(table, lines):
-        heads[0].append(latex.Span(heading, len(cells_of)))
-        heads[1] += map(latex.name, cells_of)
-        body += cells_of.values()
-    rows = list(map(list, zip(*body, strict=True)))
+    names = map(latex.name, lines["method"])
+    labels = {"Method": names, "Warping": lines["warping"]}
+    align, heads, rows = latex.side_by_side(labels, dict(groups(table, lines)))
     # A rule above what papers print.
     ours = int(lines["source"].isna().sum())
     if ours < len(rows):
         rows.insert(ours, latex.RULE)
-    align = "ll" + "r" * (len(body) - 2)
     return latex.table(align, heads, rows, [*NOTES, *notes(table)], colours=True)
 
 
@@ -129,8 +123,7 @@ def groups(table, lines):
 
 def metric_cells(column, key, ours):
     """Numbers of a metric; the best three of ours are coloured."""
-    form = ".2f" if key == "psnr_db" else ".3f"
-    texts = [scores.shown(value, form) for value in column]
+    texts = columns.shown(column, key)
     if key not in METRICS:
         return texts
     return latex.coloured(texts, column.where(ours), higher=METRICS[key])

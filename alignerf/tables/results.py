@@ -10,8 +10,6 @@ from alignerf.tables import columns, scores
 
 # Summed over all trainings that lead to a row.
 SUMMED = ("train_time_s", "steps", "rays_seen")
-SCORES = ["method", "round", "test_set", "view", "metric", "value"]
-NAMES = ("method", "round", "description", "baseline", "base", "published")
 
 
 class Row(NamedTuple):
@@ -118,14 +116,15 @@ def row_of(line, trainings, views, scene):
 
 def read_scores(path):
     """{(method, round): table of scores}; a table is laid out as `Row.views`."""
-    table = csv_files.read(path, columns=SCORES)
-    if table.duplicated(SCORES[:-1]).any():
+    *keys, value = columns.names("scores")
+    table = csv_files.read(path, columns=(*keys, value))
+    if table.duplicated(keys).any():
         raise ValueError(f"{path}: a score stands twice")
     if unknown := set(table["metric"]) - {*columns.METRICS, *columns.PARTS}:
         raise ValueError(f"{path}: no metric is called {min(unknown, key=str)}")
     found, views = {}, None
     for key, own in table.groupby(["method", "round"], sort=False):
-        wide = own.pivot(index="view", columns=["test_set", "metric"], values="value")
+        wide = own.pivot(index="view", columns=["test_set", "metric"], values=value)
         views = wide.index if views is None else views
         if not wide.index.equals(views):
             raise ValueError(f"{path}: {row_name(key)}: not the views of those above")
@@ -165,4 +164,4 @@ def words(line, key):
 
 def has(line, key):
     """Whether a cell of a line has something in it."""
-    return key in line and pd.notna(line[key])
+    return pd.notna(line[key])

@@ -30,8 +30,13 @@ def short_names(methods, warpings):
     return [row_name(*pair) if pair[0] in several else pair[0] for pair in pairs]
 
 
+def with_ends(prefix=""):
+    """Columns of a number of dB and of the ends of its interval."""
+    return [f"{prefix}db", f"{prefix}low_db", f"{prefix}high_db"]
+
+
 def mean_and_interval(values, prefix=""):
-    """{`prefix`db, `prefix`low_db, `prefix`high_db} of one number a view.
+    """{column of `with_ends`: dB} of one number a view.
 
     A view without a number leaves all three empty rather than flatter the mean.
     """
@@ -41,8 +46,8 @@ def mean_and_interval(values, prefix=""):
 def pooled_mean_and_interval(groups, prefix=""):
     """The same of one array of numbers a seed: the mean over seeds of their means."""
     mean = float(np.mean([values.mean() for values in groups]))
-    keys = (f"{prefix}db", f"{prefix}low_db", f"{prefix}high_db")
-    return dict(zip(keys, (mean, *intervals.pooled_interval(groups)), strict=True))
+    found = (mean, *intervals.pooled_interval(groups))
+    return dict(zip(with_ends(prefix), found, strict=True))
 
 
 def significant(low, high):

@@ -62,7 +62,7 @@ def make_table(scenes, printed=()):
     lines = []
     for name, group in groups_of(scenes).items():
         left = [line | {"scene": ALL} for line in printed if line["group"] == name]
-        for key in shared_rows(group):
+        for key in table_files.shared_rows(group):
             lines += lines_of({"group": name, "scene": ALL}, group, key)
             called = group[0].row(key).published
             lines += [line for line in left if line["called"] == called]
@@ -84,14 +84,8 @@ def lines_by_scene(name, group):
         return
     for seeds in alike.values():
         labels = {"group": name, "scene": seeds[0].scene.scene}
-        for key in shared_rows(seeds):
+        for key in table_files.shared_rows(seeds):
             yield from lines_of(labels, seeds, key)
-
-
-def shared_rows(group):
-    """(method, round) that all scenes have: with `rounds: auto` some have more."""
-    shared = set.intersection(*(set(one.names) for one in group))
-    return [key for key in group[0].names if key in shared]
 
 
 def lines_of(labels, scenes, key):
@@ -162,7 +156,7 @@ def make_ranking(scenes):
     """
     lines = []
     for name, group in groups_of(scenes).items():
-        methods = [pooled_psnr(group, key) for key in shared_rows(group)]
+        methods = [pooled_psnr(group, key) for key in table_files.shared_rows(group)]
         for first, second in itertools.combinations(TEST_SETS, 2):
             both = [sets for sets in methods if first in sets and second in sets]
             if len(both) > 1:
@@ -223,11 +217,7 @@ def rows_of(table, sets, metrics):
         of_set = table[table["test_set"] == test_set].set_index(keys)
         of_set = of_set.reindex(lines.index)
         for key in metrics:
-            texts = [
-                scores.shown(value, ".2f" if key == "psnr_db" else ".3f")
-                for value in of_set[key]
-            ]
-            ours = of_set[key].mask(published)
+            texts, ours = columns.shown(of_set[key], key), of_set[key].mask(published)
             body.append(latex.coloured(texts, ours, higher=METRICS.get(key, False)))
         gains = of_set[["difference_to", *misalignment.DIFFERENCE]].itertuples()
         body.append(
@@ -238,7 +228,7 @@ def rows_of(table, sets, metrics):
         )
     body.append([scores.shown(s / 60, ".1f") for s in lines["total_time_s"]])
     body.append([scores.shown(n / 1e6, ".2f") for n in lines["params"]])
-    return list(map(list, zip(*body, strict=True)))
+    return latex.rows_of(body)
 
 
 if __name__ == "__main__":

@@ -30,7 +30,6 @@ TEST_SETS = test_sets.shown_in("regimes")
 METRICS = ("psnr_db", "ssim")
 COSTS = ("train_time_s", "data_time_s", "total_time_s", "rays_seen")
 REGIME = ("scene", "perturb_px", "motion_m")
-DIFFERENCE = ("difference_db", "difference_low_db", "difference_high_db")
 NOTES = (
     "Costs are of all rounds and stages that lead to a row.",
     "PSNR in dB and its difference to the baseline, paired by view; 95 %",
@@ -85,8 +84,8 @@ def lines_of(group):
 
 
 def with_shared_rows(group):
-    """The scenes with those rows that all have: `rounds: auto` may end at any round."""
-    shared = set.intersection(*(set(one.names) for one in group))
+    """The scenes with those rows that all have; the log names the others."""
+    shared = table_files.shared_rows(group)
     for method, round in dict.fromkeys(name for one in group for name in one.names):
         if (method, round) not in shared:
             name = scores.row_name(method, scores.warping(round))
@@ -179,7 +178,7 @@ def latex_row(own, sets, *, is_base):
         if name not in own.index:
             cells += ["--", ""]
             continue
-        ends = own.loc[name, list(DIFFERENCE)]
+        ends = own.loc[name, scores.with_ends("difference_")]
         cells.append(scores.shown(own.loc[name, "psnr_db"], ".2f"))
         cells.append("" if is_base else latex.difference(*ends))
     times = ("train_time_s", "total_time_s")

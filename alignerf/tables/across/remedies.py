@@ -225,7 +225,7 @@ def cells_of(own, budgets):
     cells = []
     for budget in budgets:
         if budget in own.index:
-            ends = own.loc[budget, ["gain_db", "gain_low_db", "gain_high_db"]]
+            ends = own.loc[budget, scores.with_ends("gain_")]
             score = f"{own.loc[budget, 'psnr_db']:.2f}"
             cells += [score, latex.difference(*ends)]
         else:

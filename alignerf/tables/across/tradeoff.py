@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from alignerf.files import atomic, faults
-from alignerf.tables import columns, intervals, latex, results, scores
+from alignerf.tables import columns, latex, results, scores
 from alignerf.tables import files as table_files
 from alignerf.tables.plots import tradeoff as tradeoff_plot
 
@@ -76,15 +76,9 @@ def scores_of(score, base, test_set):
     psnr_db = score[test_set, "psnr_db"]
     # Of the same views: what makes a view hard for both is no part of the interval.
     difference_db = psnr_db - base[test_set, "psnr_db"]
-    low, high = intervals.mean_interval(psnr_db)
-    difference_low, difference_high = intervals.mean_interval(difference_db)
     return {
-        "psnr_db": psnr_db.mean(skipna=False),
-        "psnr_low_db": low,
-        "psnr_high_db": high,
-        "difference_db": difference_db.mean(skipna=False),
-        "difference_low_db": difference_low,
-        "difference_high_db": difference_high,
+        **scores.mean_and_interval(psnr_db, "psnr_"),
+        **scores.mean_and_interval(difference_db, "difference_"),
         "ssim": score[test_set, "ssim"].mean(skipna=False),
         "standard_psnr_db": score["standard", "psnr_db"].mean(skipna=False),
     }
