@@ -125,7 +125,7 @@ def write_truth(folder, scene, whole, cut, split, perturb_px):
 
     whole: the views; cut: `windows.Windows` in them, or None.
     """
-    seen = whole if cut is None else windows.of_views(whole, cut.kept)
+    seen = whole if cut is None else prepare.select(whole, cut.kept)
     mean_px = truth.write_truth(
         folder,
         truth.select(scene, seen.names),

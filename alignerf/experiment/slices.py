@@ -25,8 +25,7 @@ def of_scene(experiment, name):
         unused.add("colmap")
     if not scene_keys.wants_points(scene):
         unused.add("triangulate")
-    if scene["masks"] is None:
-        unused.add("masks")
+    unused |= {key for key in ("masks", "zoom") if scene[key] is None}
     return as_json({key: scene[key] for key in scene.keys() - unused})
 
 

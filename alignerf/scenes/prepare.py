@@ -121,7 +121,11 @@ def join(groups: list[PosedViews], *, masked) -> PosedViews:
 
 def sort_by_name(views: PosedViews) -> PosedViews:
     """The views in the order of their names, on which the split depends."""
-    order = np.argsort(views.names, kind="stable")
+    return select(views, np.argsort(views.names, kind="stable"))
+
+
+def select(views: PosedViews, order) -> PosedViews:
+    """The views of these indices, in this order."""
     return views._replace(
         names=[views.names[i] for i in order],
         pixtocams=np.asarray(views.pixtocams)[order],

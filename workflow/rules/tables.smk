@@ -10,7 +10,7 @@ rule collect:
     benchmark:
         "results/{scene}/logs/{table}collect.tsv"
     wildcard_constraints:
-        table="|regimes/|remedies/|comparison/|tradeoff/",
+        table="|".join(["", *(f"{table}/" for table in scenes.OF_TABLES)]),
     conda:
         "../../environment.yml"
     params:

@@ -178,7 +178,6 @@ class NerfPlusPlus(System):
 class InstantNgp(System):
     """Instant-NGP's field as published; proposals find the samples."""
 
-    RATES: ClassVar = RATES["ngp"]
     HAS_NO: ClassVar = ("distortion_weight",)
 
     kind: Literal["ngp"] = key("ngp", "Instant-NGP: a hash grid in a box")

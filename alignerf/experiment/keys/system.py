@@ -16,7 +16,8 @@ def changes():
 class System(Keys):
     """A model of another kind than mip-NeRF 360; its `kind` is the name of that.
 
-    RATES: first and last learning rate where a config names none. HAS_NO: keys of a
+    RATES: of another package's, first and last learning rate where a config names none;
+    the program's own stand in `keys.training`. HAS_NO: keys of a
     training that do nothing for it. NETWORKS: how many of its size it has.
     """
 

@@ -202,11 +202,12 @@ def of_sweep(experiment, scene):
 def rows_of(experiment, scene, table):
     """The `Row`s of a table, and of the trainings that lead to them.
 
-    table: a key of OF_TABLES for a table across scenes; "" for the scene's own tables.
+    table: the folder's name with a slash, of a table across scenes; "" for the scene's
+    own tables.
     """
     if not table:
         return rows.of_scene(experiment, scene)
-    return OF_TABLES[table](experiment, scene)
+    return OF_TABLES[table.removesuffix("/")](experiment, scene)
 
 
 def of_regimes(experiment, scene):
@@ -233,14 +234,14 @@ def of_remedies(experiment, scene):
 
 
 OF_TABLES = {
-    "regimes/": of_regimes,
-    "remedies/": of_remedies,
-    "comparison/": of_comparison,
-    "tradeoff/": of_sweep,
+    "regimes": of_regimes,
+    "remedies": of_remedies,
+    "comparison": of_comparison,
+    "tradeoff": of_sweep,
 }
 
 
 def files(scene, table):
-    """The outputs of rule `collect` for a table across scenes; table: no slash."""
+    """The outputs of rule `collect` for a table across scenes."""
     folder = f"results/{scene}/{table}"
     return [f"{folder}/scores.csv", f"{folder}/trainings.csv"]

@@ -165,31 +165,16 @@ def around(point, views: prepare.PosedViews, px, *, least) -> Windows:
     return Windows(px, kept, np.round(whole.xy[kept, 0] - px / 2).astype(int))
 
 
-def of_views(views: prepare.PosedViews, kept) -> prepare.PosedViews:
-    """Some of the views, by their indices."""
-    return views._replace(
-        names=[views.names[view] for view in kept],
-        pixtocams=np.asarray(views.pixtocams)[kept],
-        camtoworlds=np.asarray(views.camtoworlds)[kept],
-        photos=[views.photos[view] for view in kept],
-        masks=views.masks and [views.masks[view] for view in kept],
-        bounds=None if views.bounds is None else views.bounds[kept],
-        split=None if views.split is None else views.split[kept],
-    )
-
-
 def cut(views: prepare.PosedViews, windows: Windows) -> prepare.PosedViews:
     """The windows as views: photos are cut when they are read, cameras shifted."""
-    views, px = of_views(views, windows.kept), windows.px
-    shift = np.tile(np.eye(3), (len(views.names), 1, 1))
-    shift[:, :2, 2] = windows.corners
+    views, px = prepare.select(views, windows.kept), windows.px
 
     def pieces(photos):
         places = zip(photos, windows.corners, strict=True)
         return [photo.then(piece_at(corner, px)) for photo, corner in places]
 
     made = views._replace(
-        pixtocams=views.pixtocams @ shift,
+        pixtocams=shifted(views.pixtocams, windows),
         width=px,
         height=px,
         photos=pieces(views.photos),
@@ -198,6 +183,13 @@ def cut(views: prepare.PosedViews, windows: Windows) -> prepare.PosedViews:
         bounds=None,
     )
     return made._replace(points=inside_of(made))
+
+
+def shifted(pixtocams, windows: Windows):
+    """Inverse intrinsics [k, 3, 3] of the windows, from those of their photos."""
+    shift = np.tile(np.eye(3), (len(pixtocams), 1, 1))
+    shift[:, :2, 2] = windows.corners
+    return pixtocams @ shift
 
 
 def piece_at(corner, px):
@@ -227,10 +219,8 @@ def cut_truth(folder, names, windows: Windows):
                     lengths_px.append(np.linalg.norm(flow_px, axis=-1))
                 np.savez_compressed(path, **arrays)
     path = folder / "cameras.npz"
-    shift = np.tile(np.eye(3), (len(names), 1, 1))
-    shift[:, :2, 2] = windows.corners
     arrays = prepared.read_cameras(path)
-    arrays["pixtocams"] = arrays["pixtocams"] @ shift
+    arrays["pixtocams"] = shifted(arrays["pixtocams"], windows)
     arrays |= {"width": np.int64(windows.px), "height": np.int64(windows.px)}
     np.savez(path, **arrays)
     return float(np.concatenate(lengths_px).mean())
