@@ -42,6 +42,19 @@ def job_of(**model):
     )
 
 
+def random_params(rng, method):
+    """Parameters as large as fresh ones, drawn without compiling anything.
+
+    An entry's bound goes with the number of a row's entries, as in `he_uniform`.
+    """
+
+    def draw(shape):
+        bound = np.sqrt(6 / shape.shape[-1]) if len(shape.shape) > 1 else 0.1
+        return jnp.asarray(rng.uniform(-bound, bound, shape.shape), shape.dtype)
+
+    return jax.tree.map(draw, jax.eval_shape(method.init, jax.random.key(0)))
+
+
 def with_density(params, bias):
     """`bias` is added to raw densities: as they start, networks give next to none."""
     return jax.tree_util.tree_map_with_path(

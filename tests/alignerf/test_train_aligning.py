@@ -11,6 +11,7 @@ from alignerf.alignment import aligner, look, store
 from alignerf.scenes import cameras, prepared
 from alignerf.training import loop, memory
 from tests import job_cases as cases
+from tests import kept_steps
 
 pytestmark = pytest.mark.usefixtures("keeps_steps")
 
@@ -138,6 +139,8 @@ def test_killed_before_or_after_it_resumes_bit_for_bit(
 ):
     monkeypatch.setattr(loop, "FETCH_EVERY", 2)
     killed(monkeypatch, scene, tmp_path, lambda p: cases.kill_after_save(p, at_step, 2))
+    if at_step == 2:
+        kept_steps.forget()
     caplog.set_level("INFO", "alignerf")
     assert run(scene, tmp_path) == whole[1]
     assert f"resuming at step {at_step} of" in caplog.text

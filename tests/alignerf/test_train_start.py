@@ -1,5 +1,7 @@
 """What a training begins with, and where its search radius comes from."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,62 +17,73 @@ from tests import job_cases as cases
 pytestmark = pytest.mark.usefixtures("keeps_steps")
 
 
+MODELS = {
+    "grid": cases.JOB["model"],
+    "mlp": cases.JOB["model"] | {"field": {"kind": "mlp", "width": 16, "depth": 2}},
+}
+
+
 @pytest.fixture(scope="module")
 def pretrained(folder, tmp_path_factory):
-    out = tmp_path_factory.mktemp("pretrained")
-    cases.run(folder, out, cases.in_stage("pretrain"))
-    return out / "model.msgpack"
+    """(its job, its parameters' file) of a pre-training, by the field's kind."""
 
+    def make(kind):
+        out = tmp_path_factory.mktemp("pretrained")
+        job = cases.in_stage("pretrain", cases.JOB | {"model": MODELS[kind]})
+        cases.run(folder, out, job)
+        return job, out / "model.msgpack"
 
-MLP = cases.JOB["model"] | {"field": {"kind": "mlp", "width": 16, "depth": 2}}
+    return functools.cache(make)
 
 
 @pytest.mark.parametrize(
-    ("model", "parts"),
+    ("kind", "parts"),
     [
-        (cases.JOB["model"], {}),
-        (cases.JOB["model"], {"convolution": False}),
-        (cases.JOB["model"], {"features": 9}),
-        (MLP, {}),
+        ("grid", {}),
+        ("grid", {"convolution": False}),
+        ("grid", {"features": 9}),
+        ("mlp", {}),
     ],
     ids=["grid", "no convolution", "more features", "mlp"],
 )
-def test_fine_tuning_starts_from_the_pretrained_function(
-    folder, tmp_path, model, parts
-):
+def test_fine_tuning_starts_from_the_pretrained_function(pretrained, kind, parts):
     """Colours of a view, before the first step: equal to 1e-5."""
-    both = cases.JOB | {"model": model}
-    first, second = (
-        cases.in_stage(stage, both, **parts) for stage in ("pretrain", "finetune")
-    )
-    cases.run(folder, tmp_path, first)
-    pretrained = tmp_path / "model.msgpack"
+    first, model = pretrained(kind)
+    second = cases.in_stage("finetune", cases.JOB | {"model": MODELS[kind]}, **parts)
     stages = [jobs.parse(job) for job in (first, second)]
     before, after = map(compose.make_method, stages)
     template = jax.eval_shape(before.init, jax.random.key(0))
-    params = jax.tree.map(jnp.asarray, checkpoint.read_params(pretrained, template))
-    widened = train.initial_params(stages[1], after, str(pretrained))
+    params = checkpoint.read_params(model, template)
+    widened = train.initial_params(stages[1], after, str(model))
     assert ("head" in widened) == second["alignerf"]["convolution"]
-    rows, columns = jnp.mgrid[: cases.HEIGHT, : cases.WIDTH]
-    rays = cameras.pixels_to_rays(
-        columns.ravel(),
-        rows.ravel(),
-        jnp.asarray(cameras.intrinsics(30.0, cases.WIDTH, cases.HEIGHT), jnp.float32),
-        jnp.eye(3, 4),
-    )
-    widened = jax.tree.map(jnp.asarray, widened)
-    colours = before.render(params, rays).values.reshape(cases.HEIGHT, cases.WIDTH, 3)
-    assert jnp.ptp(colours) > 0.01
-    values = after.render(widened, rays).values.reshape(cases.HEIGHT, cases.WIDTH, -1)
-    found = after.colours(widened, patch_conv.pad(values) if after.halo else values)
+    colours = colours_of(before, params)
+    assert np.ptp(colours) > 0.01
+    found = colours_of(after, widened)
     np.testing.assert_allclose(found, colours, atol=1e-5)
+
+
+def colours_of(method, params):
+    """A view's colours [h, w, 3], in one program."""
+    height, width = cases.HEIGHT, cases.WIDTH
+
+    @jax.jit
+    def look(params):
+        rows, columns = jnp.mgrid[:height, :width]
+        pixtocam = jnp.asarray(cameras.intrinsics(30.0, width, height), jnp.float32)
+        rays = cameras.pixels_to_rays(
+            columns.ravel(), rows.ravel(), pixtocam, jnp.eye(3, 4)
+        )
+        values = method.render(params, rays).values.reshape(height, width, -1)
+        return method.colours(params, patch_conv.pad(values) if method.halo else values)
+
+    return np.asarray(look(jax.tree.map(jnp.asarray, params)))
 
 
 def test_a_search_radius_comes_from_the_displacement(
     folder, pretrained, tmp_path, capsys, caplog
 ):
     job = cases.in_stage("finetune", radius_px=None)
-    more = ("--initial", str(pretrained))
+    more = ("--initial", str(pretrained("grid")[1]))
     assert "--displacement" in cases.stops(
         capsys, lambda: cases.run(folder, tmp_path, job, *more)
     )

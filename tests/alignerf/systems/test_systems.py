@@ -10,7 +10,7 @@ import pytest
 
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.scenes import cameras
-from alignerf.training import compose
+from alignerf.training import compose, diagnose
 from alignerf.training import step as train_step
 from tests import system_twins as twins
 from tests import training_cases as cases
@@ -18,8 +18,15 @@ from tests import training_cases as cases
 SMALL = {"width": 16, "samples": [8, 6]}
 
 
-def sizes_of(method):
-    shapes = jax.eval_shape(method.init, jax.random.key(0))["model"]
+@functools.cache
+def made(**model):
+    """The method of a model, and the shapes of its parameters; traced once."""
+    method = compose.make_method(cases.job_of(**model))
+    return method, jax.eval_shape(method.init, jax.random.key(0))
+
+
+def sizes_of(**model):
+    shapes = made(**model)[1]["model"]
     return {
         name: sum(leaf.size for leaf in jax.tree.leaves(tree))
         for name, tree in shapes.items()
@@ -41,15 +48,11 @@ def sizes_of(method):
     ],
 )
 def test_systems_have_the_published_sizes(model, parameters):
-    assert (
-        sum(sizes_of(compose.make_method(cases.job_of(**model))).values()) == parameters
-    )
+    assert sum(sizes_of(**model).values()) == parameters
 
 
 def test_instant_ngp_has_the_published_size():
-    assert (
-        sizes_of(compose.make_method(cases.job_of(kind="ngp")))["field"] == 51_857_552
-    )
+    assert sizes_of(kind="ngp")["field"] == 51_857_552
 
 
 PUBLISHED = [
@@ -63,19 +66,16 @@ PUBLISHED = [
 @pytest.mark.parametrize("model", PUBLISHED, ids=lambda model: model["kind"])
 def test_a_step_of_the_published_size_can_be_traced(model):
     """Its compiled step is timed by `make bench BENCH="--only systems"`."""
-    method = compose.make_method(cases.job_of(**model))
+    method, shapes = made(**model)
 
     def loss(params, batch):
         return sum(method.terms(params, batch, 0.5)[0].values())
 
-    def step(key, views):
-        params = method.init(key)
+    def step(params, key, views):
         return jax.grad(loss)(params, method.draw(key, jnp.int32(0), views))
 
-    found = jax.eval_shape(step, jax.random.key(0), cases.make_views())
-    assert jax.tree.structure(found) == jax.tree.structure(
-        jax.eval_shape(method.init, jax.random.key(0))
-    )
+    found = jax.eval_shape(step, shapes, jax.random.key(0), cases.make_views())
+    assert jax.tree.structure(found) == jax.tree.structure(shapes)
 
 
 def random_rays(rng, count=5):
@@ -84,12 +84,12 @@ def random_rays(rng, count=5):
     unit = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     radii = rng.uniform(1e-3, 1e-2, size=(count, 1))
     found = cameras.Rays(origins, directions, unit, radii)
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), found)
+    return jax.tree.map(np.float32, found)
 
 
-def both_looks(kind, rays, **model):
+def both_looks(rng, kind, rays, **model):
     method = compose.make_method(cases.job_of(kind=kind, **model))
-    params = cases.with_density(jax.jit(method.init)(jax.random.key(1)), 0.7)
+    params = cases.with_density(cases.random_params(rng, method), 0.7)
     found = jax.jit(method.render)(params, rays)
     wide = jax.tree.map(lambda leaf: np.asarray(leaf, np.float64), rays)
     return params["model"], found, wide
@@ -107,7 +107,7 @@ def test_nerf_is_its_twin(rng, spacing):
     rays = random_rays(rng)
     options = {"near": 0.2, "far": 6.0, "degrees": 6}
     params, found, wide = both_looks(
-        "nerf", rays, noise=0.0, spacing=spacing, **options, **SMALL
+        rng, "nerf", rays, noise=0.0, spacing=spacing, **options, **SMALL
     )
     assert_looks(
         found,
@@ -127,7 +127,7 @@ def test_nerf_is_its_twin(rng, spacing):
 def test_mip_nerf_is_its_twin(rng, far):
     rays = random_rays(rng)
     options = {"near": 0.2, "far": far, "degrees": 8}
-    params, found, wide = both_looks("mipnerf", rays, **options, **SMALL)
+    params, found, wide = both_looks(rng, "mipnerf", rays, **options, **SMALL)
     assert_looks(
         found,
         [
@@ -142,7 +142,7 @@ def test_mip_nerf_is_its_twin(rng, far):
 def test_nerf_plus_plus_is_its_twin(rng):
     rays = random_rays(rng)
     options = {"near": 0.05, "degrees": 5, "radius": 1.9}
-    params, found, wide = both_looks("nerfpp", rays, **options, **SMALL)
+    params, found, wide = both_looks(rng, "nerfpp", rays, **options, **SMALL)
     assert_looks(
         found,
         [
@@ -198,14 +198,17 @@ def test_an_empty_scene_is_its_background(rng, background):
     )
     rays = random_rays(rng)
 
-    def shown(density):
+    @jax.jit
+    @functools.partial(jax.grad, has_aux=True)
+    def look(density, rays):
         params = {"proposal": {"density": density}, "field": {"density": density}}
-        return model.apply({"params": params}, rays).values
+        shown = model.apply({"params": params}, rays).values
+        return shown.mean(), shown
 
+    slope, shown = look(0.0, rays)
     expected = {None: 0.5, "black": 0.0, "white": 1.0}[background]
-    np.testing.assert_allclose(shown(0.0), expected, atol=1e-6)
-    np.testing.assert_allclose(shown(100.0), 0.5, atol=1e-6)
-    slope = jax.grad(lambda density: shown(density).mean())(0.0)
+    np.testing.assert_allclose(shown, expected, atol=1e-6)
+    np.testing.assert_allclose(look(100.0, rays)[1], 0.5, atol=1e-6)
     assert np.isfinite(slope)
     assert (slope == 0) == (background is None)
 
@@ -223,10 +226,15 @@ TINY_GRID = {"levels": 2, "log2_entries": 8, "finest": 32, "width": 8}
 def test_barf_and_known_backgrounds_learn_from_squared_errors_alone(model):
     """With Charbonnier's loss an object before white was taken for all white."""
     method = compose.make_method(cases.job_of(**model))
-    batch = train_step.draw(
-        method, cases.make_views(), jnp.int32(0), steps=jnp.int32(10), seed=0
-    )[0]
-    terms, shown = method.terms(method.init(jax.random.key(0)), batch, 0.5)
+
+    @jax.jit
+    def of(key, views):
+        batch, _ = train_step.draw(
+            method, views, jnp.int32(0), steps=jnp.int32(10), seed=0
+        )
+        return method.terms(method.init(key), batch, 0.5)
+
+    terms, shown = of(jax.random.key(0), cases.make_views())
     np.testing.assert_allclose(terms["data"], shown["mse"], rtol=1e-6)
     assert sum(terms.values()) == terms["data"]
 
@@ -239,6 +247,15 @@ def method_of(kind):
 @functools.cache
 def params_of(kind):
     return jax.jit(method_of(kind).init)(jax.random.key(0))
+
+
+@functools.cache
+def batch_of(kind):
+    """What the first step learns from."""
+    options = {"steps": jnp.int32(10), "seed": 0}
+    method, views = method_of(kind), cases.make_views()
+    batch, _ = diagnose.draw(method, views, jnp.int32(0), **options)
+    return jax.tree.map(np.asarray, batch)
 
 
 @functools.cache
@@ -256,9 +273,7 @@ def loss_of(kind):
     "case", ["as usual", "from the middle", "from the rim", "far away", "long", "short"]
 )
 def test_a_step_is_finite_at_the_extremes(rng, kind, case):
-    batch = train_step.draw(
-        method_of(kind), cases.make_views(), jnp.int32(0), steps=jnp.int32(10), seed=0
-    )[0]
+    batch = batch_of(kind)
     rays = batch.rays
     moved = {
         "as usual": rays,
@@ -281,10 +296,10 @@ def test_renders_can_be_differentiated_in_their_rays(rng, kind, place):
     distance = {"inside": 0.3, "at the rim": 1.1, "outside": 3.0, "far outside": 1e5}
     rays = random_rays(rng)
     # The first passes through the middle, the others pass it by, some miss the sphere.
-    across = jnp.stack(
+    across = np.stack(
         [rays.viewdirs[:, 1], -rays.viewdirs[:, 0], 0 * rays.viewdirs[:, 2]], -1
     )
-    aside = jnp.arange(len(across), dtype=jnp.float32)[:, None] * across
+    aside = np.arange(len(across), dtype=np.float32)[:, None] * across
     rays = rays._replace(origins=distance[place] * (rays.viewdirs + aside))
     found = ray_gradient_of(kind)(params_of(kind), rays)
     assert all(np.isfinite(leaf).all() for leaf in found)
