@@ -32,7 +32,8 @@ def pixel_of(rays, width=cases.WIDTH, height=cases.HEIGHT):
 
 
 def test_drawn_rays_show_their_pixels(views):
-    batch = batches.draw_rays(jax.random.key(0), 3, views, 500, 2)
+    draw = jax.jit(lambda key, views: batches.draw_rays(key, 3, views, 500, 2))
+    batch = draw(jax.random.key(0), views)
     x, y = pixel_of(batch.rays)
     photo = np.asarray(views.photos)[batch.view, y, x] / 255.0
     np.testing.assert_allclose(photo, batch.photo, atol=1e-6)
@@ -45,7 +46,8 @@ def test_drawn_rays_show_their_pixels(views):
 
 
 def test_drawn_patches_show_their_pixels_and_nothing_beyond_the_border(views):
-    batch = batches.draw_patches(jax.random.key(1), 0, views, 40, 12, 5, 2)
+    draw = jax.jit(lambda key, views: batches.draw_patches(key, 0, views, 40, 12, 5, 2))
+    batch = draw(jax.random.key(1), views)
     x, y = (v.reshape(40, 12, 12) for v in pixel_of(batch.rays))
     photos = np.asarray(views.photos)[batch.view[:, None, None], y, x] / 255.0
     np.testing.assert_allclose(photos, batch.photo[:, 5:-5, 5:-5], atol=1e-6)
