@@ -17,19 +17,9 @@ import numpy as np
 from alignerf.experiment import jobs, schema
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
-from alignerf.files import archives, atomic, faults, images
-from alignerf.scenes import (
-    blender,
-    cameras,
-    colmap,
-    llff,
-    mipnerf360,
-    prepare,
-    prepared,
-    transforms,
-)
-from alignerf.scenes.capture import report, triangulate, windows
-from alignerf.scenes.courtyard import scene as courtyard
+from alignerf.files import archives, atomic, faults
+from alignerf.scenes import cameras, colmap, prepare, prepared
+from alignerf.scenes.capture import full_size, report, triangulate, windows
 from alignerf.scenes.courtyard import truth
 
 log = logging.getLogger("alignerf.poses")
@@ -73,6 +63,7 @@ def main(config, out):
             )
         if (scratch / "colmap").is_dir():
             atomic.move(scratch / "colmap", fresh / "colmap")
+            atomic.move(scratch / "lenses.npz", fresh / prepared.LENSES)
         photo_size = (full.width, full.height)
         if config["zoom"]:
             # Of the windows, in pixels of the photo.
@@ -198,44 +189,20 @@ def load_photos(config, scratch):
     return views, told, None
 
 
-# Sources whose files give the poses -> (views, names of photos without a pose).
-GIVEN = {
-    "transforms": lambda config: transforms.read(config["path"], config["background"]),
-    "llff": lambda config: (llff.read(config["path"]), []),
-    "mipnerf360": lambda config: mipnerf360.read(config["path"], config["images"]),
-    "blender": lambda config: blender.read(config["path"], config["background"]),
-}
-
-
 def load_given(config, scratch):
     """`load_photos` of a scene whose files give the poses."""
-    views, left_out = GIVEN[config["source"]](config)
+    views, left_out = full_size.GIVEN[config["source"]](config)
     return views, report.registration(views.names, left_out), None
 
 
 def load_courtyard(config, scratch):
     """`load_photos` of the embedded scene; the third value is its truth."""
-    made = config["courtyard"]
-    if made["moving"] is None:
-        made = made | {"moving": list(courtyard.MOVING)}
-    scene = truth.build_courtyard(**made, seed=config["seed"])
     folder = scratch / "photos"
     folder.mkdir()
-    log.info("rendering %d photos of the courtyard", len(scene.names))
-    truth.write_photos(folder, scene)
+    log.info("rendering %d photos of the courtyard", config["courtyard"]["views"])
+    views, scene = full_size.of_courtyard(config, folder)
     if config["poses"] == "colmap":
         return *pose_courtyard(folder, scratch, scene, config), scene
-    views = prepare.PosedViews(
-        names=scene.names,
-        pixtocams=scene.pixtocams,
-        camtoworlds=scene.camtoworlds,
-        width=scene.width,
-        height=scene.height,
-        photos=[
-            prepare.Photo(folder / f"{name}.png", (images.read,))
-            for name in scene.names
-        ],
-    )
     return views, report.registration(scene.names, []), scene
 
 
@@ -243,7 +210,7 @@ def load_courtyard(config, scratch):
 READERS = {
     "courtyard": load_courtyard,
     "photos": load_photos,
-    **dict.fromkeys(GIVEN, load_given),
+    **dict.fromkeys(full_size.GIVEN, load_given),
 }
 
 

@@ -153,6 +153,13 @@ def pose_folder(
     model = model.of_size(np.array(sizes) / np.array(copy_sizes))
     files = {name: taken.paths[place[name]].name for name in model.names}
     write_model(model, Path(work_folder) / "colmap", sizes, files)
+    np.savez(
+        Path(work_folder) / "lenses.npz",
+        names=np.array(model.names),
+        camtopix=model.camtopix,
+        distortion=model.distortion,
+        camera_of=np.array(model.camera_of),
+    )
     if model.left_out:
         log.warning("COLMAP left out %s", faults.some_names(model.left_out))
     views = canvas.views_of(

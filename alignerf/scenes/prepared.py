@@ -25,6 +25,8 @@ POSES = dict.fromkeys(
 MASKS = "images/masks"
 # COLMAP's points {points, colours}, and LLFF's depths {bounds} of each view.
 POINTS, BOUNDS = "images/points.npz", "images/bounds.npz"
+# The lens {names, camtopix, distortion, camera_of} of each photo, where COLMAP has it.
+LENSES = "images/lenses.npz"
 # What OpenCV can warp.
 MOST_SIDE_PX = 32766
 # Bytes of a view's name: with suffixes, and beside it what is being written, it has to

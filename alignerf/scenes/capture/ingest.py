@@ -125,6 +125,28 @@ def ingest(
     return taken
 
 
+def once_more(folder, work_folder, *, background=None, masks=None) -> Taken:
+    """A folder that `ingest` has read, without decoding photos, and without copies.
+
+    Focal lengths and cameras are unknown.
+    """
+    paths = find(folder, Path(work_folder))
+    heads = [photos.head(path) for path in paths]
+    laid = orientation.lay_alike([(head.size, head.orientation) for head in heads])
+    return Taken(
+        names=[path.stem for path in paths],
+        paths=paths,
+        lays=[lay for _, lay in laid],
+        sizes=[size for size, _ in laid],
+        copy_sizes=[],
+        folder=Path(folder),
+        focals_px=np.full(len(paths), np.nan),
+        cameras=np.zeros(len(paths), int),
+        background=background,
+        masks=find_masks(masks, paths),
+    )
+
+
 def find_masks(folder, paths):
     """The mask of each photo in a folder of <photo's file name>.png, else None.
 
