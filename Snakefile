@@ -76,7 +76,7 @@ include: "workflow/rules/export.smk"
 rule all:
     default_target: True
     input:
-        [targets.of_scene(experiment, name) for name in experiment.scenes],
+        [targets.of_scene(experiment, name) for name in experiment.captures()],
 
 
 check.or_exit(check.check_free, experiment.scenes, [r.name for r in workflow.rules])
@@ -93,7 +93,7 @@ onstart:
 # run before, where only its cost is asked for.
 onsuccess:
     if "preview" not in workflow.dag_settings.targets:
-        print("\n".join(targets.verdicts(experiment.scenes)))
+        print("\n".join(targets.verdicts(experiment.captures())))
 
 
 # What stopped it comes after all that Snakemake says of it.

@@ -17,9 +17,10 @@ import numpy as np
 from alignerf.experiment import jobs, schema
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
-from alignerf.files import archives, atomic, faults
+from alignerf.files import archives, atomic, faults, json_files
 from alignerf.scenes import cameras, colmap, prepare, prepared
 from alignerf.scenes.capture import full_size, report, triangulate, windows
+from alignerf.scenes.courtyard import cut as courtyard_cut
 from alignerf.scenes.courtyard import truth
 
 log = logging.getLogger("alignerf.poses")
@@ -35,10 +36,16 @@ OF_POINTS = (40_000_000, 400)
 PRODUCTS = ("images", "truth", "colmap", "cameras.npz", "poses.json")
 
 
-def main(config, out):
-    """Run one scene's slice of the config; `out` is the scene's folder of results."""
-    started = time.monotonic()
+def main(config, out, whole=None, cameras_path=None):
+    """Run one scene's slice of the config; `out` is the scene's folder of results.
+
+    Of windows of another scene: whole, its folder; cameras_path, the cameras.npz that
+    they have.
+    """
     config, out = checked(config), Path(out)
+    if scene_keys.whole_of(config):
+        return of_whole(config, out, Path(whole), cameras_path)
+    started = time.monotonic()
     with atomic.scratch_folder(out) as scratch:
         full, told, scene = READERS[config["source"]](config, scratch)
         told["downscale_decided"] = config["downscale"] == "auto"
@@ -73,6 +80,36 @@ def main(config, out):
         (fresh / "poses.json").write_text(json.dumps(told, indent=1) + "\n")
         publish(fresh, out)
     log.info("%s: %d of %d views", out, told["registered"], told["total"])
+
+
+def of_whole(config, out, whole, cameras_path):
+    """Make a scene of windows of another one, whose photos and cameras it has."""
+    started = time.monotonic()
+    told = json_files.read(whole / "poses.json", prepared.POSES)
+    zoom, least = config["zoom"], config["least_train_views"] + 1
+    with atomic.scratch_folder(out) as scratch:
+        views = full_size.read(config, whole, scratch, cameras_path)
+        if views.points is None:
+            views, _ = with_points(views, scratch, config)
+        try:
+            points, px = windows.places(views, zoom, least=least)
+        except ValueError as error:
+            raise ValueError(f"{whole}: windows: {error}") from None
+        each = [windows.around(point, views, px, least=least) for point in points]
+        cut = windows.cut_several(views, each)
+        log.info(
+            "%s: %d windows of %d px of each photo at its own size",
+            *(out, len(points), px),
+        )
+        told["zoom"] = {"of": whole.name, "px": px, "points": points.tolist()}
+        check_enough(cut.split, config["least_train_views"], whole)
+        prepare.write_views(scratch / "new", cut, split=cut.split)
+        told |= {"photo_size": [views.width, views.height]}
+        told |= describe_views(cut, windows.size_of(cut), cut.split, config)
+        told["time_s"] = round(time.monotonic() - started, 1)
+        report_path = scratch / "new" / "poses.json"
+        report_path.write_text(json.dumps(told, indent=1) + "\n")
+        publish(scratch / "new", out)
 
 
 def for_training(views, config):
@@ -124,7 +161,7 @@ def write_truth(folder, scene, whole, cut, split, perturb_px):
         split=split,
         perturb_px=perturb_px,
     )
-    return mean_px if cut is None else windows.cut_truth(folder, seen.names, cut)
+    return mean_px if cut is None else courtyard_cut.cut_truth(folder, seen.names, cut)
 
 
 def with_points(views, scratch, config):
@@ -316,5 +353,8 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--config", required=True, help="JSON, or a file of it")
     parser.add_argument("--out", required=True, type=Path, help="results/SCENE")
+    parser.add_argument("--whole", help="of windows: the other scene's folder")
+    parser.add_argument("--cameras", help="of windows: their cameras.npz")
     options = parser.parse_args()
-    faults.run(lambda: main(jobs.read(options.config), options.out))
+    slice_of = jobs.read(options.config)
+    faults.run(lambda: main(slice_of, options.out, options.whole, options.cameras))

@@ -41,6 +41,7 @@ def checked(config, files=()):
     for name, scene in config["scenes"].items():
         scenes.check_scene(scene, "scenes", name)
         scenes.check_path(scene, name)
+    scenes.check_windows(config)
     names.check_published(config)
     check_flow(config["flow"], config["methods"])
     check_weights(config)

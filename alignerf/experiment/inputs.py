@@ -27,6 +27,37 @@ def decisions_of(experiment, scene):
     return slices.decisions_of(experiment.config, scene) or []
 
 
+def of_poses(experiment, scene, local):
+    """{name: path} of the inputs of rule `poses`; local: of a path in no storage.
+
+    Windows of another scene have the photos that it has, and what was made of it.
+    """
+    chosen, whole = experiment.scenes[scene], experiment.whole(scene)
+    found = {key: local(chosen[key]) for key in ("path", "masks") if chosen[key]}
+    if whole != scene:
+        found |= {"whole": f"results/{whole}/images"}
+        found |= {"report": f"results/{whole}/poses.json"}
+        found["cameras"] = layout.output_of(cameras_of(experiment, scene))
+    return found
+
+
+def cameras_of(experiment, scene):
+    """The file of the cameras that windows of another scene have."""
+    whole, method = experiment.whole(scene), experiment.scenes[scene]["zoom"]["cameras"]
+    if method is None:
+        return f"results/{whole}/cameras.npz"
+    return f"{last_training(experiment, whole, method).learnt}/cameras.npz"
+
+
+def poses_options(experiment, scene):
+    """Options of `alignerf.poses`: of windows, the whole scene and its cameras."""
+    whole = experiment.whole(scene)
+    if whole == scene:
+        return []
+    cameras = cameras_of(experiment, scene)
+    return arguments.options({"whole": f"results/{whole}", "cameras": cameras})
+
+
 def truth_of(experiment, scene):
     """{"truth": folder} of the scene's truth; {} where the truth is not known."""
     truth = experiment.truth_of(scene)

@@ -151,12 +151,12 @@ class Experiment:
         """Folders of the trainings whose training views are rendered, with flow.
 
         Another training needs the flow, or the verdict does: if the config has an
-        aligned method, the flow after the reference's round 0 shows how misaligned the
-        photos are.
+        aligned method or windows, the flow after the reference's round 0 shows how
+        misaligned the photos are.
         """
         every = self.trainings(scene).values()
         folders = {before.folder for training in every for before in training.flows}
-        if self.names(kinds.aligned):
+        if self.names(kinds.aligned) or self.whole(scene) != scene:
             folders.add(self.at(scene, self.config["reference"]["method"], 0).folder)
         return folders
 
@@ -200,13 +200,27 @@ class Experiment:
             round = self.reference_round(scene)
         return self.folder(scene, self.config["reference"]["method"], round)
 
+    def captures(self):
+        """Scenes that stand for themselves: all but windows of another scene."""
+        return [name for name in self.scenes if self.whole(name) == name]
+
+    def whole(self, scene):
+        """The scene that a scene's windows are of, or the scene itself."""
+        return scene_keys.whole_of(self.scenes[scene]) or scene
+
+    def windows(self, scene):
+        """The scenes of windows by which a scene is judged, as given first."""
+        return [n for n in self.scenes if n != scene and self.whole(n) == scene]
+
     def with_truth(self, known=True):
         """Scenes whose truth is known (or not)."""
         return [name for name in self.scenes if self.has_truth(name) == known]
 
     def has_truth(self, scene):
-        """Whether a scene's truth is known."""
-        return scene_keys.SOURCES[self.scenes[scene]["source"]].has_truth
+        """Whether a scene's truth is known; windows of another scene have none."""
+        chosen = self.scenes[scene]
+        has_truth = scene_keys.SOURCES[chosen["source"]].has_truth
+        return has_truth and not scene_keys.whole_of(chosen)
 
     def truth_of(self, scene):
         """The folder of a scene's truth, where that is known."""

@@ -25,13 +25,17 @@ def of_scene(experiment, name):
         unused.add("colmap")
     if not scene_keys.wants_points(scene):
         unused.add("triangulate")
+    if scene_keys.whole_of(scene):
+        unused |= {"test_every", "perturb_px", "colmap"}
     unused |= {key for key in ("masks", "zoom") if scene[key] is None}
     return as_json({key: scene[key] for key in scene.keys() - unused})
 
 
 def complete(experiment, name):
     """The whole config of a scene, as it could be run alone."""
-    found = experiment.config | {"scenes": {name: experiment.scenes[name]}}
+    names = [experiment.whole(name), name, *experiment.windows(name)]
+    found = {one: experiment.scenes[one] for one in names}
+    found = experiment.config | {"scenes": found}
     if found["tradeoff"] and found["tradeoff"]["scene"] != name:
         found["tradeoff"] = None
     # The order of models and methods has a meaning: tables and defaults follow it.
@@ -120,6 +124,9 @@ def frequency_weights_of(experiment, method):
 def training_of(config, scene):
     """The config's training, as long as the scene asks for."""
     found, chosen = config["training"], config["scenes"][scene]
+    if scene_keys.whole_of(chosen):
+        # Windows say themselves how long they are trained.
+        found = found | {"decided": []}
     return found | retimed(found, chosen["steps"], chosen["budget_min"])
 
 

@@ -168,7 +168,7 @@ def exports(experiment):
     these.
     """
     folders = []
-    for scene in experiment.scenes:
+    for scene in experiment.captures():
         for method in experiment.trained():
             last = experiment.last_round(scene, method)
             training = experiment.at(scene, method, last)

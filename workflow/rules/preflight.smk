@@ -35,9 +35,9 @@ rule preflight:
 # What the facts decide and what all will cost, of all scenes, before any training.
 rule preview:
     input:
-        decisions=expand("results/{scene}/decisions.json", scene=experiment.scenes),
-        costs=expand("results/{scene}/preflight.json", scene=experiment.scenes),
-        configs=expand("results/{scene}/config.yaml", scene=experiment.scenes),
+        decisions=expand("results/{scene}/decisions.json", scene=experiment.captures()),
+        costs=expand("results/{scene}/preflight.json", scene=experiment.captures()),
+        configs=expand("results/{scene}/config.yaml", scene=experiment.captures()),
     log:
         "results/logs/preview.log",
     conda:
@@ -46,7 +46,7 @@ rule preview:
     resources:
         gpu=sources.ACCELERATORS,
         mem_mb=needs.usual_mb,
-        runtime=lambda w, attempt: 30 * len(experiment.scenes) * 2 ** (attempt - 1),
+        runtime=lambda w, attempt: 30 * len(experiment.captures()) * 2 ** (attempt - 1),
         of_training=sources.OF_TRAINING,
     params:
         asked=[] if config["decide"] else ["--unasked"],

@@ -2,8 +2,7 @@
 # Poses are computed once and kept: no later rule changes them.
 rule poses:
     input:
-        lambda w: local(experiment.scenes[w.scene]["path"] or []),
-        lambda w: local(experiment.scenes[w.scene]["masks"] or []),
+        unpack(lambda w: inputs.of_poses(experiment, w.scene, local)),
     output:
         images=directory("results/{scene}/images"),
         cameras="results/{scene}/cameras.npz",
@@ -21,9 +20,10 @@ rule poses:
         mem_mb=needs.usual_mb,
     params:
         config=lambda w: slices.of_scene(experiment, w.scene),
+        options=lambda w: inputs.poses_options(experiment, w.scene),
         sources=sources_of("alignerf.poses"),
     shell:
-        "python -m alignerf.poses --config {params.config:q}"
+        "python -m alignerf.poses --config {params.config:q} {params.options:q}"
         " --out results/{wildcards.scene:q} 2>&1 | tee {log:q}"
 
 

@@ -33,6 +33,8 @@ def completed(config):
             scene |= training_keys.length(training)
     config["scenes"] = varied(config)
     config["vary"] = None
+    config["scenes"] |= windows_of(config)
+    config["windows"] = None
     for method in config["methods"].values():
         method["renders"] = home(method["renders"])
         if not method["renders"]:
@@ -68,6 +70,27 @@ def varied(config):
                 "budget_min": budget_min and share * budget_min,
             }
             schema.check(scene_keys.Scene, found[again], "scenes", again)
+    return found
+
+
+def windows_of(config):
+    """The scenes that `windows` adds: of each scene's photos, at their own size."""
+    asked, found = config["windows"], {}
+    if not asked:
+        return found
+    aligned = [name for name, one in config["methods"].items() if one["align"]]
+    length = {"steps": asked["steps"], "budget_min": None}
+    for name, scene in config["scenes"].items():
+        if scene["zoom"]:
+            continue
+        for method in (None, *aligned[:1]):
+            zoom = {"of": name, "px": asked["px"], "count": asked["count"]}
+            zoom = schema.filled(scene_keys.Zoom, zoom | {"cameras": method})
+            again = f"{name}_windows" + (f"_{method}" if method else "")
+            if again in config["scenes"]:
+                fault("windows", f"there would be two scenes {again}")
+            whole = {"downscale": 1, "perturb_px": 0.0, "zoom": zoom}
+            found[again] = copy.deepcopy(scene) | whole | length
     return found
 
 

@@ -49,9 +49,28 @@ def check_zoom(zoom, where):
     """The point of the windows is said in one way, or chosen."""
     if (zoom.get("view") is None) != (zoom.get("pixel") is None):
         fault(where, "view and pixel belong together")
-    ways = [key for key in ("view", "point", "number") if zoom.get(key)]
+    ways = [key for key in ("view", "point", "number", "of") if zoom.get(key)]
     if len(ways) > 1:
         fault(where, f"{' and '.join(ways)}: choose one")
+    for name in ("cameras", "count"):
+        if zoom.get(name, 1) not in (None, 1) and not zoom.get("of"):
+            fault(f"{where}.{name}", "only with `of`")
+
+
+def check_windows(config):
+    """Scenes and methods that windows are of are in the config."""
+    for name, scene in config["scenes"].items():
+        zoom, where = scene["zoom"] or {}, f"scenes.{name}.zoom"
+        if not (of := zoom.get("of")):
+            continue
+        base = config["scenes"].get(of)
+        if base is None or base["zoom"]:
+            fault(f"{where}.of", f"{of} is none of the scenes that are whole")
+        if (base["source"], base["path"]) != (scene["source"], scene["path"]):
+            fault(f"{where}.of", f"{of} has another source or path than {name}")
+        method = zoom["cameras"]
+        if method and not config["methods"].get(method, {}).get("align"):
+            fault(f"{where}.cameras", f"{method} is no method with `align`")
 
 
 def check_path(scene, name):

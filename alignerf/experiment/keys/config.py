@@ -87,6 +87,20 @@ class Vary(Keys):
     )
 
 
+class Windows(Keys):
+    """Windows at the photos' own size, by which the verdict judges alignment.
+
+    Of every scene two more are made: SCENE_windows with its cameras as given and, where
+    a method aligns itself on the way, SCENE_windows_METHOD with that method's cameras.
+    """
+
+    px: int = key(
+        160, "side of a window in px of the photo, at most", least=48, most=4096
+    )
+    count: int = key(2, "windows of each photo", least=1, most=16)
+    steps: int = key(2000, "of the trainings on windows", least=1, most=10**8)
+
+
 class Config(Keys):
     """Every key of a config. Only `scenes` has to be there."""
 
@@ -105,6 +119,11 @@ class Config(Keys):
         "near, radius, finest, steps; results/<scene>/decisions.json says why",
     )
     vary: Vary | None = key(None, "seeds and lengths that every scene is run with")
+    windows: Windows | None = key(
+        None,
+        "the verdict judges alignment by windows at the photos' own size; null: by the "
+        "size of training alone",
+    )
     models: named(Models) = key(
         {"base": {}},
         "name -> a mip-NeRF 360 with two fields, or by `kind` another system",

@@ -25,7 +25,8 @@ def leave_open(config):
             | scene
             for name, scene in scenes.items()
         }
-    open_keys = open_of_training(training, scenes.values()) if asked else []
+    whole = [one for one in scenes.values() if not (one.get("zoom") or {}).get("of")]
+    open_keys = open_of_training(training, whole) if asked else []
     training = training | {"decided": open_keys}
     return config | {"models": models, "scenes": scenes, "training": training}
 

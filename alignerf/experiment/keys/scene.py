@@ -29,6 +29,11 @@ def poses_of(scene):
     return scene["poses"] or SOURCES[scene["source"]].poses[0]
 
 
+def whole_of(scene):
+    """The name of the scene that a scene's windows are of, or None."""
+    return scene["zoom"]["of"] if scene["zoom"] else None
+
+
 def wants_points(scene):
     """Whether points of a scene's cameras are to be found, where they have none yet.
 
@@ -102,9 +107,24 @@ class Courtyard(Keys):
 
 
 class Zoom(Keys):
-    """A window of each photo, at its own size, around one point of the scene."""
+    """Windows of each photo, at its own size, around points of the scene."""
 
     px: int = key(256, "side of the windows, after downscale", least=32, most=8192)
+    of: str | None = key(
+        None,
+        "another scene, whose photos, split and cameras the windows have; they belong "
+        "to its verdict, and are made for it or by name; px is then the most",
+    )
+    cameras: str | None = key(
+        None,
+        "a method, whose cameras of that scene the windows have; null: as given",
+    )
+    count: int = key(
+        1,
+        "with `of`: windows of each photo, at places that suit best",
+        least=1,
+        most=16,
+    )
     number: int = key(
         0,
         "which of the points that suit best, the best is 0: seen by nearly all photos, "

@@ -88,7 +88,7 @@ def of_scenes(name, scenes_of, beside=()):
         *(name, name, module),
         inputs=inputs,
         options=lambda experiment: ["--scenes", rows.as_json(checked(experiment))],
-        configs=lambda experiment: configs_of(experiment.scenes),
+        configs=lambda experiment: configs_of(experiment.captures()),
         sources=(module,),
     )
 

@@ -39,7 +39,7 @@ SIZE = (*LENGTH, "downscale", "images")
 
 def of_experiment(experiment):
     """The `Scene` of each scene in the config."""
-    return [of_scene(experiment, name) for name in experiment.scenes]
+    return [of_scene(experiment, name) for name in experiment.captures()]
 
 
 def of_scene(experiment, name):

@@ -12,15 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import archives, faults, images
-from alignerf.scenes import cameras, prepare, prepared
+from alignerf.files import faults
+from alignerf.scenes import cameras, prepare
 
 # Points that are looked at more closely; the others are seen by fewer views.
 MOST_CANDIDATES = 2000
 # Two windows show other things where their points are as far apart, in windows.
 APART = 1.0
-# Arrays of the truth's files.
-OF_TRUTH = {"depth": ["depth_m"], "flow": ["flow_px", "valid"], "moving": ["moving"]}
+# Where no window suits, a smaller one is looked for, down to what flow can be told of.
+SMALLER, LEAST_PX = 0.75, 48
 
 
 class Seen(NamedTuple):
@@ -51,6 +51,28 @@ def place(views: prepare.PosedViews, zoom, *, least):
     if len(chosen) < count:
         raise ValueError(f"number: only {len(chosen)} places suit, counted from 0")
     return chosen[-1]
+
+
+def places(views: prepare.PosedViews, zoom, *, least):
+    """(points [k, 3], px): up to `count` places, and the side of their windows.
+
+    Windows are as large as there are enough of them: a scene of small photos has
+    smaller ones. Raises ValueError where there is none.
+    """
+    if views.points is None or not len(views.points[0]):
+        raise ValueError("the views share no points")
+    px, best = zoom["px"], (np.zeros((0, 3)), 0)
+    while len(best[0]) < zoom["count"] and px >= LEAST_PX:
+        try:
+            chosen = choose(views.points[0], views, px, zoom["count"], least=least)
+        except ValueError as error:
+            why = error
+        else:
+            best = max(best, (chosen, px), key=lambda one: len(one[0]))
+        px = int(SMALLER * px)
+    if not len(best[0]):
+        raise why
+    return best
 
 
 def seen(points, views: prepare.PosedViews, px) -> Seen:
@@ -185,6 +207,21 @@ def cut(views: prepare.PosedViews, windows: Windows) -> prepare.PosedViews:
     return made._replace(points=inside_of(made))
 
 
+def cut_several(views: prepare.PosedViews, several) -> prepare.PosedViews:
+    """The windows at several places as views, called <photo>_w0, <photo>_w1.
+
+    several: a `Windows` for each place, of one size. The views have a split.
+    """
+    parts = [cut(views, one) for one in several]
+    joined = prepare.join(parts, masked=views.masks is not None)
+    joined = joined._replace(
+        names=[f"{n}_w{k}" for k, part in enumerate(parts) for n in part.names],
+        split=np.concatenate([part.split for part in parts]),
+        points=views.points,
+    )
+    return prepare.sort_by_name(joined._replace(points=inside_of(joined)))
+
+
 def shifted(pixtocams, windows: Windows):
     """Inverse intrinsics [k, 3, 3] of the windows, from those of their photos."""
     shift = np.tile(np.eye(3), (len(pixtocams), 1, 1))
@@ -196,41 +233,6 @@ def piece_at(corner, px):
     """A function that cuts a window out of an image [h, w, ...]."""
     left, top = corner
     return lambda image: image[top : top + px, left : left + px]
-
-
-def cut_truth(folder, names, windows: Windows):
-    """Cut the truth of whole views, in place; returns the mean true flow in px.
-
-    folder: of `courtyard.truth.write_truth`, for the views that have windows.
-    """
-    lengths_px = []
-    for name, corner in zip(names, windows.corners, strict=True):
-        piece = piece_at(corner, windows.px)
-        path = folder / "oracle" / f"{name}.png"
-        images.write(path, piece(images.read(path)))
-        for kind, arrays_of in OF_TRUTH.items():
-            path = folder / kind / f"{name}.npz"
-            if path.is_file():
-                arrays = archives.read(path, arrays_of)
-                arrays = {key: piece(array) for key, array in arrays.items()}
-                if kind == "flow":
-                    arrays["valid"] &= stays(arrays["flow_px"], windows.px)
-                    flow_px = arrays["flow_px"][arrays["valid"]]
-                    lengths_px.append(np.linalg.norm(flow_px, axis=-1))
-                np.savez_compressed(path, **arrays)
-    path = folder / "cameras.npz"
-    arrays = prepared.read_cameras(path)
-    arrays["pixtocams"] = shifted(arrays["pixtocams"], windows)
-    arrays |= {"width": np.int64(windows.px), "height": np.int64(windows.px)}
-    np.savez(path, **arrays)
-    return float(np.concatenate(lengths_px).mean())
-
-
-def stays(flow_px, px):
-    """Where a flow [px, px, 2] ends inside of the window."""
-    y, x = np.mgrid[:px, :px]
-    ends = np.stack([x, y], axis=-1) + flow_px
-    return ((ends >= 0) & (ends <= px - 1)).all(axis=-1)
 
 
 def inside_of(views: prepare.PosedViews):
