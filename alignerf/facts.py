@@ -64,22 +64,9 @@ def camera_facts(loaded: prepared.Scene):
     }
 
 
-def focus_of(camtoworlds):
-    """The point [3] closest to all optical axes; None where they have none.
-
-    (Parallel axes, or one camera.)
-    """
-    origins, axes = camtoworlds[:, :, 3], -camtoworlds[:, :, 2]
-    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    matrix = across.sum(axis=0)
-    if np.linalg.cond(matrix) > 1e8:
-        return None
-    return np.linalg.solve(matrix, (across @ origins[..., None]).sum(axis=0)[:, 0])
-
-
 def focus_distance(camtoworlds):
     """Mean distance of the cameras from the point closest to all optical axes."""
-    focus = focus_of(camtoworlds)
+    focus = cameras.focus_of(camtoworlds)
     if focus is None:
         return None
     distances = np.linalg.norm(camtoworlds[:, :, 3] - focus, axis=-1)
@@ -90,7 +77,7 @@ def capture_of(camtoworlds, agreement):
     """In words: forward-facing, inward (around something) or outward (a room)."""
     if agreement > FORWARD:
         return "forward-facing"
-    focus = focus_of(camtoworlds)
+    focus = cameras.focus_of(camtoworlds)
     if focus is None:
         return "one view" if len(camtoworlds) == 1 else "forward-facing"
     ahead = np.sum((focus - camtoworlds[:, :, 3]) * -camtoworlds[:, :, 2], axis=-1)
@@ -105,7 +92,7 @@ def neighbour_angle_deg(camtoworlds):
     """
     if len(camtoworlds) < 2:
         return None
-    axes, focus = -camtoworlds[:, :, 2], focus_of(camtoworlds)
+    axes, focus = -camtoworlds[:, :, 2], cameras.focus_of(camtoworlds)
     if focus is not None:
         towards = focus - camtoworlds[:, :, 3]
         length = np.linalg.norm(towards, axis=-1, keepdims=True)

@@ -91,6 +91,7 @@ def of_whole(config, out, whole, cameras_path):
         views = full_size.read(config, whole, scratch, cameras_path)
         if views.points is None:
             views, _ = with_points(views, scratch, config)
+        views = with_focus(views)
         try:
             points, px = windows.places(views, zoom, least=least)
         except ValueError as error:
@@ -110,6 +111,14 @@ def of_whole(config, out, whole, cameras_path):
         report_path = scratch / "new" / "poses.json"
         report_path.write_text(json.dumps(told, indent=1) + "\n")
         publish(scratch / "new", out)
+
+
+def with_focus(views):
+    """The views, where they share no points, with the one that they all look at."""
+    focus = cameras.focus_of(views.camtoworlds)
+    if views.points is not None or focus is None:
+        return views
+    return views._replace(points=(focus[None], np.zeros((1, 3), np.uint8)))
 
 
 def for_training(views, config):

@@ -17,6 +17,8 @@ CONTROL_FLOWS = 6
 # and the rest, to draw the figures, and to make the verdict.
 START_S = 0.6
 EVALUATE_S, DECOMPOSE_S, FIGURES_S, VERDICT_S = 3.0, 7.0, 1.0, 1.0
+# Seconds to decode a phone's photo of 3 megapixels, and to undo its lens.
+DECODE_S = 0.5
 # Seconds that Snakemake takes for each job besides the process.
 JOB_S = 0.4
 # Seconds a megapixel to correct cameras: each view's flow is fitted a few times.
@@ -114,6 +116,7 @@ def tasks_of(work, rates, flow: Flow, views: Views, *, threads) -> list[Task]:
     at = next((i for i, t in enumerate(tasks) if t.kind == "score"), len(tasks))
     tasks.insert(at, controls(work, flow, views))
     tasks += for_verdict(work, flow, views)
+    tasks += for_windows(work, rates, flow, views, threads=threads)
     tasks.append(tables(work, flow, views, [task.name for task in tasks]))
     return [task._replace(seconds=task.seconds + JOB_S) for task in tasks]
 
@@ -139,6 +142,41 @@ def for_verdict(work, flow: Flow, views: Views):
                 *(f"{name}/parts_photos", "rest", seconds, 1, [f"{name}/flow"]),
                 *(f"{name}/decomposition_photos_test.csv", 2 * count * flow.flow_bytes),
             )
+
+
+def for_windows(work, rates, flow: Flow, views: Views, *, threads):
+    """The tasks of windows at the photos' own size, which are trained like the rest."""
+    names = [one["name"] for one in work["trainings"]]
+    at = names.index(work["verdict"])
+    tasks = []
+    for windows in work.get("windows", ()):
+        zoom = windows["zoom"]
+        share = zoom["px"] ** 2 / views.pixels
+        each = views._replace(
+            train=zoom["count"] * views.train,
+            test=zoom["count"] * views.test,
+            pixels=zoom["px"] ** 2,
+            image_bytes=round(share * views.image_bytes),
+            side=zoom["px"],
+        )
+        flows = flow._replace(
+            view_s=share * flow.view_s,
+            flow_bytes=round(share * flow.flow_bytes),
+            warped_bytes=round(share * flow.warped_bytes),
+        )
+        job = work["trainings"][at]["job"]
+        length = {"steps": windows["steps"], "budget_min": None}
+        job = job | {"training": job["training"] | length}
+        one = {"name": f"../{windows['name']}/{names[at]}", "job": job}
+        one |= {"renders": ["train", "test"], "corrects": False}
+        one |= {"after": [windows["after"]] if windows["after"] else []}
+        tasks += training(one, rates[at], flows, each, threads=threads)
+        # Photos are decoded at their own size, before the training.
+        photos = views.train + views.test
+        parts_s = decompose_s(flow, zoom["count"] * photos * each.pixels)
+        decode_s = pace(flow) * DECODE_S * photos
+        tasks[-1] = tasks[-1]._replace(seconds=tasks[-1].seconds + parts_s + decode_s)
+    return tasks
 
 
 def tables(work, flow: Flow, views: Views, every):

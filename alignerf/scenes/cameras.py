@@ -230,3 +230,16 @@ def perturb_poses(camtoworlds, pixtocams, perturb_px, rng):
         turn_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
         turned[i, :, :3] = camtoworlds[i, :, :3] @ turn_x @ turn_y
     return turned
+
+
+def focus_of(camtoworlds):
+    """The point [3] closest to all optical axes; None where they have none.
+
+    (Parallel axes, or one camera.)
+    """
+    origins, axes = camtoworlds[:, :, 3], -camtoworlds[:, :, 2]
+    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
+    matrix = across.sum(axis=0)
+    if np.linalg.cond(matrix) > 1e8:
+        return None
+    return np.linalg.solve(matrix, (across @ origins[..., None]).sum(axis=0)[:, 0])

@@ -55,7 +55,7 @@ def config_of(scenes, args):
     if args.background:
         scenes = {n: s | {"background": args.background} for n, s in scenes.items()}
     methods = {"plain": {}, "aligned": {"align": {}}}
-    config = {"decide": True, "scenes": scenes, "methods": methods}
+    config = {"decide": True, "scenes": scenes, "methods": methods, "windows": {}}
     if args.budget_min:
         config["training"] = {"budget_min": args.budget_min}
     return config

@@ -25,6 +25,7 @@ def main(argv=None):
         poses=json_files.read(f"{args.scene}/poses.json", evidence.POSES),
         timing=json_files.read(f"{args.base}/timing.json", evidence.TIMING),
         overfit=args.overfit,
+        windows=args.windows,
     )
     findings = causes.find(known)
     gains = words.gains_of(args.misalignment) if args.misalignment else []
@@ -36,7 +37,8 @@ def main(argv=None):
         "gains": [
             gain._asdict() | {"pays": advice.pays(known, gain)} for gain in gains
         ],
-        "evidence": known._asdict(),
+        "evidence": known._asdict()
+        | {"windows": known.windows and known.windows._asdict()},
         "stands_out": {v.view: v.stands_out for v in rows if v.stands_out},
     }
     table = pd.DataFrame(rows, columns=views.COLUMNS)
@@ -68,6 +70,13 @@ def parse(argv=None):
     parser.add_argument("--base", required=True, help="the reference's round 0")
     parser.add_argument("--overfit", help="the test set's overfit.csv")
     parser.add_argument("--misalignment", help="the scene's misalignment.csv")
+    parser.add_argument(
+        "--windows",
+        nargs="*",
+        default=[],
+        help="the reference's round 0 of windows at the photos' own size: with cameras "
+        "as given, and as put right",
+    )
     parser.add_argument("--out", required=True, help="verdict.json, written")
     parser.add_argument("--views", required=True, help="views.csv, written")
     return parser.parse_args(argv)

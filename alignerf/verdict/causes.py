@@ -1,17 +1,25 @@
 """What is wrong, decided from numbers: pure, every threshold named and measured.
 
-All lengths are pixels of the training size. The thresholds were chosen on variants of
-courtyard with one fault each, seed 1, MOVED_SHARE on seeds 0 and 2, too. They were
-tested on other seeds, on pairs of faults and on real captures: docs/verdict.md.
+All lengths are pixels of the training size; those of windows are pixels of the photo.
+The thresholds were chosen on variants of courtyard with one fault each, seed 1,
+MOVED_SHARE on seeds 0 and 2, too. They were tested on other seeds, on pairs of faults
+and on real captures: docs/verdict.md.
 """
 
 import math
 from typing import NamedTuple
 
+from alignerf.verdict import windows as of_windows
+
 # Photos and renders of a scene in which nothing is wrong are 0.07 px apart.
 ALIGNED_PX = 0.25
 # Of the flow's parts, one that is at least so long is named.
 PART_PX = 0.2
+# The same in windows at the photos' own size.
+WINDOW_PX = 0.45
+# "Aligned" is said where a shift of so much would have been seen, at the width that
+# programs train at: they make photos smaller that are wider.
+TOLD_PX, USUAL_WIDTH_PX = 1.0, 1600
 # Pixels that do not move with their camera: by so much at least, and by so much of what
 # it moves, since a model that averages wrong poses is bent; and their share.
 MOVED_PX, MOVED_OF_CAMERA, MOVED_SHARE = 0.5, 0.7, 0.04
@@ -64,6 +72,12 @@ class Evidence(NamedTuple):
     shift_errors: float
     distortion_px: float
     distortion_errors: float
+    photo_width_px: float = math.nan
+    # Whether the poses came with the photos, and the error that was put into them.
+    poses_given: bool = False
+    perturb_px: float = 0.0
+    # At the photos' own size; None without.
+    windows: of_windows.Windows | None = None
 
 
 class Finding(NamedTuple):
@@ -91,13 +105,50 @@ PLAIN = ("few_views", "unregistered", "undertrained", "blurred", "exposure")
 
 def unclear(e: Evidence):
     """Whether training was too short to tell anything about alignment."""
-    return e.passes < FEW_PASSES / 2
+    return e.passes < FEW_PASSES / 2 and not by_windows(e)
 
 
 def misaligned(e: Evidence):
     """Whether photos and renders of the training views are apart at all."""
+    if by_windows(e):
+        return True
     known = e.flow_train_px if math.isfinite(e.flow_train_px) else e.flow_test_px
-    return known > ALIGNED_PX
+    return known > limit_of_training_px(e)
+
+
+def by_windows(e: Evidence):
+    """Whether windows at the photos' own size are apart."""
+    return known_windows(e) and e.windows.flow_px > WINDOW_PX
+
+
+def known_windows(e: Evidence):
+    """Whether there are windows that were trained long enough."""
+    return e.windows is not None and e.windows.passes >= FEW_PASSES / 2
+
+
+def limit_of_training_px(e: Evidence):
+    """The least shift that the training tells, in its px."""
+    invented = e.overfit_px if math.isfinite(e.overfit_px) else 0.0
+    return max(ALIGNED_PX, invented)
+
+
+def limit_px(e: Evidence):
+    """The least shift that the run tells, in px of the photo."""
+    return WINDOW_PX if known_windows(e) else e.photo_px * limit_of_training_px(e)
+
+
+def shift_px(e: Evidence):
+    """How far a photo and its render are apart, in px of the photo."""
+    if known_windows(e) and (by_windows(e) or not misaligned(e)):
+        return e.windows.flow_px
+    known = e.flow_train_px if math.isfinite(e.flow_train_px) else e.flow_test_px
+    return e.photo_px * known
+
+
+def tells(e: Evidence):
+    """Whether a shift that blurs a picture would have been seen."""
+    wide = min(1.0, USUAL_WIDTH_PX / e.photo_width_px)
+    return not limit_px(e) * wide > TOLD_PX
 
 
 def few_views(e: Evidence):
@@ -163,7 +214,13 @@ def undertrained(e: Evidence):
 
 
 def camera(e: Evidence):
-    """Poses are off: a moved camera explains the flow, or shared points disagree."""
+    """Poses are off: a moved camera explains the flow, or shared points disagree.
+
+    Its size is in px of the training.
+    """
+    if by_windows(e) and e.windows.camera_px > e.windows.remainder_px:
+        size = e.windows.camera_px / e.photo_px
+        return Finding("camera", size, e.windows.low_px > WINDOW_PX)
     if by_flow(e):
         return Finding("camera", e.camera_px, e.camera_px > 2 * PART_PX)
     if by_points(e):

@@ -11,6 +11,7 @@ import numpy as np
 from alignerf.files import archives, csv_files, json_files
 from alignerf.scenes import prepared
 from alignerf.verdict import causes, pattern, views
+from alignerf.verdict import windows as of_windows
 
 # Flows of so many training views tell what all have in common.
 MOST_PATTERN_VIEWS = 32
@@ -51,7 +52,7 @@ def read_views(loaded: prepared.Scene, base, splits):
 
 
 # What it takes from a poses.json, and from the reference's timing.json.
-POSES = prepared.POSES | {"poses": str}
+POSES = prepared.POSES | {"poses": str, "perturb_px": json_files.NUMBER}
 TIMING = {"rays_seen": json_files.NUMBER}
 
 
@@ -89,11 +90,14 @@ def read_pattern(loaded: prepared.Scene, base) -> pattern.Pattern:
     return pattern.of_flows(flows)
 
 
-def gather(loaded, rows, shared: pattern.Pattern, *, poses, timing, overfit):
+def gather(
+    loaded, rows, shared: pattern.Pattern, *, poses, timing, overfit, windows=()
+):
     """`causes.Evidence` of a scene's views.
 
     poses, timing: contents of poses.json and of the reference's timing.json. overfit:
     CSV of the flow invented between images that belong to one another, or None.
+    windows: folders as of `windows.read`.
     """
     of_split = {
         split: [v for v in rows if v.split == split] for split in ("train", "test")
@@ -132,6 +136,10 @@ def gather(loaded, rows, shared: pattern.Pattern, *, poses, timing, overfit):
         distortion_px=abs(shared.distortion_px),
         distortion_errors=abs(shared.distortion_px)
         / max(shared.distortion_error_px, 1e-3),
+        photo_width_px=float(poses["photo_width"]),
+        poses_given=poses["poses"] == "given",
+        perturb_px=float(poses["perturb_px"]),
+        windows=of_windows.read(windows),
     )
 
 

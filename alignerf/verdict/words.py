@@ -1,7 +1,7 @@
 """The verdict in plain words: each sentence with its number.
 
-Lengths are given in pixels of the training and of the original photo, since the first
-change with `downscale`.
+Lengths are in pixels of the original photo: those of the training change with
+`downscale`. Where it matters, they are also said for photos of 1600 px of width.
 """
 
 import math
@@ -22,19 +22,28 @@ def say(evidence, findings, gains, views):
     """
     lines = [headline(evidence, findings)]
     lines += [SENTENCES[finding.cause](finding, evidence) for finding in findings]
-    lines.append(alignment(evidence))
+    lines += alignment(evidence)
     lines += photos(views)
     lines += [gain_line(gain, evidence) for gain in gains]
     lines.append("To do: " + advice.advise(evidence, findings, gains))
     return lines
 
 
-def both(px, evidence):
-    """A length in px of the training, and of the photo."""
-    if not math.isfinite(px):
+def of_photo(px, evidence):
+    """A length in px of the training, said in px of the photo."""
+    return length(px * evidence.photo_px)
+
+
+def length(photo_px):
+    """A length in px of the photo, with two digits that count."""
+    if not math.isfinite(photo_px):
         return "unknown"
-    photo = f" ({px * evidence.photo_px:.2f} px of the photo)"
-    return f"{px:.2f} px" + (photo if evidence.photo_px != 1 else "")
+    return f"{photo_px:.1f} px" if photo_px >= 0.95 else f"{photo_px:.2f} px"
+
+
+def wide(photo_px, e):
+    """The same where the photo is 1600 px wide, as programs make it for training."""
+    return length(photo_px * causes.USUAL_WIDTH_PX / e.photo_width_px)
 
 
 def sure(finding):
@@ -42,69 +51,122 @@ def sure(finding):
 
 
 def headline(e, findings):
-    """One line: aligned or not, and the gravest cause."""
-    named = [finding.cause for finding in findings]
+    """One line: aligned or not, by how much, and the gravest causes."""
+    kind, named = state(e, findings), [finding.cause for finding in findings]
+    what = [
+        CALLED[one.cause].format(probably=sure(one))
+        for one in findings
+        if one.cause in CALLED
+    ]
+    if kind == "misaligned":
+        by = f"misaligned by {length(causes.shift_px(e))}"
+        return f"Verdict: {by}{': ' + ', '.join(what) if what else ''}."
+    if kind == "aligned":
+        far = f"aligned, as far as {length(causes.limit_px(e))} can show"
+        return f"Verdict: {far}{'; but ' + ', '.join(what) if what else ''}."
     if "sparse" in named:
-        poses = " Poses are off, too." if "camera" in named else ""
-        return f"Verdict: too few photos, or too far apart: aligning is no help.{poses}"
-    if "few_views" in named:
+        if "camera" in named:
+            poses = next(word for word in what if word.startswith("poses"))
+            return f"Verdict: {poses}, and photos are too few or too far apart."
+        return "Verdict: too few photos, or too far apart: aligning is no help."
+    if e.train_views < causes.FEW_TRAIN_VIEWS:
         return "Verdict: too few photos to say much."
-    what = [CALLED[name] for name in named if name in CALLED]
     if causes.unclear(e):
         return "Verdict: trained too short to tell how well photos are aligned."
-    if causes.misaligned(e):
-        return f"Verdict: misaligned{': ' + ', '.join(what) if what else ''}."
-    return f"Verdict: aligned{', but ' + ', '.join(what) if what else ''}."
+    seen = f"a shift under {length(causes.limit_px(e))} would not be seen"
+    also = f". But {', '.join(what)}" if what else ""
+    return f"Verdict: cannot be told at this size: {seen}{also}."
 
 
 def state(e, findings):
     """The verdict in a word: `aligned`, `misaligned` or `unclear`."""
     named = {finding.cause for finding in findings}
-    if named & {"sparse", "few_views"} or causes.unclear(e):
+    if causes.by_windows(e):
+        return "misaligned"
+    few = e.train_views < causes.FEW_TRAIN_VIEWS
+    if "sparse" in named or few or causes.unclear(e):
         return "unclear"
-    return "misaligned" if causes.misaligned(e) else "aligned"
+    if causes.misaligned(e):
+        return "misaligned"
+    return "aligned" if causes.tells(e) else "unclear"
 
 
 CALLED = {
-    "camera": "poses are off",
-    "motion": "the scene moved",
-    "lens_shift": "the principal point is off",
-    "lens_distortion": "the lens is bent otherwise",
-    "blurred": "some photos are blurred",
-    "exposure": "exposure changes",
+    "camera": "poses are {probably}off",
+    "motion": "the scene {probably}moved",
+    "lens_shift": "the principal point is {probably}off",
+    "lens_distortion": "the lens is {probably}bent otherwise",
+    "blurred": "some photos are {probably}blurred",
+    "exposure": "exposure {probably}changes",
+    "sparse": "photos are {probably}too few or too far apart",
+    "few_views": "photos are few",
     "unregistered": "photos are left out",
-    "undertrained": "trained too short",
+    "undertrained": "trained {probably}too short",
 }
 
 
 def alignment(e):
-    """How far photos and renders are apart, and what stays unknown."""
+    """How far photos and renders are apart, by whole photos and by windows."""
+    lines = []
+    if causes.known_windows(e):
+        w = e.windows
+        each = f"{w.places} window{'s' * (w.places > 1)} of {w.px} px of each photo"
+        lines.append(
+            f"At the photos' own size, photo and render are shifted by "
+            f"{length(w.flow_px)} [{length(w.low_px)}, {length(w.high_px)}], which is "
+            f"{wide(w.flow_px, e)} at {causes.USUAL_WIDTH_PX} px of width: median of "
+            f"{w.photos} training photos, in {each}. Under {length(causes.WINDOW_PX)} "
+            "nothing can be told."
+        )
+        if math.isfinite(w.corrected_px):
+            lines.append(
+                "With the cameras that this run has put right it is "
+                f"{length(w.corrected_px)}."
+            )
     parts = []
     if math.isfinite(e.flow_train_px):
-        parts.append(f"{both(e.flow_train_px, e)} on photos that were learnt from")
-    parts.append(f"{both(e.flow_test_px, e)} on held-out ones")
-    return (
-        f"Photos and renders are apart by {', '.join(parts)}; under "
-        f"{both(causes.ALIGNED_PX, e)} nothing can be told."
+        parts.append(f"{of_photo(e.flow_train_px, e)} on photos that were trained on")
+    parts.append(f"{of_photo(e.flow_test_px, e)} on held-out ones")
+    limit = e.photo_px * causes.limit_of_training_px(e)
+    where = "By the whole photos" if lines else "Photo and render"
+    lines.append(
+        f"{where}{' it is' if lines else ' are shifted by'} {', '.join(parts)}; under "
+        f"{length(limit)} ({wide(limit, e)} at {causes.USUAL_WIDTH_PX} px of width) "
+        "nothing can be told."
     )
+    return lines
 
 
 def camera(finding, e):
+    if causes.by_windows(e) and not causes.by_flow(e):
+        lead = f"Poses are {sure(finding)}off: in the windows a moved camera explains "
+        return f"{lead}{length(e.windows.camera_px)} of the shift.{added(e)}"
     if not causes.by_flow(e):
         return (
             f"Poses are {sure(finding)}off: points that several photos show lie "
-            f"{both(e.reprojection_px, e)} from where the cameras expect them."
+            f"{of_photo(e.reprojection_px, e)} from where the cameras expect them."
         )
     return (
-        f"Poses are {sure(finding)}off: a moved camera explains {both(e.camera_px, e)}"
-        f" of it."
+        f"Poses are {sure(finding)}off: a moved camera explains "
+        f"{of_photo(e.camera_px, e)} of the shift.{added(e)}"
+    )
+
+
+def added(e):
+    """Where the error was put in on purpose, a low reprojection error is explained."""
+    if not e.perturb_px:
+        return ""
+    px = of_photo(e.perturb_px, e)
+    return (
+        f" {px} were put in on purpose (perturb_px), after the poses were found: a "
+        "reprojection error knows nothing of them."
     )
 
 
 def motion(finding, e):
     return (
         f"The scene {sure(finding)}moved between photos: {100 * e.moved_share:.0f} % "
-        "of a photo does not move with its camera."
+        "of a photo moves by itself, apart from the camera."
     )
 
 
@@ -131,15 +193,15 @@ def unregistered(finding, e):
 
 def lens_shift(finding, e):
     return (
-        f"All photos are {sure(finding)}shifted alike, by {both(e.shift_px, e)}: the "
-        "principal point is wrong, or pixel centres lie half a pixel off."
+        f"All photos are {sure(finding)}shifted alike, by {of_photo(e.shift_px, e)}: "
+        "the principal point is wrong, or pixel centres lie half a pixel off."
     )
 
 
 def lens_distortion(finding, e):
     return (
-        f"All photos are {sure(finding)}bent alike, by {both(e.distortion_px, e)} at "
-        "the corners: the lens's distortion is wrong."
+        f"All photos are {sure(finding)}bent alike, by {of_photo(e.distortion_px, e)} "
+        "at the corners: the lens's distortion is wrong."
     )
 
 
@@ -236,11 +298,21 @@ def gains_of(path):
     return gains
 
 
+# What a gain is measured against, by test set.
+CALLED_SETS = {
+    "oracle": " against the true scene",
+    "standard": " on held-out photos",
+    "aligned_pose": " on held-out photos, each by a camera moved to fit it,",
+    "aligned_pose_gradient": " on held-out photos, each by a camera moved to fit it,",
+}
+
+
 def gain_line(gain, e):
     """A sentence on a remedy's gain in this run; it claims nothing from few views."""
     name, db, low, high, minutes = gain[:5]
     took = f"{minutes:.0f} min" if minutes >= 1 else "under a minute"
-    text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}] in {took}"
+    against = CALLED_SETS.get(getattr(gain, "test_set", ""), "")
+    text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}]{against} in {took}"
     if e.test_views < causes.FEW_TEST_VIEWS:
         return f"{text}; {e.test_views} held-out photos are too few to be sure."
     if low > 0 or high < 0:

@@ -203,3 +203,56 @@ def test_courtyard_through_colmap(tmp_path):
     near = np.abs(front[inside] - there) < 0.05 * there
     assert near.mean() > 0.3
     assert (front[inside] < 0.9 * there).mean() < 0.1
+
+
+def test_windows_of_another_scene_have_its_photos_cameras_and_split(tmp_path):
+    """Without COLMAP, at the photos' own size, several of each photo."""
+    courtyard = COURTYARD["courtyard"] | {"width": 192, "height": 144, "views": 6}
+    whole = COURTYARD | {"courtyard": courtyard}
+    poses.main(whole, tmp_path / "whole")
+    points = np.random.default_rng(0).normal(scale=0.7, size=(200, 3))
+    np.savez(
+        tmp_path / "whole" / prepared.POINTS,
+        points=points,
+        colours=np.zeros((200, 3), np.uint8),
+    )
+    moved = load(tmp_path / "whole" / "cameras.npz")
+    moved["camtoworlds"][:, 0, 3] += 1e-3
+    np.savez(tmp_path / "moved.npz", **moved)
+    zoom = {"of": "whole", "px": 64, "count": 2}
+    config = whole | {"downscale": 1, "perturb_px": 0.0, "zoom": zoom}
+    out = tmp_path / "windows"
+    poses.main(config, out, tmp_path / "whole", tmp_path / "moved.npz")
+    stored = load(out / "cameras.npz")
+    told = json.loads((out / "poses.json").read_text())
+    assert told["zoom"]["of"] == "whole"
+    assert told["photo_size"] == [192, 144]
+    assert len(told["zoom"]["points"]) == 2
+    side = told["zoom"]["px"]
+    assert stored["width"] == stored["height"] == side <= 64
+    assert not (out / "truth").exists()
+    views = zip(stored["names"], stored["split"], stored["camtoworlds"], strict=True)
+    of_whole = dict(zip(moved["names"], moved["split"], strict=True))
+    for name, split, pose in views:
+        photo, _, place = str(name).rpartition("_w")
+        assert place in "01"
+        assert of_whole[photo] == split
+        own = moved["camtoworlds"][list(moved["names"]).index(photo)]
+        np.testing.assert_array_equal(pose, own)
+        assert images.read(out / "images" / f"{name}.png").shape == (side, side, 3)
+
+
+def test_windows_of_views_that_share_no_points(tmp_path, monkeypatch):
+    """They lie where all cameras look; where those look apart, one line says so."""
+    poses.main(COURTYARD, tmp_path / "whole")
+    monkeypatch.setattr(poses, "with_points", lambda views, *_: (views, {}))
+    zoom = {"of": "whole", "px": 64, "count": 2}
+    config = COURTYARD | {"downscale": 1, "zoom": zoom}
+    given = (tmp_path / "whole", tmp_path / "whole" / "cameras.npz")
+    poses.main(config, tmp_path / "out", *given)
+    told = json.loads((tmp_path / "out" / "poses.json").read_text())
+    assert len(told["zoom"]["points"]) == 1
+    monkeypatch.setattr(cameras, "focus_of", lambda _: None)
+    with pytest.raises(ValueError, match="whole: windows: the views share no points"):
+        poses.main(config, tmp_path / "none", *given)
+    assert not (tmp_path / "none" / "poses.json").exists()

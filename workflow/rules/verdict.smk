@@ -3,6 +3,7 @@
 rule verdict:
     input:
         unpack(lambda w: layout.outputs_of(rows.of_verdict(experiment, w.scene))),
+        windows=lambda w: rows.files_of_windows(experiment, w.scene),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
         poses="results/{scene}/poses.json",
@@ -24,9 +25,10 @@ rule verdict:
         "../../environment.yml"
     params:
         base=lambda w: experiment.reference_folder(w.scene, 0),
+        windows=lambda w: rows.windows_options(experiment, w.scene),
         sources=sources_of("alignerf.verdict"),
     shell:
         "python -m alignerf.verdict --scene results/{wildcards.scene:q}"
-        " --base {params.base:q} --overfit {input.overfit:q}"
+        " --base {params.base:q} {params.windows:q} --overfit {input.overfit:q}"
         " --misalignment {input.misalignment:q} --out {output.verdict:q}"
         " --views {output.views:q} 2>&1 | tee {log:q}"

@@ -14,12 +14,14 @@ def of_scene(experiment, scene):
     `job`, the slice; `after`, names of those that it needs; `corrects`, whether cameras
     are put right for it; `renders`, the splits that are rendered and aligned;
     `scored`, whether its test views are. reference: by whose renders the test set is
-    made; verdict: whose views the verdict looks at.
+    made; verdict: whose views the verdict looks at. windows: scenes of windows for the
+    verdict, whose cost is counted here.
 
     With `rounds: auto` all rounds are counted that there may be, so that none has to be
-    decided on. None where no cost is asked for (`preflight: false`).
+    decided on. None where no cost is asked for (`preflight: false`), and for windows
+    of another scene.
     """
-    if not experiment.config["preflight"]:
+    if not experiment.config["preflight"] or experiment.whole(scene) != scene:
         return None
     longest = plan.Experiment(experiment.config, lambda **place: True)
     root = f"results/{scene}/"
@@ -32,7 +34,28 @@ def of_scene(experiment, scene):
         "aligned_pose": experiment.config["aligned_pose"],
         "truth": experiment.has_truth(scene),
         "flow": arguments.estimator_options(experiment),
-    }
+    } | of_windows(experiment, scene)
+
+
+def of_windows(experiment, scene):
+    """{"windows": entries} of a scene's windows; {} where it has none.
+
+    name: of the scene; zoom: its key; steps: of its training; after: the training whose
+    cameras it has, or None.
+    """
+    found = []
+    for name in experiment.windows(scene):
+        chosen = experiment.scenes[name]
+        method = chosen["zoom"]["cameras"]
+        found.append(
+            {
+                "name": name,
+                "zoom": chosen["zoom"],
+                "steps": chosen["steps"],
+                "after": method and experiment.at(scene, method, 0).folder,
+            }
+        )
+    return {"windows": found} if found else {}
 
 
 def entries(experiment, every):

@@ -169,6 +169,21 @@ def of_verdict(experiment, scene):
     return files
 
 
+def windows_options(experiment, scene):
+    """Options of the verdict: the reference's round 0 of each scene of windows."""
+    folders = [experiment.reference_folder(w, 0) for w in experiment.windows(scene)]
+    return ["--windows", *folders] if folders else []
+
+
+def files_of_windows(experiment, scene):
+    """The outputs of rules that the verdict reads of windows."""
+    files = []
+    for name in experiment.windows(scene):
+        files += of_verdict(experiment, name).values()
+        files += [f"results/{name}/{kind}" for kind in ("cameras.npz", "poses.json")]
+    return layout.outputs_of(files)
+
+
 def of_page(experiment, scene):
     """What its images are of besides: those views' warped photos, and the truth."""
     files = of_verdict(experiment, scene)

@@ -1,11 +1,12 @@
 """An experiment: which methods and rounds it has, and where they lie."""
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 
-from alignerf.experiment import inputs, kinds, plan, sources, targets, trainings
+from alignerf.experiment import inputs, kinds, plan, slices, sources, targets, trainings
 from alignerf.experiment.tables import rows
 
 WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
@@ -323,3 +324,62 @@ def test_what_is_asked_of_each_scene_is_found_once(demo, experiment_of):
     assert one.keys() - of_scenes >= {("trained",), ("names", kinds.warm)}
     assert all(many[key] == one[key] for key in one.keys() - of_scenes)
     assert len(many) - len(one) == 39 * len(of_scenes)
+
+
+def with_windows(demo):
+    demo["methods"] = {"plain": {}, "aligned": {"align": {}}}
+    return demo | {"windows": {"px": 96, "count": 3, "steps": 500}}
+
+
+def test_windows_are_scenes_beside_the_one_that_they_judge(demo, experiment_of):
+    experiment = experiment_of(with_windows(demo))
+    assert experiment.captures() == ["courtyard"]
+    names = ["courtyard_windows", "courtyard_windows_aligned"]
+    assert experiment.windows("courtyard") == names
+    assert all(experiment.whole(name) == "courtyard" for name in names)
+    given, put_right = (experiment.scenes[name] for name in names)
+    assert (given["downscale"], given["steps"]) == (1, 500)
+    assert given["zoom"]["cameras"] is None
+    assert put_right["zoom"]["cameras"] == "aligned"
+    # Photos of windows have no truth of their own.
+    assert not any(map(experiment.has_truth, names))
+    assert inputs.poses_options(experiment, names[0]) == [
+        *("--whole", "results/courtyard"),
+        *("--cameras", "results/courtyard/cameras.npz"),
+    ]
+    learnt = "results/courtyard/aligned/round0/learnt"
+    assert inputs.poses_options(experiment, names[1])[-1] == f"{learnt}/cameras.npz"
+    found = inputs.of_poses(experiment, names[1], lambda path: path)
+    assert found["cameras"] == learnt
+    assert rows.windows_options(experiment, "courtyard") == [
+        "--windows",
+        *(f"results/{name}/plain/round0" for name in names),
+    ]
+    assert "train_flow" in rows.of_verdict(experiment, names[0])
+    assert rows.windows_options(experiment, names[0]) == []
+
+
+def test_a_complete_config_has_the_same_windows(demo, experiment_of):
+    """As results/SCENE/config.yaml has it: windows are scenes there."""
+    experiment = experiment_of(with_windows(demo))
+    again = experiment_of(json.loads(slices.complete(experiment, "courtyard")))
+    assert again.scenes == experiment.scenes
+    for name in experiment.scenes:
+        own = slices.full(experiment, name, "plain")
+        assert slices.full(again, name, "plain") == own
+
+
+@pytest.mark.parametrize(
+    ("scene", "fault"),
+    [
+        ({"zoom": {"of": "gone"}}, "scenes.other.zoom.of: gone is none of the scenes"),
+        ({"zoom": {"of": "courtyard", "cameras": "plain"}}, "plain is no method with"),
+        ({"zoom": {"count": 2}}, "scenes.other.zoom.count: only with `of`"),
+        ({"zoom": {"of": "courtyard", "number": 1}}, "number and of: choose one"),
+    ],
+)
+def test_windows_of_what_is_not_there(demo, experiment_of, scene, fault):
+    demo["methods"] = {"plain": {}, "aligned": {"align": {}}}
+    demo["scenes"]["other"] = {"source": "courtyard"} | scene
+    with pytest.raises(ValueError, match=fault):
+        experiment_of(demo)

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from alignerf import poses
-from alignerf.verdict import advice, causes, words
+from alignerf.verdict import advice, causes, windows, words
 
 # A scene in which nothing is wrong, as measured on courtyard.
 WELL = causes.Evidence(
@@ -32,6 +32,7 @@ WELL = causes.Evidence(
     shift_errors=4.1,
     distortion_px=0.02,
     distortion_errors=1.3,
+    photo_width_px=400.0,
 )
 FAULTS = {
     "camera": {"flow_train_px": 1.2, "camera_px": 1.2},
@@ -110,18 +111,21 @@ def test_the_words_have_the_numbers_and_one_thing_to_do(cause):
     assert "nan" not in " ".join(lines).lower()
     assert "aligned" in lines[0] or "too few" in lines[0]
     if cause == "camera":
-        assert "1.20 px (2.40 px of the photo)" in " ".join(lines)
-        assert "misaligned: poses are off" in lines[0]
+        assert lines[0] == "Verdict: misaligned by 2.4 px: poses are off."
+        assert "a moved camera explains 2.4 px of the shift" in " ".join(lines)
+    if cause is None:
+        assert lines[0] == "Verdict: aligned, as far as 0.50 px can show."
 
 
 def test_the_words_say_what_points_told():
     known = WELL._replace(**FAULTS["sparse"], reprojection_px=1.7)
     lines = words.say(known, causes.find(known), [], [])
-    assert lines[0].endswith("Poses are off, too.")
-    told = "Poses are off: points that several photos show lie 1.70 px (3.40 px of the "
+    assert lines[0].startswith("Verdict: poses are off, and photos are too few")
+    told = "Poses are off: points that several photos show lie 3.4 px from"
     assert any(line.startswith(told) for line in lines)
-    assert lines[-1].startswith("To do: take more photos")
-    assert lines[-1].endswith("Have their poses found anew, too.")
+    # What can be done at the desk comes first.
+    assert lines[-1].startswith("To do: align on the way")
+    assert lines[-1].endswith("And take more photos between those you have.")
 
 
 @pytest.mark.parametrize(
@@ -255,3 +259,106 @@ def test_after_too_short_a_training_nothing_of_alignment_is_told():
     assert [finding.cause for finding in found] == ["undertrained"]
     assert "too short to tell" in words.headline(known, found)
     assert advice.advise(known, found).startswith("train longer")
+
+
+# Windows of a capture whose poses are wrong, at the photos' own size.
+APART = windows.Windows(
+    places=2,
+    px=160,
+    photos=18,
+    flow_px=0.72,
+    low_px=0.6,
+    high_px=0.9,
+    flow_test_px=1.64,
+    camera_px=0.68,
+    remainder_px=0.17,
+    passes=1.1,
+)
+TOGETHER = APART._replace(flow_px=0.2, low_px=0.15, high_px=0.25, camera_px=0.1)
+
+
+def test_windows_decide_in_pixels_of_the_photo():
+    known = WELL._replace(windows=APART, photo_width_px=1920.0)
+    found = causes.find(known)
+    assert [(one.cause, one.sure) for one in found] == [("camera", True)]
+    lines = words.say(known, found, [], [])
+    assert lines[0] == "Verdict: misaligned by 0.72 px: poses are off."
+    told = "At the photos' own size, photo and render are shifted by 0.72 px [0.60 px, "
+    assert any(line.startswith(told) for line in lines)
+    assert any("which is 0.60 px at 1600 px of width" in line for line in lines)
+    assert words.state(known, found) == "misaligned"
+    well = known._replace(windows=TOGETHER)
+    assert causes.find(well) == []
+    limit = words.length(causes.WINDOW_PX)
+    said = f"Verdict: aligned, as far as {limit} can show."
+    assert words.headline(well, []) == said
+
+
+def test_one_capture_has_one_verdict_at_every_size_of_training():
+    """The words on alignment are those of the windows, whatever the training's size."""
+    said = set()
+    for photo_px in (2.0, 4.0, 8.0):
+        known = WELL._replace(photo_px=photo_px, windows=APART, photo_width_px=1920.0)
+        said.add(words.headline(known, causes.find(known)))
+    assert len(said) == 1
+
+
+@pytest.mark.parametrize("changes", [{}, FAULTS["sparse"], FAULTS["few_views"]])
+def test_what_windows_are_sure_of_is_the_headline(changes):
+    """Few photos are a caution beside it; the advice is what the desk can cure."""
+    known = WELL._replace(windows=APART, photo_width_px=1920.0, **changes)
+    found = causes.find(known)
+    assert words.headline(known, found).startswith("Verdict: misaligned by 0.72 px")
+    assert "poses are off" in words.headline(known, found)
+    assert "align on the way" in advice.advise(known, found)
+
+
+def test_windows_that_were_trained_too_short_tell_nothing():
+    known = WELL._replace(windows=APART._replace(passes=0.1))
+    assert causes.find(known) == []
+    assert "own size" not in " ".join(words.say(known, [], [], []))
+
+
+def test_a_thumbnail_is_not_called_aligned():
+    """300 photos of 12 megapixels, trained at 268 px of width."""
+    known = WELL._replace(photo_px=15.0, photo_width_px=4000.0)
+    head = words.headline(known, causes.find(known))
+    said = "Verdict: cannot be told at this size: a shift under 3.8 px would not be"
+    assert head.startswith(said)
+    assert words.state(known, []) == "unclear"
+    assert words.state(known._replace(windows=TOGETHER), []) == "aligned"
+
+
+def test_given_poses_are_first_found_anew():
+    known = WELL._replace(**FAULTS["camera"], poses_given=True)
+    said = advice.advise(known, causes.find(known))
+    assert said.startswith("let COLMAP find the poses anew: make photos FOLDER=")
+    assert "Or align on the way" in said
+
+
+def test_an_error_that_was_put_in_explains_a_good_reprojection_error():
+    known = WELL._replace(**FAULTS["camera"], perturb_px=1.5)
+    lines = words.say(known, causes.find(known), [], [])
+    assert any("3.0 px were put in on purpose (perturb_px)" in line for line in lines)
+
+
+def test_heading_and_sentence_are_equally_sure():
+    for share, adverb in ((0.05, "probably "), (0.2, "")):
+        known = WELL._replace(moved_share=share)
+        lines = words.say(known, causes.find(known), [], [])
+        assert f"the scene {adverb}moved" in lines[0]
+        assert any(f"The scene {adverb}moved" in line for line in lines[1:])
+
+
+def test_a_gain_says_what_it_is_measured_against():
+    for test_set, said in words.CALLED_SETS.items():
+        line = words.gain_line(gain(test_set=test_set), WELL)
+        assert said in line
+
+
+def test_one_floor_for_what_is_called_aligned_and_what_can_be_told():
+    known = WELL._replace(overfit_px=0.45, flow_train_px=0.42)
+    assert not causes.misaligned(known)
+    lines = words.say(known, causes.find(known), [], [])
+    assert "as far as 0.90 px can show" in lines[0]
+    assert any("under 0.90 px" in line for line in lines)
