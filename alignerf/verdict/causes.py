@@ -16,7 +16,7 @@ ALIGNED_PX = 0.25
 # Of the flow's parts, one that is at least so long is named.
 PART_PX = 0.2
 # The same in windows at the photos' own size.
-WINDOW_PX = 0.45
+WINDOW_PX = 0.5
 # "Aligned" is said where a shift of so much would have been seen, at the width that
 # programs train at: they make photos smaller that are wider.
 TOLD_PX, USUAL_WIDTH_PX = 1.0, 1600

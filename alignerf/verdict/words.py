@@ -123,17 +123,14 @@ def alignment(e):
                 "With the cameras that this run has put right it is "
                 f"{length(w.corrected_px)}."
             )
-    parts = []
+    parts, scale = [], f"at {causes.USUAL_WIDTH_PX} px of width"
     if math.isfinite(e.flow_train_px):
         parts.append(f"{of_photo(e.flow_train_px, e)} on photos that were trained on")
     parts.append(f"{of_photo(e.flow_test_px, e)} on held-out ones")
     limit = e.photo_px * causes.limit_of_training_px(e)
-    where = "By the whole photos" if lines else "Photo and render"
-    lines.append(
-        f"{where}{' it is' if lines else ' are shifted by'} {', '.join(parts)}; under "
-        f"{length(limit)} ({wide(limit, e)} at {causes.USUAL_WIDTH_PX} px of width) "
-        "nothing can be told."
-    )
+    begins = "By the whole photos it is" if lines else "Photo and render are shifted by"
+    unseen = f"under {length(limit)} ({wide(limit, e)} {scale}) nothing can be told."
+    lines.append(f"{begins} {', '.join(parts)}; {unseen}")
     return lines
 
 
@@ -158,8 +155,8 @@ def added(e):
         return ""
     px = of_photo(e.perturb_px, e)
     return (
-        f" {px} were put in on purpose (perturb_px), after the poses were found: a "
-        "reprojection error knows nothing of them."
+        f" An error of {px} was put in on purpose (perturb_px) after the poses were "
+        "found, so that their reprojection error does not show it."
     )
 
 

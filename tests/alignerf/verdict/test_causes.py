@@ -339,7 +339,10 @@ def test_given_poses_are_first_found_anew():
 def test_an_error_that_was_put_in_explains_a_good_reprojection_error():
     known = WELL._replace(**FAULTS["camera"], perturb_px=1.5)
     lines = words.say(known, causes.find(known), [], [])
-    assert any("3.0 px were put in on purpose (perturb_px)" in line for line in lines)
+    assert any(
+        "An error of 3.0 px was put in on purpose (perturb_px)" in line
+        for line in lines
+    )
 
 
 def test_heading_and_sentence_are_equally_sure():
