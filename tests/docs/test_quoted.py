@@ -57,6 +57,22 @@ def test_pages_quote_the_same_gains(page_of, measured):
     assert found == [tuple(f"{db:.1f}" for db in wanted)]
 
 
+def test_the_picture_of_the_page_is_of_the_run_in_the_tables(root, page_of):
+    """A picture of an older run shows other gains, or lacks some."""
+    table = pd.read_csv(root / "docs/measured/misalignment.csv", comment="#")
+    ends = ("difference_db", "difference_low_db", "difference_high_db")
+    wanted = {}
+    for row in table.dropna(subset=ends[0]).itertuples():
+        method, _, _ = row.method.partition(" (")
+        warped = "" if row.warping == "none" else f", warped {row.warping}"
+        wanted[method + warped] = [f"{getattr(row, end):+.2f}" for end in ends]
+    headline, *lines = (root / "docs/pictures/page.txt").read_text().splitlines()
+    said = re.compile(r"(.+): (\S+) dB \[(\S+), (\S+)\]")
+    found = {m[1]: list(m.groups()[1:]) for line in lines if (m := said.match(line))}
+    assert found == wanted
+    assert f'its upper part: "{headline}"' in page_of("docs/photos.md")
+
+
 def test_pages_say_the_scale_of_the_flow_and_that_figures_have_their_own(page_of):
     text = page_of("docs/photos.md")
     assert f"full colour is {pictures.FULL_PX:g} px" in text
