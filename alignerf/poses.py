@@ -190,10 +190,10 @@ def with_points(views, scratch, config):
 
 def split_of(views, config):
     """Split [n] of the views: by their files, else every `test_every`-th is test."""
-    every = config["test_every"]
     if views.split is None:
+        every = scene_keys.every_of(config, len(views.names))
         return prepare.split_views(len(views.names), test_every=every)
-    if every != scene_keys.Scene.default("test_every"):
+    if config["test_every"] is not None:
         log.warning("test_every: the given file itself says what is held out")
     return views.split
 

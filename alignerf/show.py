@@ -35,7 +35,7 @@ def main(argv=None):
             print(line)
         controls = path.with_name("controls.csv")
         if controls.is_file():
-            print("\nof the gain from standard to warped, in dB")
+            print("\nwhat the higher score on the warped test set is made of, in dB")
             print(fitting(breakdown(csv_files.read(controls))))
         print(f"tables   {path}, {path.with_suffix('.tex').name}")
         print(f"figures  {path.parent.parent / 'figures'}/")
@@ -84,11 +84,11 @@ def below_baseline(table, staged):
     for row in others.itertuples():
         if row.difference_high_db < 0:
             yield (
-                f"{row.method} is {-row.difference_db:.2f} dB below "
-                f"{row.difference_to} ({test_set}): {row.steps:.0f} steps are too few "
-                "for it.\n"
-                "  Rays of a patch teach less than rays from everywhere. On courtyard "
-                "the method pays from 8000 steps on: docs/method.md"
+                f"{row.method} is {-row.difference_db:.2f} dB worse than "
+                f"{row.difference_to} ({test_set}). That is expected after "
+                f"{row.steps:.0f} steps.\n"
+                "  It trains on patches, which teach less a step than rays from "
+                "everywhere. On courtyard it pays from 8000 steps on: docs/method.md"
             )
 
 

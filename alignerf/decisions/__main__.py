@@ -39,10 +39,10 @@ def shown(paths, asked):
     """
     lines = []
     for path in paths:
-        lines.append(f"{path.parent.name}: the facts call for")
+        lines.append(f"{path.parent.name}: by its facts")
         lines += [f"  {rules.line(decision)}" for decision in fill.read(path).values()]
     if not asked:
-        lines.append("This config does not ask for it: decide: true.")
+        lines.append("This run uses none of it: its config does not say decide: true.")
     return lines
 
 

@@ -162,5 +162,5 @@ def line(decision):
     """A decision as users read it."""
     name, value = decision.key, f"{decision.value:g}"
     changed = decision.value != decision.default
-    instead = f" instead of {decision.default:g}" if changed else ", as always"
-    return f"{name} {value}{instead}: {decision.reason}"
+    usual = f"default {decision.default:g}" if changed else "the default"
+    return f"suggested: {name} {value} ({usual}): {decision.reason}"

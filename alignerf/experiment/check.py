@@ -8,7 +8,6 @@ from alignerf.experiment.checks.common import fault, is_there
 from alignerf.experiment.keys import config as config_keys
 from alignerf.experiment.keys import left as left_keys
 from alignerf.experiment.keys import method as method_keys
-from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.files import faults, yaml_files
 
@@ -53,12 +52,10 @@ def checked(config, files=()):
 def check_given(config):
     """What only the config as it was written can tell: keys that act on nothing."""
     training_keys.check_length(config.get("training", {}), "training")
-    usual = scene_keys.Scene.default("test_every")
     for name, scene in config["scenes"].items():
         training_keys.check_length(scene, f"scenes.{name}")
-        # Its default stands in every complete config.
-        every = scene.get("test_every", usual)
-        if scene["source"] == "blender" and every != usual:
+        given = scene.get("test_every") is not None
+        if given and scene["source"] == "blender":
             fault(f"scenes.{name}.test_every", "blender's files say what is held out")
         if scene.get("seed") is not None and (config.get("vary") or {}).get("seeds"):
             fault(f"scenes.{name}.seed", "not beside vary.seeds")

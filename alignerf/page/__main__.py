@@ -42,8 +42,8 @@ def render(folder, *, rounds, base, others=None):
     """
     folder, base = Path(folder), Path(base)
     told = contents.verdict(folder)
-    overfit_px = pictures.overfit_of(told["evidence"])
-    shown = shown_views(folder, rounds, others or {}, base, overfit_px)
+    limit_px = pictures.limit_of(told["evidence"])
+    shown = shown_views(folder, rounds, others or {}, base, limit_px)
     images = pictures.fitted(shown)
     decided, taken = contents.decisions(folder)
     return template().render(
@@ -53,9 +53,9 @@ def render(folder, *, rounds, base, others=None):
         views=[one for one in shown if f"{one.split}/{one.view}" in images],
         images=images,
         layers=pictures.layer_names(shown),
-        wheel=pictures.data_uri(pictures.wheel(overfit_px)),
+        wheel=pictures.data_uri(pictures.wheel(limit_px)),
         full_px=pictures.FULL_PX,
-        overfit_px=overfit_px,
+        limit_px=limit_px,
         tables=contents.tables(folder),
         figures=figures(folder),
         decisions=decided,
@@ -65,7 +65,7 @@ def render(folder, *, rounds, base, others=None):
     )
 
 
-def shown_views(folder, rounds, others, base, overfit_px):
+def shown_views(folder, rounds, others, base, limit_px):
     """`pictures.Shown` of each view on the page."""
     table = csv_files.read(folder / "tables" / "views.csv")
     # Empty where a view does not, which is read as a number where none does.
@@ -97,7 +97,7 @@ def shown_views(folder, rounds, others, base, overfit_px):
                 row.view,
                 of_split[row.split],
                 folder / "images",
-                overfit_px,
+                limit_px,
                 turns.get(row.view, 0),
             ),
         )
@@ -108,18 +108,19 @@ def shown_views(folder, rounds, others, base, overfit_px):
 def note_on(view):
     """A view's numbers in words."""
     learnt = "held out" if view.split == "test" else "learnt from"
-    parts = [f"{learnt}: {view.flow_px:.2f} px apart, {view.psnr_db:.1f} dB"]
+    apart = f"{view.flow_px:.2f} px apart before any repair"
+    parts = [f"{learnt}: {apart}, {view.psnr_db:.1f} dB"]
     return "; ".join([*parts, view.stands_out] if view.stands_out else parts)
 
 
 def figures(folder):
-    """(title, data URI) of the figures that the page repeats."""
+    """(title, note, data URI) of the figures that the page repeats."""
     uris = []
-    for name, title in contents.FIGURES.items():
+    for name, (title, note) in contents.FIGURES.items():
         path = folder / "figures" / f"{name}.png"
         if path.is_file():
             text = base64.b64encode(path.read_bytes()).decode()
-            uris.append((title, f"data:image/png;base64,{text}"))
+            uris.append((title, note, f"data:image/png;base64,{text}"))
     return uris
 
 

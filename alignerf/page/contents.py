@@ -25,9 +25,19 @@ DOWNLOADS = {
     "decisions.json": "what the facts call for",
     "cameras.npz": "cameras",
 }
+# The figures that it repeats: title, and how to read it.
 FIGURES = {
-    "curves": "Misalignment and quality, round by round",
-    "lengths": "How long the flow is, and its parts",
+    "curves": (
+        "Misalignment and quality, round by round",
+        "Rounds make renders sharper. They leave the held-out photos as they were "
+        "taken, and these stay as far off. So the flow to them hardly falls, and may "
+        "even grow, as a sharper render shows more of it. PSNR tells whether a round "
+        "helped.",
+    ),
+    "lengths": (
+        "How long the flow is, and its parts",
+        "Each part has lengths of its own: they do not add up to those of the flow.",
+    ),
 }
 
 

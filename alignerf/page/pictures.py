@@ -15,7 +15,7 @@ import numpy as np
 from PIL import Image
 
 from alignerf.files import archives, images
-from alignerf.verdict import causes
+from alignerf.verdict import limit
 from flow.figures import colour_wheel
 
 # The same for all scenes, so that one that is aligned looks so.
@@ -72,7 +72,7 @@ def _length(view):
     return view.flow_px if np.isfinite(view.flow_px) else np.inf
 
 
-def layers_of(view, source: Source, photos, overfit_px, turns=0):
+def layers_of(view, source: Source, photos, limit_px, turns=0):
     """{name: image} of a view; layers that its split lacks are left out.
 
     turns: quarter turns, clockwise, that make it stand upright.
@@ -92,7 +92,7 @@ def layers_of(view, source: Source, photos, overfit_px, turns=0):
         layers[f"render{after}"] = read(renders)
         data = archives.read(Path(flow) / f"{view}.npz", ("flow_px", "valid"))
         flow_px, valid = turned(data["flow_px"], turns), np.rot90(data["valid"], -turns)
-        layers[f"flow{after}"] = coloured(flow_px, overfit_px, valid)
+        layers[f"flow{after}"] = coloured(flow_px, limit_px, valid)
     if source.warped is not None:
         layers["warped photo"] = read(source.warped)
     if source.truth is not None:
@@ -108,20 +108,20 @@ def turned(flow_px, turns):
     return flow_px
 
 
-def coloured(flow_px, overfit_px, valid=None):
-    """A flow's colours [h, w, 3] at the fixed scale, fading beneath the overfit."""
-    faded = colour_wheel.faded(flow_px, overfit_px)
+def coloured(flow_px, limit_px, valid=None):
+    """A flow's colours [h, w, 3] at the fixed scale, fading under the limit."""
+    faded = colour_wheel.faded(flow_px, limit_px)
     return colour_wheel.encode(faded, scale_px=FULL_PX, valid=valid)
 
 
-def wheel(overfit_px):
+def wheel(limit_px):
     """The wheel [WHEEL_PX, WHEEL_PX, 3] that says what the colours mean."""
-    return colour_wheel.legend(WHEEL_PX, scale_px=FULL_PX, least_px=overfit_px)
+    return colour_wheel.legend(WHEEL_PX, scale_px=FULL_PX, least_px=limit_px)
 
 
-def overfit_of(evidence):
-    """Length in px beneath which a flow says nothing, of a verdict's evidence."""
-    return max(causes.ALIGNED_PX, evidence.get("overfit_px") or 0.0)
+def limit_of(evidence):
+    """Length in px under which a flow is too short to tell, of a verdict's evidence."""
+    return limit.limit_px(evidence.get("overfit_px"))
 
 
 def fitted(shown):

@@ -9,14 +9,17 @@ and on real captures: docs/verdict.md.
 import math
 from typing import NamedTuple
 
+from alignerf.verdict import limit
 from alignerf.verdict import windows as of_windows
 
-# Photos and renders of a scene in which nothing is wrong are 0.07 px apart.
-ALIGNED_PX = 0.25
 # Of the flow's parts, one that is at least so long is named.
 PART_PX = 0.2
-# The same in windows at the photos' own size.
+# In windows at the photos' own size: the least flow that is misalignment. It was 0.15
+# to 0.46 px on four captures with right poses, 0.7 and 1.1 px on two with wrong ones.
 WINDOW_PX = 0.5
+# Test views' flow over training views' there: beyond it a wrong pose may have been
+# learnt as geometry. It was 1.3 to 3.1, and 7.6 to 12 where views lie far apart.
+WINDOW_RATIO = 5.0
 # "Aligned" is said where a shift of so much would have been seen, at the width that
 # programs train at: they make photos smaller that are wider.
 TOLD_PX, USUAL_WIDTH_PX = 1.0, 1600
@@ -122,14 +125,15 @@ def by_windows(e: Evidence):
 
 
 def known_windows(e: Evidence):
-    """Whether there are windows that were trained long enough."""
-    return e.windows is not None and e.windows.passes >= FEW_PASSES / 2
+    """Whether there are windows, trained long enough, whose photos fix the geometry."""
+    if e.windows is None or e.windows.passes < FEW_PASSES / 2:
+        return False
+    return e.windows.flow_test_px <= WINDOW_RATIO * max(e.windows.flow_px, 0.05)
 
 
 def limit_of_training_px(e: Evidence):
     """The least shift that the training tells, in its px."""
-    invented = e.overfit_px if math.isfinite(e.overfit_px) else 0.0
-    return max(ALIGNED_PX, invented)
+    return limit.limit_px(e.overfit_px)
 
 
 def limit_px(e: Evidence):

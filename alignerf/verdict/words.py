@@ -123,15 +123,31 @@ def alignment(e):
                 "With the cameras that this run has put right it is "
                 f"{length(w.corrected_px)}."
             )
+    if e.windows and not lines:
+        lines.append(untold(e.windows))
     parts, scale = [], f"at {causes.USUAL_WIDTH_PX} px of width"
     if math.isfinite(e.flow_train_px):
         parts.append(f"{of_photo(e.flow_train_px, e)} on photos that were trained on")
     parts.append(f"{of_photo(e.flow_test_px, e)} on held-out ones")
     limit = e.photo_px * causes.limit_of_training_px(e)
-    begins = "By the whole photos it is" if lines else "Photo and render are shifted by"
+    known = causes.known_windows(e)
+    begins = "By the whole photos it is" if known else "Photo and render are shifted by"
     unseen = f"under {length(limit)} ({wide(limit, e)} {scale}) nothing can be told."
     lines.append(f"{begins} {', '.join(parts)}; {unseen}")
     return lines
+
+
+def untold(w):
+    """Why windows tell nothing."""
+    if w.passes < causes.FEW_PASSES / 2:
+        return (
+            f"Windows were trained too short: each pixel was seen {w.passes:.2g} times."
+        )
+    return (
+        f"Windows at the photos' own size tell nothing: {length(w.flow_px)} on photos "
+        f"that were trained on, {length(w.flow_test_px)} on held-out ones. So few photos "
+        "do not fix the geometry there."
+    )
 
 
 def camera(finding, e):

@@ -26,7 +26,7 @@ SCENES = {
     "courtyard": COURTYARD,
     "courtyard, twice as wide": COURTYARD | {"downscale": 1},
     "courtyard, half as wide": COURTYARD | {"downscale": 4},
-    "courtyard, 20 views": COURTYARD | {"courtyard": {"views": 20}},
+    "courtyard, 20 views": COURTYARD | {"test_every": 8, "courtyard": {"views": 20}},
     "fox": {
         "source": "photos",
         "path": "scenes/fox/images",

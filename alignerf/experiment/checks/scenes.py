@@ -36,7 +36,7 @@ def check_scene(scene, *place):
         # COLMAP is told of one camera for all photos.
         fault(f"{where}courtyard.zooms", "other than 1 needs poses: truth")
     views, width, height = (scene["courtyard"][k] for k in ("views", "width", "height"))
-    if 1 < len(zooms) > views // scene["test_every"]:
+    if 1 < len(zooms) > views // scene_keys.every_of(scene, views):
         reason = f"{len(zooms)} of them are more than there are test views"
         fault(f"{where}courtyard.zooms", reason)
     check_zoom(scene["zoom"] or {}, f"{where}zoom")

@@ -12,14 +12,16 @@ class Source(typing.NamedTuple):
     poses: tuple  # the ways in which it can have poses, the default first
     has_truth: bool = False
     has_path: bool = True
+    # The published scores of its scenes are of every eighth view, however few that are.
+    every_eighth: bool = False
 
 
 SOURCES = {
     "courtyard": Source(("colmap", "truth"), has_truth=True, has_path=False),
     "photos": Source(("colmap",)),
     "transforms": Source(("given",)),
-    "llff": Source(("given",)),
-    "mipnerf360": Source(("given",)),
+    "llff": Source(("given",), every_eighth=True),
+    "mipnerf360": Source(("given",), every_eighth=True),
     "blender": Source(("given",)),
 }
 
@@ -32,6 +34,28 @@ def poses_of(scene):
 def whole_of(scene):
     """The name of the scene that a scene's windows are of, or None."""
     return scene["zoom"]["of"] if scene["zoom"] else None
+
+
+# What is held out at most, unless a number says more; fewer than LEAST_TEST_VIEWS give
+# no interval (`verdict.causes`; a test holds both equal).
+SELDOM, OFTEN, LEAST_TEST_VIEWS = 8, 4, 5
+
+
+def every_of(scene, views):
+    """The n of a scene, as a mapping, whose every n-th view of `views` is held out.
+
+    `auto`: 8, or the largest n from 4 on with LEAST_TEST_VIEWS held out. Under 17 views
+    no such n leaves 12 to learn from: it stays 8, as no interval can be had anyway.
+    """
+    every = scene["test_every"]
+    if every is None:
+        every = SELDOM if SOURCES[scene["source"]].every_eighth else "auto"
+    if every != "auto":
+        return every
+    enough = (
+        n for n in range(SELDOM, OFTEN - 1, -1) if -(-views // n) >= LEAST_TEST_VIEWS
+    )
+    return next(enough, SELDOM)
 
 
 def wants_points(scene):
@@ -187,10 +211,12 @@ class Scene(Keys):
         least=1,
         most=64,
     )
-    test_every: int = key(
-        8,
-        "every n-th view by name is held out; blender's files, and a transforms.json "
-        "with train_filenames and test_filenames, say which themselves",
+    test_every: int | Literal["auto"] | None = key(
+        None,
+        "every n-th view by name is held out; auto: 8, or of 17 to 32 views what holds "
+        "out 5; null: 8 of llff and mipnerf360, as published, else auto; blender's "
+        "files, and a transforms.json with train_filenames and test_filenames, say "
+        "which themselves",
         least=2,
         most=10000,
     )

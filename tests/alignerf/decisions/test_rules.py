@@ -111,8 +111,11 @@ def test_a_downscale_is_said_where_it_was_decided():
 
 def test_a_line_says_key_value_and_reason():
     line = rules.line(decided(nearest=14.0)["model.near"])
-    assert line == "model.near 8.4 instead of 0.2: the nearest points are 14 away"
-    assert "as always" in rules.line(decided(nearest=None)["model.near"])
+    assert (
+        line
+        == "suggested: model.near 8.4 (default 0.2): the nearest points are 14 away"
+    )
+    assert "(the default): " in rules.line(decided(nearest=None)["model.near"])
 
 
 def test_the_command_writes_all_and_prints_it(tmp_path, capsys):
@@ -126,7 +129,7 @@ def test_the_command_writes_all_and_prints_it(tmp_path, capsys):
     command.main(["--show", str(out)])
     shown = capsys.readouterr().out.splitlines()
     assert shown == [
-        f"{tmp_path.name}: the facts call for",
+        f"{tmp_path.name}: by its facts",
         *(f"  {x}" for x in lines),
     ]
 

@@ -9,8 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from alignerf.files import images
 from alignerf.page import __main__ as page
 from alignerf.page import contents
+from alignerf.tables import columns
 from alignerf.tables.columns import Column
 
 
@@ -84,12 +86,12 @@ def test_images_are_those_of_each_view(render):
 
 def test_numbers_are_sorted_as_numbers_and_none_comes_last():
     data = pd.DataFrame({"params": [1000.0, np.nan, 9.0], "method": ["b", None, "a"]})
-    columns = {
+    told = {
         "params": Column(heading="parameters", form=",.0f"),
         "method": Column(heading="method"),
         "psnr_db": Column(heading="PSNR (dB)", form=".2f"),
     }
-    table = contents.table_of(data, columns)
+    table = contents.table_of(data, told)
     assert [row[0].text for row in table["rows"]] == ["1,000", "--", "9"]
     assert [row[0].order for row in table["rows"]] == [1000.0, -math.inf, 9.0]
     assert [row[1].text for row in table["rows"]] == ["b", "", "a"]
@@ -98,9 +100,9 @@ def test_numbers_are_sorted_as_numbers_and_none_comes_last():
 
 def test_a_column_without_any_number_is_left_out():
     data = pd.DataFrame({"view": ["a"], "flow_px": [np.nan]})
-    columns = {"view": Column(heading="view"), "split": Column(what="not shown")}
-    columns["flow_px"] = Column(heading="flow", form=".2f")
-    table = contents.table_of(data.assign(split="test"), columns)
+    told = {"view": Column(heading="view"), "split": Column(what="not shown")}
+    told["flow_px"] = Column(heading="flow", form=".2f")
+    table = contents.table_of(data.assign(split="test"), told)
     assert [column["text"] for column in table["columns"]] == ["view"]
 
 
@@ -113,6 +115,46 @@ def test_headings_are_those_of_the_registry(results):
     assert texts[:4] == ["method", "warped", "test set", "PSNR (dB)"]
     assert [cell.text for cell in table["rows"][1]][-2:] == ["1.5", "1,000"]
     assert "flow (px)" in [column["text"] for column in shown["views"]["columns"]]
+
+
+def test_what_moves_by_itself_and_what_no_camera_explains_have_their_own_words():
+    headings = [
+        columns.TABLES[table].columns["moved_share"].heading
+        for table in ("views", "displacement")
+    ]
+    assert headings == ["moves by itself (%)", "not explained by the camera (%)"]
+
+
+@pytest.mark.parametrize("table", ["views", "displacement"])
+def test_the_page_says_why_a_part_can_be_longer_than_the_whole(table):
+    note = columns.TABLES[table].note
+    assert "part can be longer than the whole" in note
+    assert "median of its own lengths" in note
+
+
+def test_one_table_says_that_the_model_s_part_is_taken_off_and_not_in_the_other():
+    note = columns.TABLES["displacement"].note
+    assert "model's part is taken off" in note
+    assert "table of every photo does not take it off" in note
+
+
+@pytest.mark.parametrize(("overfit_px", "limit"), [(None, "0.25"), (0.4885, "0.49")])
+def test_the_legend_has_the_limit_of_the_verdict(render, results, overfit_px, limit):
+    path = results / "verdict.json"
+    told = json.loads(path.read_text())
+    told["evidence"]["overfit_px"] = overfit_px
+    path.write_text(json.dumps(told))
+    text = " ".join(render().split())
+    assert f"Under {limit} px colours fade" in text
+
+
+def test_beside_the_curves_it_says_why_the_flow_hardly_falls(render, results):
+    (results / "figures").mkdir()
+    image = np.zeros((4, 4, 3), np.uint8)
+    images.write(results / "figures/curves.png", image)
+    text = render()
+    after = text[text.index('alt="Misalignment and quality') :]
+    assert "flow to them hardly falls" in after
 
 
 def test_a_decision_that_the_config_leaves_open_is_taken(results):

@@ -53,16 +53,14 @@ def test_of_many_views_those_that_stand_out_and_evenly_spaced_others_are_shown()
 
 
 def test_an_aligned_scene_looks_aligned_and_a_bad_one_bad_whatever_its_own_scale():
-    still = pictures.coloured(np.full((4, 4, 2), 0.05), overfit_px=0.25)
+    still = pictures.coloured(np.full((4, 4, 2), 0.05), limit_px=0.25)
     assert still.min() >= 253
-    far = pictures.coloured(np.full((4, 4, 2), 3.0), overfit_px=0.25)
+    far = pictures.coloured(np.full((4, 4, 2), 3.0), limit_px=0.25)
     assert far.min() < 20
     # The same flow has the same colour beside any other.
     beside = np.full((4, 4, 2), 3.0)
     beside[0] = 40.0
-    np.testing.assert_array_equal(
-        pictures.coloured(beside, overfit_px=0.25)[1:], far[1:]
-    )
+    np.testing.assert_array_equal(pictures.coloured(beside, limit_px=0.25)[1:], far[1:])
 
 
 def test_colours_fade_without_an_edge_and_only_beneath_the_least():
@@ -84,7 +82,7 @@ def test_a_least_of_0_changes_nothing_and_unknown_flow_stays_unknown():
     flow_px = np.array([[[0.0, 0.0], [1.0, 0.0], [np.nan, 0.0], [1e300, 1e300]]])
     with np.errstate(over="ignore"):
         found = colour_wheel.faded(flow_px, 0.0)
-        colours = pictures.coloured(flow_px, overfit_px=1.0)
+        colours = pictures.coloured(flow_px, limit_px=1.0)
     np.testing.assert_array_equal(found, flow_px)
     # Not known is black.
     np.testing.assert_array_equal(colours[0, 2], [0, 0, 0])

@@ -191,7 +191,7 @@ def test_who_stays_below_the_baseline_is_told_why(tmp_path):
     staged = ["method_1", "method_2", "method_3"]
     # Only beyond chance: method_1 is 0.30 dB below, give or take 0.50.
     (line,) = show.below_baseline(table, staged)
-    assert line.startswith("method_3 is 2.00 dB below method_0 (standard): ")
+    assert line.startswith("method_3 is 2.00 dB worse than method_0 (standard). ")
     assert not list(show.below_baseline(table, staged[:2]))
     config = {"methods": {"a": {"alignerf": None}, "b": {"alignerf": {"patches": 4}}}}
     assert show.staged_of(tmp_path) == []

@@ -274,7 +274,9 @@ APART = windows.Windows(
     remainder_px=0.17,
     passes=1.1,
 )
-TOGETHER = APART._replace(flow_px=0.2, low_px=0.15, high_px=0.25, camera_px=0.1)
+TOGETHER = APART._replace(
+    flow_px=0.2, low_px=0.15, high_px=0.25, flow_test_px=0.4, camera_px=0.1
+)
 
 
 def test_windows_decide_in_pixels_of_the_photo():
@@ -365,3 +367,12 @@ def test_one_floor_for_what_is_called_aligned_and_what_can_be_told():
     lines = words.say(known, causes.find(known), [], [])
     assert "as far as 0.90 px can show" in lines[0]
     assert any("under 0.90 px" in line for line in lines)
+
+
+def test_windows_whose_geometry_nothing_fixes_tell_nothing():
+    """As of castle: training photos fit, also where cameras are off."""
+    sparse = APART._replace(flow_px=0.12, flow_test_px=1.8)
+    known = WELL._replace(windows=sparse, photo_px=15.0, photo_width_px=4000.0)
+    assert words.state(known, causes.find(known)) == "unclear"
+    lines = words.say(known, causes.find(known), [], [])
+    assert any("own size tell nothing: 0.12 px on photos" in line for line in lines)

@@ -1,0 +1,105 @@
+"""What pages quote is what was measured, and what the program does."""
+
+import re
+
+import pandas as pd
+import pytest
+
+from alignerf.page import pictures
+from alignerf.verdict import advice, limit
+
+# An answer to how long the demo takes, as README gives it.
+COST = re.compile(r"\d+ to\s+\d+\s+min")
+BOTH = "poses wrong, objects move"
+
+
+@pytest.fixture
+def page_of(root):
+    """name -> the text of a page, each break of a line a blank."""
+    return lambda name: " ".join((root / name).read_text().split())
+
+
+@pytest.fixture
+def measured(root):
+    """(name, column, rest: what a row is) -> the number in docs/measured/NAME.csv."""
+
+    def read(name, column, **row):
+        table = pd.read_csv(root / f"docs/measured/{name}.csv", comment="#")
+        for key, value in row.items():
+            table = table[table[key] == value]
+        (value,) = table[column]
+        return value
+
+    return read
+
+
+def test_gains_that_are_advised_with_are_those_measured(measured):
+    way = {"scene": BOTH, "method": "aligned on the way"}
+    moved = {"condition": "objects move", "remedy": "photos warped once, from scratch"}
+    assert {
+        "ALIGNED_DB": measured("on_the_way", "equal_db", share=1, **way),
+        "ALIGNED_TWICE_DB": measured("on_the_way", "equal_db", share=2, **way),
+        "LONGER_DB": measured("tradeoff", "difference_db", setting="4000 steps"),
+        "WARPED_MOTION_DB": measured("remedies_steps", "gain_db", **moved),
+        "WARPED_MOTION_TWICE_DB": measured("remedies", "gain_db", budget=2, **moved),
+    } == {
+        name: pytest.approx(getattr(advice, name), abs=0.05)
+        for name in vars(advice)
+        if name.endswith("_DB")
+    }
+
+
+def test_pages_quote_the_same_gains(page_of, measured):
+    brought = r"it brought ([\d.]+) dB in the seconds of one training, ([\d.]+) dB in"
+    found = re.findall(brought, page_of("docs/verdict.md"))
+    way = {"scene": BOTH, "method": "aligned on the way"}
+    wanted = [measured("on_the_way", "equal_db", share=n, **way) for n in (1, 2)]
+    assert found == [tuple(f"{db:.1f}" for db in wanted)]
+
+
+def test_the_picture_of_the_page_is_of_the_run_in_the_tables(root, page_of):
+    """A picture of an older run shows other gains, or lacks some."""
+    table = pd.read_csv(root / "docs/measured/misalignment.csv", comment="#")
+    ends = ("difference_db", "difference_low_db", "difference_high_db")
+    wanted = {}
+    for row in table.dropna(subset=ends[0]).itertuples():
+        method, _, _ = row.method.partition(" (")
+        warped = "" if row.warping == "none" else f", warped {row.warping}"
+        wanted[method + warped] = [f"{getattr(row, end):+.2f}" for end in ends]
+    headline, *lines = (root / "docs/pictures/page.txt").read_text().splitlines()
+    said = re.compile(r"(.+): (\S+) dB \[(\S+), (\S+)\]")
+    found = {m[1]: list(m.groups()[1:]) for line in lines if (m := said.match(line))}
+    assert found == wanted
+    assert f'its upper part: "{headline}"' in page_of("docs/photos.md")
+
+
+def test_pages_say_the_scale_of_the_flow_and_that_figures_have_their_own(page_of):
+    text = page_of("docs/photos.md")
+    assert f"full colour is {pictures.FULL_PX:g} px" in text
+    assert "rim of their colour wheel" in text
+    assert f"{limit.ALIGNED_PX:g} px, or what the estimator finds" in text
+
+
+def test_the_page_on_the_method_reads_the_verdict_as_it_is(page_of):
+    text = page_of("docs/method.md")
+    assert f"From {limit.ALIGNED_PX:g} px on it calls photos misaligned" in text
+    assert "*training* views (`flow_train_px` in `verdict.json`)" in text
+    assert "train longer first" not in text
+
+
+@pytest.mark.parametrize(
+    ("name", "before"),
+    [
+        ("README.md", "make run #"),
+        ("docs/results.md", "Cost: "),
+        ("docs/performance.md", "`make run` takes"),
+        ("docs/cluster.md", "`make run` takes"),
+        ("workflow/config/demo.yaml", "Cost: "),
+    ],
+)
+def test_the_demo_takes_as_long_wherever_that_is_said(page_of, name, before):
+    text = page_of(name)
+    start = text.index(before)
+    found = COST.search(text[start : start + 120])
+    assert found, name
+    assert found[0].startswith("8 to 12 min")
