@@ -19,8 +19,13 @@ from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import archives, atomic, faults, json_files
 from alignerf.scenes import cameras, colmap, prepare, prepared
-from alignerf.scenes.capture import full_size, report, triangulate, windows
-from alignerf.scenes.courtyard import cut as courtyard_cut
+from alignerf.scenes.capture import (
+    full_size,
+    report,
+    triangulate,
+    windows,
+    windows_truth,
+)
 from alignerf.scenes.courtyard import truth
 
 log = logging.getLogger("alignerf.poses")
@@ -170,7 +175,7 @@ def write_truth(folder, scene, whole, cut, split, perturb_px):
         split=split,
         perturb_px=perturb_px,
     )
-    return mean_px if cut is None else courtyard_cut.cut_truth(folder, seen.names, cut)
+    return mean_px if cut is None else windows_truth.cut_truth(folder, seen.names, cut)
 
 
 def with_points(views, scratch, config):

@@ -145,8 +145,8 @@ def untold(w):
         )
     return (
         f"Windows at the photos' own size tell nothing: {length(w.flow_px)} on photos "
-        f"that were trained on, {length(w.flow_test_px)} on held-out ones. So few photos "
-        "do not fix the geometry there."
+        f"that were trained on, {length(w.flow_test_px)} on held-out ones. So few "
+        "photos do not fix the geometry there."
     )
 
 
