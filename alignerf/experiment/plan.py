@@ -156,7 +156,8 @@ class Experiment:
         """
         every = self.trainings(scene).values()
         folders = {before.folder for training in every for before in training.flows}
-        if self.names(kinds.aligned) or self.whole(scene) != scene:
+        judged = self.whole(scene) != scene or self.windows(scene)
+        if judged or self.names(kinds.aligned):
             folders.add(self.at(scene, self.config["reference"]["method"], 0).folder)
         return folders
 
