@@ -289,3 +289,28 @@ def test_a_file_that_is_no_preflight_is_named(tmp_path, content):
     path.write_text(content)
     with pytest.raises(ValueError, match=r"preflight\.json: not "):
         command.main(["--show", str(path)])
+
+
+def test_windows_are_counted_with_the_scene_that_they_judge(demo, experiment_of):
+    demo["methods"] = {"plain": {}, "aligned": {"align": {}}}
+    without = tasks_of(experiment_of(demo))
+    asked = {"windows": {"px": 64, "count": 2, "steps": 500}}
+    experiment = experiment_of(demo | asked)
+    names = experiment.windows("courtyard")
+    assert [work_of.of_scene(experiment, name) for name in names] == [None, None]
+    tasks = named(tasks_of(experiment))
+    new = tasks.keys() - named(without).keys()
+    places = [f"../{name}/plain/round0" for name in names]
+    assert new == {
+        f"{p}/{kind}" for p in places for kind in ("train", "render", "flow")
+    }
+    train = tasks[f"{places[0]}/train"]
+    length_s = RATES.start_s + RATES.compile_s + 500 * RATES.step_s
+    assert train.seconds == pytest.approx(length_s + schedule.JOB_S)
+    # The second has the cameras that the aligned training has put right.
+    assert tasks[f"{places[1]}/train"].after == ["aligned/round0/flow"]
+    render = tasks[f"{places[0]}/render"]
+    pixels = 2 * (VIEWS.train + VIEWS.test) * 64**2
+    rendered_s = schedule.render_s(RATES, pixels)
+    assert render.seconds == pytest.approx(rendered_s + schedule.JOB_S)
+    assert train.file == f"../{names[0]}/plain/round0/timing.json"
