@@ -115,8 +115,8 @@ def alignment(e):
             f"At the photos' own size, photo and render are shifted by "
             f"{length(w.flow_px)} [{length(w.low_px)}, {length(w.high_px)}], which is "
             f"{wide(w.flow_px, e)} at {causes.USUAL_WIDTH_PX} px of width: median of "
-            f"{w.photos} training photos, in {each}. Under {length(causes.WINDOW_PX)} "
-            "nothing can be told."
+            f"{w.photos} photos that were trained on, in {each}. On held-out photos it "
+            f"is {length(w.flow_test_px)}."
         )
         if math.isfinite(w.corrected_px):
             lines.append(
