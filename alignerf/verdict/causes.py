@@ -14,10 +14,10 @@ from alignerf.verdict import windows as of_windows
 
 # Of the flow's parts, one that is at least so long is named.
 PART_PX = 0.2
-# In windows at the photos' own size, of training views and of test views: where both are
-# longer, photos are misaligned. They were 0.3 to 0.5 and 0.7 to 1.0 px on three captures
-# with right poses, 0.8 to 1.1 and 1.8 to 2.4 px on two with wrong ones: a model learns
-# a part of a wrong pose, but not that of a view that it has not seen.
+# In windows at the photos' own size, of training views and of test views: where both
+# are longer, photos are misaligned. They were 0.3 to 0.5 and 0.7 to 1.0 px on three
+# captures with right poses, 0.8 to 1.1 and 1.8 to 2.4 px on two with wrong ones: a
+# model learns a part of a wrong pose, but not that of a view that it has not seen.
 WINDOW_PX, WINDOW_TEST_PX = 0.5, 1.3
 # Test views' flow over training views' there: beyond it a wrong pose may have been
 # learnt as geometry. It was 1.3 to 3.1, and 7.6 to 12 where views lie far apart.
