@@ -78,6 +78,7 @@ def main(config, out, whole=None, cameras_path=None):
             atomic.move(scratch / "lenses.npz", fresh / prepared.LENSES)
         photo_size = (full.width, full.height)
         if config["zoom"]:
+            told["photo_size"] = list(photo_size)
             # Of the windows, in pixels of the photo.
             photo_size = [config["downscale"] * side for side in windows.size_of(views)]
         told |= describe_views(views, photo_size, split, config)

@@ -136,7 +136,8 @@ def gather(
         distortion_px=abs(shared.distortion_px),
         distortion_errors=abs(shared.distortion_px)
         / max(shared.distortion_error_px, 1e-3),
-        photo_width_px=float(poses["photo_width"]),
+        # Of windows, that of the photos which they are cut from.
+        photo_width_px=float(poses.get("photo_size", [poses["photo_width"]])[0]),
         poses_given=poses["poses"] == "given",
         perturb_px=float(poses["perturb_px"]),
         windows=of_windows.read(windows),

@@ -101,6 +101,7 @@ def test_windows_are_cut_from_photos_and_have_a_truth_of_their_own(tmp_path):
     assert [report[key] for key in ("width", "height")] == [32, 32]
     # In pixels of the photo, which was made smaller by two.
     assert [report[key] for key in ("photo_width", "photo_height")] == [64, 64]
+    assert report["photo_size"] == [192, 144]
     full, cut = (load(tmp_path / kind / "cameras.npz") for kind in ("whole", "cut"))
     np.testing.assert_array_equal(full["camtoworlds"], cut["camtoworlds"])
     for view, name in enumerate(cut["names"]):
