@@ -118,6 +118,8 @@ def alignment(e):
             f"{w.photos} photos that were trained on, in {each}. On held-out photos it "
             f"is {length(w.flow_test_px)}."
         )
+        if causes.by_windows(e):
+            lines[-1] += " Each is the least: a model learns a part of a wrong pose."
         if math.isfinite(w.corrected_px):
             lines.append(
                 "With the cameras that this run has put right it is "
