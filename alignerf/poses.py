@@ -41,15 +41,15 @@ OF_POINTS = (40_000_000, 400)
 PRODUCTS = ("images", "truth", "colmap", "cameras.npz", "poses.json")
 
 
-def main(config, out, whole=None, cameras_path=None):
+def main(config, out, whole=None, cameras_path=None, places=None):
     """Run one scene's slice of the config; `out` is the scene's folder of results.
 
     Of windows of another scene: whole, its folder; cameras_path, the cameras.npz that
-    they have.
+    they have; places, the folder of windows that they lie at the same places as.
     """
     config, out = checked(config), Path(out)
     if scene_keys.whole_of(config):
-        return of_whole(config, out, Path(whole), cameras_path)
+        return of_whole(config, out, Path(whole), cameras_path, places and Path(places))
     started = time.monotonic()
     with atomic.scratch_folder(out) as scratch:
         full, told, scene = READERS[config["source"]](config, scratch)
@@ -88,18 +88,15 @@ def main(config, out, whole=None, cameras_path=None):
     log.info("%s: %d of %d views", out, told["registered"], told["total"])
 
 
-def of_whole(config, out, whole, cameras_path):
+def of_whole(config, out, whole, cameras_path, places):
     """Make a scene of windows of another one, whose photos and cameras it has."""
     started = time.monotonic()
     told = json_files.read(whole / "poses.json", prepared.POSES)
-    zoom, least = config["zoom"], config["least_train_views"] + 1
+    least = config["least_train_views"] + 1
     with atomic.scratch_folder(out) as scratch:
         views = full_size.read(config, whole, scratch, cameras_path)
-        if views.points is None:
-            views, _ = with_points(views, scratch, config)
-        views = with_focus(views)
         try:
-            points, px = windows.places(views, zoom, least=least)
+            views, points, px = placed(views, config, scratch, places)
         except ValueError as error:
             raise ValueError(f"{whole}: windows: {error}") from None
         each = [windows.around(point, views, px, least=least) for point in points]
@@ -117,6 +114,24 @@ def of_whole(config, out, whole, cameras_path):
         report_path = scratch / "new" / "poses.json"
         report_path.write_text(json.dumps(told, indent=1) + "\n")
         publish(scratch / "new", out)
+
+
+def placed(views, config, scratch, places):
+    """(views with their points, places [k, 3], px) of the windows of a whole scene.
+
+    Where COLMAP has not found the poses, the scene's points are those of its small
+    photos: windows would lie elsewhere at every size of training. So they are found
+    again, in larger photos.
+    """
+    if places:
+        views = views._replace(points=full_size.points_of(places))
+        there = json_files.read(places / "poses.json", {"zoom": dict})["zoom"]
+        return views, np.array(there["points"]), there["px"]
+    if views.points is None or config["poses"] != "colmap":
+        views, _ = with_points(views._replace(points=None), scratch, config)
+    views = with_focus(views)
+    least = config["least_train_views"] + 1
+    return views, *windows.places(views, config["zoom"], least=least)
 
 
 def with_focus(views):
@@ -370,6 +385,8 @@ if __name__ == "__main__":
     parser.add_argument("--out", required=True, type=Path, help="results/SCENE")
     parser.add_argument("--whole", help="of windows: the other scene's folder")
     parser.add_argument("--cameras", help="of windows: their cameras.npz")
+    parser.add_argument("--places", help="of windows: others, at the same places")
     options = parser.parse_args()
     slice_of = jobs.read(options.config)
-    faults.run(lambda: main(slice_of, options.out, options.whole, options.cameras))
+    of_windows = (options.whole, options.cameras, options.places)
+    faults.run(lambda: main(slice_of, options.out, *of_windows))

@@ -38,7 +38,16 @@ def of_poses(experiment, scene, local):
         found |= {"whole": f"results/{whole}/images"}
         found |= {"report": f"results/{whole}/poses.json"}
         found["cameras"] = layout.output_of(cameras_of(experiment, scene))
+        if places := places_of(experiment, scene):
+            found["places"] = [f"{places}/images", f"{places}/poses.json"]
     return found
+
+
+def places_of(experiment, scene):
+    """The folder of windows with cameras as given, at whose places others lie too."""
+    windows = experiment.windows(experiment.whole(scene))
+    given = [n for n in windows if experiment.scenes[n]["zoom"]["cameras"] is None]
+    return f"results/{given[0]}" if given and scene not in given else None
 
 
 def cameras_of(experiment, scene):
@@ -55,7 +64,9 @@ def poses_options(experiment, scene):
     if whole == scene:
         return []
     cameras = cameras_of(experiment, scene)
-    return arguments.options({"whole": f"results/{whole}", "cameras": cameras})
+    places = places_of(experiment, scene)
+    chosen = {"whole": f"results/{whole}", "cameras": cameras, "places": places}
+    return arguments.options(chosen)
 
 
 def truth_of(experiment, scene):

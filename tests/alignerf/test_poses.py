@@ -206,24 +206,27 @@ def test_courtyard_through_colmap(tmp_path):
     assert (front[inside] < 0.9 * there).mean() < 0.1
 
 
-def test_windows_of_another_scene_have_its_photos_cameras_and_split(tmp_path):
+def test_windows_of_a_scene_have_its_photos_cameras_split(tmp_path, monkeypatch):
     """Without COLMAP, at the photos' own size, several of each photo."""
     courtyard = COURTYARD["courtyard"] | {"width": 192, "height": 144, "views": 6}
     whole = COURTYARD | {"courtyard": courtyard}
     poses.main(whole, tmp_path / "whole")
     points = np.random.default_rng(0).normal(scale=0.7, size=(200, 3))
-    np.savez(
-        tmp_path / "whole" / prepared.POINTS,
-        points=points,
-        colours=np.zeros((200, 3), np.uint8),
-    )
-    moved = load(tmp_path / "whole" / "cameras.npz")
+    found = points, np.zeros((200, 3), np.uint8)
+    given = tmp_path / "whole" / "cameras.npz"
+    moved = load(given)
     moved["camtoworlds"][:, 0, 3] += 1e-3
     np.savez(tmp_path / "moved.npz", **moved)
     zoom = {"of": "whole", "px": 64, "count": 2}
     config = whole | {"downscale": 1, "perturb_px": 0.0, "zoom": zoom}
-    out = tmp_path / "windows"
-    poses.main(config, out, tmp_path / "whole", tmp_path / "moved.npz")
+    has_points = lambda views, *_: (views._replace(points=found), {})  # noqa: E731
+    monkeypatch.setattr(poses, "with_points", has_points)
+    poses.main(config, tmp_path / "given", tmp_path / "whole", given)
+    # Other cameras, at the same places.
+    out, places = tmp_path / "windows", tmp_path / "given"
+    poses.main(config, out, tmp_path / "whole", tmp_path / "moved.npz", places)
+    first = json.loads((places / "poses.json").read_text())["zoom"]
+    assert json.loads((out / "poses.json").read_text())["zoom"] == first
     stored = load(out / "cameras.npz")
     told = json.loads((out / "poses.json").read_text())
     assert told["zoom"]["of"] == "whole"

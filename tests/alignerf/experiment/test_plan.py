@@ -348,7 +348,10 @@ def test_windows_are_scenes_beside_the_one_that_they_judge(demo, experiment_of):
         *("--cameras", "results/courtyard/cameras.npz"),
     ]
     learnt = "results/courtyard/aligned/round0/learnt"
-    assert inputs.poses_options(experiment, names[1])[-1] == f"{learnt}/cameras.npz"
+    assert inputs.poses_options(experiment, names[1])[2:] == [
+        *("--cameras", f"{learnt}/cameras.npz"),
+        *("--places", f"results/{names[0]}"),
+    ]
     found = inputs.of_poses(experiment, names[1], lambda path: path)
     assert found["cameras"] == learnt
     assert rows.windows_options(experiment, "courtyard") == [
