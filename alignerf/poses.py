@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.experiment import jobs, schema
+from alignerf.experiment import jobs
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import archives, atomic, faults
@@ -38,7 +38,7 @@ PRODUCTS = ("images", "truth", "colmap", "cameras.npz", "poses.json")
 def main(config, out):
     """Run one scene's slice of the config; `out` is the scene's folder of results."""
     started = time.monotonic()
-    config, out = checked(config), Path(out)
+    config, out = of_scenes.checked(config), Path(out)
     with atomic.scratch_folder(out) as scratch:
         full, told, scene = READERS[config["source"]](config, scratch)
         told["downscale_decided"] = config["downscale"] == "auto"
@@ -172,15 +172,6 @@ def warn_of_few(out, split):
             "difference can be told from chance",
             *(out, counts["train"], counts["test"], FEW_TRAIN_VIEWS, FEW_TEST_VIEWS),
         )
-
-
-def checked(values):
-    """A scene's slice of the config with its defaults; ValueError names a fault."""
-    config = schema.filled(scene_keys.Scene, values)
-    config["poses"] = scene_keys.poses_of(config)
-    config["seed"] = config["seed"] or 0
-    of_scenes.check_scene(config)
-    return config
 
 
 def load_photos(config, scratch):

@@ -87,6 +87,16 @@ class Vary(Keys):
     )
 
 
+class Export(Keys):
+    width_px: int | None = key(
+        None,
+        "of the exported photos, made smaller by area averaging; null, and what would "
+        "enlarge them, keeps the size that they came in",
+        least=32,
+        most=32766,
+    )
+
+
 class Config(Keys):
     """Every key of a config. Only `scenes` has to be there."""
 
@@ -137,6 +147,7 @@ class Config(Keys):
         Lpips,
         "network of LPIPS v0.1 -> .npz of its weights; null leaves a column empty",
     )
+    export: Export = key(Export, "what `snakemake export` writes for other programs")
     tradeoff: Tradeoff | None = key(
         None, "what `snakemake tradeoff` compares; needed by nothing else"
     )
