@@ -104,7 +104,7 @@ def export_options(experiment, scene, method, what):
     training = last_training(experiment, scene, method)
     chosen = {
         "config": slices.of_scene(experiment, scene),
-        "width": experiment.config["export"]["width_px"],
+        "width": experiment.config["export_width_px"],
         "cameras": f"{training.learnt}/cameras.npz",
     }
     if what == "photos":

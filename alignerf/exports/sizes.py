@@ -81,7 +81,7 @@ def at_width(views: prepare.PosedViews, width_px) -> prepare.PosedViews:
         return views
     if width_px > views.width:
         log.warning(
-            "export.width_px: %d: photos of %d px stay as they are, as nothing is "
+            "export_width_px: %d: photos of %d px stay as they are, as nothing is "
             "enlarged",
             *(width_px, views.width),
         )
@@ -89,7 +89,7 @@ def at_width(views: prepare.PosedViews, width_px) -> prepare.PosedViews:
     factor = views.width / width_px
     if min(prepare.smaller(views, factor)) < prepare.MIN_SIZE_PX:
         raise ValueError(
-            f"export.width_px: {width_px} leaves less than {prepare.MIN_SIZE_PX} px of "
+            f"export_width_px: {width_px} leaves less than {prepare.MIN_SIZE_PX} px of "
             f"photos of {views.width}x{views.height}"
         )
     return prepare.downscale(views, factor)

@@ -87,16 +87,6 @@ class Vary(Keys):
     )
 
 
-class Export(Keys):
-    width_px: int | None = key(
-        None,
-        "of the exported photos, made smaller by area averaging; null, and what would "
-        "enlarge them, keeps the size that they came in",
-        least=32,
-        most=32766,
-    )
-
-
 class Config(Keys):
     """Every key of a config. Only `scenes` has to be there."""
 
@@ -147,7 +137,13 @@ class Config(Keys):
         Lpips,
         "network of LPIPS v0.1 -> .npz of its weights; null leaves a column empty",
     )
-    export: Export = key(Export, "what `snakemake export` writes for other programs")
+    export_width_px: int | None = key(
+        None,
+        "of the photos that `snakemake export` writes, made smaller by area averaging; "
+        "null, and what would enlarge them, keeps the size that they came in",
+        least=32,
+        most=32766,
+    )
     tradeoff: Tradeoff | None = key(
         None, "what `snakemake tradeoff` compares; needed by nothing else"
     )
