@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 
-from alignerf.experiment import jobs
+from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.exports import formats, held_out, points, readme, sizes, warps, words
 from alignerf.files import archives, atomic, faults, images, json_files, progress
 from alignerf.scenes import prepare, prepared
@@ -48,7 +48,8 @@ def main(argv=None):
     paid = not args.if_pays or pays(*args.if_pays)
     if not paid:
         args.cameras = args.warped = args.valid = args.fit_held_out = None
-    config = (args.config and jobs.read(args.config)) or sizes.config_of(args.scene)
+    config = sizes.config_of(args.config, args.scene)
+    config = config and of_scenes.checked(config)
     out = Path(args.out)
     with (
         atomic.replace_folder(out) as folder,
@@ -65,7 +66,7 @@ def main(argv=None):
             work,
             arrays,
             chosen.views.points,
-            seed=(config or {}).get("seed") or 0,
+            seed=config["seed"] if config else 0,
             moved=chosen.moved,
             views=agreeing,
         )
@@ -89,7 +90,7 @@ def choose(args, config, work) -> Chosen:
         fitted = held_out.fit(loaded, to, flow, depth, path)
     names = [loaded.names[view] for view in loaded.views("train")]
     known = not args.warped or warps.are_known(names, args.valid)
-    full = config is not None and not config.get("zoom")
+    full = config is not None and not config["zoom"]
     if full and known:
         (work / "photos_work").mkdir()
         views = sizes.of_photos(config, loaded.folder, work / "photos_work", path)

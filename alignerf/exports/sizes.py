@@ -4,10 +4,10 @@ Photos and masks are read one at a time, when they are written.
 """
 
 import functools
+import json
 import logging
 from pathlib import Path
 
-from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import images, yaml_files
 from alignerf.scenes import prepare, prepared
 from alignerf.scenes.capture import full_size
@@ -15,11 +15,16 @@ from alignerf.scenes.capture import full_size
 log = logging.getLogger("alignerf")
 
 
-def config_of(folder):
-    """The scene's keys by the config.yaml in its folder of results; None without one.
+def config_of(text, folder):
+    """A scene's keys: JSON, else what the config.yaml in its folder says, or None.
 
-    Raises ValueError naming the file where it is of no scene, or of several.
+    Raises ValueError naming the file where that is of no scene, or of several.
     """
+    if text:
+        try:
+            return json.loads(text)
+        except (json.JSONDecodeError, RecursionError) as error:
+            raise ValueError(f"--config is not JSON: {error}") from None
     path = Path(folder) / "config.yaml"
     if not path.is_file():
         return None
@@ -34,9 +39,8 @@ def config_of(folder):
 def of_photos(config, folder, work_folder, cameras_path) -> prepare.PosedViews:
     """The views at the size of their photos; arguments: as of `full_size.read`.
 
-    config: a scene's keys. Raises ValueError where the photos are gone.
+    Raises ValueError where the photos are gone.
     """
-    config = of_scenes.checked(config)
     path = config["path"]
     if path and not Path(path).exists():
         raise ValueError(f"{path}: the photos of {folder} are gone")
