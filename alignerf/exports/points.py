@@ -77,15 +77,14 @@ def of(folder, work_folder, arrays, scene_points, *, seed, moved, views):
     than those that the scene's points are of. views: as of `anew`.
     """
     if scene_points is not None and not moved:
-        return given(arrays, scene_points), "the scene's own, by the cameras as given"
+        return given(arrays, scene_points), "the scene's own, of the cameras as given"
     if len(views) > 1:
         model = anew(folder, work_folder, arrays, views, seed=seed)
         if model.num_points3D():
-            count = f"of {len(views)} photos"
-            return model, f"triangulated anew, by the cameras here and features {count}"
+            return model, f"triangulated anew from {len(views)} photos and cameras here"
     if scene_points is not None:
         log.warning("no points by the exported cameras: the scene's own go out")
-        return given(arrays, scene_points), "the scene's own, by the cameras as given"
+        return given(arrays, scene_points), "the scene's own, of the cameras as given"
     log.warning("the views share no points: Gaussian splatting cannot begin with any")
     return given(arrays, None), ""
 

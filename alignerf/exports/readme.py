@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 TEXT = """\
 {title}
 {rule}
@@ -40,7 +42,7 @@ nerfstudio (learns from train_filenames, judges by test_filenames):
 
 It turns, centres and scales the cameras. To keep their frame, add to either:
 
-    nerfstudio-data --data . --orientation-method none --center-method none \\
+    nerfstudio-data --orientation-method none --center-method none \\
         --auto-scale-poses False
 
 gsplat, in its checkout:
@@ -72,6 +74,8 @@ NO_POINTS = """
 There are no points: the views share none. gsplat and Gaussian splatting need some, and
 splatfacto begins with random ones.
 """
+# A principal point nearer to the photo's middle is in it, for all that one can see.
+MIDDLE_PX = 0.5
 # Every so many photos, by name, gsplat and Gaussian splatting hold out.
 THEIR_TEST_EVERY = 8
 
@@ -116,21 +120,34 @@ def text(told: Told):
         held_out=told.held_out,
         frame=told.frame,
         files="\n".join(f"{name:{width}}  {what}" for name, what in told.files.items()),
-        every=of_their_split(sorted(names.tolist()), test),
+        every=of_their_split(names.tolist(), test) + of_middle(told.arrays),
         masks=more,
     )
 
 
 def of_their_split(names, test):
     """Whether programs that hold out every 8th photo hold out the same ones."""
-    theirs = names[::THEIR_TEST_EVERY]
-    if theirs == test:
+    # By file name, which is another order than that of the views.
+    theirs = sorted(names, key="{}.png".format)[::THEIR_TEST_EVERY]
+    if sorted(theirs) == test:
         return (
             f"Both hold out every {THEIR_TEST_EVERY}th photo by name, from the first: "
             "those that are\nheld out here."
         )
     return (
         f"Both hold out every {THEIR_TEST_EVERY}th photo by name, from the first: NOT "
-        "those that are held out\nhere. sparse/0/test.txt has ours; Gaussian splatting "
-        "reads it where llffhold is 0."
+        "those that are held out\nhere. sparse/0/test.txt has ours; newer versions of "
+        "Gaussian splatting read it where\nllffhold is 0 (scene/dataset_readers.py)."
+    )
+
+
+def of_middle(arrays):
+    """A warning where Gaussian splatting takes another principal point; else nothing."""
+    middle = np.array([arrays["width"], arrays["height"]]) / 2
+    away_px = np.abs(np.linalg.inv(arrays["pixtocams"])[:, :2, 2] - middle).max()
+    if away_px < MIDDLE_PX:
+        return ""
+    return (
+        "\nGaussian splatting takes the photo's middle for the principal point: here "
+        f"that is up to\n{away_px:.1f} px from it. nerfstudio and gsplat read it."
     )

@@ -36,7 +36,7 @@ def told(folder, args, arrays, chosen, of_points, *, paid) -> readme.Told:
     source = json_files.read(report).get("source") if report.is_file() else None
     files = {name: what for name, what in FILES.items() if (folder / name).exists()}
     if formats.POINTS in files:
-        files[formats.POINTS] = f"points, also in sparse/0: {of_points}"
+        files[formats.POINTS] = f"points, as in sparse/0: {of_points}"
     return readme.Told(
         title=f"Photos and cameras of {Path(args.scene).resolve().name}",
         arrays=arrays,

@@ -9,7 +9,7 @@ from PIL import Image
 
 from alignerf import export, poses
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.exports import formats, held_out, warps
+from alignerf.exports import formats, held_out, readme, warps
 from alignerf.files import faults, images
 from alignerf.scenes import cameras, colmap, prepare, prepared, transforms
 from alignerf.scenes.capture import full_size
@@ -463,3 +463,17 @@ def test_windows_go_out_as_they_are(taken, tmp_path):
     for i, name in enumerate(loaded.names):
         own = images.read(tmp_path / "windows/images" / f"{name}.png")
         np.testing.assert_array_equal(found.photos[i].read(), own)
+
+
+def test_the_readme_knows_what_other_programs_take(views):
+    """Their order is that of the files, and a principal point may be off the middle."""
+    names = ["a", "a-1", *"bcdefgh"]
+    assert "those that are\nheld out" in readme.of_their_split(names, ["a-1", "h"])
+    assert "NOT" in readme.of_their_split(names, ["a", "h"])
+    arrays = export.arrays_of(views)
+    assert readme.of_middle(arrays) == ""
+    arrays["pixtocams"] = arrays["pixtocams"].copy()
+    lens = np.linalg.inv(arrays["pixtocams"][0])
+    lens[0, 2] += 7.2
+    arrays["pixtocams"][0] = np.linalg.inv(lens)
+    assert "up to\n7.2 px" in readme.of_middle(arrays)
