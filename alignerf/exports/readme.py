@@ -142,7 +142,7 @@ def of_their_split(names, test):
 
 
 def of_middle(arrays):
-    """A warning where Gaussian splatting takes another principal point; else nothing."""
+    """A warning where Gaussian splatting takes another principal point, or nothing."""
     middle = np.array([arrays["width"], arrays["height"]]) / 2
     away_px = np.abs(np.linalg.inv(arrays["pixtocams"])[:, :2, 2] - middle).max()
     if away_px < MIDDLE_PX:
