@@ -29,23 +29,8 @@ def write_transforms(path, arrays, *, masked=False, points=False, fitted=()):
     `write_colmap` writes POINTS. fitted: names of the views whose cameras are FITTED.
     """
     camtopix = np.linalg.inv(arrays["pixtocams"])
-    frames = []
-    for name, matrix, pose in zip(
-        arrays["names"].tolist(), camtopix, arrays["camtoworlds"], strict=True
-    ):
-        frame = {
-            "file_path": f"images/{name}.png",
-            "fl_x": matrix[0, 0],
-            "fl_y": matrix[1, 1],
-            "cx": matrix[0, 2],
-            "cy": matrix[1, 2],
-            "transform_matrix": [*pose.tolist(), [0.0, 0.0, 0.0, 1.0]],
-        }
-        if masked:
-            frame["mask_path"] = MASK.format(view=name)
-        if name in fitted:
-            frame["camera"] = FITTED
-        frames.append(frame)
+    views = zip(arrays["names"].tolist(), camtopix, arrays["camtoworlds"], strict=True)
+    frames = [frame_of(*view, masked=masked, fitted=fitted) for view in views]
     files = {
         f"{split}_filenames": [
             frame["file_path"]
@@ -67,6 +52,23 @@ def write_transforms(path, arrays, *, masked=False, points=False, fitted=()):
         scene["ply_file_path"] = POINTS
     write_json(path, scene)
     return scene
+
+
+def frame_of(name, camtopix, pose, *, masked, fitted):
+    """A view's entry of transforms.json; arguments: as of `write_transforms`."""
+    frame = {
+        "file_path": f"images/{name}.png",
+        "fl_x": camtopix[0, 0],
+        "fl_y": camtopix[1, 1],
+        "cx": camtopix[0, 2],
+        "cy": camtopix[1, 2],
+        "transform_matrix": [*pose.tolist(), [0.0, 0.0, 0.0, 1.0]],
+    }
+    if masked:
+        frame["mask_path"] = MASK.format(view=name)
+    if name in fitted:
+        frame["camera"] = FITTED
+    return frame
 
 
 def write_blender(folder, arrays, scene):
