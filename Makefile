@@ -1,5 +1,6 @@
 # make run    the default experiment, from nothing to tables and figures
 # make photos FOLDER=my_photos    the same of your own photos or film, to a page
+# make export SCENE=my_photos  its photos, cameras and points for other programs; WIDTH=1600
 # make test   the test suite
 # make tools  tests of what stands beside it: toys, benchmarks, torture, packaging, browser
 # make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
@@ -15,7 +16,7 @@ BIN := $(VENV)/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
 
-.PHONY: run photos test tools bench peers torture docs lint cluster lock clean
+.PHONY: run photos export test tools bench peers torture docs lint cluster lock clean
 
 run: $(VENV)/.installed
 	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
@@ -25,6 +26,11 @@ run: $(VENV)/.installed
 photos: export PHOTOS_FOLDER := $(value FOLDER)
 photos: $(VENV)/.installed
 	@python -m alignerf.start --cores $(CORES) $(PHOTOS) -- "$$PHOTOS_FOLDER"
+
+export: export EXPORT_OF := $(value SCENE)$(value FOLDER)
+export: $(VENV)/.installed
+	@python -m alignerf.start.export --cores $(CORES) $(if $(WIDTH),--width $(WIDTH)) \
+		-- "$$EXPORT_OF"
 
 # What others add; benchmarks, the torture and the packaging; the page in a browser.
 TOOLS := tests/extension tests/bench tests/torture tests/test_packaging.py tests/alignerf/page/test_browser.py

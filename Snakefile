@@ -10,6 +10,8 @@
 #   snakemake --cores N flow_benchmark     how right and how fast the flow estimators are
 #   snakemake --cores N export             cameras and photos for other programs
 #   snakemake --cores N --configfile workflow/config/own_photos.yaml
+# A target stands before --configfile, which takes all words that follow:
+#   snakemake --cores N export --configfile workflow/config/own_photos.yaml
 import gc
 import sys
 
@@ -46,7 +48,8 @@ experiment = plan.Experiment(
 )
 check.or_exit(plan.check_equal, experiment)
 costs = work.Digests(experiment)
-sources.set_environment(costs.of_measured())
+export_by = targets.export_command(workflow.overwrite_configfiles)
+sources.set_environment(costs.of_measured(), export_by)
 
 
 report: "workflow/report/workflow.rst"
@@ -93,7 +96,7 @@ onstart:
 # run before, where only its cost is asked for.
 onsuccess:
     if "preview" not in workflow.dag_settings.targets:
-        print("\n".join(targets.verdicts(experiment.captures())))
+        print("\n".join(targets.verdicts(experiment.captures(), export=export_by)))
 
 
 # What stopped it comes after all that Snakemake says of it.

@@ -14,6 +14,7 @@ learning poses (CamP, BARF)      `cameras`
 Tables 1 and 4, their controls  `tables`: misalignment, controls, ranking, regimes, ...
 PSNR, SSIM, LPIPS               `metrics`, on `networks` with published weights
 images, cameras, the truth      `scenes`, the embedded scene in `scenes.courtyard`
+what other programs are given   `exports`
 
 `experiment` says what a config means, without JAX: the jobs, what each job depends on,
 and what it asks of a cluster. `processes` lets several processes train one model.

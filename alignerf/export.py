@@ -1,58 +1,158 @@
 """Write cameras and photos for other programs: `python -m alignerf.export`.
 
-One folder with images/, transforms.json (nerfstudio, instant-ngp) and sparse/0 (COLMAP,
-Gaussian splatting). Where photos are warped, the training views have the warped photos,
-and masks/ says which pixels are valid; the other views keep their photos. COLMAP's
-points are exported with its poses. A scene that came as LLFF's poses_bounds.npy or as
-one of NeRF's synthetic scenes is written in that format too.
+One folder with images/, transforms.json (nerfstudio, instant-ngp), sparse/0 (COLMAP,
+Gaussian splatting), masks/ where not all pixels count, and a README.txt with the
+commands of these programs. Photos have the size that they came in, undistorted, or a
+smaller --width; those of windows (`zoom`), and of a folder without config.yaml where
+--config is missing, the size of training. Where photos are warped, the training views
+have the warped photos. Cameras that have moved bring points of their own. A scene that
+came as LLFF's poses_bounds.npy or as one of NeRF's synthetic scenes is written in that
+format too.
 """
 
 import argparse
 import logging
-import shutil
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image
 
-from alignerf.files import archives, atomic, faults, images, json_files
-from alignerf.scenes import exported, prepared
+from alignerf.experiment.checks import scenes as of_scenes
+from alignerf.exports import formats, held_out, points, readme, sizes, warps, words
+from alignerf.files import archives, atomic, faults, images, json_files, progress
+from alignerf.scenes import prepare, prepared
 
 log = logging.getLogger("alignerf")
+
+
+class Chosen(NamedTuple):
+    """What goes out: views with cameras, and how they came about.
+
+    fitted: names of the held-out views whose cameras are. moved: whether cameras are
+    others than the scene's. warped: whether photos are. unknown: whether how they are
+    warped is not on disk, so that they have the size of training.
+    """
+
+    views: prepare.PosedViews
+    fitted: list[str]
+    moved: bool
+    warped: bool
+    unknown: bool
 
 
 def main(argv=None):
     args = parse(argv)
     if (args.warped is None) != (args.valid is None):
         raise ValueError("--warped and --valid go together")
-    if args.if_pays and not pays(*args.if_pays):
-        args.cameras = args.warped = args.valid = None
+    paid = not args.if_pays or pays(*args.if_pays)
+    if not paid:
+        args.cameras = args.warped = args.valid = args.fit_held_out = None
+    config = sizes.config_of(args.config, args.scene)
+    config = config and of_scenes.checked(config)
+    out = Path(args.out)
+    with (
+        atomic.replace_folder(out) as folder,
+        atomic.scratch_folder(out.parent, name="export") as work,
+    ):
+        chosen = choose(args, config, work)
+        masked = write_photos(folder, chosen.views, alpha=is_synthetic(args.scene))
+        arrays = arrays_of(chosen.views)
+        agreeing = np.arange(len(chosen.views.names))
+        if chosen.moved:
+            agreeing = points.agreeing(arrays, chosen.fitted)
+        model, of_points = points.of(
+            folder,
+            work,
+            arrays,
+            chosen.views.points,
+            seed=config["seed"] if config else 0,
+            moved=chosen.moved,
+            views=agreeing,
+        )
+        formats.write_colmap(folder, model, arrays)
+        write_others(folder, arrays, chosen, masked, args.scene)
+        told = words.told(folder, args, arrays, chosen, of_points, paid=paid)
+        (folder / "README.txt").write_text(readme.text(told), encoding="utf-8")
+
+
+def choose(args, config, work) -> Chosen:
+    """The views that go out, at their size; nothing is read of their photos yet.
+
+    work: a folder, written into.
+    """
     loaded = prepared.load(args.scene, args.cameras)
-    arrays = prepared.read_cameras(args.cameras or loaded.folder / "cameras.npz")
-    warped = loaded.views("train") if args.warped else np.zeros(0, int)
-    synthetic = source_of(loaded.folder) == "blender"
-    with atomic.replace_folder(args.out) as folder:
-        (folder / "images").mkdir()
-        for view, name in enumerate(loaded.names):
-            source = args.warped if view in warped else loaded.folder / "images"
-            # Whole, and of the scene's size, before it is handed on.
-            prepared.read_images(loaded, [view], source)
-            photo, target = Path(source) / f"{name}.png", folder / f"images/{name}.png"
-            (copy_with_alpha if synthetic else shutil.copyfile)(photo, target)
-        masked = args.warped is not None or (loaded.folder / prepared.MASKS).is_dir()
-        if masked:
-            write_masks(folder / "masks", loaded, warped, args.valid)
-        points = loaded.folder / prepared.POINTS
-        if points.is_file():
-            arrays |= archives.read(points, ("points", "colours"))
-        exported.write_colmap(folder, arrays)
-        path = folder / "transforms.json"
-        scene = exported.write_transforms(path, arrays, masked=masked)
-        if synthetic:
-            write_blender(folder, arrays, scene)
-        bounds = loaded.folder / prepared.BOUNDS
-        if bounds.is_file():
-            write_llff(folder / "poses_bounds.npy", arrays, bounds)
+    own = loaded.folder / "cameras.npz"
+    path, fitted = Path(args.cameras or own), []
+    if args.fit_held_out:
+        to, path = path, work / "cameras.npz"
+        flow, depth = args.fit_held_out
+        fitted = held_out.fit(loaded, to, flow, depth, path)
+    names = [loaded.names[view] for view in loaded.views("train")]
+    known = not args.warped or warps.are_known(names, args.valid)
+    full = config is not None and not config["zoom"]
+    if full and known:
+        (work / "photos_work").mkdir()
+        views = sizes.of_photos(config, loaded.folder, work / "photos_work", path)
+    else:
+        views = sizes.as_trained(loaded, path)
+    if args.warped and full and not known:
+        log.warning(
+            "%s does not say how photos were warped: they go out at the size of "
+            "training",
+            args.valid,
+        )
+    if args.warped and full and known:
+        views = warps.at_full_size(views, args.valid, args.kernel)
+    elif args.warped:
+        views = warps.as_trained(views, loaded, args.warped, args.valid)
+    moved = has_moved(prepared.read_cameras(own), prepared.read_cameras(path))
+    views = sizes.at_width(views, args.width)
+    return Chosen(views, fitted, moved, bool(args.warped), full and not known)
+
+
+def has_moved(given, now):
+    """Whether cameras are others than those given."""
+    return not all(
+        np.allclose(given[key], now[key], rtol=1e-9, atol=1e-12)
+        for key in ("camtoworlds", "pixtocams")
+    )
+
+
+def arrays_of(views: prepare.PosedViews):
+    """The arrays of a cameras.npz of the views."""
+    names, split = np.array(views.names), np.array(views.split)
+    arrays = {key: getattr(views, key) for key in ("pixtocams", "camtoworlds")}
+    return arrays | {
+        "names": names,
+        "split": split,
+        "width": views.width,
+        "height": views.height,
+    }
+
+
+def write_photos(folder, views: prepare.PosedViews, *, alpha):
+    """Write images/ and, where not all pixels count, masks/; returns whether it did.
+
+    One photo is in memory at a time. alpha: photos get one, of one, as readers of
+    NeRF's synthetic scenes need it.
+    """
+    (folder / "images").mkdir()
+    for name, photo in progress.over(
+        list(zip(views.names, views.photos, strict=True)), "photos"
+    ):
+        path, image = folder / "images" / f"{name}.png", photo.read()
+        if alpha:
+            Image.fromarray(image).convert("RGBA").save(path)
+        else:
+            images.write(path, image)
+    if views.masks is None:
+        return False
+    (folder / "masks").mkdir()
+    for name, mask in zip(views.names, views.masks, strict=True):
+        counts = (mask.read() >= prepare.WHITE).all(axis=-1)
+        images.write_mask(folder / formats.MASK.format(view=name), counts)
+    return True
 
 
 def pays(verdict, method):
@@ -61,45 +161,37 @@ def pays(verdict, method):
     own = [gain for gain in gains if gain.get("method") == method]
     if any(gain.get("pays") is True for gain in own):
         return True
-    log.warning(
-        "%s did not show in this run that it brings more than chance, or too few "
-        "photos are held out to tell: all goes out as given",
-        method,
-    )
+    log.warning("%s: all goes out as given", words.DID_NOT_PAY.format(method=method))
     return False
 
 
-def source_of(folder):
-    """The source of a scene by its poses.json; None where that does not say."""
-    report = folder / "poses.json"
-    return json_files.read(report).get("source") if report.is_file() else None
+def is_synthetic(scene):
+    """Whether a scene is one of NeRF's synthetic ones, as its poses.json says."""
+    report = Path(scene) / "poses.json"
+    return report.is_file() and json_files.read(report).get("source") == "blender"
 
 
-def copy_with_alpha(source, target):
-    """A photo with an alpha of one, as readers of NeRF's synthetic scenes need it."""
-    with Image.open(source) as image:
-        image.convert("RGBA").save(target)
+def write_others(folder, arrays, chosen: Chosen, masked, scene):
+    """Write transforms.json, and the formats that the scene came in, where they can be.
 
-
-def write_masks(folder, loaded, warped, valid):
-    """Write a mask of every view: nerfstudio takes one for each photo, or none.
-
-    warped: views of which the folder `valid` says which pixels hold.
+    Else the log says why not.
     """
-    folder.mkdir()
-    for view, name in enumerate(loaded.names):
-        (mask,) = prepared.read_masks(loaded, [view])
-        if view in warped:
-            mask &= prepared.read_validity(loaded, [view], valid)[0]
-        images.write_mask(folder / f"{name}.png", mask)
-
-
-def write_blender(folder, arrays, scene):
-    """Write the files of NeRF's synthetic scenes, or log why they cannot be."""
+    path = folder / "transforms.json"
+    content = formats.write_transforms(
+        path,
+        arrays,
+        masked=masked,
+        points=(folder / formats.POINTS).is_file(),
+        fitted=chosen.fitted,
+    )
     try:
-        exported.write_blender(folder, arrays, scene)
+        if is_synthetic(scene):
+            formats.write_blender(folder, arrays, content)
     except ValueError as error:
         log.warning("transforms_train.json is not written: %s", error)
+    bounds = Path(scene) / prepared.BOUNDS
+    if bounds.is_file():
+        write_llff(folder / "poses_bounds.npy", arrays, bounds)
 
 
 def write_llff(path, arrays, bounds):
@@ -108,18 +200,31 @@ def write_llff(path, arrays, bounds):
     if depths.shape != (len(arrays["names"]), 2):
         raise ValueError(f"{bounds}: {depths.shape} is not two depths for each view")
     try:
-        exported.write_llff(path, arrays, depths)
+        formats.write_llff(path, arrays, depths)
     except ValueError as error:
         log.warning("%s is not written: %s", path.name, error)
 
 
 def parse(argv=None):
     """Arguments of the command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--scene", required=True, help="prepared scene folder")
+    parser.add_argument("--config", help="its keys as JSON (default: its config.yaml)")
+    parser.add_argument("--width", type=int, help="of photos; never more than theirs")
     parser.add_argument("--cameras", help="cameras.npz (default: the scene's)")
     parser.add_argument("--warped", help="folder of warped photos of training views")
-    parser.add_argument("--valid", help="folder of <view>.npz with their valid pixels")
+    parser.add_argument(
+        "--valid", help="folder of <view>.npz: valid pixels, and the flow that warped"
+    )
+    parser.add_argument("--kernel", default="lanczos", choices=warps.KERNELS)
+    parser.add_argument(
+        "--fit-held-out",
+        nargs=2,
+        metavar=("FLOW", "DEPTH"),
+        help="folders of test views: their cameras are fitted to their photos",
+    )
     parser.add_argument(
         "--if-pays",
         nargs=2,

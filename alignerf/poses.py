@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.experiment import jobs, schema
+from alignerf.experiment import jobs
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import archives, atomic, faults, json_files
@@ -47,7 +47,7 @@ def main(config, out, whole=None, cameras_path=None, places=None):
     Of windows of another scene: whole, its folder; cameras_path, the cameras.npz that
     they have; places, the folder of windows that they lie at the same places as.
     """
-    config, out = checked(config), Path(out)
+    config, out = of_scenes.checked(config), Path(out)
     if scene_keys.whole_of(config):
         return of_whole(config, out, Path(whole), cameras_path, places and Path(places))
     started = time.monotonic()
@@ -239,15 +239,6 @@ def warn_of_few(out, split):
             "difference can be told from chance",
             *(out, counts["train"], counts["test"], FEW_TRAIN_VIEWS, FEW_TEST_VIEWS),
         )
-
-
-def checked(values):
-    """A scene's slice of the config with its defaults; ValueError names a fault."""
-    config = schema.filled(scene_keys.Scene, values)
-    config["poses"] = scene_keys.poses_of(config)
-    config["seed"] = config["seed"] or 0
-    of_scenes.check_scene(config)
-    return config
 
 
 def load_photos(config, scratch):

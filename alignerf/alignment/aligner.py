@@ -244,7 +244,8 @@ class Aligner:
         outputs.write_cameras(path, self.scene.loaded, self.now, cameras)
         if self.settings.photos_at:
             names = [self.now.names[view] for view in self.scene.views]
-            outputs.write_photos(folder, names, self.views(views))
+            now = self.views(views)
+            outputs.write_photos(folder, names, now, views, self.offsets_px, self.k)
 
     def more_bytes(self, shapes):
         """Bytes that the alignments take besides the training's views, of these shapes.

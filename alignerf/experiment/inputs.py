@@ -2,7 +2,7 @@
 
 import json
 
-from alignerf.experiment import arguments, kinds, layout, slices, sources
+from alignerf.experiment import arguments, kinds, layout, slices, sources, targets
 
 
 def is_external(experiment, folder):
@@ -122,22 +122,41 @@ def of_export(experiment, scene, method, what):
     what: `cameras` exports photos as taken, `photos` the warped photos.
     """
     training = last_training(experiment, scene, method)
-    inputs = {"learnt": training.learnt}
+    inputs = {"learnt": training.learnt} | held_out_of(experiment, training)
     if what == "photos":
-        inputs |= layout.outputs_of(training.warped)
+        inputs |= training.warped
     if method in experiment.names(kinds.aligned):
         inputs["verdict"] = f"results/{scene}/verdict.json"
-    return inputs
+    return layout.outputs_of(inputs)
+
+
+def held_out_of(experiment, training):
+    """{"flow": folder, "depth": folder} of test views whose cameras are to be fitted.
+
+    Those that training has left behind, where the config wants them fitted by flow.
+    """
+    fits = experiment.config["aligned_pose"]
+    if not (fits and fits["flow"] and targets.moves_cameras(training)):
+        return {}
+    return {name: f"{training.path}/{name}/test" for name in ("flow", "depth")}
 
 
 def export_options(experiment, scene, method, what):
-    """Options of `alignerf.export`: cameras, warped photos, the verdict to check."""
+    """Options of `alignerf.export`: sizes, cameras, warped photos, held-out views."""
     training = last_training(experiment, scene, method)
-    chosen = {"cameras": f"{training.learnt}/cameras.npz"}
+    chosen = {
+        "config": slices.of_scene(experiment, scene),
+        "width": experiment.config["export_width_px"],
+        "cameras": f"{training.learnt}/cameras.npz",
+    }
     if what == "photos":
         chosen |= {"warped": training.warped["photos"]}
         chosen |= {"valid": training.warped["valid"]}
+        # Photos that a training has warped on its way are warped by the usual kernel.
+        chosen |= {"kernel": training.valid and experiment.config["flow"]["kernel"]}
     words = arguments.options(chosen)
+    if held_out := held_out_of(experiment, training):
+        words += ["--fit-held-out", *held_out.values()]
     if method in experiment.names(kinds.aligned):
         # Where the verdict says that alignment gained nothing, exports are as given.
         words += ["--if-pays", f"results/{scene}/verdict.json", training.owner]

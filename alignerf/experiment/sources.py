@@ -116,15 +116,16 @@ def imports(path):
     return modules
 
 
-def set_environment(scenes=None):
+def set_environment(scenes=None, export=""):
     """Let jobs find these sources, wherever the results go, and our Python.
 
     That is the Python that runs Snakemake, also where its environment is not
     activated. Compiled JAX programs are kept between jobs and runs. scenes: {name:
     digest of what it has to do, or nothing} of all that the run has, for the time that
-    is left (`alignerf.preflight.eta`).
+    is left (`alignerf.preflight.eta`). export: as of `targets.export_command`.
     """
     lines = (f"{name} {digest}" for name, digest in (scenes or {}).items())
+    os.environ[provenance.EXPORT] = export
     os.environ["ALIGNERF_SCENES"] = "\n".join(lines)
     # Programs for one kind of processor can end the process on another: each kind has a
     # folder, also where the machine that submits jobs has named that of its own.

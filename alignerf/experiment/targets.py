@@ -2,13 +2,15 @@
 
 import atexit
 import json
+import os
 import re
+import shlex
 import sys
 from pathlib import Path
 
 from alignerf.experiment import kinds
 from alignerf.experiment.cluster import slurm_errors
-from alignerf.files import atomic, faults
+from alignerf.files import atomic, faults, machine
 
 TABLES = ("misalignment", "round_times", "controls", "displacement")
 # Not in Snakemake's report.
@@ -72,8 +74,25 @@ def of_page(experiment, scene):
     ]
 
 
-def verdicts(scenes, results="results"):
-    """Lines of the verdicts that are there, a scene's name before them."""
+def export_command(configs):
+    """The command that writes a run's files for other programs.
+
+    configs: files that the command line names. One in results/ is `make photos`'s. The
+    target comes before `--configfile`, which takes all words that follow.
+    """
+    paths = [Path(os.path.relpath(path)) for path in configs]
+    if len(paths) == 1 and paths[0].parent == Path("results"):
+        return f"make export SCENE={paths[0].stem}"
+    words = ["snakemake", "--cores", str(machine.cores()), "export"]
+    words += ["--configfile", *map(str, paths)] if paths else []
+    return shlex.join(words)
+
+
+def verdicts(scenes, results="results", export=""):
+    """Lines of the verdicts that are there, a scene's name before them.
+
+    export: as of `export_command`; said last.
+    """
     lines = []
     for scene in scenes:
         path = Path(results) / scene / "verdict.json"
@@ -82,6 +101,8 @@ def verdicts(scenes, results="results"):
             lines += ["", scene, *(f"  {line}" for line in found["verdict"])]
             if Path(page_of(scene, results)).is_file():
                 lines.append(f"  Page: {page_of(scene, results)}")
+    if lines and export:
+        lines += ["", f"For nerfstudio, Gaussian splatting and COLMAP: {export}"]
     return lines
 
 

@@ -21,6 +21,8 @@ MOST_BYTES = 2**31
 # be any. Others are checked by who reads them.
 LAYOUTS = {
     **dict.fromkeys(("flow_px", "camera_px", "remainder_px", "model_px"), ("f", "hw2")),
+    "offsets_px": ("f", "rc2"),
+    "shrink": ("iu", ""),
     **dict.fromkeys(("depth", "depth_m"), ("f", "hw")),
     **dict.fromkeys(("valid", "moved", "moving"), ("b", "hw")),
     "pixtocams": ("f", "n33"),

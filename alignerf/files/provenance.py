@@ -21,6 +21,8 @@ ROOT = Path(__file__).resolve().parents[2]
 LOCK = "requirements.lock"
 # What a training's timing.json tells of it.
 KEYS = ("commit", "lock", "device")
+# The command that exports what a run makes, for its jobs (see `export_command`).
+EXPORT = "ALIGNERF_EXPORT"
 CHANGES = ("status", "--porcelain", "--untracked-files=no")
 
 
@@ -52,6 +54,14 @@ def describe(rows, configs, *, seeds=(), devices=()):
         "configs": contents,
         "rows": rows,
     }
+
+
+def export_command():
+    """The command that writes this run's files for other programs, as it says itself.
+
+    A job is told by the workflow; without one it is that of the default config.
+    """
+    return os.environ.get(EXPORT) or "snakemake --cores 1 export"
 
 
 def facts():

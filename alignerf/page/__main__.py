@@ -12,7 +12,7 @@ import jinja2
 import numpy as np
 
 from alignerf.experiment.tables import json_rows, rows
-from alignerf.files import atomic, csv_files, faults, json_files
+from alignerf.files import atomic, csv_files, faults, json_files, provenance
 from alignerf.page import contents, pictures
 from alignerf.verdict import views
 
@@ -62,6 +62,7 @@ def render(folder, *, rounds, base, others=None):
         decisions_taken=taken,
         costs=contents.costs(folder),
         downloads=contents.downloads(folder),
+        export_command=provenance.export_command(),
     )
 
 

@@ -25,6 +25,11 @@ DOWNLOADS = {
     "decisions.json": "what the facts call for",
     "cameras.npz": "cameras",
 }
+# Of each export, in the folder that has everything.
+EXPORTED = {
+    "README.txt": "how to use the export",
+    "transforms.json": "export for nerfstudio",
+}
 # The figures that it repeats: title, and how to read it.
 FIGURES = {
     "curves": (
@@ -167,8 +172,9 @@ def downloads(folder):
         for path in sorted((folder / "figures").glob("*.png"))
     ]
     links += [
-        (path.relative_to(folder).as_posix(), "export for nerfstudio")
-        for path in sorted(folder.glob("*/export/*/transforms.json"))
+        (path.relative_to(folder).as_posix(), what)
+        for name, what in EXPORTED.items()
+        for path in sorted(folder.glob(f"*/export/*/{name}"))
     ]
     return [(name, what) for name, what in links if (folder / name).is_file()]
 

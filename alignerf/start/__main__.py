@@ -6,21 +6,17 @@ written beside the results; it is yours to edit, and is kept the next time.
 """
 
 import argparse
-import contextlib
 import hashlib
 import logging
-import os
-import signal
-import subprocess
 import sys
 from pathlib import Path
 
 import yaml
 
-from alignerf.experiment import sources, targets
+from alignerf.experiment import targets
 from alignerf.files import atomic, faults, machine, yaml_files
 from alignerf.scenes import photos
-from alignerf.start import folders
+from alignerf.start import folders, workflow
 
 log = logging.getLogger("alignerf")
 
@@ -46,7 +42,10 @@ def main(argv=None):
         print(f"{scene}: {content['source']} in {content['path']}")
     say_where(path, config_of(scenes, args), folder)
     print(f"page, in the end: {', '.join(map(targets.page_of, scenes))}", flush=True)
-    if not args.only_config and (code := run(path, args.cores)):
+    # Its files for other programs, too: cameras put right, or as given.
+    if not args.only_config and (
+        code := workflow.run(path, args.cores, "all", "export")
+    ):
         sys.exit(code)
 
 
@@ -105,25 +104,6 @@ def is_untouched(path):
     _, mark, rest = text.partition("# as written: ")
     digest, _, body = rest.partition("\n")
     return bool(mark) and digest == digest_of(body)
-
-
-def run(path, cores):
-    """Run a config as `make run` does the default one; returns the exit code."""
-    profile = sources.ROOT / "workflow" / "profiles" / "default"
-    command = [sys.executable, "-m", "snakemake", "--cores", str(cores)]
-    command += ["--snakefile", str(sources.ROOT / "Snakefile")]
-    command += ["--workflow-profile", str(profile), "--configfile", str(path)]
-    # Its files for other programs, too: cameras put right, or as given.
-    command += ["--", "all", "export"]
-    child = subprocess.Popen(command, env=os.environ)
-    while True:
-        # Ctrl-C reaches it too: it ends its jobs, and is waited for.
-        with contextlib.suppress(KeyboardInterrupt):
-            code = child.wait()
-            break
-    if code == -signal.SIGINT or code == 128 + signal.SIGINT:
-        print("stopped; the same command goes on", file=sys.stderr)
-    return code if code >= 0 else 128 - code
 
 
 def parse(argv=None):

@@ -1,5 +1,6 @@
 """The remedy to try first, with its measured gain and cost."""
 
+from alignerf.files import provenance
 from alignerf.verdict import causes
 
 # In dB on courtyard, over plain training of the same seconds, those of one and of two
@@ -99,7 +100,7 @@ def of_tried(e, gains):
     if pays(e, best):
         return (
             f"take the cameras of {best.method}, which this run has put right: "
-            "snakemake export with this config."
+            f"`{provenance.export_command()}`."
         )
     if e.test_views < causes.FEW_TEST_VIEWS:
         return ""

@@ -1,5 +1,4 @@
-# Cameras for other programs, as nerfstudio and COLMAP read them, with the photos as
-# taken (`cameras`) or as the last round was trained on them (`photos`).
+# Folders for other programs: photos as taken, or as the last round was trained on them.
 rule export_method:
     input:
         unpack(lambda w: inputs.of_export(experiment, w.scene, w.method, w.what)),
@@ -16,6 +15,7 @@ rule export_method:
         what="cameras|photos",
     conda:
         "../../environment.yml"
+    threads: sources.WHOLE_MACHINE
     params:
         options=lambda w: inputs.export_options(experiment, w.scene, w.method, w.what),
         sources=sources_of("alignerf.export"),

@@ -1,5 +1,6 @@
 """Scenes: what a source allows, and that its folders are there."""
 
+from alignerf.experiment import schema
 from alignerf.experiment.checks.common import fault, is_there
 from alignerf.experiment.keys import scene as scene_keys
 
@@ -7,6 +8,15 @@ from alignerf.experiment.keys import scene as scene_keys
 TRANSPARENT = ("photos", "transforms", "blender")
 # Courtyard's photos, eight bits a channel.
 MOST_PHOTO_BYTES = 2**35
+
+
+def checked(values):
+    """A scene's slice of the config with its defaults; ValueError names a fault."""
+    config = schema.filled(scene_keys.Scene, values)
+    config["poses"] = scene_keys.poses_of(config)
+    config["seed"] = config["seed"] or 0
+    check_scene(config)
+    return config
 
 
 def check_scene(scene, *place):

@@ -156,6 +156,13 @@ class Config(Keys):
         Lpips,
         "network of LPIPS v0.1 -> .npz of its weights; null leaves a column empty",
     )
+    export_width_px: int | None = key(
+        None,
+        "of the photos that `snakemake export` writes, made smaller by area averaging; "
+        "null, and what would enlarge them, keeps the size that they came in",
+        least=32,
+        most=32766,
+    )
     tradeoff: Tradeoff | None = key(
         None, "what `snakemake tradeoff` compares; needed by nothing else"
     )

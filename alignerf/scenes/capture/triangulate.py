@@ -6,10 +6,11 @@ before any training, how exact the cameras are.
 
 from pathlib import Path
 
+import numpy as np
 import pycolmap
 
 from alignerf.files import progress
-from alignerf.scenes import colmap, exported
+from alignerf.scenes import cameras, colmap
 from alignerf.scenes.capture import mapping
 
 # Features of a view: enough to see how near things are, and matched in a sixteenth of
@@ -17,21 +18,34 @@ from alignerf.scenes.capture import mapping
 MOST_FEATURES = 2048
 
 
-def triangulate(image_folder, work_folder, views, *, seed) -> colmap.Reconstruction:
+def triangulate(
+    image_folder,
+    work_folder,
+    views,
+    *,
+    seed,
+    most_side_px=None,
+    most_features=MOST_FEATURES,
+    masks=None,
+) -> colmap.Reconstruction:
     """The given views and their triangulated points, the same on every run.
 
-    views: the arrays of a cameras.npz; image_folder: <view>.png of their size. Writes
-    into work_folder. There may be no point; their mean error is then 0.
+    views: the arrays of a cameras.npz; image_folder: <view>.png of their size. Features
+    are found in photos of at most most_side_px, where `masks` (folder of
+    <view>.png.png) are not black. Writes into work_folder. There may be no point; their
+    mean error is then 0.
     """
     names = sorted(views["names"].tolist())
     database, out = Path(work_folder) / "given.db", Path(work_folder) / "given"
     out.mkdir()
-    model = exported.model_of(views)
+    model = model_of(views)
     mapping.quiet(seed)
     write_views(database, model)
     with progress.heartbeat("COLMAP: features"):
-        side_px = int(max(views["width"], views["height"]))
-        mapping.extract(database, image_folder, names, side_px, most=MOST_FEATURES)
+        side_px = most_side_px or int(max(views["width"], views["height"]))
+        mapping.extract(
+            database, image_folder, names, side_px, masks, most=most_features
+        )
     with progress.heartbeat("COLMAP: matching"):
         mapping.match(database, len(names), seed)
     with progress.heartbeat("COLMAP: points"):
@@ -40,6 +54,36 @@ def triangulate(image_folder, work_folder, views, *, seed) -> colmap.Reconstruct
             model, database, image_folder, out, options=options
         )
     return colmap.convert(triangulated, names)
+
+
+def model_of(arrays) -> pycolmap.Reconstruction:
+    """COLMAP's model of the arrays of a cameras.npz, without points.
+
+    Views that share their intrinsics share a camera.
+    """
+    model, camera_ids = pycolmap.Reconstruction(), {}
+    size = {"width": int(arrays["width"]), "height": int(arrays["height"])}
+    names = arrays["names"].tolist()
+    views = zip(names, arrays["pixtocams"], arrays["camtoworlds"], strict=True)
+    for number, (name, pixtocam, pose) in enumerate(views, start=1):
+        matrix = np.linalg.inv(pixtocam)
+        # Rounding makes no other lens.
+        lens = tuple(
+            round(float(matrix[at]), 9) for at in ((0, 0), (1, 1), (0, 2), (1, 2))
+        )
+        if lens not in camera_ids:
+            camera_ids[lens] = len(camera_ids) + 1
+            camera = pycolmap.Camera(
+                model="PINHOLE", params=lens, camera_id=camera_ids[lens], **size
+            )
+            model.add_camera_with_trivial_rig(camera)
+        image = pycolmap.Image(
+            name=f"{name}.png", camera_id=camera_ids[lens], image_id=number
+        )
+        turn = (pose[:, :3] @ cameras.OPENGL_FROM_OPENCV).T
+        moved = pycolmap.Rigid3d(pycolmap.Rotation3d(turn), -turn @ pose[:, 3])
+        model.add_image_with_trivial_frame(image, moved)
+    return model
 
 
 def write_views(database, model):

@@ -28,6 +28,8 @@ REACHED = {
     "alignerf.page": JOB | {"scene"},
     "alignerf.tables.collect": {"scene"},
     "alignerf.tabulate": {"scene"},
+    # It reads the photos of a scene once more.
+    "alignerf.export": {"scene"},
     **{f"alignerf.tables.across.{name}": {"scene"} for name in TABLES},
     "alignerf.evaluate": {"scored"},
     "alignerf.config": EVERY,

@@ -9,6 +9,7 @@ from PIL import Image
 
 from alignerf import export, poses
 from alignerf.experiment import check
+from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.scenes import blender, photos, prepared, transforms
 
 SIZE, ANGLE = 40, 0.7
@@ -161,7 +162,7 @@ def test_splits_of_two_sizes_are_refused(scene):
 )
 def test_keys_that_act_on_nothing_are_refused(scene, key):
     with pytest.raises(ValueError, match=rf"config: {key}: source"):
-        poses.checked(scene)
+        of_scenes.checked(scene)
 
 
 def test_a_config_may_say_so():

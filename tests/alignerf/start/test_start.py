@@ -5,7 +5,7 @@ import yaml
 
 from alignerf.experiment import check
 from alignerf.start import __main__ as start
-from alignerf.start import folders
+from alignerf.start import folders, workflow
 
 
 def fill(folder, *names):
@@ -149,7 +149,7 @@ def test_a_config_that_cannot_be_read_is_named(here):
 
 def test_its_exit_code_is_that_of_the_run(here, monkeypatch):
     fill(here, "p/a.jpg")
-    monkeypatch.setattr(start, "run", lambda path, cores: 3)
+    monkeypatch.setattr(workflow, "run", lambda path, cores, *targets: 3)
     with pytest.raises(SystemExit) as stopped:
         start.main(["p"])
     assert stopped.value.code == 3

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from alignerf import poses
+from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import images
 from alignerf.scenes import prepare, prepared
 from alignerf.scenes.capture import full_size
@@ -21,7 +22,7 @@ OF_COURTYARD = {
 
 def same(config, out, work):
     """The views at full size, which made smaller are the prepared ones to the bit."""
-    config = poses.checked(config)
+    config = of_scenes.checked(config)
     poses.main(config, out)
     views = full_size.read(config, out, work)
     small = prepare.downscale(views, config["downscale"])
@@ -48,7 +49,7 @@ def test_other_cameras_of_the_same_views(tmp_path):
     arrays = prepared.read_cameras(tmp_path / "out" / "cameras.npz")
     arrays["camtoworlds"][:, :, 3] += 0.25
     np.savez(tmp_path / "moved.npz", **arrays)
-    config = poses.checked(OF_COURTYARD)
+    config = of_scenes.checked(OF_COURTYARD)
     views = full_size.read(
         config, tmp_path / "out", tmp_path / "work", tmp_path / "moved.npz"
     )
@@ -86,7 +87,7 @@ def test_of_photos_by_the_lenses_that_colmap_found(photos, tmp_path):
     views = same(config, tmp_path / "out", tmp_path / "work")
     assert len(views.masks) == len(views.names) == 10
     assert len(views.points[0]) > 50
-    config = poses.checked(config)
+    config = of_scenes.checked(config)
     (photos / "view 9.png").rename(tmp_path / "gone.png")
     with pytest.raises(ValueError, match="the photo 'view 9' is gone"):
         full_size.read(config, tmp_path / "out", tmp_path / "work")

@@ -7,8 +7,9 @@ import pytest
 
 from alignerf import facts, poses
 from alignerf.experiment.keys import scene as scene_keys
+from alignerf.exports import formats
 from alignerf.files import images
-from alignerf.scenes import cameras, exported, prepared
+from alignerf.scenes import cameras, prepared
 from alignerf.scenes.capture import triangulate
 from alignerf.scenes.courtyard import scene as courtyard
 
@@ -96,7 +97,7 @@ def given_scene(folder, scene, *, blank=False):
         photo = images.read(photos / f"{name}.png")
         images.write(folder / "images" / f"{name}.png", photo | (255 * blank))
     split = np.full(VIEWS, "train")
-    exported.write_transforms(folder / "transforms.json", views | {"split": split})
+    formats.write_transforms(folder / "transforms.json", views | {"split": split})
     return {"source": "transforms", "path": str(folder), "test_every": 3}
 
 

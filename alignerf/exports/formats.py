@@ -1,4 +1,4 @@
-"""A scene's folder for other programs: nerfstudio's transforms.json, COLMAP's model.
+"""The formats of an export: nerfstudio's transforms.json, COLMAP's model, others.
 
 Both in one folder, beside `images/`: nerfstudio and its kin read `transforms.json`,
 Gaussian splatting and COLMAP read `sparse/0`. What came as LLFF's `poses_bounds.npy` or
@@ -10,37 +10,27 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pycolmap
 
 from alignerf.scenes import cameras, llff
 
 # Beside transforms.json, for programs that begin with points.
 POINTS = "points.ply"
+# Under the name that COLMAP looks for; nerfstudio takes what transforms.json names.
+MASK = "masks/{view}.png.png"
+# What a frame says whose camera saw the photo that it is judged by.
+FITTED = "fitted to its own photo"
 
 
-def write_transforms(path, arrays, *, masked=False):
+def write_transforms(path, arrays, *, masked=False, points=False, fitted=()):
     """Write transforms.json; returns its content.
 
-    arrays: as of `prepared.read_cameras`, with `points` where `write_colmap` writes
-    POINTS. Images are named images/<view>.png. masked: each view has a
-    masks/<view>.png, black where a pixel is not to be learnt from.
+    arrays: as of `prepared.read_cameras`. Images are named images/<view>.png. masked:
+    each view has a MASK, black where a pixel is not to be learnt from. points: whether
+    `write_colmap` writes POINTS. fitted: names of the views whose cameras are FITTED.
     """
     camtopix = np.linalg.inv(arrays["pixtocams"])
-    frames = []
-    for name, matrix, pose in zip(
-        arrays["names"].tolist(), camtopix, arrays["camtoworlds"], strict=True
-    ):
-        frame = {
-            "file_path": f"images/{name}.png",
-            "fl_x": matrix[0, 0],
-            "fl_y": matrix[1, 1],
-            "cx": matrix[0, 2],
-            "cy": matrix[1, 2],
-            "transform_matrix": [*pose.tolist(), [0.0, 0.0, 0.0, 1.0]],
-        }
-        if masked:
-            frame["mask_path"] = f"masks/{name}.png"
-        frames.append(frame)
+    views = zip(arrays["names"].tolist(), camtopix, arrays["camtoworlds"], strict=True)
+    frames = [frame_of(*view, masked=masked, fitted=fitted) for view in views]
     files = {
         f"{split}_filenames": [
             frame["file_path"]
@@ -58,10 +48,27 @@ def write_transforms(path, arrays, *, masked=False):
         "val_filenames": files["test_filenames"],
         "frames": frames,
     }
-    if "points" in arrays:
+    if points:
         scene["ply_file_path"] = POINTS
     write_json(path, scene)
     return scene
+
+
+def frame_of(name, camtopix, pose, *, masked, fitted):
+    """A view's entry of transforms.json; arguments: as of `write_transforms`."""
+    frame = {
+        "file_path": f"images/{name}.png",
+        "fl_x": camtopix[0, 0],
+        "fl_y": camtopix[1, 1],
+        "cx": camtopix[0, 2],
+        "cy": camtopix[1, 2],
+        "transform_matrix": [*pose.tolist(), [0.0, 0.0, 0.0, 1.0]],
+    }
+    if masked:
+        frame["mask_path"] = MASK.format(view=name)
+    if name in fitted:
+        frame["camera"] = FITTED
+    return frame
 
 
 def write_blender(folder, arrays, scene):
@@ -105,49 +112,20 @@ def write_json(path, content):
     Path(path).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def write_colmap(folder, arrays):
-    """Write COLMAP's model of the arrays: sparse/0 and, of its points, POINTS.
+def write_colmap(folder, model, arrays):
+    """Write COLMAP's model: sparse/0 and, where it has points, POINTS.
 
-    `points` [m, 3] and `colours` may be among the arrays; the points have no tracks.
+    model: a pycolmap.Reconstruction of the arrays' views. sparse/0/test.txt names the
+    photos that are held out, as Gaussian splatting reads them.
     """
     sparse = Path(folder) / "sparse" / "0"
     sparse.mkdir(parents=True)
-    model = model_of(arrays)
-    if "points" in arrays:
-        for point, colour in zip(arrays["points"], arrays["colours"], strict=True):
-            model.add_point3D(point, pycolmap.Track(), colour)
-        model.export_PLY(Path(folder) / POINTS)
     model.write(sparse)
-
-
-def model_of(arrays) -> pycolmap.Reconstruction:
-    """COLMAP's model of the arrays of a cameras.npz, without points.
-
-    Views that share their intrinsics share a camera.
-    """
-    model, camera_ids = pycolmap.Reconstruction(), {}
-    size = {"width": int(arrays["width"]), "height": int(arrays["height"])}
-    names = arrays["names"].tolist()
-    views = zip(names, arrays["pixtocams"], arrays["camtoworlds"], strict=True)
-    for number, (name, pixtocam, pose) in enumerate(views, start=1):
-        matrix = np.linalg.inv(pixtocam)
-        # Rounding makes no other lens.
-        lens = tuple(
-            round(float(matrix[at]), 9) for at in ((0, 0), (1, 1), (0, 2), (1, 2))
-        )
-        if lens not in camera_ids:
-            camera_ids[lens] = len(camera_ids) + 1
-            camera = pycolmap.Camera(
-                model="PINHOLE", params=lens, camera_id=camera_ids[lens], **size
-            )
-            model.add_camera_with_trivial_rig(camera)
-        image = pycolmap.Image(
-            name=f"{name}.png", camera_id=camera_ids[lens], image_id=number
-        )
-        turn = (pose[:, :3] @ cameras.OPENGL_FROM_OPENCV).T
-        moved = pycolmap.Rigid3d(pycolmap.Rotation3d(turn), -turn @ pose[:, 3])
-        model.add_image_with_trivial_frame(image, moved)
-    return model
+    if model.num_points3D():
+        model.export_PLY(Path(folder) / POINTS)
+    held_out = arrays["names"][arrays["split"] == "test"].tolist()
+    lines = "".join(f"{name}.png\n" for name in held_out)
+    (sparse / "test.txt").write_text(lines, encoding="utf-8")
 
 
 def write_llff(path, arrays, bounds):

@@ -1,0 +1,99 @@
+"""The views that an export is made of: at their photos' own size, or as trained on.
+
+Photos and masks are read one at a time, when they are written.
+"""
+
+import functools
+import json
+import logging
+from pathlib import Path
+
+from alignerf.files import images, yaml_files
+from alignerf.scenes import prepare, prepared
+from alignerf.scenes.capture import full_size
+
+log = logging.getLogger("alignerf")
+
+
+def config_of(text, folder):
+    """A scene's keys: JSON, else what the config.yaml in its folder says, or None.
+
+    Raises ValueError naming the file where that is of no scene, or of several.
+    """
+    if text:
+        try:
+            return json.loads(text)
+        except (json.JSONDecodeError, RecursionError) as error:
+            raise ValueError(f"--config is not JSON: {error}") from None
+    path = Path(folder) / "config.yaml"
+    if not path.is_file():
+        return None
+    content = yaml_files.read(path)
+    scenes = content.get("scenes") if isinstance(content, dict) else None
+    if not isinstance(scenes, dict) or len(scenes) != 1:
+        raise ValueError(f"{path}: not the config of one scene")
+    (config,) = scenes.values()
+    return config
+
+
+def of_photos(config, folder, work_folder, cameras_path) -> prepare.PosedViews:
+    """The views at the size of their photos; arguments: as of `full_size.read`.
+
+    Raises ValueError where the photos are gone.
+    """
+    path = config["path"]
+    if path and not Path(path).exists():
+        raise ValueError(f"{path}: the photos of {folder} are gone")
+    return full_size.read(config, folder, work_folder, cameras_path)
+
+
+def as_trained(loaded: prepared.Scene, cameras_path) -> prepare.PosedViews:
+    """The views of a prepared scene with its images as they are, whole or refused."""
+    arrays, size = prepared.read_cameras(cameras_path), (loaded.width, loaded.height)
+    read = functools.partial(images.read, size=size)
+    masks = None
+    if (loaded.folder / prepared.MASKS).is_dir():
+        mask_of = functools.partial(read_mask, loaded)
+        masks = [prepare.Photo(i, (mask_of,)) for i in range(len(loaded.names))]
+    return prepare.PosedViews(
+        names=loaded.names,
+        pixtocams=arrays["pixtocams"],
+        camtoworlds=arrays["camtoworlds"],
+        width=loaded.width,
+        height=loaded.height,
+        photos=[
+            prepare.Photo(loaded.folder / "images" / f"{name}.png", (read,))
+            for name in loaded.names
+        ],
+        points=full_size.points_of(loaded.folder),
+        split=arrays["split"],
+        masks=masks,
+    )
+
+
+def read_mask(loaded: prepared.Scene, view):
+    """An image of a view's mask, as `prepare.PosedViews` has masks."""
+    return images.of_mask(prepared.read_masks(loaded, [view])[0])
+
+
+def at_width(views: prepare.PosedViews, width_px) -> prepare.PosedViews:
+    """The views made smaller to a width; None, and what would enlarge, change nothing.
+
+    Raises ValueError for a width that leaves too few pixels.
+    """
+    if width_px is None or width_px == views.width:
+        return views
+    if width_px > views.width:
+        log.warning(
+            "export_width_px: %d: photos of %d px stay as they are, as nothing is "
+            "enlarged",
+            *(width_px, views.width),
+        )
+        return views
+    factor = views.width / width_px
+    if min(prepare.smaller(views, factor)) < prepare.MIN_SIZE_PX:
+        raise ValueError(
+            f"export_width_px: {width_px} leaves less than {prepare.MIN_SIZE_PX} px of "
+            f"photos of {views.width}x{views.height}"
+        )
+    return prepare.downscale(views, factor)

@@ -1,0 +1,91 @@
+"""What an export says of itself: where its cameras, photos and points come from."""
+
+from pathlib import Path
+
+from alignerf.exports import formats, readme
+from alignerf.files import json_files
+from alignerf.scenes import prepared
+
+DID_NOT_PAY = (
+    "{method} did not show in this run that it brings more than chance, or too few "
+    "photos are held out to tell"
+)
+# Source of a scene -> whose frame its cameras have.
+FRAMES = {
+    "photos": "COLMAP's: its unit of length is arbitrary",
+    "courtyard": "the courtyard's, in metres",
+}
+FILES = {
+    "images": "the photos, <view>.png, 8-bit RGB",
+    formats.MASK.rpartition("/")[0]: "<view>.png.png: black pixels do not count",
+    "transforms.json": "cameras and split, for nerfstudio and instant-ngp",
+    "sparse": "sparse/0: cameras, poses and points, for COLMAP, gsplat and others",
+    formats.POINTS: "points",
+    "transforms_train.json": "as NeRF's synthetic scenes have it; _val and _test, too",
+    "poses_bounds.npy": "as LLFF has it",
+}
+
+
+def told(folder, args, arrays, chosen, of_points, *, paid) -> readme.Told:
+    """What README.txt says. folder: of the export, with all other files in it.
+
+    args: of the command line. chosen: a `alignerf.export.Chosen`. of_points: how the
+    points came about.
+    """
+    report = Path(args.scene) / "poses.json"
+    source = json_files.read(report).get("source") if report.is_file() else None
+    files = {name: what for name, what in FILES.items() if (folder / name).exists()}
+    if formats.POINTS in files:
+        files[formats.POINTS] = f"points, as in sparse/0: {of_points}"
+    return readme.Told(
+        title=f"Photos and cameras of {Path(args.scene).resolve().name}",
+        arrays=arrays,
+        size=of_size(args.scene, arrays, chosen),
+        cameras=of_cameras(args, chosen, paid=paid),
+        held_out=of_held_out(chosen),
+        frame=FRAMES.get(source, "that of the files that they came in"),
+        files=files,
+        masked="masks" in files,
+    )
+
+
+def of_size(scene, arrays, chosen):
+    """A sentence on the photos: size, and whether they are warped."""
+    own = prepared.read_cameras(Path(scene) / "cameras.npz")
+    trained = f"This run trained on {own['width']}x{own['height']} pixels."
+    if chosen.unknown:
+        trained += (
+            "\nPhotos have that size here too: how they were warped is not on disk."
+        )
+    if not chosen.warped:
+        return f"{trained}\nPhotos are as taken."
+    return (
+        f"{trained}\nPhotos to learn from are warped onto the renders of a training; "
+        "held-out photos\nare as taken. masks/ says where the warp holds."
+    )
+
+
+def of_cameras(args, chosen, *, paid):
+    """A sentence on whether cameras are corrected, and why not."""
+    if not paid:
+        why = DID_NOT_PAY.format(method=args.if_pays[1])
+        return f"Cameras are as given, not corrected: {why}."
+    if not chosen.moved:
+        return "Cameras are as given."
+    return "Cameras of photos to learn from are corrected by this run."
+
+
+def of_held_out(chosen):
+    """A sentence on the cameras of held-out views."""
+    if not chosen.moved:
+        return "So are those of held-out photos."
+    if not chosen.fitted:
+        return (
+            "Those of held-out photos are as given: no training has moved them, so "
+            "scores by\nthem are lower than the scene's worth."
+        )
+    return (
+        f'Those of {len(chosen.fitted)} held-out photos are "{formats.FITTED}" (so '
+        "marked in\ntransforms.json). A score by them is fair to the scene, not to the "
+        "cameras."
+    )

@@ -1,0 +1,66 @@
+"""A capture's files for other programs: `make export SCENE=my_photos`.
+
+SCENE is the name of a config of `make photos`, results/my_photos.yaml; the folder of
+the photos will do too (`FOLDER=my_photos`). What the export needs and is not there yet
+is made. WIDTH makes photos smaller.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from alignerf.files import faults, machine, yaml_files
+from alignerf.start import folders, workflow
+
+
+def main(argv=None):
+    args = parse(argv)
+    if not args.name:
+        raise ValueError("SCENE is missing: make export SCENE=my_photos")
+    path = config_of(args.name)
+    print(f"config: {path}", flush=True)
+    overrides = [f"export_width_px={args.width}"] if args.width else []
+    if code := workflow.run(path, args.cores, "export", overrides=overrides):
+        sys.exit(code)
+    for made in sorted(folder for name in scenes_of(path) for folder in exports(name)):
+        print(f"export: {made}/README.txt")
+
+
+def config_of(name):
+    """The config of a name, or of a folder's. ValueError where there is none."""
+    names = [Path(name).expanduser().name, folders.name_of(Path(name).expanduser())]
+    for one in names:
+        path = Path("results") / f"{one}.yaml"
+        if path.is_file():
+            return path
+    raise ValueError(
+        f"results/{names[-1]}.yaml does not exist: run `make photos FOLDER={name}` "
+        "first, or, for a config of your own, `snakemake --cores "
+        f"{machine.cores()} export --configfile FILE`"
+    )
+
+
+def scenes_of(path):
+    """Names of a config's scenes, as far as they can be told."""
+    content = yaml_files.read(path)
+    scenes = content.get("scenes") if isinstance(content, dict) else None
+    return list(scenes) if isinstance(scenes, dict) else []
+
+
+def exports(scene):
+    """Folders of a scene's exports that are there."""
+    found = Path("results", scene).glob("*/export/*/README.txt")
+    return [path.parent for path in found]
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(prog="alignerf.start.export", description=__doc__)
+    parser.add_argument("name", help="of a config in results/, or its folder")
+    parser.add_argument("--width", type=int, help="of photos, in pixels")
+    parser.add_argument("--cores", type=int, default=machine.cores())
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    faults.run(main)

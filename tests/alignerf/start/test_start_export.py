@@ -1,0 +1,96 @@
+"""`make export` finds the config of a capture, and runs its exports alone."""
+
+import subprocess
+
+import pytest
+
+from alignerf.experiment import targets
+from alignerf.files import faults, machine, provenance
+from alignerf.start import export, workflow
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "results").mkdir()
+    text = "scenes: {my_photos: {source: photos, path: my photos}}\n"
+    (tmp_path / "results" / "my_photos.yaml").write_text(text)
+    return tmp_path
+
+
+@pytest.fixture
+def runs(monkeypatch):
+    """What the workflow is asked for."""
+    asked = []
+
+    def run(path, cores, *targets, overrides=()):
+        asked.append((str(path), targets, list(overrides)))
+        return 0
+
+    monkeypatch.setattr(workflow, "run", run)
+    return asked
+
+
+@pytest.mark.parametrize("name", ["my_photos", "my photos", "elsewhere/my photos/"])
+def test_a_name_or_a_folder_is_enough(here, runs, capsys, name):
+    made = here / "results/my_photos/aligned/export/cameras"
+    made.mkdir(parents=True)
+    (made / "README.txt").touch()
+    export.main([name])
+    assert runs == [("results/my_photos.yaml", ("export",), [])]
+    told = capsys.readouterr().out
+    assert "export: results/my_photos/aligned/export/cameras/README.txt" in told
+
+
+def test_a_width_overrules_the_config(here, runs):
+    export.main(["my_photos", "--width", "1600"])
+    assert runs[0][2] == ["export_width_px=1600"]
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("other", "results/other.yaml does not exist: run `make photos FOLDER=other`"),
+        ("", "SCENE is missing: make export SCENE=my_photos"),
+    ],
+)
+def test_without_a_config_it_says_so_in_one_line(here, runs, capsys, name, reason):
+    assert faults.exit_code(export.main, [name]) == 1
+    error = capsys.readouterr().err
+    assert reason in error
+    assert error.count("\n") == 1
+    assert not runs
+
+
+def test_make_hands_on_name_and_width(root, tmp_path):
+    command = ["make", "-n", "export", "SCENE=my photos", "WIDTH=1600"]
+    options = ["VENV=venv", "CORES=2", "-f", str(root / "Makefile")]
+    (tmp_path / "venv").mkdir()
+    (tmp_path / "requirements.lock").touch()
+    (tmp_path / "venv" / ".installed").touch()
+    done = subprocess.run(
+        [*command, *options], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    words = done.stdout.replace("\\\n", " ").split()
+    wanted = "python -m alignerf.start.export --cores 2 --width 1600 --"
+    assert words[: len(wanted.split())] == wanted.split()
+
+
+def test_the_command_is_that_of_the_run(here, monkeypatch):
+    cores = machine.cores()
+    found = targets.export_command([str(here / "results/my_photos.yaml")])
+    assert found == "make export SCENE=my_photos"
+    found = targets.export_command(["own.yaml"])
+    assert found == f"snakemake --cores {cores} export --configfile own.yaml"
+    assert targets.export_command([]) == f"snakemake --cores {cores} export"
+    monkeypatch.setenv(provenance.EXPORT, "make export SCENE=a")
+    assert provenance.export_command() == "make export SCENE=a"
+
+
+def test_a_run_ends_with_the_command(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a/verdict.json").write_text('{"verdict": ["Verdict: aligned."]}')
+    lines = targets.verdicts(["a"], tmp_path, export="make export SCENE=a")
+    assert lines[-1].endswith(": make export SCENE=a")
+    assert targets.verdicts([], tmp_path, export="make export SCENE=a") == []
