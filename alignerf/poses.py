@@ -98,22 +98,54 @@ def of_whole(config, out, whole, cameras_path, places):
         try:
             views, points, px = placed(views, config, scratch, places)
         except ValueError as error:
-            raise ValueError(f"{whole}: windows: {error}") from None
-        each = [windows.around(point, views, px, least=least) for point in points]
+            why = f"{error}. Without windows: `windows: null` in the config"
+            raise ValueError(f"{whole}: windows: {why}") from None
+        points, each = around(views, points, px, least=1 if places else least)
+        if not each:
+            raise ValueError(f"{whole}: windows: {NO_WINDOWS}")
         cut = windows.cut_several(views, each)
+        prepared.check_views(out, cut)
         log.info(
             "%s: %d windows of %d px of each photo at its own size",
             *(out, len(points), px),
         )
-        told["zoom"] = {"of": whole.name, "px": px, "points": points.tolist()}
-        check_enough(cut.split, config["least_train_views"], whole)
+        told["zoom"] = {"of": whole.name, "px": px, "points": points}
+        if turns := told.get("quarter_turns"):
+            photos = [name.rpartition("_w")[0] for name in cut.names]
+            named = zip(cut.names, photos, strict=True)
+            told["quarter_turns"] = {n: turns[p] for n, p in named if p in turns}
+        perturb_px = told.get("perturb_px", 0.0) * told["photo_width"] / told["width"]
         prepare.write_views(scratch / "new", cut, split=cut.split)
         told |= {"photo_size": [views.width, views.height]}
         told |= describe_views(cut, windows.size_of(cut), cut.split, config)
+        # Their cameras are those of the scene, with the error that it was given.
+        told["perturb_px"] = perturb_px
         told["time_s"] = round(time.monotonic() - started, 1)
         report_path = scratch / "new" / "poses.json"
         report_path.write_text(json.dumps(told, indent=1) + "\n")
         publish(scratch / "new", out)
+
+
+NO_WINDOWS = (
+    "no place is seen by enough photos to learn from and to judge by. Without windows: "
+    "`windows: null` in the config"
+)
+
+
+def around(views, points, px, *, least):
+    """(places, their `windows.Windows`) of those seen by views of both splits."""
+    found = []
+    for point in points:
+        try:
+            one = windows.around(point, views, px, least=least)
+        except ValueError as error:
+            log.warning("%s", error)
+            continue
+        one = windows.that_count(views, one)
+        split = views.split[one.kept]
+        if (split == "train").sum() >= least - 1 and (split == "test").any():
+            found.append((np.asarray(point).tolist(), one))
+    return [point for point, _ in found], [one for _, one in found]
 
 
 def placed(views, config, scratch, places):

@@ -158,7 +158,7 @@ class Experiment:
         folders = {before.folder for training in every for before in training.flows}
         judged = self.whole(scene) != scene or self.windows(scene)
         if judged or self.names(kinds.aligned):
-            folders.add(self.at(scene, self.config["reference"]["method"], 0).folder)
+            folders.add(self.judged_folder(scene).removeprefix(f"results/{scene}/"))
         return folders
 
     def last_round(self, scene, method):
@@ -212,6 +212,16 @@ class Experiment:
     def windows(self, scene):
         """The scenes of windows by which a scene is judged, as given first."""
         return [n for n in self.scenes if n != scene and self.whole(n) == scene]
+
+    def judged_folder(self, scene):
+        """Folder of the training that a scene is judged by: the reference's round 0.
+
+        Of windows that of its baseline, which leaves the cameras as they are.
+        """
+        method = self.config["reference"]["method"]
+        if self.whole(scene) != scene:
+            method = self.baseline(method)
+        return self.folder(scene, method, 0)
 
     def with_truth(self, known=True):
         """Scenes whose truth is known (or not)."""

@@ -33,7 +33,8 @@ def of_scene(experiment, name):
 
 def complete(experiment, name):
     """The whole config of a scene, as it could be run alone."""
-    names = [experiment.whole(name), name, *experiment.windows(name)]
+    whole = experiment.whole(name)
+    names = [whole, *experiment.windows(whole)]
     found = {one: experiment.scenes[one] for one in names}
     found = experiment.config | {"scenes": found}
     if found["tradeoff"] and found["tradeoff"]["scene"] != name:
@@ -124,9 +125,6 @@ def frequency_weights_of(experiment, method):
 def training_of(config, scene):
     """The config's training, as long as the scene asks for."""
     found, chosen = config["training"], config["scenes"][scene]
-    if scene_keys.whole_of(chosen):
-        # Windows say themselves how long they are trained.
-        found = found | {"decided": []}
     return found | retimed(found, chosen["steps"], chosen["budget_min"])
 
 

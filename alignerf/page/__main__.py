@@ -109,7 +109,7 @@ def shown_views(folder, rounds, others, base, limit_px):
 def note_on(view):
     """A view's numbers in words."""
     learnt = "held out" if view.split == "test" else "learnt from"
-    apart = f"{view.flow_px:.2f} px apart before any repair"
+    apart = f"{view.flow_px:.2f} px of the training size apart before any repair"
     parts = [f"{learnt}: {apart}, {view.psnr_db:.1f} dB"]
     return "; ".join([*parts, view.stands_out] if view.stands_out else parts)
 

@@ -7,6 +7,7 @@ scales the constants to this machine.
 
 from typing import NamedTuple
 
+from alignerf.decisions import rules
 from alignerf.experiment import jobs
 from alignerf.preflight.simulate import Task
 
@@ -165,7 +166,9 @@ def for_windows(work, rates, flow: Flow, views: Views, *, threads):
             warped_bytes=round(share * flow.warped_bytes),
         )
         job = work["trainings"][at]["job"]
-        length = {"steps": windows["steps"], "budget_min": None}
+        seen = rules.PASSES * each.train * each.pixels / job["training"]["batch_rays"]
+        steps = windows["steps"] * max(1, seen / rules.STEPS[0])
+        length = {"steps": round(steps), "budget_min": None}
         job = job | {"training": job["training"] | length}
         one = {"name": f"../{windows['name']}/{names[at]}", "job": job}
         one |= {"renders": ["train", "test"], "corrects": False}

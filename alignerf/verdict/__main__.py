@@ -25,7 +25,7 @@ def main(argv=None):
         poses=json_files.read(f"{args.scene}/poses.json", evidence.POSES),
         timing=json_files.read(f"{args.base}/timing.json", evidence.TIMING),
         overfit=args.overfit,
-        windows=args.windows,
+        windows=(args.windows, args.windows_corrected),
     )
     findings = causes.find(known)
     gains = words.gains_of(args.misalignment) if args.misalignment else []
@@ -71,11 +71,10 @@ def parse(argv=None):
     parser.add_argument("--overfit", help="the test set's overfit.csv")
     parser.add_argument("--misalignment", help="the scene's misalignment.csv")
     parser.add_argument(
-        "--windows",
-        nargs="*",
-        default=[],
-        help="the reference's round 0 of windows at the photos' own size: with cameras "
-        "as given, and as put right",
+        "--windows", help="a training's folder, of windows at the photos' own size"
+    )
+    parser.add_argument(
+        "--windows-corrected", help="the same with cameras that a method has put right"
     )
     parser.add_argument("--out", required=True, help="verdict.json, written")
     parser.add_argument("--views", required=True, help="views.csv, written")

@@ -42,8 +42,11 @@ ADVICE = (
 # were 2.3 and 3.5 dB better than the phone's own (docs/measured/on_the_way_real.csv).
 ANEW = (
     "let COLMAP find the poses anew: make photos FOLDER=<folder of the photos alone> "
-    'PHOTOS="--name another". Or '
+    'PHOTOS="--name another".'
 )
+# Where alignment cannot be told, without windows and with them.
+UNSEEN = "add `windows: {}` to the config, or make photos less small (downscale)."
+LARGER = "make photos less small (downscale), or train windows longer (windows.steps)."
 # Causes that say nothing of alignment where photos are too few to learn geometry from.
 UNTOLD = ("motion",)
 # Causes whose remedy is what a warping round does.
@@ -69,17 +72,24 @@ def advise(e, findings, gains=()):
             "leave the photos as they are: this run warped them, and that brought no "
             "more than chance."
         )
+    if tried := of_tried(e, gains, only_paying=not causes.misaligned(e)):
+        return tried
     if causes.misaligned(e):
-        if tried := of_tried(e, gains):
-            return tried
-        return "warp the photos once (rounds: 1), and look at what remains."
+        return f"{dict(ADVICE)['camera']} The cause is not known: look at what remains."
+    if not causes.tells(e):
+        return UNSEEN if e.windows is None else LARGER
     return "nothing about alignment. For sharper renders take more steps."
 
 
 def of_camera(e, gains, text):
     """Advice where poses are off; text: what holds where this run has tried nothing."""
-    own = of_tried(e, gains) or text
-    return f"{ANEW}{own}" if e.poses_given else own
+    own = of_tried(e, gains)
+    if not e.poses_given:
+        return own or text
+    if any(pays(e, gain) for gain in gains if getattr(gain, "on_the_way", False)):
+        return f"{ANEW} Until then {own}"
+    # What was tried in vain is not offered beside it.
+    return ANEW if own else f"{ANEW} Or {text}"
 
 
 def pays(e, gain):
@@ -91,7 +101,7 @@ def pays(e, gain):
     return fair and e.test_views >= causes.FEW_TEST_VIEWS and gain.low > 0
 
 
-def of_tried(e, gains):
+def of_tried(e, gains, *, only_paying=False):
     """Advice where this run has aligned itself on the way, else nothing."""
     tried = [gain for gain in gains if getattr(gain, "on_the_way", False)]
     if not tried:
@@ -102,7 +112,7 @@ def of_tried(e, gains):
             f"take the cameras of {best.method}, which this run has put right: "
             f"`{provenance.export_command()}`."
         )
-    if e.test_views < causes.FEW_TEST_VIEWS:
+    if only_paying or e.test_views < causes.FEW_TEST_VIEWS:
         return ""
     return (
         f"leave cameras and photos as given: {best.method} put right what it saw, and "

@@ -20,8 +20,9 @@ PART_PX = 0.2
 # model learns a part of a wrong pose, but not that of a view that it has not seen.
 WINDOW_PX, WINDOW_TEST_PX = 0.5, 1.3
 # Test views' flow over training views' there: beyond it a wrong pose may have been
-# learnt as geometry. It was 1.3 to 3.1, and 7.6 to 12 where views lie far apart.
-WINDOW_RATIO = 5.0
+# learnt as geometry. It was 1.3 to 3.1, and 7.6 to 12 where views lie far apart. How
+# often each pixel of a window has been seen at the least.
+WINDOW_RATIO, WINDOW_PASSES = 5.0, 0.2
 # "Aligned" is said where a shift of so much would have been seen, at the width that
 # programs train at: they make photos smaller that are wider.
 TOLD_PX, USUAL_WIDTH_PX = 1.0, 1600
@@ -98,9 +99,10 @@ def find(evidence: Evidence) -> list[Finding]:
     tests = (few_views, unregistered, sparse, undertrained, lens_shift)
     tests = (*tests, lens_distortion, blurred, exposure, camera, motion)
     findings = [finding for test in tests if (finding := test(evidence))]
-    if unclear(evidence):
+    if too_short(evidence):
         # Renders that are blurred by too little training move the flow, too.
-        findings = [finding for finding in findings if finding.cause in PLAIN]
+        plain = (*PLAIN, *["camera"] * by_windows(evidence))
+        findings = [finding for finding in findings if finding.cause in plain]
     return findings
 
 
@@ -108,31 +110,53 @@ def find(evidence: Evidence) -> list[Finding]:
 PLAIN = ("few_views", "unregistered", "undertrained", "blurred", "exposure")
 
 
-def unclear(e: Evidence):
-    """Whether training was too short to tell anything about alignment."""
-    return e.passes < FEW_PASSES / 2 and not by_windows(e)
+def too_short(e: Evidence):
+    """Whether training was too short for its renders to tell anything of alignment."""
+    return e.passes < FEW_PASSES / 2
 
 
 def misaligned(e: Evidence):
-    """Whether photos and renders of the training views are apart at all."""
+    """Whether photos and renders of the training views are apart at all.
+
+    Windows decide where they tell something; a shift of the whole photos of twice its
+    limit counts beside them.
+    """
     if by_windows(e):
         return True
-    known = e.flow_train_px if math.isfinite(e.flow_train_px) else e.flow_test_px
-    return known > limit_of_training_px(e)
+    times = 2 if known_windows(e) else 1
+    return flow_px(e) > times * limit_of_training_px(e)
+
+
+def flow_px(e: Evidence):
+    """The shift of training views, where they were rendered; else of test views."""
+    return e.flow_train_px if math.isfinite(e.flow_train_px) else e.flow_test_px
+
+
+def of_windows_say(e: Evidence):
+    """What windows say: `aligned`, `misaligned`, or why nothing; None without any."""
+    w = e.windows
+    if w is None:
+        return None
+    if not (math.isfinite(w.flow_px) and math.isfinite(w.flow_test_px)):
+        return "unknown"
+    if w.passes < WINDOW_PASSES:
+        return "short"
+    if w.photos < FEW_TRAIN_VIEWS or w.test_photos < FEW_TEST_VIEWS:
+        return "few"
+    if w.flow_px > WINDOW_PX:
+        return "misaligned" if w.flow_test_px > WINDOW_TEST_PX else "unconfirmed"
+    is_sparse = w.flow_test_px > WINDOW_RATIO * max(w.flow_px, 0.05)
+    return "sparse" if is_sparse else "aligned"
 
 
 def by_windows(e: Evidence):
     """Whether windows at the photos' own size are apart."""
-    if not known_windows(e) or e.windows.flow_px <= WINDOW_PX:
-        return False
-    return e.windows.flow_test_px > WINDOW_TEST_PX
+    return of_windows_say(e) == "misaligned"
 
 
 def known_windows(e: Evidence):
-    """Whether there are windows, trained long enough, whose photos fix the geometry."""
-    if e.windows is None or e.windows.passes < FEW_PASSES / 2:
-        return False
-    return e.windows.flow_test_px <= WINDOW_RATIO * max(e.windows.flow_px, 0.05)
+    """Whether windows tell anything."""
+    return of_windows_say(e) in ("aligned", "misaligned")
 
 
 def limit_of_training_px(e: Evidence):
@@ -142,21 +166,21 @@ def limit_of_training_px(e: Evidence):
 
 def limit_px(e: Evidence):
     """The least shift that the run tells, in px of the photo."""
-    if known_windows(e):
-        return max(WINDOW_PX, e.windows.flow_px)
-    return e.photo_px * limit_of_training_px(e)
+    return WINDOW_PX if known_windows(e) else e.photo_px * limit_of_training_px(e)
 
 
 def shift_px(e: Evidence):
     """How far a photo and its render are apart, in px of the photo."""
-    if known_windows(e) and (by_windows(e) or not misaligned(e)):
-        return e.windows.flow_px
-    known = e.flow_train_px if math.isfinite(e.flow_train_px) else e.flow_test_px
-    return e.photo_px * known
+    return e.windows.flow_px if by_windows(e) else e.photo_px * flow_px(e)
 
 
 def tells(e: Evidence):
-    """Whether a shift that blurs a picture would have been seen."""
+    """Whether a shift that blurs a picture would have been seen.
+
+    That is one pixel of the photo, or of one of 1600 px of width if it is wider.
+    """
+    if of_windows_say(e) == "unconfirmed" or not math.isfinite(flow_px(e)):
+        return False
     wide = min(1.0, USUAL_WIDTH_PX / e.photo_width_px)
     return not limit_px(e) * wide > TOLD_PX
 
@@ -228,28 +252,31 @@ def camera(e: Evidence):
 
     Its size is in px of the training.
     """
-    if by_windows(e) and e.windows.camera_px > e.windows.remainder_px:
+    source = source_of_camera(e)
+    if source == "windows":
         size = e.windows.camera_px / e.photo_px
         return Finding("camera", size, e.windows.low_px > WINDOW_PX)
-    if by_flow(e):
+    if source == "flow":
         return Finding("camera", e.camera_px, e.camera_px > 2 * PART_PX)
-    if by_points(e):
+    if source == "points":
         error_px = e.reprojection_px
         return Finding("camera", error_px, error_px > 2 * REPROJECTION_PX)
     return None
 
 
-def by_flow(e: Evidence):
-    """Whether the flow shows that poses are off."""
-    return misaligned(e) and e.camera_px > PART_PX
+def source_of_camera(e: Evidence):
+    """What shows that poses are off: `windows`, `flow`, `points`; None: nothing does.
 
-
-def by_points(e: Evidence):
-    """Whether the points show that poses are off where the flow cannot.
-
-    From too few photos a wrong pose is learnt as geometry, so that training views fit.
+    From too few photos a wrong pose is learnt as geometry, so that training views fit:
+    then the points that photos share tell.
     """
-    return sparse(e) is not None and e.reprojection_px > REPROJECTION_PX
+    if by_windows(e) and e.windows.camera_px > e.windows.remainder_px:
+        return "windows"
+    if misaligned(e) and not too_short(e) and e.camera_px > PART_PX:
+        return "flow"
+    if sparse(e) is not None and e.reprojection_px > REPROJECTION_PX:
+        return "points"
+    return None
 
 
 def motion(e: Evidence):

@@ -91,13 +91,20 @@ def read_pattern(loaded: prepared.Scene, base) -> pattern.Pattern:
 
 
 def gather(
-    loaded, rows, shared: pattern.Pattern, *, poses, timing, overfit, windows=()
+    loaded,
+    rows,
+    shared: pattern.Pattern,
+    *,
+    poses,
+    timing,
+    overfit,
+    windows=(None, None),
 ):
     """`causes.Evidence` of a scene's views.
 
     poses, timing: contents of poses.json and of the reference's timing.json. overfit:
     CSV of the flow invented between images that belong to one another, or None.
-    windows: folders as of `windows.read`.
+    windows: the two folders of `windows.read`.
     """
     of_split = {
         split: [v for v in rows if v.split == split] for split in ("train", "test")
@@ -140,7 +147,7 @@ def gather(
         photo_width_px=float(poses.get("photo_size", [poses["photo_width"]])[0]),
         poses_given=poses["poses"] == "given",
         perturb_px=float(poses["perturb_px"]),
-        windows=of_windows.read(windows),
+        windows=of_windows.read(*windows),
     )
 
 
@@ -151,7 +158,9 @@ def number(value):
 
 def median(rows, key):
     """Over views; NaN without views."""
-    return float(np.median([getattr(v, key) for v in rows])) if rows else math.nan
+    values = np.array([getattr(v, key) for v in rows], float)
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else math.nan
 
 
 def spread(rows, key):

@@ -29,6 +29,7 @@ class Windows(NamedTuple):
     places: int
     px: int
     photos: int
+    test_photos: int
     flow_px: float
     low_px: float
     high_px: float
@@ -39,17 +40,17 @@ class Windows(NamedTuple):
     corrected_px: float = math.nan
 
 
-def read(bases):
+def read(given, corrected=None):
     """`Windows` of folders results/SCENE/METHOD/roundK; None where there are none.
 
-    The first is of the cameras as given, a second one of cameras that were put right.
+    given: of the cameras as given; corrected: of cameras that were put right, or None.
     """
-    if not bases:
+    if not given:
         return None
-    given = of_folder(Path(bases[0]))
-    if len(bases) > 1:
-        given = given._replace(corrected_px=of_folder(Path(bases[1])).flow_px)
-    return given
+    found = of_folder(Path(given))
+    if corrected:
+        found = found._replace(corrected_px=of_folder(Path(corrected)).flow_px)
+    return found
 
 
 def of_folder(base):
@@ -62,29 +63,38 @@ def of_folder(base):
     loaded = prepared.load(scene)
     pixels = len(loaded.views("train")) * loaded.width * loaded.height
     rays = json_files.read(base / "timing.json", TIMING)["rays_seen"]
-    flows = of_photos(base, "train", "flow")
+    flows, of_test = (of_photos(base, split, "flow") for split in ("train", "test"))
     low, high = interval_of_median(flows)
     return Windows(
         places=len(zoom["points"]),
         px=zoom["px"],
         photos=len(flows),
-        flow_px=float(np.median(flows)),
+        test_photos=len(of_test),
+        flow_px=median(flows),
         low_px=low,
         high_px=high,
-        flow_test_px=float(np.median(of_photos(base, "test", "flow"))),
-        camera_px=float(np.median(of_photos(base, "train", "camera"))),
-        remainder_px=float(np.median(of_photos(base, "train", "remainder"))),
+        flow_test_px=median(of_test),
+        camera_px=median(of_photos(base, "train", "camera")),
+        remainder_px=median(of_photos(base, "train", "remainder")),
         passes=rays / pixels,
     )
 
 
 def of_photos(base, split, what):
-    """A length [n] of each photo of a split: the median over its windows."""
+    """A length [n] of each photo of a split: the median over its windows.
+
+    Photos without a valid flow are left out.
+    """
     path = base / f"decomposition_photos_{split}.csv"
     column = f"{what}_median_px"
     table = csv_files.read(path, columns=["view", column])
     photo = table["view"].astype(str).str.rpartition("_w")[0]
-    return table.groupby(photo)[column].median().to_numpy(np.float64)
+    return table.groupby(photo)[column].median().dropna().to_numpy(np.float64)
+
+
+def median(values):
+    """NaN of nothing."""
+    return float(np.median(values)) if len(values) else math.nan
 
 
 def interval_of_median(values):

@@ -71,11 +71,18 @@ def headline(e, findings):
         return "Verdict: too few photos, or too far apart: aligning is no help."
     if e.train_views < causes.FEW_TRAIN_VIEWS:
         return "Verdict: too few photos to say much."
-    if causes.unclear(e):
+    if causes.too_short(e):
         return "Verdict: trained too short to tell how well photos are aligned."
+    also = f" But {', '.join(what)}." if what else ""
+    if not math.isfinite(causes.flow_px(e)):
+        return (
+            f"Verdict: cannot be told: no flow from renders to photos is valid.{also}"
+        )
+    if causes.of_windows_say(e) == "unconfirmed":
+        px = length(e.windows.flow_px)
+        return f"Verdict: cannot be told for sure: windows are {px} apart.{also}"
     seen = f"a shift under {length(causes.limit_px(e))} would not be seen"
-    also = f". But {', '.join(what)}" if what else ""
-    return f"Verdict: cannot be told at this size: {seen}{also}."
+    return f"Verdict: cannot be told at this size: {seen}.{also}"
 
 
 def state(e, findings):
@@ -84,9 +91,10 @@ def state(e, findings):
     if causes.by_windows(e):
         return "misaligned"
     few = e.train_views < causes.FEW_TRAIN_VIEWS
-    if "sparse" in named or few or causes.unclear(e):
+    short = causes.too_short(e) and not causes.known_windows(e)
+    if "sparse" in named or few or short:
         return "unclear"
-    if causes.misaligned(e):
+    if causes.misaligned(e) and not causes.too_short(e):
         return "misaligned"
     return "aligned" if causes.tells(e) else "unclear"
 
@@ -106,65 +114,80 @@ CALLED = {
 
 
 def alignment(e):
-    """How far photos and renders are apart, by whole photos and by windows."""
-    lines = []
-    if causes.known_windows(e):
-        w = e.windows
-        each = f"{w.places} window{'s' * (w.places > 1)} of {w.px} px of each photo"
-        lines.append(
-            f"At the photos' own size, photo and render are shifted by "
-            f"{length(w.flow_px)} [{length(w.low_px)}, {length(w.high_px)}], which is "
-            f"{wide(w.flow_px, e)} at {causes.USUAL_WIDTH_PX} px of width: median of "
-            f"{w.photos} photos that were trained on, in {each}. On held-out photos it "
-            f"is {length(w.flow_test_px)}."
-        )
-        if causes.by_windows(e):
-            lines[-1] += " Each is the least: a model learns a part of a wrong pose."
-        if math.isfinite(w.corrected_px):
-            lines.append(
-                "With the cameras that this run has put right it is "
-                f"{length(w.corrected_px)}."
-            )
-    if e.windows and not lines:
-        lines.append(untold(e.windows))
+    """How far photos and renders are apart, by windows and by whole photos."""
+    lines = of_windows(e) if e.windows else []
     parts, scale = [], f"at {causes.USUAL_WIDTH_PX} px of width"
     if math.isfinite(e.flow_train_px):
         parts.append(f"{of_photo(e.flow_train_px, e)} on photos that were trained on")
     parts.append(f"{of_photo(e.flow_test_px, e)} on held-out ones")
     limit = e.photo_px * causes.limit_of_training_px(e)
-    known = causes.known_windows(e)
-    begins = "By the whole photos it is" if known else "Photo and render are shifted by"
-    unseen = f"under {length(limit)} ({wide(limit, e)} {scale}) nothing can be told."
-    lines.append(f"{begins} {', '.join(parts)}; {unseen}")
+    begins = "Photo and render are shifted by"
+    if lines:
+        begins = "By the whole photos, trained small, the shift is"
+    unseen = f"under {length(limit)} ({wide(limit, e)} {scale})"
+    lines.append(f"{begins} {', '.join(parts)}; {unseen} it tells nothing.")
     return lines
 
 
-def untold(w):
-    """Why windows tell nothing."""
-    if w.passes < causes.FEW_PASSES / 2:
-        return (
-            f"Windows were trained too short: each pixel was seen {w.passes:.2g} times."
+def of_windows(e):
+    """What windows at the photos' own size tell, or why they tell nothing."""
+    w, say = e.windows, causes.of_windows_say(e)
+    if say in NOTHING_TOLD:
+        why = NOTHING_TOLD[say].format(
+            passes=f"{w.passes:.2g}",
+            photos=w.photos,
+            test=w.test_photos,
+            apart=length(w.flow_px),
+            held_out=length(w.flow_test_px),
         )
-    return (
-        f"Windows at the photos' own size tell nothing: {length(w.flow_px)} on photos "
-        f"that were trained on, {length(w.flow_test_px)} on held-out ones. So few "
-        "photos do not fix the geometry there."
-    )
+        return [f"Windows at the photos' own size tell nothing: {why}"]
+    each = f"{w.places} window{'s' * (w.places > 1)} of {w.px} px of each photo"
+    interval = f"95 % interval {length(w.low_px)} to {length(w.high_px)}"
+    lines = [
+        f"At the photos' own size a photo and its render are shifted by "
+        f"{length(w.flow_px)} ({interval}), which is {wide(w.flow_px, e)} at "
+        f"{causes.USUAL_WIDTH_PX} px of width. That is the median of {w.photos} photos "
+        f"that were trained on, in {each}; on {w.test_photos} held-out photos it is "
+        f"{length(w.flow_test_px)}."
+    ]
+    if say == "misaligned":
+        lines.append(
+            "The true error of the poses is larger than that shift: a model that is "
+            "trained with wrong poses hides a part of it."
+        )
+    if say == "unconfirmed":
+        lines.append("Held-out photos do not confirm that shift.")
+    if math.isfinite(w.corrected_px):
+        lines.append(
+            "With the cameras that this run has put right the shift is "
+            f"{length(w.corrected_px)}."
+        )
+    return lines
+
+
+# Why windows tell nothing.
+NOTHING_TOLD = {
+    "unknown": "no flow in them is valid.",
+    "short": "each of their pixels was seen {passes} times, which is too short.",
+    "few": "they lie in {photos} photos to learn from and {test} to judge by.",
+    "sparse": "photos that were trained on are {apart} apart, held-out ones "
+    "{held_out}. What they show is seen from too few sides to fix its shape.",
+}
 
 
 def camera(finding, e):
-    if causes.by_windows(e) and not causes.by_flow(e):
-        lead = f"Poses are {sure(finding)}off: in the windows a moved camera explains "
-        return f"{lead}{length(e.windows.camera_px)} of the shift.{added(e)}"
-    if not causes.by_flow(e):
+    lead, source = f"Poses are {sure(finding)}off: ", causes.source_of_camera(e)
+    if source == "windows":
+        px = length(e.windows.camera_px)
         return (
-            f"Poses are {sure(finding)}off: points that several photos show lie "
-            f"{of_photo(e.reprojection_px, e)} from where the cameras expect them."
+            f"{lead}in the windows a moved camera explains {px} of the shift.{added(e)}"
         )
-    return (
-        f"Poses are {sure(finding)}off: a moved camera explains "
-        f"{of_photo(e.camera_px, e)} of the shift.{added(e)}"
-    )
+    if source == "points":
+        px = of_photo(e.reprojection_px, e)
+        where = "points that several photos show lie"
+        return f"{lead}{where} {px} from where the cameras expect them."
+    px = of_photo(e.camera_px, e)
+    return f"{lead}a moved camera explains {px} of the shift.{added(e)}"
 
 
 def added(e):

@@ -5,6 +5,7 @@ from pathlib import Path
 from alignerf.experiment import jobs, kinds, schema
 from alignerf.experiment.checks.common import fault, is_derived, is_there
 from alignerf.experiment.keys import method as method_keys
+from alignerf.experiment.keys import scene as scene_keys
 
 # Keys of a method that is another program's renders.
 OF_RENDERS = ("renders", "published")
@@ -72,7 +73,8 @@ def check_align(config, name):
     if not any(m["model"] == method["model"] and not is_derived(m) for m in others):
         what = f"another method of model {method['model']!r} without align"
         fault(where, f"it needs {what}, to say what it brought")
-    lengths = [scene["steps"] for scene in config["scenes"].values()]
+    whole = [s for s in config["scenes"].values() if not scene_keys.whole_of(s)]
+    lengths = [scene["steps"] for scene in whole]
     for steps in {steps for steps in lengths if steps}:
         jobs.places(chosen, steps, where)
 
@@ -89,7 +91,9 @@ def check_renders(config, name):
     rest = method["renders"].replace("{scene}", "")
     if set(rest) & set("{}"):
         fault(where, f"{method['renders']}: in braces only scene has a meaning")
-    for scene in config["scenes"]:
+    for scene, chosen in config["scenes"].items():
+        if scene_keys.whole_of(chosen):
+            continue
         path = method["renders"].replace("{scene}", scene)
         if not is_there(path, of_kind=Path.is_dir):
             fault(where, f"{path} does not exist")

@@ -98,7 +98,12 @@ class Windows(Keys):
         160, "side of a window in px of the photo, at most", least=48, most=4096
     )
     count: int = key(2, "windows of each photo", least=1, most=16)
-    steps: int = key(2000, "of the trainings on windows", least=1, most=10**8)
+    steps: int = key(
+        2000,
+        "of the trainings on windows; more where `decide` gives larger captures more",
+        least=10,
+        most=10**8,
+    )
 
 
 class Config(Keys):

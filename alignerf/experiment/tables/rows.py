@@ -3,7 +3,7 @@
 import csv
 from typing import NamedTuple
 
-from alignerf.experiment import inputs, kinds, layout, sources, trainings
+from alignerf.experiment import arguments, inputs, kinds, layout, sources, trainings
 from alignerf.experiment.tables import json_rows
 
 # Rules write rows and wait for their files; commands read rows.
@@ -154,11 +154,9 @@ def report(path, name, split):
 
 def of_verdict(experiment, scene):
     """Views of the reference's round 0: of the test, and of training where rendered."""
-    method = experiment.config["reference"]["method"]
-    folder = experiment.reference_folder(scene, 0)
-    training = experiment.at(scene, method, 0)
+    folder = experiment.judged_folder(scene)
     files = {"timing": f"{folder}/{TIMING}"}
-    for split in experiment.splits(scene, training.folder):
+    for split in experiment.splits(scene, folder.removeprefix(f"results/{scene}/")):
         files |= {
             f"{split}_renders": f"{folder}/renders/{split}",
             f"{split}_flow": f"{folder}/flow/{split}",
@@ -170,15 +168,28 @@ def of_verdict(experiment, scene):
 
 
 def windows_options(experiment, scene):
-    """Options of the verdict: the reference's round 0 of each scene of windows."""
-    folders = [experiment.reference_folder(w, 0) for w in experiment.windows(scene)]
-    return ["--windows", *folders] if folders else []
+    """Options of the verdict: windows with cameras as given, and as put right."""
+    return arguments.options(
+        {
+            name: experiment.judged_folder(windows)
+            for name, windows in judging(experiment, scene).items()
+        }
+    )
+
+
+def judging(experiment, scene):
+    """{option: scene} of the windows that a scene is judged by: one of each kind."""
+    found = {}
+    for name in experiment.windows(scene):
+        moved = experiment.scenes[name]["zoom"]["cameras"] is not None
+        found.setdefault("windows-corrected" if moved else "windows", name)
+    return found if "windows" in found else {}
 
 
 def files_of_windows(experiment, scene):
     """The outputs of rules that the verdict reads of windows."""
     files = []
-    for name in experiment.windows(scene):
+    for name in judging(experiment, scene).values():
         files += of_verdict(experiment, name).values()
         files += [f"results/{name}/{kind}" for kind in ("cameras.npz", "poses.json")]
     return layout.outputs_of(files)

@@ -20,7 +20,11 @@ MOST_CANDIDATES = 2000
 # Two windows show other things where their points are as far apart, in windows.
 APART = 1.0
 # Where no window suits, a smaller one is looked for, down to what flow can be told of.
-SMALLER, LEAST_PX = 0.75, 48
+SMALLER, LEAST_PX = 0.75, 32
+# With more photos than this, each has one window.
+MANY = 100
+# A window whose mask leaves less than this share is left out.
+LEAST_COUNTED = 0.5
 
 
 class Seen(NamedTuple):
@@ -62,9 +66,10 @@ def places(views: prepare.PosedViews, zoom, *, least):
     if views.points is None or not len(views.points[0]):
         raise ValueError("the views share no points")
     px, best = zoom["px"], (np.zeros((0, 3)), 0)
-    while len(best[0]) < zoom["count"] and px >= LEAST_PX:
+    count = 1 if len(views.names) > MANY else zoom["count"]
+    while len(best[0]) < count and px >= LEAST_PX:
         try:
-            chosen = choose(views.points[0], views, px, zoom["count"], least=least)
+            chosen = choose(views.points[0], views, px, count, least=least)
         except ValueError as error:
             why = error
         else:
@@ -185,6 +190,20 @@ def around(point, views: prepare.PosedViews, px, *, least) -> Windows:
             f"{len(kept)} photos, under {least}: take a smaller one, or another point"
         )
     return Windows(px, kept, np.round(whole.xy[kept, 0] - px / 2).astype(int))
+
+
+def that_count(views: prepare.PosedViews, windows: Windows) -> Windows:
+    """The windows of which at least a half counts, by the masks of their photos."""
+    if views.masks is None:
+        return windows
+    counted = []
+    for view, corner in zip(windows.kept, windows.corners, strict=True):
+        mask = piece_at(corner, windows.px)(views.masks[view].read())
+        counted.append((mask >= prepare.WHITE).all(axis=-1).mean() >= LEAST_COUNTED)
+    counted = np.array(counted, bool)
+    return windows._replace(
+        kept=windows.kept[counted], corners=windows.corners[counted]
+    )
 
 
 def cut(views: prepare.PosedViews, windows: Windows) -> prepare.PosedViews:

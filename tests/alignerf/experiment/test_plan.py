@@ -355,8 +355,8 @@ def test_windows_are_scenes_beside_the_one_that_they_judge(demo, experiment_of):
     found = inputs.of_poses(experiment, names[1], lambda path: path)
     assert found["cameras"] == learnt
     assert rows.windows_options(experiment, "courtyard") == [
-        "--windows",
-        *(f"results/{name}/plain/round0" for name in names),
+        *("--windows", f"results/{names[0]}/plain/round0"),
+        *("--windows-corrected", f"results/{names[1]}/plain/round0"),
     ]
     assert "train_flow" in rows.of_verdict(experiment, names[0])
     assert rows.windows_options(experiment, names[0]) == []
@@ -370,6 +370,32 @@ def test_a_complete_config_has_the_same_windows(demo, experiment_of):
     for name in experiment.scenes:
         own = slices.full(experiment, name, "plain")
         assert slices.full(again, name, "plain") == own
+
+
+def test_windows_are_told_apart_by_their_cameras(demo, experiment_of):
+    """In any order, and trained without what would move cameras."""
+    demo["methods"] = {"plain": {}, "aligned": {"align": {}}}
+    demo["reference"] = {"method": "aligned"}
+    whole = demo["scenes"]["courtyard"]
+    demo["scenes"] = {
+        "fixed": whole | {"zoom": {"of": "courtyard", "cameras": "aligned"}},
+        "as_given": whole | {"zoom": {"of": "courtyard"}},
+        "courtyard": whole,
+    }
+    experiment = experiment_of(demo)
+    assert rows.windows_options(experiment, "courtyard") == [
+        *("--windows-corrected", "results/fixed/plain/round0"),
+        *("--windows", "results/as_given/plain/round0"),
+    ]
+    again = experiment_of(json.loads(slices.complete(experiment, "fixed")))
+    assert set(again.scenes) == set(experiment.scenes)
+
+
+def test_windows_are_as_long_as_their_own_key_says(demo, experiment_of):
+    """No place of an aligning method's looks is sought among so few steps."""
+    demo = with_windows(demo)
+    demo["windows"]["steps"] = 10
+    experiment_of(demo)
 
 
 @pytest.mark.parametrize(

@@ -203,7 +203,7 @@ def test_where_no_photo_stands_out_the_page_is_made_all_the_same(render, results
     path = results / "tables/views.csv"
     table = pd.read_csv(path, dtype={"view": str}).assign(stands_out=np.nan)
     table.to_csv(path, index=False)
-    assert "held out: 3.00 px apart" in render()
+    assert "held out: 3.00 px of the training size apart" in render()
 
 
 def test_a_photo_may_be_called_na(render, results):

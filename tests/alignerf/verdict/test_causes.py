@@ -266,6 +266,7 @@ APART = windows.Windows(
     places=2,
     px=160,
     photos=18,
+    test_photos=6,
     flow_px=0.72,
     low_px=0.6,
     high_px=0.9,
@@ -285,7 +286,7 @@ def test_windows_decide_in_pixels_of_the_photo():
     assert [(one.cause, one.sure) for one in found] == [("camera", True)]
     lines = words.say(known, found, [], [])
     assert lines[0] == "Verdict: misaligned by 0.72 px: poses are off."
-    told = "At the photos' own size, photo and render are shifted by 0.72 px [0.60 px, "
+    told = "At the photos' own size a photo and its render are shifted by 0.72 px (95 %"
     assert any(line.startswith(told) for line in lines)
     assert any("which is 0.60 px at 1600 px of width" in line for line in lines)
     assert words.state(known, found) == "misaligned"
@@ -318,7 +319,8 @@ def test_what_windows_are_sure_of_is_the_headline(changes):
 def test_windows_that_were_trained_too_short_tell_nothing():
     known = WELL._replace(windows=APART._replace(passes=0.1))
     assert causes.find(known) == []
-    assert "own size" not in " ".join(words.say(known, [], [], []))
+    said = "tell nothing: each of their pixels was seen 0.1 times"
+    assert said in " ".join(words.say(known, [], [], []))
 
 
 def test_a_thumbnail_is_not_called_aligned():
@@ -375,4 +377,70 @@ def test_windows_whose_geometry_nothing_fixes_tell_nothing():
     known = WELL._replace(windows=sparse, photo_px=15.0, photo_width_px=4000.0)
     assert words.state(known, causes.find(known)) == "unclear"
     lines = words.say(known, causes.find(known), [], [])
-    assert any("own size tell nothing: 0.12 px on photos" in line for line in lines)
+    said = "own size tell nothing: photos that were trained on are 0.12 px apart"
+    assert any(said in line for line in lines)
+
+
+NOT_CONFIRMED = APART._replace(flow_px=0.9, flow_test_px=1.2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "state", "head"),
+    [
+        # The same windows, whatever the small training says beside them.
+        ({"windows": TOGETHER, "flow_train_px": 0.3}, "aligned", "aligned, as far as"),
+        (
+            {"windows": TOGETHER, "flow_train_px": 0.6},
+            "misaligned",
+            "misaligned by 1.2",
+        ),
+        ({"windows": TOGETHER, "passes": 0.1}, "aligned", "aligned, as far as 0.50 px"),
+        ({"windows": APART, "passes": 0.1}, "misaligned", "misaligned by 0.72 px"),
+        ({"windows": NOT_CONFIRMED}, "unclear", "cannot be told for sure: windows are"),
+        # One photo to judge by confirms nothing.
+        ({"windows": APART._replace(test_photos=1)}, "aligned", "aligned, as far as"),
+        ({"windows": APART._replace(flow_px=math.nan)}, "aligned", "aligned, as far"),
+        (
+            {"flow_train_px": math.nan, "flow_test_px": math.nan},
+            "unclear",
+            "cannot be told: no flow from renders to photos is valid",
+        ),
+    ],
+)
+def test_what_windows_and_whole_photos_come_to(changes, state, head):
+    known = WELL._replace(**changes)
+    found = causes.find(known)
+    assert words.state(known, found) == state
+    assert words.headline(known, found).startswith(f"Verdict: {head}")
+
+
+def test_the_camera_part_is_of_what_the_headline_is_of():
+    known = WELL._replace(windows=APART, flow_train_px=1.2, camera_px=1.1)
+    lines = words.say(known, causes.find(known), [], [])
+    assert "by 0.72 px" in lines[0]
+    assert "in the windows a moved camera explains 0.68 px" in lines[1]
+    other = APART._replace(camera_px=0.1, remainder_px=0.6)
+    known = WELL._replace(windows=other)
+    assert "Poses" not in " ".join(words.say(known, causes.find(known), [], []))
+    assert "The cause is not known" in advice.advise(known, causes.find(known))
+
+
+def test_where_nothing_can_be_told_the_advice_is_how_to_tell():
+    known = WELL._replace(photo_px=15.0, photo_width_px=4000.0)
+    assert advice.advise(known, []) == advice.UNSEEN
+    short = known._replace(windows=APART._replace(passes=0.1))
+    assert advice.advise(short, []) == advice.LARGER
+
+
+def test_a_gain_that_pays_is_told_where_nothing_is_wrong():
+    assert "take the cameras of aligned" in advice.advise(WELL, [], [gain()])
+    nothing = advice.advise(WELL, [], [gain(low=-0.1)])
+    assert nothing.startswith("nothing about alignment")
+
+
+def test_given_poses_that_aligning_did_not_help_are_found_anew_alone():
+    known = WELL._replace(**FAULTS["camera"], poses_given=True)
+    said = advice.advise(known, causes.find(known), [gain(low=-0.1)])
+    assert said == advice.ANEW
+    said = advice.advise(known, causes.find(known), [gain()])
+    assert "Until then take the cameras of aligned" in said

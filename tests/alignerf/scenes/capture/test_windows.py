@@ -142,3 +142,24 @@ def test_masks_and_splits_follow(views):
     assert cut.split.tolist() == split.tolist()
     assert all((mask.read() == 255).all() for mask in cut.masks)
     assert cut.masks[0].read().shape[:2] == (PX, PX)
+
+
+def test_windows_that_their_masks_hide_are_left_out():
+    """As of photos of another lens, which cover a part of the canvas."""
+    masks = [np.full((100, 100, 3), 255, np.uint8) for _ in range(3)]
+    masks[1][:, :45] = 0
+    masks[2][:, :10] = 0
+    photos = [prepare.Photo(mask, (np.asarray,)) for mask in masks]
+    views = prepare.PosedViews(
+        names=["a", "b", "c"],
+        pixtocams=np.zeros((3, 3, 3)),
+        camtoworlds=np.zeros((3, 3, 4)),
+        width=100,
+        height=100,
+        photos=photos,
+        masks=photos,
+    )
+    corners = np.array([[10, 10], [10, 10], [10, 10]])
+    cut = windows.Windows(40, np.arange(3), corners)
+    assert windows.that_count(views, cut).kept.tolist() == [0, 2]
+    assert windows.that_count(views._replace(masks=None), cut) is cut
