@@ -5,6 +5,7 @@ tasks are short. Their seconds are a process's start and a constant a megapixel;
 scales the constants to this machine.
 """
 
+import os
 from typing import NamedTuple
 
 from alignerf.decisions import rules
@@ -170,7 +171,8 @@ def for_windows(work, rates, flow: Flow, views: Views, *, threads):
         steps = windows["steps"] * max(1, seen / rules.STEPS[0])
         length = {"steps": round(steps), "budget_min": None}
         job = job | {"training": job["training"] | length}
-        one = {"name": f"../{windows['name']}/{names[at]}", "job": job}
+        # Tasks are named below the scene's folder; windows lie beside it.
+        one = {"name": f"{os.pardir}/{windows['name']}/{names[at]}", "job": job}
         one |= {"renders": ["train", "test"], "corrects": False}
         one |= {"after": [windows["after"]] if windows["after"] else []}
         tasks += training(one, rates[at], flows, each, threads=threads)

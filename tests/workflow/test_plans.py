@@ -48,15 +48,18 @@ def check_plan(output, config):
 def expected_jobs(config):
     """The trainings of a config by the paper's scheme, and what each one entails."""
     scenes, staged, models, plain = counts_of(config)
+    # Windows: as given, and with the cameras of what aligns itself; each is trained once.
+    methods = config.get("methods", {}).values()
+    sets = scenes * (1 + any("align" in m for m in methods)) * ("windows" in config)
     return {
         # Staged methods of a model share the first of their two trainings.
-        "train": scenes * (plain + models + staged),
-        "render": scenes * (plain + staged),
-        "align": scenes * (plain + staged),
+        "train": scenes * (plain + models + staged) + sets,
+        "render": scenes * (plain + staged) + sets,
+        "align": scenes * (plain + staged) + sets,
         "testset": scenes,
         "control_sets": scenes,
-        "facts": scenes,
-        "decisions": scenes,
+        "facts": scenes + sets,
+        "decisions": scenes + sets,
         "config": scenes,
         "collect": scenes,
         "figures": scenes,
