@@ -48,7 +48,7 @@ def check_plan(output, config):
 def expected_jobs(config):
     """The trainings of a config by the paper's scheme, and what each one entails."""
     scenes, staged, models, plain = counts_of(config)
-    # Windows: as given, and with the cameras of what aligns itself; each is trained once.
+    # Windows: as given, and with cameras put right; each is trained once.
     methods = config.get("methods", {}).values()
     sets = scenes * (1 + any("align" in m for m in methods)) * ("windows" in config)
     return {
