@@ -37,7 +37,7 @@ FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
 # Many photos may have more together, rather than sides under this.
 MOST_PIXELS, LEAST_SIDE_PX = 10_000_000, 200
 # Of the photos in which points are found to choose windows by.
-OF_POINTS = (40_000_000, 400)
+OF_POINTS = (12_000_000, 300)
 PRODUCTS = ("images", "truth", "colmap", "cameras.npz", "poses.json")
 
 
