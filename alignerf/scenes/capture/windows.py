@@ -8,6 +8,7 @@ Notation: points [m, 3] in world units, n views, xy [n, m, 2] in px of the photo
 centres at +0.5).
 """
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -229,8 +230,12 @@ def cut(views: prepare.PosedViews, windows: Windows) -> prepare.PosedViews:
 def cut_several(views: prepare.PosedViews, several) -> prepare.PosedViews:
     """The windows at several places as views, called <photo>_w0, <photo>_w1.
 
-    several: a `Windows` for each place, of one size. The views have a split.
+    several: a `Windows` for each place, of one size. The views have a split. Read in
+    their order, each photo is decoded once.
     """
+    views = views._replace(
+        photos=read_once(views.photos), masks=views.masks and read_once(views.masks)
+    )
     parts = [cut(views, one) for one in several]
     joined = prepare.join(parts, masked=views.masks is not None)
     joined = joined._replace(
@@ -239,6 +244,16 @@ def cut_several(views: prepare.PosedViews, several) -> prepare.PosedViews:
         points=views.points,
     )
     return prepare.sort_by_name(joined._replace(points=inside_of(joined)))
+
+
+def read_once(photos):
+    """The same photos; one that is read again at once is not decoded again."""
+
+    @functools.lru_cache(maxsize=1)
+    def read(i):
+        return photos[i].read()
+
+    return [prepare.Photo(i, (read,)) for i in range(len(photos))]
 
 
 def shifted(pixtocams, windows: Windows):

@@ -163,3 +163,17 @@ def test_windows_that_their_masks_hide_are_left_out():
     cut = windows.Windows(40, np.arange(3), corners)
     assert windows.that_count(views, cut).kept.tolist() == [0, 2]
     assert windows.that_count(views._replace(masks=None), cut) is cut
+
+
+def test_a_photo_of_several_windows_is_decoded_once():
+    decoded = []
+
+    def decode(i):
+        decoded.append(i)
+        return np.full((8, 8, 3), i, np.uint8)
+
+    photos = windows.read_once([prepare.Photo(i, (decode,)) for i in range(3)])
+    cut = [photo.then(windows.piece_at((2, 3), 4)) for photo in photos]
+    for i in (0, 0, 1, 1, 2, 2):
+        np.testing.assert_array_equal(cut[i].read(), np.full((4, 4, 3), i))
+    assert decoded == [0, 1, 2]
