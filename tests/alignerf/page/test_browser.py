@@ -97,7 +97,10 @@ def test_another_view_and_another_layer_are_shown(opened):
     right.select_by_value("flow after round 1")
     alt = opened.find_element(By.ID, "second").get_attribute("alt")
     assert alt == "flow after round 1 of view test/03"
-    assert "held out: 3.00 px of the training size apart" in opened.find_element(By.ID, "note").text
+    assert (
+        "held out: 3.00 px of the training size apart"
+        in opened.find_element(By.ID, "note").text
+    )
     # A view that lacks the layer shows the first; coming back shows it again.
     view = Select(opened.find_element(By.ID, "view"))
     view.select_by_value("train/05")
