@@ -97,12 +97,10 @@ def of_whole(config, out, whole, cameras_path, places):
         views = full_size.read(config, whole, scratch, cameras_path)
         try:
             views, points, px = placed(views, config, scratch, places)
+            points, each = around(views, points, px, least=1 if places else least)
         except ValueError as error:
             why = f"{error}. Without windows: `windows: null` in the config"
             raise ValueError(f"{whole}: windows: {why}") from None
-        points, each = around(views, points, px, least=1 if places else least)
-        if not each:
-            raise ValueError(f"{whole}: windows: {NO_WINDOWS}")
         cut = windows.cut_several(views, each)
         prepared.check_views(out, cut)
         log.info(
@@ -126,14 +124,11 @@ def of_whole(config, out, whole, cameras_path, places):
         publish(scratch / "new", out)
 
 
-NO_WINDOWS = (
-    "no place is seen by enough photos to learn from and to judge by. Without windows: "
-    "`windows: null` in the config"
-)
-
-
 def around(views, points, px, *, least):
-    """(places, their `windows.Windows`) of those seen by views of both splits."""
+    """(places, their `windows.Windows`) of those seen by views of both splits.
+
+    Raises ValueError where there is none.
+    """
     found = []
     for point in points:
         try:
@@ -145,6 +140,9 @@ def around(views, points, px, *, least):
         split = views.split[one.kept]
         if (split == "train").sum() >= least - 1 and (split == "test").any():
             found.append((np.asarray(point).tolist(), one))
+    if not found:
+        what = "seen by enough photos to learn from and to judge by"
+        raise ValueError(f"no place is {what}")
     return [point for point, _ in found], [one for _, one in found]
 
 

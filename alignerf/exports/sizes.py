@@ -30,10 +30,13 @@ def config_of(text, folder):
         return None
     content = yaml_files.read(path)
     scenes = content.get("scenes") if isinstance(content, dict) else None
-    if not isinstance(scenes, dict) or len(scenes) != 1:
+    if isinstance(scenes, dict) and len(scenes) == 1:
+        return next(iter(scenes.values()))
+    # Beside a scene stand its windows; its folder has its name.
+    name = Path(folder).resolve().name
+    if not isinstance(scenes, dict) or name not in scenes:
         raise ValueError(f"{path}: not the config of one scene")
-    (config,) = scenes.values()
-    return config
+    return scenes[name]
 
 
 def of_photos(config, folder, work_folder, cameras_path) -> prepare.PosedViews:
