@@ -34,6 +34,10 @@ def of_poses(experiment, scene, local):
     """
     chosen, whole = experiment.scenes[scene], experiment.whole(scene)
     found = {key: local(chosen[key]) for key in ("path", "masks") if chosen[key]}
+    judged = chosen["judged"] or {}
+    for key in ("renders", "cameras", "depth"):
+        if judged.get(key):
+            found[f"judged_{key}"] = local(judged[key])
     if whole != scene:
         found |= {"whole": f"results/{whole}/images"}
         found |= {"report": f"results/{whole}/poses.json"}

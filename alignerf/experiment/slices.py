@@ -27,7 +27,7 @@ def of_scene(experiment, name):
         unused.add("triangulate")
     if scene_keys.whole_of(scene):
         unused |= {"test_every", "perturb_px", "colmap"}
-    unused |= {key for key in ("masks", "zoom") if scene[key] is None}
+    unused |= {key for key in ("masks", "zoom", "judged") if scene[key] is None}
     return as_json({key: scene[key] for key in scene.keys() - unused})
 
 
