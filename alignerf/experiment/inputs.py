@@ -5,9 +5,9 @@ import json
 from alignerf.experiment import arguments, kinds, layout, slices, sources, targets
 
 
-def is_external(experiment, folder):
-    """Whether a folder below results/SCENE/ belongs to an external method."""
-    return folder.partition("/")[0] in experiment.names(kinds.external)
+def is_given(experiment, folder):
+    """Whether a folder below results/SCENE/ is of a method whose renders are given."""
+    return folder.partition("/")[0] in experiment.names(kinds.given)
 
 
 def renders_of(experiment, scene, folder, moved=""):
@@ -16,7 +16,7 @@ def renders_of(experiment, scene, folder, moved=""):
     moved: `_aligned_pose` for renders by moved cameras, else "". It is the wildcard in
     metrics{moved}.csv.
     """
-    if is_external(experiment, folder):
+    if is_given(experiment, folder):
         method = experiment.methods[folder.partition("/")[0]]
         return method["renders"].replace("{scene}", scene)
     return f"results/{scene}/{folder}/{'aligned_pose' if moved else 'renders/test'}"
