@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from alignerf.experiment import schema
-from alignerf.experiment.checks import external, filled, methods, models, names
-from alignerf.experiment.checks import scenes
+from alignerf.experiment.checks import external, filled, methods, models, names, scenes
 from alignerf.experiment.checks.common import fault, is_there
 from alignerf.experiment.keys import config as config_keys
 from alignerf.experiment.keys import left as left_keys

@@ -98,6 +98,24 @@ def training_options(experiment, scene, folder):
     return words
 
 
+def of_external(experiment, scene, folder):
+    """{name: path} of the inputs of rule `external_data`."""
+    training = experiment.training(scene, folder)
+    own = {"images": f"results/{scene}/images", "given": f"results/{scene}/cameras.npz"}
+    return layout.outputs_of(training.inputs()) | own
+
+
+def external_options(experiment, scene, folder):
+    """Options of `alignerf.others.data`: photos and cameras, seed of the points."""
+    words = arguments.options(experiment.training(scene, folder).inputs())
+    return [*words, "--seed", str(experiment.scenes[scene]["seed"])]
+
+
+def external_keys(experiment, folder):
+    """The key `external` of the method that a training is named after."""
+    return experiment.methods[folder.partition("/")[0]]["external"]
+
+
 def weights_of(experiment, scene, folder):
     """[file] of the VGG-19 weights of a fine-tuning's frequency loss; [] without."""
     finetuning = json.loads(experiment.training(scene, folder).job)["alignerf"]

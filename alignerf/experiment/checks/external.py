@@ -29,7 +29,9 @@ def check(config, name):
     check_commands(config, method["external"], f"{where}.external")
     changes, rounds = method["changes"], method["rounds"]
     if method["external"]["renders"] and rounds != 0:
-        fault(f"{where}.rounds", "0 was expected: finished renders are not trained anew")
+        fault(
+            f"{where}.rounds", "0 was expected: finished renders are not trained anew"
+        )
     if changes == "cameras" and rounds == 0:
         fault(f"{where}.changes", "cameras need a round to be put right for")
     if changes == "cameras_then_photos" and (rounds == "auto" or rounds < 2):
@@ -78,9 +80,9 @@ def check_folder(config, path, where):
     check_places(path, OF_FOLDER, where)
     for scene, chosen in config["scenes"].items():
         folder = path.replace("{scene}", scene)
-        if not is_there(folder, of_kind=Path.is_dir):
-            if not scene_keys.whole_of(chosen):
-                fault(where, f"{folder} does not exist")
+        there = is_there(folder, of_kind=Path.is_dir)
+        if not (there or scene_keys.whole_of(chosen)):
+            fault(where, f"{folder} does not exist")
 
 
 def check_places(text, known, where):
@@ -96,4 +98,6 @@ def check_windows(config):
     reference = config["methods"][config["reference"]["method"]]
     windows = any(scene_keys.whole_of(one) for one in config["scenes"].values())
     if windows and kinds.of_method(reference) is kinds.external:
-        fault("windows", "not with an external reference: its program trains no windows")
+        fault(
+            "windows", "not with an external reference: its program trains no windows"
+        )

@@ -11,9 +11,10 @@ def of_scene(experiment, scene):
     """What `snakemake SCENE` has to do, as JSON can have it: for its cost.
 
     trainings, in an order in which they can run: `name`, the folder below the scene's;
-    `job`, the slice; `after`, names of those that it needs; `corrects`, whether cameras
-    are put right for it; `renders`, the splits that are rendered and aligned;
-    `scored`, whether its test views are. reference: by whose renders the test set is
+    `job`, the slice; `external`, that it is another program's; `after`, names of those
+    that it needs; `corrects`, whether cameras are put right for it; `renders`, the
+    splits that are rendered and aligned; `scored`, whether its test views are.
+    reference: by whose renders the test set is
     made; verdict: whose views the verdict looks at. windows: scenes of windows for the
     verdict, whose cost is counted here.
 
@@ -76,6 +77,7 @@ def one_of_work(experiment, training, *, new):
     return {
         "name": training.folder,
         "job": json.loads(training.job),
+        **({"external": True} if training.external else {}),
         "after": [before.folder for before in needed],
         "corrects": new and training.cameras in corrected,
         "renders": splits,

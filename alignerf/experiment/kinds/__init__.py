@@ -8,8 +8,15 @@ has `KEY`, its key of a method; `Keys`, the class of what stands there; and, if 
 likes, `check(config, name)`, which raises ValueError. docs/extending.md shows one.
 """
 
-from alignerf.experiment.kinds import aligned, external, given, learnt
-from alignerf.experiment.kinds import plain, staged, warm
+from alignerf.experiment.kinds import (
+    aligned,
+    external,
+    given,
+    learnt,
+    plain,
+    staged,
+    warm,
+)
 from alignerf.files import extensions
 
 OF_OTHERS = tuple(extensions.of_group("kinds").values())

@@ -28,7 +28,7 @@ def program(method):
     command = method["external"]["train"]
     if not command:
         return "finished renders"
-    words = [word for word in shlex.split(command) if "=" not in word]
+    words = [w for w in shlex.split(command) if "=" not in w and w[0] != "-"]
     names = [os.path.basename(word) for word in words]
     # Whoever only starts the program does not say what it is.
     starters = ("env", "python", "python3", "bash", "sh", "nice")
