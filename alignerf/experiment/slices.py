@@ -74,6 +74,24 @@ def finetuning(experiment, scene, method):
     return job(experiment, scene, method, "finetune") | {"alignerf": chosen}
 
 
+def external(experiment, scene, method):
+    """What a training by another program depends on: its commands, and their numbers.
+
+    Not what it asks for of the machine.
+    """
+    commands = of_commands(experiment.methods[method])
+    text = " ".join(filter(None, commands.values()))
+    chosen = experiment.scenes[scene]
+    used = {key: chosen[key] for key in ("seed", "steps") if f"{{{key}}}" in text}
+    return {"external": commands | used}
+
+
+def of_commands(method):
+    """The commands of an external method, or the folders that stand for them."""
+    asked = ("gpu", "mem_mb")
+    return {key: v for key, v in method["external"].items() if key not in asked}
+
+
 def of_variant(experiment, name):
     """What the training of a point of the sweep, and its renders, depend on."""
     found = variant_of(experiment.config, name)
