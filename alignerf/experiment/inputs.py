@@ -115,6 +115,12 @@ def external_options(experiment, scene, folder):
     return [*words, "--seed", str(experiment.scenes[scene]["seed"])]
 
 
+def external_data(experiment, scene, folder):
+    """What another program learns from; [] of finished renders, which need none."""
+    training = experiment.training(scene, folder)
+    return [] if training.external["renders"] else f"{training.path}/data"
+
+
 def external_keys(experiment, folder):
     """The key `external` of the method that a training is named after."""
     return experiment.methods[folder.partition("/")[0]]["external"]

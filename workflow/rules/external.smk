@@ -25,7 +25,7 @@ rule external_data:
 
 rule external_train:
     input:
-        data="results/{scene}/{training}/data",
+        data=lambda w: inputs.external_data(experiment, w.scene, w.training),
         cameras=lambda w: layout.output_of(
             experiment.training(w.scene, w.training).cameras
         ),
@@ -57,14 +57,14 @@ rule external_train:
     shell:
         "python -m alignerf.others.train --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --training {params.folder:q}"
-        " --data {input.data:q} --model {params.folder:q}/model --cores {threads}"
-        " --cameras {params.cameras:q} --learnt {output.learnt:q}"
+        " --data {params.folder:q}/data --model {params.folder:q}/model"
+        " --cores {threads} --cameras {params.cameras:q} --learnt {output.learnt:q}"
         " --timing {output.timing:q} 2>&1 | tee {log:q}"
 
 
 rule external_render:
     input:
-        data="results/{scene}/{training}/data",
+        data=lambda w: inputs.external_data(experiment, w.scene, w.training),
         timing="results/{scene}/{training}/timing.json",
         learnt="results/{scene}/{training}/learnt",
         cameras="results/{scene}/cameras.npz",
@@ -96,7 +96,8 @@ rule external_render:
     shell:
         "python -m alignerf.others.render --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --training {params.folder:q}"
-        " --data {input.data:q} --model {params.folder:q}/model --cores {threads}"
-        " --cameras {input.learnt:q}/cameras.npz --splits {params.splits}"
+        " --data {params.folder:q}/data --model {params.folder:q}/model"
+        " --cores {threads} --cameras {input.learnt:q}/cameras.npz"
+        " --splits {params.splits}"
         " --renders {output.renders:q}/{{split}} --depth {output.depth:q}/{{split}}"
         " --timing {output.timing:q}/{{split}}.json 2>&1 | tee {log:q}"
