@@ -139,6 +139,11 @@ def threads_of(experiment, scene, folder):
     return sources.WHOLE_MACHINE if alone else sources.OF_TRAINING
 
 
+def threads_of_views(experiment, scene):
+    """Threads of the flow and its parts: all, where nothing else runs beside it."""
+    return sources.WHOLE_MACHINE if experiment.scenes[scene]["judged"] else 1
+
+
 def last_training(experiment, scene, method):
     """The training of a method's last round."""
     return experiment.at(scene, method, experiment.last_round(scene, method))

@@ -11,6 +11,7 @@ rule external_data:
     benchmark:
         "results/{scene}/{training}/logs/external_data.tsv"
     wildcard_constraints:
+        scene=plan.one_of(experiment.judged(False)),
         training=plan.trained_by(experiment, external=True),
     conda:
         "../../environment.yml"
@@ -38,6 +39,7 @@ rule external_train:
     benchmark:
         "results/{scene}/{training}/logs/train.tsv"
     wildcard_constraints:
+        scene=plan.one_of(experiment.judged(False)),
         training=plan.trained_by(experiment, external=True),
     conda:
         "../../environment.yml"
@@ -77,6 +79,7 @@ rule external_render:
     benchmark:
         "results/{scene}/{training}/logs/render.tsv"
     wildcard_constraints:
+        scene=plan.one_of(experiment.judged(False)),
         training=plan.trained_by(experiment, external=True),
     conda:
         "../../environment.yml"

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import faults, json_files
+from alignerf.files import json_files
 from alignerf.scenes import mipnerf360, prepare, transforms
 from alignerf.scenes.judged import ply
 
@@ -52,13 +52,13 @@ class Lens(NamedTuple):
 class Cameras(NamedTuple):
     """{view: Lens} of a file, what it is, the points and the splits that it has.
 
-    points: positions [m, 3] and colours, or None. splits: {view: split}, maybe empty.
+    points: positions [m, 3] and colours, or None. splits: {view: split}, or None.
     """
 
     lenses: dict
     kind: str
     points: tuple | None = None
-    splits: dict = {}
+    splits: dict | None = None
 
 
 def read(path, photo_size) -> Cameras:
@@ -113,7 +113,7 @@ def of_json(path, photo_size) -> Cameras:
     if not lenses:
         raise ValueError(f"{path}: 'frames' must be a list that is not empty")
     if len(splits) < len(lenses):
-        splits = {}
+        splits = None
     return Cameras(lenses, "transforms.json", ply.of_scene(path, scene), splits)
 
 
@@ -199,8 +199,9 @@ def of_gaussian(path, i, entry) -> Lens:
 def assumed(names, size) -> Cameras:
     """Cameras of views of which nothing is known; each stands elsewhere, by no reason."""
     focal_px = 0.5 * max(size) / math.tan(math.radians(ASSUMED_DEGREES) / 2)
+    width, height = size
     camtopix = np.array(
-        [[focal_px, 0, size[0] / 2], [0, focal_px, size[1] / 2], [0, 0, 1]]
+        [[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]]
     )
     lenses = {}
     for i, name in enumerate(names):
@@ -209,15 +210,3 @@ def assumed(names, size) -> Cameras:
         pose[:, 3] = [math.cos(i), math.sin(i), i / len(names)]
         lenses[name] = Lens(camtopix, np.zeros(5), None, pose)
     return Cameras(lenses, "none")
-
-
-def of_views(cameras: Cameras, names, where):
-    """The names that have a camera; ValueError where none has, one line of the rest."""
-    kept = [name for name in names if name in cameras.lenses]
-    if not kept:
-        theirs = faults.some_names(sorted(cameras.lenses))
-        raise ValueError(
-            f"{where}: its cameras ({theirs}) are of other photos than "
-            f"{faults.some_names(list(names))}"
-        )
-    return kept
