@@ -107,7 +107,7 @@ def test_the_scene_runs_to_its_folder(scene, tmp_path):
     [
         (lambda f: (f / "images_4" / f"{NAMES[2]}.JPG").unlink(), "no photo _DSC0002"),
         (lambda f: (f / "sparse/0/images.bin").write_bytes(b"x"), "sparse/0"),
-        (lambda f: (f / "sparse/0").rename(f / "sparse/1"), "neither sparse/0"),
+        (lambda f: (f / "sparse/0").rename(f / "sparse/a"), "neither sparse/0"),
         (lambda f: (f / "images_4").rename(f / "images_5"), "no folder images_4"),
     ],
 )
