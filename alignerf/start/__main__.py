@@ -40,17 +40,24 @@ def main(argv=None):
         scenes = {args.name: next(iter(scenes.values()))}
     scenes = folders.with_colmap(scenes)
     path = Path("results") / f"{name}.yaml"
+    say_where(path, config_of(scenes, args), folder)
+    scenes = still_in(path, scenes)
     for scene, content in scenes.items():
         by = " by COLMAP" if content.get("poses") == folders.BY_COLMAP else ""
         print(f"{scene}: {content['source']} in {content['path']}{by}")
     say_twice(path, scenes)
-    say_where(path, config_of(scenes, args), folder)
     print(f"page, in the end: {', '.join(map(targets.page_of, scenes))}", flush=True)
     # Its files for other programs, too: cameras put right, or as given.
     if not args.only_config and (
         code := workflow.run(path, args.cores, "all", "export")
     ):
         sys.exit(code)
+
+
+def still_in(path, scenes):
+    """The scenes that a config has: a user may have deleted others."""
+    there = yaml_files.read(path).get("scenes")
+    return {name: one for name, one in scenes.items() if name in (there or {})}
 
 
 def say_twice(path, scenes):
