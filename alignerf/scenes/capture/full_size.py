@@ -26,7 +26,9 @@ from alignerf.scenes.courtyard import truth
 
 # Sources whose files give the poses -> (views, names of photos without a pose).
 GIVEN = {
-    "transforms": lambda config: transforms.read(config["path"], config["background"]),
+    "transforms": lambda config: transforms.read(
+        config["path"], config["background"], images=config["images"]
+    ),
     "llff": lambda config: (llff.read(config["path"]), []),
     "mipnerf360": lambda config: mipnerf360.read(config["path"], config["images"]),
     "blender": lambda config: blender.read(config["path"], config["background"]),

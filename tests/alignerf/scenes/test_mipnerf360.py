@@ -126,10 +126,10 @@ def test_photos_of_another_shape_are_refused(scene):
 
 def test_other_lenses_are_refused(tmp_path, rng):
     model = tmp_path / "sparse" / "0"
-    params = [300.0, 310.0, 191.0, 128.0, 0.1, 0, 0, 0]
+    params = [300.0, 310.0, 191.0, 128.0, 0.1, *[0] * 7]
     write_model(
-        model, NAMES, random_poses(rng, 9), model="OPENCV_FISHEYE", params=params
+        model, NAMES, random_poses(rng, 9), model="THIN_PRISM_FISHEYE", params=params
     )
     write_photos(tmp_path / "images", NAMES, FULL)
-    with pytest.raises(ValueError, match="OPENCV_FISHEYE"):
+    with pytest.raises(ValueError, match="THIN_PRISM_FISHEYE"):
         mipnerf360.read(tmp_path)
