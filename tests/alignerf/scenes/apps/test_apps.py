@@ -47,6 +47,45 @@ def test_a_point_is_seen_where_the_phone_saw_it(tmp_path, given, rng, app):
         assert abs(int(photo.mean()) - 10 * i) <= 2
 
 
+# The first frame of laanlabs/3dScannerApp_samples, chair_scan: a photo of 1920x1440.
+FRAME = {
+    "cameraPoseARFrame": [
+        *(0.82525503635406494, 0.39880329370498657, -0.39988726377487183),
+        *(-0.40769326686859131, -0.010261503979563713, 0.71853721141815186),
+        *(0.69541257619857788, 1.4488900899887085, 0.56466680765151978),
+        *(-0.56978940963745117, 0.59706878662109375, 1.305903434753418),
+        *(0, 0, 0, 0.99999988079071045),
+    ],
+    "projectionMatrix": [
+        *(1.5079731941223145, 0, -0.0068008899688720703, 0),
+        *(0, 2.0106310844421387, -0.038609027862548828, 0),
+        *(0, 0, -0.9999997615814209, -0.00099999981466680765, 0, 0, -1, 0),
+    ],
+    "intrinsics": [
+        *(1447.654296875, 0, 966.02886962890625),
+        *(0, 1447.654296875, 691.7015380859375, 0, 0, 1),
+    ],
+}
+
+
+def test_a_real_frame_is_projected_as_the_app_projects_it(tmp_path, rng):
+    """By its projectionMatrix, which has a photo's borders, not its pixels."""
+    cases.write_photo(tmp_path / "frame_00000.jpg", size=(1920, 1440))
+    cases.write_json(tmp_path / "frame_00000.json", FRAME)
+    views, _ = scanner3d.read(tmp_path)
+    pose = np.array(FRAME["cameraPoseARFrame"]).reshape(4, 4)
+    local = np.append(rng.uniform(-1, 1, (50, 2)), -rng.uniform(2, 5, (50, 1)), axis=1)
+    clip = np.append(local, np.ones((50, 1)), axis=1) @ (
+        np.array(FRAME["projectionMatrix"]).reshape(4, 4).T
+    )
+    # x from -1 at the left border to 1 at the right; y upwards.
+    wanted = (clip[:, :2] / clip[:, 3:] * [1, -1] + 1) * [960, 720]
+    points = local @ pose[:3, :3].T + pose[:3, 3]
+    seen, _ = cameras.project(points, views.pixtocams[0], views.camtoworlds[0])
+    # Without the half pixel that ARKit's centres are off by, it would be 0.7 px.
+    np.testing.assert_allclose(seen, wanted, atol=0.01)
+
+
 def test_optimised_poses_of_polycam_are_taken_and_borders_cut_off(tmp_path, rng, given):
     cases.polycam(tmp_path, cases.camtoworlds(rng, 3))
     assert sources.said_of("polycam", tmp_path) == sources.OF_PHONE
