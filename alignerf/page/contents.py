@@ -194,6 +194,8 @@ def facts(folder):
         (done_at, f"{poses['width']}x{poses['height']} px"),
         ("photos have", f"{poses['photo_width']}x{poses['photo_height']} px"),
     ]
+    if isinstance(said := poses.get("of_poses"), str):
+        entries.append(("poses", said.removeprefix("poses ")))
     error = poses.get("mean_reprojection_error_px")
     if error is not None:
         entries.append(("reprojection error", f"{error:.2f} px of the photo"))

@@ -1,4 +1,4 @@
-"""Judge the renders of another program: `make judge PHOTOS=... RENDERS=... CAMERAS=...`.
+"""Judge another program's renders: `make judge PHOTOS=... RENDERS=... CAMERAS=...`.
 
 PHOTOS: folder of the photos. RENDERS: of the program's renders of these views, those
 that it has learnt and those that it has not. CAMERAS: transforms.json, COLMAP's

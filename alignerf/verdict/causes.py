@@ -84,7 +84,7 @@ class Evidence(NamedTuple):
     perturb_px: float = 0.0
     # At the photos' own size; None without.
     windows: of_windows.Windows | None = None
-    # How another program's renders were put together (`verdict.judged.Judged`), or None.
+    # How renders of another program were put together (`judged.Judged`), or None.
     judged: tuple | None = None
 
 

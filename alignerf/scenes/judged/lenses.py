@@ -13,6 +13,7 @@ import numpy as np
 
 from alignerf.files import json_files
 from alignerf.scenes import mipnerf360, prepare, transforms
+from alignerf.scenes.apps import project_files
 from alignerf.scenes.judged import ply
 
 # The horizontal field of view that is assumed where nothing is known: of a phone's main
@@ -29,10 +30,10 @@ OF_GAUSSIANS = {
 
 
 class Lens(NamedTuple):
-    """A view's camera. camtopix [3, 3] and distortion [5] are of `size`.
+    """A view's camera.
 
-    size: (width, height) in px; None means the photo's. pose: camera-to-world [3, 4],
-    OpenGL axes.
+    camtopix [3, 3] and distortion [5], of a fisheye [4], are of `size`: (width, height)
+    in px; None means the photo's. pose: camera-to-world [3, 4], OpenGL axes.
     """
 
     camtopix: np.ndarray
@@ -104,8 +105,9 @@ def of_json(path, photo_size) -> Cameras:
         name = stem_of(frame["file_path"])
         if name in lenses:
             raise ValueError(f"{path}: two frames have the view name {name!r}")
-        values = {**scene, **frame}
-        size = size_of(path, values, photo_size)
+        usual = dict(zip(("w", "h"), photo_size, strict=True))
+        values = usual | scene | frame
+        size = size_of(path, values)
         lens = transforms.lens(path, values, *size, where=frame["file_path"])
         lenses[name] = Lens(*lens, size, transforms.pose(path, frame))
         if split := of_file.get(frame["file_path"]):
@@ -128,11 +130,11 @@ def split_lists(path, scene):
     return found
 
 
-def size_of(path, values, photo_size):
-    """(w, h) of a frame, by default the photo's; ValueError naming the key."""
+def size_of(path, values):
+    """(w, h) of a frame; ValueError naming the key."""
     size = []
-    for key, usual in zip(("w", "h"), photo_size, strict=True):
-        value = values.get(key, usual)
+    for key in ("w", "h"):
+        value = values[key]
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         if not (is_number and 1 <= value <= 1e6):
             raise ValueError(f"{path}: {key!r} is {value!r:.60}")
@@ -141,10 +143,10 @@ def size_of(path, values, photo_size):
 
 
 def stem_of(file_path):
-    """A view's name by its photo's path; suffixes of photos are taken off, no others."""
+    """A view's name by its photo's path; only suffixes of photos are taken off."""
     name = file_path.replace("\\", "/").rpartition("/")[2]
     stem, dot, suffix = name.rpartition(".")
-    return stem if dot and f".{suffix}" in transforms.SUFFIXES else name
+    return stem if dot and f".{suffix}" in project_files.SUFFIXES else name
 
 
 def of_model(path) -> Cameras:

@@ -115,7 +115,7 @@ def sheets(folder, files, names, splits):
 
 
 def gaussians(folder, files, names, splits):
-    """3D Gaussian splatting's: numbered in the order of names, of the last iteration."""
+    """3D Gaussian splatting's: numbered by name, of the last iteration."""
     found = []
     for path in files:
         parts = path.parts
