@@ -199,7 +199,7 @@ def of_gaussian(path, i, entry) -> Lens:
 
 
 def assumed(names, size) -> Cameras:
-    """Cameras of views of which nothing is known; each stands elsewhere, by no reason."""
+    """Cameras of views of which nothing is known; each stands elsewhere."""
     focal_px = 0.5 * max(size) / math.tan(math.radians(ASSUMED_DEGREES) / 2)
     width, height = size
     camtopix = np.array(
