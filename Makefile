@@ -16,6 +16,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
+# What a user gives is handed on by its value alone: exported as it is, make would expand
+# it, and `$(shell ...)` in a folder's name would run.
+unexport FOLDER SCENE WIDTH PHOTOS RENDERS CAMERAS DEPTH JUDGE PEER PEERS BENCH TORTURE
 
 .PHONY: run photos judge export test tools bench peers torture docs lint cluster lock clean
 
@@ -38,9 +41,10 @@ judge: $(VENV)/.installed
 		"--depth=$$JUDGED_DEPTH" $(JUDGE)
 
 export: export EXPORT_OF := $(value SCENE)$(value FOLDER)
+export: export EXPORT_WIDTH := $(value WIDTH)
 export: $(VENV)/.installed
-	@python -m alignerf.start.export --cores $(CORES) $(if $(WIDTH),--width $(WIDTH)) \
-		-- "$$EXPORT_OF"
+	@python -m alignerf.start.export --cores $(CORES) \
+		$(if $(value WIDTH),"--width=$$EXPORT_WIDTH") -- "$$EXPORT_OF"
 
 # What others add; benchmarks, the torture and the packaging; the page in a browser.
 TOOLS := tests/extension tests/bench tests/torture tests/test_packaging.py tests/alignerf/page/test_browser.py

@@ -355,12 +355,19 @@ def test_windows_are_scenes_beside_the_one_that_they_judge(demo, experiment_of):
     ]
     found = inputs.of_poses(experiment, names[1], lambda path: path)
     assert found["cameras"] == learnt
-    assert rows.windows_options(experiment, "courtyard") == [
+    assert windows_of(experiment, "courtyard") == [
         *("--windows", f"results/{names[0]}/plain/round0"),
         *("--windows-corrected", f"results/{names[1]}/plain/round0"),
     ]
     assert "train_flow" in rows.of_verdict(experiment, names[0])
-    assert rows.windows_options(experiment, names[0]) == []
+    assert windows_of(experiment, names[0]) == []
+
+
+def windows_of(experiment, scene):
+    """The verdict's options of windows, which stand behind those of all scenes."""
+    words = rows.verdict_options(experiment, scene)
+    assert words[:4:2] == ["--overfit", "--misalignment"]
+    return words[4:]
 
 
 def test_a_complete_config_has_the_same_windows(demo, experiment_of):
@@ -384,7 +391,7 @@ def test_windows_are_told_apart_by_their_cameras(demo, experiment_of):
         "courtyard": whole,
     }
     experiment = experiment_of(demo)
-    assert rows.windows_options(experiment, "courtyard") == [
+    assert windows_of(experiment, "courtyard") == [
         *("--windows-corrected", "results/fixed/plain/round0"),
         *("--windows", "results/as_given/plain/round0"),
     ]

@@ -1,7 +1,5 @@
 """`make export` finds the config of a capture, and runs its exports alone."""
 
-import subprocess
-
 import pytest
 
 from alignerf.experiment import targets
@@ -23,7 +21,7 @@ def runs(monkeypatch):
     """What the workflow is asked for."""
     asked = []
 
-    def run(path, cores, *targets, overrides=()):
+    def run(path, cores, *targets, overrides=(), forced=()):
         asked.append((str(path), targets, list(overrides)))
         return 0
 
@@ -62,21 +60,10 @@ def test_without_a_config_it_says_so_in_one_line(here, runs, capsys, name, reaso
     assert not runs
 
 
-def test_make_hands_on_name_and_width(root, tmp_path):
-    command = ["make", "-n", "export", "SCENE=my photos", "WIDTH=1600"]
-    # The suite itself may be started by make, and an inner one says so.
-    options = ["--no-print-directory", "VENV=venv", "CORES=2"]
-    options += ["-f", str(root / "Makefile")]
-    (tmp_path / "venv").mkdir()
-    (tmp_path / "requirements.lock").touch()
-    (tmp_path / "venv" / ".installed").touch()
-    done = subprocess.run(
-        [*command, *options], cwd=tmp_path, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    words = done.stdout.replace("\\\n", " ").split()
-    wanted = "python -m alignerf.start.export --cores 2 --width 1600 --"
-    assert words[: len(wanted.split())] == wanted.split()
+def test_make_hands_on_name_and_width(handed_on):
+    told = handed_on("export", "SCENE=my photos", "WIDTH=1600")
+    assert "'--width=1600', '--', 'my photos']" in told
+    assert "alignerf.start.export" in told
 
 
 def test_the_command_is_that_of_the_run(here, monkeypatch):

@@ -73,7 +73,9 @@ def test_without_points_numbers_stay(tmp_path):
     save(tmp_path / "a.npy", surface())
     found = depths.find(tmp_path, ["a"])
     unit = depths.unit_of(found, {"a": (PIXTOCAM, POSE, SIZE)}, None)
-    assert unit.kind == "depth" and unit.scale == 1 and np.isnan(unit.spread)
+    assert unit.kind == "depth"
+    assert unit.scale == 1
+    assert np.isnan(unit.spread)
     few = points_of(surface(), 10)
     assert depths.unit_of(found, {"a": (PIXTOCAM, POSE, SIZE)}, few).scale == 1
 
@@ -90,7 +92,7 @@ def test_without_points_numbers_stay(tmp_path):
 )
 def test_broken_files_are_named(tmp_path, name, content, says):
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(ValueError, match=f"{name}: {says}"):
+    with pytest.raises(ValueError, match=rf"{name}: {says}"):
         depths.read(tmp_path / name)
 
 
@@ -109,7 +111,7 @@ def test_a_picture_is_no_depth(tmp_path):
 
 def test_exr_is_refused_in_one_line(tmp_path):
     (tmp_path / "a.exr").write_bytes(b"")
-    with pytest.raises(ValueError, match="EXR is not read here: write .npy"):
+    with pytest.raises(ValueError, match=r"EXR is not read here: write \.npy"):
         depths.find(tmp_path, ["a"])
 
 

@@ -15,7 +15,8 @@ def test_transforms(tmp_path):
     path = transforms(tmp_path / "transforms.json", train_filenames=[])
     for place in (path, tmp_path):
         found = lenses.read(place, SIZE)
-        assert sorted(found.lenses) == NAMES and found.splits is None
+        assert sorted(found.lenses) == NAMES
+        assert found.splits is None
         camtopix, distortion = found.lenses["v03"].at((80, 60), "v03")
         np.testing.assert_allclose(camtopix[:2], CAMTOPIX[:2] / 2)
         np.testing.assert_allclose(distortion, LENS)
@@ -70,7 +71,7 @@ def test_gaussian_cameras_that_are_none(tmp_path, content, says):
 
 
 def test_no_cameras(tmp_path):
-    with pytest.raises(ValueError, match="neither transforms.json, nor sparse/0"):
+    with pytest.raises(ValueError, match=r"neither transforms\.json, nor sparse/0"):
         lenses.read(tmp_path, SIZE)
     with pytest.raises(ValueError, match="no such file or folder of cameras"):
         lenses.read(tmp_path / "gone", SIZE)
@@ -140,4 +141,5 @@ def test_colours_and_what_is_not_finite(tmp_path):
     head += "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
     (tmp_path / "p.ply").write_bytes((head + "end_header\n").encode() + rows.tobytes())
     positions, colours = ply.read(tmp_path / "p.ply")
-    assert positions.tolist() == [[1, 2, 3]] and colours.tolist() == [[9, 8, 7]]
+    assert positions.tolist() == [[1, 2, 3]]
+    assert colours.tolist() == [[9, 8, 7]]

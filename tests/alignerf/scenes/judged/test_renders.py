@@ -57,12 +57,15 @@ def test_gsplat(tmp_path):
     write(tmp_path / "renders", "val_step6999_0000.png", "val_step29999_0000.png")
     found = renders.find(tmp_path, NAMES)
     assert of(found) == {"v00": "val_step29999_0000.png"}
-    assert found.renders["v00"].is_sheet and found.renders["v00"].split == "test"
+    assert found.renders["v00"].is_sheet
+    assert found.renders["v00"].split == "test"
 
 
 def test_gsplat_of_more_views_than_there_are(tmp_path):
     write(tmp_path, "val_step9_0000.png", "val_step9_0001.png")
-    with pytest.raises(ValueError, match="val_step9_0001.png: there are 1 test views"):
+    with pytest.raises(
+        ValueError, match=r"val_step9_0001\.png: there are 1 test views"
+    ):
         renders.find(tmp_path, NAMES)
 
 

@@ -1,0 +1,119 @@
+"""The verdict on renders of another program."""
+
+import math
+
+import numpy as np
+import pytest
+
+from alignerf.verdict import advice, causes, judged, words
+from tests import judged_cases
+from tests.alignerf.verdict.test_causes import FAULTS, WELL
+
+OF = judged.Judged("given", "COLMAP's model", "named like the photos")
+THEIRS = WELL._replace(judged=OF, passes=math.nan, reprojection_px=math.nan)
+EXPORT = "make export SCENE=theirs"
+
+
+@pytest.fixture(autouse=True)
+def export(monkeypatch):
+    monkeypatch.setattr(judged.provenance, "export_command", lambda: EXPORT)
+
+
+def said(e):
+    findings = [f for f in (judged.finding(e), *causes.find(e)) if f]
+    return words.say(e, findings, [], [])
+
+
+def test_aligned_renders():
+    lines = said(THEIRS)
+    assert lines[0].startswith("Verdict: aligned")
+    assert lines[-1].startswith("To do: nothing about alignment")
+
+
+@pytest.mark.parametrize(
+    ("cause", "todo"),
+    [
+        ("camera", f"corrected cameras: `{EXPORT}`"),
+        ("motion", f"warped photos: `{EXPORT}`"),
+        ("lens_shift", "half a pixel"),
+        ("lens_distortion", "calibrate"),
+        ("blurred", "leave out"),
+        ("exposure", "appearance model"),
+    ],
+)
+def test_advice_is_of_what_the_user_has(cause, todo):
+    """Never of this program's own trainings, which there were none of."""
+    text = said(THEIRS._replace(**FAULTS[cause]))[-1]
+    assert todo in text
+    assert "align:" not in text
+    assert "rounds" not in text
+
+
+def test_without_held_out_renders_it_is_said():
+    """Few of them are no fault; that a model can hide wrong poses is said."""
+    none = THEIRS._replace(test_views=0, flow_test_px=math.nan, psnr_test_db=math.nan)
+    lines = said(none)
+    assert any("No renders of held-out photos" in line for line in lines)
+    assert not any("few" in line for line in lines)
+    assert not any("unknown" in line for line in lines)
+    few = said(none._replace(train_views=5))
+    assert "5 renders are few" in few[1]
+
+
+def test_held_out_renders_alone_are_enough():
+    """As gsplat writes them."""
+    e = THEIRS._replace(train_views=0, flow_train_px=math.nan, psnr_train_db=math.nan)
+    e = e._replace(test_views=14, flow_test_px=1.2, camera_px=1.1)
+    assert said(e)[0] == "Verdict: misaligned by 2.4 px: poses are off."
+
+
+@pytest.mark.parametrize("depth", judged.DEPTHS)
+def test_what_depth_costs_is_said(depth):
+    lines = said(THEIRS._replace(judged=OF._replace(depth=depth)))
+    assert judged.DEPTHS[depth] in lines
+
+
+def test_without_cameras_none_can_be_corrected():
+    e = THEIRS._replace(judged=OF._replace(cameras="none"), **FAULTS["camera"])
+    lines = said(e)
+    assert "give the cameras, too" in lines[-1]
+    assert any("a field of view was assumed" in line for line in lines)
+
+
+def thumbs(order):
+    """Thumbs of photos of a film, and of renders in an order."""
+    wide = judged_cases.picture(3, (400, 120))
+    photos = [wide[:, 8 * i : 8 * i + 160] for i in range(12)]
+    return {
+        f"v{i:02}": (judged.thumb(photos[i]), judged.thumb(photos[order[i]]))
+        for i in range(12)
+    }
+
+
+def test_swapped_views_are_named():
+    """Neighbours of a film, 8 px apart, are alike, and still told apart."""
+    assert judged.swapped(thumbs(range(12))) == ()
+    order = [0, 1, 3, 2, *range(4, 12)]
+    assert judged.swapped(thumbs(order)) == (("v02", "v03"), ("v03", "v02"))
+    e = THEIRS._replace(judged=OF._replace(swapped=judged.swapped(thumbs(order))))
+    lines = said(e)
+    assert "some renders show other photos" in lines[0]
+    assert "v02 shows v03, v03 shows v02" in lines[1]
+    assert "the name of its photo" in lines[-1]
+
+
+def test_flat_renders_are_not_swapped():
+    flat = judged.thumb(np.full((40, 40, 3), 90, np.uint8))
+    assert np.isfinite(flat).all()
+    assert judged.swapped({name: (flat, flat) for name in "ab"}) == ()
+    assert judged.swapped({}) == ()
+
+
+def test_other_scenes_have_none():
+    assert judged.read({"width": 4}, {}) is None
+    with pytest.raises(ValueError, match="no depth in it"):
+        judged.read({"judged": {}}, {})
+
+
+def test_advice_of_judged_renders_is_judgeds():
+    assert advice.advise(THEIRS, []) == judged.advise(THEIRS, [])
