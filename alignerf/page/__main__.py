@@ -56,6 +56,7 @@ def render(folder, *, rounds, base, others=None):
         wheel=pictures.data_uri(pictures.wheel(limit_px)),
         full_px=pictures.FULL_PX,
         limit_px=limit_px,
+        size_of="renders" if told["evidence"].get("judged") else "training size",
         tables=contents.tables(folder),
         figures=figures(folder),
         decisions=decided,

@@ -12,6 +12,7 @@ import pandas as pd
 from alignerf.decisions import fill
 from alignerf.files import csv_files, json_files, yaml_files
 from alignerf.scenes import prepared
+from alignerf.scenes.judged import geometry
 from alignerf.tables import columns, scores
 
 # What of tables/ it shows; headings and formats are the columns' own.
@@ -187,11 +188,12 @@ def downloads(folder):
 def facts(folder):
     """(name, text) of the scene's main facts: photos, size, poses."""
     poses = json_files.read(folder / "poses.json", POSES)
-    done_at = "judged at" if poses.get("judged") else "trained at"
+    if judged := poses.get("judged"):
+        return facts_of_judged(poses, judged)
     entries = [
         ("photos", f"{poses['registered']} of {poses['total']} placed"),
         ("held out", f"{poses['test_views']}"),
-        (done_at, f"{poses['width']}x{poses['height']} px"),
+        ("trained at", f"{poses['width']}x{poses['height']} px"),
         ("photos have", f"{poses['photo_width']}x{poses['photo_height']} px"),
     ]
     if isinstance(said := poses.get("of_poses"), str):
@@ -200,3 +202,17 @@ def facts(folder):
     if error is not None:
         entries.append(("reprojection error", f"{error:.2f} px of the photo"))
     return entries
+
+
+def facts_of_judged(poses, judged):
+    """The same of renders that are judged: how they were put together."""
+    taken = geometry.WAYS.get(judged.get("way"), "in a way of their own")
+    return [
+        ("renders", f"{poses['registered']} of {poses['total']} photos have one"),
+        ("held out", f"{poses['test_views']}"),
+        ("judged at", f"{poses['width']}x{poses['height']} px"),
+        ("photos have", f"{poses['photo_width']}x{poses['photo_height']} px"),
+        ("renders are", str(judged.get("layout"))),
+        ("they show the photos", taken),
+        ("cameras", str(judged.get("cameras"))),
+    ]
