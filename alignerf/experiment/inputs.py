@@ -122,6 +122,13 @@ def external_data(experiment, scene, folder):
     return [] if training.external["renders"] else f"{training.path}/data"
 
 
+def external_folders(experiment, scene, folder):
+    """Folders of finished renders and of their depth, on the disk; [] of commands."""
+    chosen = experiment.training(scene, folder).external
+    found = [chosen[key] for key in ("renders", "depth") if chosen[key]]
+    return [path.replace("{scene}", scene) for path in found]
+
+
 def external_keys(experiment, folder):
     """The key `external` of the method that a training is named after."""
     return experiment.methods[folder.partition("/")[0]]["external"]

@@ -43,6 +43,8 @@ def take(renders, depth, loaded: prepared.Scene, splits, out_renders, out_depth)
         complete(depths, names, depth)
     else:
         log.info("no depth came with the renders: all counts as far away")
+    own = prepared.read_cameras(loaded.folder / "cameras.npz")
+    scale = cameras.frame_of(own["camtoworlds"]).scale
     seen, resized = {}, []
     with contextlib.ExitStack() as stack:
         for split in splits:
@@ -57,7 +59,7 @@ def take(renders, depth, loaded: prepared.Scene, splits, out_renders, out_depth)
                 image = fitting(read(found[name]), found[name], loaded, resized)
                 check_new(image, found[name], camera_of(loaded, view), seen)
                 images.write(folders[0] / f"{name}.png", image)
-                depth_map = of_view(depths.get(name), loaded)
+                depth_map = depth_of(depths.get(name), loaded, scale)
                 np.savez(folders[1] / f"{name}.npz", depth=depth_map)
     if resized:
         size = f"{loaded.width}x{loaded.height}"
@@ -118,15 +120,19 @@ def fitting(image, path, loaded: prepared.Scene, resized):
     own = image.shape[1], image.shape[0]
     if own == size:
         return image
-    near = (
-        abs(a - b) <= max(ROUNDING_PX, ROUNDING_SHARE * b)
-        for a, b in zip(own, size, strict=True)
-    )
-    if not all(near):
+    if not nearly(own, size):
         sizes = f"{own[0]}x{own[1]} pixels, not {size[0]}x{size[1]}"
         raise ValueError(f"{path}: {sizes} as the photos in {{data}}")
     resized.append(path)
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+
+def nearly(size, wanted):
+    """Whether only rounding makes a size another one."""
+    return all(
+        abs(a - b) <= max(ROUNDING_PX, ROUNDING_SHARE * b)
+        for a, b in zip(size, wanted, strict=True)
+    )
 
 
 def camera_of(loaded: prepared.Scene, view):
@@ -143,10 +149,11 @@ def check_new(image, path, camera, seen):
         raise ValueError(f"{path}: the same image as {other}, of another camera")
 
 
-def of_view(path, loaded: prepared.Scene) -> np.ndarray:
+def depth_of(path, loaded: prepared.Scene, scale) -> np.ndarray:
     """Depth [h, w] float32 of a file, in units of the normalised scene.
 
-    Without a file, and where it says nothing (0, NaN), all is far away.
+    Without a file, and where it says nothing (0, NaN), all is far away. scale:
+    normalised units of length in one of the file's.
     """
     size = loaded.height, loaded.width
     if path is None:
@@ -157,23 +164,17 @@ def of_view(path, loaded: prepared.Scene) -> np.ndarray:
     if found.ndim != 2 or found.dtype.kind not in "fiu":
         raise ValueError(f"{path}: {found.dtype} {list(found.shape)} is no depth map")
     if found.shape != size:
-        near = all(
-            abs(a - b) <= max(ROUNDING_PX, ROUNDING_SHARE * b)
-            for a, b in zip(found.shape, size, strict=True)
-        )
-        if not near:
+        if not nearly(found.shape, size):
             raise ValueError(f"{path}: {list(found.shape)} pixels, not {list(size)}")
         found = cv2.resize(
             found.astype(np.float32), size[::-1], interpolation=cv2.INTER_NEAREST
         )
-    own = prepared.read_cameras(loaded.folder / "cameras.npz")
-    scale = cameras.frame_of(own["camtoworlds"]).scale
     depth = (scale * found).astype(np.float32)
     return np.where(depth > 0, depth, np.float32(np.inf))
 
 
 def read_depth(path):
-    """The array of an .npy, or of an .npz the one called depth, else its only one."""
+    """The array of an .npy, or of an .npz the one called depth."""
     if path.suffix.lower() == ".npy":
         return archives.read_array(path)
     return archives.read(path, ["depth"])["depth"]

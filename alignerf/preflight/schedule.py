@@ -311,7 +311,8 @@ def scores(one, work, rate: Rates, flow: Flow, views: Views, *, threads):
         *([f"{name}/flow", "testset"], f"{name}/metrics.csv", 0),
     )
     scored = scored._replace(seconds=scored.seconds + evaluate_s(flow, views))
-    if not (fits := work["aligned_pose"]):
+    # By moved cameras only a model of ours can be asked.
+    if not (fits := work["aligned_pose"]) or one.get("external"):
         return [parts, scored]
     ways = fits["flow"] + (fits["gradient_steps"] > 0)
     # A camera is fitted twice a view: once for each half of the checkerboard.

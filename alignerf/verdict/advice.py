@@ -1,5 +1,7 @@
 """The remedy to try first, with its measured gain and cost."""
 
+import math
+
 from alignerf.files import provenance
 from alignerf.verdict import causes, judged
 
@@ -38,6 +40,11 @@ ADVICE = (
     ("unregistered", "take photos between those that are left out and the others."),
     ("few_views", "take more photos: 20 or more that overlap."),
 )
+# Where another program was trained: `align` is a method of ours.
+OF_OTHERS = (
+    "put its cameras right in a round: rounds: 1 and changes: cameras of this method, "
+    "or take those of one training of ours (a method with align: {})."
+)
 # Where the poses came with the photos, COLMAP finds others: on a phone's capture they
 # were 2.3 and 3.5 dB better than the phone's own (docs/measured/on_the_way_real.csv).
 ANEW = (
@@ -67,7 +74,7 @@ def advise(e, findings, gains=()):
             continue
         if cause == "camera":
             more = " And take more photos between those you have." * ("sparse" in named)
-            return of_camera(e, gains, text) + more
+            return of_camera(e, gains, camera_text(e)) + more
         return (cause in ALIGNED and of_tried(e, gains)) or text
     if in_vain(e, gains):
         return (
@@ -77,10 +84,15 @@ def advise(e, findings, gains=()):
     if tried := of_tried(e, gains, only_paying=not causes.misaligned(e)):
         return tried
     if causes.misaligned(e):
-        return f"{dict(ADVICE)['camera']} The cause is not known: look at what remains."
+        return f"{camera_text(e)} The cause is not known: look at what remains."
     if not causes.tells(e):
         return UNSEEN if e.windows is None else LARGER
     return "nothing about alignment. For sharper renders take more steps."
+
+
+def camera_text(e):
+    """Advice where cameras are off; only other programs do not say what they saw."""
+    return OF_OTHERS if math.isnan(e.passes) else dict(ADVICE)["camera"]
 
 
 def of_camera(e, gains, text):

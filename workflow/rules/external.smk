@@ -70,6 +70,9 @@ rule external_render:
         timing="results/{scene}/{training}/timing.json",
         learnt="results/{scene}/{training}/learnt",
         cameras="results/{scene}/cameras.npz",
+        finished=lambda w: local(
+            inputs.external_folders(experiment, w.scene, w.training)
+        ),
     output:
         renders=directory("results/{scene}/{training}/renders"),
         depth=directory("results/{scene}/{training}/depth"),

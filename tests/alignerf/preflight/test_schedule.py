@@ -314,3 +314,39 @@ def test_windows_are_counted_with_the_scene_that_they_judge(demo, experiment_of)
     rendered_s = schedule.render_s(RATES, pixels)
     assert render.seconds == pytest.approx(rendered_s + schedule.JOB_S)
     assert train.file == f"../{names[0]}/plain/round0/timing.json"
+
+
+def test_of_another_program_only_what_we_do_ourselves_is_counted(demo, experiment_of):
+    commands = {"train": "theirs {data}", "render": "theirs {renders}"}
+    demo["methods"] = {
+        "theirs": {"rounds": 1, "changes": "cameras", "external": commands},
+        "ours": {"model": "base"},
+    }
+    demo["reference"] = {"method": "theirs"}
+    experiment = experiment_of(demo)
+    work = work_of.of_scene(experiment, "courtyard")
+    # They are not parsed as a job of ours.
+    assert command.decided(work)["trainings"][0] == work["trainings"][0]
+    # In the order of the work: the sweep's are not in it.
+    rates = [
+        schedule.UNKNOWN if one.get("external") else RATES for one in work["trainings"]
+    ]
+    found = named(schedule.tasks_of(work, rates, FLOW, VIEWS, threads=1))
+    alone, after = (found[f"theirs/round{k}/train"] for k in (0, 1))
+    assert alone.seconds == schedule.JOB_S
+    assert after.seconds > schedule.JOB_S + FLOW.start_s
+    assert after.after == ["theirs/round0/flow"]
+    assert alone.peak_bytes == 0
+    assert alone.new_bytes >= (VIEWS.train + VIEWS.test) * VIEWS.image_bytes
+    assert found["theirs/round0/flow"].seconds > FLOW.view_s
+    # Nothing waits for what is never made.
+    assert {name for name in found if "aligned_pose" in name} == {
+        "ours/round0/aligned_pose"
+    }
+
+
+def test_a_plan_says_what_it_does_not_count():
+    names = [f"theirs/round{k}" for k in range(5)]
+    (line,) = fit.unknown({"external": names})
+    assert "theirs/round0, theirs/round1, theirs/round2 and 2 more" in line
+    assert fit.unknown({"external": []}) == fit.unknown({}) == []

@@ -444,3 +444,11 @@ def test_given_poses_that_aligning_did_not_help_are_found_anew_alone():
     assert said == advice.ANEW
     said = advice.advise(known, causes.find(known), [gain()])
     assert "Until then take the cameras of aligned" in said
+
+
+def test_of_another_program_nobody_knows_whether_it_is_too_short():
+    known = WELL._replace(**FAULTS["camera"], passes=math.nan)
+    found = causes.find(known)
+    assert [finding.cause for finding in found] == ["camera"]
+    assert advice.advise(known, found).startswith("put its cameras right in a round")
+    assert "nan" not in " ".join(words.say(known, found, [], []))

@@ -260,6 +260,18 @@ def test_what_something_nearer_hides_is_occluded():
     np.testing.assert_array_equal(~warp.unoccluded(flow_px, depth), hidden)
 
 
+def test_what_is_far_away_hides_nothing():
+    """Of renders without depth all is; before it something near still hides."""
+    flow_px = np.zeros((40, 60, 2), np.float32)
+    flow_px[10:30, 20:40, 0] = 5.0
+    depth = np.full((40, 60), np.inf, np.float32)
+    assert warp.unoccluded(flow_px, depth).all()
+    depth[10:30, 20:40] = 2.0
+    hidden = np.zeros((40, 60), bool)
+    hidden[10:30, 40:45] = True
+    np.testing.assert_array_equal(~warp.unoccluded(flow_px, depth), hidden)
+
+
 def test_a_surface_does_not_hide_itself():
     """Nor does what leaves the image, however near."""
     slope = np.linspace(1.0, 3.0, 64, dtype=np.float32)
