@@ -92,7 +92,7 @@ def write_view(
 ):
     """Write one view's control sets; returns the statistics of the invented flow.
 
-    options: method and match_blur, of both flows; tolerance_px: of what is valid.
+    options: method, match_blur and blur_by, of both flows; tolerance_px: of what is valid.
     """
     crossfit_px = crossfit_flow(render, photo, **options)
     if (aligned := oracle) is None:
@@ -120,13 +120,15 @@ def write_view(
     }
 
 
-def crossfit_flow(render, photo, *, method=estimate.DEFAULT, match_blur=True):
+def crossfit_flow(
+    render, photo, *, method=estimate.DEFAULT, match_blur=True, blur_by=None
+):
     """`controls.crossfit_flow` with the estimator and blur that the warped set has.
 
     One blur for the whole image: it is a single number, and says nothing of a pixel.
     """
     if match_blur:
-        photo, _ = estimate.blur_match(photo, render, method=method)
+        photo, _ = estimate.blur_match(photo, render, method=method, blur_by=blur_by)
     flow_of = functools.partial(estimate.estimate, method=method)
     return controls.crossfit_flow(render, photo, flow_of=flow_of)
 

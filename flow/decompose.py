@@ -218,7 +218,7 @@ def parse(arguments=None):
     made = [options[key] for key in ("oracle", "renders", "model_stats")]
     if any(made) and not all([*made, options["model_flow"]]):
         parser.error("--oracle, --renders, --model-stats and --model-flow go together")
-    keys = ("method", "match_blur", "kernel", "tolerance_px")
+    keys = ("method", "match_blur", "blur_by", "kernel", "tolerance_px")
     return options | {"settings": {key: options.pop(key) for key in keys}}
 
 

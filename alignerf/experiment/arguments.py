@@ -37,6 +37,8 @@ def estimator_options(experiment):
     pairs = {"--kernel": flow["kernel"], "--tolerance-px": flow["tolerance_px"]}
     if flow["estimator"] != "files":
         pairs["--method"] = flow["estimator"]
+    if flow["blur_by"]:
+        pairs["--blur-by"] = flow["blur_by"]
     return [blur, *(str(part) for pair in pairs.items() for part in pair)]
 
 

@@ -71,7 +71,7 @@ def config_of(name, scene, judged):
         "reference": {"method": THEIRS, "round": 0},
     }
     if len(judged.pairs) * width * height > MOST_PIXELS:
-        config["flow"] = {"estimator": LARGE}
+        config["flow"] = {"estimator": LARGE, "blur_by": "dis_fast"}
     return config
 
 

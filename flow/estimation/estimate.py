@@ -30,14 +30,16 @@ def estimate(render, photo, *, method=DEFAULT, match_blur=False):
     return _calculate(render, photo, method)
 
 
-def blur_match(photo, render, *, method=DEFAULT):
+def blur_match(photo, render, *, method=DEFAULT, blur_by=None):
     """The photo [h, w, 3] as blurred as the render, and the blur's sigma_px.
 
     A blurred render against a sharp photo looks like motion: with a true flow of
-    zero DIS invents 0.1 to 0.4 px. See `blur.match`; the first flow is the method's.
+    zero DIS invents 0.1 to 0.4 px. See `blur.match`; the first flow is by blur_by, or
+    by the method where that is None.
     """
-    _check(render, photo, method)
-    return blur.match(photo, render, _calculate(render, photo, method))
+    first = blur_by or method
+    _check(render, photo, first)
+    return blur.match(photo, render, _calculate(render, photo, first))
 
 
 def check_pair(render, photo):

@@ -28,16 +28,24 @@ def find_pairs(renders, photos):
 
 
 def flow_and_validity(
-    render, photo, *, method=estimate.DEFAULT, match_blur=True, tolerance_px=1.0
+    render,
+    photo,
+    *,
+    method=estimate.DEFAULT,
+    match_blur=True,
+    blur_by=None,
+    tolerance_px=1.0,
 ):
     """(flow_px [h, w, 2], valid [h, w], sigma_px of the photo's blur before the flow).
 
     Valid: in frame, where the flow and that from photo to render agree to
-    tolerance_px.
+    tolerance_px. blur_by: as of `estimate.blur_match`.
     """
     sigma_px = 0.0
     if match_blur:
-        photo, sigma_px = estimate.blur_match(photo, render, method=method)
+        photo, sigma_px = estimate.blur_match(
+            photo, render, method=method, blur_by=blur_by
+        )
     forward_px = estimate.estimate(render, photo, method=method)
     backward_px = estimate.estimate(photo, render, method=method)
     valid = warp.consistent(forward_px, backward_px, tolerance_px=tolerance_px)

@@ -77,7 +77,7 @@ def test_large_pairs_are_compared_faster(here, runs, monkeypatch):
     monkeypatch.setattr(judge, "MOST_PIXELS", 1000)
     judge.main(options(name="mine"))
     config = yaml.safe_load((here / "results/mine.yaml").read_text())
-    assert config["flow"] == {"estimator": "dis_fine"}
+    assert config["flow"] == {"estimator": "dis_fine", "blur_by": "dis_fast"}
 
 
 def test_newer_renders_are_judged_anew(here, runs):
