@@ -13,7 +13,7 @@ import threading
 import time
 
 from alignerf.experiment.checks import places
-from alignerf.files import machine, provenance
+from alignerf.files import provenance
 
 # A command that is asked to end has so many seconds to do so.
 GRACE_S = 20.0
@@ -37,9 +37,10 @@ def words_of(template, values):
     return [places.filled(word, values) for word in words]
 
 
-def run(words) -> float:
+def run(words, *, cores=1) -> float:
     """Run a command, and copy what it prints to stdout; returns its seconds.
 
+    cores: what libraries that ask OMP_NUM_THREADS take, unless that is set already.
     Raises ValueError in one line where the program is missing or fails. A signal that
     ends this process ends the command's process group too.
     """
@@ -51,7 +52,7 @@ def run(words) -> float:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            env=environment(),
+            env=environment(cores),
             start_new_session=True,
             preexec_fn=end_with_parent,
         )
@@ -102,7 +103,7 @@ def said(tail):
     )
 
 
-def environment():
+def environment(cores):
     """Variables of a command: ours, without the way to our modules.
 
     It has its own environment, in which a module may have the name of one of ours.
@@ -113,7 +114,7 @@ def environment():
     found["PYTHONPATH"] = os.pathsep.join(kept)
     if not kept:
         del found["PYTHONPATH"]
-    found.setdefault("OMP_NUM_THREADS", str(machine.cores()))
+    found.setdefault("OMP_NUM_THREADS", str(cores))
     # Python would keep its lines to itself until there are many.
     found.setdefault("PYTHONUNBUFFERED", "1")
     return found

@@ -56,7 +56,8 @@ def run(template, job: Job, args, **more) -> float:
         "scene": args.scene.name,
         "round": args.training.name.removeprefix("round"),
     }
-    return commands.run(commands.words_of(template, values | more))
+    words = commands.words_of(template, values | more)
+    return commands.run(words, cores=args.cores)
 
 
 def folder_of(template, args):

@@ -40,6 +40,9 @@ def test_another_program_goes_in_rounds_to_the_page(
 ):
     script = root / "tests" / "workflow" / "stand_in.py"
     program = f"{shlex.quote(sys.executable)} {shlex.quote(str(script))}"
+    # Neither is read by a shell.
+    tmp_path = tmp_path / "a folder; $(exit)"
+    tmp_path.mkdir()
     config = tmp_path / "theirs.yaml"
     options = ("--configfile", config, "--cores", "2", "--")
     folder = tmp_path / "results" / "tiny"

@@ -124,9 +124,13 @@ def test_seconds_are_those_of_the_command():
 def test_its_environment_has_not_our_modules(monkeypatch):
     other = os.pathsep.join([str(provenance.ROOT), "/theirs"])
     monkeypatch.setenv("PYTHONPATH", other)
-    assert commands.environment()["PYTHONPATH"] == "/theirs"
+    assert commands.environment(1)["PYTHONPATH"] == "/theirs"
     monkeypatch.setenv("PYTHONPATH", str(provenance.ROOT))
-    assert "PYTHONPATH" not in commands.environment()
+    assert "PYTHONPATH" not in commands.environment(1)
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    assert commands.environment(3)["OMP_NUM_THREADS"] == "3"
+    monkeypatch.setenv("OMP_NUM_THREADS", "5")
+    assert commands.environment(3)["OMP_NUM_THREADS"] == "5"
 
 
 def test_what_it_leaves_in_the_background_is_ended():
