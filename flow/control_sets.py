@@ -92,7 +92,7 @@ def write_view(
 ):
     """Write one view's control sets; returns the statistics of the invented flow.
 
-    options: method, match_blur and blur_by, of both flows; tolerance_px: of what is valid.
+    options: method, match_blur, blur_by, of both flows; tolerance_px: of what is valid.
     """
     crossfit_px = crossfit_flow(render, photo, **options)
     if (aligned := oracle) is None:

@@ -452,3 +452,14 @@ def test_of_another_program_nobody_knows_whether_it_is_too_short():
     assert [finding.cause for finding in found] == ["camera"]
     assert advice.advise(known, found).startswith("put its cameras right in a round")
     assert "nan" not in " ".join(words.say(known, found, [], []))
+
+
+def test_gains_by_cameras_that_stayed_are_not_called_a_loss():
+    """Of another program no view can be asked for by another camera."""
+    gain = words.Gain("mine, once", -0.4, -0.6, -0.2, 3.0, "mine", True, "standard")
+    text = words.gain_line(gain, WELL)
+    assert "cameras that were left as given: true gains are larger" in text
+    assert not advice.pays(WELL, gain._replace(low=0.1))
+    assert advice.of_tried(WELL, [gain]) == ""
+    fair = gain._replace(test_set="oracle")
+    assert "no more than chance" in advice.of_tried(WELL, [fair])
