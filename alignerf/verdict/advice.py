@@ -111,12 +111,8 @@ def pays(e, gain):
 
     Scores on the photos as they are say nothing of moved cameras.
     """
-    return is_fair(gain) and e.test_views >= causes.FEW_TEST_VIEWS and gain.low > 0
-
-
-def is_fair(gain):
-    """Whether a gain is one of the scene: not by held-out cameras that stayed wrong."""
-    return not (gain.on_the_way and gain.test_set == "standard")
+    fair = not (gain.on_the_way and gain.test_set == "standard")
+    return fair and e.test_views >= causes.FEW_TEST_VIEWS and gain.low > 0
 
 
 def of_tried(e, gains, *, only_paying=False):
@@ -130,7 +126,7 @@ def of_tried(e, gains, *, only_paying=False):
             f"take the cameras of {best.method}, which this run has put right: "
             f"`{provenance.export_command()}`."
         )
-    if only_paying or e.test_views < causes.FEW_TEST_VIEWS or not is_fair(best):
+    if only_paying or e.test_views < causes.FEW_TEST_VIEWS:
         return ""
     return (
         f"leave cameras and photos as given: {best.method} put right what it saw, and "
