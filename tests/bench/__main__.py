@@ -16,7 +16,7 @@ from tests.bench import cases, report
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 USUAL = ("speed", "quality", "grid", "job", "memory", "scale", "split", "align")
 # They take hours, or gigabytes: only where they are asked for.
-LONG = ("clusters", "decided", "parts", "planning", "systems", "verdicts")
+LONG = ("clusters", "decided", "judged", "parts", "planning", "systems", "verdicts")
 
 
 def main(argv=None):
@@ -29,6 +29,13 @@ def main(argv=None):
     parser.add_argument(
         "--limit-s", type=float, default=900.0, help="training time to quality, at most"
     )
+    parser.add_argument(
+        "--results",
+        type=pathlib.Path,
+        default=ROOT / "results",
+        help="of judged: those of a run",
+    )
+    parser.add_argument("--method", default="plain", help="of judged: of that run")
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "results" / "bench")
     args = parser.parse_args(argv)
     if args.repeats < 1:
@@ -40,6 +47,8 @@ def main(argv=None):
         data=args.data,
         limit_s=args.limit_s,
         out=args.out,
+        results=args.results,
+        method=args.method,
     )
     header = report.hardware()
     print(" | ".join(f"{key} {value}" for key, value in header.items()), flush=True)

@@ -26,6 +26,9 @@ class Options:
     data: pathlib.Path
     limit_s: float
     out: pathlib.Path
+    # Of `judged`: a run's results, and the method whose renders are judged.
+    results: pathlib.Path | None = None
+    method: str = "plain"
 
 
 def mlp_model(*, width, depth, proposal_width, proposal_depth, samples=None):
