@@ -86,9 +86,8 @@ def plant(scene, base, out, name):
     (out / "cameras").mkdir(parents=True)
     formats.write_transforms(out / "cameras" / "transforms.json", arrays)
     rng = np.random.default_rng(len(loaded.names))
-    swap = dict(zip(*[rng.choice(loaded.views("train"), 2, replace=False)] * 2))
-    first, second = swap
-    swap = {int(first): int(second), int(second): int(first)}
+    first, second = map(int, rng.choice(loaded.views("train"), 2, replace=False))
+    swap = {first: second, second: first}
     one = int(loaded.views("train")[len(loaded.views("train")) // 2])
     for view, view_name in enumerate(loaded.names):
         split = loaded.split[view]
