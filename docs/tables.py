@@ -9,6 +9,7 @@ docs/outputs/NAME.txt holds, a text that the program has printed.
 """
 
 import argparse
+import functools
 import re
 import string
 import sys
@@ -91,8 +92,11 @@ def quoted(text):
     return "".join(f"{'    ' + line}".rstrip() + "\n" for line in ["", *lines, ""])
 
 
+parsed = functools.cache(yaml.safe_load)
+
+
 def of_csv(name, root):
-    specs = yaml.safe_load((root / MEASURED / "tables.yaml").read_text())
+    specs = parsed((root / MEASURED / "tables.yaml").read_text())
     if name not in specs:
         raise ValueError(f"{MEASURED}/tables.yaml: no table {name}")
     cells = dict(specs[name])

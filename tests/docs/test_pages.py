@@ -34,9 +34,10 @@ def pages(root):
 
 @pytest.fixture
 def copy(root, tmp_path):
-    """README and docs in a folder of their own."""
+    """README and docs in a folder of their own, with what they quote."""
     shutil.copytree(root / "docs", tmp_path / "docs")
-    shutil.copy(root / "README.md", tmp_path)
+    for name in ("README.md", "Makefile", "Snakefile"):
+        shutil.copy(root / name, tmp_path)
     return tmp_path
 
 
