@@ -11,7 +11,7 @@ import pandas as pd
 
 from alignerf.files import atomic, faults, json_files
 from alignerf.scenes import prepared
-from alignerf.verdict import advice, causes, evidence, judged, views, words
+from alignerf.verdict import advice, causes, evidence, judged, report, views, words
 
 
 def main(argv=None):
@@ -32,10 +32,12 @@ def main(argv=None):
     findings = [judged.finding(known), *causes.find(known)]
     findings = [finding for finding in findings if finding]
     gains = words.gains_of(args.misalignment) if args.misalignment else []
-    sentences = words.say(known, findings, gains, rows)
+    told = report.of(known, findings, gains, rows)
+    lines = report.terminal(told)
     content = {
-        "verdict": sentences,
+        "verdict": lines,
         "state": words.state(known, findings),
+        **told._asdict(),
         "findings": [finding._asdict() for finding in findings],
         "gains": [
             gain._asdict() | {"pays": advice.pays(known, gain)} for gain in gains
@@ -53,7 +55,7 @@ def main(argv=None):
         # JSON has no NaN.
         path.write_text(json.dumps(plain(content), indent=1) + "\n")
         table.to_csv(views_path, index=False, float_format="%.6g")
-    print("\n".join(sentences))
+    print("\n".join(lines))
 
 
 def plain(value):
