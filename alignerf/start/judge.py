@@ -15,7 +15,7 @@ from alignerf.experiment import targets
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import faults, machine
 from alignerf.scenes import photos, prepared
-from alignerf.scenes.judged import views
+from alignerf.scenes.judged import depths, views
 from alignerf.start import __main__ as own_photos
 from alignerf.start import folders, workflow
 
@@ -55,6 +55,9 @@ def scene_of(args):
     """The scene's keys; splits are those that there may be."""
     paths = {key: getattr(args, key) for key in ("renders", "cameras", "depth")}
     judged = {key: str(Path(path).expanduser()) for key, path in paths.items() if path}
+    for key in ("depth_kind", "depth_scale"):
+        if (value := getattr(args, key)) is not None:
+            judged[key] = value
     scene = {"source": "judged", "path": str(Path(args.photos).expanduser())}
     if args.background:
         scene["background"] = args.background
@@ -96,6 +99,14 @@ def parse(argv=None):
     parser.add_argument("--renders", default="", help="folder of renders")
     parser.add_argument("--cameras", default="", help="file or folder of cameras")
     parser.add_argument("--depth", default="", help="folder of depths")
+    parser.add_argument(
+        "--depth-kind",
+        choices=depths.KINDS,
+        help="along the optical axis, or distance along the ray (nerfacto's)",
+    )
+    parser.add_argument(
+        "--depth-scale", type=float, help="what brings it to the unit of the cameras"
+    )
     parser.add_argument("--name", type=own_photos.name, help="of the results")
     parser.add_argument("--cores", type=int, default=machine.cores())
     parser.add_argument(
