@@ -55,6 +55,8 @@ def scene_of(args):
     """The scene's keys; splits are those that there may be."""
     paths = {key: getattr(args, key) for key in ("renders", "cameras", "depth")}
     judged = {key: str(Path(path).expanduser()) for key, path in paths.items() if path}
+    if args.before:
+        judged["before"] = str(Path("results", args.before, "verdict.json"))
     for key in ("depth_kind", "depth_scale"):
         if (value := getattr(args, key)) is not None:
             judged[key] = value
@@ -107,6 +109,7 @@ def parse(argv=None):
     parser.add_argument(
         "--depth-scale", type=float, help="what brings it to the unit of the cameras"
     )
+    parser.add_argument("--before", help="name of results that these are compared with")
     parser.add_argument("--name", type=own_photos.name, help="of the results")
     parser.add_argument("--cores", type=int, default=machine.cores())
     parser.add_argument(

@@ -1,5 +1,6 @@
 """The verdict on renders of another program."""
 
+import json
 import math
 
 import numpy as np
@@ -117,3 +118,15 @@ def test_other_scenes_have_none():
 
 def test_advice_of_judged_renders_is_judgeds():
     assert advice.advise(THEIRS, []) == judged.advise(THEIRS, [])
+
+
+def test_what_it_was_before_is_said(tmp_path):
+    """After another training, on cameras that were put right."""
+    path = tmp_path / "first" / "verdict.json"
+    path.parent.mkdir()
+    shifts = {"flow_train_px": 1.2, "flow_test_px": None, "photo_px": 2.0}
+    path.write_text(json.dumps({"evidence": shifts}))
+    told = {"depth": "far", "cameras": "x", "layout": "x", "way": "taken"}
+    found = judged.read({"judged": told}, {}, path)
+    lines = said(THEIRS._replace(judged=found))
+    assert "Before, in first, it was 2.4 px on photos that were trained on." in lines
