@@ -66,6 +66,7 @@ wildcard_constraints:
 include: "workflow/rules/scenes.smk"
 include: "workflow/rules/preflight.smk"
 include: "workflow/rules/train.smk"
+include: "workflow/rules/external.smk"
 include: "workflow/rules/alignment.smk"
 include: "workflow/rules/decompose.smk"
 include: "workflow/rules/evaluate.smk"

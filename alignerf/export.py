@@ -16,11 +16,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from PIL import Image
 
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.exports import formats, held_out, points, readme, sizes, warps, words
-from alignerf.files import archives, atomic, faults, images, json_files, progress
+from alignerf.exports import (
+    formats,
+    held_out,
+    photos,
+    points,
+    readme,
+    sizes,
+    warps,
+    words,
+)
+from alignerf.files import archives, atomic, faults, json_files
 from alignerf.scenes import prepare, prepared
 
 log = logging.getLogger("alignerf")
@@ -56,8 +64,8 @@ def main(argv=None):
         atomic.scratch_folder(out.parent, name="export") as work,
     ):
         chosen = choose(args, config, work)
-        masked = write_photos(folder, chosen.views, alpha=is_synthetic(args.scene))
-        arrays = arrays_of(chosen.views)
+        masked = photos.write(folder, chosen.views, alpha=is_synthetic(args.scene))
+        arrays = photos.arrays_of(chosen.views)
         agreeing = np.arange(len(chosen.views.names))
         if chosen.moved:
             agreeing = points.agreeing(arrays, chosen.fitted)
@@ -106,53 +114,9 @@ def choose(args, config, work) -> Chosen:
         views = warps.at_full_size(views, args.valid, args.kernel)
     elif args.warped:
         views = warps.as_trained(views, loaded, args.warped, args.valid)
-    moved = has_moved(prepared.read_cameras(own), prepared.read_cameras(path))
+    moved = photos.has_moved(prepared.read_cameras(own), prepared.read_cameras(path))
     views = sizes.at_width(views, args.width)
     return Chosen(views, fitted, moved, bool(args.warped), full and not known)
-
-
-def has_moved(given, now):
-    """Whether cameras are others than those given."""
-    return not all(
-        np.allclose(given[key], now[key], rtol=1e-9, atol=1e-12)
-        for key in ("camtoworlds", "pixtocams")
-    )
-
-
-def arrays_of(views: prepare.PosedViews):
-    """The arrays of a cameras.npz of the views."""
-    names, split = np.array(views.names), np.array(views.split)
-    arrays = {key: getattr(views, key) for key in ("pixtocams", "camtoworlds")}
-    return arrays | {
-        "names": names,
-        "split": split,
-        "width": views.width,
-        "height": views.height,
-    }
-
-
-def write_photos(folder, views: prepare.PosedViews, *, alpha):
-    """Write images/ and, where not all pixels count, masks/; returns whether it did.
-
-    One photo is in memory at a time. alpha: photos get one, of one, as readers of
-    NeRF's synthetic scenes need it.
-    """
-    (folder / "images").mkdir()
-    for name, photo in progress.over(
-        list(zip(views.names, views.photos, strict=True)), "photos"
-    ):
-        path, image = folder / "images" / f"{name}.png", photo.read()
-        if alpha:
-            Image.fromarray(image).convert("RGBA").save(path)
-        else:
-            images.write(path, image)
-    if views.masks is None:
-        return False
-    (folder / "masks").mkdir()
-    for name, mask in zip(views.names, views.masks, strict=True):
-        counts = (mask.read() >= prepare.WHITE).all(axis=-1)
-        images.write_mask(folder / formats.MASK.format(view=name), counts)
-    return True
 
 
 def pays(verdict, method):

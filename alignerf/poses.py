@@ -27,6 +27,7 @@ from alignerf.scenes.capture import (
     windows_truth,
 )
 from alignerf.scenes.courtyard import truth
+from alignerf.scenes.judged import views as judged
 
 log = logging.getLogger("alignerf.poses")
 
@@ -62,8 +63,9 @@ def main(config, out, whole=None, cameras_path=None, places=None):
             views, cut, more = zoomed(views, scratch, config)
             told |= more
         split = split_of(views, config)
-        check_enough(split, config["least_train_views"], config["path"] or out)
-        warn_of_few(out, split)
+        if not config["judged"]:
+            check_enough(split, config["least_train_views"], config["path"] or out)
+            warn_of_few(out, split)
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
         if scene_keys.wants_points(config) and views.points is None:
@@ -73,10 +75,12 @@ def main(config, out, whole=None, cameras_path=None, places=None):
             told["true_misalignment_px"] = write_truth(
                 fresh / "truth", scene, whole, cut, split, config["perturb_px"]
             )
+        if config["judged"]:
+            atomic.move(scratch / "pairs.json", fresh / judged.PAIRS)
         if (scratch / "colmap").is_dir():
             atomic.move(scratch / "colmap", fresh / "colmap")
             atomic.move(scratch / "lenses.npz", fresh / prepared.LENSES)
-        photo_size = (full.width, full.height)
+        photo_size = told.get("photo_size", (full.width, full.height))
         if config["zoom"]:
             told["photo_size"] = list(photo_size)
             # Of the windows, in pixels of the photo.
@@ -299,6 +303,7 @@ READERS = {
     "courtyard": load_courtyard,
     "photos": load_photos,
     **dict.fromkeys(full_size.GIVEN, load_given),
+    "judged": judged.load,
 }
 
 

@@ -28,14 +28,14 @@ FLOORS = [
         "alignerf.exports",
         *("flow.estimation", "flow.figures"),
     },
-    {"alignerf.training", "alignerf.verdict", "flow.benchmark"},
+    {"alignerf.training", "alignerf.verdict", "alignerf.others", "flow.benchmark"},
     {"alignerf.alignment", "alignerf.preflight", "alignerf.page", "alignerf.start"},
     {"alignerf", "flow"},  # the stages: files directly in a package
 ]
 # Folders that hold commands besides the stages.
 COMMANDS = ("alignerf.networks", "alignerf.tables", "flow.figures", "flow.benchmark")
 COMMANDS += ("alignerf.decisions", "alignerf.preflight", "alignerf.verdict")
-COMMANDS += ("alignerf.page", "alignerf.start")
+COMMANDS += ("alignerf.page", "alignerf.start", "alignerf.others")
 MOST_MODULES = 12
 FORBIDDEN = {"snakemake", "pickle", "dill", "joblib", "marshal", "shelve"}
 JAX = {"jax", "flax", "optax"}

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from alignerf.experiment import schema
-from alignerf.experiment.checks import filled, methods, models, names, scenes
+from alignerf.experiment.checks import external, filled, methods, models, names, scenes
 from alignerf.experiment.checks.common import fault, is_there
 from alignerf.experiment.keys import config as config_keys
 from alignerf.experiment.keys import left as left_keys
@@ -41,6 +41,7 @@ def checked(config, files=()):
         scenes.check_scene(scene, "scenes", name)
         scenes.check_path(scene, name)
     scenes.check_windows(config)
+    external.check_windows(config)
     names.check_published(config)
     check_flow(config["flow"], config["methods"])
     check_weights(config)

@@ -5,9 +5,9 @@ import json
 from alignerf.experiment import arguments, kinds, layout, slices, sources, targets
 
 
-def is_external(experiment, folder):
-    """Whether a folder below results/SCENE/ belongs to an external method."""
-    return folder.partition("/")[0] in experiment.names(kinds.external)
+def is_given(experiment, folder):
+    """Whether a folder below results/SCENE/ is of a method whose renders are given."""
+    return folder.partition("/")[0] in experiment.names(kinds.given)
 
 
 def renders_of(experiment, scene, folder, moved=""):
@@ -16,7 +16,7 @@ def renders_of(experiment, scene, folder, moved=""):
     moved: `_aligned_pose` for renders by moved cameras, else "". It is the wildcard in
     metrics{moved}.csv.
     """
-    if is_external(experiment, folder):
+    if is_given(experiment, folder):
         method = experiment.methods[folder.partition("/")[0]]
         return method["renders"].replace("{scene}", scene)
     return f"results/{scene}/{folder}/{'aligned_pose' if moved else 'renders/test'}"
@@ -34,6 +34,10 @@ def of_poses(experiment, scene, local):
     """
     chosen, whole = experiment.scenes[scene], experiment.whole(scene)
     found = {key: local(chosen[key]) for key in ("path", "masks") if chosen[key]}
+    judged = chosen["judged"] or {}
+    for key in ("renders", "cameras", "depth"):
+        if judged.get(key):
+            found[f"judged_{key}"] = local(judged[key])
     if whole != scene:
         found |= {"whole": f"results/{whole}/images"}
         found |= {"report": f"results/{whole}/poses.json"}
@@ -96,6 +100,24 @@ def training_options(experiment, scene, folder):
     if training.prepared != f"results/{scene}":
         words += arguments.option("seen-by", f"results/{scene}/cameras.npz")
     return words
+
+
+def of_external(experiment, scene, folder):
+    """{name: path} of the inputs of rule `external_data`."""
+    training = experiment.training(scene, folder)
+    own = {"images": f"results/{scene}/images", "given": f"results/{scene}/cameras.npz"}
+    return layout.outputs_of(training.inputs()) | own
+
+
+def external_options(experiment, scene, folder):
+    """Options of `alignerf.others.data`: photos and cameras, seed of the points."""
+    words = arguments.options(experiment.training(scene, folder).inputs())
+    return [*words, "--seed", str(experiment.scenes[scene]["seed"])]
+
+
+def external_keys(experiment, folder):
+    """The key `external` of the method that a training is named after."""
+    return experiment.methods[folder.partition("/")[0]]["external"]
 
 
 def weights_of(experiment, scene, folder):

@@ -8,7 +8,7 @@ import functools
 import itertools
 import re
 
-from alignerf.experiment import kinds, sweep, trainings
+from alignerf.experiment import kinds, slices, sweep, trainings
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import json_files
 
@@ -65,21 +65,25 @@ class Experiment:
     @kept
     def trained(self):
         """Methods that train something: all but another program's renders."""
-        return [m for m in self.methods if m not in self.names(kinds.external)]
+        return [m for m in self.methods if m not in self.names(kinds.given)]
 
     @kept
     def baseline(self, method):
         """The method whose round 0 is the baseline of a method in tables.
 
-        Of a warm method: the method in `warm_start.from`. Of an external method: the
-        reference's method. Of others: the first plain method with the same model, or
+        Of a warm method: the method in `warm_start.from`. Of given renders: the
+        reference's method. Of an external method: the first with the same commands. Of
+        others: the first plain method with the same model, or
         the method itself where no plain method has this model.
         """
         chosen = self.methods[method]
         if method in self.names(kinds.warm):
             return chosen["warm_start"]["from"]
-        if method in self.names(kinds.external):
+        if method in self.names(kinds.given):
             return self.config["reference"]["method"]
+        if (external := self.names(kinds.external)) and method in external:
+            jobs = {name: slices.of_commands(self.methods[name]) for name in external}
+            return next(name for name in external if jobs[name] == jobs[method])
         plain, model = self.names(kinds.plain), chosen["model"]
         same = (name for name in plain if self.methods[name]["model"] == model)
         return next(same, method)
@@ -133,7 +137,7 @@ class Experiment:
 
         A shared training lies in the folder of another method.
         """
-        if method in self.names(kinds.external):
+        if method in self.names(kinds.given):
             return f"results/{scene}/{method}/round0"
         return self.at(scene, method, round).path
 
@@ -152,12 +156,13 @@ class Experiment:
 
         Another training needs the flow, or the verdict does: if the config has an
         aligned method or windows, the flow after the reference's round 0 shows how
-        misaligned the photos are.
+        misaligned the photos are. Of an external reference this is always wanted.
         """
         every = self.trainings(scene).values()
         folders = {before.folder for training in every for before in training.flows}
         judged = self.whole(scene) != scene or self.windows(scene)
-        if judged or self.names(kinds.aligned):
+        external = self.config["reference"]["method"] in self.names(kinds.external)
+        if judged or external or self.names(kinds.aligned):
             folders.add(self.judged_folder(scene).removeprefix(f"results/{scene}/"))
         return folders
 
@@ -184,8 +189,8 @@ class Experiment:
         ]
 
     def scored(self, scene):
-        """(method, round) of all that is scored: trainings, then external methods."""
-        given = self.names(kinds.external)
+        """(method, round) of all that is scored: trainings, then given renders."""
+        given = self.names(kinds.given)
         return [*self.all_rounds(scene), *((name, 0) for name in given)]
 
     def reference_round(self, scene):
@@ -248,11 +253,17 @@ def folders(experiment):
 
     All scenes have the same folders; the sweep's scene has the sweep's folders too.
     """
-    sweeps = experiment.config["tradeoff"]
-    scenes = {next(iter(experiment.scenes)), *([sweeps["scene"]] if sweeps else [])}
+    scenes = {next(iter(experiment.scenes)), *sweep.scene_of(experiment)}
     names = {name for scene in scenes for name in experiment.trainings(scene)}
-    names |= {f"{name}/round0" for name in experiment.names(kinds.external)}
+    names |= {f"{name}/round0" for name in experiment.names(kinds.given)}
     return one_of(names)
+
+
+def trained_by(experiment, *, external):
+    """Regular expression of the folders that others train (external), or that we do."""
+    scenes = {next(iter(experiment.scenes)), *sweep.scene_of(experiment)}
+    every = [t for scene in scenes for t in experiment.trainings(scene).values()]
+    return one_of({t.folder for t in every if bool(t.external) == external})
 
 
 def check_equal(experiment):

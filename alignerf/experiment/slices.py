@@ -27,7 +27,7 @@ def of_scene(experiment, name):
         unused.add("triangulate")
     if scene_keys.whole_of(scene):
         unused |= {"test_every", "perturb_px", "colmap"}
-    unused |= {key for key in ("masks", "zoom") if scene[key] is None}
+    unused |= {key for key in ("masks", "zoom", "judged") if scene[key] is None}
     return as_json({key: scene[key] for key in scene.keys() - unused})
 
 
@@ -72,6 +72,24 @@ def finetuning(experiment, scene, method):
     if chosen["radius_px"] == "auto":
         chosen["radius_px"] = None
     return job(experiment, scene, method, "finetune") | {"alignerf": chosen}
+
+
+def external(experiment, scene, method):
+    """What a training by another program depends on: its commands, and their numbers.
+
+    Not what it asks for of the machine.
+    """
+    commands = of_commands(experiment.methods[method])
+    text = " ".join(filter(None, commands.values()))
+    chosen = experiment.scenes[scene]
+    used = {key: chosen[key] for key in ("seed", "steps") if f"{{{key}}}" in text}
+    return {"external": commands | used}
+
+
+def of_commands(method):
+    """The commands of an external method, or the folders that stand for them."""
+    asked = ("gpu", "mem_mb")
+    return {key: v for key, v in method["external"].items() if key not in asked}
 
 
 def of_variant(experiment, name):

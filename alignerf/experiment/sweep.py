@@ -15,6 +15,12 @@ def variants(experiment):
     return found["scene"], {"base": {}} | found["variants"]
 
 
+def scene_of(experiment):
+    """[scene] of the sweep; [] without a tradeoff."""
+    found = experiment.config["tradeoff"]
+    return [found["scene"]] if found else []
+
+
 def names(experiment):
     """Names of the base and of all variants; none without a tradeoff."""
     if not experiment.config["tradeoff"]:

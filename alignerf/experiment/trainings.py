@@ -16,7 +16,7 @@ CORRECTED = "corrected/poses_corrected.json"
 
 
 class Training(NamedTuple):
-    """One run of `alignerf.train`.
+    """One run of `alignerf.train`, or of another program's (`alignerf.others.train`).
 
     folder: of its own, below results/SCENE/. job: its slice of the config, as JSON.
     photos, cameras: what it learns from. valid: folder of the pixels that count there;
@@ -75,6 +75,11 @@ class Training(NamedTuple):
     def modules(self):
         """Modules of the code that it runs; `train` imports the aligner by its name."""
         return ["alignerf.train", *["alignerf.alignment.aligner"] * bool(self.aligns)]
+
+    @property
+    def external(self):
+        """The commands by which another program trains it, or None."""
+        return json.loads(self.job).get("external")
 
     @property
     def aligns(self):

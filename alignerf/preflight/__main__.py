@@ -93,7 +93,10 @@ def decided(todo):
     """The work with its decided settings filled in, above all the steps."""
     if todo is None:
         return None
-    trainings = [one | {"job": fill.fill(one["job"])} for one in todo["trainings"]]
+    trainings = [
+        one if one.get("external") else one | {"job": fill.fill(one["job"])}
+        for one in todo["trainings"]
+    ]
     return todo | {"trainings": trainings}
 
 
@@ -137,6 +140,7 @@ def plan_of(args, scene, todo):
     return {
         "scene": scene.name,
         "cores": args.cores,
+        "external": [t["name"] for t in todo["trainings"] if t.get("external")],
         "lanes": at_once,
         "wall_s": round(wall_s, 1),
         "hours": round(wall_s / 3600, 3),
@@ -173,11 +177,11 @@ def views_of(loaded: prepared.Scene) -> schedule.Views:
 
 def calibrated(scene, loaded: prepared.Scene, todo, threads, at_once):
     """(rates of each training, the flow's), measured `at_once` at a time."""
-    keys = [slices.as_json(schedule.program_of(t["job"])) for t in todo["trainings"]]
-    jobs = {key: t["job"] for key, t in zip(keys, todo["trainings"], strict=True)}
+    ours = [t["job"] for t in todo["trainings"] if not t.get("external")]
+    jobs = {slices.as_json(schedule.program_of(job)): job for job in ours}
     pairs = [(key, what) for what in ("train", "render") for key in jobs]
     measure = functools.partial(calibrate, scene, threads)
-    pool = concurrent.futures.ThreadPoolExecutor(min(at_once, len(jobs)))
+    pool = concurrent.futures.ThreadPoolExecutor(max(1, min(at_once, len(jobs))))
     try:
         photos, names = loaded.folder / "images", loaded.names
         of_flow = pool.submit(flow.measure, photos, names, todo["flow"])
@@ -191,7 +195,12 @@ def calibrated(scene, loaded: prepared.Scene, todo, threads, at_once):
         key: schedule.Rates(**results[key, "train"], **results[key, "render"])
         for key in jobs
     }
-    return [rates[key] for key in keys], of_flow
+    return [
+        schedule.UNKNOWN
+        if one.get("external")
+        else rates[slices.as_json(schedule.program_of(one["job"]))]
+        for one in todo["trainings"]
+    ], of_flow
 
 
 def calibrate(scene, threads, job, what):

@@ -1,5 +1,6 @@
 """Whether a plan fits this machine, and its cost in words. No JAX here."""
 
+from alignerf.files import faults
 from alignerf.preflight import simulate
 
 KINDS = {"train": "trainings", "render": "rendering", "flow": "flow"}
@@ -44,8 +45,17 @@ def lines(plan, name):
         f"  memory {gigabytes(plan['memory_bytes'])} of "
         f"{gigabytes(plan['memory_free_bytes'])} free; disk "
         f"{gigabytes(plan['disk_bytes'])} of {gigabytes(plan['disk_free_bytes'])} free",
+        *unknown(plan),
         *advice(plan),
     ]
+
+
+def unknown(plan):
+    """What other programs take is not known."""
+    if not (names := plan.get("external")):
+        return []
+    some = faults.some_names(names)
+    return [f"  not counted, as only their program knows: training {some}"]
 
 
 def advice(plan):

@@ -55,6 +55,10 @@ class Rates(NamedTuple):
     render_peak_bytes: int
 
 
+# Of another program's: what it takes is not known, and counts nothing.
+UNKNOWN = Rates(0.0, 0.0, 0.0, 0, 0, 0.0, 0.0, 0.0, 0)
+
+
 class Flow(NamedTuple):
     """The cost of a flow process: its start, a view, and a view's files."""
 
@@ -216,23 +220,16 @@ def evaluate_s(flow: Flow, views: Views):
 def training(one, rate: Rates, flow: Flow, views: Views, *, threads):
     """The tasks of a training, of its renders and of their flow."""
     name, splits = one["name"], one["renders"]
-    job, count = jobs.parse(one["job"]), views.number(splits)
-    minutes = job.budget_min
-    loop_s = job.steps * rate.step_s if minutes is None else 60 * minutes
+    count = views.number(splits)
     corrects_s = pace(flow) * CORRECT_S * 1e-6 * views.train * views.pixels
     before_s = (flow.start_s + corrects_s) if one["corrects"] else 0.0
-    photos_bytes = views.train * views.image_bytes if job.align else 0
+    own_s, photos_bytes, more_bytes = of_job(one, rate, flow, views)
     train = Task(
-        *(f"{name}/train", "train"),
-        before_s
-        + rate.start_s
-        + rate.compile_s
-        + loop_s
-        + aligns_s(job, rate, flow, views),
+        *(f"{name}/train", "train", before_s + own_s),
         *(threads, [f"{before}/flow" for before in one["after"]]),
         f"{name}/timing.json",
         PARAM_BYTES * rate.params + SMALL_BYTES + photos_bytes,
-        rate.peak_bytes + aligns_bytes(job, views),
+        rate.peak_bytes + more_bytes,
     )
     if not splits:
         # There is no flow task: the training takes that name, which others wait for.
@@ -249,6 +246,21 @@ def training(one, rate: Rates, flow: Flow, views: Views, *, threads):
         count * (flow.flow_bytes + flow.warped_bytes),
     )
     return [train, render, aligned]
+
+
+def of_job(one, rate: Rates, flow: Flow, views: Views):
+    """(seconds, bytes of photos on disk, more bytes of memory) of a training alone.
+
+    Another program's time is not known; it gets a copy of all photos.
+    """
+    if one.get("external"):
+        return 0.0, (views.train + views.test) * views.image_bytes, 0
+    job = jobs.parse(one["job"])
+    minutes = job.budget_min
+    loop_s = job.steps * rate.step_s if minutes is None else 60 * minutes
+    photos_bytes = views.train * views.image_bytes if job.align else 0
+    seconds = rate.start_s + rate.compile_s + loop_s + aligns_s(job, rate, flow, views)
+    return seconds, photos_bytes, aligns_bytes(job, views)
 
 
 def aligns_s(job, rate: Rates, flow: Flow, views: Views):

@@ -64,14 +64,14 @@ def read(path, background=None, *, split_by_lists=True):
     sizes = [photos.stored_size(image, background) for _, image in kept]
     width, height = photos.one_size(names, sizes, path)
     lenses = [
-        _lens(path, {**scene, **frame}, width, height, where=str(frame["file_path"]))
+        lens(path, {**scene, **frame}, width, height, where=str(frame["file_path"]))
         for frame, _ in kept
     ]
     as_stored = functools.partial(photos.as_stored, background=background)
     views = distortion.pinhole_views(
         names,
         lenses,
-        np.stack([_pose(path, frame) for frame, _ in kept]),
+        np.stack([pose(path, frame) for frame, _ in kept]),
         width=width,
         height=height,
         photos=[prepare.Photo(image, (as_stored,)) for _, image in kept],
@@ -194,7 +194,7 @@ class Images:
             return frozenset()
 
 
-def _lens(path, values, width, height, *, where):
+def lens(path, values, width, height, *, where):
     """(camtopix [3, 3], distortion [5]) at the image's true size."""
     model = values.get("camera_model", "OPENCV")
     if model not in CAMERA_MODELS or values.get("is_fisheye"):
@@ -244,16 +244,16 @@ def _number(path, values, key, default, *, where):
     return float(value)
 
 
-def _pose(path, frame):
+def pose(path, frame):
     """The frame's camera-to-world [3, 4], checked to be a pose."""
     where = frame["file_path"]
     try:
-        pose = np.array(frame["transform_matrix"], dtype=np.float64)
+        matrix = np.array(frame["transform_matrix"], dtype=np.float64)
     except (KeyError, TypeError, ValueError, OverflowError):
-        pose = np.zeros(())
-    if pose.shape not in ((3, 4), (4, 4)) or not np.isfinite(pose).all():
+        matrix = np.zeros(())
+    if matrix.shape not in ((3, 4), (4, 4)) or not np.isfinite(matrix).all():
         raise ValueError(f"{path}: 'transform_matrix' of {where} is not 4x4 numbers")
     rotation = prepare.nearest_rotation(
-        pose[:3, :3], where=f"{path}: 'transform_matrix' of {where}"
+        matrix[:3, :3], where=f"{path}: 'transform_matrix' of {where}"
     )
-    return np.concatenate([rotation, pose[:3, 3:]], axis=-1)
+    return np.concatenate([rotation, matrix[:3, 3:]], axis=-1)

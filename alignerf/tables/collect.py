@@ -28,7 +28,8 @@ from alignerf.files import atomic, csv_files, faults, json_files, provenance
 from alignerf.tables import columns
 
 # Of a training; seconds are without compilation.
-TRAINED = ("steps", "rays_seen", "params", "train_time_s", "compile_time_s")
+UNKNOWN = ("steps", "rays_seen", "params")
+TRAINED = (*UNKNOWN, "train_time_s", "compile_time_s")
 
 
 def main(argv=None):
@@ -103,6 +104,8 @@ def line_of(row):
     files = row.files
     if "timing" in files:
         kinds = dict.fromkeys(TRAINED, json_files.NUMBER)
+        # Of another program's training they are not known.
+        kinds |= dict.fromkeys(UNKNOWN, json_files.NUMBER_OR_NONE)
         timing = json_files.read(files["timing"], kinds)
         line |= {name: timing[name] for name in TRAINED}
         line |= provenance.of_training(files["timing"])

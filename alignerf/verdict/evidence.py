@@ -53,7 +53,7 @@ def read_views(loaded: prepared.Scene, base, splits):
 
 # What it takes from a poses.json, and from the reference's timing.json.
 POSES = prepared.POSES | {"poses": str, "perturb_px": json_files.NUMBER}
-TIMING = {"rays_seen": json_files.NUMBER}
+TIMING = {"rays_seen": json_files.NUMBER_OR_NONE}
 
 
 def table(path):
@@ -131,7 +131,7 @@ def gather(
         psnr_train_db=mean(of_split["train"], "even_psnr_db"),
         psnr_test_db=mean(of_split["test"], "even_psnr_db"),
         overfit_px=float(table(overfit)["median_px"].median()) if overfit else math.nan,
-        passes=timing["rays_seen"] / pixels,
+        passes=number(timing["rays_seen"]) / pixels,
         detail_median=float(np.median(ratios)),
         blurred_share=float(
             np.mean(ratios < causes.BLURRED_DETAIL * np.median(ratios))

@@ -119,17 +119,17 @@ def compose(first_px, second_px):
 def unoccluded(flow_px, depth, *, tolerance=OCCLUSION_TOLERANCE):
     """Mask [h, w]: nothing nearer goes to the same pixel of the photo.
 
-    depth [h, w] of the render, positive, in any unit: of the pixels that land on one,
-    those count that are at most a share `tolerance` farther than the nearest. Where
-    the flow leaves the image nothing hides. Raises ValueError.
+    depth [h, w] of the render, positive, in any unit; infinite is far away. Of the
+    pixels that land on one, those count that are at most a share `tolerance` farther
+    than the nearest. Where the flow leaves the image nothing hides. Raises ValueError.
     """
     check_flow(flow_px)
     depth = np.asarray(depth, dtype=np.float32)
     if depth.shape != flow_px.shape[:2]:
         sizes = f"{list(depth.shape)} and flow {list(flow_px.shape[:2])}"
         raise ValueError(f"depth {sizes} differ in size")
-    if not (np.isfinite(depth) & (depth > 0)).all():
-        raise ValueError("depth holds values that are not positive and finite")
+    if not (depth > 0).all():
+        raise ValueError("depth holds values that are not positive")
     inside = in_frame(flow_px)
     at = np.rint(_positions(flow_px)[inside]).astype(int)
     h, w = depth.shape

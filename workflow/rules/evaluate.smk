@@ -42,7 +42,7 @@ rule evaluate:
         unpack(lambda w: inputs.of_scores(experiment, w.scene, w.training, w.moved)),
         # Another program's lie on the disk, also where results go to a storage.
         renders=lambda w: (
-            local if inputs.is_external(experiment, w.training) else layout.output_of
+            local if inputs.is_given(experiment, w.training) else layout.output_of
         )(inputs.renders_of(experiment, w.scene, w.training, w.moved)),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",

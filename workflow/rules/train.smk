@@ -13,6 +13,8 @@ rule train:
         "results/{scene}/{training}/logs/train.log",
     benchmark:
         "results/{scene}/{training}/logs/train.tsv"
+    wildcard_constraints:
+        training=plan.trained_by(experiment, external=False),
     conda:
         "../../environment.yml"
     threads: lambda w: inputs.threads_of(experiment, w.scene, w.training)
@@ -48,6 +50,8 @@ rule render:
         "results/{scene}/{training}/logs/render.log",
     benchmark:
         "results/{scene}/{training}/logs/render.tsv"
+    wildcard_constraints:
+        training=plan.trained_by(experiment, external=False),
     conda:
         "../../environment.yml"
     threads: lambda w: inputs.threads_of(experiment, w.scene, w.training)

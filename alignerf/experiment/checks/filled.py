@@ -37,7 +37,9 @@ def completed(config):
     config["windows"] = None
     for method in config["methods"].values():
         method["renders"] = home(method["renders"])
-        if not method["renders"]:
+        if external := method["external"]:
+            external |= {key: home(external[key]) for key in ("renders", "depth")}
+        if not (method["renders"] or external):
             method["model"] = method["model"] or first(config["models"])
     scratch = [n for n, m in config["methods"].items() if not is_derived(m)]
     reference = config["reference"]

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from alignerf.experiment import jobs, kinds, schema
+from alignerf.experiment.checks import external
 from alignerf.experiment.checks.common import fault, is_derived, is_there
 from alignerf.experiment.keys import method as method_keys
 from alignerf.experiment.keys import scene as scene_keys
@@ -16,6 +17,9 @@ def check_method(config, name):
     method = config["methods"][name]
     if method["renders"]:
         check_renders(config, name)
+        return
+    if method["external"]:
+        external.check(config, name)
         return
     if method["model"] not in config["models"]:
         fault(f"methods.{name}.model", f"no model {method['model']!r}")
@@ -52,7 +56,8 @@ def check_foreign(config, name, kind):
     """A kind of another package stands alone, and checks itself."""
     method = config["methods"][name]
     foreign = [one.KEY for one in kinds.OF_OTHERS if one is not kind]
-    for key in ("alignerf", "refine", "align", "warm_start", *foreign):
+    own_keys = ("alignerf", "refine", "align", "warm_start", "external")
+    for key in (*own_keys, *foreign):
         if method[key]:
             fault(f"methods.{name}.{key}", f"not beside {kind.KEY}")
     if hasattr(kind, "check"):

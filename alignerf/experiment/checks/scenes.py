@@ -5,7 +5,7 @@ from alignerf.experiment.checks.common import fault, is_there
 from alignerf.experiment.keys import scene as scene_keys
 
 # Sources whose photos may have alpha.
-TRANSPARENT = ("photos", "transforms", "blender")
+TRANSPARENT = ("photos", "transforms", "blender", "judged")
 # Courtyard's photos, eight bits a channel.
 MOST_PHOTO_BYTES = 2**35
 
@@ -50,9 +50,22 @@ def check_scene(scene, *place):
         reason = f"{len(zooms)} of them are more than there are test views"
         fault(f"{where}courtyard.zooms", reason)
     check_zoom(scene["zoom"] or {}, f"{where}zoom")
+    check_judged(scene, where)
     if source.has_truth and 3 * views * width * height > MOST_PHOTO_BYTES:
         size = f"{views} photos of {width}x{height} are more than"
         fault(f"{where}courtyard", f"{size} {MOST_PHOTO_BYTES / 2**30:g} GiB")
+
+
+def check_judged(scene, where):
+    """The pairs that are judged stay as they are: nothing of them is made smaller."""
+    judged = scene["judged"]
+    if (scene["source"] == "judged") != bool(judged):
+        fault(f"{where}judged", "goes with source 'judged', and that with it")
+    if not judged:
+        return
+    for key, usual in (("downscale", 1), ("zoom", None), ("perturb_px", 0)):
+        if scene[key] != usual:
+            fault(f"{where}{key}", "not of renders that are judged")
 
 
 def check_zoom(zoom, where):
@@ -85,8 +98,11 @@ def check_windows(config):
 
 def check_path(scene, name):
     """The folders of a scene are there, their names without meaning for Snakemake."""
-    for key in ("path", "masks"):
-        where, path = f"scenes.{name}.{key}", scene[key]
+    judged = scene["judged"] or {}
+    paths = {key: scene[key] for key in ("path", "masks")}
+    paths |= {f"judged.{k}": judged.get(k) for k in ("renders", "cameras", "depth")}
+    for key, path in paths.items():
+        where = f"scenes.{name}.{key}"
         if path and set(path) & set("{}"):
             fault(where, f"{path}: braces mean wildcards, rename it")
         if path and not is_there(path):

@@ -11,9 +11,10 @@ def of_scene(experiment, scene):
     """What `snakemake SCENE` has to do, as JSON can have it: for its cost.
 
     trainings, in an order in which they can run: `name`, the folder below the scene's;
-    `job`, the slice; `after`, names of those that it needs; `corrects`, whether cameras
-    are put right for it; `renders`, the splits that are rendered and aligned;
-    `scored`, whether its test views are. reference: by whose renders the test set is
+    `job`, the slice; `external`, that it is another program's; `after`, names of those
+    that it needs; `corrects`, whether cameras are put right for it; `renders`, the
+    splits that are rendered and aligned; `scored`, whether its test views are.
+    reference: by whose renders the test set is
     made; verdict: whose views the verdict looks at. windows: scenes of windows for the
     verdict, whose cost is counted here.
 
@@ -30,7 +31,7 @@ def of_scene(experiment, scene):
         "reference": longest.reference_folder(scene).removeprefix(root),
         "verdict": longest.reference_folder(scene, 0).removeprefix(root),
         "trainings": entries(longest, [t for t in every if not t.alone]),
-        "given": len(longest.names(kinds.external)),
+        "given": len(longest.names(kinds.given)),
         "aligned_pose": experiment.config["aligned_pose"],
         "truth": experiment.has_truth(scene),
         "flow": arguments.estimator_options(experiment),
@@ -76,6 +77,7 @@ def one_of_work(experiment, training, *, new):
     return {
         "name": training.folder,
         "job": json.loads(training.job),
+        **({"external": True} if training.external else {}),
         "after": [before.folder for before in needed],
         "corrects": new and training.cameras in corrected,
         "renders": splits,

@@ -129,6 +129,36 @@ class Align(Keys):
     )
 
 
+class External(Keys):
+    """Another program, which trains and renders: docs/external.md."""
+
+    train: str | None = key(
+        None,
+        "command that trains; {data}, {model}, {cores}, {seed}, {steps}, {scene} and "
+        "{round} stand for a folder or a number; no shell reads it",
+        pattern=r"\S",
+    )
+    render: str | None = key(
+        None,
+        "command that renders all views as <view>.png below {renders} and, if it can, "
+        "their depth as <view>.npy or .npz below {depth}; the others of train too",
+        pattern=r"\S",
+    )
+    renders: str | None = key(
+        None,
+        "instead of both commands: folder of finished renders, <view>.png below; "
+        "{scene} stands for the scene's name",
+        pattern=r"\S",
+    )
+    depth: str | None = key(
+        None, "beside renders: folder of their depth; {scene} too", pattern=r"\S"
+    )
+    gpu: int = key(0, "accelerators of each command", least=0, most=64)
+    mem_mb: int | None = key(
+        None, "memory of each command; null asks for the usual", least=1, most=10**9
+    )
+
+
 class Method(Keys):
     model: str | None = key(None, "a key of models; null takes the first")
     rounds: int | Literal["auto"] = key(
@@ -161,6 +191,9 @@ class Method(Keys):
     )
     align: Align | None = key(
         None, "alignment on the way: the training puts right what it learns from"
+    )
+    external: External | None = key(
+        None, "another program trains and renders: in rounds, as ours are trained"
     )
     renders: str | None = key(
         None,

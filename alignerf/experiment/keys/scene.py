@@ -23,6 +23,7 @@ SOURCES = {
     "llff": Source(("given",), every_eighth=True),
     "mipnerf360": Source(("given",), every_eighth=True),
     "blender": Source(("given",)),
+    "judged": Source(("given",)),
 }
 
 
@@ -62,11 +63,13 @@ def wants_points(scene):
     """Whether points of a scene's cameras are to be found, where they have none yet.
 
     Of given cameras unless it says no, of the courtyard's true ones where it says so.
-    Windows have them from the whole photos.
+    Windows have them from the whole photos. What is judged has its cameras' own.
     """
     if scene["zoom"]:
         return False
     poses, wanted = poses_of(scene), scene["triangulate"]
+    if scene["judged"]:
+        return bool(wanted)
     return poses == "given" if wanted is None else wanted and poses != "colmap"
 
 
@@ -130,6 +133,47 @@ class Courtyard(Keys):
     supersample: int = key(2, "rays a pixel and axis", least=1, most=16)
 
 
+class Judged(Keys):
+    """What another program has trained: its renders are judged, and nothing is trained.
+
+    `make judge` writes it.
+    """
+
+    renders: str = key(
+        what="folder of its renders of the photos, as nerfstudio, gsplat or Gaussian "
+        "splatting write them, or called like the photos",
+        pattern=r"\S",
+    )
+    splits: list[Literal["train", "test"]] = key(
+        ["train", "test"],
+        "those that there are renders of: of photos that were learnt from, of held-out "
+        "ones, or of both",
+        length=(1, 2),
+    )
+    cameras: str | None = key(
+        None,
+        "transforms.json, COLMAP's sparse/0, or cameras.json of Gaussian splatting, or "
+        "their folder; null: a field of view is assumed, and turns and zooms are told",
+        pattern=r"\S",
+    )
+    depth: str | None = key(
+        None,
+        "folder of the renders' depth: .npz, .npy, .npy.gz, .tiff, .png of 16 bits; "
+        "null: from the points that cameras came with, else all is far away",
+        pattern=r"\S",
+    )
+    depth_kind: Literal["depth", "distance"] | None = key(
+        None,
+        "along the optical axis, or along the ray; null: as fits the points better",
+    )
+    depth_scale: float | None = key(
+        None,
+        "what brings it to the unit of the cameras; null: as fits the points",
+        above=0,
+        most=1e30,
+    )
+
+
 class Zoom(Keys):
     """Windows of each photo, at its own size, around points of the scene."""
 
@@ -176,8 +220,8 @@ class Zoom(Keys):
 class Scene(Keys):
     source: Literal[tuple(SOURCES)] = key(
         what="embedded scene, folder of photos, transforms.json, LLFF's "
-        "poses_bounds.npy, a scene of mip-NeRF 360 (360_v2), or one of NeRF's "
-        "synthetic scenes"
+        "poses_bounds.npy, a scene of mip-NeRF 360 (360_v2), one of NeRF's "
+        "synthetic scenes, or photos beside renders of another program"
     )
     path: str | None = key(
         None,
@@ -225,6 +269,9 @@ class Scene(Keys):
         "with fewer to learn from the run stops: no geometry follows from them",
         least=1,
         most=10000,
+    )
+    judged: Judged | None = key(
+        None, "of source judged: the renders, their cameras and their depth"
     )
     zoom: Zoom | None = key(
         None,

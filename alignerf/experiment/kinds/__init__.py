@@ -8,12 +8,20 @@ has `KEY`, its key of a method; `Keys`, the class of what stands there; and, if 
 likes, `check(config, name)`, which raises ValueError. docs/extending.md shows one.
 """
 
-from alignerf.experiment.kinds import aligned, external, learnt, plain, staged, warm
+from alignerf.experiment.kinds import (
+    aligned,
+    external,
+    given,
+    learnt,
+    plain,
+    staged,
+    warm,
+)
 from alignerf.files import extensions
 
 OF_OTHERS = tuple(extensions.of_group("kinds").values())
 # A method is of the first kind that takes it. `plain` takes all.
-EVERY = (*OF_OTHERS, external, staged, warm, learnt, aligned, plain)
+EVERY = (*OF_OTHERS, given, external, staged, warm, learnt, aligned, plain)
 
 
 def of_method(method):

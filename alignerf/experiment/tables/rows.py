@@ -58,8 +58,12 @@ def shown_in(rows):
 
 def describe_method(experiment, method):
     """How a table calls a method: its field, and what else the method is."""
-    if method in experiment.names(kinds.external):
+    if method in experiment.names(kinds.given):
         return "renders given"
+    if method in experiment.names(kinds.external):
+        chosen = experiment.methods[method]
+        words = kinds.external.words(experiment, method)
+        return ", ".join([kinds.external.program(chosen), *words])
     model = experiment.config["models"][experiment.methods[method]["model"]]
     field = model.get("field", model)
     hashed = "log2_entries" in field
@@ -127,11 +131,13 @@ def scored(experiment, scene, method, round, aligned_pose):
         # Of the method as it is; no table has one of its rounds.
         published=experiment.methods[method]["published"] if round == 0 else None,
     )
-    if method in experiment.names(kinds.external):
+    if method in experiment.names(kinds.given):
         return row
     training = experiment.at(scene, method, round)
     files = row.files | costs_of(path)
-    if aligned_pose and experiment.config["aligned_pose"]:
+    # Only a model of ours can be asked for a view by another camera.
+    moves = experiment.config["aligned_pose"] and not training.external
+    if aligned_pose and moves:
         files["aligned_pose"] = f"{path}/metrics_aligned_pose.csv"
     return row._replace(
         way=[one.folder for one in trainings.lead_to(training)],

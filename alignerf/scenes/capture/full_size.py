@@ -22,6 +22,7 @@ from alignerf.scenes import (
 from alignerf.scenes.capture import canvas, ingest
 from alignerf.scenes.courtyard import scene as courtyard
 from alignerf.scenes.courtyard import truth
+from alignerf.scenes.judged import views as judged
 
 # Sources whose files give the poses -> (views, names of photos without a pose).
 GIVEN = {
@@ -29,6 +30,7 @@ GIVEN = {
     "llff": lambda config: (llff.read(config["path"]), []),
     "mipnerf360": lambda config: mipnerf360.read(config["path"], config["images"]),
     "blender": lambda config: blender.read(config["path"], config["background"]),
+    "judged": judged.at_full_size,
 }
 OF_LENSES = ("names", "camtopix", "distortion", "camera_of")
 

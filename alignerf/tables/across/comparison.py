@@ -118,7 +118,8 @@ def mean_costs(rows):
     if not rows[0].costs:
         return {}
     means = {key: np.mean([row.costs[key] for row in rows]) for key in COSTS}
-    means |= {key: round(means[key]) for key in ("rays_seen", "params")}
+    counts = {key: means[key] for key in ("rays_seen", "params")}
+    means |= {k: v if np.isnan(v) else round(v) for k, v in counts.items()}
     return means | {"memory_mib": np.mean([row.own["memory_mib"] for row in rows])}
 
 

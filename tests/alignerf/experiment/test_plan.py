@@ -117,6 +117,7 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
     demo["methods"] = {"warm": warm} | demo["methods"]
     experiment = experiment_of(demo)
     assert {kind: experiment.names(kind) for kind in kinds.EVERY} == {
+        kinds.given: [],
         kinds.external: [],
         kinds.staged: ["alignerf", "staged_alone"],
         kinds.warm: ["warm"],

@@ -4,8 +4,7 @@ import json
 
 import numpy as np
 
-from alignerf import export
-from alignerf.exports import readme
+from alignerf.exports import photos, readme
 from tests import export_cases as cases
 
 
@@ -48,7 +47,7 @@ def test_the_readme_knows_what_other_programs_take(views):
     names = ["a", "a-1", *"bcdefgh"]
     assert "those that are\nheld out" in readme.of_their_split(names, ["a-1", "h"])
     assert "NOT" in readme.of_their_split(names, ["a", "h"])
-    arrays = export.arrays_of(views)
+    arrays = photos.arrays_of(views)
     assert readme.of_middle(arrays) == ""
     arrays["pixtocams"] = arrays["pixtocams"].copy()
     lens = np.linalg.inv(arrays["pixtocams"][0])

@@ -276,8 +276,8 @@ def test_a_surface_does_not_hide_itself():
     ("depth", "reason"),
     [
         (np.ones((8, 9)), "differ in size"),
-        (np.zeros((8, 8)), "not positive and finite"),
-        (np.full((8, 8), np.nan), "not positive and finite"),
+        (np.zeros((8, 8)), "not positive"),
+        (np.full((8, 8), np.nan), "not positive"),
     ],
 )
 def test_a_depth_that_is_none_is_refused(depth, reason):

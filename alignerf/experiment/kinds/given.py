@@ -1,0 +1,14 @@
+"""Given: another program's renders. They are scored, and nothing is trained."""
+
+
+def takes(method):
+    """A method with `renders`."""
+    return bool(method["renders"])
+
+
+def trainings(experiment, scene, name, once):
+    return []
+
+
+def words(experiment, name):
+    return []

@@ -1,0 +1,1 @@
+"""What other programs train and render: their data, their commands, their images."""

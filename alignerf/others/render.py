@@ -1,0 +1,58 @@
+"""Render by another program: `python -m alignerf.others.render`.
+
+Its command writes an image of every view, and their depth if it can. They are checked
+and written as `alignerf.render_views` writes ours: <view>.png, <view>.npz with depth,
+and a timing file, each where its path says, in which `{split}` stands for the split.
+"""
+
+import argparse
+import json
+
+from alignerf.files import atomic, faults, split_paths
+from alignerf.others import importing, jobs
+from alignerf.scenes import prepared
+
+
+def main(argv=None):
+    args = parse(argv)
+    outs = args.renders, args.depth
+    split_paths.check(args.splits, (*outs, args.timing))
+    job = jobs.read(args.config)
+    loaded = prepared.load(args.scene, args.cameras)
+    if job.renders:
+        folders = (jobs.folder_of(f, args) for f in (job.renders, job.depth))
+        count = importing.take(*folders, loaded, args.splits, *outs)
+        seconds = 0.0
+    else:
+        with atomic.scratch_folder(args.training, name="rendered") as work:
+            folders = [work.resolve() / name for name in ("renders", "depth")]
+            for folder in folders:
+                folder.mkdir()
+            seconds = jobs.run(
+                *(job.render, job, args), renders=folders[0], depth=folders[1]
+            )
+            count = importing.take(*folders, loaded, args.splits, *outs)
+    # The command renders all views at once.
+    view_time_s = seconds / count
+    for split in args.splits:
+        views = len(loaded.views(split))
+        timing = {"time_s": round(views * view_time_s, 3)}
+        timing |= {"views": views, "view_time_s": round(view_time_s, 4)}
+        with atomic.replace_file(split_paths.fill(args.timing, split)) as path:
+            path.write_text(json.dumps(timing))
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(prog="alignerf.others.render", description=__doc__)
+    jobs.add_arguments(parser)
+    parser.add_argument("--cameras", required=True, help="that renders are seen by")
+    parser.add_argument("--splits", nargs="+", required=True, choices=prepared.SPLITS)
+    parser.add_argument("--renders", required=True, help="folder, written")
+    parser.add_argument("--depth", required=True, help="folder, written")
+    parser.add_argument("--timing", required=True, help="timing file, written")
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    faults.run(main)

@@ -1,0 +1,224 @@
+"""Depth of another program's renders: found, read, and brought to the cameras' unit.
+
+A program writes depth along the optical axis or distance along the ray, in a unit of
+its own. The points that cameras came with tell which, and the unit. Without any depth,
+points give a coarse one; without points all is taken for far away.
+
+Notation: `depth` [h, w] float32 along the optical axis, in the unit of the cameras;
+NaN or 0 where unknown, infinite where far away.
+"""
+
+import gzip
+import io
+import os
+import zlib
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from PIL import Image
+
+from alignerf.files import faults
+from alignerf.scenes import cameras
+from alignerf.scenes.judged import renders
+
+SUFFIXES = (".npz", ".npy", ".npy.gz", ".tiff", ".tif", ".png")
+KINDS = ("depth", "distance")
+# Of one depth map: a flow of 16384 x 16384 pixels has no more.
+MOST_BYTES = 2**30
+# Ratios of depths at fewer points tell nothing.
+LEAST_POINTS = 50
+# Views that are looked at for the unit, and the side in px of a cell in which the
+# nearest points count: those behind are hidden.
+SEEN_VIEWS, CELL_PX = 12, 16
+
+
+class Unit(NamedTuple):
+    """What turns a program's numbers into depth: `kind` of KINDS, and a factor.
+
+    spread: of the logarithm of the ratios to the points, as a median deviation; NaN
+    where no points have told.
+    """
+
+    kind: str
+    scale: float
+    spread: float
+
+
+def find(folder, names):
+    """{view: path} of the depths of a folder, which are called like their views.
+
+    Raises ValueError naming the folder where there are none that can be read.
+    """
+    folder, found = Path(folder), {}
+    if not folder.is_dir():
+        raise ValueError(f"{folder}: no folder of depths")
+    known = set(names)
+    lower = {name.lower(): name for name in names}
+    inside = (Path(root, file) for root, _, files in os.walk(folder) for file in files)
+    for path in sorted(inside):
+        suffix = next((s for s in SUFFIXES if path.name.lower().endswith(s)), None)
+        if path.suffix.lower() == ".exr":
+            raise ValueError(
+                f"{path}: EXR is not read here: write .npy, or .tiff of 32 bits"
+            )
+        if suffix is None:
+            continue
+        stem = path.name[: -len(suffix)]
+        if (name := renders.name_of(stem, known, lower)) is not None:
+            if name in found:
+                raise ValueError(f"{found[name]} and {path}: both of view {name}")
+            found[name] = path
+    if not found:
+        raise ValueError(f"{folder}: no depths ({', '.join(SUFFIXES)}) of the views")
+    return found
+
+
+def read(path):
+    """The numbers of a file [h, w] float32; ValueError naming it where it has none."""
+    path = Path(path)
+    faults.check_regular(path)
+    if path.stat().st_size > MOST_BYTES:
+        raise ValueError(f"{path}: over {MOST_BYTES} bytes")
+    try:
+        values = READERS[path.suffix.lower()](path)
+    except (ValueError, OSError, EOFError, zlib.error, SyntaxError, KeyError) as error:
+        raise ValueError(f"{path}: not a readable depth: {error}") from None
+    values = np.squeeze(values)
+    if values.ndim != 2 or values.dtype.kind not in "fui" or 0 in values.shape:
+        raise ValueError(f"{path}: {values.dtype} {list(values.shape)} is no depth")
+    return values.astype(np.float32)
+
+
+def read_npz(path):
+    """`depth` of it, or its only array."""
+    with np.load(path, allow_pickle=False) as archive:
+        names = archive.files
+        name = "depth" if "depth" in names else names[0] if len(names) == 1 else None
+        if name is None:
+            raise ValueError(f"no array `depth` among {faults.some_names(names)}")
+        return archive[name]
+
+
+def read_gz(path):
+    """nerfstudio's .npy.gz; what it unpacks to is bounded."""
+    with gzip.open(path) as file:
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise ValueError("it unpacks to too much")
+    return np.load(io.BytesIO(content), allow_pickle=False)
+
+
+def read_png(path):
+    """Grey of 16 bits; one of 8 bits is a picture."""
+    with Image.open(path, formats=["PNG"]) as image:
+        if not image.mode.startswith("I"):
+            raise ValueError("a PNG of depth has 16 bits and one channel")
+        return np.asarray(image)
+
+
+def read_tiff(path):
+    values = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
+    if values is None:
+        raise ValueError("no TIFF that OpenCV reads")
+    return values
+
+
+READERS = {
+    ".npz": read_npz,
+    ".npy": lambda path: np.load(path, allow_pickle=False),
+    ".gz": read_gz,
+    ".png": read_png,
+    ".tif": read_tiff,
+    ".tiff": read_tiff,
+}
+
+
+def along_axis(values, kind, pixtocam):
+    """Depth along the optical axis of what a file has, still in its unit."""
+    if kind == "depth":
+        return values
+    height, width = values.shape
+    y, x = np.indices((height, width)) + 0.5
+    rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ np.asarray(pixtocam).T
+    rays = rays / rays[..., 2:]
+    return (values / np.linalg.norm(rays, axis=-1)).astype(np.float32)
+
+
+def resized(values, size):
+    """Depth [h, w] of another size (width, height), by the nearest pixel."""
+    if values.shape == size[::-1]:
+        return values
+    return cv2.resize(values, size, interpolation=cv2.INTER_NEAREST)
+
+
+def unit_of(paths, views, points) -> Unit:
+    """The `Unit` of the files {view: path} by the points that cameras came with.
+
+    views: {view: (pixtocam, camtoworld, (width, height))}. points: positions [m, 3],
+    or None; too few leave numbers as they are.
+    """
+    if points is None:
+        return Unit("depth", 1.0, np.nan)
+    ratios = {kind: [] for kind in KINDS}
+    names = [name for name in paths if name in views]
+    step = max(len(names) // SEEN_VIEWS, 1)
+    for name in names[::step]:
+        pixtocam, camtoworld, size = views[name]
+        column, row, depth = visible(points, pixtocam, camtoworld, size)
+        values = resized(read(paths[name]), size)
+        for kind in KINDS:
+            own = along_axis(values, kind, pixtocam)[row, column]
+            good = np.isfinite(own) & (own > 0)
+            ratios[kind].append(np.log(depth[good] / own[good]))
+    found = []
+    for kind in KINDS:
+        logs = np.concatenate(ratios[kind]) if ratios[kind] else np.zeros(0)
+        if len(logs) < LEAST_POINTS:
+            return Unit("depth", 1.0, np.nan)
+        middle = np.median(logs)
+        spread = float(np.median(np.abs(logs - middle)))
+        found.append(Unit(kind, float(np.exp(middle)), spread))
+    return min(found, key=lambda unit: unit.spread)
+
+
+def visible(points, pixtocam, camtoworld, size):
+    """(column, row, depth) [m] of the points that a view may see.
+
+    Of points in one cell those count that are not far behind the nearest.
+    """
+    at, depth = cameras.project(points, pixtocam, camtoworld)
+    inside = (depth > 0) & (at >= 0).all(-1) & (at < np.array(size)).all(-1)
+    at, depth = at[inside], depth[inside]
+    column, row = at.astype(int).T
+    cells = row // CELL_PX * (size[0] // CELL_PX + 1) + column // CELL_PX
+    nearest = np.full(cells.max() + 1 if len(cells) else 1, np.inf)
+    np.minimum.at(nearest, cells, depth)
+    seen = depth < 1.3 * nearest[cells]
+    return column[seen], row[seen], depth[seen]
+
+
+def of_points(points, pixtocam, camtoworld, size):
+    """A coarse depth [h, w] from the points of a view; infinite where it sees too few.
+
+    Between points it is that of the nearest, smoothed.
+    """
+    width, height = size
+    column, row, depth = visible(points, pixtocam, camtoworld, size)
+    if len(depth) < LEAST_POINTS:
+        return np.full((height, width), np.inf, np.float32)
+    cells = (height - 1) // CELL_PX + 1, (width - 1) // CELL_PX + 1
+    total, count = np.zeros(cells), np.zeros(cells)
+    place = row // CELL_PX, column // CELL_PX
+    # Means of disparity: a far point must not outweigh near ones.
+    np.add.at(total, place, 1 / depth)
+    np.add.at(count, place, 1)
+    known = count > 0
+    _, nearest = cv2.distanceTransformWithLabels(
+        (~known).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    values = np.zeros(nearest.max() + 1)
+    values[nearest[known]] = total[known] / count[known]
+    disparity = cv2.GaussianBlur(values[nearest].astype(np.float32), (0, 0), 1.0)
+    return 1 / cv2.resize(disparity, size, interpolation=cv2.INTER_LINEAR)

@@ -1,0 +1,223 @@
+"""The cameras that another program's renders were seen by.
+
+Read are: a transforms.json (instant-ngp, nerfstudio), a COLMAP model (sparse/0, binary
+or text), the cameras.json of 3D Gaussian splatting, and nothing at all: then a field of
+view is assumed, and only turns and zooms can be told.
+"""
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from alignerf.files import faults, json_files
+from alignerf.scenes import mipnerf360, prepare, transforms
+from alignerf.scenes.judged import ply
+
+# The horizontal field of view that is assumed where nothing is known: of a phone's main
+# camera. By a wrong one a turn is told wrongly by the same share.
+ASSUMED_DEGREES = 65.0
+# COLMAP's files of a model.
+OF_MODEL = ("cameras.bin", "cameras.txt")
+MODELS = (".", "sparse/0", "sparse", "colmap/sparse/0", "0")
+OF_GAUSSIANS = {
+    "img_name": str,
+    **dict.fromkeys(("width", "height", "fx", "fy"), json_files.NUMBER),
+    **dict.fromkeys(("position", "rotation"), list),
+}
+
+
+class Lens(NamedTuple):
+    """A view's camera. camtopix [3, 3] and distortion [5] are of `size`.
+
+    size: (width, height) in px; None means the photo's. pose: camera-to-world [3, 4],
+    OpenGL axes.
+    """
+
+    camtopix: np.ndarray
+    distortion: np.ndarray
+    size: tuple | None
+    pose: np.ndarray
+
+    def at(self, size, where):
+        """(camtopix, distortion) at a photo's (width, height); ValueError as of
+        `prepare.true_scale`."""
+        own = self.size or size
+        return prepare.true_scale(
+            own, size, where=where
+        ) @ self.camtopix, self.distortion
+
+
+class Cameras(NamedTuple):
+    """{view: Lens} of a file, what it is, the points and the splits that it has.
+
+    points: positions [m, 3] and colours, or None. splits: {view: split}, maybe empty.
+    """
+
+    lenses: dict
+    kind: str
+    points: tuple | None = None
+    splits: dict = {}
+
+
+def read(path, photo_size) -> Cameras:
+    """The cameras of a file or folder; ValueError naming it where there are none.
+
+    photo_size: (width, height) that cameras are of where a transforms.json has no w, h.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise ValueError(f"{path}: no such file or folder of cameras")
+    if path.is_file():
+        if path.suffix != ".json":
+            return of_model(path.parent)
+        content = json_files.read(path)
+        return (
+            of_gaussians(path, content)
+            if isinstance(content, list)
+            else of_json(path, photo_size)
+        )
+    if (path / "transforms.json").is_file():
+        return of_json(path / "transforms.json", photo_size)
+    for inner in MODELS:
+        if any((path / inner / name).is_file() for name in OF_MODEL):
+            return of_model(path / inner)
+    if (path / "cameras.json").is_file():
+        return of_gaussians(
+            path / "cameras.json", json_files.read(path / "cameras.json")
+        )
+    raise ValueError(
+        f"{path}: neither transforms.json, nor sparse/0, nor cameras.json of Gaussian "
+        "splatting"
+    )
+
+
+def of_json(path, photo_size) -> Cameras:
+    """Those of a transforms.json; the photos that it names need not be there."""
+    scene = json_files.read(path, {"frames": list})
+    lenses, splits = {}, {}
+    of_file = split_lists(path, scene)
+    for i, frame in enumerate(scene["frames"]):
+        if not isinstance(frame, dict) or not isinstance(frame.get("file_path"), str):
+            raise ValueError(f"{path}: frame {i} has no text under 'file_path'")
+        name = stem_of(frame["file_path"])
+        if name in lenses:
+            raise ValueError(f"{path}: two frames have the view name {name!r}")
+        values = {**scene, **frame}
+        size = size_of(path, values, photo_size)
+        lens = transforms.lens(path, values, *size, where=frame["file_path"])
+        lenses[name] = Lens(*lens, size, transforms.pose(path, frame))
+        if split := of_file.get(frame["file_path"]):
+            splits[name] = split
+    if not lenses:
+        raise ValueError(f"{path}: 'frames' must be a list that is not empty")
+    if len(splits) < len(lenses):
+        splits = {}
+    return Cameras(lenses, "transforms.json", ply.of_scene(path, scene), splits)
+
+
+def split_lists(path, scene):
+    """{file_path: split} of nerfstudio's lists; what is validated is held out."""
+    found = {}
+    for split, key in (("test", "val"), ("test", "test"), ("train", "train")):
+        names = scene.get(f"{key}_filenames", [])
+        if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
+            raise ValueError(f"{path}: '{key}_filenames' must be a list of paths")
+        found |= dict.fromkeys(names, split)
+    return found
+
+
+def size_of(path, values, photo_size):
+    """(w, h) of a frame, by default the photo's; ValueError naming the key."""
+    size = []
+    for key, usual in zip(("w", "h"), photo_size, strict=True):
+        value = values.get(key, usual)
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (is_number and 1 <= value <= 1e6):
+            raise ValueError(f"{path}: {key!r} is {value!r:.60}")
+        size.append(value)
+    return tuple(size)
+
+
+def stem_of(file_path):
+    """A view's name by its photo's path; suffixes of photos are taken off, no others."""
+    name = file_path.replace("\\", "/").rpartition("/")[2]
+    stem, dot, suffix = name.rpartition(".")
+    return stem if dot and f".{suffix}" in transforms.SUFFIXES else name
+
+
+def of_model(path) -> Cameras:
+    """Those of a COLMAP model, with its points."""
+    views, points = mipnerf360.read_model(path)
+    lenses = {
+        name: Lens(camtopix, distortion, size, pose)
+        for name, (camtopix, distortion, size, pose) in views.items()
+    }
+    return Cameras(lenses, "COLMAP's model", points)
+
+
+def of_gaussians(path, entries) -> Cameras:
+    """Those of a cameras.json: pinholes, whose principal point is the middle."""
+    lenses = {}
+    for i, entry in enumerate(entries):
+        if not isinstance(entry, dict):
+            raise ValueError(f"{path}: entry {i} is no camera")
+        for key, kind in OF_GAUSSIANS.items():
+            if not isinstance(entry.get(key), kind) or isinstance(entry[key], bool):
+                raise ValueError(f"{path}: {key!r} of camera {i} is missing or wrong")
+        name = stem_of(entry["img_name"])
+        if name in lenses:
+            raise ValueError(f"{path}: two cameras have the view name {name!r}")
+        lenses[name] = of_gaussian(path, i, entry)
+    if not lenses:
+        raise ValueError(f"{path}: no camera")
+    return Cameras(lenses, "cameras.json of Gaussian splatting", None)
+
+
+def of_gaussian(path, i, entry) -> Lens:
+    """One camera of it; its rotation is camera-to-world with OpenCV's axes."""
+    width, height, fx, fy = (float(entry[k]) for k in ("width", "height", "fx", "fy"))
+    if not (1 <= width <= 1e6 and 1 <= height <= 1e6 and 0 < fx < 1e9 and 0 < fy < 1e9):
+        raise ValueError(f"{path}: size or focal length of camera {i} is none")
+    try:
+        turn = np.array(entry["rotation"], np.float64)
+        place = np.array(entry["position"], np.float64)
+    except (TypeError, ValueError, OverflowError):
+        turn = place = np.zeros(())
+    if turn.shape != (3, 3) or place.shape != (3,) or not np.isfinite(place).all():
+        raise ValueError(f"{path}: rotation or position of camera {i} is none")
+    where = f"{path}: rotation of camera {i}"
+    if not np.isfinite(turn).all():
+        raise ValueError(f"{where} is not finite")
+    turn = prepare.nearest_rotation(turn, where=where) @ np.diag([1.0, -1.0, -1.0])
+    camtopix = np.array([[fx, 0, width / 2], [0, fy, height / 2], [0, 0, 1]])
+    pose = np.concatenate([turn, place[:, None]], axis=1)
+    return Lens(camtopix, np.zeros(5), (width, height), pose)
+
+
+def assumed(names, size) -> Cameras:
+    """Cameras of views of which nothing is known; each stands elsewhere, by no reason."""
+    focal_px = 0.5 * max(size) / math.tan(math.radians(ASSUMED_DEGREES) / 2)
+    camtopix = np.array(
+        [[focal_px, 0, size[0] / 2], [0, focal_px, size[1] / 2], [0, 0, 1]]
+    )
+    lenses = {}
+    for i, name in enumerate(names):
+        pose = np.eye(4)[:3]
+        # Normalising poses needs places that differ.
+        pose[:, 3] = [math.cos(i), math.sin(i), i / len(names)]
+        lenses[name] = Lens(camtopix, np.zeros(5), None, pose)
+    return Cameras(lenses, "none")
+
+
+def of_views(cameras: Cameras, names, where):
+    """The names that have a camera; ValueError where none has, one line of the rest."""
+    kept = [name for name in names if name in cameras.lenses]
+    if not kept:
+        theirs = faults.some_names(sorted(cameras.lenses))
+        raise ValueError(
+            f"{where}: its cameras ({theirs}) are of other photos than "
+            f"{faults.some_names(list(names))}"
+        )
+    return kept
