@@ -1,5 +1,6 @@
 # make run    the default experiment, from nothing to tables and figures
 # make photos FOLDER=my_photos    the same of your own photos or film, to a page
+# make judge PHOTOS=photos RENDERS=renders CAMERAS=sparse/0    what another program trained
 # make export SCENE=my_photos  its photos, cameras and points for other programs; WIDTH=1600
 # make test   the test suite
 # make tools  tests of what stands beside it: toys, benchmarks, torture, packaging, browser
@@ -16,7 +17,7 @@ BIN := $(VENV)/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
 
-.PHONY: run photos export test tools bench peers torture docs lint cluster lock clean
+.PHONY: run photos judge export test tools bench peers torture docs lint cluster lock clean
 
 run: $(VENV)/.installed
 	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
@@ -26,6 +27,15 @@ run: $(VENV)/.installed
 photos: export PHOTOS_FOLDER := $(value FOLDER)
 photos: $(VENV)/.installed
 	@python -m alignerf.start --cores $(CORES) $(PHOTOS) -- "$$PHOTOS_FOLDER"
+
+judge: export JUDGED_PHOTOS := $(value PHOTOS)
+judge: export JUDGED_RENDERS := $(value RENDERS)
+judge: export JUDGED_CAMERAS := $(value CAMERAS)
+judge: export JUDGED_DEPTH := $(value DEPTH)
+judge: $(VENV)/.installed
+	@python -m alignerf.start.judge --cores $(CORES) "--photos=$$JUDGED_PHOTOS" \
+		"--renders=$$JUDGED_RENDERS" "--cameras=$$JUDGED_CAMERAS" \
+		"--depth=$$JUDGED_DEPTH" $(JUDGE)
 
 export: export EXPORT_OF := $(value SCENE)$(value FOLDER)
 export: $(VENV)/.installed

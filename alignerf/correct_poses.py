@@ -38,6 +38,7 @@ def main(argv=None):
     report = {
         "views": len(train),
         "left_alone": sum(bool(correction.left_alone) for correction in corrections),
+        "only_turned": sum(map(is_only_turned, corrections)),
         "correction_px": cameras.median_px(corrections),
         "focal_ratio": float(np.exp(cameras.zoom_of(corrections))),
     }
@@ -65,6 +66,11 @@ def main(argv=None):
     say(report)
 
 
+def is_only_turned(correction):
+    """Whether a camera has moved without a step: it sees nothing that is near."""
+    return not (correction.left_alone or correction.motion.centre.any())
+
+
 def say(report):
     """Log which cameras stayed, and why; by how far the others moved."""
     staying = {}
@@ -77,6 +83,12 @@ def say(report):
             return
         verb = "view %s stays: %s" if len(views) == 1 else "views %s stay: %s"
         log.warning(verb, ", ".join(views), reason)
+    if count := report["only_turned"]:
+        log.info(
+            "%d of %d cameras got a turn and a zoom only: without depth all they see "
+            "counts as far away",
+            *(count, report["views"]),
+        )
     log.info("cameras moved by %.3f px in the median", report["correction_px"])
 
 

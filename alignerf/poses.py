@@ -19,6 +19,7 @@ from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import archives, atomic, faults, json_files
 from alignerf.scenes import cameras, colmap, prepare, prepared
+from alignerf.scenes.apps import sources
 from alignerf.scenes.capture import (
     full_size,
     report,
@@ -287,6 +288,21 @@ def load_given(config, scratch):
     return views, report.registration(views.names, left_out), None
 
 
+def load_app(config, scratch):
+    """`load_photos` of an app's folder: by its own poses, or by COLMAP's."""
+    source, path = config["source"], config["path"]
+    if config["poses"] == "colmap":
+        links = sources.link_photos(source, path, scratch)
+        views, told = pose_photos(
+            links, scratch, config, camera_model="OPENCV", where=path
+        )
+        return views, told, None
+    views, told, _ = load_given(config, scratch)
+    said = sources.said_of(source, path)
+    log.info("%s: %s", path, said)
+    return views, told | {"of_poses": said}, None
+
+
 def load_courtyard(config, scratch):
     """`load_photos` of the embedded scene; the third value is its truth."""
     folder = scratch / "photos"
@@ -304,6 +320,7 @@ READERS = {
     "photos": load_photos,
     **dict.fromkeys(full_size.GIVEN, load_given),
     "judged": judged.load,
+    **dict.fromkeys(sources.APPS, load_app),
 }
 
 

@@ -47,6 +47,7 @@ def parse(arguments=None):
     parser.add_argument("--flows", type=Path, help="folder of flows made elsewhere")
     parser.add_argument("--depth", type=Path, help="of the renders, for occlusions")
     parser.add_argument("--masks", type=Path, help="where photos count, if it is there")
+    parser.add_argument("--threads", type=int, default=1, help="views at once")
     splits = {"nargs": "+", "choices": ("train", "test"), "default": ()}
     parser.add_argument("--splits", **splits, help="what {split} stands for")
     options = parser.parse_args(arguments)

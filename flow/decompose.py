@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.files import archives, atomic, faults
+from alignerf.files import archives, atomic, faults, machine
 from flow.camera import fit as camera_fit
 from flow.estimation import arguments as arguments_of_flow
 from flow.estimation import folders
@@ -61,20 +61,30 @@ def main(*, model_flow=None, oracle=None, renders=None, model_stats=None, **opti
     write(**options, model_flow=model_flow)
 
 
-def write(renders_depth, flow, cameras, split, out_flow, stats_out, model_flow=None):
+def write(
+    renders_depth,
+    flow,
+    cameras,
+    split,
+    out_flow,
+    stats_out,
+    model_flow=None,
+    threads=1,
+):
     """Decompose the flow of every view of a split; returns the statistics' rows.
 
     renders_depth: folder of <view>.npz {depth}; flow: of {flow_px, valid}, and so
     model_flow; cameras: cameras.npz. The parts and the CSV appear together or not at
     all. Raises ValueError or OSError.
     """
-    rows = []
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folder is whole.
         stats_path = stack.enter_context(atomic.replace_file(stats_out))
         folder = stack.enter_context(atomic.replace_folder(out_flow))
         found_cameras = files.read_split(cameras, split, "pixtocams")
-        for view, (pixtocam,) in found_cameras.items():
+
+        def row_of(camera):
+            view, (pixtocam,) = camera
             started = time.perf_counter()
             depth_path = Path(renders_depth) / f"{view}.npz"
             depth = archives.read(depth_path, ["depth"])["depth"]
@@ -90,7 +100,10 @@ def write(renders_depth, flow, cameras, split, out_flow, stats_out, model_flow=N
                 raise ValueError(f"view {view}: {error}") from error
             write_parts(folder / f"{view}.npz", fit, model_px)
             time_s = round(time.perf_counter() - started, 4)
-            rows.append({"view": view, **row, "time_s": time_s})
+            return {"view": view, **row, "time_s": time_s}
+
+        cameras_of = found_cameras.items()
+        rows = list(machine.map_in_threads(row_of, cameras_of, threads=threads))
         files.write_rows(stats_path, COLUMNS, rows)
     return rows
 
@@ -196,6 +209,7 @@ def parse(arguments=None):
     for name in ("renders-depth", "flow", "cameras", "out-flow", "stats-out"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--split", choices=("train", "test"), required=True)
+    parser.add_argument("--threads", type=int, default=1, help="views at once")
     parser.add_argument("--model-flow", type=Path, help="render to oracle")
     for name in ("oracle", "renders", "model-stats"):
         parser.add_argument(f"--{name}", type=Path, help="to estimate --model-flow")

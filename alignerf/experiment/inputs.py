@@ -115,6 +115,12 @@ def external_options(experiment, scene, folder):
     return [*words, "--seed", str(experiment.scenes[scene]["seed"])]
 
 
+def external_data(experiment, scene, folder):
+    """What another program learns from; [] of finished renders, which need none."""
+    training = experiment.training(scene, folder)
+    return [] if training.external["renders"] else f"{training.path}/data"
+
+
 def external_keys(experiment, folder):
     """The key `external` of the method that a training is named after."""
     return experiment.methods[folder.partition("/")[0]]["external"]
@@ -131,6 +137,11 @@ def threads_of(experiment, scene, folder):
     """Threads of a training and its rendering."""
     alone = experiment.training(scene, folder).alone
     return sources.WHOLE_MACHINE if alone else sources.OF_TRAINING
+
+
+def threads_of_views(experiment, scene):
+    """Threads of the flow and its parts: all, where nothing else runs beside it."""
+    return sources.WHOLE_MACHINE if experiment.scenes[scene]["judged"] else 1
 
 
 def last_training(experiment, scene, method):

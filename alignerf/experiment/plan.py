@@ -148,7 +148,9 @@ class Experiment:
         `train` for the trainings in `followed`; `test` for all but pre-trainings.
         """
         splits = ["train"] * (folder in self.followed(scene))
-        return splits + ["test"] * (not folder.startswith("pretrain/"))
+        splits += ["test"] * (not folder.startswith("pretrain/"))
+        judged = self.scenes[scene]["judged"]
+        return [s for s in splits if s in judged["splits"]] if judged else splits
 
     @kept
     def followed(self, scene):
@@ -209,6 +211,10 @@ class Experiment:
     def captures(self):
         """Scenes that stand for themselves: all but windows of another scene."""
         return [name for name in self.scenes if self.whole(name) == name]
+
+    def judged(self, known=True):
+        """Scenes whose renders another program has made, and are judged (or not)."""
+        return [n for n, one in self.scenes.items() if bool(one["judged"]) == known]
 
     def whole(self, scene):
         """The scene that a scene's windows are of, or the scene itself."""

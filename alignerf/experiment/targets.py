@@ -58,9 +58,12 @@ def page_of(scene, results="results"):
 def of_page(experiment, scene):
     """What a scene's page shows, or leads to, besides images."""
     folder = f"results/{scene}"
+    every = [f"{folder}/{name}" for name in ("config.yaml", "poses.json")]
+    if experiment.scenes[scene]["judged"]:
+        # Nothing is trained, so nothing is decided, scored or compared.
+        return [*every, f"{folder}/verdict.json", f"{folder}/tables/views.csv"]
     return [
-        f"{folder}/config.yaml",
-        f"{folder}/poses.json",
+        *every,
         f"{folder}/facts.json",
         f"{folder}/decisions.json",
         f"{folder}/verdict.json",
@@ -72,6 +75,13 @@ def of_page(experiment, scene):
         ),
         *(f"{folder}/figures/{name}.png" for name in figures(experiment)),
     ]
+
+
+def preflight_of(experiment, scene):
+    """What a run was to cost, where something is trained."""
+    return (
+        [] if experiment.scenes[scene]["judged"] else f"results/{scene}/preflight.json"
+    )
 
 
 def export_command(configs):

@@ -33,7 +33,10 @@ def told(folder, args, arrays, chosen, of_points, *, paid) -> readme.Told:
     points came about.
     """
     report = Path(args.scene) / "poses.json"
-    source = json_files.read(report).get("source") if report.is_file() else None
+    poses = json_files.read(report) if report.is_file() else {}
+    source = poses.get("source")
+    if poses.get("poses") == "colmap" and source != "courtyard":
+        source = "photos"
     files = {name: what for name, what in FILES.items() if (folder / name).exists()}
     if formats.POINTS in files:
         files[formats.POINTS] = f"points, as in sparse/0: {of_points}"

@@ -71,10 +71,10 @@ class Progress:
             self.bar.close()
 
 
-def over(items, title, *, unit="view"):
-    """Yield the items, and show how many are done."""
-    items = list(items)
-    shown = Progress(title, len(items), unit=unit)
+def over(items, title, *, unit="view", total=None):
+    """Yield the items, and show how many are done; total: of an iterator."""
+    items = list(items) if total is None else items
+    shown = Progress(title, len(items) if total is None else total, unit=unit)
     try:
         for item in items:
             yield item

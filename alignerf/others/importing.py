@@ -88,8 +88,10 @@ def complete(found, names, folder):
     """The same, or ValueError with some names of views that are missing."""
     if missing := [name for name in names if name not in found]:
         some = faults.some_names(missing)
+        others = sorted(p.name for p in Path(folder).rglob("*") if p.is_file())
+        has = f"; it has {faults.some_names(others)}" if others else "; it is empty"
         raise ValueError(
-            f"{folder}: {len(missing)} of {len(names)} views are missing: {some}"
+            f"{folder}: {len(missing)} of {len(names)} views are missing: {some}{has}"
         )
     return found
 

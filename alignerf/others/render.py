@@ -7,6 +7,7 @@ and a timing file, each where its path says, in which `{split}` stands for the s
 
 import argparse
 import json
+import shutil
 
 from alignerf.files import atomic, faults, split_paths
 from alignerf.others import importing, jobs
@@ -24,14 +25,15 @@ def main(argv=None):
         count = importing.take(*folders, loaded, args.splits, *outs)
         seconds = 0.0
     else:
-        with atomic.scratch_folder(args.training, name="rendered") as work:
-            folders = [work.resolve() / name for name in ("renders", "depth")]
-            for folder in folders:
-                folder.mkdir()
-            seconds = jobs.run(
-                *(job.render, job, args), renders=folders[0], depth=folders[1]
-            )
-            count = importing.take(*folders, loaded, args.splits, *outs)
+        # It stays where something is wrong with it, for its owner to look at.
+        work = (args.training / "rendered").resolve()
+        shutil.rmtree(work, ignore_errors=True)
+        folders = {name: work / name for name in ("renders", "depth")}
+        for folder in folders.values():
+            folder.mkdir(parents=True)
+        seconds = jobs.run(job.render, job, args, **folders)
+        count = importing.take(*folders.values(), loaded, args.splits, *outs)
+        shutil.rmtree(work)
     # The command renders all views at once.
     view_time_s = seconds / count
     for split in args.splits:

@@ -1,12 +1,13 @@
 """Train by another program: `python -m alignerf.others.train`.
 
 Its command gets a folder of photos and cameras (`alignerf.others.data`), and one for
-its model, which stays when the job is killed: whether it resumes there is its own
-affair. Writes timing.json, and the cameras that its renders are seen by. Of finished
-renders nothing is trained.
+its model. That one stays when the job is killed or fails, for a program that can
+resume; a training of something else finds it empty. Writes timing.json, and the cameras
+that its renders are seen by. Of finished renders nothing is trained.
 """
 
 import argparse
+import hashlib
 import json
 import logging
 import shutil
@@ -17,16 +18,15 @@ from alignerf.others import jobs
 
 log = logging.getLogger("alignerf")
 
+# Beside the model while it is not done.
+BEGUN = "model.begun"
+
 
 def main(argv=None):
     args = parse(argv)
     job, seconds = jobs.read(args.config), 0.0
     if job.train:
-        args.model.mkdir(parents=True, exist_ok=True)
-        seconds = jobs.run(job.train, job, args)
-        if not any(args.model.iterdir()):
-            log.warning("the command has written nothing below {model}")
-        log.info("trained in %.1f s", seconds)
+        seconds = train(job, args)
     # What only the program knows is null.
     timing = {
         "stage": "external",
@@ -43,6 +43,38 @@ def main(argv=None):
     ):
         shutil.copyfile(args.cameras, folder / "cameras.npz")
         path.write_text(json.dumps(timing, indent=1))
+
+
+def train(job: jobs.Job, args) -> float:
+    """Run the command in a folder of its own; returns its seconds.
+
+    A file beside the folder says what it is of while it is not done.
+    """
+    begun = args.model.with_name(BEGUN)
+    digest = digest_of(job, args.data)
+    same = begun.is_file() and begun.read_text(encoding="utf-8") == digest
+    if not same:
+        shutil.rmtree(args.model, ignore_errors=True)
+    elif args.model.is_dir() and any(args.model.iterdir()):
+        log.info("{model} is that of a run that was stopped")
+    args.model.mkdir(parents=True, exist_ok=True)
+    begun.write_text(digest, encoding="utf-8")
+    seconds = jobs.run(job.train, job, args)
+    begun.unlink()
+    if not any(args.model.iterdir()):
+        log.warning("the command has written nothing below {model}")
+    log.info("trained in %.1f s", seconds)
+    return seconds
+
+
+def digest_of(job: jobs.Job, data: Path):
+    """SHA-256 of the command, its numbers and all that it learns from."""
+    found = hashlib.sha256(json.dumps([job.train, job.seed, job.steps]).encode())
+    for path in sorted(path for path in data.rglob("*") if path.is_file()):
+        found.update(str(path.relative_to(data)).encode())
+        with open(path, "rb") as file:
+            found.update(hashlib.file_digest(file, "sha256").digest())
+    return found.hexdigest()
 
 
 def parse(argv=None):

@@ -21,7 +21,7 @@ HERE = Path(__file__).resolve().parent
 
 def main(argv=None):
     args = parse(argv)
-    renders = json_rows.read(rows.Renders, args.rounds)
+    renders = json_rows.read(rows.Renders, args.rounds, least=0)
     page = render(
         args.scene,
         rounds=[(r.renders, r.flow) for r in renders if r.method is None],

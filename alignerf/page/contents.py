@@ -130,7 +130,12 @@ def cell(row, key, form):
 
 
 def decisions(folder):
-    """(rows of key, default, value, reason, in force; whether any is in force)."""
+    """(rows of key, default, value, reason, in force; whether any is in force).
+
+    None where nothing was trained.
+    """
+    if not (folder / "decisions.json").is_file():
+        return [], False
     config = yaml_files.read(folder / "config.yaml")
     open_keys = {
         key for model in config["models"].values() for key in model.get("decided", [])
@@ -182,12 +187,15 @@ def downloads(folder):
 def facts(folder):
     """(name, text) of the scene's main facts: photos, size, poses."""
     poses = json_files.read(folder / "poses.json", POSES)
+    done_at = "judged at" if poses.get("judged") else "trained at"
     entries = [
         ("photos", f"{poses['registered']} of {poses['total']} placed"),
         ("held out", f"{poses['test_views']}"),
-        ("trained at", f"{poses['width']}x{poses['height']} px"),
+        (done_at, f"{poses['width']}x{poses['height']} px"),
         ("photos have", f"{poses['photo_width']}x{poses['photo_height']} px"),
     ]
+    if isinstance(said := poses.get("of_poses"), str):
+        entries.append(("poses", said.removeprefix("poses ")))
     error = poses.get("mean_reprojection_error_px")
     if error is not None:
         entries.append(("reprojection error", f"{error:.2f} px of the photo"))

@@ -51,11 +51,11 @@ def lines(plan, name):
 
 
 def unknown(plan):
-    """What other programs take is not known."""
+    """The line of what other programs take, which is not known."""
     if not (names := plan.get("external")):
         return []
     some = faults.some_names(names)
-    return [f"  not counted, as only their program knows: training {some}"]
+    return [f"  not counted, as it is not known: time and memory of {some}"]
 
 
 def advice(plan):

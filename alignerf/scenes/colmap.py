@@ -20,6 +20,9 @@ from alignerf.scenes.capture import canvas, ingest, mapping
 log = logging.getLogger(__name__)
 
 CAMERA_MODELS = mapping.CAMERA_MODELS
+# Those that others may have found, too.
+FISHEYE = "OPENCV_FISHEYE"
+GIVEN_MODELS = CAMERA_MODELS | {FISHEYE: ((0, 1, 2, 3), (4, 5, 6, 7))}
 # Two views fix no scale and three are the least that anything can be trained on.
 MIN_REGISTERED = 3
 
@@ -237,22 +240,20 @@ def _error_px(model, image):
 
 
 def lens(model, params):
-    """(camtopix [3, 3], distortion [5]) of a COLMAP camera of a known model.
+    """(camtopix [3, 3], distortion [5]; [4] of a fisheye) of a COLMAP camera.
 
-    Raises ValueError for a model that is not in CAMERA_MODELS, and for parameters of
+    Raises ValueError for a model that is not in GIVEN_MODELS, and for parameters of
     another number, not finite or without a focal length.
     """
-    if model not in CAMERA_MODELS:
-        raise ValueError(
-            f"camera model {model!r} is none of {', '.join(CAMERA_MODELS)}"
-        )
-    places, rest = CAMERA_MODELS[model]
+    if model not in GIVEN_MODELS:
+        raise ValueError(f"camera model {model!r} is none of {', '.join(GIVEN_MODELS)}")
+    places, rest = GIVEN_MODELS[model]
     if len(params) != max((*places, *rest)) + 1:
         raise ValueError(f"a {model} camera of {len(params)} parameters")
     fx, fy, cx, cy = params[list(places)]
     if not (np.isfinite(params).all() and min(fx, fy) > 0):
         raise ValueError(f"a {model} camera of parameters {params.tolist()}")
-    coefficients = np.zeros(5)
+    coefficients = np.zeros(4 if model == FISHEYE else 5)
     coefficients[: len(rest)] = params[list(rest)]
     return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), coefficients
 

@@ -2,8 +2,9 @@
 
 Notation: `camtopix` [3, 3] intrinsics with pixel centres at +0.5; `distortion` [5]
 k1, k2, p1, p2, k3 of OpenCV's polynomial model (COLMAP's SIMPLE_RADIAL, RADIAL and
-OPENCV are cases of it). OpenCV itself puts pixel centres at integers: every call
-into it shifts the principal point by half a pixel.
+OPENCV are cases of it), or [4] k1, k2, k3, k4 of its fisheye, by the angle from the
+axis. OpenCV itself puts pixel centres at integers: every call into it shifts the
+principal point by half a pixel.
 """
 
 import cv2
@@ -13,8 +14,20 @@ from alignerf.scenes import prepare
 
 # How far, in pixels, a point may be from itself after undistorting and distorting.
 ROUND_TRIP_PX = 0.05
+# What a fisheye sees further from the axis, in radians, no pinhole view shows.
+MOST_ANGLE = 1.4
 # How far Lanczos reaches.
 KERNEL_PX = 4
+
+
+def is_fisheye(distortion):
+    """Whether coefficients are those of a fisheye, whose own projection bends too."""
+    return len(distortion) == 4
+
+
+def is_pinhole(distortion):
+    """Whether a photo is one of a pinhole already."""
+    return not is_fisheye(distortion) and not np.any(distortion)
 
 
 def pinhole_camera(camtopix, distortion, width, height):
@@ -24,7 +37,7 @@ def pinhole_camera(camtopix, distortion, width, height):
     lie within those of the photo, so that no border is invented. Raises ValueError
     for a distortion that folds the image over, which no pinhole view undoes.
     """
-    if not np.any(distortion):
+    if is_pinhole(distortion):
         return np.array(camtopix, dtype=np.float64)
     left, top, right, bottom = _inner_rectangle(camtopix, distortion, width, height)
     if not (right > left and bottom > top):
@@ -42,13 +55,14 @@ def pinhole_camera(camtopix, distortion, width, height):
 
 def undistort(image, camtopix, distortion, pinhole):
     """The image [h, w, 3] uint8 seen through `pinhole` [3, 3], of the same size."""
-    if not np.any(distortion):
+    if is_pinhole(distortion):
         return image
     height, width = image.shape[:2]
-    map_x, map_y = cv2.initUndistortRectifyMap(
+    of_lens = cv2.fisheye if is_fisheye(distortion) else cv2
+    map_x, map_y = of_lens.initUndistortRectifyMap(
         _opencv(camtopix),
         np.asarray(distortion, dtype=np.float64),
-        None,
+        np.eye(3),
         _opencv(pinhole),
         (width, height),
         cv2.CV_32FC1,
@@ -81,7 +95,7 @@ def pinhole_views(
 
     def undistorted_mask(mask, lens, pinhole):
         # What is hidden must not come through a kernel that reaches over its edge.
-        hidden = mask.then(eroded) if np.any(lens[1]) else mask
+        hidden = mask if is_pinhole(lens[1]) else mask.then(eroded)
         return undistorted(hidden, lens, pinhole)
 
     return prepare.PosedViews(
@@ -104,13 +118,60 @@ def eroded(mask):
 
 def distort_points(points, camtopix, distortion):
     """Pixels [n, 2] at +0.5 in the photo of normalised pinhole points [n, 2]."""
-    k1, k2, p1, p2, k3 = distortion
     x, y = np.asarray(points, dtype=np.float64).T
+    if is_fisheye(distortion):
+        radius = np.hypot(x, y)
+        bent = _bent(np.arctan(radius), distortion)[0]
+        scale = np.divide(bent, radius, out=np.ones_like(radius), where=radius > 0)
+        return scale[:, None] * points @ camtopix[:2, :2].T + camtopix[:2, 2]
+    k1, k2, p1, p2, k3 = distortion
     r2 = x * x + y * y
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
     u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
     v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
     return np.stack([u, v], axis=-1) @ camtopix[:2, :2].T + camtopix[:2, 2]
+
+
+def _bent(angle, distortion):
+    """A fisheye's radius [n], in focal lengths, at angles from the axis; its slope."""
+    powers = np.stack([angle ** (2 * k) for k in range(5)])
+    factors = np.array([1.0, *distortion])
+    slopes = factors * np.array([1.0, 3, 5, 7, 9])
+    return angle * (factors @ powers), slopes @ powers
+
+
+def _straightened(pixels, camtopix, distortion):
+    """Normalised pinhole points [m, 2] of pixels [n, 2] by a fisheye, and which [n].
+
+    Those too far from the axis are left out. Raises ValueError for a lens whose image
+    folds over before.
+    """
+    inverse = np.linalg.inv(camtopix)
+    points = pixels @ inverse[:2, :2].T + inverse[:2, 2]
+    radius, grid = np.hypot(*points.T), np.linspace(0, MOST_ANGLE, 500)
+    reached, slope = _bent(grid, distortion)
+    needed = grid <= np.interp(radius.max(), np.maximum.accumulate(reached), grid)
+    if (slope[needed] <= 0).any():
+        raise ValueError(f"a distortion of {_text(distortion)} folds the image")
+    angle = np.interp(radius, reached[needed], grid[needed])
+    for _ in range(20):
+        bent, slope = _bent(angle, distortion)
+        angle = np.clip(angle - (bent - radius) / slope, 0, MOST_ANGLE)
+    seen = angle < MOST_ANGLE
+    scale = np.tan(angle[seen]) / np.maximum(radius[seen], 1e-12)
+    return points[seen] * scale[:, None], seen
+
+
+def _polynomial(pixels, camtopix, distortion):
+    """`_straightened` by OpenCV's polynomial model, of all pixels."""
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 200, 1e-12)
+    points = cv2.undistortPoints(
+        pixels[:, None] - 0.5,
+        _opencv(camtopix),
+        np.asarray(distortion, dtype=np.float64),
+        criteria=criteria,
+    )[:, 0]
+    return points, np.ones(len(pixels), bool)
 
 
 def _border(width, height):
@@ -127,17 +188,13 @@ def _border(width, height):
 
 def _inner_rectangle(camtopix, distortion, width, height):
     """Normalised left, top, right, bottom of what every row and column contains."""
-    sides = []
+    sides, straight = [], _straightened if is_fisheye(distortion) else _polynomial
     for side in _border(width, height):
-        criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 200, 1e-12)
-        points = cv2.undistortPoints(
-            side[:, None] - 0.5,
-            _opencv(camtopix),
-            np.asarray(distortion, dtype=np.float64),
-            criteria=criteria,
-        )[:, 0]
+        points, seen = straight(side, camtopix, distortion)
+        if not len(points):
+            raise ValueError(f"a fisheye of {_text(distortion)} has no pinhole view")
         back = distort_points(points, camtopix, distortion)
-        if not np.abs(back - side).max() < ROUND_TRIP_PX:
+        if not np.abs(back - side[seen]).max() < ROUND_TRIP_PX:
             raise ValueError(f"a distortion of {_text(distortion)} cannot be undone")
         sides.append(points)
     left, top, right, bottom = sides

@@ -1,10 +1,11 @@
-"""Scenes of mip-NeRF 360 as published (`360_v2.zip`): images_<n>, and COLMAP's model.
+"""Scenes of mip-NeRF 360 as published (`360_v2.zip`), and other COLMAP projects.
 
 A folder has `images` and the same photos made smaller in `images_2`, `images_4` and
-`images_8`; `sparse/0` is a COLMAP model of the largest. Its cameras are pinholes: the
-photos are undistorted already. Smaller photos have rounded sizes, so that intrinsics
-are scaled by the true sizes, not by n. Without a model, LLFF's poses_bounds.npy is
-read.
+`images_8`; `sparse/0` is a COLMAP model of the largest. Others lay the model elsewhere,
+write it as text, or have several (`apps.colmap_models`); photos may lie beside the
+model's files. Distortion is undone; 360_v2 has none. Smaller photos have rounded sizes,
+so that intrinsics are scaled by the true sizes, not by n. Without a model, LLFF's
+poses_bounds.npy is read.
 """
 
 import logging
@@ -15,6 +16,7 @@ import pycolmap
 
 from alignerf.files import faults
 from alignerf.scenes import colmap, distortion, llff, photos, prepare
+from alignerf.scenes.apps import colmap_models, model_texts, phone
 from alignerf.scenes.capture import model_files
 
 log = logging.getLogger(__name__)
@@ -28,11 +30,9 @@ def read(folder, images=None):
     """
     folder = Path(folder)
     chosen = images_of(folder, images)
-    model = folder / "sparse" / "0"
-    if not model.is_dir():
-        if not (folder / "poses_bounds.npy").is_file():
-            raise ValueError(f"{folder}: neither sparse/0 nor poses_bounds.npy")
-        log.warning("%s not found: poses of poses_bounds.npy", model)
+    model = model_of(folder)
+    if model is None:
+        log.warning("%s/sparse/0 not found: poses of poses_bounds.npy", folder)
         return llff.read(folder, chosen), []
     paths = {path.stem: path for path in photos.find_images(chosen)}
     (model_views, points), posed = read_model(model), {}
@@ -64,13 +64,33 @@ def read(folder, images=None):
 
 
 def images_of(folder, number):
-    """The folder of photos: images_<number>, or the largest that there is."""
+    """The folder of photos: images_<number>, or the largest that there is.
+
+    Without any of these the folder itself, where it holds photos.
+    """
     if number is None:
+        named = (folder / "images").is_dir() or any(folder.glob("images_*"))
+        if not named and phone.photos_in(folder):
+            return folder
         return llff.images_of(folder)
     chosen = folder / ("images" if number == 1 else f"images_{number}")
     if not chosen.is_dir():
         raise ValueError(f"{folder}: no folder {chosen.name}")
     return chosen
+
+
+def model_of(folder):
+    """The path of the model; None where poses_bounds.npy is all that there is.
+
+    Raises ValueError where there is neither.
+    """
+    model, usual = colmap_models.largest(folder), folder / "sparse" / "0"
+    if model is not None or usual.is_dir():
+        return model or usual
+    if not (folder / "poses_bounds.npy").is_file():
+        lacking = colmap_models.missing(folder)
+        raise ValueError(lacking or f"{folder}: neither sparse/0 nor poses_bounds.npy")
+    return None
 
 
 def read_model(path):
@@ -79,6 +99,8 @@ def read_model(path):
     And its points, None where it has none: positions and colours (uint8), both [m, 3].
     """
     model_files.check(path)
+    if colmap_models.is_text(path) and (path / "images.txt").is_file():
+        model_texts.check(path)
     try:
         model = pycolmap.Reconstruction(path)
     # Whatever COLMAP's reader finds wrong is the file's fault.

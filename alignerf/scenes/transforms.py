@@ -1,47 +1,49 @@
 """Scenes with known cameras: the json of instant-ngp and nerfstudio.
 
 Handled: intrinsics for all frames or frame by frame, `camera_angle_x` where no focal
-length is given, OpenCV's distortion (k1, k2, k3, p1, p2; undone), file paths without
-a suffix, frames without an image (dropped with a warning), nerfstudio's own split
-(`train_filenames` and `test_filenames`; frames in neither are dropped, too). Refused by
-name: fisheye and other camera models, paths outside the scene's folder, images of
-different sizes.
-Poses are camera-to-world with OpenGL axes already. EXIF's orientation is not applied:
-neither of the programs that write these files does.
+length is given, OpenCV's distortion (k1, k2, k3, p1, p2, or a fisheye's k1 to k4;
+undone), file paths without a suffix, frames without an image (dropped with a warning),
+photos made smaller in images_<n>, nerfstudio's own split (`train_filenames` and
+`test_filenames`; frames in neither are dropped, too). Refused by name: other camera
+models, paths outside the scene's folder, images of different sizes.
+Poses are camera-to-world with OpenGL axes already; nerfstudio's `applied_transform` is
+in them. The points of its `ply_file_path` are not read: found anew, points say how
+right the poses are. EXIF's orientation is not applied: neither of the programs that
+write these files does.
 """
 
 import collections
 import functools
 import logging
 import math
-import os
-import sys
 from pathlib import Path
 
 import numpy as np
 
 from alignerf.files import faults, json_files
 from alignerf.scenes import distortion, photos, prepare
+from alignerf.scenes.apps import project_files
 from alignerf.scenes.capture import ingest
 
 log = logging.getLogger(__name__)
 
-CAMERA_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
-DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
-UNKNOWN_DISTORTION_KEYS = ("k4", "k5", "k6")
+# Keys of the distortion by camera model; all others have to be 0.
+POLYNOMIAL, FISHEYE = ("k1", "k2", "p1", "p2", "k3"), ("k1", "k2", "k3", "k4")
+CAMERA_MODELS = dict.fromkeys(
+    ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"), POLYNOMIAL
+) | {"OPENCV_FISHEYE": FISHEYE}
+DISTORTION_KEYS = (*POLYNOMIAL, "k4", "k5", "k6")
 # Of any number in the file.
 LARGEST = 1e30
-# Whether names that differ in case alone are those of two files.
-TELLS_APART = sys.platform == "linux"
-# instant-ngp's synthetic scenes leave the suffix away.
-SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
 
 
-def read(path, background=None, *, split_by_lists=True):
+def read(path, background=None, *, images=None, split_by_lists=True):
     """Posed, undistorted views of a json file, or of a folder's transforms.json.
 
-    background: as of `photos.decode`. split_by_lists: the file's own lists say which
-    views are held out. Returns prepare.PosedViews and the names of the
+    background: as of `photos.decode`. images: the n of the folders <name>_<n> that
+    photos and masks are read from; None for those that the file names or, where none of
+    these photos is there, for images_<n> of least n. split_by_lists: the file's own
+    lists say which views are held out. Returns prepare.PosedViews and the names of the
     frames without an image. Raises ValueError with one line that names the file and the
     key or frame.
     """
@@ -51,8 +53,9 @@ def read(path, background=None, *, split_by_lists=True):
     scene = json_files.read(path, {"frames": list})
     if not (frames := scene["frames"]):
         raise ValueError(f"{path}: 'frames' must be a list that is not empty")
-    kept, left_out = _frames_with_image(path, frames)
-    splits = _splits(path, scene, kept) if split_by_lists else {}
+    files = project_files.Images(path, images)
+    kept, left_out, files = _frames_with_image(files, frames)
+    splits = _splits(files, scene, kept) if split_by_lists else {}
     if splits:
         others = [image.stem for _, image in kept if image not in splits]
         kept = [(frame, image) for frame, image in kept if image in splits]
@@ -63,8 +66,10 @@ def read(path, background=None, *, split_by_lists=True):
         raise ValueError(f"{path}: {count} frames have the view name {name!r}")
     sizes = [photos.stored_size(image, background) for _, image in kept]
     width, height = photos.one_size(names, sizes, path)
+    # Of a file that does not say what size its numbers are of.
+    size = {"w": files.times_smaller * width, "h": files.times_smaller * height}
     lenses = [
-        lens(path, {**scene, **frame}, width, height, where=str(frame["file_path"]))
+        lens(path, size | scene | frame, width, height, where=str(frame["file_path"]))
         for frame, _ in kept
     ]
     as_stored = functools.partial(photos.as_stored, background=background)
@@ -75,7 +80,7 @@ def read(path, background=None, *, split_by_lists=True):
         width=width,
         height=height,
         photos=[prepare.Photo(image, (as_stored,)) for _, image in kept],
-        masks=_masks(path, kept, width, height),
+        masks=_masks(files, kept, width, height),
         where=path,
     )
     if splits:
@@ -84,9 +89,8 @@ def read(path, background=None, *, split_by_lists=True):
     return views, left_out
 
 
-def _masks(path, kept, width, height):
+def _masks(images, kept, width, height):
     """A mask of each frame, in which all pixels count where it names none, or None."""
-    images = Images(path)
     mask_paths = [_find_mask(images, frame) for frame, _ in kept]
     if not any(mask_paths):
         return None
@@ -99,12 +103,12 @@ def _masks(path, kept, width, height):
     ]
 
 
-def _splits(path, scene, kept):
+def _splits(images, scene, kept):
     """{image: its split} as nerfstudio writes it; none where it does not say.
 
     Raises ValueError for a name that is to be scored and has no frame with an image.
     """
-    images, have, split_of = Images(path), {image for _, image in kept}, {}
+    path, have, split_of = images.path, {image for _, image in kept}, {}
     for split in ("train", "test"):
         names = scene.get(f"{split}_filenames", [])
         if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
@@ -128,9 +132,13 @@ def _splits(path, scene, kept):
     return split_of
 
 
-def _frames_with_image(path, frames):
-    """[(frame, image path)] and the names of frames without one, with a warning."""
-    kept, missing, images = [], [], Images(path)
+def _frames_with_image(images, frames):
+    """[(frame, image path)], the names of frames without one, and where photos are.
+
+    images: a `project_files.Images`; another one comes back where only smaller photos
+    are there.
+    """
+    path, kept, missing = images.path, [], []
     for i, frame in enumerate(frames):
         if not isinstance(frame, dict) or not isinstance(frame.get("file_path"), str):
             raise ValueError(f"{path}: frame {i} has no text under 'file_path'")
@@ -140,7 +148,13 @@ def _frames_with_image(path, frames):
         else:
             kept.append((frame, image))
     if not kept:
-        raise ValueError(f"{path}: none of its {len(frames)} frames has an image")
+        number = project_files.least_number(path.parent)
+        if images.suffix or number in (None, 1):
+            where = f" in folders {images.suffix}" if images.suffix else ""
+            none = f"none of its {len(frames)} frames has an image{where}"
+            raise ValueError(f"{path}: {none}")
+        log.info("%s: photos from images_%d", path, number)
+        return _frames_with_image(project_files.Images(path, number), frames)
     if missing:
         log.warning(
             "%s: dropped %d of %d frames, which have no image: %s",
@@ -149,7 +163,7 @@ def _frames_with_image(path, frames):
             len(frames),
             faults.some_names(missing),
         )
-    return kept, sorted(Path(name).stem for name in missing)
+    return kept, sorted(Path(name).stem for name in missing), images
 
 
 def _find_mask(images, frame):
@@ -162,51 +176,24 @@ def _find_mask(images, frame):
     return mask
 
 
-class Images:
-    """The files beside a json, each folder listed once: there may be 100,000 frames."""
-
-    def __init__(self, path):
-        self.path, self.folder = path, os.path.abspath(path.parent)
-        self.listed = functools.cache(self.names_in)
-
-    def find(self, file_path):
-        """The image a frame names, or None; ValueError where it lies outside."""
-        # By name, not resolved: a link inside the folder is the user's own decision.
-        place = os.path.normpath(os.path.join(self.folder, file_path))
-        if not place.startswith(self.folder.rstrip(os.sep) + os.sep):
-            raise ValueError(f"{self.path}: {file_path!r:.200} leads out of its folder")
-        folder, name = os.path.split(place)
-        for suffix in SUFFIXES:
-            # Where case or accents do not tell names apart, the disk is asked itself.
-            if not TELLS_APART or name + suffix in self.listed(folder):
-                image = Path(folder, name + suffix)
-                if image.is_file():
-                    return image
-        return None
-
-    @staticmethod
-    def names_in(folder):
-        """Names of all that lies in a folder; none where there is no such folder."""
-        try:
-            return frozenset(os.listdir(folder))
-        # A name may be too long, or hold a zero, for any file.
-        except (OSError, ValueError):
-            return frozenset()
-
-
 def lens(path, values, width, height, *, where):
     """(camtopix [3, 3], distortion [5]) at the image's true size."""
     model = values.get("camera_model", "OPENCV")
-    if model not in CAMERA_MODELS or values.get("is_fisheye"):
-        raise ValueError(f"{path}: camera model {model!r} of {where} is not supported")
+    if values.get("is_fisheye"):
+        model = "OPENCV_FISHEYE"
+    if not isinstance(model, str) or model not in CAMERA_MODELS:
+        raise ValueError(
+            f"{path}: camera model {model!r:.60} of {where} is not supported"
+        )
+    of_model = CAMERA_MODELS[model]
 
     def number(key, default=None):
         return _number(path, values, key, default, where=where)
 
-    for key in UNKNOWN_DISTORTION_KEYS:
-        if number(key, 0.0):
+    for key in DISTORTION_KEYS:
+        if number(key, 0.0) and key not in of_model:
             raise ValueError(f"{path}: distortion {key!r} of {where} is not supported")
-    given_width, given_height = number("w", width), number("h", height)
+    given_width, given_height = number("w"), number("h")
     scale = prepare.true_scale(
         (given_width, given_height), (width, height), where=f"{path}: {where}"
     )
@@ -221,7 +208,7 @@ def lens(path, values, width, height, *, where):
             [0, 0, 1],
         ]
     )
-    return scale @ camtopix, np.array([number(key, 0.0) for key in DISTORTION_KEYS])
+    return scale @ camtopix, np.array([number(key, 0.0) for key in of_model])
 
 
 def _focal(number, focal_key, angle_key, size):

@@ -1,8 +1,9 @@
 """From a folder of photos to its page: `make photos FOLDER=my_photos`.
 
 FOLDER holds photos (also HEIC), films, or photos with cameras by another program
-(transforms.json, sparse/0, poses_bounds.npy), or several such folders. A config is
-written beside the results; it is yours to edit, and is kept the next time.
+(transforms.json, sparse/0, poses_bounds.npy) or an app (Polycam's raw data, 3d Scanner
+App's All Data, Record3D's EXR + JPG), or several such folders. A config is written
+beside the results; it is yours to edit, and is kept the next time.
 """
 
 import argparse
@@ -37,16 +38,36 @@ def main(argv=None):
     name = args.name or folders.name_of(folder)
     if args.name and len(scenes) == 1:
         scenes = {args.name: next(iter(scenes.values()))}
+    scenes = folders.with_colmap(scenes)
     path = Path("results") / f"{name}.yaml"
-    for scene, content in scenes.items():
-        print(f"{scene}: {content['source']} in {content['path']}")
     say_where(path, config_of(scenes, args), folder)
+    scenes = still_in(path, scenes)
+    for scene, content in scenes.items():
+        by = " by COLMAP" if content.get("poses") == folders.BY_COLMAP else ""
+        print(f"{scene}: {content['source']} in {content['path']}{by}")
+    say_twice(path, scenes)
     print(f"page, in the end: {', '.join(map(targets.page_of, scenes))}", flush=True)
     # Its files for other programs, too: cameras put right, or as given.
     if not args.only_config and (
         code := workflow.run(path, args.cores, "all", "export")
     ):
         sys.exit(code)
+
+
+def still_in(path, scenes):
+    """The scenes that a config has: a user may have deleted others."""
+    there = yaml_files.read(path).get("scenes")
+    return {name: one for name, one in scenes.items() if name in (there or {})}
+
+
+def say_twice(path, scenes):
+    """Print that a phone's photos are trained with two kinds of poses, and the cost."""
+    if again := [s for s, one in scenes.items() if one.get("poses")]:
+        print(
+            f"poses of the phone: expect pixels of error. {', '.join(again)} has "
+            "COLMAP's beside them, at twice the time: to leave it out, delete it under "
+            f"scenes in {path} (--only-config writes that and stops)"
+        )
 
 
 def config_of(scenes, args):

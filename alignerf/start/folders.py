@@ -1,4 +1,4 @@
-"""The kind of a folder: photos, films, or photos with cameras by another program.
+"""The kind of a folder: photos, films, or photos with cameras by an app or program.
 
 Files are told by their names, and none is opened. A folder of such folders holds
 several scenes.
@@ -10,6 +10,8 @@ from pathlib import Path
 
 from alignerf.experiment import sources
 from alignerf.scenes import photos
+from alignerf.scenes.apps import colmap_models
+from alignerf.scenes.apps import sources as apps
 from alignerf.scenes.capture import video
 
 log = logging.getLogger("alignerf")
@@ -23,6 +25,10 @@ CAMERAS = (
     ("poses_bounds.npy", "llff"),
 )
 RULE = re.compile(r"^\s*(?:rule|checkpoint|use rule \w+ as) (\w+)", re.MULTILINE)
+
+
+# What a phone's own poses get beside them: the same photos, posed by COLMAP.
+BY_COLMAP = "colmap"
 
 
 def scenes_of(folder):
@@ -51,14 +57,17 @@ def scenes_of(folder):
 
 
 def scene_of(path):
-    """{source, path} of one scene; None where there is none."""
+    """{source, path} of one scene; None where there is none.
+
+    Raises ValueError where a folder is nearly an app's or COLMAP's, and says what is
+    missing.
+    """
     if path.is_dir():
-        for name, source in CAMERAS:
-            if (path / name).exists():
-                # A transforms.json names them itself.
-                if (path / "masks").is_dir() and source != "transforms":
-                    log.warning("%s/masks: not used where cameras are given", path)
-                return {"source": source, "path": str(path)}
+        if (source := given_by(path)) is not None:
+            # A transforms.json names them itself.
+            if (path / "masks").is_dir() and source != "transforms":
+                log.warning("%s/masks: not used where cameras are given", path)
+            return {"source": source, "path": str(path)}
         if not any(is_taken(p) for p in path.iterdir()):
             # As other programs lay it out.
             path = path / "images"
@@ -71,6 +80,48 @@ def scene_of(path):
         )
     film = path.is_file() and path.suffix.lower() in video.SUFFIXES
     return {"source": "photos", "path": str(path)} if film else None
+
+
+def given_by(path):
+    """The source that reads the cameras of a folder; None where it has only photos."""
+    for name, source in CAMERAS:
+        if (path / name).exists():
+            return source
+    if (app := apps.like(path)) is not None:
+        apps.APPS[app].check(path)
+        return app
+    if not has_photos(path):
+        return None
+    if colmap_models.find(path):
+        return "mipnerf360"
+    if lacking := colmap_models.missing(path):
+        photos_at = path / "images" if (path / "images").is_dir() else path
+        raise ValueError(
+            f"{lacking}. Without it COLMAP runs on the photos: move it away, or give "
+            f"{photos_at} as the folder"
+        )
+    return None
+
+
+def has_photos(path):
+    """Whether a folder has photos, beside it or in `images` or `images_<n>`."""
+    named = (p for p in path.glob("images*") if p.is_dir())
+    return any(is_taken(p) for inner in (path, *named) for p in inner.iterdir())
+
+
+def with_colmap(scenes):
+    """The scenes, and beside each with a phone's own poses NAME_colmap.
+
+    Raises ValueError where there is another scene of that name.
+    """
+    found = {}
+    for name, scene in scenes.items():
+        found[name] = scene
+        if apps.said_of(scene["source"], scene["path"]) == apps.OF_PHONE:
+            if (again := f"{name}_{BY_COLMAP}") in scenes:
+                raise ValueError(f"{scene['path']}: another scene is called {again}")
+            found[again] = scene | {"poses": BY_COLMAP}
+    return found
 
 
 def is_taken(path):

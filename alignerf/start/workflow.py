@@ -9,16 +9,17 @@ import sys
 from alignerf.experiment import sources
 
 
-def run(path, cores, *targets, overrides=()):
+def run(path, cores, *targets, overrides=(), forced=()):
     """Run a config for targets; returns the exit code.
 
-    overrides: `key=value` of top-level keys.
+    overrides: `key=value` of top-level keys. forced: rules that run again.
     """
     profile = sources.ROOT / "workflow" / "profiles" / "default"
     command = [sys.executable, "-m", "snakemake", "--cores", str(cores)]
     command += ["--snakefile", str(sources.ROOT / "Snakefile")]
     command += ["--workflow-profile", str(profile), "--configfile", str(path)]
     command += ["--config", *overrides] if overrides else []
+    command += ["--forcerun", *forced] if forced else []
     command += ["--", *targets]
     child = subprocess.Popen(command, env=os.environ)
     while True:

@@ -11,23 +11,26 @@ import pandas as pd
 
 from alignerf.files import atomic, faults, json_files
 from alignerf.scenes import prepared
-from alignerf.verdict import advice, causes, evidence, views, words
+from alignerf.verdict import advice, causes, evidence, judged, views, words
 
 
 def main(argv=None):
     args = parse(argv)
     loaded = prepared.load(args.scene)
-    rows = evidence.read_views(loaded, args.base, ("train", "test"))
+    rows, thumbs = evidence.read_views(loaded, args.base, ("train", "test"))
+    poses = json_files.read(f"{args.scene}/poses.json", evidence.POSES)
     known = evidence.gather(
         loaded,
         rows,
         evidence.read_pattern(loaded, args.base),
-        poses=json_files.read(f"{args.scene}/poses.json", evidence.POSES),
+        poses=poses,
         timing=json_files.read(f"{args.base}/timing.json", evidence.TIMING),
         overfit=args.overfit,
         windows=(args.windows, args.windows_corrected),
+        of_judged=judged.read(poses, thumbs),
     )
-    findings = causes.find(known)
+    findings = [judged.finding(known), *causes.find(known)]
+    findings = [finding for finding in findings if finding]
     gains = words.gains_of(args.misalignment) if args.misalignment else []
     sentences = words.say(known, findings, gains, rows)
     content = {
@@ -38,7 +41,8 @@ def main(argv=None):
             gain._asdict() | {"pays": advice.pays(known, gain)} for gain in gains
         ],
         "evidence": known._asdict()
-        | {"windows": known.windows and known.windows._asdict()},
+        | {"windows": known.windows and known.windows._asdict()}
+        | {"judged": known.judged and known.judged._asdict()},
         "stands_out": {v.view: v.stands_out for v in rows if v.stands_out},
     }
     table = pd.DataFrame(rows, columns=views.COLUMNS)

@@ -1,7 +1,7 @@
 """The remedy to try first, with its measured gain and cost."""
 
 from alignerf.files import provenance
-from alignerf.verdict import causes
+from alignerf.verdict import causes, judged
 
 # In dB on courtyard, over plain training of the same seconds, those of one and of two
 # trainings (docs/measured/on_the_way.csv): where poses are off by 1.5 px and objects
@@ -57,6 +57,8 @@ ALIGNED = ("camera", "motion")
 
 def advise(e, findings, gains=()):
     """The remedy to try first; never one that this run has tried in vain."""
+    if e.judged:
+        return judged.advise(e, findings)
     named = {finding.cause for finding in findings}
     if "sparse" in named:
         named -= set(UNTOLD)

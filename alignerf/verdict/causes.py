@@ -84,6 +84,8 @@ class Evidence(NamedTuple):
     perturb_px: float = 0.0
     # At the photos' own size; None without.
     windows: of_windows.Windows | None = None
+    # How renders of another program were put together (`judged.Judged`), or None.
+    judged: tuple | None = None
 
 
 class Finding(NamedTuple):
@@ -187,9 +189,16 @@ def tells(e: Evidence):
 
 def few_views(e: Evidence):
     """Too few photos to learn or to judge from."""
-    if e.train_views < FEW_TRAIN_VIEWS or e.test_views < FEW_TEST_VIEWS:
+    few_test = e.test_views < FEW_TEST_VIEWS and not e.judged
+    if few_train(e) or few_test:
         return Finding("few_views", e.train_views + e.test_views, True)
     return None
+
+
+def few_train(e: Evidence):
+    """Whether views are too few to learn from; of judged ones, to tell anything by."""
+    count = max(e.train_views, e.test_views) if e.judged else e.train_views
+    return count < FEW_TRAIN_VIEWS
 
 
 def unregistered(e: Evidence):

@@ -10,7 +10,7 @@ import numpy as np
 
 from alignerf.files import archives, csv_files, json_files
 from alignerf.scenes import prepared
-from alignerf.verdict import causes, pattern, views
+from alignerf.verdict import causes, judged, pattern, views
 from alignerf.verdict import windows as of_windows
 
 # Flows of so many training views tell what all have in common.
@@ -18,11 +18,12 @@ MOST_PATTERN_VIEWS = 32
 
 
 def read_views(loaded: prepared.Scene, base, splits):
-    """A `views.View` of each view whose render and flow are there.
+    """(a `views.View` of each view whose render and flow are there, their thumbs).
 
     base: folder of the reference's round 0. A split without renders is left out.
+    thumbs: {view: (of the photo, of the render)}, see `judged.thumb`.
     """
-    rows = []
+    rows, thumbs = [], {}
     for split in splits:
         folder = Path(base) / "renders" / split
         if not folder.is_dir():
@@ -33,6 +34,7 @@ def read_views(loaded: prepared.Scene, base, splits):
             name = loaded.names[view]
             (photo,) = prepared.read_images(loaded, [view], loaded.folder / "images")
             (render,) = prepared.read_images(loaded, [view], folder)
+            thumbs[name] = judged.thumb(photo), judged.thumb(render)
             _, valid = read_flow(base, split, name)
             (counts,) = prepared.read_masks(loaded, [view])
             row = parts.loc[name]
@@ -48,7 +50,7 @@ def read_views(loaded: prepared.Scene, base, splits):
                     **views.measured(photo, render, valid, counts),
                 )
             )
-    return views.named(rows)
+    return views.named(rows), thumbs
 
 
 # What it takes from a poses.json, and from the reference's timing.json.
@@ -99,25 +101,28 @@ def gather(
     timing,
     overfit,
     windows=(None, None),
+    of_judged=None,
 ):
     """`causes.Evidence` of a scene's views.
 
     poses, timing: contents of poses.json and of the reference's timing.json. overfit:
     CSV of the flow invented between images that belong to one another, or None.
-    windows: the two folders of `windows.read`.
+    windows: the two folders of `windows.read`. of_judged: a `judged.Judged`, of a scene
+    of another program's renders; such a scene may lack the views of a split.
     """
     of_split = {
         split: [v for v in rows if v.split == split] for split in ("train", "test")
     }
-    pixels = len(loaded.views("train")) * loaded.width * loaded.height
+    counts = {split: int((loaded.split == split).sum()) for split in prepared.SPLITS}
+    pixels = max(counts["train"], 1) * loaded.width * loaded.height
     photo_px = poses["photo_width"] / poses["width"]
     # Where training views were not rendered, test views have to tell.
     main = of_split["train"] or of_split["test"]
     ratios = np.array([view.detail_ratio for view in main])
     shift, error = np.array(shared.shift_px), np.array(shared.shift_error_px)
     return causes.Evidence(
-        train_views=len(loaded.views("train")),
-        test_views=len(loaded.views("test")),
+        train_views=counts["train"],
+        test_views=counts["test"],
         registered=poses["registered"],
         # Given poses leave no photo out.
         total=poses["total"] if poses["poses"] == "colmap" else poses["registered"],
@@ -148,6 +153,7 @@ def gather(
         poses_given=poses["poses"] == "given",
         perturb_px=float(poses["perturb_px"]),
         windows=of_windows.read(*windows),
+        judged=of_judged,
     )
 
 

@@ -12,7 +12,7 @@ import pandas as pd
 
 from alignerf.files import csv_files
 from alignerf.tables import scores
-from alignerf.verdict import advice, causes
+from alignerf.verdict import advice, causes, judged
 
 
 def say(evidence, findings, gains, views):
@@ -23,6 +23,7 @@ def say(evidence, findings, gains, views):
     lines = [headline(evidence, findings)]
     lines += [SENTENCES[finding.cause](finding, evidence) for finding in findings]
     lines += alignment(evidence)
+    lines += judged.lines(evidence) if evidence.judged else []
     lines += photos(views)
     lines += [gain_line(gain, evidence) for gain in gains]
     lines.append("To do: " + advice.advise(evidence, findings, gains))
@@ -69,7 +70,7 @@ def headline(e, findings):
             poses = next(word for word in what if word.startswith("poses"))
             return f"Verdict: {poses}, and photos are too few or too far apart."
         return "Verdict: too few photos, or too far apart: aligning is no help."
-    if e.train_views < causes.FEW_TRAIN_VIEWS:
+    if causes.few_train(e):
         return "Verdict: too few photos to say much."
     if causes.too_short(e):
         return "Verdict: trained too short to tell how well photos are aligned."
@@ -90,7 +91,7 @@ def state(e, findings):
     named = {finding.cause for finding in findings}
     if causes.by_windows(e):
         return "misaligned"
-    few = e.train_views < causes.FEW_TRAIN_VIEWS
+    few = causes.few_train(e)
     short = causes.too_short(e) and not causes.known_windows(e)
     if "sparse" in named or few or short:
         return "unclear"
@@ -110,6 +111,7 @@ CALLED = {
     "few_views": "photos are few",
     "unregistered": "photos are left out",
     "undertrained": "trained {probably}too short",
+    "swapped": "some renders show other photos",
 }
 
 
@@ -119,7 +121,8 @@ def alignment(e):
     parts, scale = [], f"at {causes.USUAL_WIDTH_PX} px of width"
     if math.isfinite(e.flow_train_px):
         parts.append(f"{of_photo(e.flow_train_px, e)} on photos that were trained on")
-    parts.append(f"{of_photo(e.flow_test_px, e)} on held-out ones")
+    if math.isfinite(e.flow_test_px) or not e.judged:
+        parts.append(f"{of_photo(e.flow_test_px, e)} on held-out ones")
     limit = e.photo_px * causes.limit_of_training_px(e)
     begins = "Photo and render are shifted by"
     if lines:
@@ -216,6 +219,9 @@ def sparse(finding, e):
 
 
 def few_views(finding, e):
+    if e.judged:
+        count = max(e.train_views, e.test_views)
+        return f"{count} renders are few: {causes.FEW_TRAIN_VIEWS} are the least."
     return (
         f"{e.train_views} photos to learn from and {e.test_views} to judge by are few: "
         f"{causes.FEW_TRAIN_VIEWS} and {causes.FEW_TEST_VIEWS} are the least."
@@ -270,7 +276,7 @@ SENTENCES = {
         *(camera, motion, sparse, few_views, unregistered, lens_shift),
         *(lens_distortion, blurred, exposure, undertrained),
     )
-}
+} | {"swapped": judged.sentence}
 
 
 def photos(views):

@@ -8,33 +8,38 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from alignerf.files import archives, atomic, images, progress
+from alignerf.files import archives, atomic, images, machine, progress
 from flow.estimation import estimate, external, pairs
 from flow.warping import files, lengths, warp
 
 COLUMNS = ("view", *lengths.COLUMNS, "blur_sigma_px", "time_s")
 
 
-def align(renders, photos, targets, stats_out, **options):
+def align(renders, photos, targets, stats_out, *, threads=1, **options):
     """Align every view of a folder; returns the rows of the statistics.
 
     renders, photos: folders of <view>.png. targets: {"flow": folder} and, for warped
-    photos, "warped". They and the CSV appear together or not at all. options: those
-    of `align_view`. Raises ValueError or OSError.
+    photos, "warped". They and the CSV appear together or not at all. threads: views at
+    once; each takes 0.3 GB of a view of 2 megapixels. options: those of `align_view`.
+    Raises ValueError or OSError.
     """
     views = pairs.find_pairs(Path(renders), Path(photos))
-    rows = []
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
         stats_path = stack.enter_context(atomic.replace_file(stats_out))
         folders = {}
         for kind, target in targets.items():
             folders[kind] = stack.enter_context(atomic.replace_folder(target))
-        for view, render_path, photo_path in progress.over(views, "flow"):
+
+        def row_of(one):
+            view, *paths = one
             started = time.perf_counter()
-            render, photo = images.read(render_path), images.read(photo_path)
+            render, photo = map(images.read, paths)
             row = align_view(view, render, photo, folders, **options)
-            rows.append(row | {"time_s": round(time.perf_counter() - started, 4)})
+            return row | {"time_s": round(time.perf_counter() - started, 4)}
+
+        made = machine.map_in_threads(row_of, views, threads=threads)
+        rows = list(progress.over(made, "flow", total=len(views)))
         files.write_rows(stats_path, COLUMNS, rows)
     return rows
 

@@ -15,13 +15,14 @@ rule align:
         "results/{scene}/{training}/logs/align.tsv"
     conda:
         "../../environment.yml"
+    threads: lambda w: inputs.threads_of_views(experiment, w.scene)
     params:
         flow=lambda w: arguments.of_training_views(experiment, w.scene, w.training),
         splits=lambda w: experiment.splits(w.scene, w.training),
         sources=sources_of("flow.align"),
     shell:
         "python -m flow.align {params.flow:q} --splits {params.splits}"
-        " --renders {input.renders:q}/{{split}} --depth {input.depth:q}/{{split}}"
+        " --threads {threads} --renders {input.renders:q}/{{split}} --depth {input.depth:q}/{{split}}"
         " --photos {input.photos:q} --masks {input.photos:q}/masks"
         " --flow-out {output.flow:q}/{{split}} --warped-out {output.warped:q}/{{split}}"
         " --stats-out {output.stats:q}/{{split}}.csv 2>&1 | tee {log:q}"

@@ -18,6 +18,7 @@ rule decompose:
         photos="|_photos",
     conda:
         "../../environment.yml"
+    threads: lambda w: inputs.threads_of_views(experiment, w.scene)
     params:
         model=[],
         split=lambda w: w.split,
@@ -28,7 +29,7 @@ rule decompose:
     shell:
         "python -m flow.decompose --renders-depth {input.depth:q}/{params.split}"
         " --flow {input.flow:q}/{params.split} {params.model:q}"
-        " --cameras {params.cameras:q} --split {params.split}"
+        " --cameras {params.cameras:q} --split {params.split} --threads {threads}"
         " --out-flow {output.parts:q} --stats-out {output.stats:q} 2>&1 | tee {log:q}"
 
 

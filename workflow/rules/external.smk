@@ -11,6 +11,7 @@ rule external_data:
     benchmark:
         "results/{scene}/{training}/logs/external_data.tsv"
     wildcard_constraints:
+        scene=plan.one_of(experiment.judged(False)),
         training=plan.trained_by(experiment, external=True),
     conda:
         "../../environment.yml"
@@ -25,7 +26,7 @@ rule external_data:
 
 rule external_train:
     input:
-        data="results/{scene}/{training}/data",
+        data=lambda w: inputs.external_data(experiment, w.scene, w.training),
         cameras=lambda w: layout.output_of(
             experiment.training(w.scene, w.training).cameras
         ),
@@ -38,6 +39,7 @@ rule external_train:
     benchmark:
         "results/{scene}/{training}/logs/train.tsv"
     wildcard_constraints:
+        scene=plan.one_of(experiment.judged(False)),
         training=plan.trained_by(experiment, external=True),
     conda:
         "../../environment.yml"
@@ -57,14 +59,14 @@ rule external_train:
     shell:
         "python -m alignerf.others.train --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --training {params.folder:q}"
-        " --data {input.data:q} --model {params.folder:q}/model --cores {threads}"
-        " --cameras {params.cameras:q} --learnt {output.learnt:q}"
+        " --data {params.folder:q}/data --model {params.folder:q}/model"
+        " --cores {threads} --cameras {params.cameras:q} --learnt {output.learnt:q}"
         " --timing {output.timing:q} 2>&1 | tee {log:q}"
 
 
 rule external_render:
     input:
-        data="results/{scene}/{training}/data",
+        data=lambda w: inputs.external_data(experiment, w.scene, w.training),
         timing="results/{scene}/{training}/timing.json",
         learnt="results/{scene}/{training}/learnt",
         cameras="results/{scene}/cameras.npz",
@@ -77,6 +79,7 @@ rule external_render:
     benchmark:
         "results/{scene}/{training}/logs/render.tsv"
     wildcard_constraints:
+        scene=plan.one_of(experiment.judged(False)),
         training=plan.trained_by(experiment, external=True),
     conda:
         "../../environment.yml"
@@ -96,7 +99,8 @@ rule external_render:
     shell:
         "python -m alignerf.others.render --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --training {params.folder:q}"
-        " --data {input.data:q} --model {params.folder:q}/model --cores {threads}"
-        " --cameras {input.learnt:q}/cameras.npz --splits {params.splits}"
+        " --data {params.folder:q}/data --model {params.folder:q}/model"
+        " --cores {threads} --cameras {input.learnt:q}/cameras.npz"
+        " --splits {params.splits}"
         " --renders {output.renders:q}/{{split}} --depth {output.depth:q}/{{split}}"
         " --timing {output.timing:q}/{{split}}.json 2>&1 | tee {log:q}"

@@ -4,7 +4,7 @@ rule page:
         unpack(lambda w: layout.outputs_of(rows.of_page(experiment, w.scene))),
         lambda w: rows.shown_in(rows.figure_rounds(experiment, w.scene)),
         images="results/{scene}/images",
-        preflight="results/{scene}/preflight.json",
+        preflight=lambda w: targets.preflight_of(experiment, w.scene),
         tables=lambda w: targets.of_page(experiment, w.scene),
     output:
         report(

@@ -3,12 +3,11 @@
 rule verdict:
     input:
         unpack(lambda w: layout.outputs_of(rows.of_verdict(experiment, w.scene))),
+        unpack(lambda w: rows.compared(experiment, w.scene)),
         windows=lambda w: rows.files_of_windows(experiment, w.scene),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
         poses="results/{scene}/poses.json",
-        overfit="results/{scene}/testset/overfit.csv",
-        misalignment="results/{scene}/tables/misalignment.csv",
     output:
         verdict="results/{scene}/verdict.json",
         views=report(
@@ -25,10 +24,9 @@ rule verdict:
         "../../environment.yml"
     params:
         base=lambda w: experiment.reference_folder(w.scene, 0),
-        windows=lambda w: rows.windows_options(experiment, w.scene),
+        options=lambda w: rows.verdict_options(experiment, w.scene),
         sources=sources_of("alignerf.verdict"),
     shell:
         "python -m alignerf.verdict --scene results/{wildcards.scene:q}"
-        " --base {params.base:q} {params.windows:q} --overfit {input.overfit:q}"
-        " --misalignment {input.misalignment:q} --out {output.verdict:q}"
+        " --base {params.base:q} {params.options:q} --out {output.verdict:q}"
         " --views {output.views:q} 2>&1 | tee {log:q}"

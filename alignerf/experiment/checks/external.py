@@ -62,10 +62,11 @@ def check_commands(config, chosen, where):
 def check_command(config, command, known, where):
     """It can be split into words, and its places are known."""
     try:
-        if not shlex.split(command):
-            fault(where, "no program in it")
+        words = shlex.split(command)
     except ValueError as error:
         fault(where, f"{error}; quotes are as in a shell")
+    if not (words and words[0].strip()):
+        fault(where, "no program in it")
     check_places(command, known, where)
     unknown = any(scene["steps"] is None for scene in config["scenes"].values())
     unknown = unknown or "steps" in config["training"]["decided"]

@@ -6,6 +6,8 @@ from alignerf.experiment.keys import scene as scene_keys
 
 # Sources whose photos may have alpha.
 TRANSPARENT = ("photos", "transforms", "blender", "judged")
+# Sources whose photos may lie in several sizes.
+OF_SIZES = ("mipnerf360", "transforms")
 # Courtyard's photos, eight bits a channel.
 MOST_PHOTO_BYTES = 2**35
 
@@ -31,7 +33,7 @@ def check_scene(scene, *place):
         )
     if source.has_path and not scene["path"]:
         fault(f"{where}path", f"source {scene['source']!r} needs one")
-    if scene["images"] is not None and scene["source"] != "mipnerf360":
+    if scene["images"] is not None and scene["source"] not in OF_SIZES:
         fault(f"{where}images", f"source {scene['source']!r} has no such folders")
     if scene["background"] and scene["source"] not in TRANSPARENT:
         fault(f"{where}background", f"source {scene['source']!r} has no alpha")

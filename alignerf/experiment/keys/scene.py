@@ -14,6 +14,8 @@ class Source(typing.NamedTuple):
     has_path: bool = True
     # The published scores of its scenes are of every eighth view, however few that are.
     every_eighth: bool = False
+    # An app's folder: its poses, or COLMAP's from the same photos.
+    is_app: bool = False
 
 
 SOURCES = {
@@ -24,6 +26,9 @@ SOURCES = {
     "mipnerf360": Source(("given",), every_eighth=True),
     "blender": Source(("given",)),
     "judged": Source(("given",)),
+    "polycam": Source(("given", "colmap"), is_app=True),
+    "scanner3d": Source(("given", "colmap"), is_app=True),
+    "record3d": Source(("given", "colmap"), is_app=True),
 }
 
 
@@ -220,19 +225,21 @@ class Zoom(Keys):
 class Scene(Keys):
     source: Literal[tuple(SOURCES)] = key(
         what="embedded scene, folder of photos, transforms.json, LLFF's "
-        "poses_bounds.npy, a scene of mip-NeRF 360 (360_v2), one of NeRF's "
-        "synthetic scenes, or photos beside renders of another program"
+        "poses_bounds.npy, a scene of mip-NeRF 360 (360_v2) or another COLMAP model, "
+        "one of NeRF's synthetic scenes, what an app exports (Polycam's raw data, "
+        "3d Scanner App's All Data, Record3D's EXR + JPG), or photos beside renders of "
+        "another program"
     )
     path: str | None = key(
         None,
         "folder of photos, of transforms.json, of poses_bounds.npy and images or "
-        "images_<n>, of sparse/0 and images_<n>, or of transforms_train.json and "
-        "transforms_test.json; none for courtyard",
+        "images_<n>, of sparse/0 and images_<n>, of transforms_train.json and "
+        "transforms_test.json, or an app's; none for courtyard",
     )
     images: int | None = key(
         None,
-        "of mipnerf360: the n of the folder images_<n>, 1 for images; null takes the "
-        "largest photos there are",
+        "of mipnerf360 and transforms: the n of the folder images_<n>, 1 for images; "
+        "null takes the largest photos there are",
         least=1,
         most=64,
     )
@@ -246,7 +253,8 @@ class Scene(Keys):
     )
     poses: Literal["colmap", "truth", "given"] | None = key(
         None,
-        "courtyard has colmap (default) or truth, photos colmap, all others given",
+        "courtyard has colmap (default) or truth, photos colmap, apps given (default) "
+        "or colmap, all others given",
     )
     downscale: int | Literal["auto"] = key(
         1,

@@ -10,6 +10,8 @@ from alignerf.experiment import slices
 from alignerf.experiment.kinds import plain, rounds
 from alignerf.experiment.trainings import from_photos
 
+STARTERS = ("env", "nice", "bash", "sh", "python", "python3", "conda", "run")
+
 
 def takes(method):
     """A method with `external`."""
@@ -24,15 +26,16 @@ def trainings(experiment, scene, name, once):
 
 
 def program(method):
-    """What tables call the program: its file's name, or where renders come from."""
+    """What tables call the program: its file's name, or where renders come from.
+
+    What only starts the program, as `env A=1` and `bash -c`, does not say what it is.
+    """
     command = method["external"]["train"]
     if not command:
         return "finished renders"
-    words = [w for w in shlex.split(command) if "=" not in w and w[0] != "-"]
-    names = [os.path.basename(word) for word in words]
-    # Whoever only starts the program does not say what it is.
-    starters = ("env", "python", "python3", "bash", "sh", "nice")
-    return next((name for name in names if name not in starters), names[0])
+    words = [part for word in shlex.split(command) for part in word.split()[:1]]
+    names = [os.path.basename(w) for w in words if not (w[0] == "-" or "=" in w)]
+    return next((name for name in names if name not in STARTERS), words[0])
 
 
 words = plain.words

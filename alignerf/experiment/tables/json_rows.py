@@ -28,8 +28,8 @@ def plain(value):
     return [plain(one) for one in value] if isinstance(value, list) else value
 
 
-def read(kind, text, option="--rows"):
-    """Rows of a kind that a command's option holds.
+def read(kind, text, option="--rows", *, least=1):
+    """Rows of a kind that a command's option holds, `least` or more.
 
     Raises ValueError naming a key too many or too few, and wrong values.
     """
@@ -40,7 +40,7 @@ def read(kind, text, option="--rows"):
         first = error.errors(include_url=False)[0]
         where = "".join(map(place, first["loc"]))
         raise ValueError(f"{option}{where}: {first['msg']}") from None
-    if not values:
+    if len(values) < least:
         raise ValueError(f"{option}: no row")
     return values
 

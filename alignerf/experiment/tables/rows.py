@@ -173,14 +173,29 @@ def of_verdict(experiment, scene):
     return files
 
 
-def windows_options(experiment, scene):
-    """Options of the verdict: windows with cameras as given, and as put right."""
-    return arguments.options(
-        {
-            name: experiment.judged_folder(windows)
-            for name, windows in judging(experiment, scene).items()
-        }
-    )
+def verdict_options(experiment, scene):
+    """Options of the verdict: what an estimator invents, gains, windows.
+
+    Of windows: those with cameras as given, and as put right.
+    """
+    windows = {
+        name: experiment.judged_folder(windows)
+        for name, windows in judging(experiment, scene).items()
+    }
+    return arguments.options(compared(experiment, scene) | windows)
+
+
+def compared(experiment, scene):
+    """{option: file} of what tells how much of a shift is the estimator's own.
+
+    And, of a scene whose models this run has trained, what its remedies brought.
+    """
+    if experiment.scenes[scene]["judged"]:
+        return {"overfit": f"{experiment.judged_folder(scene)}/overfit.csv"}
+    return {
+        "overfit": f"results/{scene}/testset/overfit.csv",
+        "misalignment": f"results/{scene}/tables/misalignment.csv",
+    }
 
 
 def judging(experiment, scene):
@@ -213,7 +228,12 @@ def of_page(experiment, scene):
 
 
 def figure_rounds(experiment, scene):
-    """Test views round by round, of the reference method."""
+    """Test views round by round, of the reference method; none without such views."""
+    if (
+        "test"
+        not in (experiment.scenes[scene]["judged"] or {"splits": "test"})["splits"]
+    ):
+        return []
     method = experiment.config["reference"]["method"]
     folders = [
         experiment.folder(scene, method, k)

@@ -19,6 +19,7 @@ from alignerf.scenes import (
     prepared,
     transforms,
 )
+from alignerf.scenes.apps import polycam, record3d, scanner3d, sources
 from alignerf.scenes.capture import canvas, ingest
 from alignerf.scenes.courtyard import scene as courtyard
 from alignerf.scenes.courtyard import truth
@@ -26,11 +27,16 @@ from alignerf.scenes.judged import views as judged
 
 # Sources whose files give the poses -> (views, names of photos without a pose).
 GIVEN = {
-    "transforms": lambda config: transforms.read(config["path"], config["background"]),
+    "transforms": lambda config: transforms.read(
+        config["path"], config["background"], images=config["images"]
+    ),
     "llff": lambda config: (llff.read(config["path"]), []),
     "mipnerf360": lambda config: mipnerf360.read(config["path"], config["images"]),
     "blender": lambda config: blender.read(config["path"], config["background"]),
     "judged": judged.at_full_size,
+    "polycam": lambda config: polycam.read(config["path"]),
+    "scanner3d": lambda config: scanner3d.read(config["path"]),
+    "record3d": lambda config: record3d.read(config["path"]),
 }
 OF_LENSES = ("names", "camtopix", "distortion", "camera_of")
 
@@ -79,6 +85,9 @@ def points_of(folder):
 
 def photos_of(config, folder, work_folder):
     """The views of a scene's source; their cameras are those of the source."""
+    if config["source"] in sources.APPS and config["poses"] == "colmap":
+        links = sources.link_photos(config["source"], config["path"], work_folder)
+        return of_photos(config | {"path": str(links)}, folder, work_folder)
     if config["source"] in GIVEN:
         return GIVEN[config["source"]](config)[0]
     if config["source"] == "photos":

@@ -4,6 +4,7 @@ COLMAP's reader trusts a file's counts: on a file that was cut short it takes mi
 and 15 GB. Formats: COLMAP's src/colmap/scene/reconstruction_io_binary.cc.
 """
 
+import math
 import struct
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from alignerf.files import faults
 
 # Numbers of parameters by the model's number.
 PARAMETERS = (3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12, 16, 4, 5, 3, 4, 6, 2)
+LENGTH_ERROR = 1e-2
 OF_POINT_2D, OF_TRACK, OF_DATA, OF_POSE = 24, 8, 16, 56
 
 
@@ -45,8 +47,19 @@ def camera(walk):
     walk.skip(16 + 8 * PARAMETERS[number])
 
 
+def is_rotation(quaternion):
+    """Whether four numbers have length 1, as files print them.
+
+    COLMAP's reader would take one of length 0 for no turn.
+    """
+    return len(quaternion) == 4 and abs(math.hypot(*quaternion) - 1) < LENGTH_ERROR
+
+
 def image(walk):
-    walk.skip(4 + OF_POSE + 4)
+    walk.skip(4)
+    if not is_rotation([walk.read("<d") for _ in range(4)]):
+        raise ValueError("a quaternion is not of length 1")
+    walk.skip(OF_POSE - 32 + 4)
     walk.skip_text()
     walk.skip(OF_POINT_2D * walk.read("<Q"))
 

@@ -4,8 +4,9 @@ Programs undo a lens in different ways, or not at all. A photo in another geomet
 its render looks misaligned, most at its corners. So all known ways are tried on some
 pairs, and the way is taken that leaves least flow.
 
-Notation: a lens is camtopix [3, 3], pixel centres at +0.5, and distortion [5] as of
-`scenes.distortion`; sizes are (width, height); images [h, w, 3] uint8 RGB.
+Notation: a lens is camtopix [3, 3], pixel centres at +0.5, and distortion [5], of a
+fisheye [4], as of `scenes.distortion`; sizes are (width, height); images [h, w, 3]
+uint8 RGB.
 """
 
 from typing import NamedTuple
@@ -30,6 +31,10 @@ SMALL_PX, LEAST_PX = 640, 48
 EQUAL_PX = 0.1
 # Where even the best way leaves more, as a share of the width, renders are of others.
 LOST_SHARE = 0.05
+
+
+# From pixel centres at +0.5 to OpenCV's, at integers.
+INTEGERS = np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1]])
 
 
 class Shown(NamedTuple):
@@ -109,33 +114,50 @@ def ways(lens, photo_size, render_size, where) -> list[Shown]:
 
 def undone(camtopix, coefficients, size):
     """(way, camtopix, size) of the pinhole pictures that programs make of a lens."""
-    found = []
-    # OpenCV has pixel centres at integers.
-    shift = np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1]])
-    own, (x, y, width, height) = cv2.getOptimalNewCameraMatrix(
-        shift @ camtopix, np.asarray(coefficients, np.float64), size, 0
-    )
-    if width > 0 and height > 0:
-        moved = np.array([[1, 0, 0.5 - x], [0, 1, 0.5 - y], [0, 0, 1]]) @ own
-        found.append(("opencv", moved, (width, height)))
+    found, of_opencv = [], opencv_camera(camtopix, coefficients, size)
+    if of_opencv is not None:
+        found.append(("opencv", *of_opencv))
     try:
         pinhole = distortion.pinhole_camera(camtopix, coefficients, *size)
         found.append(("pinhole", pinhole, size))
     except ValueError:
+        # Of a lens that no pinhole view undoes; other ways may.
         pass
-    k1, k2, p1, p2, k3 = map(float, coefficients)
-    model = "FULL_OPENCV" if k3 else "OPENCV"
-    params = [*camtopix[[0, 1], [0, 1]], *camtopix[:2, 2], k1, k2, p1, p2]
-    camera = pycolmap.Camera(
-        model=model,
-        width=int(size[0]),
-        height=int(size[1]),
-        params=[*params, k3, 0, 0, 0] if k3 else params,
-    )
+    values = list(map(float, coefficients))
+    params, model = [*camtopix[[0, 1], [0, 1]], *camtopix[:2, 2], *values[:4]], "OPENCV"
+    if is_fisheye(coefficients):
+        model = "OPENCV_FISHEYE"
+    elif values[4]:
+        params, model = [*params, values[4], 0, 0, 0], "FULL_OPENCV"
+    width, height = map(int, size)
+    camera = pycolmap.Camera(model=model, width=width, height=height, params=params)
     undistorted = pycolmap.undistort_camera(pycolmap.UndistortCameraOptions(), camera)
     of_colmap = undistorted.calibration_matrix()
     found.append(("colmap", of_colmap, (undistorted.width, undistorted.height)))
     return found
+
+
+def opencv_camera(camtopix, coefficients, size):
+    """(camtopix, size) of OpenCV's picture without a border; None where it has none."""
+    own, values = INTEGERS @ camtopix, np.asarray(coefficients, np.float64)
+    x, y, (width, height) = 0, 0, size
+    if is_fisheye(coefficients):
+        made = cv2.fisheye.estimateNewCameraMatrixForUndistortRectify(
+            own, values, size, np.eye(3), balance=0.0
+        )
+    else:
+        made, (x, y, width, height) = cv2.getOptimalNewCameraMatrix(
+            own, values, size, 0
+        )
+    if min(width, height) < 1 or not np.isfinite(made).all():
+        return None
+    back = np.array([[1, 0, 0.5 - x], [0, 1, 0.5 - y], [0, 0, 1]])
+    return back @ made, (width, height)
+
+
+def is_fisheye(coefficients):
+    """Whether a distortion is one of OpenCV's fisheye model, by its length."""
+    return len(coefficients) == 4
 
 
 def choose(samples) -> tuple[str, dict]:
@@ -201,15 +223,13 @@ def is_same(lens, camtopix, image, size):
 
 def positions(lens, camtopix, size):
     """(x, y) [h, w] float32: where a picture's pixels lie in an image of a lens."""
-    shift = np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1]])
-    return cv2.initUndistortRectifyMap(
-        shift @ lens[0],
-        np.asarray(lens[1], np.float64),
-        None,
-        shift @ camtopix,
-        tuple(size),
-        cv2.CV_32FC1,
-    )
+    to, values = INTEGERS @ camtopix, np.asarray(lens[1], np.float64)
+    undo = cv2.initUndistortRectifyMap
+    if is_fisheye(values):
+        undo, none = cv2.fisheye.initUndistortRectifyMap, np.eye(3)
+    else:
+        none = None
+    return undo(INTEGERS @ lens[0], values, none, to, tuple(size), cv2.CV_32FC1)
 
 
 def pixtocam(shown: Shown):

@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import faults, json_files
+from alignerf.files import json_files
 from alignerf.scenes import mipnerf360, prepare, transforms
+from alignerf.scenes.apps import project_files
 from alignerf.scenes.judged import ply
 
 # The horizontal field of view that is assumed where nothing is known: of a phone's main
@@ -29,10 +30,10 @@ OF_GAUSSIANS = {
 
 
 class Lens(NamedTuple):
-    """A view's camera. camtopix [3, 3] and distortion [5] are of `size`.
+    """A view's camera.
 
-    size: (width, height) in px; None means the photo's. pose: camera-to-world [3, 4],
-    OpenGL axes.
+    camtopix [3, 3] and distortion [5], of a fisheye [4], are of `size`: (width, height)
+    in px; None means the photo's. pose: camera-to-world [3, 4], OpenGL axes.
     """
 
     camtopix: np.ndarray
@@ -52,13 +53,13 @@ class Lens(NamedTuple):
 class Cameras(NamedTuple):
     """{view: Lens} of a file, what it is, the points and the splits that it has.
 
-    points: positions [m, 3] and colours, or None. splits: {view: split}, maybe empty.
+    points: positions [m, 3] and colours, or None. splits: {view: split}, or None.
     """
 
     lenses: dict
     kind: str
     points: tuple | None = None
-    splits: dict = {}
+    splits: dict | None = None
 
 
 def read(path, photo_size) -> Cameras:
@@ -104,8 +105,9 @@ def of_json(path, photo_size) -> Cameras:
         name = stem_of(frame["file_path"])
         if name in lenses:
             raise ValueError(f"{path}: two frames have the view name {name!r}")
-        values = {**scene, **frame}
-        size = size_of(path, values, photo_size)
+        usual = dict(zip(("w", "h"), photo_size, strict=True))
+        values = usual | scene | frame
+        size = size_of(path, values)
         lens = transforms.lens(path, values, *size, where=frame["file_path"])
         lenses[name] = Lens(*lens, size, transforms.pose(path, frame))
         if split := of_file.get(frame["file_path"]):
@@ -113,7 +115,7 @@ def of_json(path, photo_size) -> Cameras:
     if not lenses:
         raise ValueError(f"{path}: 'frames' must be a list that is not empty")
     if len(splits) < len(lenses):
-        splits = {}
+        splits = None
     return Cameras(lenses, "transforms.json", ply.of_scene(path, scene), splits)
 
 
@@ -128,11 +130,11 @@ def split_lists(path, scene):
     return found
 
 
-def size_of(path, values, photo_size):
-    """(w, h) of a frame, by default the photo's; ValueError naming the key."""
+def size_of(path, values):
+    """(w, h) of a frame; ValueError naming the key."""
     size = []
-    for key, usual in zip(("w", "h"), photo_size, strict=True):
-        value = values.get(key, usual)
+    for key in ("w", "h"):
+        value = values[key]
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         if not (is_number and 1 <= value <= 1e6):
             raise ValueError(f"{path}: {key!r} is {value!r:.60}")
@@ -141,10 +143,10 @@ def size_of(path, values, photo_size):
 
 
 def stem_of(file_path):
-    """A view's name by its photo's path; suffixes of photos are taken off, no others."""
+    """A view's name by its photo's path; only suffixes of photos are taken off."""
     name = file_path.replace("\\", "/").rpartition("/")[2]
     stem, dot, suffix = name.rpartition(".")
-    return stem if dot and f".{suffix}" in transforms.SUFFIXES else name
+    return stem if dot and f".{suffix}" in project_files.SUFFIXES else name
 
 
 def of_model(path) -> Cameras:
@@ -197,10 +199,11 @@ def of_gaussian(path, i, entry) -> Lens:
 
 
 def assumed(names, size) -> Cameras:
-    """Cameras of views of which nothing is known; each stands elsewhere, by no reason."""
+    """Cameras of views of which nothing is known; each stands elsewhere."""
     focal_px = 0.5 * max(size) / math.tan(math.radians(ASSUMED_DEGREES) / 2)
+    width, height = size
     camtopix = np.array(
-        [[focal_px, 0, size[0] / 2], [0, focal_px, size[1] / 2], [0, 0, 1]]
+        [[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]]
     )
     lenses = {}
     for i, name in enumerate(names):
@@ -209,15 +212,3 @@ def assumed(names, size) -> Cameras:
         pose[:, 3] = [math.cos(i), math.sin(i), i / len(names)]
         lenses[name] = Lens(camtopix, np.zeros(5), None, pose)
     return Cameras(lenses, "none")
-
-
-def of_views(cameras: Cameras, names, where):
-    """The names that have a camera; ValueError where none has, one line of the rest."""
-    kept = [name for name in names if name in cameras.lenses]
-    if not kept:
-        theirs = faults.some_names(sorted(cameras.lenses))
-        raise ValueError(
-            f"{where}: its cameras ({theirs}) are of other photos than "
-            f"{faults.some_names(list(names))}"
-        )
-    return kept

@@ -115,13 +115,13 @@ def sheets(folder, files, names, splits):
 
 
 def gaussians(folder, files, names, splits):
-    """3D Gaussian splatting's: numbered in the order of names, of the last iteration."""
+    """3D Gaussian splatting's: numbered by name, of the last iteration."""
     found = []
     for path in files:
         parts = path.parts
-        if len(parts) > 3 and parts[-2] == "renders" and parts[-4] in SPLITS:
-            if match := OURS.fullmatch(parts[-3]):
-                found.append((int(match[1]), SPLITS[parts[-4]], path))
+        match = OURS.fullmatch(parts[-3]) if len(parts) > 3 else None
+        if match and parts[-2] == "renders" and parts[-4] in SPLITS:
+            found.append((int(match[1]), SPLITS[parts[-4]], path))
     if not found:
         return None
     last, renders = max(number for number, _, _ in found), {}
@@ -153,7 +153,7 @@ def put(renders, name, render):
 
 
 def named(folder, files, names, splits):
-    """Renders that are called like their photos, in one folder or one for each split."""
+    """Renders that are called like their photos, in one folder or in several."""
     known, lower = set(names), {}
     for name in names:
         lower.setdefault(name.lower(), name)
@@ -196,7 +196,7 @@ def split_of(path, folder):
 
 
 def numbered(folder, files, names, splits):
-    """Renders that are numbered in the order of the photos' names: all, or of a split."""
+    """Renders numbered in the order of the photos' names: of all, or of a split."""
     renders, of_split = {}, {}
     for path in files:
         of_split.setdefault(split_of(path, folder), []).append(path)

@@ -284,7 +284,7 @@ def splits_of(judged: Judged):
     """{view: split}: as the renders' folders say, else the cameras, else `train`."""
     found = {}
     for pair in judged.pairs:
-        own = pair.render.split or judged.cameras.splits.get(pair.name)
+        own = pair.render.split or (judged.cameras.splits or {}).get(pair.name)
         found[pair.name] = own or "train"
     return found
 

@@ -107,7 +107,7 @@ def test_the_scene_runs_to_its_folder(scene, tmp_path):
     [
         (lambda f: (f / "images_4" / f"{NAMES[2]}.JPG").unlink(), "no photo _DSC0002"),
         (lambda f: (f / "sparse/0/images.bin").write_bytes(b"x"), "sparse/0"),
-        (lambda f: (f / "sparse/0").rename(f / "sparse/1"), "neither sparse/0"),
+        (lambda f: (f / "sparse/0").rename(f / "sparse/a"), "neither sparse/0"),
         (lambda f: (f / "images_4").rename(f / "images_5"), "no folder images_4"),
     ],
 )
@@ -126,10 +126,10 @@ def test_photos_of_another_shape_are_refused(scene):
 
 def test_other_lenses_are_refused(tmp_path, rng):
     model = tmp_path / "sparse" / "0"
-    params = [300.0, 310.0, 191.0, 128.0, 0.1, 0, 0, 0]
+    params = [300.0, 310.0, 191.0, 128.0, 0.1, *[0] * 7]
     write_model(
-        model, NAMES, random_poses(rng, 9), model="OPENCV_FISHEYE", params=params
+        model, NAMES, random_poses(rng, 9), model="THIN_PRISM_FISHEYE", params=params
     )
     write_photos(tmp_path / "images", NAMES, FULL)
-    with pytest.raises(ValueError, match="OPENCV_FISHEYE"):
+    with pytest.raises(ValueError, match="THIN_PRISM_FISHEYE"):
         mipnerf360.read(tmp_path)

@@ -1,6 +1,7 @@
 """Scenes with known cameras, and the lens distortion that they name."""
 
 import json
+import shutil
 import time
 
 import cv2
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import images
 from alignerf.scenes import distortion, prepare, prepared, transforms
 from tests import camera_twins
@@ -142,6 +144,54 @@ def test_cameras_are_read_as_written(scene, caplog):
         np.testing.assert_array_equal(views.photos[i].read(), stored)
 
 
+@pytest.mark.parametrize("folder", ["images_2", "images_10"])
+def test_smaller_photos_are_read_where_the_others_are_not_there(scene, folder):
+    """As nerfstudio lays them, and people delete the large ones."""
+    _shrink(scene[0] / "images", scene[0] / folder)
+    shutil.rmtree(scene[0] / "images")
+    if folder != "images_2":
+        # Its number does not say how much smaller they are.
+        scene[1].update(w=WIDTH, h=HEIGHT)
+    (scene[0] / "images_x").mkdir()
+    views, left_out = read(scene)
+    assert (views.width, views.height) == (WIDTH // 2, HEIGHT // 2)
+    assert left_out == ["gone"]
+    wanted = np.diag([0.5, 0.5, 1]) @ CAMTOPIX
+    np.testing.assert_allclose(np.linalg.inv(views.pixtocams[0]), wanted)
+
+
+def test_a_number_chooses_among_the_folders_of_photos(scene):
+    folder, content = scene
+    _shrink(folder / "images", folder / "images_2")
+    _shrink(folder / "images", folder / "masks_2")
+    for frame in content["frames"]:
+        frame["mask_path"] = frame["file_path"].replace("images", "masks")
+    content["train_filenames"] = ["images/c.png", "images/b.png"]
+    content["test_filenames"] = ["images/a.png"]
+    content["applied_transform"] = np.eye(4)[[0, 2, 1]].tolist()
+    content["ply_file_path"] = "sparse_pc.ply"
+    (folder / "transforms.json").write_text(json.dumps(content))
+    views = prepare.sort_by_name(transforms.read(folder, images=2)[0])
+    assert (views.width, views.height) == (WIDTH // 2, HEIGHT // 2)
+    assert views.split.tolist() == ["test", "train", "train"]
+    assert views.masks[0].read().shape == (HEIGHT // 2, WIDTH // 2, 3)
+    # Poses of the file have its transform already.
+    pose_of_a = np.array(content["frames"][1]["transform_matrix"])[:3]
+    np.testing.assert_allclose(views.camtoworlds[0], pose_of_a, atol=1e-9)
+    with pytest.raises(ValueError, match="has an image in folders _4"):
+        transforms.read(folder, images=4)
+    config = {"source": "transforms", "path": str(folder), "images": 2}
+    assert of_scenes.checked(config)["images"] == 2
+    with pytest.raises(ValueError, match="images"):
+        of_scenes.checked(config | {"source": "polycam"})
+
+
+def _shrink(folder, smaller):
+    smaller.mkdir()
+    for path in folder.iterdir():
+        Image.open(path).resize((WIDTH // 2, HEIGHT // 2)).save(smaller / path.name)
+
+
 def test_field_of_view_and_paths_without_suffix(scene):
     _, content = scene
     for key in ("fl_x", "fl_y", "cx", "cy"):
@@ -241,7 +291,8 @@ def change(content, path, value):
         (["cx"], 1e308, "cx"),
         (["frames", 0, "transform_matrix", 0, 0], 10**400, "transform_matrix"),
         (["k4"], 0.1, "k4"),
-        (["camera_model"], "OPENCV_FISHEYE", "OPENCV_FISHEYE"),
+        (["camera_model"], "EQUIRECTANGULAR", "EQUIRECTANGULAR"),
+        (["camera_model"], ["OPENCV"], "camera model"),
     ],
 )
 def test_faults_are_named(scene, path, value, named):

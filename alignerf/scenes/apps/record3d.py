@@ -1,0 +1,153 @@
+"""Record3D, exported as EXR + JPG, or an .r3d unpacked: metadata and rgb/<n>.jpg.
+
+`metadata.json` (of an .r3d `metadata`, beside rgbd/) has `poses`, one [qx, qy, qz, qw,
+tx, ty, tz] a frame: ARKit's camera-to-world of the photo as it is stored, which is
+upright where the phone was. `K` [9] stands column by column. Newer ones have
+`perFrameIntrinsicCoeffs`, one [fx, fy, cx, cy] a frame: a phone's focal length changes
+as it focuses. Both are of photos of `w` x `h`. Axes and order as instant-ngp's
+scripts/record3d2nerf.py and nerfstudio's record3d_utils.py have them.
+
+It is a film of many frames: MOST_FRAMES are taken, evenly. Videos by the front camera
+have no poses.
+"""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+
+from alignerf.files import faults, json_files
+from alignerf.scenes.apps import phone
+
+log = logging.getLogger(__name__)
+
+METADATA, PHOTOS = ("metadata.json", "metadata"), ("rgb", "rgbd")
+DEPTH = ("depth",)
+# As of a film.
+MOST_FRAMES = 120
+
+
+def first_of(folder, names):
+    """The first of these names that is there, else None."""
+    paths = [Path(folder) / name for name in names]
+    return next((path for path in paths if path.exists()), None)
+
+
+def is_like(folder):
+    """Whether a folder is meant to be Record3D's, complete or not."""
+    # Other programs have a folder rgb, and metadata, too: two of three will do.
+    parts = [first_of(folder, names) for names in (METADATA, PHOTOS, DEPTH)]
+    return sum(part is not None for part in parts) >= 2
+
+
+def check(folder):
+    """ValueError naming what a folder that is meant to be Record3D's lacks."""
+    numbered_photos(folder)
+    metadata_of(folder)
+
+
+def metadata_of(folder):
+    """The path of the metadata."""
+    path, photos = first_of(folder, METADATA), first_of(folder, PHOTOS)
+    if path is None:
+        raise ValueError(
+            f"{folder}: {photos.name}, but no metadata.json: it has Record3D's poses. "
+            f"COLMAP can take the photos alone: give {photos} as the folder"
+        )
+    return path
+
+
+def numbered_photos(folder):
+    """{number of the frame: path} of all photos; ValueError where there are none."""
+    inner = first_of(folder, PHOTOS)
+    if inner is None:
+        raise ValueError(f"{folder}: no rgb/<n>.jpg beside Record3D's metadata")
+    found = {}
+    for stem, path in phone.photos_in(inner).items():
+        if not (stem.isascii() and stem.isdecimal() and len(stem) < 10):
+            raise ValueError(f"{inner}: {path.name}: its name is no frame's number")
+        if int(stem) in found:
+            raise ValueError(f"{inner}: two photos of frame {int(stem)}")
+        found[int(stem)] = path
+    if not found:
+        raise ValueError(f"{inner}: no <n>.jpg")
+    return dict(sorted(found.items()))
+
+
+def chosen(folder):
+    """{number: path} of the frames that are taken, at most MOST_FRAMES, evenly."""
+    found = numbered_photos(folder)
+    if len(found) <= MOST_FRAMES:
+        return found
+    log.info("%s: %d of %d frames, evenly", folder, MOST_FRAMES, len(found))
+    numbers = list(found)
+    places = np.linspace(0, len(found) - 1, MOST_FRAMES).round().astype(int)
+    return {numbers[place]: found[numbers[place]] for place in places.tolist()}
+
+
+def name_of(number):
+    """The name of a frame's view; names are in the order of the frames."""
+    return f"{number:06d}"
+
+
+def photos_of(folder):
+    """{view name: path} of the photos that are taken."""
+    return {name_of(number): path for number, path in chosen(folder).items()}
+
+
+def read(folder):
+    """(prepare.PosedViews, names of the frames without a pose).
+
+    Raises ValueError with one line that names the file and the key.
+    """
+    frames, path = chosen(folder), metadata_of(folder)
+    content = json_files.read(path, {"poses": list})
+    poses, size = content["poses"], size_of(path, content)
+    left_out = [name_of(number) for number in frames if number >= len(poses)]
+    if len(left_out) == len(frames):
+        raise ValueError(f"{path}: poses: {len(poses)}, none of a photo")
+    if left_out:
+        log.warning("%s: no pose of %s", path, faults.some_names(left_out))
+    shots = [
+        phone.Shot(
+            name=name_of(number),
+            photo=photo,
+            camtopix=lens_of(path, content, number),
+            size=size,
+            camtoworld=pose_of(path, poses[number], number),
+        )
+        for number, photo in frames.items()
+        if number < len(poses)
+    ]
+    phone.check_apart(shots, path)
+    return phone.views_of(shots, folder), left_out
+
+
+def size_of(path, content):
+    """(width, height) that the intrinsics are of, or None: that of the photos."""
+    if "w" not in content and "h" not in content:
+        return None
+    values = phone.as_numbers(path, [content.get("w"), content.get("h")], "w and h", 2)
+    return float(values[0]), float(values[1])
+
+
+def lens_of(path, content, number):
+    """Intrinsics [3, 3] of a frame: its own, else those of all."""
+    own = content.get("perFrameIntrinsicCoeffs")
+    # Of another number of frames they are none of these.
+    if isinstance(own, list) and len(own) == len(content["poses"]):
+        where = f"perFrameIntrinsicCoeffs[{number}]"
+        values = phone.as_numbers(path, own[number], where, 4)
+        return phone.pinhole(path, values, where=where)
+    columns = phone.numbers(path, content, "K", 9).reshape(3, 3)
+    if not np.allclose(columns[[0, 1, 0, 1, 2], [1, 0, 2, 2, 2]], [0, 0, 0, 0, 1]):
+        raise ValueError(f"{path}: K is not fx 0 0, 0 fy 0, cx cy 1")
+    return phone.pinhole(path, columns[[0, 1, 2, 2], [0, 1, 0, 1]], where="K")
+
+
+def pose_of(path, values, number):
+    """Camera-to-world [3, 4] of a frame's seven numbers."""
+    where = f"poses[{number}]"
+    values = phone.as_numbers(path, values, where, 7)
+    rotation = phone.rotation_of(values[:4], where=f"{path}: {where}")
+    return np.concatenate([rotation, values[4:, None]], axis=-1)

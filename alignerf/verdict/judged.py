@@ -1,0 +1,140 @@
+"""The verdict on renders of another program: what else is told, and what to do.
+
+`alignerf.scenes.judged` puts such a scene together; its poses.json says how.
+"""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from alignerf.files import json_files, provenance
+from alignerf.verdict import causes
+
+# A render shows another photo where its picture correlates better with that one's, and
+# what is missing to 1 is at most half as much.
+THUMB_PX, LESS = 32, 0.5
+KEYS = dict.fromkeys(("depth", "cameras", "layout", "way"), str)
+DEPTHS = {
+    "given": "The renders' own depth was used.",
+    "points": "Depth is coarse: that of the points which the cameras came with.",
+    "far": "Without depth only a turn and a zoom of a camera are told, not a step to "
+    "the side: what a step explains is counted as the rest.",
+}
+
+
+class Judged(NamedTuple):
+    """How a scene that is judged was put together.
+
+    depth: a key of DEPTHS; cameras: what told them, `none` where nothing did; layout:
+    how the renders lay; swapped: (view, the view whose photo its render shows).
+    """
+
+    depth: str
+    cameras: str
+    layout: str
+    swapped: tuple = ()
+
+
+def read(poses, thumbs):
+    """`Judged` by the contents of poses.json, or None of another scene.
+
+    thumbs: {view: (of the photo, of the render)}, as `thumb` makes them.
+    """
+    if (told := poses.get("judged")) is None:
+        return None
+    json_files.check(told, KEYS)
+    return Judged(told["depth"], told["cameras"], told["layout"], swapped(thumbs))
+
+
+def thumb(image):
+    """A small picture of an image as a vector of length 1; its mean taken off."""
+    grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
+    small = cv2.resize(grey, (THUMB_PX, THUMB_PX), interpolation=cv2.INTER_AREA)
+    values = small.astype(np.float32).ravel() - small.mean()
+    return values / max(float(np.linalg.norm(values)), 1e-6)
+
+
+def swapped(thumbs):
+    """((view, another whose photo its render shows), ...); see LESS."""
+    names = list(thumbs)
+    if len(names) < 2:
+        return ()
+    photos, renders = (np.stack([thumbs[n][k] for n in names]) for k in (0, 1))
+    alike = renders @ photos.T
+    own, best = np.diag(alike), alike.argmax(axis=1)
+    most = alike[np.arange(len(names)), best]
+    found = (best != np.arange(len(names))) & (1 - most < LESS * (1 - own))
+    return tuple((names[i], names[best[i]]) for i in np.flatnonzero(found))
+
+
+def finding(e):
+    """Renders that show other photos than those that they are named like."""
+    if not (e.judged and e.judged.swapped):
+        return None
+    return causes.Finding("swapped", len(e.judged.swapped), True)
+
+
+def sentence(_, e):
+    first = ", ".join(f"{view} shows {other}" for view, other in e.judged.swapped[:3])
+    more = len(e.judged.swapped) - 3
+    rest = f", and {more} more" if more > 0 else ""
+    return f"Renders show other photos than they are named like: {first}{rest}."
+
+
+def lines(e):
+    """Sentences on what could not be told, and why."""
+    found = [DEPTHS[e.judged.depth]]
+    if e.judged.cameras == "none":
+        found.append(
+            "No cameras were given: a field of view was assumed, and what is called a "
+            "camera's share is a guess by it."
+        )
+    if not e.test_views:
+        found.append(
+            "No renders of held-out photos were given: a model can hide wrong poses in "
+            "the photos that it has learnt. Render those that it has not seen, too."
+        )
+    return found
+
+
+# The first cause decides, as in `advice.ADVICE`.
+ADVICE = (
+    ("swapped", "give each render the name of its photo, and judge again."),
+    (
+        "lens_shift",
+        "check pixel centres and principal point in what you gave the program: shifts "
+        "of half a pixel come from a wrong origin of pixels.",
+    ),
+    ("lens_distortion", "calibrate the lens anew, or undistort the photos first."),
+    ("blurred", "leave out the blurred photos, see tables/views.csv, and train again."),
+    (
+        "exposure",
+        "fix the exposure, even it out before training, or switch on your program's "
+        "appearance model.",
+    ),
+    ("camera", "train again with the corrected cameras: `{export}` writes them."),
+    ("motion", "train again on the warped photos: `{export}` writes them."),
+    ("sparse", "take more photos between those you have. Warping would not help."),
+    ("few_views", "take more photos: 20 or more that overlap."),
+)
+
+
+def advise(e, findings):
+    """What to do first."""
+    named = {finding.cause for finding in findings}
+    export = provenance.export_command()
+    for cause, text in ADVICE:
+        if cause in named:
+            if cause == "camera" and e.judged.cameras == "none":
+                return (
+                    "give the cameras, too (CAMERAS=...): then they can be corrected."
+                )
+            return text.format(export=export)
+    if causes.misaligned(e):
+        return f"train again on the warped photos: `{export}` writes them."
+    if not causes.tells(e):
+        return "render larger pictures: at this size a shift is too small to be seen."
+    return (
+        "nothing about alignment. For sharper renders train longer, or a larger model."
+    )

@@ -1,0 +1,158 @@
+"""COLMAP models, wherever and however they lie: what is taken, and what is missing."""
+
+import shutil
+
+import numpy as np
+import pycolmap
+import pytest
+
+from alignerf.scenes import cameras, mipnerf360
+from alignerf.scenes.apps import colmap_models, model_texts
+from tests import app_cases as cases
+
+NAMES = [f"p{i}" for i in range(4)]
+
+
+def write_model(folder, names, camtoworlds, *, as_text=False):
+    """A model of one camera, with a point, at the folder."""
+    model = pycolmap.Reconstruction()
+    camera = pycolmap.Camera(
+        model="PINHOLE", width=64, height=48, params=[*cases.LENS], camera_id=1
+    )
+    model.add_camera_with_trivial_rig(camera)
+    for number, (name, pose) in enumerate(zip(names, camtoworlds, strict=True), 1):
+        axes = pose[:, :3] @ cameras.OPENGL_FROM_OPENCV
+        inverse = np.concatenate([axes.T, -axes.T @ pose[:, 3:]], axis=-1)
+        image = pycolmap.Image(name=f"{name}.jpg", camera_id=1, image_id=number)
+        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(inverse))
+    model.add_point3D(np.ones(3), pycolmap.Track(), np.array([1, 2, 3], np.uint8))
+    folder.mkdir(parents=True, exist_ok=True)
+    (model.write_text if as_text else model.write)(folder)
+
+
+def write_photos(folder, names=NAMES):
+    for name in names:
+        cases.write_photo(folder / f"{name}.jpg")
+
+
+@pytest.fixture
+def given(rng):
+    return cases.camtoworlds(rng, 4)
+
+
+@pytest.mark.parametrize("as_text", [False, True])
+@pytest.mark.parametrize(
+    "place", ["sparse/0", "sparse", "colmap/sparse/0", "colmap/sparse", ".", "sparse/3"]
+)
+def test_a_model_is_found_at_its_usual_places(tmp_path, given, place, as_text):
+    write_model(tmp_path / place, NAMES, given, as_text=as_text)
+    write_photos(tmp_path / "images")
+    views, left_out = mipnerf360.read(tmp_path)
+    assert (views.names, left_out) == (NAMES, [])
+    np.testing.assert_allclose(views.camtoworlds, given, atol=1e-9)
+    fx, fy, cx, cy = cases.LENS
+    wanted = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
+    np.testing.assert_allclose(np.linalg.inv(views.pixtocams[1]), wanted, atol=1e-9)
+    np.testing.assert_array_equal(views.points[0], [[1, 1, 1]])
+
+
+def test_photos_may_lie_beside_the_models_files(tmp_path, given):
+    write_model(tmp_path, NAMES, given, as_text=True)
+    write_photos(tmp_path)
+    assert mipnerf360.read(tmp_path)[0].names == NAMES
+
+
+def test_of_several_models_the_largest_is_taken_and_others_named(
+    tmp_path, given, caplog
+):
+    write_photos(tmp_path / "images")
+    write_model(tmp_path / "sparse/0", NAMES[:1], given[:1])
+    write_model(tmp_path / "sparse/1", NAMES[1:], given[1:], as_text=True)
+    # Not before 2 by its name.
+    write_model(tmp_path / "sparse/10", NAMES[:2], given[:2])
+    views, left_out = mipnerf360.read(tmp_path)
+    assert (views.names, left_out) == (NAMES[1:], NAMES[:1])
+    said = "3 models: the largest is taken, 1 of 3 images; left: 0 of 1, 10 of 2"
+    assert said in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("part", "named"),
+    [("cameras", "model without cameras.txt"), ("images", "model without images.txt")],
+)
+def test_half_a_model_says_what_is_missing(tmp_path, given, part, named):
+    write_model(tmp_path / "sparse", NAMES, given, as_text=True)
+    write_photos(tmp_path / "images")
+    (tmp_path / f"sparse/{part}.txt").unlink()
+    with pytest.raises(ValueError, match=named):
+        mipnerf360.read(tmp_path)
+
+
+def spoiled(line):
+    return lambda text: text.replace(text.splitlines()[4], line, 1)
+
+
+IMAGE = "1 {} 0 0 0 1 p0.jpg"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "named"),
+    [
+        (spoiled(IMAGE.format("0 0 0 0")), r"line 5: p0\.jpg has no pose"),
+        (spoiled(IMAGE.format("nan 0 0 0")), "line 5.*has no pose"),
+        (spoiled(IMAGE.format("1 0 x 0")), "line 5.*has no pose"),
+        (spoiled(IMAGE.format("1 0 0 0").replace(" 1 p", " 1 my p")), "with spaces"),
+        (spoiled("1 1 0 0 0"), "line 5 has 5 words: cut short"),
+        # No lines of points: COLMAP would leave out every second image.
+        (lambda text: text.replace("\n\n", "\n"), "not the points of the image above"),
+        (lambda text: text.replace("1 p0.jpg", "7 p0.jpg"), "not a COLMAP model"),
+    ],
+)
+def test_a_text_that_colmap_would_misread_is_refused(tmp_path, given, spoil, named):
+    write_model(tmp_path / "sparse/0", NAMES, given, as_text=True)
+    write_photos(tmp_path / "images")
+    path = tmp_path / "sparse/0/images.txt"
+    text = path.read_text()
+    assert text.splitlines()[4].endswith("p0.jpg")
+    path.write_text(spoil(text))
+    with pytest.raises(ValueError, match=named) as raised:
+        mipnerf360.read(tmp_path)
+    assert "sparse/0" in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_text_that_is_none_is_named(tmp_path, given):
+    write_model(tmp_path / "sparse/0", NAMES, given, as_text=True)
+    write_photos(tmp_path / "images")
+    (tmp_path / "sparse/0/images.txt").write_bytes(b"\xff\xfe\0")
+    with pytest.raises(ValueError, match=r"images\.txt: not a text"):
+        mipnerf360.read(tmp_path)
+
+
+def test_a_binary_quaternion_of_0_is_refused(tmp_path, given):
+    write_model(tmp_path / "sparse/0", NAMES, given)
+    write_photos(tmp_path / "images")
+    path = tmp_path / "sparse/0/images.bin"
+    content = bytearray(path.read_bytes())
+    content[12:44] = bytes(32)
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"images\.bin.*not of length 1"):
+        mipnerf360.read(tmp_path)
+
+
+def test_both_kinds_of_files_are_read_as_colmap_reads_them(tmp_path, given):
+    """Its binary ones come first; a broken text beside them does not count."""
+    write_model(tmp_path / "sparse/0", NAMES, given)
+    (tmp_path / "sparse/0/images.txt").write_text("x\n")
+    write_photos(tmp_path / "images")
+    assert mipnerf360.read(tmp_path)[0].names == NAMES
+
+
+def test_counts_are_those_of_the_files(tmp_path, given):
+    write_model(tmp_path / "a", NAMES[:3], given[:3])
+    write_model(tmp_path / "b", NAMES, given, as_text=True)
+    assert colmap_models.images_in(tmp_path / "a") == 3
+    assert model_texts.count(tmp_path / "b") == 4
+    assert colmap_models.find(tmp_path) == []
+    shutil.rmtree(tmp_path / "a")
+    assert colmap_models.largest(tmp_path) is None

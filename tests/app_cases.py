@@ -1,0 +1,99 @@
+"""Folders as apps write them, of a capture whose truth is known."""
+
+import json
+
+import numpy as np
+from PIL import Image
+
+SIZE = (64, 48)
+# (fx, fy, cx, cy) in px, as an app prints them.
+LENS = (60.0, 61.0, 31.0, 25.0)
+
+
+def camtoworlds(rng, count):
+    """Random poses [n, 3, 4], OpenGL axes."""
+    rotations = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]
+    rotations *= np.sign(np.linalg.det(rotations))[:, None, None]
+    return np.concatenate([rotations, rng.normal(size=(count, 3, 1))], axis=-1)
+
+
+def write_photo(path, level=100, size=SIZE):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(np.full((size[1], size[0], 3), level, np.uint8)).save(path)
+
+
+def write_json(path, content):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(content))
+
+
+def change(path, **keys):
+    """Change keys of a JSON; None takes one away."""
+    content = json.loads(path.read_text()) | keys
+    write_json(
+        path, {key: value for key, value in content.items() if value is not None}
+    )
+
+
+def as_apple(point, pose):
+    """(x, y) in px of a world point by ARKit's words, with the lens LENS.
+
+    The camera looks along its -z, x to the right of the photo, y up; the file's pixels
+    are counted from wherever the file does.
+    """
+    right, up, back = (float(pose[:, k] @ (point - pose[:, 3])) for k in range(3))
+    fx, fy, cx, cy = LENS
+    return np.array([cx + fx * right / -back, cy - fy * up / -back])
+
+
+def polycam(folder, poses, *, kinds=("images", "cameras")):
+    """keyframes/ of a capture; names are times in microseconds."""
+    images, cameras = (folder / "keyframes" / kind for kind in kinds)
+    for i, pose in enumerate(poses):
+        name = str(638443502 + 1000 * i)
+        write_photo(images / f"{name}.jpg", 10 * i)
+        rows = {f"t_{r}{c}": float(pose[r, c]) for r in range(3) for c in range(4)}
+        lens = dict(zip(("fx", "fy", "cx", "cy"), LENS, strict=True))
+        sizes = {"width": SIZE[0], "height": SIZE[1], "blur_score": 115.28}
+        write_json(cameras / f"{name}.json", rows | lens | sizes)
+    return folder
+
+
+def scanner3d(folder, poses):
+    """All Data: a JSON of every third frame has a photo."""
+    fx, fy, cx, cy = LENS
+    for i, pose in enumerate(poses):
+        name = f"frame_{3 * i:05d}"
+        write_photo(folder / f"{name}.jpg", 10 * i)
+        write_photo(folder / f"depth_{3 * i:05d}.png", 1)
+        matrix = [*pose.ravel().tolist(), 0, 0, 0, 1]
+        content = {"intrinsics": [fx, 0, cx, 0, fy, cy, 0, 0, 1]}
+        content |= {"cameraPoseARFrame": matrix, "frame_index": i, "motionQuality": 1}
+        write_json(folder / f"{name}.json", content)
+        write_json(folder / f"frame_{3 * i + 1:05d}.json", content)
+    write_json(folder / "info.json", {"device": "a phone"})
+    write_photo(folder / "textured_output.jpg", size=(32, 32))
+    return folder
+
+
+def quaternion(rotation):
+    """(x, y, z, w) of a rotation, by its eigenvector: another way than the reader's."""
+    values, vectors = np.linalg.eig(rotation)
+    axis = np.real(vectors[:, np.argmin(np.abs(values - 1))])
+    cross = rotation - rotation.T
+    sine = np.array([cross[2, 1], cross[0, 2], cross[1, 0]]) @ axis / 2
+    angle = np.arctan2(sine, (np.trace(rotation) - 1) / 2)
+    return [*(axis * np.sin(angle / 2)), np.cos(angle / 2)]
+
+
+def record3d(folder, poses, **more):
+    """EXR + JPG: rgb/<n>.jpg without leading zeros, and metadata.json."""
+    fx, fy, cx, cy = LENS
+    rows = []
+    for i, pose in enumerate(poses):
+        write_photo(folder / "rgb" / f"{i}.jpg", 10 * (i % 25))
+        rows.append([*map(float, quaternion(pose[:, :3])), *pose[:, 3].tolist()])
+    content = {"w": SIZE[0], "h": SIZE[1], "fps": 60, "poses": rows}
+    content["K"] = [fx, 0, 0, 0, fy, 0, cx, cy, 1]
+    write_json(folder / "metadata.json", content | more)
+    return folder
