@@ -1,6 +1,6 @@
 """Train with nerfstudio and render all views of its data, by the python that has it.
 
-    PYTHON run_nerfstudio.py train --cores 2 -- nerfacto --data DATA --output-dir MODEL ...
+    PYTHON run_nerfstudio.py train --cores 2 -- nerfacto --data DATA --output-dir MODEL
     PYTHON run_nerfstudio.py render --cores 2 MODEL RENDERS DEPTH
 
 `train` is ns-train with its words after `--`. `render` writes RENDERS/<view>.png of
@@ -9,7 +9,7 @@ the optical axis in the units of the poses of transforms.json, 0 where nothing i
 Views have the names of their photos, and the size and lens of them. Cameras are those
 given: what nerfstudio's own camera optimiser has learnt moves no render.
 
-Both leave LPIPS out, whose weights nerfstudio fetches from the network before it trains.
+Both leave LPIPS out, whose weights nerfstudio fetches from the network at its start.
 MODEL must be your own: nerfstudio's config.yml is code. Checked with nerfstudio 1.1.5.
 This file imports nothing of alignerf.
 """
@@ -20,33 +20,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import torch
-import torchmetrics.image.lpip
 from PIL import Image
 
-# Of rays that are rendered at once; 2**15, as nerfstudio has it, takes 2 GB.
-RAYS = 2**13
-
-
-class NoLpips(torch.nn.Module):
-    """In the place of LPIPS: says nothing of any images."""
-
-    def __init__(self, *_args, **_kwargs):
-        super().__init__()
-
-    def forward(self, *_images):
-        return torch.tensor(float("nan"))
-
-
-def allow_numbers():
-    """Let torch read the numbers of numpy that are in nerfstudio's checkpoints.
-
-    From 2.6 on it reads no others than its own, so as to run no code of a file.
-    """
-    number = np.float64(0)
-    known = [number.__reduce__()[0], np.dtype, type(number.dtype)]
-    if hasattr(torch.serialization, "add_safe_globals"):
-        torch.serialization.add_safe_globals(known)
+# That are rendered at once: more are no faster on a CPU, and take memory.
+RAYS = 1024
+# Where less of the light comes from the scene, there is nothing.
+LEAST_ACCUMULATION = 0.5
 
 
 def train(words):
@@ -57,16 +36,15 @@ def train(words):
     ns_train.entrypoint()
 
 
-@torch.no_grad()
 def render(model, renders, depth):
     """Render the training and the test views of a model; arguments: folders.
 
     Raises ValueError where the model is not one, or its renders would leave out a lens.
     """
+    config_path = only_config(model)
+    allow_numbers()
     from nerfstudio.utils import eval_utils
 
-    allow_numbers()
-    config_path = only_config(model)
     config, pipeline, _, step = eval_utils.eval_setup(
         config_path, eval_num_rays_per_chunk=RAYS, test_mode="inference"
     )
@@ -79,18 +57,41 @@ def render(model, renders, depth):
         folder.mkdir(parents=True, exist_ok=True)
     for split in ("train", "test"):
         data = parser.get_dataparser_outputs(split=split)
-        check(config.method_name, data, renders)
+        check_lens(config.method_name, data.cameras.distortion_params)
         units = applied_scale(dataparser.data) / data.dataparser_scale
         cameras = data.cameras.to(pipeline.device)
         for i, photo in enumerate(data.image_filenames):
-            if (renders / f"{photo.stem}.png").exists():
-                raise ValueError(f"{renders}: {photo.stem}.png is there already")
             rgb, z = of_camera(pipeline.model, cameras[i : i + 1])
-            np.save(depth / f"{photo.stem}.npy", (z * units).astype(np.float32))
-            Image.fromarray(np.round(255 * rgb).astype(np.uint8)).save(
-                renders / f"{photo.stem}.png"
-            )
+            write_view(photo.stem, rgb, z * units, renders, depth)
         print(f"{len(data.image_filenames)} views of {split}", flush=True)
+
+
+def allow_numbers():
+    """Let torch read the numbers of numpy that are in nerfstudio's checkpoints.
+
+    From 2.6 on it reads no others than its own, so as to run no code of a file.
+    """
+    import torch
+
+    number = np.float64(0)
+    known = [number.__reduce__()[0], np.dtype, type(number.dtype)]
+    if hasattr(torch.serialization, "add_safe_globals"):
+        torch.serialization.add_safe_globals(known)
+
+
+def leave_out_lpips():
+    """Put something in the place of LPIPS that says nothing of any images."""
+    import torch
+    import torchmetrics.image.lpip
+
+    class NoLpips(torch.nn.Module):
+        def __init__(self, *_args, **_kwargs):
+            super().__init__()
+
+        def forward(self, *_images):
+            return torch.tensor(float("nan"))
+
+    torchmetrics.image.lpip.LearnedPerceptualImagePatchSimilarity = NoLpips
 
 
 def only_config(model):
@@ -101,35 +102,46 @@ def only_config(model):
     return found[0]
 
 
-def is_splat(method):
-    """Whether a method is one of Gaussians: its depth is along the optical axis."""
-    return method.startswith("splatfacto")
-
-
-def check(method, data, where):
-    """Raise ValueError where a render would not have its photo's lens, or two views
-    have one name."""
-    names = [photo.stem for photo in data.image_filenames]
-    if len(set(names)) < len(names):
-        raise ValueError(f"{where}: several photos have one name, but for suffixes")
-    distortion = data.cameras.distortion_params
-    if is_splat(method) and distortion is not None and distortion.any():
-        raise ValueError(f"{where}: {method} renders no lens distortion: undistort first")
+def check_lens(method, distortion):
+    """Raise ValueError where a render would not have its photo's lens."""
+    if method.startswith("splatfacto") and distortion is not None and distortion.any():
+        raise ValueError(f"{method} renders no lens distortion: undistort the photos")
 
 
 def of_camera(model, camera):
-    """(rgb [height, width, 3] in [0, 1], depth along the optical axis in the model's
-    units [height, width]) as arrays. camera: Cameras of one."""
-    outputs = model.get_outputs_for_camera(camera)
-    rgb = outputs["rgb"].clamp(0, 1).cpu().numpy()
-    shown = outputs["accumulation"][..., 0] > 0.5
+    """(rgb [h, w, 3], depth along the optical axis [h, w]) in the model's units.
+
+    camera: nerfstudio's Cameras, of one.
+    """
+    import torch
+
+    with torch.no_grad():
+        outputs = model.get_outputs_for_camera(camera)
+    outputs = {
+        name: outputs[name].cpu().numpy()
+        for name in ("rgb", "accumulation", "depth", "expected_depth")
+        if name in outputs
+    }
     if "expected_depth" in outputs:
         rays = camera.generate_rays(camera_indices=0, keep_shape=True)
-        along = -(rays.directions @ camera.camera_to_worlds[0, :3, 2])
-        z = outputs["expected_depth"][..., 0].to(along.device) * along
+        z = along_axis(
+            outputs["expected_depth"][..., 0],
+            rays.directions.cpu().numpy(),
+            camera.camera_to_worlds[0].cpu().numpy(),
+        )
     else:
+        # Of Gaussians, whose depth is along the axis already.
         z = outputs["depth"][..., 0]
-    return rgb, torch.where(shown.to(z.device), z, torch.zeros_like(z)).cpu().numpy()
+    shown = outputs["accumulation"][..., 0] > LEAST_ACCUMULATION
+    return outputs["rgb"], np.where(shown, z, 0)
+
+
+def along_axis(distance, directions, camtoworld):
+    """Depth along the optical axis [h, w] of a distance along the ray [h, w].
+
+    directions [h, w, 3]: of length 1, in the world. camtoworld [3, 4]: OpenGL axes.
+    """
+    return distance * -(directions @ camtoworld[:, 2])
 
 
 def applied_scale(data):
@@ -140,7 +152,29 @@ def applied_scale(data):
     return float(json.loads(path.read_text(encoding="utf-8")).get("applied_scale", 1))
 
 
-def main():
+def write_view(name, rgb, z, renders, depth):
+    """Write RENDERS/<name>.png and DEPTH/<name>.npy; ValueError where one is there."""
+    path = renders / f"{name}.png"
+    if path.exists():
+        raise ValueError(f"{path} is there already: of another photo of this name?")
+    np.save(depth / f"{name}.npy", z.astype(np.float32))
+    Image.fromarray(np.round(255 * rgb.clip(0, 1)).astype(np.uint8)).save(path)
+
+
+def main(argv=None):
+    args = parse(argv)
+    import torch
+
+    torch.set_num_threads(args.cores)
+    leave_out_lpips()
+    if args.what == "train":
+        train(args.words[1:] if args.words[:1] == ["--"] else args.words)
+    else:
+        render(args.model, args.renders, args.depth)
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     kinds = parser.add_subparsers(dest="what", required=True)
     training = kinds.add_parser("train", help="ns-train, with its words after --")
@@ -150,17 +184,11 @@ def main():
     rendering.add_argument("--cores", type=int, default=1)
     for folder in ("model", "renders", "depth"):
         rendering.add_argument(folder, type=Path)
-    args = parser.parse_args()
-    torch.set_num_threads(args.cores)
-    torchmetrics.image.lpip.LearnedPerceptualImagePatchSimilarity = NoLpips
-    if args.what == "train":
-        train(args.words[1:] if args.words[:1] == ["--"] else args.words)
-    else:
-        try:
-            render(args.model, args.renders, args.depth)
-        except (OSError, ValueError) as error:
-            sys.exit(f"error: {error}")
+    return parser.parse_args(argv)
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except (OSError, ValueError) as error:
+        sys.exit(f"error: {error}")
