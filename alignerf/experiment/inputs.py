@@ -3,6 +3,7 @@
 import json
 
 from alignerf.experiment import arguments, kinds, layout, slices, sources, targets
+from alignerf.experiment.kinds import rounds
 
 
 def is_given(experiment, folder):
@@ -154,22 +155,38 @@ def of_export(experiment, scene, method, what):
 
     what: `cameras` exports photos as taken, `photos` the warped photos.
     """
-    training = last_training(experiment, scene, method)
-    inputs = {"learnt": training.learnt} | held_out_of(experiment, training)
-    if what == "photos":
-        inputs |= training.warped
+    cameras, warped = exported(experiment, scene, method, what)
+    inputs = {"learnt": cameras} | held_out_of(experiment, scene, method, what) | warped
     if method in experiment.names(kinds.aligned):
         inputs["verdict"] = f"results/{scene}/verdict.json"
     return layout.outputs_of(inputs)
 
 
-def held_out_of(experiment, training):
+def exported(experiment, scene, method, what):
+    """(cameras.npz, {"photos": folder, "valid": folder} where warped) of an export.
+
+    What a method's last round learnt from; of renders that are judged, what a next
+    training is to learn from.
+    """
+    training = last_training(experiment, scene, method)
+    if experiment.scenes[scene]["judged"]:
+        following = rounds.after(training, training.folder, {}, what)
+        return following.cameras, following.warped
+    warped = training.warped if what == "photos" else {}
+    return f"{training.learnt}/cameras.npz", warped
+
+
+def held_out_of(experiment, scene, method, what):
     """{"flow": folder, "depth": folder} of test views whose cameras are to be fitted.
 
-    Those that training has left behind, where the config wants them fitted by flow.
+    Those that the others have left behind, where the config wants them fitted by flow.
     """
-    fits = experiment.config["aligned_pose"]
-    if not (fits and fits["flow"] and targets.moves_cameras(training)):
+    training, fits = last_training(experiment, scene, method), None
+    if judged := experiment.scenes[scene]["judged"]:
+        fits = what == "cameras" and "test" in judged["splits"]
+    elif targets.moves_cameras(training):
+        fits = (experiment.config["aligned_pose"] or {"flow": False})["flow"]
+    if not fits:
         return {}
     return {name: f"{training.path}/{name}/test" for name in ("flow", "depth")}
 
@@ -177,18 +194,19 @@ def held_out_of(experiment, training):
 def export_options(experiment, scene, method, what):
     """Options of `alignerf.export`: sizes, cameras, warped photos, held-out views."""
     training = last_training(experiment, scene, method)
+    cameras, warped = exported(experiment, scene, method, what)
     chosen = {
         "config": slices.of_scene(experiment, scene),
         "width": experiment.config["export_width_px"],
-        "cameras": f"{training.learnt}/cameras.npz",
+        "cameras": cameras,
     }
-    if what == "photos":
-        chosen |= {"warped": training.warped["photos"]}
-        chosen |= {"valid": training.warped["valid"]}
+    if warped:
+        chosen |= {"warped": warped["photos"], "valid": warped["valid"]}
         # Photos that a training has warped on its way are warped by the usual kernel.
-        chosen |= {"kernel": training.valid and experiment.config["flow"]["kernel"]}
+        by_flow = training.valid or experiment.scenes[scene]["judged"]
+        chosen |= {"kernel": by_flow and experiment.config["flow"]["kernel"]}
     words = arguments.options(chosen)
-    if held_out := held_out_of(experiment, training):
+    if held_out := held_out_of(experiment, scene, method, what):
         words += ["--fit-held-out", *held_out.values()]
     if method in experiment.names(kinds.aligned):
         # Where the verdict says that alignment gained nothing, exports are as given.

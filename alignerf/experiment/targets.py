@@ -196,10 +196,17 @@ def exports(experiment):
     """Folders for other programs: what the last round of each method was trained on.
 
     Its cameras with the photos as taken and, where it learnt from warped photos, with
-    these.
+    these. Of renders that are judged, both ways of putting right what was learnt from;
+    without cameras there is none.
     """
     folders = []
     for scene in experiment.captures():
+        if judged := experiment.scenes[scene]["judged"]:
+            method = experiment.config["reference"]["method"]
+            folder = f"results/{scene}/{method}/export"
+            known = bool(judged["cameras"]) and "train" in judged["splits"]
+            folders += [f"{folder}/{what}" for what in ("cameras", "photos") * known]
+            continue
         for method in experiment.trained():
             last = experiment.last_round(scene, method)
             training = experiment.at(scene, method, last)

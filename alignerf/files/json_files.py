@@ -16,10 +16,25 @@ def read(path, kinds=None):
     kinds: {key: its type, or several} of keys that it must have; numbers among them are
     finite. Raises ValueError naming the file, and the key, for anything else.
     """
+    return _read(path, lambda content: check(content, kinds or {}))
+
+
+def read_list(path):
+    """The list in a file; raises as `read`."""
+
+    def is_list(content):
+        if not isinstance(content, list):
+            raise ValueError("not a list")
+
+    return _read(path, is_list)
+
+
+def _read(path, check_it):
+    """What a file holds, once it is checked."""
     try:
         faults.check_regular(path)
         content = json.loads(Path(path).read_text(encoding="utf-8"))
-        check(content, kinds or {})
+        check_it(content)
     except FileNotFoundError:
         raise ValueError(f"{path}: not found") from None
     except RecursionError:

@@ -77,15 +77,15 @@ def shown_views(folder, rounds, others, base, limit_px):
     ]
     turns = json_files.read(folder / "poses.json").get("quarter_turns", {})
     truth = folder / "truth" / "oracle"
-    of_split = {
-        "test": pictures.Source(
+    of_split = {}
+    if rounds:
+        of_split["test"] = pictures.Source(
             "test",
             rounds,
             base / "warped" / "test",
             truth if truth.is_dir() else None,
             others,
         )
-    }
     if (base / "renders" / "train").is_dir():
         first = [(base / "renders" / "train", base / "flow" / "train")]
         of_split["train"] = pictures.Source("train", first, base / "warped" / "train")

@@ -29,8 +29,8 @@ WAYS = {
 SMALL_PX, LEAST_PX = 640, 48
 # Lengths of flow nearer than this, in px of the small pictures, are equally good.
 EQUAL_PX = 0.1
-# Where even the best way leaves more, as a share of the width, renders are of others.
-LOST_SHARE = 0.05
+# Photos and renders that correlate less, in pictures of this size, show other things.
+ALIKE, ALIKE_PX = 0.5, 32
 
 
 # From pixel centres at +0.5 to OpenCV's, at integers.
@@ -54,6 +54,9 @@ class Shown(NamedTuple):
 
     def picture(self, photo):
         """The photo [H, W, 3] as the render shows it [h, w, 3]."""
+        if self.render_lens is not None:
+            # Both are resampled alike: a difference in sharpness looks like flow.
+            return self.render(resized(photo, self.size))
         image, lens = smaller(photo, self.lens, self.camtopix, self.size)
         if is_same(lens, self.camtopix, image, self.size):
             return image
@@ -177,6 +180,16 @@ def choose(samples) -> tuple[str, dict]:
     return chosen, mean
 
 
+def likeness(first, second):
+    """Correlation of two images made small: 1 of equal ones, 0 of any two."""
+    values = []
+    for image in (first, second):
+        tiny = cv2.resize(small(image), (ALIKE_PX,) * 2, interpolation=cv2.INTER_AREA)
+        tiny = tiny.astype(np.float64) - tiny.mean()
+        values.append(tiny / max(np.linalg.norm(tiny), 1e-9))
+    return float((values[0] * values[1]).sum())
+
+
 def apart_px(first, second):
     """How far two images are apart: the mean length of the shorter 9 tenths of flow."""
     pair = [small(image) for image in (first, second)]
@@ -185,6 +198,15 @@ def apart_px(first, second):
     flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     length_px = np.linalg.norm(flow.calc(*pair, None), axis=-1)
     return float(length_px[length_px <= np.quantile(length_px, 0.9)].mean())
+
+
+def resized(image, size):
+    """An image of another size (width, height), by area averaging where smaller."""
+    if image.shape[1::-1] == tuple(size):
+        return image
+    is_smaller = size[0] < image.shape[1]
+    kind = cv2.INTER_AREA if is_smaller else cv2.INTER_LANCZOS4
+    return cv2.resize(image, tuple(size), interpolation=kind)
 
 
 def small(image):

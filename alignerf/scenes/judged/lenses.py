@@ -22,6 +22,8 @@ ASSUMED_DEGREES = 65.0
 # COLMAP's files of a model.
 OF_MODEL = ("cameras.bin", "cameras.txt")
 MODELS = (".", "sparse/0", "sparse", "colmap/sparse/0", "0")
+# Written by 3D Gaussian splatting beside its model.
+GAUSSIANS = "cameras.json"
 OF_GAUSSIANS = {
     "img_name": str,
     **dict.fromkeys(("width", "height", "fx", "fy"), json_files.NUMBER),
@@ -73,21 +75,16 @@ def read(path, photo_size) -> Cameras:
     if path.is_file():
         if path.suffix != ".json":
             return of_model(path.parent)
-        content = json_files.read(path)
-        return (
-            of_gaussians(path, content)
-            if isinstance(content, list)
-            else of_json(path, photo_size)
-        )
+        if path.name == GAUSSIANS:
+            return of_gaussians(path)
+        return of_json(path, photo_size)
     if (path / "transforms.json").is_file():
         return of_json(path / "transforms.json", photo_size)
     for inner in MODELS:
         if any((path / inner / name).is_file() for name in OF_MODEL):
             return of_model(path / inner)
-    if (path / "cameras.json").is_file():
-        return of_gaussians(
-            path / "cameras.json", json_files.read(path / "cameras.json")
-        )
+    if (path / GAUSSIANS).is_file():
+        return of_gaussians(path / GAUSSIANS)
     raise ValueError(
         f"{path}: neither transforms.json, nor sparse/0, nor cameras.json of Gaussian "
         "splatting"
@@ -159,10 +156,10 @@ def of_model(path) -> Cameras:
     return Cameras(lenses, "COLMAP's model", points)
 
 
-def of_gaussians(path, entries) -> Cameras:
+def of_gaussians(path) -> Cameras:
     """Those of a cameras.json: pinholes, whose principal point is the middle."""
     lenses = {}
-    for i, entry in enumerate(entries):
+    for i, entry in enumerate(json_files.read_list(path)):
         if not isinstance(entry, dict):
             raise ValueError(f"{path}: entry {i} is no camera")
         for key, kind in OF_GAUSSIANS.items():

@@ -184,21 +184,20 @@ def ways_of(pair: Pair, size):
 def chosen_way(judged: Judged, background):
     """(name of the way that fits, {way: px}) by some of the pairs."""
     step = max(len(judged.pairs) // SAMPLES, 1)
-    samples = (
-        (
-            read_photo(pair.photo, pair.upright, background),
-            read_render(pair.render)[0],
-            ways_of(pair, judged.size),
-        )
-        for pair in judged.pairs[::step][:SAMPLES]
-    )
-    way, apart = geometry.choose(samples)
-    most_px = geometry.LOST_SHARE * min(judged.size[0], geometry.SMALL_PX)
-    if apart[way] > most_px:
+    alike = []
+
+    def samples():
+        for pair in judged.pairs[::step][:SAMPLES]:
+            photo = read_photo(pair.photo, pair.upright, background)
+            render, found = read_render(pair.render)[0], ways_of(pair, judged.size)
+            alike.append(geometry.likeness(found[0].picture(photo), render))
+            yield photo, render, found
+
+    way, apart = geometry.choose(samples())
+    if np.median(alike) < geometry.ALIKE:
         log.warning(
-            "photos and renders hardly look alike: %.0f px apart in the mean. Are they "
-            "of the same photos, in the same order?",
-            apart[way],
+            "photos and renders hardly look alike. Are they of the same photos, in the "
+            "same order?"
         )
     return way, apart
 

@@ -1,0 +1,186 @@
+"""Photos, renders and cameras put together."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from alignerf import poses
+from alignerf.others import judged as take
+from alignerf.scenes import prepared
+from alignerf.scenes.judged import views
+from tests import judged_cases as cases
+
+
+def prepare(folder, config):
+    poses.main(config, folder / "scene")
+    return folder / "scene"
+
+
+def run(scene, splits=("train",)):
+    """The importer's outputs beside a scene."""
+    out = scene / "theirs"
+    out.mkdir()
+    paths = [f"--{n}={out}/{n}/{{split}}" for n in ("renders", "depth")]
+    options = [f"--scene={scene}", "--splits", *splits, *paths]
+    options += [f"--time={out}/render/{{split}}.json", f"--learnt={out}/learnt"]
+    take.main([*options, f"--timing={out}/timing.json"])
+    return out
+
+
+@pytest.mark.parametrize("way", ["taken", "kept", "opencv", "pinhole", "colmap"])
+def test_photos_become_what_renders_show(tmp_path, way):
+    """Of renders that are exact but for resampling, pairs are alike in all ways."""
+    scene = prepare(tmp_path, cases.project(tmp_path, way))
+    told = json.loads((scene / "poses.json").read_text())
+    assert told["judged"]["way"] == way and told["judged"]["depth"] == "far"
+    out = run(scene)
+    loaded = prepared.load(scene)
+    train = loaded.views("train")
+    photos = prepared.read_images(loaded, train, scene / "images").astype(float)
+    renders = prepared.read_images(loaded, train, out / "renders" / "train")
+    masks = prepared.read_masks(loaded, train)
+    assert masks.mean() > 0.8
+    assert np.abs(photos - renders)[masks].mean() < 2.5
+    np.testing.assert_allclose(
+        np.linalg.inv(loaded.pixtocams[0]), cases.shown(way).camtopix, rtol=1e-9
+    )
+    with np.load(out / "depth" / "train" / "v00.npz") as data:
+        assert np.isinf(data["depth"]).all()
+
+
+def test_a_photo_is_moved_where_the_way_is_wrong(tmp_path):
+    """The control of the test above: another way leaves far more."""
+    cases.project(tmp_path, "kept")
+    image = np.asarray(Image.open(tmp_path / "renders" / "v00.png")).astype(float)
+    photo = cases.shown("pinhole").picture(cases.picture(0)).astype(float)
+    assert np.abs(image - photo).mean() > 10
+
+
+def test_borders_and_alpha_do_not_count(tmp_path):
+    """A render's black border, and what is transparent; black things inside do."""
+    config = cases.project(tmp_path)
+    path = tmp_path / "renders" / "v03.png"
+    image = np.asarray(Image.open(path)).copy()
+    image[:10] = 0
+    image[50:60, 50:60] = 0
+    Image.fromarray(image).save(path)
+    alpha = np.full((*image.shape[:2], 1), 255, np.uint8)
+    alpha[:, -20:] = 0
+    clear = tmp_path / "renders" / "v04.png"
+    rgba = np.concatenate([np.asarray(Image.open(clear)), alpha], axis=-1)
+    Image.fromarray(rgba).save(clear)
+    scene = prepare(tmp_path, config)
+    loaded = prepared.load(scene)
+    masks = dict(zip(loaded.names, prepared.read_masks(loaded, range(8)), strict=True))
+    assert masks["v03"][:6].sum() == 0 and masks["v03"][52:58, 52:58].all()
+    assert masks["v04"][:, -15:].sum() == 0 and masks["v04"][:, :120].all()
+
+
+def test_views_without_a_pair_are_left_out_and_named(tmp_path, caplog):
+    config = cases.project(tmp_path)
+    (tmp_path / "renders" / "v07.png").unlink()
+    cases.write_png(tmp_path / "renders" / "v06.png", cases.picture(6, (80, 60)))
+    judged = views.find(config)
+    assert [pair.name for pair in judged.pairs] == cases.NAMES[:6]
+    assert "1 of 8 photos have no render, or no camera: v07" in caplog.text
+    assert "another size than 160x120 are left out: v06" in caplog.text
+    assert judged.told["of_other_size"] == ["v06"]
+
+
+def test_photos_that_lie_on_their_side(tmp_path):
+    """EXIF's orientation is applied where only that fits the render."""
+    for i, name in enumerate(cases.NAMES):
+        upright = cases.picture(i, (120, 160))
+        cases.write_png(tmp_path / "renders" / f"{name}.png", upright)
+        stored = np.ascontiguousarray(np.rot90(upright))
+        path = tmp_path / "photos" / f"{name}.jpg"
+        path.parent.mkdir(exist_ok=True)
+        exif = Image.Exif()
+        exif[0x0112] = 6
+        Image.fromarray(stored).save(path, quality=97, exif=exif)
+    scene = prepare(tmp_path, cases.config(tmp_path))
+    told = json.loads((scene / "poses.json").read_text())
+    assert (told["width"], told["height"]) == (120, 160)
+    assert told["judged"]["cameras"] == "none"
+    assert told["judged"]["apart_px"]["taken"] < 0.1
+
+
+def test_both_splits_and_their_check(tmp_path):
+    config = cases.project(tmp_path)
+    for i, name in enumerate(cases.NAMES):
+        split = "test" if i % 4 == 0 else "train"
+        (tmp_path / "renders" / split).mkdir(exist_ok=True)
+        file = tmp_path / "renders" / f"{name}.png"
+        file.rename(tmp_path / "renders" / split / f"{name}.png")
+    scene = prepare(tmp_path, config)
+    with pytest.raises(ValueError, match="there are renders of train, test"):
+        run(scene)
+    (scene / "theirs").rmdir()
+    out = run(scene, ("train", "test"))
+    assert sorted(p.stem for p in (out / "renders" / "test").iterdir()) == [
+        "v00",
+        "v04",
+    ]
+
+
+def test_depth_by_the_points_of_the_cameras(tmp_path):
+    """Given depth in another unit, by distance, comes out in that of the scene."""
+    config = cases.project(tmp_path)
+    rng = np.random.default_rng(0)
+    points = rng.uniform([-1, -0.7, -2.2], [2, 0.7, -2.0], (3000, 3))
+    lines = [" ".join(map(str, row)) for row in points]
+    head = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
+    head += [*(f"property float {axis}" for axis in "xyz"), "end_header"]
+    (tmp_path / "p.ply").write_text("\n".join([*head, *lines]))
+    cases.transforms(tmp_path / "transforms.json", ply_file_path="p.ply")
+    coarse = prepare(tmp_path, config)
+    assert (
+        json.loads((coarse / "poses.json").read_text())["judged"]["depth"] == "points"
+    )
+    with np.load(run(coarse) / "depth" / "train" / "v03.npz") as data:
+        from_points = data["depth"]
+    (tmp_path / "depth").mkdir()
+    for name in cases.NAMES:
+        y, x = np.indices((120, 160)) + 0.5
+        rays = np.stack([x, y, np.ones_like(x)], -1)
+        rays = rays @ np.linalg.inv(cases.shown("taken").camtopix).T
+        distance = 7 * 2.1 * np.linalg.norm(rays, axis=-1)
+        np.save(tmp_path / "depth" / f"{name}.npy", distance.astype(np.float32))
+    other = tmp_path / "other"
+    other.mkdir()
+    kinds = {"cameras": str(tmp_path / "transforms.json")}
+    kinds |= {"depth": str(tmp_path / "depth")}
+    given = prepare(other, cases.config(tmp_path, **kinds))
+    told = json.loads((given / "poses.json").read_text())["judged"]
+    assert told["depth_kind"] == "distance"
+    np.testing.assert_allclose(told["depth_scale"], 1 / 7, rtol=0.01)
+    with np.load(run(given) / "depth" / "train" / "v03.npz") as data:
+        np.testing.assert_allclose(data["depth"], from_points, rtol=0.06)
+
+
+@pytest.mark.parametrize(
+    ("break_it", "says"),
+    [
+        (lambda f: cases.transforms(f / "transforms.json", ["a", "b"]), "other photos"),
+        (lambda f: (f / "photos").rename(f / "gone"), "no folder of photos"),
+        (lambda f: (f / "transforms.json").write_text("{"), "transforms.json"),
+        (lambda f: [p.unlink() for p in (f / "photos").iterdir()], "no photos"),
+    ],
+)
+def test_faults_are_one_line(tmp_path, break_it, says):
+    config = cases.project(tmp_path)
+    break_it(tmp_path)
+    with pytest.raises(ValueError, match=says) as caught:
+        views.find(config)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "scene").exists()
+
+
+def test_renders_of_other_photos_are_warned_of(tmp_path, caplog):
+    config = cases.project(tmp_path)
+    for i, name in enumerate(cases.NAMES):
+        cases.write_png(tmp_path / "renders" / f"{name}.png", cases.picture(50 + i))
+    views.chosen_way(views.find(config), None)
+    assert "hardly look alike" in caplog.text
