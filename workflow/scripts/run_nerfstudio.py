@@ -49,6 +49,7 @@ def render(model, renders, depth):
         config_path, eval_num_rays_per_chunk=RAYS, test_mode="inference"
     )
     print(f"{config.method_name} after {step} steps", flush=True)
+    of_gaussians = config.method_name.startswith("splatfacto")
     # Anew: that of the pipeline has not looked at how large the photos are.
     dataparser = config.pipeline.datamanager.dataparser
     dataparser.data = config.pipeline.datamanager.data or dataparser.data
@@ -57,11 +58,13 @@ def render(model, renders, depth):
         folder.mkdir(parents=True, exist_ok=True)
     for split in ("train", "test"):
         data = parser.get_dataparser_outputs(split=split)
-        check_lens(config.method_name, data.cameras.distortion_params)
+        if of_gaussians:
+            check_no_lens(config.method_name, data.cameras.distortion_params)
         units = applied_scale(dataparser.data) / data.dataparser_scale
         cameras = data.cameras.to(pipeline.device)
         for i, photo in enumerate(data.image_filenames):
-            rgb, z = of_camera(pipeline.model, cameras[i : i + 1])
+            camera = cameras[i : i + 1]
+            rgb, z = of_camera(pipeline.model, camera, of_gaussians=of_gaussians)
             write_view(photo.stem, rgb, z * units, renders, depth)
         print(f"{len(data.image_filenames)} views of {split}", flush=True)
 
@@ -102,38 +105,32 @@ def only_config(model):
     return found[0]
 
 
-def check_lens(method, distortion):
-    """Raise ValueError where a render would not have its photo's lens."""
-    if method.startswith("splatfacto") and distortion is not None and distortion.any():
+def check_no_lens(method, distortion):
+    """Raise ValueError for photos with a lens, which the renders would leave out."""
+    if distortion is not None and distortion.any():
         raise ValueError(f"{method} renders no lens distortion: undistort the photos")
 
 
-def of_camera(model, camera):
+def of_camera(model, camera, *, of_gaussians):
     """(rgb [h, w, 3], depth along the optical axis [h, w]) in the model's units.
 
-    camera: nerfstudio's Cameras, of one.
+    camera: nerfstudio's Cameras, of one. of_gaussians: whether its depth is along the
+    axis already, and not along the ray.
     """
     import torch
 
     with torch.no_grad():
         outputs = model.get_outputs_for_camera(camera)
-    outputs = {
-        name: outputs[name].cpu().numpy()
-        for name in ("rgb", "accumulation", "depth", "expected_depth")
-        if name in outputs
-    }
-    if "expected_depth" in outputs:
+    rgb, shown, z = (
+        outputs[name].cpu().numpy() for name in ("rgb", "accumulation", "depth")
+    )
+    z = z[..., 0]
+    if not of_gaussians:
+        # Where half of the light comes from nearer: the mean is drawn far by haze.
         rays = camera.generate_rays(camera_indices=0, keep_shape=True)
-        z = along_axis(
-            outputs["expected_depth"][..., 0],
-            rays.directions.cpu().numpy(),
-            camera.camera_to_worlds[0].cpu().numpy(),
-        )
-    else:
-        # Of Gaussians, whose depth is along the axis already.
-        z = outputs["depth"][..., 0]
-    shown = outputs["accumulation"][..., 0] > LEAST_ACCUMULATION
-    return outputs["rgb"], np.where(shown, z, 0)
+        directions = rays.directions.cpu().numpy()
+        z = along_axis(z, directions, camera.camera_to_worlds[0].cpu().numpy())
+    return rgb, np.where(shown[..., 0] > LEAST_ACCUMULATION, z, 0)
 
 
 def along_axis(distance, directions, camtoworld):
