@@ -17,6 +17,7 @@ This file imports nothing of alignerf.
 import argparse
 import json
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -163,6 +164,8 @@ def main(argv=None):
     import torch
 
     torch.set_num_threads(args.cores)
+    # Of nerfstudio's own lines, which today's torch still takes.
+    warnings.filterwarnings("ignore", message="Using a non-tuple sequence")
     leave_out_lpips()
     if args.what == "train":
         train(args.words[1:] if args.words[:1] == ["--"] else args.words)
