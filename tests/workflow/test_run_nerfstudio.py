@@ -27,6 +27,14 @@ def test_words_of_nerfstudio_are_left_as_they_are(wrapper):
     assert [word for word in args.words if word != "--"] == words
 
 
+def test_words_from_a_file(wrapper, tmp_path):
+    path = tmp_path / "small.txt"
+    path.write_text("--vis=tensorboard\n--samples\n48\n24\n")
+    args = wrapper.parse(["train", "--", "nerfacto", f"@{path}", "--data", "a"])
+    words = ["--vis=tensorboard", "--samples", "48", "24"]
+    assert args.words[-7:] == ["nerfacto", *words, "--data", "a"]
+
+
 def test_depth_along_the_axis_from_the_distance_along_rays(wrapper, rng):
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     camtoworld = np.concatenate([turn, rng.normal(size=(3, 1))], axis=-1)

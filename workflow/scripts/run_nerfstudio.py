@@ -3,7 +3,8 @@
     PYTHON run_nerfstudio.py train --cores 2 -- nerfacto --data DATA --output-dir MODEL
     PYTHON run_nerfstudio.py render --cores 2 MODEL RENDERS DEPTH
 
-`train` is ns-train with its words after `--`. `render` writes RENDERS/<view>.png of
+`train` is ns-train with its words after `--`; @FILE stands for the lines of a file, a
+word each. `render` writes RENDERS/<view>.png of
 each training and test view, and DEPTH/<view>.npy [height, width] float32: depth along
 the optical axis in the units of the poses of transforms.json, 0 where nothing is.
 Views have the names of their photos, and the size and lens of them. Cameras are those
@@ -17,7 +18,6 @@ This file imports nothing of alignerf.
 import argparse
 import json
 import sys
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -164,8 +164,6 @@ def main(argv=None):
     import torch
 
     torch.set_num_threads(args.cores)
-    # Of nerfstudio's own lines, which today's torch still takes.
-    warnings.filterwarnings("ignore", message="Using a non-tuple sequence")
     leave_out_lpips()
     if args.what == "train":
         train(args.words[1:] if args.words[:1] == ["--"] else args.words)
@@ -175,7 +173,9 @@ def main(argv=None):
 
 def parse(argv=None):
     """Arguments of the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__.partition("\n")[0], fromfile_prefix_chars="@"
+    )
     kinds = parser.add_subparsers(dest="what", required=True)
     training = kinds.add_parser("train", help="ns-train, with its words after --")
     training.add_argument("--cores", type=int, default=1)
