@@ -35,6 +35,14 @@ def test_words_from_a_file(wrapper, tmp_path):
     assert args.words[-7:] == ["nerfacto", *words, "--data", "a"]
 
 
+@pytest.mark.parametrize(
+    ("words", "seed"),
+    [("--data a", 42), ("--machine.seed 7 --data a", 7), ("--machine.seed=8", 8)],
+)
+def test_the_seed_of_the_process_that_draws_rays(wrapper, words, seed):
+    assert wrapper.seed_of(["ns-train", "nerfacto", *words.split()]) == seed
+
+
 def test_depth_along_the_axis_from_the_distance_along_rays(wrapper, rng):
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     camtoworld = np.concatenate([turn, rng.normal(size=(3, 1))], axis=-1)

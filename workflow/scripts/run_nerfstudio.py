@@ -17,6 +17,7 @@ This file imports nothing of alignerf.
 
 import argparse
 import json
+import random
 import sys
 from pathlib import Path
 
@@ -35,6 +36,13 @@ def train(words):
 
     sys.argv = ["ns-train", *words]
     ns_train.entrypoint()
+
+
+def seed_of(words):
+    """The seed that ns-train's words say, else its own."""
+    seed = argparse.ArgumentParser(allow_abbrev=False)
+    seed.add_argument("--machine.seed", type=int, default=42, dest="seed")
+    return seed.parse_known_args(words)[0].seed
 
 
 def render(model, renders, depth):
@@ -186,6 +194,19 @@ def parse(argv=None):
         rendering.add_argument(folder, type=Path)
     return parser.parse_args(argv)
 
+
+def sow(seed):
+    """Give this process a seed, from which it draws pixels of photos and masks."""
+    import torch
+
+    random.seed(seed)
+    torch.manual_seed(seed)
+
+
+# The process that nerfstudio starts to draw rays: it has no seed of its own, and no two
+# trainings would be alike.
+if __name__ == "__mp_main__":
+    sow(seed_of(sys.argv))
 
 if __name__ == "__main__":
     try:
