@@ -15,7 +15,7 @@ from alignerf.experiment import targets
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import faults, machine
 from alignerf.scenes import photos, prepared
-from alignerf.scenes.judged import depths, views
+from alignerf.scenes.judged import depths, pairs
 from alignerf.start import __main__ as own_photos
 from alignerf.start import folders, workflow
 
@@ -37,8 +37,8 @@ def main(argv=None):
                 "CAMERAS=sparse/0"
             )
     scene = scene_of(args)
-    judged = views.find(of_scenes.checked(scene))
-    splits = views.splits_of(judged)
+    judged = pairs.find(of_scenes.checked(scene))
+    splits = pairs.splits_of(judged)
     scene["judged"]["splits"] = [s for s in prepared.SPLITS if s in splits.values()]
     print(f"{len(judged.pairs)} pairs of photo and render, {judged.told['layout']}")
     name = args.name or folders.name_of(Path(args.renders).expanduser())
