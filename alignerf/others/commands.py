@@ -13,7 +13,7 @@ import threading
 import time
 
 from alignerf.experiment.checks import places
-from alignerf.files import machine, provenance
+from alignerf.files import faults, machine, provenance
 
 # A command that is asked to end has so many seconds to do so.
 GRACE_S = 20.0
@@ -43,7 +43,7 @@ def run(words) -> float:
     Raises ValueError in one line where the program is missing or fails. A signal that
     ends this process ends the command's process group too.
     """
-    print(shlex.join(words), flush=True)
+    print(faults.one_line(shlex.join(words)), flush=True)
     begun = time.perf_counter()
     try:
         process = subprocess.Popen(

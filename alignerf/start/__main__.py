@@ -44,7 +44,8 @@ def main(argv=None):
     scenes = still_in(path, scenes)
     for scene, content in scenes.items():
         by = " by COLMAP" if content.get("poses") == folders.BY_COLMAP else ""
-        print(f"{scene}: {content['source']} in {content['path']}{by}")
+        place = faults.one_line(content["path"])
+        print(f"{scene}: {content['source']} in {place}{by}")
     say_twice(path, scenes)
     print(f"page, in the end: {', '.join(map(targets.page_of, scenes))}", flush=True)
     # Its files for other programs, too: cameras put right, or as given.

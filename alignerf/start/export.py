@@ -18,7 +18,7 @@ def main(argv=None):
     if not args.name:
         raise ValueError("SCENE is missing: make export SCENE=my_photos")
     path = config_of(args.name)
-    print(f"config: {path}", flush=True)
+    print(f"config: {faults.one_line(str(path))}", flush=True)
     overrides = [f"export_width_px={args.width}"] if args.width else []
     if code := workflow.run(path, args.cores, "export", overrides=overrides):
         sys.exit(code)
