@@ -46,7 +46,29 @@ def exit_code(main, *arguments, **options) -> int:
     except (ValueError, OSError) as error:
         say(error)
         return 1
+    except Exception as error:
+        if (name := platform_missing()) is None:
+            raise
+        reason = f"{name}={os.environ[name]}: JAX cannot start on it here"
+        say(ValueError(f"environment: {reason}, unset it: {error!s:.300}"))
+        return 1
     return 0
+
+
+def platform_missing(modules=sys.modules):
+    """The variable that names a platform on which JAX does not start, if one does.
+
+    This module does without JAX: it asks the one that a command has imported.
+    """
+    names = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
+    if "jax" not in modules or not (given := [n for n in names if os.environ.get(n)]):
+        return None
+    try:
+        modules["jax"].devices()
+    # An AssertionError, or a RuntimeError.
+    except Exception:
+        return given[0]
+    return None
 
 
 def say(error):
@@ -60,7 +82,7 @@ def say(error):
 class OneLine(logging.Formatter):
     """Each message as one line, whatever the names in it hold."""
 
-    def formatMessage(self, record):  # noqa: N802
+    def formatMessage(self, record):
         return one_line(record.message)
 
 

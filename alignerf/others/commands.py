@@ -14,6 +14,7 @@ import time
 
 from alignerf.experiment.checks import places
 from alignerf.files import faults, machine, provenance
+from alignerf.processes import switches
 
 # A command that is asked to end has so many seconds to do so.
 GRACE_S = 20.0
@@ -105,9 +106,10 @@ def said(tail):
 def environment():
     """Variables of a command: ours, without the way to our modules.
 
-    It has its own environment, in which a module may have the name of one of ours.
+    It has its own environment, in which a module may have the name of one of ours. And
+    it may need a variable that would change what ours compute.
     """
-    found = dict(os.environ)
+    found = switches.restored(os.environ)
     paths = found.get("PYTHONPATH", "").split(os.pathsep)
     kept = [path for path in paths if path and path != str(provenance.ROOT)]
     found["PYTHONPATH"] = os.pathsep.join(kept)
