@@ -21,7 +21,7 @@ and what it asks of a cluster. `processes` lets several processes train one mode
 `files` is what all commands share: errors in one line, and atomic outputs.
 """
 
-from alignerf.processes import switches
+from alignerf.files.environment import switches
 
 # Before anything imports JAX.
 switches.settle()

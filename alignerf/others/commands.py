@@ -14,7 +14,7 @@ import time
 
 from alignerf.experiment.checks import places
 from alignerf.files import faults, machine, provenance
-from alignerf.processes import switches
+from alignerf.files.environment import switches
 
 # A command that is asked to end has so many seconds to do so.
 GRACE_S = 20.0

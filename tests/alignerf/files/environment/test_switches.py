@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
+from alignerf.files.environment import switches
 from alignerf.others import commands
-from alignerf.processes import switches
 
 # Each of them changed what a training learns, or ended it.
 HOSTILE = {
