@@ -16,8 +16,7 @@ from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import faults, machine
 from alignerf.scenes import photos, prepared
 from alignerf.scenes.judged import depths, pairs
-from alignerf.start import __main__ as own_photos
-from alignerf.start import folders, workflow
+from alignerf.start import configs, folders, workflow
 
 log = logging.getLogger("alignerf")
 
@@ -41,9 +40,9 @@ def main(argv=None):
     splits = pairs.splits_of(judged)
     scene["judged"]["splits"] = [s for s in prepared.SPLITS if s in splits.values()]
     print(f"{len(judged.pairs)} pairs of photo and render, {judged.told['layout']}")
-    name = args.name or folders.name_of(Path(args.renders).expanduser())
+    name = args.name or folders.name_of(folders.at_home(args.renders))
     path = Path("results") / f"{name}.yaml"
-    own_photos.say_where(path, config_of(name, scene, judged), args.renders)
+    configs.say_where(path, config_of(name, scene, judged), args.renders)
     print(f"page, in the end: {targets.page_of(name)}", flush=True)
     if args.only_config:
         return
@@ -54,13 +53,13 @@ def main(argv=None):
 def scene_of(args):
     """The scene's keys; splits are those that there may be."""
     paths = {key: getattr(args, key) for key in ("renders", "cameras", "depth")}
-    judged = {key: str(Path(path).expanduser()) for key, path in paths.items() if path}
+    judged = {key: str(folders.at_home(path)) for key, path in paths.items() if path}
     if args.before:
         judged["before"] = str(Path("results", args.before, "verdict.json"))
     for key in ("depth_kind", "depth_scale"):
         if (value := getattr(args, key)) is not None:
             judged[key] = value
-    scene = {"source": "judged", "path": str(Path(args.photos).expanduser())}
+    scene = {"source": "judged", "path": str(folders.at_home(args.photos))}
     if args.background:
         scene["background"] = args.background
     return scene | {"judged": judged}
@@ -110,8 +109,8 @@ def parse(argv=None):
         "--depth-scale", type=float, help="what brings it to the unit of the cameras"
     )
     parser.add_argument("--before", help="name of results that these are compared with")
-    parser.add_argument("--name", type=own_photos.name, help="of the results")
-    parser.add_argument("--cores", type=int, default=machine.cores())
+    parser.add_argument("--name", type=configs.name, help="of the results")
+    parser.add_argument("--cores", type=configs.count, default=machine.cores())
     parser.add_argument(
         "--background", choices=sorted(photos.BACKGROUNDS), help="behind alpha"
     )
