@@ -117,6 +117,36 @@ def check_regular(path):
 
 def some_names(names, *, at_most=3):
     """'a, b, c and 4 more': names enough to look for, not a page of them."""
-    shown = ", ".join(names[:at_most])
+    few = ", ".join(map(name_of, names[:at_most]))
     rest = len(names) - at_most
-    return f"{shown} and {rest} more" if rest > 0 else shown
+    return f"{few} and {rest} more" if rest > 0 else few
+
+
+def name_of(text, most=200):
+    """A name as it is written in a message: without quotes, at most `most` characters.
+
+    What cannot be printed is escaped.
+    """
+    return cut("".join(c if c.isprintable() else ascii(c)[1:-1] for c in text), most)
+
+
+def shown(value, most=60) -> str:
+    """A value of a file as Python writes it, in at most `most` characters.
+
+    What cannot be printed is escaped. For messages: a value may be of any length, and
+    may hold what a terminal obeys.
+    """
+    if isinstance(value, str):
+        # A text of a megabyte need not be escaped whole.
+        value = value[:most]
+    try:
+        text = repr(value)
+    # Of whole numbers of 5000 digits, and of lists in one another.
+    except (ValueError, RecursionError):
+        text = f"a {type(value).__name__}"
+    return name_of(text, most)
+
+
+def cut(text, most):
+    """A text of at most `most` characters; of a longer one the end is left out."""
+    return text if len(text) <= most else text[: most - 3] + "..."
