@@ -18,7 +18,7 @@ from alignerf.experiment import jobs
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import archives, atomic, faults, json_files
-from alignerf.scenes import cameras, colmap, prepare, prepared
+from alignerf.scenes import cameras, colmap, held_out, prepare, prepared
 from alignerf.scenes.apps import sources
 from alignerf.scenes.capture import (
     full_size,
@@ -56,14 +56,16 @@ def main(config, out, whole=None, cameras_path=None, places=None):
     with atomic.scratch_folder(out) as scratch:
         full, told, scene = READERS[config["source"]](config, scratch)
         told["downscale_decided"] = config["downscale"] == "auto"
-        views = for_training(full, config)
-        prepared.check_views(config["path"] or out, views)
-        views = perturbed(views, config)
+        given = for_training(full, config)
+        prepared.check_views(config["path"] or out, given)
+        views = perturbed(given, config)
         whole, cut = views, None
         if config["zoom"]:
             views, cut, more = zoomed(views, scratch, config)
             told |= more
         split = split_of(views, config)
+        named = dict(zip(views.names, split.tolist(), strict=True))
+        held_out.check(config["path"] or out, given, named)
         if not config["judged"]:
             check_enough(split, config["least_train_views"], config["path"] or out)
             warn_of_few(out, split)

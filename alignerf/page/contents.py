@@ -48,7 +48,8 @@ FIGURES = {
 
 
 # What it takes from a verdict.json, a poses.json and a preflight.json.
-VERDICT = {"verdict": list, "state": str, "evidence": dict}
+VERDICT = {"headline": str, "because": list, "measured": list, "tried": list}
+VERDICT |= {"do_first": dict, "causes": list, "state": str, "evidence": dict}
 POSES = prepared.POSES | dict.fromkeys(
     ("test_views", "height", "photo_height"), json_files.NUMBER
 )
@@ -66,17 +67,20 @@ class Cell(NamedTuple):
 
 def verdict(folder):
     """The verdict as the template shows it, from verdict.json."""
-    content = json_files.read(folder / "verdict.json", VERDICT)
-    for line in content["verdict"] or [None]:
+    path = folder / "verdict.json"
+    content = json_files.read(path, VERDICT)
+    lines = [*content["because"], *content["measured"]]
+    for line in lines:
         if not isinstance(line, str):
-            raise ValueError(f"{folder / 'verdict.json'}: verdict is not lines of text")
-    head, *lines = content["verdict"]
-    todo = [line.removeprefix("To do: ") for line in lines if line.startswith("To do:")]
+            raise ValueError(f"{path}: because and measured are not lines of text")
+    for one in (*content["tried"], *content["causes"], content["do_first"]):
+        if not isinstance(one, dict) or not isinstance(one.get("text"), str):
+            raise ValueError(f"{path}: tried, causes, do_first: not what is told")
     return {
-        "head": head.removeprefix("Verdict: "),
+        "head": content["headline"],
         "state": content["state"],
-        "lines": [line for line in lines if not line.startswith("To do:")],
-        "todo": todo,
+        "lines": [*lines, *(one["text"] for one in content["tried"])],
+        "todo": [content["do_first"]["text"]],
         "evidence": content["evidence"],
     }
 

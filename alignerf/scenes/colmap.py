@@ -171,7 +171,7 @@ def pose_folder(
         sizes,
         model.camtoworlds,
         camera_of=model.camera_of,
-        photos=[prepare.Photo(i, (taken.load,)) for i in kept],
+        photos=[prepare.Photo(i, (taken.load,), taken.paths[i]) for i in kept],
         masks=masks and [prepare.Photo(i, (taken.load_mask,)) for i in kept],
         where=where,
     )

@@ -32,6 +32,8 @@ SUFFIXES = frozenset(
 )
 # What a file of such a name may hold. Pillow knows more, some by other programs.
 FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP", "HEIF")
+# Pillow refuses twice its warning's size, as does all that is read without Pillow.
+MOST_PIXELS = 2 * Image.MAX_IMAGE_PIXELS
 PNG = b"\x89PNG\r\n\x1a\n"
 EXIF, TAG = ExifTags.IFD.Exif, ExifTags.Base
 # The diagonal of 36 x 24 mm film, to which EXIF's 35 mm equivalent refers (CIPA).

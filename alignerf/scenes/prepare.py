@@ -28,11 +28,13 @@ class Photo(NamedTuple):
     """A view's photo or mask, read when it is needed: together they fill the memory.
 
     source: a path, or what else the first step takes. Each step takes what the step
-    before it gives; the last one gives [h, w, 3] uint8.
+    before it gives; the last one gives [h, w, 3] uint8. file: where the source is no
+    path, that of the photo.
     """
 
     source: Any
     steps: tuple[Callable, ...] = ()
+    file: Any = None
 
     def then(self, step):
         """The photo with one more step."""

@@ -3,6 +3,7 @@
 `alignerf.scenes.judged` puts such a scene together; its poses.json says how.
 """
 
+from pathlib import Path
 from typing import NamedTuple
 
 import cv2
@@ -15,6 +16,8 @@ from alignerf.verdict import causes
 # what is missing to 1 is at most half as much.
 THUMB_PX, LESS = 32, 0.5
 KEYS = dict.fromkeys(("depth", "cameras", "layout", "way"), str)
+BEFORE = dict.fromkeys(("flow_train_px", "flow_test_px"), json_files.NUMBER_OR_NONE)
+BEFORE |= {"photo_px": json_files.NUMBER}
 DEPTHS = {
     "given": "The renders' own depth was used.",
     "points": "Depth is coarse: that of the points which the cameras came with.",
@@ -27,24 +30,43 @@ class Judged(NamedTuple):
     """How a scene that is judged was put together.
 
     depth: a key of DEPTHS; cameras: what told them, `none` where nothing did; layout:
-    how the renders lay; swapped: (view, the view whose photo its render shows).
+    how the renders lay; swapped: (view, the view whose photo its render shows); before:
+    of a judgement before this one, its name and shifts of training and held-out views
+    in px of the photo; None without one.
     """
 
     depth: str
     cameras: str
     layout: str
     swapped: tuple = ()
+    before: tuple | None = None
 
 
-def read(poses, thumbs):
+def read(poses, thumbs, before=None):
     """`Judged` by the contents of poses.json, or None of another scene.
 
-    thumbs: {view: (of the photo, of the render)}, as `thumb` makes them.
+    thumbs: {view: (of the photo, of the render)}, as `thumb` makes them. before: path
+    of the verdict.json of a judgement before this one, or None.
     """
     if (told := poses.get("judged")) is None:
         return None
     json_files.check(told, KEYS)
-    return Judged(told["depth"], told["cameras"], told["layout"], swapped(thumbs))
+    return Judged(
+        depth=told["depth"],
+        cameras=told["cameras"],
+        layout=told["layout"],
+        swapped=swapped(thumbs),
+        before=before and read_before(Path(before)),
+    )
+
+
+def read_before(path):
+    """(name, px on photos that were trained on, px on held-out ones; None unknown)."""
+    found = json_files.read(path, {"evidence": dict})["evidence"]
+    json_files.check(found, BEFORE)
+    shifts = (found["flow_train_px"], found["flow_test_px"])
+    scale = found["photo_px"]
+    return path.parent.name, *(px and px * scale for px in shifts)
 
 
 def thumb(image):
@@ -85,6 +107,8 @@ def sentence(_, e):
 def lines(e):
     """Sentences on what could not be told, and why."""
     found = [DEPTHS[e.judged.depth]]
+    if e.judged.before:
+        found.insert(0, compared(*e.judged.before))
     if e.judged.cameras == "none":
         found.append(
             "No cameras were given: a field of view was assumed, and what is called a "
@@ -96,6 +120,19 @@ def lines(e):
             "the photos that it has learnt. Render those that it has not seen, too."
         )
     return found
+
+
+def compared(name, train_px, test_px):
+    """A sentence on the judgement before; units as of the verdict's own."""
+    parts = [
+        f"{px:.2g} px on {what}"
+        for px, what in (
+            (train_px, "photos that were trained on"),
+            (test_px, "held-out ones"),
+        )
+        if px is not None
+    ]
+    return f"Before, in {name}, it was {', '.join(parts) or 'unknown'}."
 
 
 # The first cause decides, as in `advice.ADVICE`.

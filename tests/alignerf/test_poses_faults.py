@@ -149,7 +149,7 @@ def test_another_source_takes_the_truth_away(courtyard, tmp_path):
     (tmp_path / "images").mkdir()
     frames = []
     for name in ("a", "b"):
-        pixels = np.zeros((32, 40, 3), np.uint8)
+        pixels = np.full((32, 40, 3), ord(name), np.uint8)
         images.write(tmp_path / "images" / f"{name}.png", pixels)
         frames.append({"file_path": f"images/{name}", "transform_matrix": matrix})
     scene = {"camera_angle_x": 1.0, "frames": frames}

@@ -102,7 +102,9 @@ def check_path(scene, name):
     """The folders of a scene are there, their names without meaning for Snakemake."""
     judged = scene["judged"] or {}
     paths = {key: scene[key] for key in ("path", "masks")}
-    paths |= {f"judged.{k}": judged.get(k) for k in ("renders", "cameras", "depth")}
+    paths |= {
+        f"judged.{k}": judged.get(k) for k in ("renders", "cameras", "depth", "before")
+    }
     for key, path in paths.items():
         where = f"scenes.{name}.{key}"
         if path and set(path) & set("{}"):

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from alignerf.files import images, progress
-from alignerf.scenes import photos, prepare
+from alignerf.scenes import held_out, photos, prepare
 from alignerf.scenes.capture import orientation, video
 
 # Focal lengths in EXIF are rounded to a millimetre: closer ones are the same zoom.
@@ -197,7 +197,7 @@ def find(folder, work_folder):
         paths += video.extract(film, frames)
     paths = sorted(paths, key=lambda path: path.stem)
     photos.check_names(paths, folder)
-    return paths
+    return held_out.without_copies(paths, folder)
 
 
 def share_cameras(kinds, focals_px):

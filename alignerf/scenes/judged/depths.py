@@ -51,11 +51,10 @@ def find(folder, names):
 
     Raises ValueError naming the folder where there are none that can be read.
     """
-    folder, found = Path(folder), {}
+    folder, groups = Path(folder), {}
     if not folder.is_dir():
         raise ValueError(f"{folder}: no folder of depths")
-    known = set(names)
-    lower = {name.lower(): name for name in names}
+    known, lower = set(names), {name.lower(): name for name in names}
     inside = (Path(root, file) for root, _, files in os.walk(folder) for file in files)
     for path in sorted(inside):
         suffix = next((s for s in SUFFIXES if path.name.lower().endswith(s)), None)
@@ -65,14 +64,25 @@ def find(folder, names):
             )
         if suffix is None:
             continue
-        stem = path.name[: -len(suffix)]
-        if (name := renders.name_of(stem, known, lower)) is not None:
-            if name in found:
-                raise ValueError(f"{found[name]} and {path}: both of view {name}")
-            found[name] = path
-    if not found:
+        name = renders.name_of(path.name[: -len(suffix)], known, lower)
+        if name is not None:
+            # Beside depths lie others, and pictures: of one kind there is one folder,
+            # or one for each split.
+            group = groups.setdefault((suffix == ".png", path.parent.name, suffix), {})
+            if name in group:
+                raise ValueError(f"{group[name]} and {path}: both of view {name}")
+            group[name] = path
+    if not groups:
         raise ValueError(f"{folder}: no depths ({', '.join(SUFFIXES)}) of the views")
-    return found
+    # Numbers before pictures, then what is called depth alone, then what is most.
+    best = min(groups, key=lambda key: (key[0], rank(key[1]), -len(groups[key])))
+    return groups[best]
+
+
+def rank(folder):
+    """How far a folder's name is from that of plain depth."""
+    order = ("raw-depth", "depth", "raw-expected_depth")
+    return order.index(folder) if folder in order else len(order)
 
 
 def read(path):

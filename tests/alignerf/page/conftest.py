@@ -71,7 +71,12 @@ def results(tmp_path, rng):
     write_json(
         folder / "verdict.json",
         {
-            "verdict": ["Verdict: aligned.", "A < B & C.", "To do: nothing."],
+            "headline": "Aligned.",
+            "because": ["A < B & C."],
+            "do_first": {"text": "Nothing.", "command": None},
+            "tried": [],
+            "measured": [],
+            "causes": [],
             "state": "aligned",
             "evidence": {"overfit_px": None},
         },

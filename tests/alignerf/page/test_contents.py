@@ -53,8 +53,8 @@ def test_a_page_is_one_file_whose_links_lead_somewhere(render, results):
 
 def test_the_verdict_stands_first_and_says_what_to_do(render):
     text = render()
-    assert text.index("<h2>aligned.</h2>") < text.index('id="look"')
-    assert "<strong>To do:</strong> nothing." in text
+    assert text.index("<h2>Aligned.</h2>") < text.index('id="look"')
+    assert "<strong>To do:</strong> Nothing." in text
 
 
 def test_names_and_reasons_are_text_and_never_markup(render):

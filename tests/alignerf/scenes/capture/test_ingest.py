@@ -1,5 +1,7 @@
 """A folder of photos and films, and the cameras that took them."""
 
+import shutil
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -52,7 +54,7 @@ def test_copies_are_no_larger_than_asked_and_photos_stay_whole(tmp_path, pixels)
 def test_each_size_has_a_camera_of_its_own(tmp_path, pixels):
     source, target = tmp_path / "in", tmp_path / "out"
     source.mkdir(), target.mkdir()
-    for name, image in {"a": pixels, "b": pixels, "odd one": pixels[:, :10]}.items():
+    for name, image in {"a": pixels, "b": ~pixels, "odd one": pixels[:, :10]}.items():
         save(source / f"{name}.png", image)
     taken = ingest.ingest(source, target)
     assert taken.cameras.tolist() == [0, 0, 1]
@@ -70,7 +72,7 @@ def test_a_mask_lies_as_its_photo_does(tmp_path, pixels, name):
     exif = Image.Exif()
     exif[0x0112] = 3
     save(source / "a.jpg", pixels, exif=exif)
-    save(source / "b.jpg", pixels)
+    save(source / "b.jpg", ~pixels)
     save(source / "c.jpg", pixels)
     mask = np.full((12, 20), 255, np.uint8)
     mask[:, :5] = 0
@@ -155,6 +157,20 @@ def test_two_phones_of_one_size_are_two_cameras(tmp_path, pixels):
     for name, model in {"a": "One", "b": "Two", "c": "One"}.items():
         exif = Image.Exif()
         exif[0x0110] = model
-        save(tmp_path / f"in/{name}.jpg", pixels, exif=exif)
+        save(tmp_path / f"in/{name}.jpg", pixels ^ ord(name), exif=exif)
     taken = ingest.ingest(tmp_path / "in", tmp_path / "out")
     assert taken.cameras.tolist() == [0, 1, 0]
+
+
+def test_the_same_photo_again_is_left_out_by_name(tmp_path, pixels, caplog):
+    """A copy, a link, and among them one that only looks alike."""
+    (tmp_path / "in").mkdir()
+    (tmp_path / "out").mkdir()
+    save(tmp_path / "in/a.png", pixels)
+    shutil.copy(tmp_path / "in/a.png", tmp_path / "in/a copy.png")
+    (tmp_path / "in/z.png").symlink_to("a.png")
+    save(tmp_path / "in/b.png", pixels ^ 1)
+    taken = ingest.ingest(tmp_path / "in", tmp_path / "out")
+    assert taken.names == ["a", "b"]
+    assert "left out a copy.png (as a.png), z.png (as a.png)" in caplog.text
+    assert ingest.once_more(tmp_path / "in", tmp_path / "out").names == ["a", "b"]

@@ -138,3 +138,16 @@ def test_points_are_seen_where_they_are():
     np.testing.assert_allclose(found, depth[row, column], rtol=1e-5)
     at, _ = cameras.project(points_of(depth)[:1], PIXTOCAM, POSE)
     assert 0 <= at[0, 0] < SIZE[0]
+
+
+def test_depths_beside_renders(tmp_path):
+    """As ns-render writes both: pictures of depth are none, nor are other depths."""
+    for split, name in (("train", "a"), ("test", "b")):
+        for kind in ("rgb", "depth", "raw-depth", "raw-expected_depth"):
+            folder = tmp_path / split / kind
+            folder.mkdir(parents=True)
+            suffix = ".npy.gz" if kind.startswith("raw") else ".png"
+            save(folder / f"{name}{suffix}", surface())
+    found = depths.find(tmp_path, ["a", "b"])
+    assert sorted(found) == ["a", "b"]
+    assert {path.parent.name for path in found.values()} == {"raw-depth"}

@@ -9,7 +9,7 @@ from PIL import Image
 from alignerf import poses
 from alignerf.others import judged as take
 from alignerf.scenes import prepared
-from alignerf.scenes.judged import views
+from alignerf.scenes.judged import pairs, views
 from tests import judged_cases as cases
 
 
@@ -85,7 +85,7 @@ def test_views_without_a_pair_are_left_out_and_named(tmp_path, caplog):
     config = cases.project(tmp_path)
     (tmp_path / "renders" / "v07.png").unlink()
     cases.write_png(tmp_path / "renders" / "v06.png", cases.picture(6, (80, 60)))
-    judged = views.find(config)
+    judged = pairs.find(config)
     assert [pair.name for pair in judged.pairs] == cases.NAMES[:6]
     assert "1 of 8 photos have no render, or no camera: v07" in caplog.text
     assert "another size than 160x120 are left out: v06" in caplog.text
@@ -176,7 +176,7 @@ def test_faults_are_one_line(tmp_path, break_it, says):
     config = cases.project(tmp_path)
     break_it(tmp_path)
     with pytest.raises(ValueError, match=says) as caught:
-        views.find(config)
+        pairs.find(config)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "scene").exists()
 
@@ -185,5 +185,5 @@ def test_renders_of_other_photos_are_warned_of(tmp_path, caplog):
     config = cases.project(tmp_path)
     for i, name in enumerate(cases.NAMES):
         cases.write_png(tmp_path / "renders" / f"{name}.png", cases.picture(50 + i))
-    views.chosen_way(views.find(config), None)
+    views.chosen_way(pairs.find(config), None)
     assert "hardly look alike" in caplog.text
