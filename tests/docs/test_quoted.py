@@ -94,9 +94,9 @@ def test_what_the_page_on_poses_says_was_won_back_was_measured(page_of, measured
 
 
 def test_the_verdict_that_is_quoted_is_that_of_the_picture(root):
-    shown = (root / "docs/pictures/page.txt").read_text().splitlines()
+    headline, *_ = (root / "docs/pictures/page.txt").read_text().splitlines()
     printed = (root / "docs/outputs/verdict.txt").read_text()
-    assert [line for line in shown[:2] if line not in printed] == []
+    assert headline.lower() in " ".join(printed.split()).lower()
 
 
 def test_the_picture_of_the_page_is_of_the_run_in_the_tables(root, page_of):
