@@ -35,10 +35,10 @@ MOST_SIDE_PX = 32766
 MOST_NAME_BYTES = 180
 # Control characters, halves of others, ends of lines and paragraphs.
 NO_LETTERS = ("Cc", "Cs", "Zl", "Zp")
-# How a cell begins that calls something; -1 and "+ 2" call nothing.
-FORMULA = re.compile(r"=|[+@-].*[(|!]")
 # JAX copies arrays that start elsewhere.
 ALIGNMENT = 64
+# How a cell begins that calls something; -1 and "+ 2" call nothing.
+FORMULA = re.compile(r"=|[+@-].*[(|!]")
 
 
 @dataclasses.dataclass(frozen=True)
