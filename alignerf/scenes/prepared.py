@@ -7,6 +7,7 @@
 import dataclasses
 import math
 import pathlib
+import re
 import unicodedata
 from types import SimpleNamespace
 
@@ -36,6 +37,8 @@ MOST_NAME_BYTES = 180
 NO_LETTERS = ("Cc", "Cs", "Zl", "Zp")
 # JAX copies arrays that start elsewhere.
 ALIGNMENT = 64
+# How a cell begins that calls something; -1 and "+ 2" call nothing.
+FORMULA = re.compile(r"=|[+@-].*[(|!]")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,13 +132,18 @@ def check_views(path, views):
 
 
 def is_name(name):
-    """Whether a text can be a view's name: no folder, no hidden file, and printable."""
+    """Whether a text can be a view's name: a file's that lies in a folder and prints.
+
+    No folder, no hidden file and, as the tables are CSVs, no formula of a spreadsheet,
+    which could run a program.
+    """
     letters = set(map(unicodedata.category, name))
     size = len(name.encode(errors="replace"))
     return (
         0 < size <= MOST_NAME_BYTES
         and not name.startswith(".")
         and not set(name) & set("/\\")
+        and not FORMULA.match(unicodedata.normalize("NFKC", name))
         and not letters & set(NO_LETTERS)
     )
 

@@ -1,6 +1,7 @@
 """`make torture`: the attack on the program, and its report.
 
-Parts: inputs (a finished chain's files, folders of photos, configs and jobs), numbers,
+Parts: inputs (a finished chain's files, folders of photos, configs and jobs), names,
+environments, numbers,
 kills, stops, disks, company, matching, clocks, memory. Writes report.csv and
 findings.txt; exits with 1 where anything was found. The whole takes some three hours on
 two cores; `--only numbers` takes a minute.
@@ -12,6 +13,7 @@ import os
 import random
 import shutil
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -26,9 +28,11 @@ from tests.torture import (
     chains,
     configs,
     damage,
+    environments,
     interrupts,
     machines,
     matching,
+    names,
     numbers,
     stages,
 )
@@ -44,6 +48,7 @@ def main(argv=None):
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     args.out.mkdir(parents=True, exist_ok=True)
     reference = reference_of(args.out / "reference")
+    print(f"seed {args.seed}", flush=True)
     rows, said = [], []
     for name in args.only or PARTS:
         started = time.monotonic()
@@ -62,12 +67,19 @@ def parse(argv=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="tests.torture", description=__doc__)
     parser.add_argument("--only", nargs="*", choices=PARTS, help="these parts")
-    parser.add_argument("--seed", type=int, default=0)
+    today = int(time.strftime("%Y%m%d"))
+    parser.add_argument(
+        "--seed", type=int, default=today, help="(default: the date, another each day)"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "torture")
     parser.add_argument(
         "--ways", type=int, default=4, help="tried on each input of each stage"
     )
     parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument(
+        "--environments", type=int, default=40, help="stages under one each"
+    )
+    parser.add_argument("--names", type=int, default=2000, help="of folders and views")
     return parser.parse_args(argv)
 
 
@@ -155,6 +167,45 @@ def of_numbers(reference, args, rng):
         yield name, numbers.CASES, numbers.check(name, rng)
 
 
+def of_environments(reference, args, rng):
+    """Stages of the chain, each under variables drawn at random."""
+    random_ = random.Random(args.seed)
+    known = environments.variables()
+    found = stages.plan(ROOT, reference.folder, "tiny.yaml")
+    found = [stage for stage in found if stage.module not in NOT_ATTACKED]
+    cases = [
+        (random_.choice(found), environments.drawn(random_, known))
+        for _ in range(args.environments)
+    ]
+
+    def attack(case):
+        stage, environment = case
+
+        def bad(variables):
+            place = args.out / "place"
+            return environments.attack(stage, variables, reference.folder, place)
+
+        if not bad(environment):
+            return None
+        least = environments.smallest(environment, bad)
+        return f"{stage.module}, {least}: {bad(least)}"
+
+    yield "variables of the environment", *tried(attack, cases)
+
+
+def of_names(reference, args, rng):
+    """Names of folders and of views, made of parts that some reader trips over."""
+    random_ = random.Random(args.seed)
+    cases = [names.drawn(random_) for _ in range(args.names)]
+    for what, way in (("tables", names.of_table), ("folders", names.of_folder)):
+
+        def attack(name, way=way):
+            with tempfile.TemporaryDirectory() as folder:
+                return way(name, Path(folder), random_)
+
+        yield f"names in {what}", *tried(attack, cases)
+
+
 def of_kills(reference, args, rng):
     found, done = interrupts.killed(reference, args.out / "kills", args.kills, rng)
     yield "kill -9 of the chain", done, found
@@ -178,6 +229,8 @@ PARTS = {
     "numbers": of_numbers,
     "configs": of_configs,
     "captures": of_captures,
+    "names": of_names,
+    "environments": of_environments,
     "stages": of_stages,
     "kills": of_kills,
     "stops": of_stops,

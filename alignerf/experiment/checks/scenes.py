@@ -1,7 +1,7 @@
 """Scenes: what a source allows, and that its folders are there."""
 
 from alignerf.experiment import schema
-from alignerf.experiment.checks.common import fault, is_there
+from alignerf.experiment.checks.common import check_path_variable, fault, is_there
 from alignerf.experiment.keys import scene as scene_keys
 
 # Sources whose photos may have alpha.
@@ -109,5 +109,6 @@ def check_path(scene, name):
         where = f"scenes.{name}.{key}"
         if path and set(path) & set("{}"):
             fault(where, f"{path}: braces mean wildcards, rename it")
+        check_path_variable(where, path or "")
         if path and not is_there(path):
             fault(where, f"{path} does not exist")

@@ -220,9 +220,13 @@ def test_undoing_an_orientation_gives_the_rows_back(pixels):
         np.testing.assert_array_equal(undo(upright(pixels)), pixels)
 
 
-def test_a_name_that_cannot_be_printed_is_refused(tmp_path, pixels):
-    save(tmp_path / "a\rb.png", pixels)
-    with pytest.raises(ValueError, match=r"'a\\rb\.png': rename this file"):
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("a\rb.png", r"'a\\rb\.png'"), ("=cmd|A0.png", r"=cmd\|A0\.png")],
+)
+def test_a_name_that_is_none_of_a_view_is_refused(tmp_path, pixels, name, said):
+    save(tmp_path / name, pixels)
+    with pytest.raises(ValueError, match=rf"{said}: rename this file"):
         photos.find_images(tmp_path)
 
 

@@ -142,6 +142,26 @@ def test_a_principal_point_far_outside_is_named(folder, arrays, x_px):
 
 
 @pytest.mark.parametrize(
+    ("name", "fits"),
+    [
+        ("=cmd|' C calc'!A0", False),
+        ("=1+1", False),
+        ("\uff1dcmd", False),
+        ("@SUM(1)", False),
+        ("-2+3+cmd|' C calc'!A0", False),
+        ('+HYPERLINK("a")', False),
+        ("-1", True),
+        ("+ 2", True),
+        ("@home", True),
+        ("a=1", True),
+        ("IMG (2)", True),
+    ],
+)
+def test_a_formula_of_a_spreadsheet_is_no_name(name, fits):
+    assert prepared.is_name(name) == fits
+
+
+@pytest.mark.parametrize(
     "name", ["../x", "a/b", "/tmp/x", "", ".hidden", "a\0b", "a\nb", "x" * 300, "a\\b"]
 )
 def test_a_name_that_leads_elsewhere_is_refused(folder, arrays, name):
