@@ -98,8 +98,12 @@ def ascii_of(name):
     return name if name.isprintable() else ascii(name)
 
 
-def check_names(paths, folder):
-    """ValueError where two files of a sorted list have one view name, or none."""
+def check_names(paths, folder, told=()):
+    """ValueError where two files of a sorted list have one view name, or none.
+
+    told: {path: what is said of it instead of its name}.
+    """
+    told = {path: ascii_of(path.name) for path in paths} | dict(told)
     for path in paths:
         # Among them bytes that are no UTF-8.
         if not prepared.is_name(path.stem):
@@ -107,7 +111,8 @@ def check_names(paths, folder):
     for first, second in itertools.pairwise(paths):
         if first.stem == second.stem:
             raise ValueError(
-                f"{folder}: {first.name} and {second.name} have the same view name"
+                f"{folder}: {told[first]} and {told[second]} have the same view name, "
+                f"{first.stem}"
             )
 
 

@@ -7,6 +7,7 @@ Notation: n views of one size; `pixtocams` [n, 3, 3], `camtoworlds` [n, 3, 4] as
 import functools
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
@@ -35,6 +36,12 @@ class Photo(NamedTuple):
     source: Any
     steps: tuple[Callable, ...] = ()
     file: Any = None
+
+    @property
+    def path(self):
+        """The path of its file; None where it has none."""
+        found = [one for one in (self.file, self.source) if isinstance(one, str | Path)]
+        return Path(found[0]) if found else None
 
     def then(self, step):
         """The photo with one more step."""
@@ -229,7 +236,8 @@ def write_masks(folder, views: PosedViews):
     for i, name in progress.over(enumerate(views.names), "masks"):
         valid = (views.masks[i].read() >= WHITE).all(axis=-1)
         if not valid.any():
-            raise ValueError(f"{name}: its mask leaves no pixel")
+            mask = views.masks[i].path
+            raise ValueError(f"{mask or name}: the mask of {name} leaves no pixel")
         np.savez_compressed(folder / f"{name}.npz", valid=valid)
 
 

@@ -94,6 +94,10 @@ def _masks(images, kept, width, height):
     mask_paths = [_find_mask(images, frame) for frame, _ in kept]
     if not any(mask_paths):
         return None
+    pairs = zip(mask_paths, kept, strict=True)
+    if bare := [image.name for mask, (_, image) in pairs if mask is None]:
+        few = faults.some_names(bare)
+        log.warning("%s: no mask of %s: all of it is learnt from", images.path, few)
     full = prepare.all_count(width, height)
     return [
         prepare.Photo(mask, (functools.partial(ingest.read_mask, photo=image),))
