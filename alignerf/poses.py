@@ -425,7 +425,7 @@ def publish(fresh, out):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="alignerf.poses", description=__doc__)
     parser.add_argument("--config", required=True, help="JSON, or a file of it")
     parser.add_argument("--out", required=True, type=Path, help="results/SCENE")
     parser.add_argument("--whole", help="of windows: the other scene's folder")

@@ -1,5 +1,6 @@
 """How a command fails: one plain line that names the fault, and no traceback."""
 
+import io
 import logging
 import os
 import stat
@@ -35,6 +36,7 @@ def exit_code(main, *arguments, **options) -> int:
     """
     logging.basicConfig(format="%(message)s", stream=sys.stderr)
     log.setLevel(logging.INFO)
+    take_any_letter(sys.stdout)
     try:
         main(*arguments, **options)
     except (ValueError, OSError) as error:
@@ -49,6 +51,13 @@ def say(error):
         raise error
     message = " ".join(str(error).split()) or type(error).__name__
     print(f"error: {message}", file=sys.stderr)
+
+
+def take_any_letter(stream):
+    """Let a terminal that has ASCII alone show other letters escaped, not end a run."""
+    # One that a test or a notebook has put there may be of another kind.
+    if isinstance(stream, io.TextIOWrapper):
+        stream.reconfigure(errors="backslashreplace")
 
 
 def check_regular(path):
