@@ -58,6 +58,8 @@ def main(config, out, whole=None, cameras_path=None, places=None):
         told["downscale_decided"] = config["downscale"] == "auto"
         given = for_training(full, config)
         prepared.check_views(config["path"] or out, given)
+        if not config["judged"]:
+            prepared.check_places(config["path"] or out, given)
         views = perturbed(given, config)
         whole, cut = views, None
         if config["zoom"]:
