@@ -38,7 +38,10 @@ def read(folder, images=None):
     (model_views, points), posed = read_model(model), {}
     for name, view in model_views.items():
         if name not in paths:
-            raise ValueError(f"{chosen}: no photo {name}, which {model} has a pose for")
+            named = faults.name_of(name)
+            raise ValueError(
+                f"{chosen}: no photo {named}, which {model} has a pose for"
+            )
         posed[name] = view
     left_out = sorted(set(paths) - set(posed))
     if left_out:
@@ -114,7 +117,8 @@ def read_model(path):
             continue
         name, camera = Path(image.name).stem, model.cameras[image.camera_id]
         if name in views:
-            raise ValueError(f"{path}: two images have the view name {name!r}")
+            told = faults.shown(name)
+            raise ValueError(f"{path}: two images have the view name {told}")
         try:
             lens = colmap.lens(camera.model.name, camera.params)
         except ValueError as error:

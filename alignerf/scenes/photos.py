@@ -85,7 +85,7 @@ def find_images(folder, others=()):
     known = {p.name for p in [*paths, *others]} | {"masks"}
     unknown = {p.name for p in visible} - known
     if unknown:
-        few = faults.some_names(sorted(map(ascii_of, unknown)))
+        few = faults.some_names(sorted(map(faults.name_of, unknown)))
         log.warning("%s: ignored %s: not images", folder, few)
     if not (paths or others):
         raise ValueError(f"no images in {folder}")
@@ -93,21 +93,16 @@ def find_images(folder, others=()):
     return paths
 
 
-def ascii_of(name):
-    """A printable form of a name of any bytes."""
-    return name if name.isprintable() else ascii(name)
-
-
 def check_names(paths, folder, told=()):
     """ValueError where two files of a sorted list have one view name, or none.
 
     told: {path: what is said of it instead of its name}.
     """
-    told = {path: ascii_of(path.name) for path in paths} | dict(told)
+    told = {path: faults.name_of(path.name) for path in paths} | dict(told)
     for path in paths:
         # Among them bytes that are no UTF-8.
         if not prepared.is_name(path.stem):
-            raise ValueError(f"{folder}: {ascii_of(path.name)}: rename this file")
+            raise ValueError(f"{folder}: {faults.name_of(path.name)}: rename this file")
     for first, second in itertools.pairwise(paths):
         if first.stem == second.stem:
             raise ValueError(

@@ -119,7 +119,7 @@ def read_cameras(path):
     del views["split"]
     check_views(path, SimpleNamespace(**views))
     if bad := set(data["split"].tolist()) - set(SPLITS):
-        raise ValueError(f"{path}: split holds {sorted(bad)[0]!r}")
+        raise ValueError(f"{path}: split holds {faults.shown(sorted(bad)[0])}")
     return data
 
 
@@ -194,10 +194,10 @@ def check_names(path, names):
     """Views' names are names of files, each in the folder that it is looked for in."""
     for name in names:
         if not is_name(name):
-            raise ValueError(f"{path}: {name!r:.60} cannot be a view's name")
+            raise ValueError(f"{path}: {faults.shown(name)} cannot be a view's name")
     if len(set(names)) < len(names):
         name = max(names, key=names.count)
-        raise ValueError(f"{path}: two views have the name {name!r}")
+        raise ValueError(f"{path}: two views have the name {faults.shown(name)}")
 
 
 def check_images(scene: Scene, views, folder):
