@@ -75,11 +75,11 @@ def some_names(names, *, at_most=3):
 
 
 def name_of(text, most=200):
-    """A name as it is written in a message: without quotes, at most `most` characters.
+    """A name as it is written in a message, in at most `most` characters.
 
-    What cannot be printed is escaped.
+    One that cannot be printed stands in quotes, escaped.
     """
-    return cut("".join(c if c.isprintable() else ascii(c)[1:-1] for c in text), most)
+    return cut(text if text.isprintable() else ascii(text), most)
 
 
 def shown(value, most=60) -> str:

@@ -47,8 +47,8 @@ def read(folder, images=None):
     if left_out:
         log.warning("%s: no pose of %s", model, faults.some_names(left_out))
     names = sorted(posed)
-    sizes = [photos.stored_size(paths[name]) for name in names]
-    width, height = photos.one_size(names, sizes, chosen)
+    chosen_paths = [paths[name] for name in names]
+    width, height = photos.stored_size(names, chosen_paths, chosen)
     lenses = []
     for name in names:
         camtopix, coefficients, size, _ = posed[name]

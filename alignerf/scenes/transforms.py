@@ -63,10 +63,10 @@ def read(path, background=None, *, images=None, split_by_lists=True):
     names = [image.stem for _, image in kept]
     (name, count), *_ = collections.Counter(names).most_common(1)
     if count > 1:
-        shown = faults.shown(name)
-        raise ValueError(f"{path}: {count} frames have the view name {shown}")
-    sizes = [photos.stored_size(image, background) for _, image in kept]
-    width, height = photos.one_size(names, sizes, path)
+        told_name = faults.shown(name)
+        raise ValueError(f"{path}: {count} frames have the view name {told_name}")
+    shown = [image for _, image in kept]
+    width, height = photos.stored_size(names, shown, path, background)
     # Of a file that does not say what size its numbers are of.
     size = {"w": files.times_smaller * width, "h": files.times_smaller * height}
     lenses = [

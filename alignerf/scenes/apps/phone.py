@@ -35,8 +35,7 @@ def views_of(shots, where, *, crop_px=0) -> prepare.PosedViews:
     different sizes.
     """
     names = [shot.name for shot in shots]
-    sizes = [photos.stored_size(shot.photo) for shot in shots]
-    size = photos.one_size(names, sizes, where)
+    size = photos.stored_size(names, [shot.photo for shot in shots], where)
     width, height = (side - 2 * crop_px for side in size)
     if min(width, height) < prepare.MIN_SIZE_PX:
         raise ValueError(f"{where}: photos of {size[0]}x{size[1]} are too small")

@@ -191,12 +191,10 @@ def names_of(masks):
 
 def read_mask(path, photo):
     """A mask [h, w, 3] uint8, 0 or 255; ValueError if not of its photo's size."""
+    own, size = photos.head(path).size, photos.head(photo).size
+    if own != size:
+        raise ValueError(f"{path} is {own[0]}x{own[1]}, its photo {size[0]}x{size[1]}")
     mask = photos.as_stored(path, "black")
-    size = photos.head(photo).size
-    if mask.shape[1::-1] != size:
-        raise ValueError(
-            f"{path} is {mask.shape[1]}x{mask.shape[0]}, its photo {size[0]}x{size[1]}"
-        )
     return images.of_mask((mask > 0).any(axis=-1))
 
 

@@ -46,8 +46,8 @@ def test_a_long_text_says_that_there_is_more():
 
 def test_names_are_short_and_print():
     text = faults.some_names(["a\nb", "c" * 1000, "\x1b[0m", "d", "e"])
-    assert text.startswith("a\\nb, ccc")
-    assert text.endswith("..., \\x1b[0m and 2 more")
+    assert text.startswith("'a\\nb', ccc")
+    assert text.endswith("..., '\\x1b[0m' and 2 more")
     assert text.isprintable()
     assert len(text) < 300
 
