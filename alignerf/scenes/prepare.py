@@ -260,7 +260,7 @@ def write_masks(folder, views: PosedViews):
         valid = (views.masks[i].read() >= WHITE).all(axis=-1)
         if not valid.any():
             mask = views.masks[i].path
-            raise ValueError(f"{mask or name}: the mask of {name} leaves no pixel")
+            raise ValueError(f"{mask or name}: it leaves no pixel of the view {name}")
         np.savez_compressed(folder / f"{name}.npz", valid=valid)
 
 

@@ -245,7 +245,11 @@ def posed(judged: Judged, shown, background) -> prepare.PosedViews:
         height=judged.size[1],
         photos=[photo_step(pair, shown[pair.name], background) for pair in pairs],
         masks=[
-            prepare.Photo(pair, (functools.partial(mask_of, shown=shown[pair.name]),))
+            prepare.Photo(
+                pair,
+                (functools.partial(mask_of, shown=shown[pair.name]),),
+                pair.render.path,
+            )
             for pair in pairs
         ],
         points=judged.cameras.points,
