@@ -1,9 +1,9 @@
 """`make torture`: the attack on the program, and its report.
 
-Parts: inputs (a finished chain's files, folders of photos, configs and jobs), numbers,
-kills, stops, disks, company, matching, clocks, memory. Writes report.csv and
-findings.txt; exits with 1 where anything was found. The whole takes some three hours on
-two cores; `--only numbers` takes a minute.
+Parts: inputs (a finished chain's files, folders of photos, configs and jobs), folders
+(grown from the seed), numbers, kills, stops, disks, company, matching, clocks, memory.
+Writes report.csv and findings.txt; exits with 1 where anything was found. The whole
+takes some three hours on two cores; `--only numbers` takes a minute.
 """
 
 import argparse
@@ -11,6 +11,7 @@ import functools
 import os
 import random
 import shutil
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -26,6 +27,7 @@ from tests.torture import (
     chains,
     configs,
     damage,
+    grown,
     interrupts,
     machines,
     matching,
@@ -62,7 +64,9 @@ def parse(argv=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="tests.torture", description=__doc__)
     parser.add_argument("--only", nargs="*", choices=PARTS, help="these parts")
-    parser.add_argument("--seed", type=int, default=0)
+    today = int(time.strftime("%Y%m%d"))
+    parser.add_argument("--seed", type=int, default=today, help="the date's, if none")
+    parser.add_argument("--cases", type=int, default=300, help="folders a source")
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "torture")
     parser.add_argument(
         "--ways", type=int, default=4, help="tried on each input of each stage"
@@ -125,6 +129,29 @@ def of_captures(reference, args, rng):
         shutil.rmtree(place)
 
 
+def of_folders(reference, args, rng):
+    """Folders grown from the seed, spoilt at random; each source in its own process.
+
+    A process that ends otherwise than by itself is a finding, with its last case.
+    """
+    for source in grown.SOURCES:
+        words = ["--source", source, "--cases", str(args.cases)]
+        command = [sys.executable, "-m", "tests.torture.generated", *words]
+        done = subprocess.run(
+            [*command, "--seed", str(args.seed)],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+        )
+        lines = done.stdout.splitlines()
+        cases = [line for line in lines if line.startswith('{"case"')]
+        found = [line for line in lines if line not in cases]
+        if done.returncode:
+            found.append(f"exit {done.returncode} at {cases[-1:]}")
+        yield f"grown folders of {source}", len(cases), found
+
+
 def of_configs(reference, args, rng):
     """Every key of a config and of a job, with every hostile value."""
     config = configs.complete(yaml.safe_load(chains.CONFIG))
@@ -178,6 +205,7 @@ PARTS = {
     "numbers": of_numbers,
     "configs": of_configs,
     "captures": of_captures,
+    "folders": of_folders,
     "stages": of_stages,
     "kills": of_kills,
     "stops": of_stops,
