@@ -58,6 +58,8 @@ def main(config, out, whole=None, cameras_path=None, places=None):
         told["downscale_decided"] = config["downscale"] == "auto"
         given = for_training(full, config)
         prepared.check_views(config["path"] or out, given)
+        if not config["judged"]:
+            prepared.check_places(config["path"] or out, given)
         views = perturbed(given, config)
         whole, cut = views, None
         if config["zoom"]:
@@ -425,7 +427,7 @@ def publish(fresh, out):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="alignerf.poses", description=__doc__)
     parser.add_argument("--config", required=True, help="JSON, or a file of it")
     parser.add_argument("--out", required=True, type=Path, help="results/SCENE")
     parser.add_argument("--whole", help="of windows: the other scene's folder")

@@ -1,5 +1,6 @@
 """How a command fails: one plain line that names the fault, and no traceback."""
 
+import io
 import logging
 import os
 import stat
@@ -41,6 +42,7 @@ def exit_code(main, *arguments, **options) -> int:
     handler.setFormatter(OneLine())
     logging.basicConfig(handlers=[handler])
     log.setLevel(logging.INFO)
+    take_any_letter(sys.stdout)
     try:
         main(*arguments, **options)
     except (ValueError, OSError) as error:
@@ -108,6 +110,13 @@ def escaped(character):
     return character.encode("unicode_escape").decode("ascii")
 
 
+def take_any_letter(stream):
+    """Let a terminal that has ASCII alone show other letters escaped, not end a run."""
+    # One that a test or a notebook has put there may be of another kind.
+    if isinstance(stream, io.TextIOWrapper):
+        stream.reconfigure(errors="backslashreplace")
+
+
 def check_regular(path):
     """ValueError for a pipe or a device: who opens one may wait for ever."""
     kind = os.stat(path).st_mode
@@ -123,11 +132,11 @@ def some_names(names, *, at_most=3):
 
 
 def name_of(text, most=200):
-    """A name as it is written in a message: without quotes, at most `most` characters.
+    """A name as it is written in a message, in at most `most` characters.
 
-    What cannot be printed is escaped.
+    One that cannot be printed stands in quotes, escaped.
     """
-    return cut("".join(c if c.isprintable() else ascii(c)[1:-1] for c in text), most)
+    return cut(text if text.isprintable() else ascii(text), most)
 
 
 def shown(value, most=60) -> str:

@@ -6,7 +6,6 @@ A photo may have two names: by a link, by a path in a json, or as a copy.
 import hashlib
 import logging
 import os
-from pathlib import Path
 
 import numpy as np
 
@@ -27,7 +26,7 @@ def check(where, views: prepare.PosedViews, splits):
     without a file are not looked at.
     """
     paths = {
-        name: file_of(p) for name, p in zip(views.names, views.photos, strict=True)
+        name: photo.path for name, photo in zip(views.names, views.photos, strict=True)
     }
     found = {name: path for name, path in paths.items() if path and name in splits}
     if pair := across({name: identity(path) for name, path in found.items()}, splits):
@@ -45,14 +44,6 @@ def told(paths, pair):
     """The files of a pair of views, the one that is trained on first."""
     train, test = (faults.name_of(str(paths[name])) for name in pair)
     return f"{train}, which is trained on, and {test}, which is scored"
-
-
-def file_of(photo: prepare.Photo):
-    """The path of a photo's file; None where it has none."""
-    for one in (photo.file, photo.source):
-        if isinstance(one, str | Path):
-            return Path(one)
-    return None
 
 
 def identity(path):

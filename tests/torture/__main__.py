@@ -1,10 +1,9 @@
 """`make torture`: the attack on the program, and its report.
 
-Parts: inputs (a finished chain's files, folders of photos, configs and jobs), names,
-environments, numbers,
-kills, stops, disks, company, matching, clocks, memory. Writes report.csv and
-findings.txt; exits with 1 where anything was found. The whole takes some three hours on
-two cores; `--only numbers` takes a minute.
+Parts: inputs (a finished chain's files, folders of photos, configs and jobs), folders
+(grown from the seed), names, environments, numbers, kills, stops, disks, company,
+matching, clocks, memory. Writes report.csv and findings.txt; exits with 1 where anything
+was found. The whole takes some three hours on two cores; `--only numbers` takes a minute.
 """
 
 import argparse
@@ -12,6 +11,7 @@ import functools
 import os
 import random
 import shutil
+import subprocess
 import sys
 import tempfile
 import time
@@ -29,6 +29,7 @@ from tests.torture import (
     configs,
     damage,
     environments,
+    grown,
     interrupts,
     machines,
     matching,
@@ -71,6 +72,7 @@ def parse(argv=None):
     parser.add_argument(
         "--seed", type=int, default=today, help="(default: the date, another each day)"
     )
+    parser.add_argument("--cases", type=int, default=300, help="folders a source")
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "torture")
     parser.add_argument(
         "--ways", type=int, default=4, help="tried on each input of each stage"
@@ -135,6 +137,29 @@ def of_captures(reference, args, rng):
 
         yield f"a folder of {source}", *tried(attack, cases)
         shutil.rmtree(place)
+
+
+def of_folders(reference, args, rng):
+    """Folders grown from the seed, spoilt at random; each source in its own process.
+
+    A process that ends otherwise than by itself is a finding, with its last case.
+    """
+    for source in grown.SOURCES:
+        words = ["--source", source, "--cases", str(args.cases)]
+        command = [sys.executable, "-m", "tests.torture.generated", *words]
+        done = subprocess.run(
+            [*command, "--seed", str(args.seed)],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+        )
+        lines = done.stdout.splitlines()
+        cases = [line for line in lines if line.startswith('{"case"')]
+        found = [line for line in lines if line not in cases]
+        if done.returncode:
+            found.append(f"exit {done.returncode} at {cases[-1:]}")
+        yield f"grown folders of {source}", len(cases), found
 
 
 def of_configs(reference, args, rng):
@@ -231,6 +256,7 @@ PARTS = {
     "captures": of_captures,
     "names": of_names,
     "environments": of_environments,
+    "folders": of_folders,
     "stages": of_stages,
     "kills": of_kills,
     "stops": of_stops,

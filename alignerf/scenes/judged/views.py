@@ -122,7 +122,11 @@ def posed(judged: Judged, shown, background) -> prepare.PosedViews:
         height=judged.size[1],
         photos=[photo_step(pair, shown[pair.name], background) for pair in own],
         masks=[
-            prepare.Photo(pair, (functools.partial(mask_of, shown=shown[pair.name]),))
+            prepare.Photo(
+                pair,
+                (functools.partial(mask_of, shown=shown[pair.name]),),
+                pair.render.path,
+            )
             for pair in own
         ],
         points=judged.cameras.points,

@@ -1,5 +1,8 @@
 """Values and names in messages: bounded, and nothing that a terminal obeys."""
 
+import io
+import sys
+
 import pytest
 
 from alignerf.files import faults
@@ -43,7 +46,15 @@ def test_a_long_text_says_that_there_is_more():
 
 def test_names_are_short_and_print():
     text = faults.some_names(["a\nb", "c" * 1000, "\x1b[0m", "d", "e"])
-    assert text.startswith("a\\nb, ccc")
-    assert text.endswith("..., \\x1b[0m and 2 more")
+    assert text.startswith("'a\\nb', ccc")
+    assert text.endswith("..., '\\x1b[0m' and 2 more")
     assert text.isprintable()
     assert len(text) < 300
+
+
+def test_a_terminal_of_ascii_shows_other_letters_escaped(monkeypatch):
+    written = io.BytesIO()
+    stream = io.TextIOWrapper(written, encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", stream)
+    assert faults.exit_code(lambda: print("Zürich \U0001f4f7", flush=True)) == 0
+    assert written.getvalue() == b"Z\\xfcrich \\U0001f4f7\n"

@@ -106,7 +106,9 @@ def test_a_photo_and_a_frame_of_one_name_are_refused(tmp_path, pixels, monkeypat
     (tmp_path / "in").mkdir()
     save(tmp_path / "in/a.jpg", pixels)
     (tmp_path / "in/film.mp4").write_bytes(b"x")
-    with pytest.raises(ValueError, match="the same view name"):
+    with pytest.raises(
+        ValueError, match=r"a.jpg and a frame of film.mp4 have the same"
+    ):
         ingest.ingest(tmp_path / "in", tmp_path)
 
 
@@ -174,3 +176,41 @@ def test_the_same_photo_again_is_left_out_by_name(tmp_path, pixels, caplog):
     assert taken.names == ["a", "b"]
     assert "left out a copy.png (as a.png), z.png (as a.png)" in caplog.text
     assert ingest.once_more(tmp_path / "in", tmp_path / "out").names == ["a", "b"]
+
+
+def masked(tmp_path, pixels, masks):
+    """A folder of photos a, b and c, and one of masks of these names."""
+    for name in ("in", "masks", "out"):
+        (tmp_path / name).mkdir()
+    for name in "abc":
+        save(tmp_path / f"in/{name}.jpg", pixels ^ ord(name))
+    for name, value in masks.items():
+        mask = np.full(pixels.shape[:2], value, np.uint8)
+        Image.fromarray(mask).save(tmp_path / "masks" / name)
+    folders = [tmp_path / name for name in ("in", "out", "masks")]
+    return lambda: ingest.ingest(*folders[:2], masks=folders[2])
+
+
+def test_masks_of_no_photo_and_photos_without_one_are_named(tmp_path, pixels, caplog):
+    white = dict.fromkeys(("a.jpg.png", "a.png", "d.jpg.png", "B.png", ".x.png"), 255)
+    taken = masked(tmp_path, pixels, white)()
+    assert [mask and mask.name for mask in taken.masks] == ["a.jpg.png", None, None]
+    assert "masks: no mask of b.jpg, c.jpg: all of it is learnt from" in caplog.text
+    assert "and left out: B.png, a.png, d.jpg.png\n" in caplog.text
+
+
+def test_masks_that_fit_are_not_spoken_of(tmp_path, pixels, caplog):
+    masked(tmp_path, pixels, dict.fromkeys(("a.png", "b.jpg.png", "c.png"), 9))()
+    assert "mask" not in caplog.text
+
+
+def test_a_mask_that_is_all_black_is_named_before_colmap(tmp_path, pixels):
+    read = masked(tmp_path, pixels, {"a.png": 255, "b.png": 0, "c.png": 255})
+    with pytest.raises(ValueError, match=r"masks/b\.png: it hides the whole photo"):
+        read()
+
+
+def test_a_folder_of_masks_that_is_none_is_named(tmp_path, pixels):
+    masked(tmp_path, pixels, {})
+    with pytest.raises(ValueError, match=r"no folder of masks at .*none"):
+        ingest.ingest(tmp_path / "in", tmp_path / "out", masks=tmp_path / "none")
