@@ -91,6 +91,21 @@ def read(path, photo_size) -> Cameras:
     )
 
 
+def files_of(path):
+    """Paths of the files that `read` may take cameras and points from; [] of None."""
+    if path is None:
+        return []
+    path = Path(path)
+    if path.is_file() and path.suffix == ".json":
+        return [path, *path.parent.glob("*.ply")]
+    folder = path.parent if path.is_file() else path
+    found = [folder / name for name in ("transforms.json", GAUSSIANS)]
+    for inner in MODELS:
+        for suffix in ("bin", "txt", "ply"):
+            found += sorted((folder / inner).glob(f"*.{suffix}"))
+    return [file for file in found if file.is_file()]
+
+
 def of_json(path, photo_size) -> Cameras:
     """Those of a transforms.json; the photos that it names need not be there."""
     scene = json_files.read(path, {"frames": list})
