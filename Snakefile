@@ -101,7 +101,8 @@ onstart:
 # run before, where only its cost is asked for.
 onsuccess:
     if "preview" not in workflow.dag_settings.targets:
-        print("\n".join(targets.verdicts(experiment.captures(), export=export_by)))
+        told = export_by if targets.can_export(experiment) else ""
+        print("\n".join(targets.verdicts(experiment.captures(), export=told)))
 
 
 # What stopped it comes after all that Snakemake says of it.

@@ -14,11 +14,16 @@ from alignerf.start import folders
 log = logging.getLogger("alignerf")
 
 HEAD = """\
-# Written by `make photos`, of {folder}
+# Written by `make {by}`, of {folder}
 # Yours to edit: then it is kept. Every key: alignerf/experiment/keys/.
 # To run it: the same command again.
 # as written: {digest}
 """
+# How to give results another name, by what has written the config.
+OTHER_NAME = {
+    "photos": 'make photos FOLDER=... PHOTOS="--name other"',
+    "judge": 'make judge PHOTOS=... RENDERS=... JUDGE="--name other"',
+}
 
 
 def read(path):
@@ -31,14 +36,15 @@ def read(path):
     return content
 
 
-def say_where(path, config, folder):
+def say_where(path, config, folder, *, by="photos"):
     """Write the config, and log its path; a config that a user has changed is kept.
 
-    Raises ValueError where the kept config is of other folders or other arguments.
+    by: a key of OTHER_NAME. Raises ValueError where the kept config is of other folders
+    or other arguments.
     """
     if path.exists():
         there = read(path)
-        check_same(path, there, config)
+        check_same(path, there, config, OTHER_NAME[by])
         if not is_untouched(path):
             asked = {key: value for key, value in config.items() if key != "scenes"}
             if differing := [k for k, v in asked.items() if there.get(k) != v]:
@@ -46,14 +52,17 @@ def say_where(path, config, folder):
             print(f"config: {path}, as it is there")
             return
     text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
-    head = HEAD.format(folder=ascii(str(folder)), digest=digest_of(text))
+    head = HEAD.format(by=by, folder=ascii(str(folder)), digest=digest_of(text))
     with atomic.replace_file(path) as temporary:
         temporary.write_text(head + text, encoding="utf-8")
     print(f"config: {path}")
 
 
-def check_same(path, there, config):
-    """ValueError where a config's scenes are of other folders: results would mix."""
+def check_same(path, there, config, other_name):
+    """ValueError where a config's scenes are of other folders: results would mix.
+
+    other_name: the command that gives results another name.
+    """
     for name, scene in config["scenes"].items():
         before = there["scenes"].get(name)
         own = before.get("path") if isinstance(before, dict) else None
@@ -64,7 +73,7 @@ def check_same(path, there, config):
         if os.path.realpath(own) != os.path.realpath(scene["path"]):
             raise ValueError(
                 f"{path}: scene {name} is of {own}, not of {scene['path']}. Give "
-                'another name: make photos FOLDER=... PHOTOS="--name other"'
+                f"another name: {other_name}"
             )
 
 

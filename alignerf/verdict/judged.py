@@ -18,6 +18,12 @@ THUMB_PX, LESS = 32, 0.5
 KEYS = dict.fromkeys(("depth", "cameras", "layout", "way"), str)
 BEFORE = dict.fromkeys(("flow_train_px", "flow_test_px"), json_files.NUMBER_OR_NONE)
 BEFORE |= {"photo_px": json_files.NUMBER}
+# Of depth whose unit neither points nor the config has told.
+UNKNOWN_UNIT = (
+    "Its unit is not known, as the cameras came without points: it was taken for "
+    "theirs. If it is another, an export moves cameras too far or too little. "
+    '`JUDGE="--depth-scale X"` says it.'
+)
 DEPTHS = {
     "given": "The renders' own depth was used.",
     "points": "Depth is coarse: that of the points which the cameras came with.",
@@ -32,7 +38,8 @@ class Judged(NamedTuple):
     depth: a key of DEPTHS; cameras: what told them, `none` where nothing did; layout:
     how the renders lay; swapped: (view, the view whose photo its render shows); before:
     of a judgement before this one, its name and shifts of training and held-out views
-    in px of the photo; None without one.
+    in px of the photo; None without one. depth_unit: what told the unit of given depth,
+    `nothing` where nothing did.
     """
 
     depth: str
@@ -40,6 +47,7 @@ class Judged(NamedTuple):
     layout: str
     swapped: tuple = ()
     before: tuple | None = None
+    depth_unit: str | None = None
 
 
 def read(poses, thumbs, before=None):
@@ -57,6 +65,7 @@ def read(poses, thumbs, before=None):
         layout=told["layout"],
         swapped=swapped(thumbs),
         before=before and read_before(Path(before)),
+        depth_unit=told.get("depth_unit"),
     )
 
 
@@ -107,6 +116,8 @@ def sentence(_, e):
 def lines(e):
     """Sentences on what could not be told, and why."""
     found = [DEPTHS[e.judged.depth]]
+    if e.judged.depth_unit == "nothing":
+        found[0] += f" {UNKNOWN_UNIT}"
     if e.judged.before:
         found.insert(0, compared(*e.judged.before))
     if e.judged.cameras == "none":
@@ -157,19 +168,28 @@ ADVICE = (
 )
 
 
+def put_right(e, text):
+    """An advice with the command that exports, or with what an export wants first."""
+    if "{export}" not in text:
+        return text
+    if e.judged.cameras == "none":
+        return "give the cameras, too (CAMERAS=...): then they can be corrected."
+    if not e.train_views:
+        return (
+            "render the photos that the program has learnt from, too, and judge again: "
+            "only those can be put right."
+        )
+    return text.format(export=provenance.export_command())
+
+
 def advise(e, findings):
     """What to do first."""
     named = {finding.cause for finding in findings}
-    export = provenance.export_command()
     for cause, text in ADVICE:
         if cause in named:
-            if cause == "camera" and e.judged.cameras == "none":
-                return (
-                    "give the cameras, too (CAMERAS=...): then they can be corrected."
-                )
-            return text.format(export=export)
+            return put_right(e, text)
     if causes.misaligned(e):
-        return f"train again on the warped photos: `{export}` writes them."
+        return put_right(e, dict(ADVICE)["motion"])
     if not causes.tells(e):
         return "render larger pictures: at this size a shift is too small to be seen."
     return (

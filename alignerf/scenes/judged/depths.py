@@ -21,7 +21,7 @@ from PIL import Image
 
 from alignerf.files import faults
 from alignerf.scenes import cameras
-from alignerf.scenes.judged import renders
+from alignerf.scenes.judged import geometry, renders
 
 SUFFIXES = (".npz", ".npy", ".npy.gz", ".tiff", ".tif", ".png")
 KINDS = ("depth", "distance")
@@ -160,14 +160,27 @@ def resized(values, size):
     """Depth [h, w] of another size (width, height), by the nearest pixel."""
     if values.shape == size[::-1]:
         return values
-    return cv2.resize(values, size, interpolation=cv2.INTER_NEAREST)
+    return cv2.resize(values, size, interpolation=cv2.INTER_NEAREST_EXACT)
+
+
+def as_shown(values, pixtocam, size, lens):
+    """Numbers of a file as a picture [h, w] of a pinhole has them.
+
+    size: (width, height) of the picture, and of a render. lens: (camtopix, distortion)
+    of the render, so that its distortion is undone in its depth too; None without.
+    """
+    values = resized(values, size)
+    if lens is None:
+        return values
+    at = geometry.positions(lens, np.linalg.inv(pixtocam), size)
+    return cv2.remap(values, *at, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
 
 
 def unit_of(paths, views, points) -> Unit:
     """The `Unit` of the files {view: path} by the points that cameras came with.
 
-    views: {view: (pixtocam, camtoworld, (width, height))}. points: positions [m, 3],
-    or None; too few leave numbers as they are.
+    views: {view: (pixtocam, camtoworld, (width, height), lens)}, the lens as of
+    `as_shown`. points: positions [m, 3], or None; too few leave numbers as they are.
     """
     if points is None:
         return Unit("depth", 1.0, np.nan)
@@ -175,9 +188,9 @@ def unit_of(paths, views, points) -> Unit:
     names = [name for name in paths if name in views]
     step = max(len(names) // SEEN_VIEWS, 1)
     for name in names[::step]:
-        pixtocam, camtoworld, size = views[name]
+        pixtocam, camtoworld, size, lens = views[name]
         column, row, depth = visible(points, pixtocam, camtoworld, size)
-        values = resized(read(paths[name]), size)
+        values = as_shown(read(paths[name]), pixtocam, size, lens)
         for kind in KINDS:
             own = along_axis(values, kind, pixtocam)[row, column]
             good = np.isfinite(own) & (own > 0)

@@ -35,10 +35,11 @@ class Lens(NamedTuple):
     """A view's camera.
 
     camtopix [3, 3] and distortion [5], of a fisheye [4], are of `size`: (width, height)
-    in px; None means the photo's. pose: camera-to-world [3, 4], OpenGL axes.
+    in px; None means the photo's. camtopix is None where nothing is known of it, and
+    the photo's size tells a guess. pose: camera-to-world [3, 4], OpenGL axes.
     """
 
-    camtopix: np.ndarray
+    camtopix: np.ndarray | None
     distortion: np.ndarray
     size: tuple | None
     pose: np.ndarray
@@ -46,6 +47,8 @@ class Lens(NamedTuple):
     def at(self, size, where):
         """(camtopix, distortion) at a photo's (width, height); ValueError as of
         `prepare.true_scale`."""
+        if self.camtopix is None:
+            return guessed(size), self.distortion
         own = self.size or size
         return prepare.true_scale(
             own, size, where=where
@@ -89,6 +92,21 @@ def read(path, photo_size) -> Cameras:
         f"{path}: neither transforms.json, nor sparse/0, nor cameras.json of Gaussian "
         "splatting"
     )
+
+
+def files_of(path):
+    """Paths of the files that `read` may take cameras and points from; [] of None."""
+    if path is None:
+        return []
+    path = Path(path)
+    if path.is_file() and path.suffix == ".json":
+        return [path, *path.parent.glob("*.ply")]
+    folder = path.parent if path.is_file() else path
+    found = [folder / name for name in ("transforms.json", GAUSSIANS)]
+    for inner in MODELS:
+        for suffix in ("bin", "txt", "ply"):
+            found += sorted((folder / inner).glob(f"*.{suffix}"))
+    return [file for file in found if file.is_file()]
 
 
 def of_json(path, photo_size) -> Cameras:
@@ -192,17 +210,19 @@ def of_gaussian(path, i, entry) -> Lens:
     return Lens(camtopix, np.zeros(5), (width, height), pose)
 
 
-def assumed(names, size) -> Cameras:
-    """Cameras of views of which nothing is known; each stands elsewhere."""
+def guessed(size):
+    """Intrinsics [3, 3] of a photo's (width, height) of which nothing is known."""
     focal_px = 0.5 * max(size) / math.tan(math.radians(ASSUMED_DEGREES) / 2)
     width, height = size
-    camtopix = np.array(
-        [[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]]
-    )
-    lenses = {}
+    return np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])
+
+
+def assumed(names) -> Cameras:
+    """Cameras of views of which nothing is known; each stands elsewhere."""
+    found = {}
     for i, name in enumerate(names):
         pose = np.eye(4)[:3]
         # Normalising poses needs places that differ.
         pose[:, 3] = [math.cos(i), math.sin(i), i / len(names)]
-        lenses[name] = Lens(camtopix, np.zeros(5), None, pose)
-    return Cameras(lenses, "none")
+        found[name] = Lens(None, np.zeros(5), None, pose)
+    return Cameras(found, "none")

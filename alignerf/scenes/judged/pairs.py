@@ -41,12 +41,11 @@ def find(config) -> Judged:
     """The pairs of a scene's keys. Raises ValueError in one line."""
     judged = config["judged"]
     paths = photos_of(config["path"])
-    first = next(iter(paths.values()))
-    photo_size = size_of(first, False)
     if judged["cameras"]:
-        cameras = lenses.read(judged["cameras"], photo_size)
+        first = next(iter(paths.values()))
+        cameras = lenses.read(judged["cameras"], size_of(first, False))
     else:
-        cameras = lenses.assumed(sorted(paths), size_of(first, True))
+        cameras = lenses.assumed(sorted(paths))
     names = [name for name in paths if name in cameras.lenses]
     if not names:
         raise ValueError(

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from alignerf.files import json_files
+from alignerf.files import faults, json_files
 from alignerf.scenes import photos, prepare
 from alignerf.scenes.judged import depths, geometry, pairs, renders
 from alignerf.scenes.judged.pairs import Judged, Pair
@@ -94,7 +94,7 @@ def load(config, scratch):
     shown = {pair.name: shown_of(pair, judged.size, way) for pair in judged.pairs}
     views = posed(judged, shown, config["background"])
     told = judged.told | {"way": way, "apart_px": apart}
-    told |= of_depth(config, judged, views)
+    told |= of_depth(config, judged, views, shown)
     (scratch / "pairs.json").write_text(json.dumps(pairs_json(judged, shown, told)))
     report = {
         "registered": len(judged.pairs),
@@ -135,22 +135,17 @@ def posed(judged: Judged, shown, background) -> prepare.PosedViews:
 
 
 def at_full_size(config):
-    """(the views as large as their photos allow, []): for exports.
+    """(the views as large as most photos allow, []): for exports.
 
     The way is the one that `load` has found, by the same pairs.
     """
     judged = pairs.find(config)
     way, _ = chosen_way(judged, config["background"])
-    shown = {
-        pair.name: geometry.at_photos_size(shown_of(pair, judged.size, way))
-        for pair in judged.pairs
-    }
-    sizes = [one.size for one in shown.values()]
-    usual = max(set(sizes), key=sizes.count)
-    large = judged._replace(size=usual)
-    kept = {name: one for name, one in shown.items() if one.size == usual}
-    large = large._replace(pairs=[p for p in judged.pairs if p.name in kept])
-    views = posed(large, kept, config["background"])
+    shown = {pair.name: shown_of(pair, judged.size, way) for pair in judged.pairs}
+    sizes = list(map(geometry.photos_size, shown.values()))
+    size = max(set(sizes), key=lambda one: (sizes.count(one), one))
+    large = {name: geometry.at_size(one, size) for name, one in shown.items()}
+    views = posed(judged._replace(size=size), large, config["background"])
     return views._replace(masks=None), []
 
 
@@ -170,31 +165,51 @@ def mask_of(pair: Pair, shown):
     return np.where(counts[..., None], np.uint8(255), np.uint8(0)).repeat(3, axis=-1)
 
 
-def of_depth(config, judged: Judged, views):
+def of_depth(config, judged: Judged, views, shown):
     """What is told of depth: where it comes from, its kind and unit, and the files."""
     points = None if views.points is None else views.points[0]
-    if folder := config["judged"]["depth"]:
-        paths = depths.find(folder, views.names)
-        cameras = zip(views.pixtocams, views.camtoworlds, strict=True)
-        size = views.width, views.height
-        by_name = {
-            name: (*one, size) for name, one in zip(views.names, cameras, strict=True)
-        }
-        unit = depths.unit_of(paths, by_name, points)
-        if config["judged"]["depth_kind"]:
-            unit = unit._replace(kind=config["judged"]["depth_kind"])
-        if config["judged"]["depth_scale"]:
-            unit = unit._replace(scale=config["judged"]["depth_scale"])
-        return {
-            "depth": "given",
-            "depth_kind": unit.kind,
-            "depth_scale": unit.scale,
-            "depth_spread": None if np.isnan(unit.spread) else unit.spread,
-            "depths": {name: str(path) for name, path in paths.items()},
-        }
+    if config["judged"]["depth"]:
+        return of_given_depth(config["judged"], views, shown, points)
     if judged.cameras.kind == "none" or points is None:
         return {"depth": "far"}
     return {"depth": "points"}
+
+
+def of_given_depth(keys, views, shown, points):
+    """The same where depth came along; keys: those of `judged`.
+
+    depth_unit: what told the unit, `points`, `config` or `nothing`.
+    """
+    paths = depths.find(keys["depth"], views.names)
+    if missing := [name for name in views.names if name not in paths]:
+        log.warning(
+            "%d of %d views have no depth, and all that they see counts as far away: "
+            "%s",
+            *(len(missing), len(views.names), faults.some_names(missing)),
+        )
+    cameras = zip(views.names, views.pixtocams, views.camtoworlds, strict=True)
+    size = views.width, views.height
+    by_name = {n: (*camera, size, shown[n].render_lens) for n, *camera in cameras}
+    unit = depths.unit_of(paths, by_name, points)
+    told_by = "nothing" if np.isnan(unit.spread) else "points"
+    if keys["depth_kind"]:
+        unit = unit._replace(kind=keys["depth_kind"])
+    if keys["depth_scale"]:
+        unit, told_by = unit._replace(scale=keys["depth_scale"]), "config"
+    if told_by == "nothing":
+        log.warning(
+            "%s: too few points came with the cameras to tell the unit of depth: it is "
+            "taken for theirs",
+            keys["depth"],
+        )
+    return {
+        "depth": "given",
+        "depth_kind": unit.kind,
+        "depth_scale": unit.scale,
+        "depth_spread": None if np.isnan(unit.spread) else unit.spread,
+        "depth_unit": told_by,
+        "depths": {name: str(path) for name, path in paths.items()},
+    }
 
 
 def pairs_json(judged: Judged, shown, told):
