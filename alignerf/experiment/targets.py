@@ -108,7 +108,11 @@ def verdicts(scenes, results="results", export=""):
         path = Path(results) / scene / "verdict.json"
         if path.is_file():
             found = json.loads(path.read_text(encoding="utf-8"))
-            lines += ["", scene, *(f"  {line}" for line in found["verdict"])]
+            lines += [
+                "",
+                scene,
+                *(f"  {faults.one_line(line)}" for line in found["verdict"]),
+            ]
             if Path(page_of(scene, results)).is_file():
                 lines.append(f"  Page: {page_of(scene, results)}")
     if lines and export:
@@ -156,7 +160,7 @@ def tidy(scenes):
     """
     found = [path for name in scenes for path in atomic.sweep(f"results/{name}")]
     if found:
-        few = faults.some_names(list(map(str, found)))
+        few = faults.some_names([faults.one_line(str(path)) for path in found])
         print(f"removed what a killed run had half written: {few}", file=sys.stderr)
     if count := sum(atomic.bring_back(f"results/{name}") for name in scenes):
         print(
@@ -179,7 +183,7 @@ def cause(log):
     text = log.read_text(encoding="utf-8", errors="replace")
     # A progress bar writes over its line.
     lines = [line.split("\r")[-1].strip() for line in text.splitlines()]
-    lines = [line for line in lines if line]
+    lines = [faults.one_line(line) for line in lines if line]
     errors = [line for line in lines if line.startswith("error: ")]
     if errors:
         return [errors[-1], f"  in {log}"]

@@ -21,7 +21,7 @@ TEXTS = dict.fromkeys(
     (
         *("view", "test_set", "metric", "method", "description", "baseline", "base"),
         *("published", "folder", "way", "flows", "corrected", "before"),
-        *("commit", "lock", "device"),
+        *("commit", "lock", "device", "environment"),
     ),
     str,
 )

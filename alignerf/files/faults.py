@@ -7,6 +7,10 @@ import sys
 
 log = logging.getLogger("alignerf")
 
+# Of a line that is printed. Of a longer one both ends are kept: files and keys are
+# named at the beginning, what to do at the end.
+MOST_CHARACTERS, HEAD = 1000, 700
+
 
 def run(main):
     """Call main(); where it fails on bad input, end the process with status 1."""
@@ -33,14 +37,38 @@ def exit_code(main, *arguments, **options) -> int:
     OSError; both become `error: ...` on stderr. The traceback is for developers: set
     ALIGNERF_DEBUG=1.
     """
-    logging.basicConfig(format="%(message)s", stream=sys.stderr)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(OneLine())
+    logging.basicConfig(handlers=[handler])
     log.setLevel(logging.INFO)
     try:
         main(*arguments, **options)
     except (ValueError, OSError) as error:
         say(error)
         return 1
+    except Exception as error:
+        if (name := platform_missing()) is None:
+            raise
+        reason = f"{name}={os.environ[name]}: JAX cannot start on it here"
+        say(ValueError(f"environment: {reason}, unset it: {error!s:.300}"))
+        return 1
     return 0
+
+
+def platform_missing(modules=sys.modules):
+    """The variable that names a platform on which JAX does not start, if one does.
+
+    This module does without JAX: it asks the one that a command has imported.
+    """
+    names = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
+    if "jax" not in modules or not (given := [n for n in names if os.environ.get(n)]):
+        return None
+    try:
+        modules["jax"].devices()
+    # An AssertionError, or a RuntimeError.
+    except Exception:
+        return given[0]
+    return None
 
 
 def say(error):
@@ -48,7 +76,36 @@ def say(error):
     if os.environ.get("ALIGNERF_DEBUG"):
         raise error
     message = " ".join(str(error).split()) or type(error).__name__
-    print(f"error: {message}", file=sys.stderr)
+    print(f"error: {one_line(message)}", file=sys.stderr)
+
+
+class OneLine(logging.Formatter):
+    """Each message as one line, whatever the names in it hold."""
+
+    def formatMessage(self, record):
+        return one_line(record.message)
+
+
+def one_line(text):
+    """A text that a terminal shows as one line, of at most MOST_CHARACTERS.
+
+    What does not print is escaped: names of files may hold ends of lines, codes of
+    terminals and letters that turn the direction of writing.
+    """
+    if text.isprintable() and len(text) <= MOST_CHARACTERS:
+        return text
+    # Escaped, a character is up to ten.
+    for _ in range(2):
+        if len(text) > MOST_CHARACTERS:
+            tail = MOST_CHARACTERS - HEAD - len(" [...] ")
+            text = f"{text[:HEAD]} [...] {text[-tail:]}"
+        text = "".join(c if c.isprintable() else escaped(c) for c in text)
+    return text
+
+
+def escaped(character):
+    """A character that does not print, as Python writes it."""
+    return character.encode("unicode_escape").decode("ascii")
 
 
 def check_regular(path):

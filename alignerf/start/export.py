@@ -9,8 +9,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from alignerf.files import faults, machine, yaml_files
-from alignerf.start import folders, workflow
+from alignerf.files import faults, machine
+from alignerf.start import configs, folders, workflow
 
 
 def main(argv=None):
@@ -18,17 +18,19 @@ def main(argv=None):
     if not args.name:
         raise ValueError("SCENE is missing: make export SCENE=my_photos")
     path = config_of(args.name)
-    print(f"config: {path}", flush=True)
+    scenes = scenes_of(path)
+    print(f"config: {faults.one_line(str(path))}", flush=True)
     overrides = [f"export_width_px={args.width}"] if args.width else []
     if code := workflow.run(path, args.cores, "export", overrides=overrides):
         sys.exit(code)
-    for made in sorted(folder for name in scenes_of(path) for folder in exports(name)):
+    for made in sorted(folder for name in scenes for folder in exports(name)):
         print(f"export: {made}/README.txt")
 
 
 def config_of(name):
     """The config of a name, or of a folder's. ValueError where there is none."""
-    names = [Path(name).expanduser().name, folders.name_of(Path(name).expanduser())]
+    place = folders.at_home(name)
+    names = [place.name, folders.name_of(place)]
     for one in names:
         path = Path("results") / f"{one}.yaml"
         if path.is_file():
@@ -41,10 +43,8 @@ def config_of(name):
 
 
 def scenes_of(path):
-    """Names of a config's scenes, as far as they can be told."""
-    content = yaml_files.read(path)
-    scenes = content.get("scenes") if isinstance(content, dict) else None
-    return list(scenes) if isinstance(scenes, dict) else []
+    """Names of a config's scenes. ValueError, naming it, where it has none."""
+    return list(configs.read(path)["scenes"])
 
 
 def exports(scene):
@@ -57,8 +57,8 @@ def parse(argv=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="alignerf.start.export", description=__doc__)
     parser.add_argument("name", help="of a config in results/, or its folder")
-    parser.add_argument("--width", type=int, help="of photos, in pixels")
-    parser.add_argument("--cores", type=int, default=machine.cores())
+    parser.add_argument("--width", type=configs.count, help="of photos, in pixels")
+    parser.add_argument("--cores", type=configs.count, default=machine.cores())
     return parser.parse_args(argv)
 
 

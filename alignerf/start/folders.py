@@ -5,6 +5,7 @@ several scenes.
 """
 
 import logging
+import os
 import re
 from pathlib import Path
 
@@ -128,6 +129,11 @@ def is_taken(path):
     """Whether a file is a photo or a film, by its name."""
     suffixes = photos.SUFFIXES | video.SUFFIXES
     return path.suffix.lower() in suffixes and not path.name.startswith(".")
+
+
+def at_home(path):
+    """A path with `~` written out; as it is, where nobody has such a home."""
+    return Path(os.path.expanduser(path))
 
 
 def name_of(path):

@@ -16,8 +16,7 @@ from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import faults, machine
 from alignerf.scenes import photos, prepared
 from alignerf.scenes.judged import views
-from alignerf.start import __main__ as own_photos
-from alignerf.start import folders, workflow
+from alignerf.start import configs, folders, workflow
 
 log = logging.getLogger("alignerf")
 
@@ -41,9 +40,9 @@ def main(argv=None):
     splits = views.splits_of(judged)
     scene["judged"]["splits"] = [s for s in prepared.SPLITS if s in splits.values()]
     print(f"{len(judged.pairs)} pairs of photo and render, {judged.told['layout']}")
-    name = args.name or folders.name_of(Path(args.renders).expanduser())
+    name = args.name or folders.name_of(folders.at_home(args.renders))
     path = Path("results") / f"{name}.yaml"
-    own_photos.say_where(path, config_of(name, scene, judged), args.renders)
+    configs.say_where(path, config_of(name, scene, judged), args.renders)
     print(f"page, in the end: {targets.page_of(name)}", flush=True)
     if args.only_config:
         return
@@ -54,8 +53,8 @@ def main(argv=None):
 def scene_of(args):
     """The scene's keys; splits are those that there may be."""
     paths = {key: getattr(args, key) for key in ("renders", "cameras", "depth")}
-    judged = {key: str(Path(path).expanduser()) for key, path in paths.items() if path}
-    scene = {"source": "judged", "path": str(Path(args.photos).expanduser())}
+    judged = {key: str(folders.at_home(path)) for key, path in paths.items() if path}
+    scene = {"source": "judged", "path": str(folders.at_home(args.photos))}
     if args.background:
         scene["background"] = args.background
     return scene | {"judged": judged}
@@ -96,8 +95,8 @@ def parse(argv=None):
     parser.add_argument("--renders", default="", help="folder of renders")
     parser.add_argument("--cameras", default="", help="file or folder of cameras")
     parser.add_argument("--depth", default="", help="folder of depths")
-    parser.add_argument("--name", type=own_photos.name, help="of the results")
-    parser.add_argument("--cores", type=int, default=machine.cores())
+    parser.add_argument("--name", type=configs.name, help="of the results")
+    parser.add_argument("--cores", type=configs.count, default=machine.cores())
     parser.add_argument(
         "--background", choices=sorted(photos.BACKGROUNDS), help="behind alpha"
     )

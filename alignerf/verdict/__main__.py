@@ -55,7 +55,7 @@ def main(argv=None):
         # JSON has no NaN.
         path.write_text(json.dumps(plain(content), indent=1) + "\n")
         table.to_csv(views_path, index=False, float_format="%.6g")
-    print("\n".join(lines))
+    print("\n".join(map(faults.one_line, lines)))
 
 
 def plain(value):
