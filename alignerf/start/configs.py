@@ -8,17 +8,26 @@ import os
 
 import yaml
 
-from alignerf.files import atomic, yaml_files
+from alignerf.files import atomic, provenance, yaml_files
 from alignerf.start import folders
 
 log = logging.getLogger("alignerf")
 
 HEAD = """\
-# Written by `make photos`, of {folder}
+# Written by `{command}`, of {folder}
 # Yours to edit: then it is kept. Every key: alignerf/experiment/keys/.
 # To run it: the same command again.
 # as written: {digest}
 """
+
+
+# How a folder of photos is given: by make, and to the installed command.
+PHOTOS = ("make photos FOLDER={}", "why-blurry photos {}")
+
+
+def program(command):
+    """The name of a command in its own help."""
+    return provenance.typed(f"make {command}", f"why-blurry {command}")
 
 
 def read(path):
@@ -46,10 +55,18 @@ def say_where(path, config, folder):
             print(f"config: {path}, as it is there")
             return
     text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
-    head = HEAD.format(folder=ascii(str(folder)), digest=digest_of(text))
+    command = program("judge" if is_judged(config) else "photos")
+    head = HEAD.format(
+        command=command, folder=ascii(str(folder)), digest=digest_of(text)
+    )
     with atomic.replace_file(path) as temporary:
         temporary.write_text(head + text, encoding="utf-8")
     print(f"config: {path}")
+
+
+def is_judged(config):
+    """Whether it is of another program's renders."""
+    return any(scene.get("judged") for scene in config["scenes"].values())
 
 
 def check_same(path, there, config):
@@ -62,9 +79,13 @@ def check_same(path, there, config):
         if not isinstance(own, str) or "\0" in own:
             raise ValueError(f"{path}: scenes.{name}.path: {own!r:.60} is no path")
         if os.path.realpath(own) != os.path.realpath(scene["path"]):
+            again = provenance.typed(
+                'make photos FOLDER=... PHOTOS="--name other"',
+                "why-blurry photos ... --name other",
+            )
             raise ValueError(
                 f"{path}: scene {name} is of {own}, not of {scene['path']}. Give "
-                'another name: make photos FOLDER=... PHOTOS="--name other"'
+                f"another name: {again}"
             )
 
 

@@ -148,6 +148,7 @@ def name_of(path):
 
 def taken_names():
     """Names of the rules and of folders of the results, which no scene may have."""
-    files = [sources.ROOT / "Snakefile", *(sources.ROOT / "workflow").rglob("*.smk")]
-    rules = {name for file in files for name in RULE.findall(file.read_text())}
-    return rules | {"published", "bench", "logs"}
+    rules = sources.PIPELINE / "workflow" / "rules"
+    files = [sources.PIPELINE / "Snakefile", *rules.rglob("*.smk")]
+    names = {name for file in files for name in RULE.findall(file.read_text())}
+    return names | {"published", "bench", "logs"}
