@@ -8,12 +8,12 @@ WORKFLOW = ["Snakefile", "environment.yml", "workflow/**", "results/published/*.
 
 setuptools.setup(
     packages=[
-        *setuptools.find_packages(include=["alignerf*", "flow*"]),
+        *setuptools.find_namespace_packages(include=["alignerf*", "flow*"]),
         "alignerf.pipeline",
     ],
     package_dir={"alignerf.pipeline": "."},
     package_data={
-        "alignerf.page": ["*.html", "*.css", "*.js", "vendor/*"],
+        "alignerf.page": ["**/*.html", "**/*.css", "**/*.js", "vendor/*"],
         "alignerf.tables": ["*.yaml"],
         "alignerf.pipeline": WORKFLOW,
     },
