@@ -27,7 +27,8 @@ PHOTOS = ("make photos FOLDER={}", "why-blurry photos {}")
 
 def program(command):
     """The name of a command in its own help."""
-    return provenance.typed(f"make {command}", f"why-blurry {command}")
+    made = f"make {command.replace('demo', 'run')}"
+    return provenance.typed(made, f"why-blurry {command}")
 
 
 def read(path):

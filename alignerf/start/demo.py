@@ -19,7 +19,7 @@ def main(argv=None):
 
 def parse(argv=None):
     """Arguments of the command line."""
-    parser = argparse.ArgumentParser(prog="demo", description=__doc__)
+    parser = argparse.ArgumentParser(prog=configs.program("demo"), description=__doc__)
     parser.add_argument("--cores", type=configs.count, default=machine.cores())
     return parser.parse_args(argv)
 

@@ -11,8 +11,8 @@ Each has --help. Results lie in results/ of the folder that it is called in. Bes
 `make`, it runs the same modules. VERBOSE=1 before it shows all that Snakemake prints.
 """
 
+import importlib
 import os
-import runpy
 import sys
 
 from alignerf.files import faults, provenance
@@ -20,7 +20,7 @@ from alignerf.files import faults, provenance
 # {word: the module that it runs}.
 COMMANDS = {
     "demo": "alignerf.start.demo",
-    "photos": "alignerf.start",
+    "photos": "alignerf.start.__main__",
     "judge": "alignerf.start.judge",
     "export": "alignerf.start.export",
     "show": "alignerf.show",
@@ -41,7 +41,7 @@ def run(command="--help", *words):
         raise ValueError(f"why-blurry {command}: no such command; there are {known}")
     os.environ[provenance.TYPED] = "why-blurry"
     sys.argv = [f"why-blurry {command}", *words]
-    runpy.run_module(COMMANDS[command], run_name="__main__", alter_sys=True)
+    importlib.import_module(COMMANDS[command]).main(list(words))
 
 
 if __name__ == "__main__":

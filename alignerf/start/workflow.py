@@ -66,6 +66,7 @@ def quiet(command, captures):
                     told.take(event)
                 told.tick()
             except KeyboardInterrupt:
+                told.stopping = True
                 shown.line("stopping what runs")
     code = child.code()
     told.close(code)

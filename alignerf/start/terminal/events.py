@@ -71,17 +71,17 @@ class Child:
 
     @contextlib.contextmanager
     def handed_on(self):
-        """Who ends this process by SIGTERM ends Snakemake."""
-        try:
-            before = signal.signal(signal.SIGTERM, self.end)
-        except ValueError:
-            # Not in the main thread.
-            yield
-            return
+        """Who ends this process ends Snakemake: by SIGTERM, and by a fault of ours."""
+        main = threading.current_thread() is threading.main_thread()
+        before = main and signal.signal(signal.SIGTERM, self.end)
         try:
             yield
         finally:
-            signal.signal(signal.SIGTERM, before)
+            self.end()
+            self.process.wait()
+            if main:
+                signal.signal(signal.SIGTERM, before)
 
     def end(self, *_):
+        """Ask it to end, if it has not ended."""
         self.process.terminate()

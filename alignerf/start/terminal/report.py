@@ -3,12 +3,13 @@
 import functools
 import math
 import os
+import shlex
 import textwrap
 import time
 from pathlib import Path
 from typing import NamedTuple
 
-from alignerf.experiment import targets
+from alignerf.experiment import sources, targets
 from alignerf.files import faults
 from alignerf.preflight import eta, fit
 from alignerf.start.terminal import jobs, screen
@@ -21,6 +22,9 @@ MOST_BY_CLOCK = 0.95
 ASK_EVERY_S, ASK_TIMES = 5.0, 100.0
 # Lines of the log that are shown where no job has failed.
 LAST_LINES = 40
+LOCKED = (
+    "error: another run is at work in this folder. If none is, one was killed, and:"
+)
 NAME_WIDTH, WIDTH = 62, 94
 # Of one job.
 MOST_WARNINGS = 5
@@ -47,9 +51,11 @@ class Report:
         self.screen, self.captures, self.log = shown, captures, log
         self.results = Path(results)
         self.begun_s = time.monotonic()
-        self.running, self.finished, self.failed = {}, 0, 0
+        self.running, self.finished = {}, 0
         self.done, self.total, self.plans = 0, 0, ""
-        self.warned = set()
+        self.warned, self.errors = set(), []
+        # A job that ends from then on was stopped.
+        self.stopping = False
         self.left, self.ask_s = None, 0.0
 
     def take(self, event):
@@ -61,6 +67,8 @@ class Report:
             self.end(event.get("job_id"))
         elif kind == "job_error":
             self.end(event.get("jobid"), failed=True)
+        elif kind == "error" or event.get("level") == "ERROR":
+            self.errors.append(event.get("text", ""))
         elif kind == "progress":
             self.done, self.total = event["done"], event["total"]
         elif kind == "run_info":
@@ -76,20 +84,21 @@ class Report:
         """A line for a job that has ended, and what it tells."""
         if (job := self.running.pop(key, None)) is None or job.silent:
             return
-        self.failed, self.finished = self.failed + failed, self.finished + 1
+        self.finished += 1
         took = screen.clock(time.monotonic() - job.begun_s)
-        self.screen.line(f"  {job.name:<{NAME_WIDTH}} {took:>7}" + "  FAILED" * failed)
+        how = ("  stopped" if self.stopping else "  FAILED") if failed else ""
+        self.screen.line(f"  {job.name:<{NAME_WIDTH}} {took:>7}{how}")
         if job.rule in TELLING and not failed:
             self.tell(jobs.said(job.logs))
         self.warn(job)
-        self.ask_s = 0.0
 
     def warn(self, job):
         """Show what a job warns of, if no job before it has."""
         new = [x for x in jobs.warnings(job.logs) if x not in self.warned]
         self.warned.update(new)
-        few, more = new[:MOST_WARNINGS], len(new) - MOST_WARNINGS
-        self.tell(few + [f"and {more} more in {job.logs[0]}"] * (more > 0))
+        self.tell(new[:MOST_WARNINGS])
+        if (more := len(new) - MOST_WARNINGS) > 0:
+            self.tell([f"and {more} more in {', '.join(job.logs)}"])
 
     def tell(self, lines):
         """Lines beneath a job's own."""
@@ -112,14 +121,10 @@ class Report:
         if (left := self.time_left(shown)) is not None:
             left_s, whole_s = left
             share = 1 - left_s / max(whole_s, left_s, 1.0)
-            about = (
-                f"about {fit.minutes(left_s)} left"
-                if left_s > SOON_S
-                else "nearly done"
-            )
-            text += f", {about}"
+            about = f"about {fit.minutes(left_s)} left"
+            text += f", {about if left_s > SOON_S else 'nearly done'}"
         elif len(now) == 1 and (only := shown[now[0].name]) and only.left_s is not None:
-            text += f", this one {screen.clock(only.left_s)}"
+            text += f", {screen.clock(only.left_s)} left of this one"
         names = [n + (f", {one.text}" if one else "") for n, one in shown.items()]
         return share, "; ".join([text, *names])
 
@@ -163,15 +168,29 @@ class Report:
         took = screen.clock(time.monotonic() - self.begun_s)
         if code == 0:
             count = "1 job" if self.finished == 1 else f"{self.finished} jobs"
-            self.screen.line(
-                f"{count} in {took}" if self.finished else "all of it is there already"
-            )
+            there = "all of it is there already"
+            self.screen.line(f"{count} in {took}" if self.finished else there)
             return
-        for line in targets.causes([self.log]) or self.last_lines():
+        for line in targets.causes([self.log]) or self.faults():
             self.screen.line(line)
         self.screen.line(f"all that the run said: {self.log}")
 
-    def last_lines(self):
-        """What stopped a run that has no failed job: the end of all it said."""
+    def faults(self):
+        """What stopped a run that has no failed job, as a plan that is wrong."""
         text = self.log.read_text(encoding="utf-8", errors="replace")
-        return text.rstrip().splitlines()[-LAST_LINES:]
+        lines = text.rstrip().splitlines()
+        if "LockException" in text:
+            return LOCKED, f"  {unlocking()}"
+        if ours := [line for line in lines if line.startswith("error: ")]:
+            return ours
+        if told := [line for error in self.errors for line in error.splitlines()]:
+            return told
+        return lines[-LAST_LINES:]
+
+
+def unlocking():
+    """The command that takes Snakemake's lock of this folder away."""
+    words = ["snakemake", "--unlock"]
+    if Path.cwd() != sources.PIPELINE:
+        words += ["--snakefile", str(sources.PIPELINE / "Snakefile")]
+    return shlex.join(words)

@@ -23,11 +23,13 @@ class Screen:
         dumb = os.environ.get("TERM") == "dumb"
         self.live = self.stream.isatty() and not dumb
         self.every_s = EVERY_S if self.live else LOG_EVERY_S
-        self.shown_s, self.open = time.monotonic(), False
+        self.shown_s = time.monotonic()
+        # Removes what stands in the last line, such as the bar.
+        self.clear = CLEAR if self.live else ""
 
     def line(self, text=""):
         """A line that stays."""
-        self.write(f"{self.cleared()}{text}\n")
+        self.write(f"{self.clear}{text}\n")
 
     def due(self):
         """Whether it is time for another state."""
@@ -42,13 +44,7 @@ class Screen:
         done = round(BAR * min(max(share, 0.0), 1.0))
         columns = shutil.get_terminal_size().columns
         whole = f"[{'#' * done}{'.' * (BAR - done)}] {text}"
-        self.write(self.cleared() + whole[: columns - 1])
-        self.open = True
-
-    def cleared(self):
-        """What removes the bar, if it is there."""
-        found, self.open = (CLEAR if self.open else ""), False
-        return found
+        self.write(self.clear + whole[: columns - 1])
 
     def write(self, text):
         try:
@@ -59,8 +55,7 @@ class Screen:
         self.stream.flush()
 
     def close(self):
-        if self.open:
-            self.write(self.cleared())
+        self.write(self.clear)
 
 
 def clock(seconds):
