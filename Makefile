@@ -1,4 +1,5 @@
-# make run    the default experiment, from nothing to tables and figures
+# make run    the default experiment, from nothing to its verdict; VERBOSE=1 shows all
+# make show   its tables
 # make photos FOLDER=my_photos    the same of your own photos or film, to a page
 # make judge PHOTOS=photos RENDERS=renders CAMERAS=sparse/0    what another program trained
 # make export SCENE=my_photos  its photos, cameras and points for other programs; WIDTH=1600
@@ -21,10 +22,12 @@ export PATH := $(abspath $(BIN)):$(PATH)
 # it, and `$(shell ...)` in a folder's name would run.
 unexport FOLDER SCENE WIDTH PHOTOS RENDERS CAMERAS DEPTH JUDGE PEER PEERS BENCH TORTURE
 
-.PHONY: run photos judge export test tools bench peers torture docs site lint cluster lock clean
+.PHONY: run show photos judge export test tools bench peers torture docs site lint cluster lock clean
 
 run: $(VENV)/.installed
-	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
+	@python -m alignerf.start.demo --cores $(CORES)
+
+show: $(VENV)/.installed
 	@python -m alignerf.show
 
 # By the environment: a shell would see more than a name in some names.

@@ -29,7 +29,8 @@ FLOORS = [
         *("flow.estimation", "flow.figures"),
     },
     {"alignerf.training", "alignerf.verdict", "alignerf.others", "flow.benchmark"},
-    {"alignerf.alignment", "alignerf.preflight", "alignerf.page", "alignerf.start"},
+    {"alignerf.alignment", "alignerf.preflight", "alignerf.page"},
+    {"alignerf.start"},
     {"alignerf", "flow"},  # the stages: files directly in a package
 ]
 # Folders that hold commands besides the stages.

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from alignerf.experiment import kinds
 from alignerf.experiment.cluster import slurm_errors
-from alignerf.files import atomic, faults, machine
+from alignerf.files import atomic, faults, machine, provenance
 
 TABLES = ("misalignment", "round_times", "controls", "displacement")
 # Not in Snakemake's report.
@@ -92,7 +92,10 @@ def export_command(configs):
     """
     paths = [Path(os.path.relpath(path)) for path in configs]
     if len(paths) == 1 and paths[0].parent == Path("results"):
-        return f"make export SCENE={paths[0].stem}"
+        name = paths[0].stem
+        return provenance.typed(
+            f"make export SCENE={name}", f"why-blurry export {name}"
+        )
     words = ["snakemake", "--cores", str(machine.cores()), "export"]
     words += ["--configfile", *map(str, paths)] if paths else []
     return shlex.join(words)
@@ -127,6 +130,7 @@ GOES_ON = "What is finished stays. The same command goes on from there."
 FAILED_LOGS = (
     re.compile(r"log: (.*) \(check log file\(s\) for error details\)"),
     re.compile(r"\| tee (.*)' returned non-zero exit status"),
+    re.compile(r"> (\S+|'[^']*') 2>&1' returned non-zero exit status"),
 )
 
 

@@ -81,11 +81,16 @@ def say(error):
     print(f"error: {one_line(message)}", file=sys.stderr)
 
 
+# Before a message that a user should see also where all others go to a file.
+WARNING = "warning: "
+
+
 class OneLine(logging.Formatter):
-    """Each message as one line, whatever the names in it hold."""
+    """Each message as one line, whatever the names in it hold; a warning says so."""
 
     def formatMessage(self, record):
-        return one_line(record.message)
+        head = WARNING if record.levelno == logging.WARNING else ""
+        return one_line(head + record.message)
 
 
 def one_line(text):

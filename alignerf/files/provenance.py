@@ -20,6 +20,9 @@ from alignerf.files import json_files
 
 ROOT = Path(__file__).resolve().parents[2]
 LOCK = "requirements.lock"
+# Where Snakefile, workflow/ and results/published lie: beside the sources, or in the
+# package where that was installed.
+PIPELINE = ROOT if (ROOT / "Snakefile").is_file() else ROOT / "alignerf" / "pipeline"
 # What a training's timing.json tells of it.
 KEYS = ("commit", "lock", "device", "environment")
 # Variables that may change a number's last digits: of XLA, JAX, CUDA, NumPy, OpenCV.
@@ -31,6 +34,8 @@ ENVIRONMENT = (
 )
 # The command that exports what a run makes, for its jobs (see `export_command`).
 EXPORT = "ALIGNERF_EXPORT"
+# Set where a user has typed `why-blurry`, and no `make`.
+TYPED = "ALIGNERF_TYPED"
 CHANGES = ("status", "--porcelain", "--untracked-files=no")
 
 
@@ -70,6 +75,11 @@ def export_command():
     A job is told by the workflow; without one it is that of the default config.
     """
     return os.environ.get(EXPORT) or "snakemake --cores 1 export"
+
+
+def typed(make, installed):
+    """A command as its user can type it: of make, or as it is installed."""
+    return installed if os.environ.get(TYPED) else make
 
 
 def facts():

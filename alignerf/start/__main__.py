@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from alignerf.experiment import targets
-from alignerf.files import faults, machine
+from alignerf.files import faults, machine, provenance
 from alignerf.scenes import photos
 from alignerf.start import configs, folders, workflow
 
@@ -19,7 +19,8 @@ from alignerf.start import configs, folders, workflow
 def main(argv=None):
     args = parse(argv)
     if not args.folder:
-        raise ValueError("FOLDER is missing: make photos FOLDER=my_photos")
+        command = provenance.typed(*configs.PHOTOS).format("my_photos")
+        raise ValueError(f"FOLDER is missing: {command}")
     folder = folders.at_home(args.folder)
     scenes = folders.scenes_of(folder)
     name = args.name or folders.name_of(folder)
@@ -71,7 +72,9 @@ def config_of(scenes, args):
 
 def parse(argv=None):
     """Arguments of the command line."""
-    parser = argparse.ArgumentParser(prog="alignerf.start", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog=configs.program("photos"), description=__doc__
+    )
     parser.add_argument("folder", help="photos or films, or folders of such")
     parser.add_argument(
         "--name", type=configs.name, help="of the scene, instead of its folder's"

@@ -8,22 +8,37 @@ import os
 
 import yaml
 
-from alignerf.files import atomic, yaml_files
+from alignerf.files import atomic, provenance, yaml_files
 from alignerf.start import folders
 
 log = logging.getLogger("alignerf")
 
 HEAD = """\
-# Written by `make {by}`, of {folder}
+# Written by `{command}`, of {folder}
 # Yours to edit: then it is kept. Every key: alignerf/experiment/keys/.
 # To run it: the same command again.
 # as written: {digest}
 """
-# How to give results another name, by what has written the config.
+# How to give results another name, by what has written the config: by make, and by the
+# installed command.
 OTHER_NAME = {
-    "photos": 'make photos FOLDER=... PHOTOS="--name other"',
-    "judge": 'make judge PHOTOS=... RENDERS=... JUDGE="--name other"',
+    "photos": (
+        'make photos FOLDER=... PHOTOS="--name other"',
+        "why-blurry photos ... --name other",
+    ),
+    "judge": (
+        'make judge PHOTOS=... RENDERS=... JUDGE="--name other"',
+        "why-blurry judge --photos ... --renders ... --name other",
+    ),
 }
+# How a folder of photos is given: by make, and to the installed command.
+PHOTOS = ("make photos FOLDER={}", "why-blurry photos {}")
+
+
+def program(command):
+    """The name of a command in its own help."""
+    made = f"make {command.replace('demo', 'run')}"
+    return provenance.typed(made, f"why-blurry {command}")
 
 
 def read(path):
@@ -44,7 +59,7 @@ def say_where(path, config, folder, *, by="photos"):
     """
     if path.exists():
         there = read(path)
-        check_same(path, there, config, OTHER_NAME[by])
+        check_same(path, there, config, provenance.typed(*OTHER_NAME[by]))
         if not is_untouched(path):
             asked = {key: value for key, value in config.items() if key != "scenes"}
             if differing := [k for k, v in asked.items() if there.get(k) != v]:
@@ -52,7 +67,10 @@ def say_where(path, config, folder, *, by="photos"):
             print(f"config: {path}, as it is there")
             return
     text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
-    head = HEAD.format(by=by, folder=ascii(str(folder)), digest=digest_of(text))
+    command = program(by)
+    head = HEAD.format(
+        command=command, folder=ascii(str(folder)), digest=digest_of(text)
+    )
     with atomic.replace_file(path) as temporary:
         temporary.write_text(head + text, encoding="utf-8")
     print(f"config: {path}")

@@ -10,14 +10,17 @@ import sys
 from pathlib import Path
 
 from alignerf.experiment import targets
-from alignerf.files import faults, machine
+from alignerf.files import faults, machine, provenance
 from alignerf.start import configs, folders, workflow
 
 
 def main(argv=None):
     args = parse(argv)
     if not args.name:
-        raise ValueError("SCENE is missing: make export SCENE=my_photos")
+        command = provenance.typed(
+            "make export SCENE=my_photos", "why-blurry export my_photos"
+        )
+        raise ValueError(f"SCENE is missing: {command}")
     path = config_of(args.name)
     scenes = scenes_of(path)
     check_judged(path)
@@ -37,8 +40,9 @@ def config_of(name):
         path = Path("results") / f"{one}.yaml"
         if path.is_file():
             return path
+    photos = provenance.typed(*configs.PHOTOS)
     raise ValueError(
-        f"results/{names[-1]}.yaml does not exist: run `make photos FOLDER={name}` "
+        f"results/{names[-1]}.yaml does not exist: run `{photos.format(name)}` "
         "first, or, for a config of your own, `snakemake --cores "
         f"{machine.cores()} export --configfile FILE`"
     )
@@ -70,7 +74,9 @@ def exports(scene):
 
 def parse(argv=None):
     """Arguments of the command line."""
-    parser = argparse.ArgumentParser(prog="alignerf.start.export", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog=configs.program("export"), description=__doc__
+    )
     parser.add_argument("name", help="of a config in results/, or its folder")
     parser.add_argument("--width", type=configs.count, help="of photos, in pixels")
     parser.add_argument("--cores", type=configs.count, default=machine.cores())

@@ -150,6 +150,7 @@ def name_of(path):
 
 def taken_names():
     """Names of the rules and of what lies in results/, which no scene may have."""
-    files = [sources.ROOT / "Snakefile", *(sources.ROOT / "workflow").rglob("*.smk")]
-    rules = {name for file in files for name in RULE.findall(file.read_text())}
-    return rules | names.FILES
+    rules = sources.PIPELINE / "workflow" / "rules"
+    files = [sources.PIPELINE / "Snakefile", *rules.rglob("*.smk")]
+    found = {name for file in files for name in RULE.findall(file.read_text())}
+    return found | names.FILES

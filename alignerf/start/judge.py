@@ -14,7 +14,7 @@ from pathlib import Path
 
 from alignerf.experiment import targets
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.files import faults, machine
+from alignerf.files import faults, machine, provenance
 from alignerf.scenes import photos, prepared
 from alignerf.scenes.judged import depths, lenses, pairs
 from alignerf.start import configs, folders, workflow
@@ -32,10 +32,11 @@ def main(argv=None):
     args = parse(argv)
     for name in ("photos", "renders"):
         if not getattr(args, name):
-            raise ValueError(
-                f"{name.upper()} is missing: make judge PHOTOS=photos RENDERS=renders "
-                "CAMERAS=sparse/0"
+            command = provenance.typed(
+                "make judge PHOTOS=photos RENDERS=renders CAMERAS=sparse/0",
+                "why-blurry judge --photos photos --renders renders --cameras sparse/0",
             )
+            raise ValueError(f"{name.upper()} is missing: {command}")
     name = args.name or folders.name_of(folders.at_home(args.renders))
     path = Path("results") / f"{name}.yaml"
     check_before(args.before, name)
@@ -148,7 +149,7 @@ def changed(path):
 def parse(argv=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(
-        prog="alignerf.start.judge",
+        prog=configs.program("judge"),
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

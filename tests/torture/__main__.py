@@ -2,8 +2,9 @@
 
 Parts: inputs (a finished chain's files, folders of photos, configs and jobs), folders
 (grown from the seed), names, environments, numbers, kills, stops, disks, company,
-matching, clocks, memory. Writes report.csv and findings.txt; exits with 1 where anything
-was found. The whole takes some three hours on two cores; `--only numbers` takes a minute.
+matching, clocks, memory. Writes report.csv and findings.txt; exits with 1 where
+anything was found. The whole takes some three hours on two cores; `--only numbers`
+takes a minute.
 """
 
 import argparse

@@ -8,7 +8,7 @@ from alignerf.experiment.tables import json_rows
 
 # Rules write rows and wait for their files; commands read rows.
 as_json = json_rows.as_json
-PUBLISHED = sources.ROOT / "results" / "published"
+PUBLISHED = sources.PIPELINE / "results" / "published"
 TIMING, PROCESS = "timing.json", "logs/train.tsv"
 
 

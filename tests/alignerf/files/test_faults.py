@@ -64,5 +64,5 @@ def test_a_log_has_its_traceback_on_lines_of_its_own(said):
             logging.getLogger("alignerf").warning("b\nc", exc_info=sys.exc_info())
 
     first, *rest = said(main)
-    assert first == "b\\nc"
+    assert first == "warning: b\\nc"
     assert rest[-1] == "KeyError: 'a'"
