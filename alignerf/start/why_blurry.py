@@ -34,7 +34,7 @@ def main(words=None):
 
 def run(command="--help", *words):
     if command in ("-h", "--help"):
-        print(__doc__.strip())
+        print((__doc__ or "").strip())
         return
     if command not in COMMANDS:
         known = ", ".join(COMMANDS)
