@@ -196,6 +196,14 @@ def test_nothing_is_unpickled_evaluated_or_repaired_in_silence(name):
             assert node.type is not None, "a bare except hides faults"
 
 
+@pytest.mark.parametrize("name", MODULES)
+def test_no_command_needs_its_docstring(name):
+    """With PYTHONOPTIMIZE=2 there is none: argparse takes that, its methods do not."""
+    for node in ast.walk(SOURCES[name]):
+        if isinstance(node, ast.Attribute):
+            assert ast.unparse(node.value) != "__doc__"
+
+
 def test_the_workflow_imports_the_experiment_only():
     """And the Snakefile alone: rules are forms, whose commands `test_plans` runs."""
     for path in [ROOT / "Snakefile", *ROOT.glob("workflow/rules/*.smk")]:

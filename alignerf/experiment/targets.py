@@ -200,20 +200,32 @@ def cause(log):
     ]
 
 
+def can_put_right(judged):
+    """Whether there is an export of renders that are judged; judged: the keys."""
+    splits = judged.get("splits", ("train", "test"))
+    return bool(judged.get("cameras")) and "train" in splits
+
+
+def can_export(experiment):
+    """Whether any scene may have an export."""
+    every = [one["judged"] for one in experiment.scenes.values()]
+    return any(judged is None or can_put_right(judged) for judged in every)
+
+
 def exports(experiment):
     """Folders for other programs: what the last round of each method was trained on.
 
     Its cameras with the photos as taken and, where it learnt from warped photos, with
-    these. Of renders that are judged, both ways of putting right what was learnt from;
-    without cameras there is none.
+    these. Of renders that are judged, both ways of putting right what was learnt from,
+    where `can_put_right` says so.
     """
     folders = []
     for scene in experiment.captures():
         if judged := experiment.scenes[scene]["judged"]:
             method = experiment.config["reference"]["method"]
             folder = f"results/{scene}/{method}/export"
-            known = bool(judged["cameras"]) and "train" in judged["splits"]
-            folders += [f"{folder}/{what}" for what in ("cameras", "photos") * known]
+            whats = ("cameras", "photos") * can_put_right(judged)
+            folders += [f"{folder}/{what}" for what in whats]
             continue
         for method in experiment.trained():
             last = experiment.last_round(scene, method)

@@ -1,5 +1,6 @@
 """How a command fails: one plain line that names the fault, and no traceback."""
 
+import io
 import logging
 import os
 import stat
@@ -41,6 +42,7 @@ def exit_code(main, *arguments, **options) -> int:
     handler.setFormatter(OneLine())
     logging.basicConfig(handlers=[handler])
     log.setLevel(logging.INFO)
+    take_any_letter(sys.stdout)
     try:
         main(*arguments, **options)
     except (ValueError, OSError) as error:
@@ -113,6 +115,13 @@ def escaped(character):
     return character.encode("unicode_escape").decode("ascii")
 
 
+def take_any_letter(stream):
+    """Let a terminal that has ASCII alone show other letters escaped, not end a run."""
+    # One that a test or a notebook has put there may be of another kind.
+    if isinstance(stream, io.TextIOWrapper):
+        stream.reconfigure(errors="backslashreplace")
+
+
 def check_regular(path):
     """ValueError for a pipe or a device: who opens one may wait for ever."""
     kind = os.stat(path).st_mode
@@ -122,6 +131,36 @@ def check_regular(path):
 
 def some_names(names, *, at_most=3):
     """'a, b, c and 4 more': names enough to look for, not a page of them."""
-    shown = ", ".join(names[:at_most])
+    few = ", ".join(map(name_of, names[:at_most]))
     rest = len(names) - at_most
-    return f"{shown} and {rest} more" if rest > 0 else shown
+    return f"{few} and {rest} more" if rest > 0 else few
+
+
+def name_of(text, most=200):
+    """A name as it is written in a message, in at most `most` characters.
+
+    One that cannot be printed stands in quotes, escaped.
+    """
+    return cut(text if text.isprintable() else ascii(text), most)
+
+
+def shown(value, most=60) -> str:
+    """A value of a file as Python writes it, in at most `most` characters.
+
+    What cannot be printed is escaped. For messages: a value may be of any length, and
+    may hold what a terminal obeys.
+    """
+    if isinstance(value, str):
+        # A text of a megabyte need not be escaped whole.
+        value = value[:most]
+    try:
+        text = repr(value)
+    # Of whole numbers of 5000 digits, and of lists in one another.
+    except (ValueError, RecursionError):
+        text = f"a {type(value).__name__}"
+    return name_of(text, most)
+
+
+def cut(text, most):
+    """A text of at most `most` characters; of a longer one the end is left out."""
+    return text if len(text) <= most else text[: most - 3] + "..."

@@ -12,8 +12,8 @@ import jinja2
 import numpy as np
 
 from alignerf.experiment.tables import json_rows, rows
-from alignerf.files import atomic, csv_files, faults, json_files, provenance
-from alignerf.page import contents, pictures
+from alignerf.files import atomic, csv_files, faults, provenance
+from alignerf.page import contents, decided, pictures
 from alignerf.verdict import views
 
 HERE = Path(__file__).resolve().parent
@@ -45,7 +45,7 @@ def render(folder, *, rounds, base, others=None):
     limit_px = pictures.limit_of(told["evidence"])
     shown = shown_views(folder, rounds, others or {}, base, limit_px)
     images = pictures.fitted(shown)
-    decided, taken = contents.decisions(folder)
+    decisions, taken = decided.decisions(folder)
     return template().render(
         scene=folder.resolve().name,
         verdict=told,
@@ -59,7 +59,7 @@ def render(folder, *, rounds, base, others=None):
         size_of="renders" if told["evidence"].get("judged") else "training size",
         tables=contents.tables(folder),
         figures=figures(folder),
-        decisions=decided,
+        decisions=decisions,
         decisions_taken=taken,
         costs=contents.costs(folder),
         downloads=contents.downloads(folder),
@@ -69,14 +69,15 @@ def render(folder, *, rounds, base, others=None):
 
 def shown_views(folder, rounds, others, base, limit_px):
     """`pictures.Shown` of each view on the page."""
-    table = csv_files.read(folder / "tables" / "views.csv")
+    path = folder / "tables" / "views.csv"
+    table = csv_files.read(path, columns=views.COLUMNS)
     # Empty where a view does not, which is read as a number where none does.
     reasons = [why if isinstance(why, str) else "" for why in table["stands_out"]]
     table["stands_out"] = np.array(reasons, object)
     scored = [
         views.View(**row) for row in table[list(views.COLUMNS)].to_dict("records")
     ]
-    turns = json_files.read(folder / "poses.json").get("quarter_turns", {})
+    turns = contents.quarter_turns(folder)
     truth = folder / "truth" / "oracle"
     of_split = {}
     if rounds:
@@ -90,6 +91,11 @@ def shown_views(folder, rounds, others, base, limit_px):
     if (base / "renders" / "train").is_dir():
         first = [(base / "renders" / "train", base / "flow" / "train")]
         of_split["train"] = pictures.Source("train", first, base / "warped" / "train")
+    chosen = pictures.choose(scored)
+    for row in chosen:
+        if row.split not in of_split:
+            fault = f"view {row.view!r:.60}: no renders of split {row.split!r:.60}"
+            raise ValueError(f"{path}: {fault}")
     return [
         pictures.Shown(
             row.view,
@@ -103,7 +109,7 @@ def shown_views(folder, rounds, others, base, limit_px):
                 turns.get(row.view, 0),
             ),
         )
-        for row in pictures.choose(scored)
+        for row in chosen
     ]
 
 

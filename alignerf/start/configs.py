@@ -19,8 +19,18 @@ HEAD = """\
 # To run it: the same command again.
 # as written: {digest}
 """
-
-
+# How to give results another name, by what has written the config: by make, and by the
+# installed command.
+OTHER_NAME = {
+    "photos": (
+        'make photos FOLDER=... PHOTOS="--name other"',
+        "why-blurry photos ... --name other",
+    ),
+    "judge": (
+        'make judge PHOTOS=... RENDERS=... JUDGE="--name other"',
+        "why-blurry judge --photos ... --renders ... --name other",
+    ),
+}
 # How a folder of photos is given: by make, and to the installed command.
 PHOTOS = ("make photos FOLDER={}", "why-blurry photos {}")
 
@@ -41,14 +51,15 @@ def read(path):
     return content
 
 
-def say_where(path, config, folder):
+def say_where(path, config, folder, *, by="photos"):
     """Write the config, and log its path; a config that a user has changed is kept.
 
-    Raises ValueError where the kept config is of other folders or other arguments.
+    by: a key of OTHER_NAME. Raises ValueError where the kept config is of other folders
+    or other arguments.
     """
     if path.exists():
         there = read(path)
-        check_same(path, there, config)
+        check_same(path, there, config, provenance.typed(*OTHER_NAME[by]))
         if not is_untouched(path):
             asked = {key: value for key, value in config.items() if key != "scenes"}
             if differing := [k for k, v in asked.items() if there.get(k) != v]:
@@ -56,7 +67,7 @@ def say_where(path, config, folder):
             print(f"config: {path}, as it is there")
             return
     text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
-    command = program("judge" if is_judged(config) else "photos")
+    command = program(by)
     head = HEAD.format(
         command=command, folder=ascii(str(folder)), digest=digest_of(text)
     )
@@ -65,13 +76,11 @@ def say_where(path, config, folder):
     print(f"config: {path}")
 
 
-def is_judged(config):
-    """Whether it is of another program's renders."""
-    return any(scene.get("judged") for scene in config["scenes"].values())
+def check_same(path, there, config, other_name):
+    """ValueError where a config's scenes are of other folders: results would mix.
 
-
-def check_same(path, there, config):
-    """ValueError where a config's scenes are of other folders: results would mix."""
+    other_name: the command that gives results another name.
+    """
     for name, scene in config["scenes"].items():
         before = there["scenes"].get(name)
         own = before.get("path") if isinstance(before, dict) else None
@@ -80,13 +89,9 @@ def check_same(path, there, config):
         if not isinstance(own, str) or "\0" in own:
             raise ValueError(f"{path}: scenes.{name}.path: {own!r:.60} is no path")
         if os.path.realpath(own) != os.path.realpath(scene["path"]):
-            again = provenance.typed(
-                'make photos FOLDER=... PHOTOS="--name other"',
-                "why-blurry photos ... --name other",
-            )
             raise ValueError(
                 f"{path}: scene {name} is of {own}, not of {scene['path']}. Give "
-                f"another name: {again}"
+                f"another name: {other_name}"
             )
 
 

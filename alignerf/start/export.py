@@ -9,6 +9,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from alignerf.experiment import targets
 from alignerf.files import faults, machine, provenance
 from alignerf.start import configs, folders, workflow
 
@@ -22,6 +23,7 @@ def main(argv=None):
         raise ValueError(f"SCENE is missing: {command}")
     path = config_of(args.name)
     scenes = scenes_of(path)
+    check_judged(path)
     print(f"config: {faults.one_line(str(path))}", flush=True)
     overrides = [f"export_width_px={args.width}"] if args.width else []
     if code := workflow.run(path, args.cores, "export", overrides=overrides):
@@ -49,6 +51,19 @@ def config_of(name):
 def scenes_of(path):
     """Names of a config's scenes. ValueError, naming it, where it has none."""
     return list(configs.read(path)["scenes"])
+
+
+def check_judged(path):
+    """ValueError where a config has nothing but renders that cannot be put right."""
+    every = configs.read(path)["scenes"].values()
+    judged = [one.get("judged") for one in every if isinstance(one, dict)]
+    if judged and not any(
+        not isinstance(one, dict) or targets.can_put_right(one) for one in judged
+    ):
+        raise ValueError(
+            f"{path}: nothing to export: it wants CAMERAS, and renders of photos that "
+            "were learnt from. Judge again with both"
+        )
 
 
 def exports(scene):

@@ -27,7 +27,7 @@ def main(argv=None):
         timing=json_files.read(f"{args.base}/timing.json", evidence.TIMING),
         overfit=args.overfit,
         windows=(args.windows, args.windows_corrected),
-        of_judged=judged.read(poses, thumbs),
+        of_judged=judged.read(poses, thumbs, args.before),
     )
     findings = [judged.finding(known), *causes.find(known)]
     findings = [finding for finding in findings if finding]
@@ -82,6 +82,7 @@ def parse(argv=None):
     parser.add_argument(
         "--windows-corrected", help="the same with cameras that a method has put right"
     )
+    parser.add_argument("--before", help="verdict.json of renders judged before")
     parser.add_argument("--out", required=True, help="verdict.json, written")
     parser.add_argument("--views", required=True, help="views.csv, written")
     return parser.parse_args(argv)

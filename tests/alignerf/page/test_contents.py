@@ -11,7 +11,7 @@ import pytest
 
 from alignerf.files import images
 from alignerf.page import __main__ as page
-from alignerf.page import contents
+from alignerf.page import contents, decided
 from alignerf.tables import columns
 from alignerf.tables.columns import Column
 
@@ -158,13 +158,13 @@ def test_beside_the_curves_it_says_why_the_flow_hardly_falls(render, results):
 
 
 def test_a_decision_that_the_config_leaves_open_is_taken(results):
-    rows, taken = contents.decisions(results)
+    rows, taken = decided.decisions(results)
     assert taken
     assert [row["taken"] for row in rows] == [True]
     (results / "config.yaml").write_text(
         "models: {base: {decided: []}}\ntraining: {decided: []}\n"
     )
-    rows, taken = contents.decisions(results)
+    rows, taken = decided.decisions(results)
     assert not taken
     assert [row["taken"] for row in rows] == [False]
 

@@ -78,14 +78,29 @@ def test_a_folder_without_photos_says_what_was_looked_for(tmp_path, names):
         ("train", "train_photos"),
         ("all", "all_photos"),
         ("published", "published_photos"),
+        ("torture", "torture_photos"),
         ("--x", "x"),
         ("Größe 3", "Gr_e_3"),
         ("é", "photos"),
-        ("a" * 200, "a" * 60),
+        ("ab" + "a" * 200, "ab" + "a" * 58 + "_photos"),
+        ("a" * 21, "a" * 21 + "_photos"),
+        ("abc" * 40, "abc" * 20 + "_photos"),
+        ("abcdefgh" * 9, "abcdefgh" * 7 + "abcd"),
     ],
 )
 def test_a_name_is_one_that_files_and_rules_can_have(tmp_path, name, expected):
     assert folders.name_of(tmp_path / name) == expected
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["007", "1e3", "null", "true", "on", "0x1f", "1_000", "NaN", "a" * 40, "torture"],
+)
+def test_a_name_that_is_offered_is_taken_and_read_back(here, name):
+    fill(here, f"{name}/a.jpg")
+    offered = folders.name_of(here / name)
+    start.main([name, "--only-config"])
+    assert next(iter(config_at(here / f"results/{offered}.yaml")["scenes"])) == offered
 
 
 @pytest.fixture

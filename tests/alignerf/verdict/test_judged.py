@@ -1,5 +1,6 @@
 """The verdict on renders of another program."""
 
+import json
 import math
 
 import numpy as np
@@ -67,6 +68,26 @@ def test_held_out_renders_alone_are_enough():
     assert said(e)[0] == "Verdict: Misaligned by 2.4 px: poses are off."
 
 
+@pytest.mark.parametrize("cause", ["camera", "motion"])
+def test_what_is_not_exported_is_not_advised(cause):
+    """There is an export only of cameras, and of photos that were learnt from."""
+    e = THEIRS._replace(**FAULTS[cause])
+    none = said(e._replace(judged=OF._replace(cameras="none")))[-1]
+    assert none.startswith("To do: Give the cameras, too")
+    held_out = {"train_views": 0, "flow_train_px": math.nan, "test_views": 14}
+    held_out |= {"flow_test_px": 1.2, "psnr_train_db": math.nan}
+    alone = said(e._replace(**held_out))[-1]
+    assert alone.startswith("To do: Render the photos that the program has learnt from")
+
+
+def test_a_unit_of_depth_that_nothing_told_is_said():
+    def words(**keys):
+        return " ".join(said(THEIRS._replace(judged=OF._replace(**keys))))
+
+    assert judged.UNKNOWN_UNIT in words(depth_unit="nothing")
+    assert judged.UNKNOWN_UNIT not in words(depth_unit="points")
+
+
 @pytest.mark.parametrize("depth", judged.DEPTHS)
 def test_what_depth_costs_is_said(depth):
     lines = said(THEIRS._replace(judged=OF._replace(depth=depth)))
@@ -117,3 +138,15 @@ def test_other_scenes_have_none():
 
 def test_advice_of_judged_renders_is_judgeds():
     assert advice.advise(THEIRS, []) == judged.advise(THEIRS, [])
+
+
+def test_what_it_was_before_is_said(tmp_path):
+    """After another training, on cameras that were put right."""
+    path = tmp_path / "first" / "verdict.json"
+    path.parent.mkdir()
+    shifts = {"flow_train_px": 1.2, "flow_test_px": None, "photo_px": 2.0}
+    path.write_text(json.dumps({"evidence": shifts}))
+    told = {"depth": "far", "cameras": "x", "layout": "x", "way": "taken"}
+    found = judged.read({"judged": told}, {}, path)
+    lines = said(THEIRS._replace(judged=found))
+    assert "Before, in first, it was 2.4 px on photos that were trained on." in lines
