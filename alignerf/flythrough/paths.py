@@ -16,6 +16,8 @@ from alignerf.scenes import cameras
 FRAMES, FPS = 120, 24
 # An ellipse reaches this percentile of the cameras' coordinates (as in mip-NeRF 360).
 REACH = 90
+# The least of its semi-axes to the other: a flat one is a line that is gone twice.
+LEAST_ROUND = 0.2
 # Where an ellipse leaves the cameras: none is so near, in semi-axes, and turned alike.
 MOST_APART, MOST_TURNED_DEG = 0.4, 35.0
 # Cameras of a way are averaged down to these, between which the path is cubic.
@@ -40,14 +42,14 @@ def through(poses, count=FRAMES):
 
 
 def ellipse(poses, count):
-    """Poses on an ellipse in the cameras' plane; None where they stand at one place.
+    """Poses on an ellipse in the cameras' plane; None where they stand in a line.
 
     They look at the point that all cameras look at or, where their axes do not meet,
     the way that cameras look on average.
     """
     centres = poses[:, :, 3]
     semi_axes = np.percentile(np.abs(centres[:, :2]), REACH, axis=0)
-    if semi_axes.max() < 1e-6:
+    if semi_axes.min() < max(LEAST_ROUND * semi_axes.max(), 1e-6):
         return None
     angles = 2 * np.pi * np.arange(count) / count
     around = np.stack([np.cos(angles), np.sin(angles)], axis=-1) * semi_axes

@@ -24,47 +24,49 @@ class Side(NamedTuple):
 def of(experiment, scene):
     """The sides of a scene's film, before first; [] where no model of ours is trained.
 
-    Before: the training that the reference's method is set against. After: a method
-    that aligns itself on the way or, where the config has none, the last round of the
-    first method with several. Without either there is one side.
+    One side alone where the config has nothing to put right.
     """
     if not can_be_rendered(experiment, scene):
         return []
-    method = experiment.baseline(experiment.config["reference"]["method"])
-    before = experiment.at(scene, method, 0)
-    after = after_of(experiment, scene, method)
-    label = f"before ({method})" if after else method
-    sides = [side_of(experiment, scene, label, before)]
-    if after:
-        name, training = after
-        sides.append(side_of(experiment, scene, f"after ({name})", training))
-    return sides
+    for method, label, after in put_right(experiment, scene):
+        before = experiment.at(scene, method, 0)
+        if after.folder != before.folder:
+            return [
+                side_of(experiment, scene, f"before ({method})", before),
+                side_of(experiment, scene, f"after ({label})", after),
+            ]
+    method = reference_of(experiment)
+    return [side_of(experiment, scene, method, experiment.at(scene, method, 0))]
+
+
+def put_right(experiment, scene):
+    """Yield (method before, label, training after), by choice.
+
+    First methods that align themselves on the way or learn their cameras, set against
+    what tables set them against; then last rounds, against the same method's round 0.
+    Of each kind those come first that belong to the reference.
+    """
+    own = reference_of(experiment)
+    for kind in (kinds.aligned, kinds.learnt):
+        names = experiment.names(kind)
+        for name in sorted(names, key=lambda name: experiment.baseline(name) != own):
+            baseline = experiment.baseline(name)
+            yield baseline, name, experiment.at(scene, name, 0)
+    for name in sorted(experiment.names(kinds.plain), key=lambda name: name != own):
+        last = experiment.last_round(scene, name)
+        yield name, f"{name}, round {last}", experiment.at(scene, name, last)
+
+
+def reference_of(experiment):
+    """The method that the reference is set against: its photos are as taken."""
+    return experiment.baseline(experiment.config["reference"]["method"])
 
 
 def can_be_rendered(experiment, scene):
     """Whether the model that a scene is judged by can be asked for other views."""
-    method = experiment.baseline(experiment.config["reference"]["method"])
     others = (*experiment.names(kinds.external), *experiment.names(kinds.given))
-    return not experiment.scenes[scene]["judged"] and method not in others
-
-
-def after_of(experiment, scene, method):
-    """(name, training) of what put something right, or None.
-
-    Of methods that do, those come first that are set against `method`.
-    """
-    own = [n for n in experiment.trained() if experiment.baseline(n) == method]
-    rest = [name for name in experiment.trained() if name not in own]
-    for name in [*own, *rest]:
-        if name in experiment.names(kinds.aligned):
-            return name, experiment.at(scene, name, 0)
-    reference = experiment.config["reference"]["method"]
-    for name in dict.fromkeys([reference, *own]):
-        several = name in experiment.trained() and experiment.methods[name]["rounds"]
-        last = experiment.last_round(scene, name) if several else 0
-        if last:
-            return f"{name}, round {last}", experiment.at(scene, name, last)
-    return None
+    judged = experiment.scenes[scene]["judged"]
+    return not judged and reference_of(experiment) not in others
 
 
 def side_of(experiment, scene, label, training):
