@@ -3,7 +3,8 @@
 As nerfstudio's `ns-render camera-path` takes it, in the frame of the scene's cameras:
 that of the `transforms.json` of its export. nerfstudio trains in a frame of its own;
 with --dataparser, the dataparser_transforms.json beside its config.yml, the path goes
-there.
+there. Where it has trained on your own transforms.json instead of on the export, say
+that with --data.
 """
 
 import argparse
@@ -23,7 +24,10 @@ def main(argv=None):
     args = parse(argv)
     path = of_scene(args.scene)
     if args.dataparser:
-        path = nerfstudio.in_frame(path, *nerfstudio.read_transforms(args.dataparser))
+        to_theirs = nerfstudio.read_transforms(args.dataparser, args.data)
+        path = nerfstudio.in_frame(path, *to_theirs)
+    elif args.data:
+        raise ValueError("--data goes with --dataparser")
     with atomic.replace_file(args.out) as temporary:
         formats.write_json(temporary, nerfstudio.content(path))
     seconds = len(path.poses) / path.fps
@@ -70,6 +74,7 @@ def parse(argv=None):
     )
     parser.add_argument("--scene", required=True, help="prepared scene folder")
     parser.add_argument("--dataparser", help="nerfstudio's dataparser_transforms.json")
+    parser.add_argument("--data", help="transforms.json that nerfstudio trained on")
     parser.add_argument("--out", required=True, help="camera_path.json, written")
     return parser.parse_args(argv)
 

@@ -13,7 +13,7 @@ from alignerf.files import atomic
 
 CODEC = "VP80"
 # Sides of less are enlarged, for labels that can be read; between sides is a line.
-LEAST_WIDTH_PX, GAP_PX, LABEL_PX = 480, 4, 32
+LEAST_WIDTH_PX, GAP_PX, LABEL_PX = 400, 4, 32
 FONT, FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.6
 GROUND, INK = (24, 24, 24), (240, 240, 240)
 MOST_LETTERS = 40
@@ -94,8 +94,9 @@ def side_by_side(images, labels):
 
 
 def enlarged(image):
-    """An image at least LEAST_WIDTH_PX wide, by whole numbers of its pixels."""
-    times = -(-LEAST_WIDTH_PX // image.shape[1])
-    if times == 1:
+    """An image at least LEAST_WIDTH_PX wide, with the proportions that it has."""
+    height, width = image.shape[:2]
+    if width >= LEAST_WIDTH_PX:
         return image
-    return cv2.resize(image, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC)
+    size = LEAST_WIDTH_PX, max(1, round(height * LEAST_WIDTH_PX / width))
+    return cv2.resize(image, size, interpolation=cv2.INTER_CUBIC)

@@ -21,6 +21,7 @@ SAID = {
     "fps": json_files.NUMBER,
     "camera_path": list,
 }
+BOTTOM = np.array([[0.0, 0.0, 0.0, 1.0]])
 TRANSFORMS = {"transform": list, "scale": json_files.NUMBER}
 
 
@@ -36,10 +37,9 @@ class CameraPath(NamedTuple):
 
 def content(path: CameraPath):
     """The JSON of a camera path, as nerfstudio's viewer writes it."""
-    bottom = np.array([[0.0, 0.0, 0.0, 1.0]])
     each = [
         {
-            "camera_to_world": np.concatenate([pose, bottom]).ravel().tolist(),
+            "camera_to_world": _whole(pose).ravel().tolist(),
             "fov": float(fov_deg),
             "aspect": path.width / path.height,
         }
@@ -83,19 +83,50 @@ def read(file) -> CameraPath:
     return CameraPath(np.stack(poses), np.array(fov_deg), *size, float(found["fps"]))
 
 
-def read_transforms(file):
-    """(transform [3, 4], scale) of nerfstudio's dataparser_transforms.json."""
+def read_transforms(file, data=None):
+    """(transform [3, 4], scale) from the frame of cameras to nerfstudio's.
+
+    file: its dataparser_transforms.json. data: the transforms.json that it has trained
+    on, whose frame is that of the cameras. `ns-process-data` notes in it how that frame
+    lies to COLMAP's (`applied_transform`), and the first file begins with COLMAP's.
+    """
     found = json_files.read(file, TRANSFORMS)
+    transform, scale = _matrix(file, "transform", found), _scale(file, "scale", found)
+    if data is None:
+        return transform, scale
+    applied = json_files.read(data)
+    if "applied_transform" in applied:
+        before = _whole(_matrix(data, "applied_transform", applied))
+        transform = (_whole(transform) @ np.linalg.inv(before))[:3]
+    if "applied_scale" in applied:
+        scale /= _scale(data, "applied_scale", applied)
+    return transform, scale
+
+
+def _matrix(file, key, content):
+    """A rotation and a shift [3, 4] under a key of a file."""
     try:
-        matrix = np.array(found["transform"], np.float64)
+        matrix = np.array(content[key], np.float64)
     except (ValueError, TypeError, OverflowError):
         matrix = np.zeros(())
     if matrix.shape != (3, 4) or not (np.abs(matrix) < cameras.LARGEST).all():
-        raise ValueError(f"{file}: 'transform' is not 3x4 numbers")
-    if not 0 < found["scale"] < cameras.LARGEST:
-        raise ValueError(f"{file}: 'scale' is {found['scale']}")
-    prepare.nearest_rotation(matrix[:, :3], where=f"{file}: 'transform'")
-    return matrix, float(found["scale"])
+        raise ValueError(f"{file}: {key!r} is not 3x4 numbers")
+    prepare.nearest_rotation(matrix[:, :3], where=f"{file}: {key!r}")
+    return matrix
+
+
+def _scale(file, key, content):
+    """A scale under a key of a file."""
+    value = content[key]
+    known = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (known and 0 < value < cameras.LARGEST):
+        raise ValueError(f"{file}: {key!r} is {value!r:.60}")
+    return float(value)
+
+
+def _whole(matrix):
+    """A matrix [3, 4] as [4, 4]."""
+    return np.concatenate([matrix, BOTTOM])
 
 
 def in_frame(path: CameraPath, transform, scale):

@@ -4,6 +4,7 @@ A run that is killed goes on from the frames that are there. They belong to one 
 one size and the same models, which `identity.json` beside them says.
 """
 
+import contextlib
 import hashlib
 import json
 import logging
@@ -44,15 +45,16 @@ def size_of(loaded: prepared.Scene, path, every, count):
     """(width, height) at which `count` frames of every side take BUDGET_S.
 
     By what test views have taken of each side, at the size of training. Never larger
-    than that, and even.
+    than that.
     """
     view_s = sum(view_time_s(side) for side in every)
     aspect = path.width / path.height
     pixels = loaded.width * loaded.height
     pixels *= min(1.0, BUDGET_S / max(count * view_s, 1e-9))
     height = (pixels / aspect) ** 0.5
+    # Of a whole number, rounding may leave a little less.
     return tuple(
-        max(LEAST_SIDE_PX, 2 * int(side / 2)) for side in (aspect * height, height)
+        max(LEAST_SIDE_PX, int(side + 1e-6)) for side in (aspect * height, height)
     )
 
 
@@ -85,7 +87,6 @@ def render_all(loaded, path, poses, every, size, folder):
     total = len(every) * len(poses)
     if len(todo) < total:
         log.info("%d of %d frames are there: going on", total - len(todo), total)
-    bar = progress.Progress("fly-through", total, done=total - len(todo), unit="frame")
     views = {
         side: views_of(loaded, path, poses, every[side], size)
         for side in sorted({side for side, _ in todo})
@@ -95,17 +96,16 @@ def render_all(loaded, path, poses, every, size, folder):
         side, frame = one
         images.write(file_of(folder, side, frame), views[side].image(frame))
 
-    try:
-        # The first of each side alone: they compile.
-        first = [next(one for one in todo if one[0] == side) for side in views]
-        for one in first:
-            render(one)
-            bar.advance()
-        rest = [one for one in todo if one not in first]
+    # The first of each side alone, and before time is taken: they compile.
+    first = [next(one for one in todo if one[0] == side) for side in views]
+    for one in first:
+        render(one)
+    rest = [one for one in todo if one not in first]
+    done = total - len(rest)
+    bar = progress.Progress("fly-through", total, done=done, unit="frame")
+    with contextlib.closing(bar):
         for _ in devices.map_in_threads(render, rest):
             bar.advance()
-    finally:
-        bar.close()
 
 
 def views_of(loaded, path, poses, side: sides.Side, size) -> Views:

@@ -122,6 +122,7 @@ def test_a_damaged_path_is_refused_by_name(file, at, value, said):
         ({"transform": [["x"] * 4] * 3, "scale": 1}, "not 3x4 numbers"),
         ({"transform": np.eye(4)[:3].tolist(), "scale": 0}, "'scale' is 0"),
         ({"transform": (2 * np.eye(4)[:3]).tolist(), "scale": 1}, "not a rotation"),
+        ({"transform": np.eye(4)[:3].tolist(), "scale": 1e30}, "'scale' is 1e"),
         ({"scale": 1}, "no transform in it"),
     ],
 )
@@ -131,6 +132,50 @@ def test_damaged_transforms_are_refused_by_name(tmp_path, content, said):
     with pytest.raises(ValueError, match=said) as error:
         nerfstudio.read_transforms(file)
     assert str(error.value).startswith(f"{file}: ")
+
+
+def saved_by_nerfstudio(transform, scale, meta):
+    """What its nerfstudio_dataparser.py saves of a transforms.json."""
+    if "applied_transform" in meta:
+        whole = np.concatenate([meta["applied_transform"], [[0, 0, 0, 1]]])
+        transform = transform @ whole
+    scale *= meta.get("applied_scale", 1.0)
+    return {"transform": transform.tolist(), "scale": scale}
+
+
+@pytest.mark.parametrize("keys", ["", "applied_transform", "both"])
+def test_what_was_applied_before_training_is_taken_off(tmp_path, keys):
+    transform = np.column_stack([captures.ring(7)[3, :, :3], [1.0, -2.0, 0.5]])
+    meta = {"frames": []}
+    if keys:
+        applied = [[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0.25]]
+        meta["applied_transform"] = applied
+    if keys == "both":
+        meta["applied_scale"] = 2.0
+    saved, data = tmp_path / "dataparser_transforms.json", tmp_path / "transforms.json"
+    saved.write_text(json.dumps(saved_by_nerfstudio(transform, 0.3, meta)))
+    data.write_text(json.dumps(meta))
+    found, scale = nerfstudio.read_transforms(saved, data)
+    np.testing.assert_allclose(found, transform, atol=1e-12)
+    assert scale == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("applied_transform", [1, 2], "'applied_transform' is not 3x4 numbers"),
+        ("applied_transform", np.zeros((3, 4)).tolist(), "is not a rotation"),
+        ("applied_scale", "large", "'applied_scale' is 'large'"),
+        ("applied_scale", True, "'applied_scale' is True"),
+    ],
+)
+def test_damaged_keys_of_the_data_are_refused_by_name(tmp_path, key, value, said):
+    saved, data = tmp_path / "dataparser_transforms.json", tmp_path / "transforms.json"
+    saved.write_text(json.dumps(saved_by_nerfstudio(np.eye(4)[:3], 0.3, {})))
+    data.write_text(json.dumps({key: value}))
+    with pytest.raises(ValueError, match=said) as error:
+        nerfstudio.read_transforms(saved, data)
+    assert str(error.value).startswith(f"{data}: ")
 
 
 def scene_of(folder, poses, **more):
@@ -179,6 +224,20 @@ def test_the_command_writes_a_path_of_the_photos_size(tmp_path, capsys):
     assert (found.width, found.height, found.fps) == (640, 480, 24)
     assert len(found.poses) == 120
     assert prepared.load(folder).width == 64
+
+
+def test_the_command_writes_a_path_in_nerfstudios_frame(tmp_path, capsys):
+    folder, out = scene_of(tmp_path / "scene", captures.walk()), tmp_path / "path.json"
+    saved = tmp_path / "dataparser_transforms.json"
+    transform = np.column_stack([captures.ring(7)[3, :, :3], [1.0, -2.0, 0.5]])
+    saved.write_text(json.dumps({"transform": transform.tolist(), "scale": 0.3}))
+    words = ["--scene", str(folder), "--out", str(out)]
+    camera_path.main([*words, "--dataparser", str(saved)])
+    own = camera_path.of_scene(folder)
+    expected = nerfstudio.in_frame(own, transform, 0.3).poses
+    np.testing.assert_allclose(nerfstudio.read(out).poses, expected, atol=1e-9)
+    assert faults.exit_code(camera_path.main, [*words, "--data", str(saved)]) == 1
+    assert "--data goes with --dataparser" in capsys.readouterr().err
 
 
 def test_one_camera_is_refused_by_name(tmp_path, capsys):

@@ -111,7 +111,8 @@ def test_a_film_shows_both_sides_there_and_back(made, rendered):
     assert len(film) == 8
     # Five places of each side; the way back is not rendered again.
     assert len(rendered.written) == 2 * 5
-    left, right = film[:, 60:, :480], film[:, 60:, 484:]
+    middle = film.shape[2] // 2
+    left, right = film[:, 60:, : middle - 9], film[:, 60:, middle + 9 :]
     tints = right.mean(axis=(1, 2, 3)) - left.mean(axis=(1, 2, 3))
     np.testing.assert_allclose(tints, 0.2 * 255, atol=5)
     back = np.abs(left[1:4].astype(float) - left[7:4:-1]).mean()
@@ -206,7 +207,6 @@ def test_the_size_is_such_that_two_minutes_are_enough(
     loaded = prepared.load(made)
     path = nerfstudio.read(made / "camera_path.json")
     size = rendering.size_of(loaded, path, sides_of(made), count)
-    assert all(side % 2 == 0 for side in size)
     assert size <= (loaded.width, loaded.height)
     share = size[0] * size[1] / (loaded.width * loaded.height)
     takes_s = 2 * count * view_s / cores * share
