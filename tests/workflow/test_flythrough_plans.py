@@ -9,10 +9,10 @@ from alignerf.experiment.tables import json_rows, sides
 from tests.workflow.test_plans import jobs_of
 
 
-def plan(tmp_path, dry_run, config, *more):
+def plan(tmp_path, dry_run, config, target="flythrough"):
     path = tmp_path / "config.yaml"
     path.write_text(yaml.safe_dump(config, sort_keys=False))
-    words = ("-n", "-p", "flythrough", *more, "--configfile", path)
+    words = ("-n", "-p", target, "--configfile", path)
     code, output = dry_run(tmp_path, *words)
     assert code == 0, output
     return output
@@ -41,3 +41,15 @@ def test_renders_of_others_have_a_path(tmp_path, demo, dry_run):
     jobs = jobs_of(plan(tmp_path, dry_run, demo))
     assert jobs["camera_path"] == 1
     assert not jobs.keys() & {"external_train", "flythrough_scene"}
+
+
+def test_the_page_has_the_film_that_somebody_has_asked_for(tmp_path, demo, dry_run):
+    page, film = "results/courtyard/index.html", sides.film_of("courtyard")
+    assert "flythrough_scene" not in jobs_of(plan(tmp_path, dry_run, demo, page))
+    (tmp_path / film).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / film).touch()
+    output = plan(tmp_path, dry_run, demo, page)
+    # Of other models than those that are trained now it is made anew.
+    assert jobs_of(output)["flythrough_scene"] == 1
+    (inputs,) = re.findall(r"^rule page:\n    input: (.*)$", output, re.MULTILINE)
+    assert film in inputs.split(", ")

@@ -1,5 +1,6 @@
 """What a fly-through shows side by side: a training before, and one after."""
 
+from pathlib import Path
 from typing import NamedTuple
 
 from alignerf.experiment import inputs, kinds, layout
@@ -104,5 +105,16 @@ def films(experiment):
         if not judged or judged["cameras"]:
             found.append(f"results/{scene}/camera_path.json")
         if can_be_rendered(experiment, scene):
-            found.append(f"results/{scene}/flythrough.webm")
+            found.append(film_of(scene))
     return found
+
+
+def film_of(scene):
+    """The film of a scene, by its path."""
+    return f"results/{scene}/flythrough.webm"
+
+
+def film_that_is_there(experiment, scene):
+    """[film] for the page, which shows it where somebody has asked for one."""
+    ours = can_be_rendered(experiment, scene)
+    return [film_of(scene)] if ours and Path(film_of(scene)).is_file() else []
