@@ -169,6 +169,12 @@ def head(path) -> Head:
         return Head(opened.size, orientation, camera)
 
 
+def may_be_transparent(path):
+    """Whether an image has alpha, by its first bytes; ValueError as of `decode`."""
+    with _opened(path) as opened:
+        return opened.has_transparency_data
+
+
 @contextlib.contextmanager
 def _opened(path):
     """Open a photo's file with Pillow; every fault is a ValueError naming the file."""
