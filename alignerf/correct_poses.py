@@ -41,6 +41,7 @@ def main(argv=None):
         "only_turned": sum(map(is_only_turned, corrections)),
         "correction_px": cameras.median_px(corrections),
         "focal_ratio": float(np.exp(cameras.zoom_of(corrections))),
+        "frame": frame_of(*cameras.common(before, train, corrections)),
     }
     if args.truth:
         true = prepared.read_cameras(f"{args.truth}/cameras.npz")
@@ -64,6 +65,12 @@ def main(argv=None):
         prepared.write_cameras(path, after, args.cameras, moved)
         report_path.write_text(json.dumps(report, indent=1) + "\n")
     say(report)
+
+
+def frame_of(scale, rotation, translation):
+    """What was taken out of all corrections, in units of the normalised scene."""
+    turn, shift = rotation.tolist(), translation.tolist()
+    return {"scale": float(scale), "rotation": turn, "translation": shift}
 
 
 def is_only_turned(correction):

@@ -95,7 +95,8 @@ def choose(args, config, work) -> Chosen:
     if args.fit_held_out:
         to, path = path, work / "cameras.npz"
         flow, depth = args.fit_held_out
-        fitted = held_out.fit(loaded, to, flow, depth, path)
+        frame = args.corrected_by and held_out.frame_of(args.corrected_by)
+        fitted = held_out.fit(loaded, to, flow, depth, path, frame)
     names = [loaded.names[view] for view in loaded.views("train")]
     known = not args.warped or warps.are_known(names, args.valid)
     full = config is not None and not config["zoom"]
@@ -188,6 +189,10 @@ def parse(argv=None):
         nargs=2,
         metavar=("FLOW", "DEPTH"),
         help="folders of test views: their cameras are fitted to their photos",
+    )
+    parser.add_argument(
+        "--corrected-by",
+        help="poses_corrected.json of --cameras, where FLOW is of the renders before",
     )
     parser.add_argument(
         "--if-pays",

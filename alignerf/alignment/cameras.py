@@ -16,18 +16,35 @@ def corrected(before: prepared.Scene, train, corrections) -> prepared.Scene:
     cannot be seen in any photo, and is taken out. Views that are left alone count as
     corrections of zero, and so hold the frame. A corrected lens is that of every view.
     """
+    after, moved = followed(before, train, corrections), moved_views(train, corrections)
+    camtoworlds = after.camtoworlds.copy()
+    in_common = common(before, train, corrections)
+    camtoworlds[moved] = cameras.apply_similarity(camtoworlds[moved], *in_common)
+    return dataclasses.replace(after, camtoworlds=camtoworlds)
+
+
+def followed(before: prepared.Scene, train, corrections) -> prepared.Scene:
+    """The scene with its cameras moved as they ask for; nothing is taken out."""
     camtoworlds = before.camtoworlds.copy()
-    moved = moved_views(train, corrections)
     zoom = np.exp(-zoom_of(corrections))
     pixtocams = np.diag([zoom, zoom, 1.0]) @ before.pixtocams
     for view, correction in zip(train, corrections, strict=True):
         _, camtoworlds[view] = camera_motion.apply(
             correction.motion, pixtocams[view], camtoworlds[view]
         )
-    if moved:
-        gauge = cameras.align_similarity(camtoworlds[train], before.camtoworlds[train])
-        camtoworlds[moved] = cameras.apply_similarity(camtoworlds[moved], *gauge)
     return dataclasses.replace(before, pixtocams=pixtocams, camtoworlds=camtoworlds)
+
+
+def common(before: prepared.Scene, train, corrections):
+    """(scale, rotation, translation) that takes out what corrections have in common.
+
+    A camera that is found in the world of the renders has to go the same way, to stand
+    where the corrected ones do.
+    """
+    if not moved_views(train, corrections):
+        return 1.0, np.eye(3), np.zeros(3)
+    after = followed(before, train, corrections)
+    return cameras.align_similarity(after.camtoworlds[train], before.camtoworlds[train])
 
 
 def moved_views(train, corrections):

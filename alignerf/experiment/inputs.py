@@ -2,7 +2,15 @@
 
 import json
 
-from alignerf.experiment import arguments, kinds, layout, slices, sources, targets
+from alignerf.experiment import (
+    arguments,
+    kinds,
+    layout,
+    slices,
+    sources,
+    targets,
+    trainings,
+)
 from alignerf.experiment.kinds import rounds
 
 
@@ -187,6 +195,8 @@ def held_out_of(experiment, scene, method, what):
     """{"flow": folder, "depth": folder} of test views whose cameras are to be fitted.
 
     Those that the others have left behind, where the config wants them fitted by flow.
+    With "corrected_by", a report, where that flow is of the renders before the others
+    were put right.
     """
     training, fits = last_training(experiment, scene, method), None
     if judged := experiment.scenes[scene]["judged"]:
@@ -195,7 +205,9 @@ def held_out_of(experiment, scene, method, what):
         fits = (experiment.config["aligned_pose"] or {"flow": False})["flow"]
     if not fits:
         return {}
-    return {name: f"{training.path}/{name}/test" for name in ("flow", "depth")}
+    found = {name: f"{training.path}/{name}/test" for name in ("flow", "depth")}
+    by = {"corrected_by": f"{training.path}/{trainings.CORRECTED}"}
+    return found | by if judged else found
 
 
 def export_options(experiment, scene, method, what):
@@ -214,7 +226,8 @@ def export_options(experiment, scene, method, what):
         chosen |= {"kernel": by_flow and experiment.config["flow"]["kernel"]}
     words = arguments.options(chosen)
     if held_out := held_out_of(experiment, scene, method, what):
-        words += ["--fit-held-out", *held_out.values()]
+        words += ["--fit-held-out", held_out["flow"], held_out["depth"]]
+        words += arguments.options({"corrected-by": held_out.get("corrected_by")})
     if method in experiment.names(kinds.aligned):
         # Where the verdict says that alignment gained nothing, exports are as given.
         words += ["--if-pays", f"results/{scene}/verdict.json", training.owner]

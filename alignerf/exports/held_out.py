@@ -8,28 +8,68 @@ photos says how each has to move; all of its pixels are used.
 import dataclasses
 import logging
 from pathlib import Path
+from typing import NamedTuple
 
-from alignerf.files import archives, faults
-from alignerf.scenes import prepared
+import numpy as np
+
+from alignerf.files import archives, faults, json_files
+from alignerf.scenes import cameras, prepared
 from flow.camera import correct
 from flow.camera import motion as camera_motion
 from flow.warping import files
 
 log = logging.getLogger("alignerf")
 
+# Of a report of corrections.
+OF_FRAME = {"scale": json_files.NUMBER, "rotation": list, "translation": list}
 
-def fit(loaded: prepared.Scene, cameras_path, flow, depth, out):
+
+class Frame(NamedTuple):
+    """How cameras were put right by the flow of these very renders.
+
+    log_focal: the zoom that they got. similarity: (scale, rotation, translation) of the
+    normalised world, which was taken out of all corrections.
+    """
+
+    log_focal: float = 0.0
+    similarity: tuple = (1.0, np.eye(3), np.zeros(3))
+
+
+def frame_of(report) -> Frame:
+    """The frame by the report of `alignerf.correct_poses`; ValueError naming it."""
+    content = json_files.read(report, {"focal_ratio": json_files.NUMBER, "frame": dict})
+    try:
+        json_files.check(content["frame"], OF_FRAME)
+    except ValueError as error:
+        raise ValueError(f"{report}: frame: {error}") from None
+    scale, *others = (content["frame"][key] for key in OF_FRAME)
+    try:
+        turn, shift = (np.array(one, np.float64) for one in others)
+    except (TypeError, ValueError):
+        turn = shift = np.zeros(())
+    ratio = content["focal_ratio"]
+    known = turn.shape == (3, 3) and shift.shape == (3,) and ratio > 0 and scale > 0
+    if not (known and np.isfinite([*turn.ravel(), *shift, scale, ratio]).all()):
+        raise ValueError(f"{report}: 'frame' is no similarity")
+    return Frame(float(np.log(ratio)), (scale, turn, shift))
+
+
+def fit(loaded: prepared.Scene, cameras_path, flow, depth, out, frame=None):
     """Write cameras.npz with test views' cameras fitted; returns the names of these.
 
-    loaded: the scene with the cameras of cameras_path, which the renders were seen by.
-    flow, depth: folders of <view>.npz of the test views. A camera whose flow says too
-    little, or disagrees with all others', stays as it is.
+    loaded: the scene with the cameras of cameras_path, which the renders were seen by;
+    or, with a `Frame`, which this has made of those. flow, depth: folders of <view>.npz
+    of the test views. A camera whose flow says too little, or disagrees with all
+    others', stays as it is.
     """
-    test = loaded.views("test")
+    test, frame = loaded.views("test"), frame or Frame()
+    back = np.exp(frame.log_focal)
+    seen_by = np.diag([back, back, 1.0]) @ loaded.pixtocams
     corrections = correct.corrections(
-        lambda: (view_of(loaded, view, flow, depth) for view in test),
+        lambda: (view_of(loaded, seen_by, view, flow, depth) for view in test),
         least_px=0.0,
         zooms=False,
+        log_focal=frame.log_focal,
     )
     moved, camtoworlds = [], loaded.camtoworlds.copy()
     for view, correction in zip(test, corrections, strict=True):
@@ -37,9 +77,10 @@ def fit(loaded: prepared.Scene, cameras_path, flow, depth, out):
         if correction.left_alone:
             log.warning("view %s stays: %s", name, correction.left_alone)
             continue
-        camera = loaded.pixtocams[view], loaded.camtoworlds[view]
+        camera = seen_by[view], loaded.camtoworlds[view]
         camtoworlds[view] = camera_motion.apply(correction.motion, *camera)[1]
         moved.append(view)
+    camtoworlds[moved] = cameras.apply_similarity(camtoworlds[moved], *frame.similarity)
     fitted = dataclasses.replace(loaded, camtoworlds=camtoworlds)
     prepared.write_cameras(out, fitted, cameras_path, moved)
     names = [loaded.names[view] for view in moved]
@@ -47,8 +88,8 @@ def fit(loaded: prepared.Scene, cameras_path, flow, depth, out):
     return names
 
 
-def view_of(loaded: prepared.Scene, view, flow, depth) -> correct.View:
-    """A view's flow and depth, of the views' size."""
+def view_of(loaded: prepared.Scene, pixtocams, view, flow, depth) -> correct.View:
+    """A view's flow and depth, of the views' size; pixtocams: of all renders."""
     name = f"{loaded.names[view]}.npz"
     flow_px, valid = files.read_flow(Path(flow) / name)
     distance = archives.read(Path(depth) / name, ["depth"])["depth"]
@@ -56,4 +97,4 @@ def view_of(loaded: prepared.Scene, view, flow, depth) -> correct.View:
     for folder, image in ((flow, valid), (depth, distance)):
         if image.shape != size:
             raise ValueError(f"{Path(folder) / name}: {image.shape}, not {size} px")
-    return correct.View(flow_px, valid, loaded.pixtocams[view], distance)
+    return correct.View(flow_px, valid, pixtocams[view], distance)

@@ -93,7 +93,7 @@ def take(loaded, pairs, chosen, split, folders, threads):
         pair = pairs["views"][name]
         camtopix = np.linalg.inv(loaded.pixtocams[view])
         render = renders.Render(Path(pair["render"]), pair["is_sheet"])
-        image, _ = views.read_render(render)
+        image, _ = views.read_render(render, pairs.get("background"))
         if lens := lens_of(pair):
             image = distortion.undistort(image, *lens, camtopix)
         images.write(folders[0] / f"{name}.png", image)

@@ -182,6 +182,12 @@ def _exif(opened):
     return found
 
 
+def may_be_transparent(path):
+    """Whether an image has alpha, by its first bytes; ValueError as of `decode`."""
+    with _opened(path) as opened:
+        return opened.has_transparency_data
+
+
 @contextlib.contextmanager
 def _opened(path):
     """Open a photo's file with Pillow; every fault is a ValueError naming the file."""

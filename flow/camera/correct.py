@@ -71,17 +71,23 @@ class Correction(NamedTuple):
 
 
 def corrections(
-    views, *, least_px=LEAST_MEDIAN_PX, zooms=True, most_pixels=camera_fit.MAX_PIXELS
+    views,
+    *,
+    least_px=LEAST_MEDIAN_PX,
+    zooms=True,
+    log_focal=0.0,
+    most_pixels=camera_fit.MAX_PIXELS,
 ) -> list[Correction]:
     """The `Correction` of each view, in the order of the views.
 
     views: a function that gives an iterator of `View`; with `zooms` it is called twice,
     else once. All cameras that move share one log_focal. least_px: where the median
     motion is shorter, only motions beyond CLEAR_PX are kept. zooms: whether the focal
-    length may change. most_pixels: the fit samples about so many pixels of a view.
+    length may change; if not, log_focal is the zoom that is known. most_pixels: the fit
+    samples about so many pixels of a view.
     Raises ValueError where the shapes of a view's arrays do not match.
     """
-    log_focal, size = 0.0, {"most_pixels": most_pixels}
+    size = {"most_pixels": most_pixels}
     if zooms:
         fits = [_fitted(view, log_focal=None, **size) for view in views()]
         log_focal = shared_zoom(

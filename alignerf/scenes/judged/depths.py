@@ -10,7 +10,6 @@ NaN or 0 where unknown, infinite where far away.
 
 import gzip
 import io
-import os
 import zlib
 from pathlib import Path
 from typing import NamedTuple
@@ -55,7 +54,7 @@ def find(folder, names):
     if not folder.is_dir():
         raise ValueError(f"{folder}: no folder of depths")
     known, lower = set(names), {name.lower(): name for name in names}
-    inside = (Path(root, file) for root, _, files in os.walk(folder) for file in files)
+    inside = (Path(r, file) for r, _, files in renders.walk(folder) for file in files)
     for path in sorted(inside):
         suffix = next((s for s in SUFFIXES if path.name.lower().endswith(s)), None)
         if path.suffix.lower() == ".exr":

@@ -102,6 +102,11 @@ def one_size(found):
     sizes = {}
     for name, render in found.items():
         width, height = photos.head(render.path).size
+        if render.is_sheet and width % 2:
+            raise ValueError(
+                f"{render.path}: {width} px wide: a photo and a render side by side "
+                "are of one width"
+            )
         sizes[name] = (width // 2 if render.is_sheet else width, height)
     every = list(sizes.values())
     usual = max(set(every), key=lambda size: (every.count(size), size))

@@ -80,7 +80,7 @@ def find(folder, names, splits=None) -> Found:
 def files_of(folder):
     """Paths of the images in a folder and those inside, sorted; no photos or depths."""
     found, seen = [], 0
-    for root, inner, files in os.walk(folder):
+    for root, inner, files in walk(folder):
         inner[:] = sorted(
             one for one in inner if not OTHERS.fullmatch(one.lower()) and one[0] != "."
         )
@@ -90,6 +90,26 @@ def files_of(folder):
         paths = (Path(root, name) for name in files if name[0] != ".")
         found += [path for path in paths if path.suffix.lower() in SUFFIXES]
     return sorted(found)
+
+
+def walk(folder):
+    """`os.walk` that follows links out of a folder, and enters each folder once."""
+    own, entered = os.path.join(os.path.realpath(folder), ""), set()
+
+    def is_new(path):
+        at = os.path.realpath(path)
+        # What a link inside leads to is found by its own name.
+        return not (
+            os.path.islink(path) and f"{at}{os.sep}".startswith(f"{own}{os.sep}")
+        )
+
+    for root, inner, files in os.walk(folder, followlinks=True):
+        if (at := os.path.realpath(root)) in entered:
+            inner.clear()
+            continue
+        entered.add(at)
+        inner[:] = [name for name in inner if is_new(os.path.join(root, name))]
+        yield root, inner, files
 
 
 def eighth(names):

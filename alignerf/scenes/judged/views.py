@@ -31,15 +31,19 @@ def read_photo(path, upright, background):
     return photos.decode(path, background, upright=upright)[0]
 
 
-def read_render(render: renders.Render, background="black"):
+def read_render(render: renders.Render, background=None):
     """(the render [h, w, 3], where it counts [h, w]): not where it has nothing.
 
-    Left out are transparent pixels and a black border.
+    Left out are a black border and, where no background is given, what is transparent.
     """
-    image = photos.as_stored(render.path, background)
+    image = photos.as_stored(render.path, background or "black")
+    counts = ~border(image)
+    if background is None and photos.may_be_transparent(render.path):
+        # What lies behind shows through.
+        counts &= (image == photos.as_stored(render.path, "white")).all(axis=-1)
     if render.is_sheet:
-        image = image[:, image.shape[1] // 2 :]
-    return np.ascontiguousarray(image), ~border(image)
+        image, counts = (one[:, one.shape[1] // 2 :] for one in (image, counts))
+    return np.ascontiguousarray(image), counts
 
 
 def border(image):
@@ -66,7 +70,8 @@ def chosen_way(judged: Judged, background):
     def samples():
         for pair in judged.pairs[::step][:SAMPLES]:
             photo = read_photo(pair.photo, pair.upright, background)
-            render, found = read_render(pair.render)[0], ways_of(pair, judged.size)
+            render = read_render(pair.render, background)[0]
+            found = ways_of(pair, judged.size)
             alike.append(geometry.likeness(found[0].picture(photo), render))
             yield photo, render, found
 
@@ -94,6 +99,7 @@ def load(config, scratch):
     shown = {pair.name: shown_of(pair, judged.size, way) for pair in judged.pairs}
     views = posed(judged, shown, config["background"])
     told = judged.told | {"way": way, "apart_px": apart}
+    told |= {"background": config["background"]}
     told |= of_depth(config, judged, views, shown)
     (scratch / "pairs.json").write_text(json.dumps(pairs_json(judged, shown, told)))
     report = {
@@ -124,7 +130,7 @@ def posed(judged: Judged, shown, background) -> prepare.PosedViews:
         masks=[
             prepare.Photo(
                 pair,
-                (functools.partial(mask_of, shown=shown[pair.name]),),
+                (mask_step(shown[pair.name], background),),
                 pair.render.path,
             )
             for pair in own
@@ -155,9 +161,21 @@ def photo_step(pair: Pair, shown, background):
     return prepare.Photo(pair.photo, (read, shown.picture))
 
 
-def mask_of(pair: Pair, shown):
-    """255 where photo and render of a pair both have a pixel [h, w, 3]."""
-    _, counts = read_render(pair.render)
+def mask_step(shown, background):
+    return functools.partial(mask_of, shown=shown, background=background)
+
+
+def mask_of(pair: Pair, shown, background=None):
+    """255 where photo and render of a pair both have a pixel [h, w, 3].
+
+    Raises ValueError naming a render that has nothing.
+    """
+    _, counts = read_render(pair.render, background)
+    if not counts.any():
+        raise ValueError(
+            f"{pair.render.path}: an empty image, all black or transparent: take it "
+            "away, or render it again"
+        )
     counts = shown.render(
         np.where(counts[..., None], 255, 0).astype(np.uint8).repeat(3, -1)
     )
@@ -224,7 +242,7 @@ def pairs_json(judged: Judged, shown, told):
             "depth": told.get("depths", {}).get(pair.name),
         }
     told.pop("depths", None)
-    keys = ("depth", "depth_kind", "depth_scale")
+    keys = ("depth", "depth_kind", "depth_scale", "background")
     return {"views": of_views} | {key: told.get(key) for key in keys}
 
 

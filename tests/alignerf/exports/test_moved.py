@@ -1,10 +1,14 @@
 """Cameras that have moved: their points, and the cameras of held-out views."""
 
+import dataclasses
 import json
 
 import numpy as np
 import pycolmap
+import pytest
+from scipy.spatial.transform import Rotation
 
+from alignerf import correct_poses
 from alignerf.exports import formats, held_out
 from alignerf.scenes import cameras, prepared, transforms
 from tests import export_cases as cases
@@ -46,22 +50,7 @@ def test_held_out_cameras_are_fitted_and_marked(made, views, tmp_path):
     off["camtoworlds"][:, :, 3] += [0.01, 0.0, 0.005]
     np.savez(tmp_path / "off.npz", **off)
     loaded = prepared.load(made, tmp_path / "off.npz")
-    right = prepared.load(made)
-    for name in ("flow", "depth"):
-        (tmp_path / name).mkdir()
-    y, x = np.indices((loaded.height, loaded.width)) + 0.5
-    for view in test:
-        name = f"{loaded.names[view]}.npz"
-        depth = np.full(x.shape, 2.0, np.float32) + (x > 40) + 0.3 * (y > 30)
-        pixels = np.stack([x, y, np.ones_like(x)], axis=-1)
-        rays = pixels @ loaded.pixtocams[view].T * [1, -1, -1]
-        pose = loaded.camtoworlds[view]
-        points = (rays * depth[..., None]) @ pose[:, :3].T + pose[:, 3]
-        camera = right.pixtocams[view], right.camtoworlds[view]
-        landed, _ = cameras.project(points.reshape(-1, 3), *camera)
-        flow_px = (landed.reshape(*x.shape, 2) - pixels[..., :2]).astype(np.float32)
-        np.savez(tmp_path / "flow" / name, flow_px=flow_px, valid=x > 0)
-        np.savez(tmp_path / "depth" / name, depth=depth.astype(np.float32))
+    write_flows(tmp_path, loaded, prepared.load(made))
     more = ("--fit-held-out", tmp_path / "flow", tmp_path / "depth")
     out = cases.exported(made, tmp_path, "--cameras", tmp_path / "off.npz", *more)
     found, _ = transforms.read(out)
@@ -73,6 +62,65 @@ def test_held_out_cameras_are_fitted_and_marked(made, views, tmp_path):
     assert marked == test.tolist()
     assert content["frames"][marked[0]]["camera"] == "fitted to its own photo"
     assert f"{len(test)} held-out photos" in (out / "README.txt").read_text()
+
+
+def write_flows(folder, loaded, right):
+    """Flow and depth of test views, from a scene's cameras to the right ones."""
+    for name in ("flow", "depth"):
+        (folder / name).mkdir()
+    y, x = np.indices((loaded.height, loaded.width)) + 0.5
+    for view in loaded.views("test"):
+        name = f"{loaded.names[view]}.npz"
+        depth = np.full(x.shape, 2.0, np.float32) + (x > 40) + 0.3 * (y > 30)
+        pixels = np.stack([x, y, np.ones_like(x)], axis=-1)
+        rays = pixels @ loaded.pixtocams[view].T * [1, -1, -1]
+        pose = loaded.camtoworlds[view]
+        points = (rays * depth[..., None]) @ pose[:, :3].T + pose[:, 3]
+        camera = right.pixtocams[view], right.camtoworlds[view]
+        landed, _ = cameras.project(points.reshape(-1, 3), *camera)
+        flow_px = (landed.reshape(*x.shape, 2) - pixels[..., :2]).astype(np.float32)
+        np.savez(folder / "flow" / name, flow_px=flow_px, valid=x > 0)
+        np.savez(folder / "depth" / name, depth=depth.astype(np.float32))
+
+
+def test_held_out_cameras_go_where_corrected_ones_went(made, tmp_path):
+    """By the flow of the renders before: their lens, and what was taken out after."""
+    right = prepared.load(made)
+    off = right.camtoworlds.copy()
+    off[:, :, 3] += [0.01, 0.0, 0.005]
+    zoom = np.diag([1.02, 1.02, 1.0])
+    before = dataclasses.replace(
+        right, camtoworlds=off, pixtocams=zoom @ right.pixtocams
+    )
+    write_flows(tmp_path, before, right)
+    similarity = 1.05, Rotation.from_rotvec([0, 0.1, 0.02]).as_matrix(), np.ones(3)
+    report = {"focal_ratio": 1.02, "frame": correct_poses.frame_of(*similarity)}
+    (tmp_path / "report.json").write_text(json.dumps(report))
+    frame = held_out.frame_of(tmp_path / "report.json")
+    # Of corrected cameras the lens is right, and test views stand where they stood.
+    after = dataclasses.replace(before, pixtocams=right.pixtocams)
+    folders = tmp_path / "flow", tmp_path / "depth", tmp_path / "out.npz"
+    assert held_out.fit(after, made / "cameras.npz", *folders, frame)
+    found = prepared.load(made, tmp_path / "out.npz").camtoworlds
+    wanted = cameras.apply_similarity(right.camtoworlds, *similarity)
+    for view in after.views("test"):
+        np.testing.assert_allclose(found[view], wanted[view], atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        {},
+        {"scale": 1, "rotation": [[1]], "translation": [0, 0, 0]},
+        {"scale": 0, "rotation": np.eye(3).tolist(), "translation": [0, 0, 0]},
+        {"scale": 1, "rotation": [["a", []]], "translation": [0, 0, 0]},
+    ],
+)
+def test_a_report_without_a_frame_is_named(tmp_path, frame):
+    path = tmp_path / "report.json"
+    path.write_text(json.dumps({"focal_ratio": 1.0, "frame": frame}))
+    with pytest.raises(ValueError, match=r"report.json: .*frame"):
+        held_out.frame_of(path)
 
 
 def test_a_held_out_camera_without_a_flow_stays(made, tmp_path, caplog):

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 import yaml
 
-from alignerf.experiment import check, plan, targets
+from alignerf.experiment import check, inputs, plan, targets
 from alignerf.scenes.judged import lenses
 from alignerf.start import judge
 from tests import judged_cases as cases
+
+KINDS = ("cameras", "photos")
 
 
 @pytest.fixture
@@ -57,6 +59,10 @@ def test_the_config_can_be_run(here, runs, capsys):
     assert "results/mine/index.html" in wanted
     what = "results/mine/theirs/export"
     assert targets.exports(experiment) == [f"{what}/cameras", f"{what}/photos"]
+    words = {w: inputs.export_options(experiment, "mine", "theirs", w) for w in KINDS}
+    # Held-out cameras are fitted by the flow of the renders before these were moved.
+    assert words["cameras"][-2] == "--corrected-by"
+    assert "--fit-held-out" not in words["photos"]
     assert (
         "8 pairs of photo and render, named like the photos" in capsys.readouterr().out
     )

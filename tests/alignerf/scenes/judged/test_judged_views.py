@@ -82,6 +82,51 @@ def test_borders_and_alpha_do_not_count(tmp_path):
     assert masks["v04"][:, :120].all()
 
 
+def with_hole(path, rows=slice(50, 60)):
+    """A file's image, transparent in a square inside."""
+    image = np.asarray(Image.open(path).convert("RGB"))
+    alpha = np.full((*image.shape[:2], 1), 255, np.uint8)
+    alpha[rows, 50:60] = 0
+    Image.fromarray(np.concatenate([image, alpha], axis=-1)).save(path)
+
+
+def test_transparent_holes_do_not_count_or_show_the_background(tmp_path):
+    """A hole reaches no edge; with a background photo and render have it alike."""
+    config = cases.project(tmp_path)
+    with_hole(tmp_path / "renders" / "v03.png")
+    scene = prepare(tmp_path, config)
+    loaded = prepared.load(scene)
+    (mask,) = prepared.read_masks(loaded, [3])
+    assert not mask[52:58, 52:58].any()
+    with_hole(tmp_path / "photos" / "v03.png")
+    (tmp_path / "white").mkdir()
+    scene = prepare(tmp_path / "white", config | {"background": "white"})
+    (mask,) = prepared.read_masks(prepared.load(scene), [3])
+    assert mask[52:58, 52:58].all()
+    out = run(scene)
+    for folder in (scene / "images", out / "renders" / "train"):
+        image = np.asarray(Image.open(folder / "v03.png"))
+        assert (image[54:56, 54:56] > 250).all()
+
+
+def test_an_empty_render_is_named(tmp_path):
+    config = cases.project(tmp_path)
+    path = tmp_path / "renders" / "v03.png"
+    cases.write_png(path, np.zeros((120, 160, 3), np.uint8))
+    with pytest.raises(ValueError, match=r"renders/v03.png: an empty image"):
+        prepare(tmp_path, config)
+
+
+def test_a_sheet_has_two_halves(tmp_path):
+    config = cases.project(tmp_path)
+    for i, name in enumerate(cases.NAMES):
+        (tmp_path / "renders" / f"{name}.png").unlink()
+        sheet = np.hstack([cases.picture(i), cases.picture(i)])[:, 1:]
+        cases.write_png(tmp_path / "renders" / f"val_step9_{i:04}.png", sheet)
+    with pytest.raises(ValueError, match=r"val_step9_000\d.png: 319 px wide"):
+        pairs.find(config)
+
+
 def test_views_without_a_pair_are_left_out_and_named(tmp_path, caplog):
     config = cases.project(tmp_path)
     (tmp_path / "renders" / "v07.png").unlink()

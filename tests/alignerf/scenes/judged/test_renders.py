@@ -28,6 +28,20 @@ def test_names_are_those_of_the_photos(tmp_path):
     assert {one.split for one in found.renders.values()} == {None}
 
 
+def test_links_are_followed_and_end(tmp_path):
+    """Splits that lie elsewhere; a link inside is no second render, nor is a ring."""
+    for split, names in (("train", NAMES[1:]), ("test", NAMES[:1])):
+        write(tmp_path / "far" / split, *(f"{name}.png" for name in names))
+    folder = tmp_path / "renders"
+    folder.mkdir()
+    (folder / "train").symlink_to(tmp_path / "far" / "train")
+    (folder / "test").symlink_to(tmp_path / "far" / "test")
+    (folder / "latest").symlink_to(folder)
+    (tmp_path / "far" / "train" / "back").symlink_to(folder)
+    found = renders.find(folder, NAMES)
+    assert {n: one.split for n, one in found.renders.items()} == HELD_OUT
+
+
 def test_nerfstudio(tmp_path):
     """ns-render dataset; its copies of photos and coloured depths are none."""
     for split, names in (("train", NAMES[1:]), ("test", NAMES[:1])):
