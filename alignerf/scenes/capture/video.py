@@ -21,6 +21,10 @@ from alignerf.scenes import photos, prepare, prepared
 
 log = logging.getLogger(__name__)
 
+# Of a film that is none we say so. FFmpeg asks for its level at the first film.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
+
 SUFFIXES = frozenset([".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm"])
 # A piece of the path: views that overlap by nine tenths match well.
 STEP_WIDTHS = 0.1

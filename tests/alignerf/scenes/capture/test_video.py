@@ -77,10 +77,13 @@ def test_many_widths_are_no_more_than_the_most():
     assert len(chosen) == video.MOST_FRAMES
 
 
-def test_a_film_that_is_none_is_named(tmp_path):
-    (tmp_path / "broken.mp4").write_bytes(b"no film at all" * 100)
+@pytest.mark.parametrize("head", [b"no film at all", b"\0\0\0\x18ftypmp42", b""])
+def test_a_film_that_is_none_is_named(tmp_path, head, capfd):
+    """In one line: OpenCV and FFmpeg are silent."""
+    (tmp_path / "broken.mp4").write_bytes(head + bytes(500))
     with pytest.raises(ValueError, match=r"cannot decode .*broken\.mp4"):
         video.extract(tmp_path / "broken.mp4", tmp_path)
+    assert capfd.readouterr().err == ""
 
 
 def test_films_are_found_beside_photos_or_alone(tmp_path, film):
