@@ -22,7 +22,7 @@ from snakemake.utils import min_version
 from alignerf.experiment import arguments, check, inputs, layout, plan, slices
 from alignerf.experiment import sources, targets
 from alignerf.experiment.cluster import needs, storages, work
-from alignerf.experiment.tables import across, rows, scenes
+from alignerf.experiment.tables import across, pages, rows, scenes
 
 sources_of = sources.sources_of
 min_version("9.0")

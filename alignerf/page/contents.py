@@ -1,4 +1,4 @@
-"""What stands on the page: verdict, tables, decisions, costs, downloads.
+"""What stands on the page: facts, tables, decisions, costs, downloads.
 
 A *table* here is {name, note, columns, rows}: texts to show, and beside each what it is
 sorted by.
@@ -47,8 +47,7 @@ FIGURES = {
 }
 
 
-# What it takes from a verdict.json, a poses.json and a preflight.json.
-VERDICT = {"verdict": list, "state": str, "evidence": dict}
+# What it takes from a poses.json and a preflight.json.
 POSES = prepared.POSES | dict.fromkeys(
     ("test_views", "height", "photo_height"), json_files.NUMBER
 )
@@ -62,23 +61,6 @@ class Cell(NamedTuple):
 
     text: str
     order: str | float
-
-
-def verdict(folder):
-    """The verdict as the template shows it, from verdict.json."""
-    content = json_files.read(folder / "verdict.json", VERDICT)
-    for line in content["verdict"] or [None]:
-        if not isinstance(line, str):
-            raise ValueError(f"{folder / 'verdict.json'}: verdict is not lines of text")
-    head, *lines = content["verdict"]
-    todo = [line.removeprefix("To do: ") for line in lines if line.startswith("To do:")]
-    return {
-        "head": head.removeprefix("Verdict: "),
-        "state": content["state"],
-        "lines": [line for line in lines if not line.startswith("To do:")],
-        "todo": todo,
-        "evidence": content["evidence"],
-    }
 
 
 def tables(folder):

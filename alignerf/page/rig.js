@@ -1,0 +1,128 @@
+// The cameras in space, drawn anew from each side.
+(() => {
+  const svg = $("rig"), rig = data.rig, SVG = "http://www.w3.org/2000/svg";
+  // Half the height of the drawing; shares of a turn by one key, and by its width.
+  const HALF = 68, STEP = 0.1, TURN = 4;
+  const start = { yaw: 0.5, pitch: 0.45, zoom: 1 };
+  const eye = { ...start };
+  const level = new Map(data.photos.map((one) => [`${one.split}/${one.name}`, one]));
+  const far = Math.max(...rig.cameras.map(([centre]) => Math.hypot(...centre)), 1e-6);
+  const reach = Math.max(far, quantile(rig.points.places.map((p) => Math.hypot(...p)), 0.7));
+
+  function quantile(values, share) {
+    return values.sort((a, b) => a - b)[Math.floor(share * values.length)] ?? 0;
+  }
+
+  function add(parent, name, attributes) {
+    const made = document.createElementNS(SVG, name);
+    Object.entries(attributes).forEach(([key, value]) => made.setAttribute(key, value));
+    parent.append(made);
+    return made;
+  }
+
+  const colours = new Map();
+  rig.points.colours.forEach((colour, i) => {
+    // Few colours, so that few paths are drawn.
+    const name = `rgb(${colour.map((byte) => 36 * Math.round(byte / 36)).join()})`;
+    colours.set(name, [...(colours.get(name) ?? []), rig.points.places[i]]);
+  });
+  const clouds = [...colours].map(([stroke, places]) => (
+    { path: add(svg, "path", { class: "point", stroke }), places }
+  ));
+  const cameras = rig.names.map((name, i) => {
+    const key = `${rig.splits[i]}/${name}`, photo = level.get(key);
+    const words = photo?.px == null ? "not measured" : `${photo.px.toFixed(1)} px`;
+    const group = add(svg, look?.has(key) ? "a" : "g", {
+      class: `camera ${photo?.level ?? "unknown"} ${rig.splits[i]}`,
+      href: `#view=${encodeURIComponent(key)}`, tabindex: -1,
+    });
+    add(group, "title", {}).textContent = `${name}: ${words}`;
+    return {
+      path: add(group, "path", {}), body: rig.cameras[i],
+      arrow: rig.arrows[i] && add(svg, "path", { class: "arrow" }), ends: rig.arrows[i],
+    };
+  });
+
+  function draw() {
+    const [cy, sy] = [Math.cos(eye.yaw), Math.sin(eye.yaw)];
+    const [cp, sp] = [Math.cos(eye.pitch), Math.sin(eye.pitch)];
+    const size = HALF * eye.zoom / reach;
+    const flat = ([x, y, z]) => {
+      const right = cy * x - sy * z, back = sy * x + cy * z;
+      return `${(size * right).toFixed(1)} ${(size * (sp * back - cp * y)).toFixed(1)}`;
+    };
+    for (const { path, places } of clouds) {
+      path.setAttribute("d", places.map((place) => `M${flat(place)}h0`).join(""));
+    }
+    for (const { path, body, arrow, ends } of cameras) {
+      const [centre, a, b, c, d] = body.map(flat);
+      path.setAttribute("d", `M${a}L${b}L${c}L${d}ZM${centre}L${a}M${centre}L${b}`
+        + `M${centre}L${c}M${centre}L${d}M${a}L${centre}L${b}Z`);
+      if (arrow) arrow.setAttribute("d", tipped(...ends.map((end) => flat(end).split(" "))));
+    }
+  }
+
+  function tipped(from, to) {
+    const [x, y] = to.map(Number), [dx, dy] = [x - from[0], y - from[1]];
+    const length = Math.hypot(dx, dy) || 1, head = Math.min(2.5, length / 2);
+    const [u, v] = [head * dx / length, head * dy / length];
+    return `M${from.join(" ")}L${x} ${y}M${x - u - v / 2} ${y - v + u / 2}L${x} ${y}`
+      + `L${x - u + v / 2} ${y - v - u / 2}`;
+  }
+
+  function turn(yaw, pitch) {
+    eye.yaw += yaw;
+    eye.pitch = Math.min(Math.max(eye.pitch + pitch, -Math.PI / 2), Math.PI / 2);
+    draw();
+  }
+
+  function zoom(times) {
+    eye.zoom = Math.min(Math.max(eye.zoom * times, 0.2), 20);
+    draw();
+  }
+
+  let held = null, dragged = 0;
+  svg.addEventListener("pointerdown", (event) => {
+    held = [event.clientX, event.clientY];
+    dragged = 0;
+  });
+  svg.addEventListener("pointermove", (event) => {
+    if (!held || !event.buttons) return;
+    const now = [event.clientX, event.clientY];
+    const [dx, dy] = [now[0] - held[0], now[1] - held[1]];
+    dragged += Math.hypot(dx, dy);
+    // Captured earlier, a click would not reach the camera under it.
+    if (dragged > 4) svg.setPointerCapture(event.pointerId);
+    held = now;
+    const width = svg.getBoundingClientRect().width;
+    turn(TURN * dx / width, TURN * dy / width);
+  });
+  svg.addEventListener("pointerup", () => { held = null; });
+  // The end of a drag opens no photo.
+  svg.addEventListener("click", (event) => {
+    if (dragged > 4) {
+      event.preventDefault();
+      event.stopPropagation();
+    }
+  }, true);
+  svg.addEventListener("wheel", (event) => {
+    if (!event.ctrlKey && document.activeElement !== svg) return;
+    event.preventDefault();
+    zoom(2 ** (-event.deltaY / 300));
+  }, { passive: false });
+  svg.addEventListener("dblclick", () => {
+    Object.assign(eye, start);
+    draw();
+  });
+  svg.addEventListener("keydown", (event) => {
+    const turns = {
+      ArrowLeft: [-STEP, 0], ArrowRight: [STEP, 0], ArrowUp: [0, -STEP], ArrowDown: [0, STEP],
+    };
+    if (turns[event.key]) turn(...turns[event.key]);
+    else if (event.key === "+" || event.key === "=") zoom(1.25);
+    else if (event.key === "-") zoom(0.8);
+    else return;
+    event.preventDefault();
+  });
+  draw();
+})();
