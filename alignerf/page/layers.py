@@ -92,7 +92,7 @@ def of_rounds(source: Source):
         words = f"by {source.method} after round {last}"
         found.append((f" after round {last}", words, source.rounds[last]))
     for name, folders in (source.others or {}).items():
-        found.append((f", {name}", f"by {name}, aligned on the way", folders))
+        found.append((f", {name}", f"by {name}, which aligns on the way", folders))
     return found
 
 

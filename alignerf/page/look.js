@@ -1,6 +1,7 @@
 // One photo: two of its layers under a slider, in turn, or side by side.
 const look = (() => {
-  const LONGER = 8, TURN_MS = 600;
+  // Of arrows: as many times as long as the shift, so that neighbours do not meet.
+  const LONGER = [32, 16, 8, 4, 2], TURN_MS = 600;
   if (!data.opening) return null;
   const photos = new Map(data.photos.map((one) => [one.key, one]));
   const keys = data.photos.map((one) => one.key).filter((key) => key in data.images);
@@ -50,13 +51,18 @@ const look = (() => {
   function draw(svg) {
     const { size, step, tips } = photos.get(now.key).arrows;
     svg.replaceChildren();
+    const lengths = tips.filter((tip) => tip).map((tip) => Math.hypot(...tip) / 10);
+    lengths.sort((a, b) => a - b);
+    const most = lengths[Math.floor(0.9 * lengths.length)] ?? 0;
+    const longer = LONGER.find((times) => times * most <= 1.5 * step) ?? 1;
+    $("longer").textContent = longer > 1 ? `, ${longer} times as long` : "";
     if (!$("arrows").checked || now.part) return;
     svg.setAttribute("viewBox", `0 0 ${size.join(" ")}`);
     const across = Math.ceil(size[0] / step);
     const lines = tips.map((tip, i) => {
       if (!tip) return "";
       const x = (i % across + 0.5) * step, y = (Math.floor(i / across) + 0.5) * step;
-      const [dx, dy] = tip.map((tenths) => LONGER * tenths / 10);
+      const [dx, dy] = tip.map((tenths) => longer * tenths / 10);
       const head = [0.6, -0.6].map((turn) => {
         const [c, s] = [Math.cos(turn), Math.sin(turn)];
         const [u, v] = [-0.35 * (c * dx - s * dy), -0.35 * (s * dx + c * dy)];

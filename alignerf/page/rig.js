@@ -1,17 +1,43 @@
 // The cameras in space, drawn anew from each side.
 (() => {
   const svg = $("rig"), rig = data.rig, SVG = "http://www.w3.org/2000/svg";
-  // Half the height of the drawing; shares of a turn by one key, and by its width.
-  const HALF = 68, STEP = 0.1, TURN = 4;
-  const start = { yaw: 0.5, pitch: 0.45, zoom: 1 };
+  // Half the drawing, less a margin; angles by one key, and by its whole width.
+  const HALF = [92, 68], STEP = 0.1, TURN = 4;
+  const start = { yaw: 0.5, pitch: 0.5, zoom: 1 };
   const eye = { ...start };
   const level = new Map(data.photos.map((one) => [`${one.split}/${one.name}`, one]));
-  const far = Math.max(...rig.cameras.map(([centre]) => Math.hypot(...centre)), 1e-6);
-  const reach = Math.max(far, quantile(rig.points.places.map((p) => Math.hypot(...p)), 0.7));
+  // All cameras, and most of the points, are seen at the start.
+  const fitted = [...rig.cameras.flat(), ...most(rig.points.places)];
+  const pivot = [0, 1, 2].map((k) => middle(fitted.map((place) => place[k])));
 
-  function quantile(values, share) {
-    return values.sort((a, b) => a - b)[Math.floor(share * values.length)] ?? 0;
+  function most(places) {
+    const ends = [0, 1, 2].map((k) => {
+      const sorted = places.map((place) => place[k]).sort((a, b) => a - b);
+      return [0.05, 0.95].map((share) => sorted[Math.floor(share * sorted.length)]);
+    });
+    return places.filter((p) => p.every((at, k) => at >= ends[k][0] && at <= ends[k][1]));
   }
+
+  function middle(values) {
+    const [least, largest] = values.reduce(
+      ([a, b], value) => [Math.min(a, value), Math.max(b, value)], [Infinity, -Infinity],
+    );
+    return (least + largest) / 2;
+  }
+
+  // A function from places to places in the drawing, in units of length.
+  function flatten() {
+    const [cy, sy] = [Math.cos(eye.yaw), Math.sin(eye.yaw)];
+    const [cp, sp] = [Math.cos(eye.pitch), Math.sin(eye.pitch)];
+    return (place) => {
+      const [x, y, z] = place.map((at, k) => at - pivot[k]);
+      return [cy * x - sy * z, sp * (sy * x + cy * z) - cp * y];
+    };
+  }
+
+  const across = fitted.map(flatten()).reduce(
+    (most, place) => Math.max(most, ...place.map((at, k) => Math.abs(at) / HALF[k])), 1e-9,
+  );
 
   function add(parent, name, attributes) {
     const made = document.createElementNS(SVG, name);
@@ -38,24 +64,22 @@
     });
     add(group, "title", {}).textContent = `${name}: ${words}`;
     return {
-      path: add(group, "path", {}), body: rig.cameras[i],
+      path: add(group, "path", {}), hit: add(group, "circle", { r: 2.5 }), body: rig.cameras[i],
       arrow: rig.arrows[i] && add(svg, "path", { class: "arrow" }), ends: rig.arrows[i],
     };
   });
 
   function draw() {
-    const [cy, sy] = [Math.cos(eye.yaw), Math.sin(eye.yaw)];
-    const [cp, sp] = [Math.cos(eye.pitch), Math.sin(eye.pitch)];
-    const size = HALF * eye.zoom / reach;
-    const flat = ([x, y, z]) => {
-      const right = cy * x - sy * z, back = sy * x + cy * z;
-      return `${(size * right).toFixed(1)} ${(size * (sp * back - cp * y)).toFixed(1)}`;
-    };
+    const seen = flatten(), size = eye.zoom / across;
+    const flat = (place) => seen(place).map((at) => (size * at).toFixed(1)).join(" ");
     for (const { path, places } of clouds) {
       path.setAttribute("d", places.map((place) => `M${flat(place)}h0`).join(""));
     }
-    for (const { path, body, arrow, ends } of cameras) {
+    for (const { path, hit, body, arrow, ends } of cameras) {
       const [centre, a, b, c, d] = body.map(flat);
+      const [x, y] = flat(body[0].map((_, k) => (body[1][k] + body[3][k]) / 2)).split(" ");
+      hit.setAttribute("cx", x);
+      hit.setAttribute("cy", y);
       path.setAttribute("d", `M${a}L${b}L${c}L${d}ZM${centre}L${a}M${centre}L${b}`
         + `M${centre}L${c}M${centre}L${d}M${a}L${centre}L${b}Z`);
       if (arrow) arrow.setAttribute("d", tipped(...ends.map((end) => flat(end).split(" "))));
