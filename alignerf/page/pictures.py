@@ -116,5 +116,5 @@ def data_uri(image, longest_px=None, quality=None):
         picture.thumbnail((longest_px, longest_px), Image.Resampling.LANCZOS)
     buffer = io.BytesIO()
     options = {"lossless": True} if quality is None else {"quality": quality}
-    picture.save(buffer, "WEBP", method=4, **options)
+    picture.save(buffer, "WEBP", method=2, **options)
     return "data:image/webp;base64," + base64.b64encode(buffer.getvalue()).decode()
