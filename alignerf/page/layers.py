@@ -17,8 +17,8 @@ from flow.figures import colour_wheel
 
 # The same for all scenes, so that one that is aligned looks so.
 FULL_PX = 4.0
-# Arrows of the flow across a picture.
-ARROWS = 16
+# Arrows of the flow across a picture, and how long one is at most.
+ARROWS, LONGEST_PX = 16, 1e4
 WHEEL_PX = 160
 
 
@@ -139,6 +139,7 @@ def arrows(shown: Shown):
                 tips.append(None)
             else:
                 tip = np.median(flow_px[part][holds], axis=0)
+                tip = np.clip(tip, -LONGEST_PX, LONGEST_PX)
                 tips.append(np.round(10 * tip).astype(int).tolist())
     return {"size": [w, h], "step": step, "tips": tips}
 

@@ -35,9 +35,11 @@
     };
   }
 
-  const across = fitted.map(flatten()).reduce(
-    (most, place) => Math.max(most, ...place.map((at, k) => Math.abs(at) / HALF[k])), 1e-9,
-  );
+  const first = fitted.map(flatten());
+  const centre = [0, 1].map((k) => middle(first.map((place) => place[k])));
+  const across = first.reduce((most, place) => (
+    Math.max(most, ...place.map((at, k) => Math.abs(at - centre[k]) / HALF[k]))
+  ), 1e-9);
 
   function add(parent, name, attributes) {
     const made = document.createElementNS(SVG, name);
@@ -71,17 +73,17 @@
 
   function draw() {
     const seen = flatten(), size = eye.zoom / across;
-    const flat = (place) => seen(place).map((at) => (size * at).toFixed(1)).join(" ");
+    const flat = (place) => seen(place).map((at, k) => (size * (at - centre[k])).toFixed(1)).join(" ");
     for (const { path, places } of clouds) {
       path.setAttribute("d", places.map((place) => `M${flat(place)}h0`).join(""));
     }
     for (const { path, hit, body, arrow, ends } of cameras) {
-      const [centre, a, b, c, d] = body.map(flat);
+      const [eyed, a, b, c, d] = body.map(flat);
       const [x, y] = flat(body[0].map((_, k) => (body[1][k] + body[3][k]) / 2)).split(" ");
       hit.setAttribute("cx", x);
       hit.setAttribute("cy", y);
-      path.setAttribute("d", `M${a}L${b}L${c}L${d}ZM${centre}L${a}M${centre}L${b}`
-        + `M${centre}L${c}M${centre}L${d}M${a}L${centre}L${b}Z`);
+      path.setAttribute("d", `M${a}L${b}L${c}L${d}ZM${eyed}L${a}M${eyed}L${b}`
+        + `M${eyed}L${c}M${eyed}L${d}M${a}L${eyed}L${b}Z`);
       if (arrow) arrow.setAttribute("d", tipped(...ends.map((end) => flat(end).split(" "))));
     }
   }

@@ -66,7 +66,7 @@ def test_of_judged_renders_their_flow_tells_it(experiment_of, tmp_path):
     def judging(**changes):
         judged = {
             "renders": renders,
-            "cameras": "c.json",
+            "cameras": renders,
             "splits": ["train"],
         } | changes
         scene = {"source": "judged", "path": str(tmp_path), "judged": judged}
