@@ -13,7 +13,7 @@
   function most(places) {
     const ends = [0, 1, 2].map((k) => {
       const sorted = places.map((place) => place[k]).sort((a, b) => a - b);
-      return [0.05, 0.95].map((share) => sorted[Math.floor(share * sorted.length)]);
+      return [0.2, 0.8].map((share) => sorted[Math.floor(share * sorted.length)]);
     });
     return places.filter((p) => p.every((at, k) => at >= ends[k][0] && at <= ends[k][1]));
   }

@@ -10,6 +10,7 @@ import pytest
 
 from alignerf.files import images
 from alignerf.page import __main__ as page
+from alignerf.page import closer, pictures
 
 
 class Parser(html.parser.HTMLParser):
@@ -224,3 +225,10 @@ def test_a_film_lies_in_the_page_where_it_is_small_and_beside_it_else(
     small = size < page.MOST_FILM_BYTES
     start = "data:video/webm;base64," if small else "flythrough.webm"
     assert video["src"].startswith(start)
+
+
+def test_all_parts_together_leave_the_page_under_15_mb():
+    parts = (pictures.MOST_BYTES, pictures.MOST_THUMB_BYTES, closer.MOST_BYTES)
+    as_text = 4 / 3 * sum((*parts, page.MOST_FILM_BYTES))
+    # What is left is for tables, figures, arrows and scripts.
+    assert as_text < 13.5e6
