@@ -1,4 +1,5 @@
-# make run    the default experiment, from nothing to tables and figures
+# make run    the default experiment, from nothing to its verdict; VERBOSE=1 shows all
+# make show   its tables
 # make photos FOLDER=my_photos    the same of your own photos or film, to a page
 # make judge PHOTOS=photos RENDERS=renders CAMERAS=sparse/0    what another program trained
 # make export SCENE=my_photos  its photos, cameras and points for other programs; WIDTH=1600
@@ -8,8 +9,9 @@
 # make peers PEERS=folder  ours beside the papers' released code (tests/peers.py)
 # make torture  the attack: damaged inputs, kills, full disks; three hours
 # make docs   tables and figures of docs/ from the CSVs in docs/measured/
+# make site   these pages as a site with a search, in site/, with the demo's page in it
 # make lint   formatters, linters, workflow checks
-# make cluster  plugins for Slurm, Kubernetes and S3 besides; see docs/cluster.md
+# make cluster  plugins for Slurm, Kubernetes and S3 besides; see docs/howto/cluster.md
 # make lock   pin all versions anew (needs uv)
 PYTHON ?= python3
 VENV := .venv
@@ -20,10 +22,12 @@ export PATH := $(abspath $(BIN)):$(PATH)
 # it, and `$(shell ...)` in a folder's name would run.
 unexport FOLDER SCENE WIDTH PHOTOS RENDERS CAMERAS DEPTH JUDGE PEER PEERS BENCH TORTURE
 
-.PHONY: run photos judge export test tools bench peers torture docs lint cluster lock clean
+.PHONY: run show photos judge export test tools bench peers torture docs site lint cluster lock clean
 
 run: $(VENV)/.installed
-	@snakemake --cores $(CORES) --workflow-profile workflow/profiles/default
+	@python -m alignerf.start.demo --cores $(CORES)
+
+show: $(VENV)/.installed
 	@python -m alignerf.show
 
 # By the environment: a shell would see more than a name in some names.
@@ -68,6 +72,11 @@ docs: $(VENV)/.installed
 	@python -m docs.tables
 	@python -m docs.figures
 
+site: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+		--require-hashes -r requirements-site.lock
+	@python -m docs.site
+
 lint: $(VENV)/.installed
 	ruff format --check .
 	ruff check .
@@ -94,8 +103,12 @@ lock:
 	uv pip compile pyproject.toml --extra cluster --universal --python-version 3.11 \
 		--fork-strategy fewest --no-annotate --no-header --generate-hashes \
 		--constraint requirements.lock --output-file requirements-cluster.lock
+	printf '%s\n' properdocs properdocs-theme-mkdocs | uv pip compile - \
+		--universal --python-version 3.11 --fork-strategy fewest \
+		--no-annotate --no-header --generate-hashes \
+		--constraint requirements.lock --output-file requirements-site.lock
 
 clean:
 	find results -mindepth 1 -maxdepth 1 ! -name README.md ! -name published \
 		-exec rm -rf {} +
-	rm -rf .snakemake .pytest_cache
+	rm -rf .snakemake .pytest_cache site

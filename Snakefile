@@ -21,6 +21,7 @@ from snakemake.utils import min_version
 
 from alignerf.experiment import arguments, check, inputs, layout, plan, slices
 from alignerf.experiment import sources, targets
+from alignerf.experiment.checks import results
 from alignerf.experiment.cluster import needs, storages, work
 from alignerf.experiment.tables import across, pages, rows, scenes
 
@@ -85,12 +86,14 @@ rule all:
 
 
 check.or_exit(check.check_free, experiment.scenes, [r.name for r in workflow.rules])
+check.or_exit(results.check_folders, experiment.scenes, experiment.methods)
 # Snakemake has a rule's output where its storage keeps it, if it is told of one.
 check.or_exit(storages.link, experiment.scenes, rules.config.output[0])
 
 
-# What a killed run has half written.
+# What cannot be written to, and what a killed run has half written.
 onstart:
+    check.or_exit(results.check_writable, experiment.scenes, experiment.methods)
     targets.tidy(experiment.scenes)
 
 
@@ -98,7 +101,8 @@ onstart:
 # run before, where only its cost is asked for.
 onsuccess:
     if "preview" not in workflow.dag_settings.targets:
-        print("\n".join(targets.verdicts(experiment.captures(), export=export_by)))
+        told = export_by if targets.can_export(experiment) else ""
+        print("\n".join(targets.verdicts(experiment.captures(), export=told)))
 
 
 # What stopped it comes after all that Snakemake says of it.

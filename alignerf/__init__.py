@@ -20,3 +20,8 @@ what other programs are given   `exports`
 and what it asks of a cluster. `processes` lets several processes train one model.
 `files` is what all commands share: errors in one line, and atomic outputs.
 """
+
+from alignerf.files.environment import switches
+
+# Before anything imports JAX.
+switches.settle()

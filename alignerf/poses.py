@@ -18,7 +18,7 @@ from alignerf.experiment import jobs
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import archives, atomic, faults, json_files
-from alignerf.scenes import cameras, colmap, prepare, prepared
+from alignerf.scenes import cameras, colmap, held_out, prepare, prepared
 from alignerf.scenes.apps import sources
 from alignerf.scenes.capture import (
     full_size,
@@ -56,14 +56,18 @@ def main(config, out, whole=None, cameras_path=None, places=None):
     with atomic.scratch_folder(out) as scratch:
         full, told, scene = READERS[config["source"]](config, scratch)
         told["downscale_decided"] = config["downscale"] == "auto"
-        views = for_training(full, config)
-        prepared.check_views(config["path"] or out, views)
-        views = perturbed(views, config)
+        given = for_training(full, config)
+        prepared.check_views(config["path"] or out, given)
+        if not config["judged"]:
+            prepared.check_places(config["path"] or out, given)
+        views = perturbed(given, config)
         whole, cut = views, None
         if config["zoom"]:
             views, cut, more = zoomed(views, scratch, config)
             told |= more
         split = split_of(views, config)
+        named = dict(zip(views.names, split.tolist(), strict=True))
+        held_out.check(config["path"] or out, given, named)
         if not config["judged"]:
             check_enough(split, config["least_train_views"], config["path"] or out)
             warn_of_few(out, split)
@@ -423,7 +427,7 @@ def publish(fresh, out):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="alignerf.poses", description=__doc__)
     parser.add_argument("--config", required=True, help="JSON, or a file of it")
     parser.add_argument("--out", required=True, type=Path, help="results/SCENE")
     parser.add_argument("--whole", help="of windows: the other scene's folder")

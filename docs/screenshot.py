@@ -1,8 +1,9 @@
 """Make the picture of the demo's page anew: `python -m docs.screenshot INDEX.html`.
 
 docs/pictures/page.png: the upper part of the page. docs/pictures/page.txt: the lines of
-the verdict that it shows, which a test compares with what the docs say. Needs chromium
-with its chromedriver.
+the verdict that it shows, which a test compares with what the docs say.
+docs/outputs/verdict.txt: the verdict as a run prints it, for `make docs` to quote.
+Needs chromium with its chromedriver.
 """
 
 import argparse
@@ -15,6 +16,8 @@ from PIL import Image
 from selenium import webdriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
+
+from alignerf.experiment import targets
 
 # Of the page; the picture is smaller.
 WIDTH_PX, HEIGHT_PX, WINDOW_PX, SCALE = 1000, 1420, 2000, 0.8
@@ -42,6 +45,8 @@ def main(argv=None):
     finally:
         browser.quit()
     write(pictures, picture["data"], text)
+    folder = args.page.resolve().parent
+    (args.root / "docs" / "outputs" / "verdict.txt").write_text(printed(folder))
 
 
 def started():
@@ -67,6 +72,13 @@ def write(folder, data, text):
     image = Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")
     image.quantize(256).save(folder / "page.png", optimize=True)
     (folder / "page.txt").write_text(text)
+
+
+def printed(folder):
+    """The verdict of a scene's folder, as the last lines of its run say it."""
+    lines = targets.verdicts([folder.name], folder.parent)
+    shown = [line.replace(f"{folder.parent}/", "results/") for line in lines]
+    return "\n".join(shown).strip("\n") + "\n"
 
 
 if __name__ == "__main__":

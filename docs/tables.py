@@ -2,14 +2,18 @@
 
 A page says `<!-- table: NAME -->`, and `<!-- end -->` below it. What is between them is
 written anew from docs/measured/NAME.csv, as NAME says in docs/measured/tables.yaml.
-`<!-- columns: NAME -->` lists the columns of one of the program's own tables.
+`<!-- columns: NAME -->` lists the columns of one of the program's own tables;
+`keys`, `options`, `make` and `targets` are lists of docs/lists.py, and `output` is what
+docs/outputs/NAME.txt holds, a text that the program has printed.
 --check writes nothing: it names each page and table that differ, and exits with 1.
 """
 
 import argparse
+import functools
 import re
 import string
 import sys
+import textwrap
 from pathlib import Path
 
 import pandas as pd
@@ -17,9 +21,13 @@ import yaml
 
 from alignerf.experiment.tables import test_sets
 from alignerf.tables import columns
+from docs import lists
 
 MEASURED = "docs/measured"
-MARK = re.compile(r"(<!-- (table|columns): (\w+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+KINDS = "table|columns|keys|options|make|targets|output"
+MARK = re.compile(rf"(<!-- ({KINDS}): ([\w.]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+# Of a quoted line, in characters.
+WIDTH = 106
 # What each CSV says of itself, in this order, before its columns.
 HEADER = ("commit", "lock", "machine", "command", "measured")
 
@@ -42,34 +50,57 @@ def main(argv=None):
 
 
 def pages(root):
-    """The files that may hold tables: README.md and docs/*.md."""
-    return [root / "README.md", *sorted((root / "docs").glob("*.md"))]
+    """The files that may hold tables: README.md and all pages below docs/."""
+    return [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
 
 
 def filled(text, root):
     """(text with its tables made anew, names of the tables that changed)."""
-    specs = yaml.safe_load((root / MEASURED / "tables.yaml").read_text())
     changed = []
 
     def replace(match):
         start, kind, name, old, end = match.groups()
-        of_program = {**columns.TABLES, "test_sets": None}
-        known = of_program if kind == "columns" else specs
-        if name not in known:
-            source = "columns" if kind == "columns" else f"{MEASURED}/tables"
-            raise ValueError(f"{source}.yaml: no table {name}")
-        if name == "test_sets":
-            new = test_sets.markdown()
-        elif kind == "columns":
-            new = columns.markdown(name)
-        else:
-            cells = dict(specs[name])
-            new = table(root / MEASURED / f"{cells.pop('csv', name)}.csv", cells)
+        new = made(kind, name, root)
         if new != old:
             changed.append(name)
         return start + new + end
 
     return MARK.sub(replace, text), changed
+
+
+def made(kind, name, root):
+    """What stands between two marks."""
+    if kind == "table":
+        return of_csv(name, root)
+    if kind == "columns":
+        if name not in {**columns.TABLES, "test_sets": None}:
+            raise ValueError(f"columns.yaml: no table {name}")
+        return test_sets.markdown() if name == "test_sets" else columns.markdown(name)
+    if kind == "output":
+        return quoted((root / "docs/outputs" / f"{name}.txt").read_text())
+    if kind in ("make", "targets"):
+        return getattr(lists, kind)(root / name)
+    return getattr(lists, kind)(name)
+
+
+def quoted(text):
+    """A text as a block of code, its lines no wider than a page's."""
+    lines = []
+    for line in text.splitlines():
+        indent = " " * (len(line) - len(line.lstrip()) + 2)
+        lines += textwrap.wrap(line, WIDTH, subsequent_indent=indent) or [""]
+    return "".join(f"{'    ' + line}".rstrip() + "\n" for line in ["", *lines, ""])
+
+
+parsed = functools.cache(yaml.safe_load)
+
+
+def of_csv(name, root):
+    specs = parsed((root / MEASURED / "tables.yaml").read_text())
+    if name not in specs:
+        raise ValueError(f"{MEASURED}/tables.yaml: no table {name}")
+    cells = dict(specs[name])
+    return table(root / MEASURED / f"{cells.pop('csv', name)}.csv", cells)
 
 
 def table(path, columns):

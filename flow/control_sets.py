@@ -30,7 +30,6 @@ from flow.estimation import estimate, pairs
 from flow.warping import controls, files, lengths, warp
 
 IMAGES = ("control", "placebo", "crossfit", "aligned", "overfit", "overfit_crossfit")
-COLUMNS = ("view", "aligned", *lengths.COLUMNS, "blur_sigma_px", "time_s")
 
 
 def main(renders, photos, flow, out, *, truth=None, masks=None, **options):
@@ -74,7 +73,7 @@ def main(renders, photos, flow, out, *, truth=None, masks=None, **options):
         for row in machine.map_in_threads(row_of, views):
             rows.append(row)
             bar.advance()
-        files.write_rows(table, COLUMNS, rows)
+        files.write_rows(table, controls.COLUMNS, rows)
     return rows
 
 

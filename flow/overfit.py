@@ -13,7 +13,6 @@ import time
 from pathlib import Path
 
 from alignerf.files import atomic, faults, images, machine
-from flow.control_sets import COLUMNS
 from flow.estimation import arguments as arguments_of_flow
 from flow.estimation import pairs
 from flow.warping import controls, files, lengths
@@ -53,7 +52,7 @@ def main(renders, photos, flow, out, *, masks=None, threads=1, **options):
 
     rows = list(machine.map_in_threads(row_of, chosen, threads=threads))
     with atomic.replace_file(out) as path:
-        files.write_rows(path, COLUMNS, rows)
+        files.write_rows(path, controls.COLUMNS, rows)
     return rows
 
 

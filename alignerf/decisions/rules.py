@@ -1,8 +1,8 @@
 """Which settings a scene's facts call for: pure, every constant named and measured.
 
 Notation: lengths are in units of the largest camera coordinate, as `near` is. The
-constants were chosen on courtyard, seed 1, and fox; docs/settings.md shows what they
-bring on other scenes.
+constants were chosen on courtyard, seed 1, and fox; docs/evidence/decided.md shows what
+they bring on other scenes.
 """
 
 import math

@@ -13,6 +13,9 @@ from pathlib import Path
 from alignerf.files import extensions, machine, provenance
 
 ROOT, LOCK = provenance.ROOT, provenance.LOCK
+PIPELINE = provenance.PIPELINE
+# Of Snakemake: on its search path only where this project shows a run.
+PLUGINS = PIPELINE / "workflow" / "plugins"
 # Threads of a job that shares the machine with no other: Snakemake lowers them to its
 # `--cores`, which it need not be given for a plan or a report.
 WHOLE_MACHINE = machine.cores()

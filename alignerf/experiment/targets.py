@@ -10,7 +10,7 @@ from pathlib import Path
 
 from alignerf.experiment import kinds
 from alignerf.experiment.cluster import slurm_errors
-from alignerf.files import atomic, faults, machine
+from alignerf.files import atomic, faults, machine, provenance
 
 TABLES = ("misalignment", "round_times", "controls", "displacement")
 # Not in Snakemake's report.
@@ -92,7 +92,10 @@ def export_command(configs):
     """
     paths = [Path(os.path.relpath(path)) for path in configs]
     if len(paths) == 1 and paths[0].parent == Path("results"):
-        return f"make export SCENE={paths[0].stem}"
+        name = paths[0].stem
+        return provenance.typed(
+            f"make export SCENE={name}", f"why-blurry export {name}"
+        )
     words = ["snakemake", "--cores", str(machine.cores()), "export"]
     words += ["--configfile", *map(str, paths)] if paths else []
     return shlex.join(words)
@@ -108,7 +111,11 @@ def verdicts(scenes, results="results", export=""):
         path = Path(results) / scene / "verdict.json"
         if path.is_file():
             found = json.loads(path.read_text(encoding="utf-8"))
-            lines += ["", scene, *(f"  {line}" for line in found["verdict"])]
+            lines += [
+                "",
+                scene,
+                *(f"  {faults.one_line(line)}" for line in found["verdict"]),
+            ]
             if Path(page_of(scene, results)).is_file():
                 lines.append(f"  Page: {page_of(scene, results)}")
     if lines and export:
@@ -123,6 +130,7 @@ GOES_ON = "What is finished stays. The same command goes on from there."
 FAILED_LOGS = (
     re.compile(r"log: (.*) \(check log file\(s\) for error details\)"),
     re.compile(r"\| tee (.*)' returned non-zero exit status"),
+    re.compile(r"> (\S+|'[^']*') 2>&1' returned non-zero exit status"),
 )
 
 
@@ -156,7 +164,7 @@ def tidy(scenes):
     """
     found = [path for name in scenes for path in atomic.sweep(f"results/{name}")]
     if found:
-        few = faults.some_names(list(map(str, found)))
+        few = faults.some_names([faults.one_line(str(path)) for path in found])
         print(f"removed what a killed run had half written: {few}", file=sys.stderr)
     if count := sum(atomic.bring_back(f"results/{name}") for name in scenes):
         print(
@@ -179,7 +187,7 @@ def cause(log):
     text = log.read_text(encoding="utf-8", errors="replace")
     # A progress bar writes over its line.
     lines = [line.split("\r")[-1].strip() for line in text.splitlines()]
-    lines = [line for line in lines if line]
+    lines = [faults.one_line(line) for line in lines if line]
     errors = [line for line in lines if line.startswith("error: ")]
     if errors:
         return [errors[-1], f"  in {log}"]
@@ -192,20 +200,32 @@ def cause(log):
     ]
 
 
+def can_put_right(judged):
+    """Whether there is an export of renders that are judged; judged: the keys."""
+    splits = judged.get("splits", ("train", "test"))
+    return bool(judged.get("cameras")) and "train" in splits
+
+
+def can_export(experiment):
+    """Whether any scene may have an export."""
+    every = [one["judged"] for one in experiment.scenes.values()]
+    return any(judged is None or can_put_right(judged) for judged in every)
+
+
 def exports(experiment):
     """Folders for other programs: what the last round of each method was trained on.
 
     Its cameras with the photos as taken and, where it learnt from warped photos, with
-    these. Of renders that are judged, both ways of putting right what was learnt from;
-    without cameras there is none.
+    these. Of renders that are judged, both ways of putting right what was learnt from,
+    where `can_put_right` says so.
     """
     folders = []
     for scene in experiment.captures():
         if judged := experiment.scenes[scene]["judged"]:
             method = experiment.config["reference"]["method"]
             folder = f"results/{scene}/{method}/export"
-            known = bool(judged["cameras"]) and "train" in judged["splits"]
-            folders += [f"{folder}/{what}" for what in ("cameras", "photos") * known]
+            whats = ("cameras", "photos") * can_put_right(judged)
+            folders += [f"{folder}/{what}" for what in whats]
             continue
         for method in experiment.trained():
             last = experiment.last_round(scene, method)

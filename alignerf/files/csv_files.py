@@ -20,8 +20,18 @@ NUMBERS = re.compile(
 TEXTS = dict.fromkeys(
     (
         *("view", "test_set", "metric", "method", "description", "baseline", "base"),
-        *("published", "folder", "way", "flows", "corrected", "before"),
-        *("commit", "lock", "device"),
+        *("scene", "variant", "split", "field", "warping", "parts", "condition"),
+        *(
+            "difference_to",
+            "source",
+            "origin",
+            "quantity",
+            "group",
+            "changes",
+            "beside",
+        ),
+        *("published", "folder", "way", "flows", "corrected", "before", "stands_out"),
+        *("commit", "lock", "device", "environment"),
     ),
     str,
 )

@@ -1,7 +1,8 @@
 """What other packages add to the program: Python's entry points, by group.
 
 A package names its objects under `alignerf.kinds`, `alignerf.test_sets`,
-`alignerf.systems` or `alignerf.estimators`; docs/extending.md shows one of each.
+`alignerf.systems` or `alignerf.estimators`; docs/develop/extending.md shows one of
+each.
 """
 
 import functools

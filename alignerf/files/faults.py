@@ -1,11 +1,16 @@
 """How a command fails: one plain line that names the fault, and no traceback."""
 
+import io
 import logging
 import os
 import stat
 import sys
 
 log = logging.getLogger("alignerf")
+
+# Of a line that is printed. Of a longer one both ends are kept: files and keys are
+# named at the beginning, what to do at the end.
+MOST_CHARACTERS, HEAD = 1000, 700
 
 
 def run(main):
@@ -33,14 +38,39 @@ def exit_code(main, *arguments, **options) -> int:
     OSError; both become `error: ...` on stderr. The traceback is for developers: set
     ALIGNERF_DEBUG=1.
     """
-    logging.basicConfig(format="%(message)s", stream=sys.stderr)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(OneLine())
+    logging.basicConfig(handlers=[handler])
     log.setLevel(logging.INFO)
+    take_any_letter(sys.stdout)
     try:
         main(*arguments, **options)
     except (ValueError, OSError) as error:
         say(error)
         return 1
+    except Exception as error:
+        if (name := platform_missing()) is None:
+            raise
+        reason = f"{name}={os.environ[name]}: JAX cannot start on it here"
+        say(ValueError(f"environment: {reason}, unset it: {error!s:.300}"))
+        return 1
     return 0
+
+
+def platform_missing(modules=sys.modules):
+    """The variable that names a platform on which JAX does not start, if one does.
+
+    This module does without JAX: it asks the one that a command has imported.
+    """
+    names = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
+    if "jax" not in modules or not (given := [n for n in names if os.environ.get(n)]):
+        return None
+    try:
+        modules["jax"].devices()
+    # An AssertionError, or a RuntimeError.
+    except Exception:
+        return given[0]
+    return None
 
 
 def say(error):
@@ -48,7 +78,48 @@ def say(error):
     if os.environ.get("ALIGNERF_DEBUG"):
         raise error
     message = " ".join(str(error).split()) or type(error).__name__
-    print(f"error: {message}", file=sys.stderr)
+    print(f"error: {one_line(message)}", file=sys.stderr)
+
+
+# Before a message that a user should see also where all others go to a file.
+WARNING = "warning: "
+
+
+class OneLine(logging.Formatter):
+    """Each message as one line, whatever the names in it hold; a warning says so."""
+
+    def formatMessage(self, record):
+        head = WARNING if record.levelno == logging.WARNING else ""
+        return one_line(head + record.message)
+
+
+def one_line(text):
+    """A text that a terminal shows as one line, of at most MOST_CHARACTERS.
+
+    What does not print is escaped: names of files may hold ends of lines, codes of
+    terminals and letters that turn the direction of writing.
+    """
+    if text.isprintable() and len(text) <= MOST_CHARACTERS:
+        return text
+    # Escaped, a character is up to ten.
+    for _ in range(2):
+        if len(text) > MOST_CHARACTERS:
+            tail = MOST_CHARACTERS - HEAD - len(" [...] ")
+            text = f"{text[:HEAD]} [...] {text[-tail:]}"
+        text = "".join(c if c.isprintable() else escaped(c) for c in text)
+    return text
+
+
+def escaped(character):
+    """A character that does not print, as Python writes it."""
+    return character.encode("unicode_escape").decode("ascii")
+
+
+def take_any_letter(stream):
+    """Let a terminal that has ASCII alone show other letters escaped, not end a run."""
+    # One that a test or a notebook has put there may be of another kind.
+    if isinstance(stream, io.TextIOWrapper):
+        stream.reconfigure(errors="backslashreplace")
 
 
 def check_regular(path):
@@ -60,6 +131,36 @@ def check_regular(path):
 
 def some_names(names, *, at_most=3):
     """'a, b, c and 4 more': names enough to look for, not a page of them."""
-    shown = ", ".join(names[:at_most])
+    few = ", ".join(map(name_of, names[:at_most]))
     rest = len(names) - at_most
-    return f"{shown} and {rest} more" if rest > 0 else shown
+    return f"{few} and {rest} more" if rest > 0 else few
+
+
+def name_of(text, most=200):
+    """A name as it is written in a message, in at most `most` characters.
+
+    One that cannot be printed stands in quotes, escaped.
+    """
+    return cut(text if text.isprintable() else ascii(text), most)
+
+
+def shown(value, most=60) -> str:
+    """A value of a file as Python writes it, in at most `most` characters.
+
+    What cannot be printed is escaped. For messages: a value may be of any length, and
+    may hold what a terminal obeys.
+    """
+    if isinstance(value, str):
+        # A text of a megabyte need not be escaped whole.
+        value = value[:most]
+    try:
+        text = repr(value)
+    # Of whole numbers of 5000 digits, and of lists in one another.
+    except (ValueError, RecursionError):
+        text = f"a {type(value).__name__}"
+    return name_of(text, most)
+
+
+def cut(text, most):
+    """A text of at most `most` characters; of a longer one the end is left out."""
+    return text if len(text) <= most else text[: most - 3] + "..."

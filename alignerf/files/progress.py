@@ -1,11 +1,34 @@
 """A progress line for long loops: a bar on a terminal, a line now and then in a log."""
 
 import contextlib
+import re
 import sys
 import threading
 import time
+from typing import NamedTuple
 
 import tqdm
+
+# A line in a log, as `Progress` and `heartbeat` write it.
+STEPS = re.compile(r"(.*): (\w+) (\d+)/(\d+)  .*?eta (\d+):(\d\d)")
+BEATS = re.compile(r"(.*): for \d+:\d\d")
+
+
+class Shown(NamedTuple):
+    """What a line says of a long loop; None stands for what is not known."""
+
+    text: str
+    share: float | None = None
+    left_s: float | None = None
+
+
+def read(line):
+    """The `Shown` of a line in a log; None of any other line."""
+    if found := STEPS.match(line):
+        _, unit, done, total, minutes, seconds = found.groups()
+        share = int(done) / max(int(total), 1)
+        return Shown(f"{unit} {done}/{total}", share, 60 * int(minutes) + int(seconds))
+    return Shown(line) if BEATS.fullmatch(line) else None
 
 
 def nothing(share):

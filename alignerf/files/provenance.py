@@ -10,6 +10,7 @@ import json
 import os
 import platform
 import re
+import shlex
 import subprocess
 from pathlib import Path
 
@@ -19,10 +20,22 @@ from alignerf.files import json_files
 
 ROOT = Path(__file__).resolve().parents[2]
 LOCK = "requirements.lock"
+# Where Snakefile, workflow/ and results/published lie: beside the sources, or in the
+# package where that was installed.
+PIPELINE = ROOT if (ROOT / "Snakefile").is_file() else ROOT / "alignerf" / "pipeline"
 # What a training's timing.json tells of it.
-KEYS = ("commit", "lock", "device")
+KEYS = ("commit", "lock", "device", "environment")
+# Variables that may change a number's last digits: of XLA, JAX, CUDA, NumPy, OpenCV.
+ENVIRONMENT = (
+    *("XLA_FLAGS", "JAX_DISABLE_MOST_OPTIMIZATIONS", "JAX_NUM_CPU_DEVICES"),
+    *("LIBTPU_INIT_ARGS", "NVIDIA_TF32_OVERRIDE", "NPY_DISABLE_CPU_FEATURES"),
+    *("OPENBLAS_CORETYPE", "OMP_NUM_THREADS"),
+    *("OPENCV_CPU_DISABLE", "OPENCV_IPP", "OPENCV_OPENCL_DEVICE"),
+)
 # The command that exports what a run makes, for its jobs (see `export_command`).
 EXPORT = "ALIGNERF_EXPORT"
+# Set where a user has typed `why-blurry`, and no `make`.
+TYPED = "ALIGNERF_TYPED"
 CHANGES = ("status", "--porcelain", "--untracked-files=no")
 
 
@@ -64,9 +77,21 @@ def export_command():
     return os.environ.get(EXPORT) or "snakemake --cores 1 export"
 
 
+def typed(make, installed):
+    """A command as its user can type it: of make, or as it is installed."""
+    return installed if os.environ.get(TYPED) else make
+
+
 def facts():
-    """Commit and lock of the sources that run."""
-    return {"commit": commit(), "lock": lock()}
+    """Commit and lock of the sources that run, and what their numbers may hang on."""
+    return {"commit": commit(), "lock": lock(), "environment": environment()}
+
+
+def environment(environ=os.environ):
+    """Those of ENVIRONMENT that are set, as a shell would have them; None for none."""
+    given = ((name, environ.get(name)) for name in ENVIRONMENT)
+    words = [f"{name}={shlex.quote(value)}" for name, value in given if value]
+    return " ".join(words) or None
 
 
 @functools.cache

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import yaml
 
+from alignerf.files import faults
+
 # Values of a file with all its aliases written out: more is a mistake, or an attack.
 MOST_VALUES = 100_000
 # Of a number: Python writes no longer one, not even in a message.
@@ -15,13 +17,16 @@ def read(path):
     """The content of a file, after `check`; ValueError names the file."""
     check(path)
     with _faults_of(path):
-        return yaml.safe_load(Path(path).read_text())
+        return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
 
 
 def check(path):
     """ValueError naming file and line for equal keys and for endless aliases."""
+    faults.check_regular(path)
     with _faults_of(path):
-        node = yaml.compose(Path(path).read_text(), Loader=yaml.SafeLoader)
+        node = yaml.compose(
+            Path(path).read_text(encoding="utf-8"), Loader=yaml.SafeLoader
+        )
         size = 0 if node is None else values_of(node, path, {})
     if size > MOST_VALUES:
         raise ValueError(f"{path}: its aliases stand for over {MOST_VALUES} values")

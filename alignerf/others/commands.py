@@ -13,7 +13,8 @@ import threading
 import time
 
 from alignerf.experiment.checks import places
-from alignerf.files import provenance
+from alignerf.files import faults, provenance
+from alignerf.files.environment import switches
 
 # A command that is asked to end has so many seconds to do so.
 GRACE_S = 20.0
@@ -44,7 +45,7 @@ def run(words, *, cores=1) -> float:
     Raises ValueError in one line where the program is missing or fails. A signal that
     ends this process ends the command's process group too.
     """
-    print(shlex.join(words), flush=True)
+    print(faults.one_line(shlex.join(words)), flush=True)
     begun = time.perf_counter()
     try:
         process = subprocess.Popen(
@@ -106,9 +107,10 @@ def said(tail):
 def environment(cores):
     """Variables of a command: ours, without the way to our modules.
 
-    It has its own environment, in which a module may have the name of one of ours.
+    It has its own environment, in which a module may have the name of one of ours. And
+    it may need a variable that would change what ours compute.
     """
-    found = dict(os.environ)
+    found = switches.restored(os.environ)
     paths = found.get("PYTHONPATH", "").split(os.pathsep)
     kept = [path for path in paths if path and path != str(provenance.ROOT)]
     found["PYTHONPATH"] = os.pathsep.join(kept)

@@ -94,8 +94,8 @@ def take(loaded, pairs, chosen, split, folders, threads):
         camtopix = np.linalg.inv(loaded.pixtocams[view])
         render = renders.Render(Path(pair["render"]), pair["is_sheet"])
         image, _ = views.read_render(render)
-        if pair["lens"]:
-            image = distortion.undistort(image, *map(np.array, pair["lens"]), camtopix)
+        if lens := lens_of(pair):
+            image = distortion.undistort(image, *lens, camtopix)
         images.write(folders[0] / f"{name}.png", image)
         depth = scale * depth_of(pairs, pair, own, view, points)
         depth = np.where(depth > 0, depth, np.inf).astype(np.float32)
@@ -107,6 +107,11 @@ def take(loaded, pairs, chosen, split, folders, threads):
         pass
 
 
+def lens_of(pair):
+    """(camtopix, distortion) of a render that shows the distortion, else None."""
+    return pair["lens"] and tuple(map(np.array, pair["lens"]))
+
+
 def depth_of(pairs, pair, own, view, points):
     """Depth [h, w] along the optical axis, in the unit of the cameras as given."""
     size = int(own["width"]), int(own["height"])
@@ -114,7 +119,8 @@ def depth_of(pairs, pair, own, view, points):
     if points is not None:
         return depths.of_points(points, pixtocam, own["camtoworlds"][view], size)
     if pairs["depth"] == "given" and pair["depth"]:
-        values = depths.resized(depths.read(pair["depth"]), size)
+        values = depths.read(pair["depth"])
+        values = depths.as_shown(values, pixtocam, size, lens_of(pair))
         along = depths.along_axis(values, pairs["depth_kind"], pixtocam)
         return pairs["depth_scale"] * along
     return np.full(size[::-1], np.inf, np.float32)

@@ -11,8 +11,17 @@ from pathlib import Path
 import jinja2
 
 from alignerf.experiment.tables import json_rows, rows
-from alignerf.files import atomic, faults, json_files, provenance
-from alignerf.page import closer, contents, layers, photos, pictures, rig, told
+from alignerf.files import atomic, faults, provenance
+from alignerf.page import (
+    closer,
+    contents,
+    decided,
+    layers,
+    photos,
+    pictures,
+    rig,
+    told,
+)
 
 HERE = Path(__file__).resolve().parent
 # A film beside the page: small ones lie in it.
@@ -50,7 +59,7 @@ def render(folder, *, rounds, base, others=None, windows=NOTHING, moved=NOTHING[
     scene, verdict = folder.resolve().name, told.read(folder)
     facts, export = contents.facts(folder), provenance.export_command()
     limit_px = pictures.limit_of(verdict["evidence"])
-    decided, taken = contents.decisions(folder)
+    decisions, taken = decided.decisions(folder)
     return template().render(
         scene=scene,
         verdict=verdict,
@@ -61,7 +70,7 @@ def render(folder, *, rounds, base, others=None, windows=NOTHING, moved=NOTHING[
         mark=told.MARK,
         tables=contents.tables(folder),
         figures=figures(folder),
-        decisions=decided,
+        decisions=decisions,
         decisions_taken=taken,
         costs=contents.costs(folder),
         downloads=contents.downloads(folder),
@@ -72,11 +81,9 @@ def render(folder, *, rounds, base, others=None, windows=NOTHING, moved=NOTHING[
 
 def seen(folder, rounds, others, base, limit_px, verdict, windows, moved):
     """What the page shows of the photos, and what its scripts read."""
-    poses = json_files.read(folder / "poses.json", contents.POSES)
-    photo_px = poses["photo_width"] / poses["width"]
+    photo_px, turns = photos.scale(folder), contents.quarter_turns(folder)
     every = photos.shown(folder, rounds, others, base, limit_px)
     entries = photos.entries(every, limit_px, photo_px)
-    turns = poses.get("quarter_turns", {})
     after = photos.afters(every, verdict["tried"])
     data = {
         "photos": entries,

@@ -1,4 +1,4 @@
-"""What stands on the page: facts, tables, decisions, costs, downloads.
+"""What stands on the page: facts, tables, costs, downloads.
 
 A *table* here is {name, note, columns, rows}: texts to show, and beside each what it is
 sorted by.
@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from alignerf.decisions import fill
-from alignerf.files import csv_files, json_files, yaml_files
+from alignerf.files import csv_files, json_files
 from alignerf.scenes import prepared
 from alignerf.scenes.judged import geometry
 from alignerf.tables import columns, scores
@@ -47,6 +46,8 @@ FIGURES = {
 }
 
 
+# Ends of an interval.
+ENDS = ("difference_low_db", "difference_high_db")
 # What it takes from a poses.json and a preflight.json.
 POSES = prepared.POSES | dict.fromkeys(
     ("test_views", "height", "photo_height"), json_files.NUMBER
@@ -69,10 +70,19 @@ def tables(folder):
     for name in TABLES:
         path = folder / "tables" / f"{name}.csv"
         if path.is_file():
-            told = columns.TABLES[name]
+            told, table = columns.TABLES[name], csv_files.read(path)
+            if lacking := ends_lacking(table, told.columns):
+                raise ValueError(f"{path}: no column {lacking}")
             section = {"name": name, "heading": told.title, "note": told.note}
-            sections.append(section | table_of(csv_files.read(path), told.columns))
+            sections.append(section | table_of(table, told.columns))
     return sections
+
+
+def ends_lacking(data, told):
+    """The first end of an interval that a table with intervals has no column of."""
+    if not any(told[key].form == "interval" for key in data if key in told):
+        return None
+    return next((key for key in ENDS if key not in data), None)
 
 
 def table_of(data: pd.DataFrame, told):
@@ -100,7 +110,7 @@ def cell(row, key, form):
     if not form:
         return Cell(str(value), str(value))
     if form == "interval":
-        ends = (row["difference_low_db"], row["difference_high_db"])
+        ends = tuple(row[key] for key in ENDS)
         if value == 0 and ends == (0, 0):
             # To itself.
             return Cell("", -math.inf)
@@ -112,25 +122,16 @@ def cell(row, key, form):
     return Cell(format(value, form), value)
 
 
-def decisions(folder):
-    """(rows of key, default, value, reason, in force; whether any is in force).
-
-    None where nothing was trained.
-    """
-    if not (folder / "decisions.json").is_file():
-        return [], False
-    config = yaml_files.read(folder / "config.yaml")
-    open_keys = {
-        key for model in config["models"].values() for key in model.get("decided", [])
-    }
-    open_keys |= set(config["training"]["decided"])
-    if json_files.read(folder / "poses.json").get("downscale_decided"):
-        open_keys.add("downscale")
-    rows = [
-        decision._asdict() | {"taken": key.rpartition(".")[2] in open_keys}
-        for key, decision in fill.read(folder / "decisions.json").items()
-    ]
-    return rows, any(row["taken"] for row in rows)
+def quarter_turns(folder):
+    """{view: quarter turns, clockwise, that make it stand upright}: of poses.json."""
+    path = folder / "poses.json"
+    turns = json_files.read(path).get("quarter_turns", {})
+    if not isinstance(turns, dict):
+        raise ValueError(f"{path}: quarter_turns is {turns!r:.60}")
+    for view, count in turns.items():
+        if type(count) is not int or not 0 <= count < 4:
+            raise ValueError(f"{path}: quarter_turns of {view!r:.60} is {count!r:.60}")
+    return turns
 
 
 def costs(folder):
@@ -171,6 +172,8 @@ def facts(folder):
     """(name, text) of the scene's main facts: photos, size, poses."""
     poses = json_files.read(folder / "poses.json", POSES)
     if judged := poses.get("judged"):
+        if not isinstance(judged, dict) or not isinstance(judged.get("way"), str):
+            raise ValueError(f"{folder / 'poses.json'}: judged is {judged!r:.60}")
         return facts_of_judged(poses, judged)
     entries = [
         ("photos", f"{poses['registered']} of {poses['total']} placed"),
@@ -180,7 +183,7 @@ def facts(folder):
     ]
     if isinstance(said := poses.get("of_poses"), str):
         entries.append(("poses", said.removeprefix("poses ")))
-    error = poses.get("mean_reprojection_error_px")
+    error = poses["mean_reprojection_error_px"]
     if error is not None:
         entries.append(("reprojection error", f"{error:.2f} px of the photo"))
     return entries

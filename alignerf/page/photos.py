@@ -3,7 +3,7 @@
 import numpy as np
 
 from alignerf.files import csv_files, json_files
-from alignerf.page import layers, pictures
+from alignerf.page import contents, layers, pictures
 from alignerf.verdict import views
 
 # Of the strip, in units of its drawing.
@@ -17,20 +17,26 @@ def shown(folder, rounds, others, base, limit_px):
 
     rounds, others, base: as of `page.render`. limit_px: under which colours fade.
     """
-    turns = json_files.read(folder / "poses.json").get("quarter_turns", {})
+    turns = contents.quarter_turns(folder)
     sources = sources_of(folder, rounds, others, base)
     return [
         layers.of_view(
             row, sources[row.split], folder / "images", limit_px, turns.get(row.view, 0)
         )
-        for row in pictures.in_order(scored(folder))
-        if row.split in sources
+        for row in pictures.in_order(scored(folder, sources))
     ]
 
 
-def scored(folder):
-    """`views.View`s of views.csv."""
-    table = csv_files.read(folder / "tables" / "views.csv")
+def scored(folder, splits):
+    """`views.View`s of views.csv. ValueError for a split that was not rendered."""
+    path = folder / "tables" / "views.csv"
+    table = csv_files.read(path, columns=views.COLUMNS)
+    for row in table.itertuples():
+        if not isinstance(row.view, str):
+            raise ValueError(f"{path}: a view without a name")
+        if row.split not in splits:
+            fault = f"view {row.view!r:.60}: no renders of split {row.split!r:.60}"
+            raise ValueError(f"{path}: {fault}")
     # Empty where a view does not, which is read as a number where none does.
     reasons = [why if isinstance(why, str) else "" for why in table["stands_out"]]
     table["stands_out"] = np.array(reasons, object)
@@ -56,6 +62,16 @@ def sources_of(folder, rounds, others, base):
             "train", first, base / "warped" / "train", method=method
         )
     return found
+
+
+def scale(folder):
+    """Pixels of the photo in one of the training's."""
+    path = folder / "poses.json"
+    poses = json_files.read(path, contents.POSES)
+    for key in ("width", "photo_width"):
+        if not poses[key] > 0:
+            raise ValueError(f"{path}: {key} is {poses[key]!r:.60}")
+    return poses["photo_width"] / poses["width"]
 
 
 def entries(every, limit_px, photo_px):
@@ -99,7 +115,7 @@ def strip(photos, limit_px):
     most_px = max([*known, 2 * limit_px])
     by_name = sorted(photos, key=lambda one: one["name"])
     bars = [
-        {"photo": one, "height": STRIP_HEIGHT * (one["px"] or 0) / most_px}
+        {"photo": one, "height": STRIP_HEIGHT * max(one["px"] or 0, 0) / most_px}
         for one in by_name
     ]
     return {"bars": bars, "limit": STRIP_HEIGHT * limit_px / most_px, "most": most_px}

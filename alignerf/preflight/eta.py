@@ -46,13 +46,17 @@ class Left:
 
 def plans_of(scene: Path):
     """(folder, plan) of each scene of the run that has a plan; scene: one of them."""
-    lines = os.environ.get(SCENES, "").split("\n")
-    digests = {scene.name: ""} | dict(
-        line.partition(" ")[::2] for line in lines if line
-    )
+    return plans_in(scene.parent, os.environ.get(SCENES, ""), scene.name)
+
+
+def plans_in(results: Path, scenes, own=None):
+    """The same; scenes: lines as of SCENES. own: a scene whatever they say."""
+    lines = (line for line in scenes.split("\n") if line)
+    digests = {own: ""} if own is not None else {}
+    digests |= dict(line.partition(" ")[::2] for line in lines)
     plans = []
     for name, digest in digests.items():
-        path = scene.parent / name / "preflight.json"
+        path = results / name / "preflight.json"
         plan = path.is_file() and json.loads(path.read_text())
         # What was measured for another config says nothing of this one.
         if plan and digest in ("", plan.get("work", "")):
@@ -62,21 +66,42 @@ def plans_of(scene: Path):
 
 def text_of(plans, timing: Path, share):
     """The text of `Left.words`; plans: (folder, plan) of each scene."""
+    ours = timing.resolve()
+    found = []
+
+    def share_of(path, task):
+        if path.resolve() != ours:
+            return None
+        found.append(task)
+        return share
+
     if not plans:
         return ""
-    left, is_ours = [], False
+    left_s, whole_s = seconds(plans, share_of)
+    if not found:
+        # Another plan's job, as the sweep's are.
+        return ""
+    return f"all: {fit.minutes(left_s)} left of {fit.minutes(whole_s)}"
+
+
+def seconds(plans, share_of):
+    """(seconds left, seconds of the whole) of all scenes' plans, side by side.
+
+    share_of: a function of a task's file and the task: how much of it is done, or None
+    where it does not run. Raises ValueError where somebody has changed a plan.
+    """
+    left = []
     for folder, plan in plans:
         for task in fit.tasks_of(plan):
             path = folder / task.file
-            if path.resolve() == timing.resolve():
-                is_ours = True
+            share = share_of(path, task)
+            if share is not None:
                 left.append(task._replace(seconds=(1 - share) * task.seconds))
             elif not path.exists():
                 left.append(task)
     cores = max(plan["cores"] for _, plan in plans)
     whole_s = fit.in_all([plan for _, plan in plans])
     left_s = simulate.wall_s(left, cores)
-    if not (is_ours and 0 <= left_s < math.inf and 0 <= whole_s < math.inf):
-        # Another plan's job, as the sweep's are, or a file that somebody has changed.
-        return ""
-    return f"all: {fit.minutes(left_s)} left of {fit.minutes(whole_s)}"
+    if not (0 <= left_s < math.inf and 0 <= whole_s < math.inf):
+        raise ValueError(f"{left_s} of {whole_s} seconds are left")
+    return left_s, whole_s

@@ -10,6 +10,7 @@ import traceback
 
 import jax
 
+from alignerf.files import faults
 from alignerf.processes import rank
 
 log = logging.getLogger("alignerf")
@@ -95,7 +96,8 @@ def say(error):
     if not isinstance(error, (ValueError, OSError)) or os.environ.get("ALIGNERF_DEBUG"):
         traceback.print_exception(error)
     message = " ".join(str(error).split()) or type(error).__name__
-    print(f"error: process {number} of {count}: {message}", file=sys.stderr)
+    message = faults.one_line(f"error: process {number} of {count}: {message}")
+    print(message, file=sys.stderr)
 
 
 def is_lost(text):

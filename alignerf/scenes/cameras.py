@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from alignerf.files import faults
+
 # Of NumPy or of JAX, which most users of cameras need not wait for.
 Array = Any
 
@@ -114,7 +116,9 @@ def check(where, names, pixtocams, camtoworlds, size):
     ):
         if not good.all():
             name = names[int(np.argmin(good))]
-            raise ValueError(f"{where}: " + fault.format(f"of view {str(name)!r}"))
+            raise ValueError(
+                f"{where}: " + fault.format(f"of view {faults.shown(str(name))}")
+            )
 
 
 def project(points, pixtocam, camtoworld):

@@ -171,8 +171,9 @@ def pose_folder(
         sizes,
         model.camtoworlds,
         camera_of=model.camera_of,
-        photos=[prepare.Photo(i, (taken.load,)) for i in kept],
-        masks=masks and [prepare.Photo(i, (taken.load_mask,)) for i in kept],
+        photos=[prepare.Photo(i, (taken.load,), taken.paths[i]) for i in kept],
+        masks=masks
+        and [prepare.Photo(i, (taken.load_mask,), taken.masks[i]) for i in kept],
         where=where,
     )
     return views._replace(points=(model.points, model.colours)), model, taken

@@ -45,8 +45,7 @@ def read(folder, chosen=None) -> prepare.PosedViews:
             f"{path} has {len(rows)} rows, but {images[0].parent} {len(images)} images"
         )
     names = [image.stem for image in images]
-    sizes = [photos.stored_size(image) for image in images]
-    size = photos.one_size(names, sizes, images[0].parent)
+    size = photos.stored_size(names, images, images[0].parent)
     where = [f"{path}: row {i} ({name})" for i, name in enumerate(names)]
     cameras_bin = folder / "sparse" / "0" / "cameras.bin"
     cameras = _cameras(cameras_bin, rows[:, :, 4], where)

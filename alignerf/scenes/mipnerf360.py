@@ -38,14 +38,17 @@ def read(folder, images=None):
     (model_views, points), posed = read_model(model), {}
     for name, view in model_views.items():
         if name not in paths:
-            raise ValueError(f"{chosen}: no photo {name}, which {model} has a pose for")
+            named = faults.name_of(name)
+            raise ValueError(
+                f"{chosen}: no photo {named}, which {model} has a pose for"
+            )
         posed[name] = view
     left_out = sorted(set(paths) - set(posed))
     if left_out:
         log.warning("%s: no pose of %s", model, faults.some_names(left_out))
     names = sorted(posed)
-    sizes = [photos.stored_size(paths[name]) for name in names]
-    width, height = photos.one_size(names, sizes, chosen)
+    chosen_paths = [paths[name] for name in names]
+    width, height = photos.stored_size(names, chosen_paths, chosen)
     lenses = []
     for name in names:
         camtopix, coefficients, size, _ = posed[name]
@@ -114,7 +117,8 @@ def read_model(path):
             continue
         name, camera = Path(image.name).stem, model.cameras[image.camera_id]
         if name in views:
-            raise ValueError(f"{path}: two images have the view name {name!r}")
+            told = faults.shown(name)
+            raise ValueError(f"{path}: two images have the view name {told}")
         try:
             lens = colmap.lens(camera.model.name, camera.params)
         except ValueError as error:

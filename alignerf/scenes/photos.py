@@ -32,6 +32,8 @@ SUFFIXES = frozenset(
 )
 # What a file of such a name may hold. Pillow knows more, some by other programs.
 FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP", "HEIF")
+# Pillow refuses twice its warning's size, as does all that is read without Pillow.
+MOST_PIXELS = 2 * Image.MAX_IMAGE_PIXELS
 PNG = b"\x89PNG\r\n\x1a\n"
 EXIF, TAG = ExifTags.IFD.Exif, ExifTags.Base
 # The diagonal of 36 x 24 mm film, to which EXIF's 35 mm equivalent refers (CIPA).
@@ -83,7 +85,7 @@ def find_images(folder, others=()):
     known = {p.name for p in [*paths, *others]} | {"masks"}
     unknown = {p.name for p in visible} - known
     if unknown:
-        few = faults.some_names(sorted(map(ascii_of, unknown)))
+        few = faults.some_names(sorted(map(faults.name_of, unknown)))
         log.warning("%s: ignored %s: not images", folder, few)
     if not (paths or others):
         raise ValueError(f"no images in {folder}")
@@ -91,21 +93,21 @@ def find_images(folder, others=()):
     return paths
 
 
-def ascii_of(name):
-    """A printable form of a name of any bytes."""
-    return name if name.isprintable() else ascii(name)
+def check_names(paths, folder, told=()):
+    """ValueError where two files of a sorted list have one view name, or none.
 
-
-def check_names(paths, folder):
-    """ValueError where two files of a sorted list have one view name, or none."""
+    told: {path: what is said of it instead of its name}.
+    """
+    told = {path: faults.name_of(path.name) for path in paths} | dict(told)
     for path in paths:
         # Among them bytes that are no UTF-8.
         if not prepared.is_name(path.stem):
-            raise ValueError(f"{folder}: {ascii_of(path.name)}: rename this file")
+            raise ValueError(f"{folder}: {faults.name_of(path.name)}: rename this file")
     for first, second in itertools.pairwise(paths):
         if first.stem == second.stem:
             raise ValueError(
-                f"{folder}: {first.name} and {second.name} have the same view name"
+                f"{folder}: {told[first]} and {told[second]} have the same view name, "
+                f"{first.stem}"
             )
 
 
@@ -124,14 +126,14 @@ def decode(path, background=None, *, upright=True):
     with _opened(path) as opened:
         turned_by = _turned_by(opened)
         opened.load()
-        exif = opened.getexif()
-        focal_35mm_mm = exif.get_ifd(EXIF).get(TAG.FocalLengthIn35mmFilm)
+        exif = _exif(opened)
+        focal_35mm_mm = exif.get(TAG.FocalLengthIn35mmFilm)
         # Nothing is copied without need: a photo of 170 megapixels takes 0.7 GB.
         orientation = exif.get(TAG.Orientation, 1) if opened.format != "TIFF" else 1
     # Outside of `_opened`: its ValueErrors name the file already.
     rgb = _to_rgb(opened, path, background)
     if upright:
-        turned = UPRIGHT.get(orientation, UPRIGHT[1])(rgb)
+        turned = UPRIGHT[orientation if orientation in UPRIGHT else 1](rgb)
     else:
         turned = UPRIGHT[UNDONE_BY[turned_by]](rgb)
     rgb = np.ascontiguousarray(turned)
@@ -153,9 +155,8 @@ def _turned_by(opened):
 def head(path) -> Head:
     """A photo's size and orientation, by its first bytes; ValueError as of `decode`."""
     with _opened(path) as opened:
-        exif = opened.getexif()
-        texts = [exif.get(TAG.Make), exif.get(TAG.Model)]
-        texts.append(exif.get_ifd(EXIF).get(TAG.LensModel))
+        exif = _exif(opened)
+        texts = [exif.get(tag) for tag in (TAG.Make, TAG.Model, TAG.LensModel)]
         camera = " ".join(str(text).strip("\0 ") for text in texts if text)
         if (turned_by := _turned_by(opened)) != 1:
             size = opened.size[::-1] if turned_by in SIDEWAYS else opened.size
@@ -167,6 +168,20 @@ def head(path) -> Head:
         return Head(opened.size, orientation, camera)
 
 
+def _exif(opened):
+    """{tag: value} of an opened photo's EXIF; of one that cannot be read what it says.
+
+    A photo is not worse for it: Pillow itself takes a JPEG of broken EXIF.
+    """
+    found = {}
+    # Of a damaged one Pillow raises what its parts raise.
+    with contextlib.suppress(Exception):
+        exif = opened.getexif()
+        found |= exif
+        found = dict(exif.get_ifd(EXIF)) | found
+    return found
+
+
 @contextlib.contextmanager
 def _opened(path):
     """Open a photo's file with Pillow; every fault is a ValueError naming the file."""
@@ -174,7 +189,8 @@ def _opened(path):
     try:
         with warnings.catch_warnings():
             # Phones take 108 megapixels; Pillow still refuses twice its warning's size.
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            # All other warnings are of EXIF that is odd.
+            warnings.simplefilter("ignore")
             with Image.open(path, formats=FORMATS) as opened:
                 yield opened
     except FileNotFoundError:
@@ -184,9 +200,15 @@ def _opened(path):
         raise ValueError(f"cannot decode {path}: {error}") from None
 
 
-def stored_size(path, background=None):
-    """(width, height) of an image as its rows are stored, decoded whole to be sure."""
-    return as_stored(path, background).shape[1::-1]
+def stored_size(names, paths, where, background=None):
+    """The (width, height) that all photos share, their rows as stored.
+
+    By their heads first: one of another size may be a gigabyte. Then each is decoded
+    whole to be sure. ValueError as of `one_size` and `decode`.
+    """
+    one_size(names, [head(path).size for path in paths], where)
+    sizes = [as_stored(path, background).shape[1::-1] for path in paths]
+    return one_size(names, sizes, where)
 
 
 def one_size(names, sizes, where):

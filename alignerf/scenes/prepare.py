@@ -7,19 +7,22 @@ Notation: n views of one size; `pixtocams` [n, 3, 3], `camtoworlds` [n, 3, 4] as
 import functools
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from jaxtyping import Float
 
-from alignerf.files import images, progress
+from alignerf.files import images, json_files, progress
 from alignerf.scenes import cameras, prepared
 
 # Under this no method of the analysis works: SSIM needs 11 pixels, flow more.
 MIN_SIZE_PX = 32
 # Rounding a photo's size at a smaller scale changes its shape by less than this.
 SAME_SHAPE = 1.02
+# Of the entries of a matrix in a file.
+LARGEST = 1e308
 # Of a mask that was resampled: less is a pixel that something else has touched.
 WHITE = 254
 
@@ -28,11 +31,19 @@ class Photo(NamedTuple):
     """A view's photo or mask, read when it is needed: together they fill the memory.
 
     source: a path, or what else the first step takes. Each step takes what the step
-    before it gives; the last one gives [h, w, 3] uint8.
+    before it gives; the last one gives [h, w, 3] uint8. file: where the source is no
+    path, that of the photo.
     """
 
     source: Any
     steps: tuple[Callable, ...] = ()
+    file: Any = None
+
+    @property
+    def path(self):
+        """The path of its file; None where it has none."""
+        found = [one for one in (self.file, self.source) if isinstance(one, str | Path)]
+        return Path(found[0]) if found else None
 
     def then(self, step):
         """The photo with one more step."""
@@ -89,6 +100,27 @@ def true_scale(given_size, true_size, *, where):
             f"camera's {given_width:g}x{given_height:g}"
         )
     return np.diag([*scale, 1.0])
+
+
+def matrix_of(value, *shapes):
+    """[rows, columns] float64 of lists of finite numbers, of one of these shapes.
+
+    None where the value is anything else, such as texts or truths.
+    """
+    if not isinstance(value, list) or not all(isinstance(row, list) for row in value):
+        return None
+    shape = len(value), len(value[0]) if value else 0
+    if shape not in shapes or any(len(row) != shape[1] for row in value):
+        return None
+    entries = [entry for row in value for entry in row]
+    if any(
+        isinstance(e, bool) or not isinstance(e, json_files.NUMBER) for e in entries
+    ):
+        return None
+    # A whole number of 400 digits has no floating one.
+    if not all(abs(entry) < LARGEST for entry in entries):
+        return None
+    return np.array(value, np.float64)
 
 
 def nearest_rotation(matrix, *, where):
@@ -227,7 +259,8 @@ def write_masks(folder, views: PosedViews):
     for i, name in progress.over(enumerate(views.names), "masks"):
         valid = (views.masks[i].read() >= WHITE).all(axis=-1)
         if not valid.any():
-            raise ValueError(f"{name}: its mask leaves no pixel")
+            mask = views.masks[i].path
+            raise ValueError(f"{mask or name}: it leaves no pixel of the view {name}")
         np.savez_compressed(folder / f"{name}.npz", valid=valid)
 
 

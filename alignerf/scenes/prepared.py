@@ -5,15 +5,19 @@
 """
 
 import dataclasses
+import logging
 import math
 import pathlib
+import re
 import unicodedata
 from types import SimpleNamespace
 
 import numpy as np
 
-from alignerf.files import archives, images, json_files, machine
+from alignerf.files import archives, faults, images, json_files, machine
 from alignerf.scenes import cameras
+
+log = logging.getLogger(__name__)
 
 SPLITS = ("train", "test")
 # What every poses.json says; its readers may ask for more.
@@ -34,8 +38,16 @@ MOST_SIDE_PX = 32766
 MOST_NAME_BYTES = 180
 # Control characters, halves of others, ends of lines and paragraphs.
 NO_LETTERS = ("Cc", "Cs", "Zl", "Zp")
+# Units within which cameras are at one place (`cameras.frame_of`).
+ONE_PLACE = 1e-9
+# Of the places: so many steps of their numbers, at least, is one from the others.
+LEAST_STEPS = 1000
+# Times the median distance that a camera is away: one is warned of, and no more.
+FAR, MOST_FAR = 1e3, 1e5
 # JAX copies arrays that start elsewhere.
 ALIGNMENT = 64
+# How a cell begins that calls something; -1 and "+ 2" call nothing.
+FORMULA = re.compile(r"=|[+@-].*[(|!]")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,7 +122,7 @@ def read_cameras(path):
     del views["split"]
     check_views(path, SimpleNamespace(**views))
     if bad := set(data["split"].tolist()) - set(SPLITS):
-        raise ValueError(f"{path}: split holds {sorted(bad)[0]!r}")
+        raise ValueError(f"{path}: split holds {faults.shown(sorted(bad)[0])}")
     return data
 
 
@@ -128,14 +140,60 @@ def check_views(path, views):
     cameras.check(path, views.names, views.pixtocams, views.camtoworlds, size)
 
 
+def check_places(where, views):
+    """Whether the cameras' places are apart, once they are normalised in float32.
+
+    views: with names and camtoworlds. Warns of a camera far from all others. Raises
+    ValueError where so little is left of the places that nothing can be learnt.
+    """
+    places = np.asarray(views.camtoworlds, np.float64)[:, :, 3]
+    if len(places) < 2:
+        return
+    away = np.linalg.norm(places - np.median(places, axis=0), axis=1)
+    far = int(np.argmax(away))
+    if away[far] <= ONE_PLACE:
+        raise ValueError(
+            f"{where}: all {len(places)} cameras stand at one place, so that no depth "
+            "can be learnt"
+        )
+    if away[far] < LEAST_STEPS * step_of(places):
+        raise ValueError(
+            f"{where}: the cameras' places are so far from the origin "
+            f"({np.abs(places).max():.3g}) that rounding has left nothing of how they "
+            f"lie to one another ({away[far]:.3g}): take another origin"
+        )
+    times = away[far] / np.median(away[away > 0])
+    named = f"{where}: the camera of {faults.name_of(views.names[far])} stands"
+    if times > MOST_FAR:
+        raise ValueError(f"{named} {times:.3g} times as far away as the others")
+    if times > FAR:
+        log.warning("%s %.3g times as far away as the others", named, times)
+
+
+def step_of(places):
+    """The next larger number's distance from the largest of places [n, 3].
+
+    Of float32 where all of them are: whoever has written them had no more.
+    """
+    with np.errstate(over="ignore"):
+        short = places.astype(np.float32)
+    largest = np.abs(places if (short != places).any() else short).max()
+    return float(np.spacing(largest))
+
+
 def is_name(name):
-    """Whether a text can be a view's name: no folder, no hidden file, and printable."""
+    """Whether a text can be a view's name: a file's that lies in a folder and prints.
+
+    No folder, no hidden file and, as the tables are CSVs, no formula of a spreadsheet,
+    which could run a program.
+    """
     letters = set(map(unicodedata.category, name))
     size = len(name.encode(errors="replace"))
     return (
         0 < size <= MOST_NAME_BYTES
         and not name.startswith(".")
         and not set(name) & set("/\\")
+        and not FORMULA.match(unicodedata.normalize("NFKC", name))
         and not letters & set(NO_LETTERS)
     )
 
@@ -144,10 +202,10 @@ def check_names(path, names):
     """Views' names are names of files, each in the folder that it is looked for in."""
     for name in names:
         if not is_name(name):
-            raise ValueError(f"{path}: {name!r:.60} cannot be a view's name")
+            raise ValueError(f"{path}: {faults.shown(name)} cannot be a view's name")
     if len(set(names)) < len(names):
         name = max(names, key=names.count)
-        raise ValueError(f"{path}: two views have the name {name!r}")
+        raise ValueError(f"{path}: two views have the name {faults.shown(name)}")
 
 
 def check_images(scene: Scene, views, folder):

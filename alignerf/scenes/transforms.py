@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.files import faults, json_files
-from alignerf.scenes import distortion, photos, prepare
+from alignerf.scenes import cameras, distortion, photos, prepare
 from alignerf.scenes.apps import project_files
 from alignerf.scenes.capture import ingest
 
@@ -63,13 +63,14 @@ def read(path, background=None, *, images=None, split_by_lists=True):
     names = [image.stem for _, image in kept]
     (name, count), *_ = collections.Counter(names).most_common(1)
     if count > 1:
-        raise ValueError(f"{path}: {count} frames have the view name {name!r}")
-    sizes = [photos.stored_size(image, background) for _, image in kept]
-    width, height = photos.one_size(names, sizes, path)
+        told_name = faults.shown(name)
+        raise ValueError(f"{path}: {count} frames have the view name {told_name}")
+    shown = [image for _, image in kept]
+    width, height = photos.stored_size(names, shown, path, background)
     # Of a file that does not say what size its numbers are of.
     size = {"w": files.times_smaller * width, "h": files.times_smaller * height}
     lenses = [
-        lens(path, size | scene | frame, width, height, where=str(frame["file_path"]))
+        lens(path, size | scene | frame, width, height, where=told(frame))
         for frame, _ in kept
     ]
     as_stored = functools.partial(photos.as_stored, background=background)
@@ -94,6 +95,10 @@ def _masks(images, kept, width, height):
     mask_paths = [_find_mask(images, frame) for frame, _ in kept]
     if not any(mask_paths):
         return None
+    pairs = zip(mask_paths, kept, strict=True)
+    if bare := [image.name for mask, (_, image) in pairs if mask is None]:
+        few = faults.some_names(bare)
+        log.warning("%s: no mask of %s: all of it is learnt from", images.path, few)
     full = prepare.all_count(width, height)
     return [
         prepare.Photo(mask, (functools.partial(ingest.read_mask, photo=image),))
@@ -121,7 +126,8 @@ def _splits(images, scene, kept):
             log.warning("%s: 'train_filenames': no frame shows %s", path, few)
         for image in have.intersection(places.values()):
             if split_of.setdefault(image, split) != split:
-                raise ValueError(f"{path}: {image.name} is to be trained on and scored")
+                named = faults.name_of(image.name)
+                raise ValueError(f"{path}: {named} is to be trained on and scored")
     if len(set(split_of.values())) < 2:
         if split_of:
             log.warning("%s: its lists do not say what is held out", path)
@@ -172,18 +178,25 @@ def _find_mask(images, frame):
     if name is None:
         return None
     if not isinstance(name, str) or (mask := images.find(name)) is None:
-        raise ValueError(f"{images.path}: no mask {name!r} of {frame['file_path']}")
+        named = f"mask {faults.shown(name)} of {told(frame)}"
+        raise ValueError(f"{images.path}: no {named}")
     return mask
 
 
 def lens(path, values, width, height, *, where):
     """(camtopix [3, 3], distortion [5]) at the image's true size."""
     model = values.get("camera_model", "OPENCV")
-    if values.get("is_fisheye"):
+    is_fisheye = values.get("is_fisheye", False)
+    if not isinstance(is_fisheye, bool):
+        value = faults.shown(is_fisheye)
+        raise ValueError(
+            f"{path}: 'is_fisheye' of {where} is neither true nor false: {value}"
+        )
+    if is_fisheye:
         model = "OPENCV_FISHEYE"
     if not isinstance(model, str) or model not in CAMERA_MODELS:
         raise ValueError(
-            f"{path}: camera model {model!r:.60} of {where} is not supported"
+            f"{path}: camera model {faults.shown(model)} of {where} is not supported"
         )
     of_model = CAMERA_MODELS[model]
 
@@ -197,10 +210,11 @@ def lens(path, values, width, height, *, where):
     scale = prepare.true_scale(
         (given_width, given_height), (width, height), where=f"{path}: {where}"
     )
-    fl_x = _focal(number, "fl_x", "camera_angle_x", given_width)
-    fl_y = _focal(number, "fl_y", "camera_angle_y", given_height) or fl_x
-    if not (fl_x and fl_x > 0 and fl_y > 0):
-        raise ValueError(f"{path}: {where} has no positive 'fl_x' or 'camera_angle_x'")
+    fl_x = _focal(number, "x", given_width, where=f"{path}: {where}")
+    fl_y = _focal(number, "y", given_height, where=f"{path}: {where}")
+    if fl_x is None:
+        raise ValueError(f"{path}: {where} has neither 'fl_x' nor 'camera_angle_x'")
+    fl_y = fl_x if fl_y is None else fl_y
     camtopix = np.array(
         [
             [fl_x, 0, number("cx", given_width / 2)],
@@ -211,11 +225,24 @@ def lens(path, values, width, height, *, where):
     return scale @ camtopix, np.array([number(key, 0.0) for key in of_model])
 
 
-def _focal(number, focal_key, angle_key, size):
-    """Focal length in px, from itself or from the field of view; None for neither."""
-    focal, angle = number(focal_key), number(angle_key)
-    if focal is None and angle is not None and 0 < angle < math.pi:
-        return 0.5 * size / math.tan(0.5 * angle)
+def _focal(number, axis, size, *, where):
+    """Focal length in px, from itself or from the field of view; None for neither.
+
+    number: of a key; size: of the photo along this axis. Raises ValueError for one that
+    no lens has.
+    """
+    key, angle_key = f"fl_{axis}", f"camera_angle_{axis}"
+    focal = number(key)
+    if focal is None:
+        key, angle = angle_key, number(angle_key)
+        if angle is None:
+            return None
+        # Of the least numbers that there are, halves are 0.
+        tangent = math.tan(0.5 * angle) if 0 < angle < math.pi else 0.0
+        focal = 0.5 * size / tangent if tangent > 0 else 0.0
+    least, most = cameras.FIELD
+    if not size / most < focal < size / least:
+        raise ValueError(f"{where}: no lens has its {key!r}, {number(key):g}")
     return focal
 
 
@@ -224,23 +251,26 @@ def _number(path, values, key, default, *, where):
     if value is None and key not in values:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{path}: {key!r} of {where} must be a number, not {value!r}")
+        value = faults.shown(value)
+        raise ValueError(f"{path}: {key!r} of {where} must be a number, not {value}")
     # A whole number of 400 digits has no floating one.
     if not abs(value) < LARGEST:
-        raise ValueError(f"{path}: {key!r} of {where} is {value!r:.60}")
+        raise ValueError(f"{path}: {key!r} of {where} is {faults.shown(value)}")
     return float(value)
+
+
+def told(frame):
+    """A frame's file as it is named in messages."""
+    return faults.name_of(frame["file_path"], 100)
 
 
 def pose(path, frame):
     """The frame's camera-to-world [3, 4], checked to be a pose."""
-    where = frame["file_path"]
-    try:
-        matrix = np.array(frame["transform_matrix"], dtype=np.float64)
-    except (KeyError, TypeError, ValueError, OverflowError):
-        matrix = np.zeros(())
-    if matrix.shape not in ((3, 4), (4, 4)) or not np.isfinite(matrix).all():
-        raise ValueError(f"{path}: 'transform_matrix' of {where} is not 4x4 numbers")
-    rotation = prepare.nearest_rotation(
-        matrix[:3, :3], where=f"{path}: 'transform_matrix' of {where}"
-    )
+    where = f"{path}: 'transform_matrix' of {told(frame)}"
+    matrix = prepare.matrix_of(frame.get("transform_matrix"), (3, 4), (4, 4))
+    if matrix is None:
+        raise ValueError(f"{where} is not 4x4 numbers")
+    rotation = prepare.nearest_rotation(matrix[:3, :3], where=where)
+    if len(matrix) == 4 and not np.allclose(matrix[3], [0, 0, 0, 1]):
+        raise ValueError(f"{where}: its last row is not 0 0 0 1")
     return np.concatenate([rotation, matrix[:3, 3:]], axis=-1)

@@ -9,42 +9,61 @@ import argparse
 import sys
 from pathlib import Path
 
-from alignerf.files import faults, machine, yaml_files
-from alignerf.start import folders, workflow
+from alignerf.experiment import targets
+from alignerf.files import faults, machine, provenance
+from alignerf.start import configs, folders, workflow
 
 
 def main(argv=None):
     args = parse(argv)
     if not args.name:
-        raise ValueError("SCENE is missing: make export SCENE=my_photos")
+        command = provenance.typed(
+            "make export SCENE=my_photos", "why-blurry export my_photos"
+        )
+        raise ValueError(f"SCENE is missing: {command}")
     path = config_of(args.name)
-    print(f"config: {path}", flush=True)
+    scenes = scenes_of(path)
+    check_judged(path)
+    print(f"config: {faults.one_line(str(path))}", flush=True)
     overrides = [f"export_width_px={args.width}"] if args.width else []
     if code := workflow.run(path, args.cores, "export", overrides=overrides):
         sys.exit(code)
-    for made in sorted(folder for name in scenes_of(path) for folder in exports(name)):
+    for made in sorted(folder for name in scenes for folder in exports(name)):
         print(f"export: {made}/README.txt")
 
 
 def config_of(name):
     """The config of a name, or of a folder's. ValueError where there is none."""
-    names = [Path(name).expanduser().name, folders.name_of(Path(name).expanduser())]
+    place = folders.at_home(name)
+    names = [place.name, folders.name_of(place)]
     for one in names:
         path = Path("results") / f"{one}.yaml"
         if path.is_file():
             return path
+    photos = provenance.typed(*configs.PHOTOS)
     raise ValueError(
-        f"results/{names[-1]}.yaml does not exist: run `make photos FOLDER={name}` "
+        f"results/{names[-1]}.yaml does not exist: run `{photos.format(name)}` "
         "first, or, for a config of your own, `snakemake --cores "
         f"{machine.cores()} export --configfile FILE`"
     )
 
 
 def scenes_of(path):
-    """Names of a config's scenes, as far as they can be told."""
-    content = yaml_files.read(path)
-    scenes = content.get("scenes") if isinstance(content, dict) else None
-    return list(scenes) if isinstance(scenes, dict) else []
+    """Names of a config's scenes. ValueError, naming it, where it has none."""
+    return list(configs.read(path)["scenes"])
+
+
+def check_judged(path):
+    """ValueError where a config has nothing but renders that cannot be put right."""
+    every = configs.read(path)["scenes"].values()
+    judged = [one.get("judged") for one in every if isinstance(one, dict)]
+    if judged and not any(
+        not isinstance(one, dict) or targets.can_put_right(one) for one in judged
+    ):
+        raise ValueError(
+            f"{path}: nothing to export: it wants CAMERAS, and renders of photos that "
+            "were learnt from. Judge again with both"
+        )
 
 
 def exports(scene):
@@ -55,10 +74,12 @@ def exports(scene):
 
 def parse(argv=None):
     """Arguments of the command line."""
-    parser = argparse.ArgumentParser(prog="alignerf.start.export", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog=configs.program("export"), description=__doc__
+    )
     parser.add_argument("name", help="of a config in results/, or its folder")
-    parser.add_argument("--width", type=int, help="of photos, in pixels")
-    parser.add_argument("--cores", type=int, default=machine.cores())
+    parser.add_argument("--width", type=configs.count, help="of photos, in pixels")
+    parser.add_argument("--cores", type=configs.count, default=machine.cores())
     return parser.parse_args(argv)
 
 

@@ -5,10 +5,12 @@ several scenes.
 """
 
 import logging
+import os
 import re
 from pathlib import Path
 
 from alignerf.experiment import sources
+from alignerf.experiment.checks import names
 from alignerf.scenes import photos
 from alignerf.scenes.apps import colmap_models
 from alignerf.scenes.apps import sources as apps
@@ -130,6 +132,11 @@ def is_taken(path):
     return path.suffix.lower() in suffixes and not path.name.startswith(".")
 
 
+def at_home(path):
+    """A path with `~` written out; as it is, where nobody has such a home."""
+    return Path(os.path.expanduser(path))
+
+
 def name_of(path):
     """A scene's name after a folder or film: letters that files and rules can have."""
     path = Path(path).resolve()
@@ -137,11 +144,13 @@ def name_of(path):
         path = path.parent
     text = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem if path.is_file() else path.name)
     text = text.strip("_-")[:60] or "photos"
-    return f"{text}_photos" if text in taken_names() else text
+    fits = text not in taken_names() and not names.PERIODIC.search(text)
+    return text if fits else f"{text}_photos"
 
 
 def taken_names():
-    """Names of the rules and of folders of the results, which no scene may have."""
-    files = [sources.ROOT / "Snakefile", *(sources.ROOT / "workflow").rglob("*.smk")]
-    rules = {name for file in files for name in RULE.findall(file.read_text())}
-    return rules | {"published", "bench", "logs"}
+    """Names of the rules and of what lies in results/, which no scene may have."""
+    rules = sources.PIPELINE / "workflow" / "rules"
+    files = [sources.PIPELINE / "Snakefile", *rules.rglob("*.smk")]
+    found = {name for file in files for name in RULE.findall(file.read_text())}
+    return found | names.FILES

@@ -8,16 +8,16 @@ is trained. A config is written beside the results; it is yours to edit.
 
 import argparse
 import logging
+import os
 import sys
 from pathlib import Path
 
 from alignerf.experiment import targets
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.files import faults, machine
+from alignerf.files import faults, machine, provenance
 from alignerf.scenes import photos, prepared
-from alignerf.scenes.judged import views
-from alignerf.start import __main__ as own_photos
-from alignerf.start import folders, workflow
+from alignerf.scenes.judged import depths, lenses, pairs
+from alignerf.start import configs, folders, workflow
 
 log = logging.getLogger("alignerf")
 
@@ -32,33 +32,80 @@ def main(argv=None):
     args = parse(argv)
     for name in ("photos", "renders"):
         if not getattr(args, name):
-            raise ValueError(
-                f"{name.upper()} is missing: make judge PHOTOS=photos RENDERS=renders "
-                "CAMERAS=sparse/0"
+            command = provenance.typed(
+                "make judge PHOTOS=photos RENDERS=renders CAMERAS=sparse/0",
+                "why-blurry judge --photos photos --renders renders --cameras sparse/0",
             )
+            raise ValueError(f"{name.upper()} is missing: {command}")
+    name = args.name or folders.name_of(folders.at_home(args.renders))
+    path = Path("results") / f"{name}.yaml"
+    check_before(args.before, name)
     scene = scene_of(args)
-    judged = views.find(of_scenes.checked(scene))
-    splits = views.splits_of(judged)
+    judged = pairs.find(of_scenes.checked(scene))
+    splits = pairs.splits_of(judged)
     scene["judged"]["splits"] = [s for s in prepared.SPLITS if s in splits.values()]
     print(f"{len(judged.pairs)} pairs of photo and render, {judged.told['layout']}")
-    name = args.name or folders.name_of(Path(args.renders).expanduser())
-    path = Path("results") / f"{name}.yaml"
-    own_photos.say_where(path, config_of(name, scene, judged), args.renders)
+    check_kept(path, name, scene)
+    configs.say_where(path, config_of(name, scene, judged), args.renders, by="judge")
     print(f"page, in the end: {targets.page_of(name)}", flush=True)
     if args.only_config:
         return
-    if code := workflow.run(path, args.cores, "all", forced=forced(name, judged)):
+    if code := workflow.run(
+        path, args.cores, "all", forced=forced(name, scene, judged)
+    ):
         sys.exit(code)
 
 
 def scene_of(args):
     """The scene's keys; splits are those that there may be."""
     paths = {key: getattr(args, key) for key in ("renders", "cameras", "depth")}
-    judged = {key: str(Path(path).expanduser()) for key, path in paths.items() if path}
-    scene = {"source": "judged", "path": str(Path(args.photos).expanduser())}
+    judged = {key: str(folders.at_home(path)) for key, path in paths.items() if path}
+    if args.before:
+        judged["before"] = str(Path("results", args.before, "verdict.json"))
+    for key in ("depth_kind", "depth_scale"):
+        if (value := getattr(args, key)) is not None:
+            judged[key] = value
+    scene = {"source": "judged", "path": str(folders.at_home(args.photos))}
     if args.background:
         scene["background"] = args.background
     return scene | {"judged": judged}
+
+
+def check_before(before, name):
+    """ValueError where there is no such judgement, or where it is to be written."""
+    if before is None:
+        return
+    path = Path("results", before, "verdict.json")
+    if before == name:
+        raise ValueError(
+            f"--before {before}: these results have that name, and replace what was "
+            "there: give them another by --name"
+        )
+    if not path.is_file():
+        raise ValueError(f"--before {before}: {path} does not exist")
+
+
+def check_kept(path, name, scene):
+    """ValueError where a config that a user has changed judges other files."""
+    if not path.exists() or configs.is_untouched(path):
+        return
+    before = configs.read(path)["scenes"].get(name)
+    kept = before.get("judged") if isinstance(before, dict) else None
+    for key, value in scene["judged"].items():
+        own = kept.get(key) if isinstance(kept, dict) else None
+        if key != "splits" and own != value and not same_path(own, value):
+            raise ValueError(
+                f"{path} is yours, and its scenes.{name}.judged.{key} is {own!r:.200}, "
+                f"not {value!r:.200}: change it there, or give another name: "
+                f"{configs.OTHER_NAME['judge']}"
+            )
+
+
+def same_path(first, second):
+    """Whether two values are texts that name one file."""
+    if not (isinstance(first, str) and isinstance(second, str)) or "\0" in first:
+        return False
+    return os.path.realpath(first) == os.path.realpath(second)
 
 
 def config_of(name, scene, judged):
@@ -75,20 +122,34 @@ def config_of(name, scene, judged):
     return config
 
 
-def forced(name, judged):
-    """The rules to run anew: that of the pairs, where a file of theirs is newer."""
+def forced(name, scene, judged):
+    """The rules to run anew: that of the pairs, where a file of theirs is newer.
+
+    Snakemake sees only whether a folder is.
+    """
     made = Path("results", name, "poses.json")
     if not made.is_file():
         return ()
     files = [path for pair in judged.pairs for path in (pair.photo, pair.render.path)]
-    newest = max(path.stat().st_mtime for path in files)
+    files += lenses.files_of(scene["judged"].get("cameras"))
+    if depth := scene["judged"].get("depth"):
+        files += depths.find(depth, [pair.name for pair in judged.pairs]).values()
+    # Of folders, too: one that is taken away is in no other way noticed.
+    files += {path.parent for path in files}
+    newest = max(map(changed, files))
     return ("poses",) if newest > made.stat().st_mtime else ()
+
+
+def changed(path):
+    """When a file was changed last, also where a copy has brought its old time along"""
+    found = path.stat()
+    return max(found.st_mtime, found.st_ctime)
 
 
 def parse(argv=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(
-        prog="alignerf.start.judge",
+        prog=configs.program("judge"),
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -96,8 +157,21 @@ def parse(argv=None):
     parser.add_argument("--renders", default="", help="folder of renders")
     parser.add_argument("--cameras", default="", help="file or folder of cameras")
     parser.add_argument("--depth", default="", help="folder of depths")
-    parser.add_argument("--name", type=own_photos.name, help="of the results")
-    parser.add_argument("--cores", type=int, default=machine.cores())
+    parser.add_argument(
+        "--depth-kind",
+        choices=depths.KINDS,
+        help="along the optical axis, or distance along the ray (nerfacto's)",
+    )
+    parser.add_argument(
+        "--depth-scale", type=float, help="what brings it to the unit of the cameras"
+    )
+    parser.add_argument(
+        "--before",
+        type=configs.name,
+        help="name of results that these are compared with",
+    )
+    parser.add_argument("--name", type=configs.name, help="of the results")
+    parser.add_argument("--cores", type=configs.count, default=machine.cores())
     parser.add_argument(
         "--background", choices=sorted(photos.BACKGROUNDS), help="behind alpha"
     )

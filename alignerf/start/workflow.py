@@ -1,32 +1,100 @@
-"""The workflow on a config, as `make run` runs it on the default one."""
+"""The workflow on a config, and what a user sees of it.
+
+With VERBOSE in the environment (`make run VERBOSE=1`) that is all that Snakemake and
+its jobs print.
+"""
 
 import contextlib
 import os
 import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
-from alignerf.experiment import sources
+from alignerf.experiment import sources, targets
+from alignerf.files import yaml_files
+from alignerf.start.terminal import events, report, screen
+
+DEMO = sources.PIPELINE / "workflow" / "config" / "demo.yaml"
+LOGS, KEPT = Path("results/logs"), 10
+# Targets after which nobody waits for a verdict.
+WITHOUT_VERDICT = {("export",)}
 
 
-def run(path, cores, *targets, overrides=(), forced=()):
-    """Run a config for targets; returns the exit code.
+def run(path, cores, *wanted, overrides=(), forced=()):
+    """Run a config for targets, and show it; returns the exit code.
 
-    overrides: `key=value` of top-level keys. forced: rules that run again.
+    path: None is the demo's config. overrides: `key=value` of top-level keys. forced:
+    rules that run again.
     """
-    profile = sources.ROOT / "workflow" / "profiles" / "default"
+    command = command_of(path, cores, wanted, overrides, forced)
+    if os.environ.get("VERBOSE"):
+        return loud(command)
+    captures = scenes_of(path or DEMO)
+    code = quiet(command, captures)
+    if code == 0 and wanted not in WITHOUT_VERDICT:
+        export = targets.export_command([path] if path else [])
+        print("\n".join(targets.verdicts(captures, export=export)), flush=True)
+    return code
+
+
+def command_of(path, cores, wanted, overrides, forced):
+    """Snakemake's words."""
+    profile = sources.PIPELINE / "workflow" / "profiles" / "default"
     command = [sys.executable, "-m", "snakemake", "--cores", str(cores)]
-    command += ["--snakefile", str(sources.ROOT / "Snakefile")]
-    command += ["--workflow-profile", str(profile), "--configfile", str(path)]
+    command += ["--snakefile", str(sources.PIPELINE / "Snakefile")]
+    command += ["--workflow-profile", str(profile)]
+    command += ["--configfile", str(path)] if path else []
     command += ["--config", *overrides] if overrides else []
     command += ["--forcerun", *forced] if forced else []
-    command += ["--", *targets]
+    return [*command, "--", *wanted]
+
+
+def quiet(command, captures):
+    """Run it with a line a job; returns the exit code."""
+    log = log_file()
+    shown = screen.Screen()
+    shown.line(f"all that Snakemake and its jobs say: {log}")
+    told = report.Report(shown, captures, log)
+    child = events.Child([*command[:3], "--logger", events.PLUGIN, *command[3:]], log)
+    with child.handed_on():
+        while not child.ended():
+            # Ctrl-C reaches Snakemake too: it ends its jobs, and is waited for.
+            try:
+                if (event := child.next(screen.EVERY_S)) is not None:
+                    told.take(event)
+                told.tick()
+            except KeyboardInterrupt:
+                told.stopping = True
+                shown.line("stopping what runs")
+    code = child.code()
+    told.close(code)
+    return code
+
+
+def loud(command):
+    """Run it, and let Snakemake speak; returns the exit code."""
     child = subprocess.Popen(command, env=os.environ)
     while True:
-        # Ctrl-C reaches it too: it ends its jobs, and is waited for.
         with contextlib.suppress(KeyboardInterrupt):
             code = child.wait()
             break
     if code == -signal.SIGINT or code == 128 + signal.SIGINT:
         print("stopped; the same command goes on", file=sys.stderr)
     return code if code >= 0 else 128 - code
+
+
+def log_file():
+    """A new file for all that a run prints; of earlier ones the last few stay."""
+    LOGS.mkdir(parents=True, exist_ok=True)
+    for old in sorted(LOGS.glob("run-*.log"))[: 1 - KEPT]:
+        old.unlink(missing_ok=True)
+    return LOGS / f"run-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.log"
+
+
+def scenes_of(path):
+    """Names of a config's scenes, as far as they can be told."""
+    content = yaml_files.read(path)
+    scenes = content.get("scenes") if isinstance(content, dict) else None
+    return list(scenes) if isinstance(scenes, dict) else []

@@ -1,7 +1,7 @@
 """Every column of the tables: what it is, and its heading; from columns.yaml.
 
 From here come the order of a CSV's columns, the headings on the page and in LaTeX, and
-the lists in docs/columns.md.
+the lists in docs/reference/files.md.
 """
 
 from pathlib import Path
@@ -74,7 +74,7 @@ def latex(name):
 
 
 def markdown(table):
-    """The list of a table's columns for docs/columns.md."""
+    """The list of a table's columns for docs/reference/files.md."""
     groups = []
     for name, column in TABLES[table].columns.items():
         if column.what or not groups:

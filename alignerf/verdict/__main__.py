@@ -11,7 +11,7 @@ import pandas as pd
 
 from alignerf.files import atomic, faults, json_files
 from alignerf.scenes import prepared
-from alignerf.verdict import advice, causes, evidence, judged, views, words
+from alignerf.verdict import advice, causes, evidence, judged, report, views, words
 
 
 def main(argv=None):
@@ -27,15 +27,17 @@ def main(argv=None):
         timing=json_files.read(f"{args.base}/timing.json", evidence.TIMING),
         overfit=args.overfit,
         windows=(args.windows, args.windows_corrected),
-        of_judged=judged.read(poses, thumbs),
+        of_judged=judged.read(poses, thumbs, args.before),
     )
     findings = [judged.finding(known), *causes.find(known)]
     findings = [finding for finding in findings if finding]
     gains = words.gains_of(args.misalignment) if args.misalignment else []
-    sentences = words.say(known, findings, gains, rows)
+    told = report.of(known, findings, gains, rows)
+    lines = report.terminal(told)
     content = {
-        "verdict": sentences,
+        "verdict": lines,
         "state": words.state(known, findings),
+        **told._asdict(),
         "findings": [finding._asdict() for finding in findings],
         "gains": [
             gain._asdict() | {"pays": advice.pays(known, gain)} for gain in gains
@@ -53,7 +55,7 @@ def main(argv=None):
         # JSON has no NaN.
         path.write_text(json.dumps(plain(content), indent=1) + "\n")
         table.to_csv(views_path, index=False, float_format="%.6g")
-    print("\n".join(sentences))
+    print("\n".join(map(faults.one_line, lines)))
 
 
 def plain(value):
@@ -80,6 +82,7 @@ def parse(argv=None):
     parser.add_argument(
         "--windows-corrected", help="the same with cameras that a method has put right"
     )
+    parser.add_argument("--before", help="verdict.json of renders judged before")
     parser.add_argument("--out", required=True, help="verdict.json, written")
     parser.add_argument("--views", required=True, help="views.csv, written")
     return parser.parse_args(argv)

@@ -3,7 +3,7 @@
 All lengths are pixels of the training size; those of windows are pixels of the photo.
 The thresholds were chosen on variants of courtyard with one fault each, seed 1,
 MOVED_SHARE on seeds 0 and 2, too. They were tested on other seeds, on pairs of faults
-and on real captures: docs/verdict.md.
+and on real captures: docs/evidence/verdict.md.
 """
 
 import math

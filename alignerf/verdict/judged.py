@@ -3,6 +3,7 @@
 `alignerf.scenes.judged` puts such a scene together; its poses.json says how.
 """
 
+from pathlib import Path
 from typing import NamedTuple
 
 import cv2
@@ -15,6 +16,14 @@ from alignerf.verdict import causes
 # what is missing to 1 is at most half as much.
 THUMB_PX, LESS = 32, 0.5
 KEYS = dict.fromkeys(("depth", "cameras", "layout", "way"), str)
+BEFORE = dict.fromkeys(("flow_train_px", "flow_test_px"), json_files.NUMBER_OR_NONE)
+BEFORE |= {"photo_px": json_files.NUMBER}
+# Of depth whose unit neither points nor the config has told.
+UNKNOWN_UNIT = (
+    "Its unit is not known, as the cameras came without points: it was taken for "
+    "theirs. If it is another, an export moves cameras too far or too little. "
+    '`JUDGE="--depth-scale X"` says it.'
+)
 DEPTHS = {
     "given": "The renders' own depth was used.",
     "points": "Depth is coarse: that of the points which the cameras came with.",
@@ -27,24 +36,46 @@ class Judged(NamedTuple):
     """How a scene that is judged was put together.
 
     depth: a key of DEPTHS; cameras: what told them, `none` where nothing did; layout:
-    how the renders lay; swapped: (view, the view whose photo its render shows).
+    how the renders lay; swapped: (view, the view whose photo its render shows); before:
+    of a judgement before this one, its name and shifts of training and held-out views
+    in px of the photo; None without one. depth_unit: what told the unit of given depth,
+    `nothing` where nothing did.
     """
 
     depth: str
     cameras: str
     layout: str
     swapped: tuple = ()
+    before: tuple | None = None
+    depth_unit: str | None = None
 
 
-def read(poses, thumbs):
+def read(poses, thumbs, before=None):
     """`Judged` by the contents of poses.json, or None of another scene.
 
-    thumbs: {view: (of the photo, of the render)}, as `thumb` makes them.
+    thumbs: {view: (of the photo, of the render)}, as `thumb` makes them. before: path
+    of the verdict.json of a judgement before this one, or None.
     """
     if (told := poses.get("judged")) is None:
         return None
     json_files.check(told, KEYS)
-    return Judged(told["depth"], told["cameras"], told["layout"], swapped(thumbs))
+    return Judged(
+        depth=told["depth"],
+        cameras=told["cameras"],
+        layout=told["layout"],
+        swapped=swapped(thumbs),
+        before=before and read_before(Path(before)),
+        depth_unit=told.get("depth_unit"),
+    )
+
+
+def read_before(path):
+    """(name, px on photos that were trained on, px on held-out ones; None unknown)."""
+    found = json_files.read(path, {"evidence": dict})["evidence"]
+    json_files.check(found, BEFORE)
+    shifts = (found["flow_train_px"], found["flow_test_px"])
+    scale = found["photo_px"]
+    return path.parent.name, *(px and px * scale for px in shifts)
 
 
 def thumb(image):
@@ -85,6 +116,10 @@ def sentence(_, e):
 def lines(e):
     """Sentences on what could not be told, and why."""
     found = [DEPTHS[e.judged.depth]]
+    if e.judged.depth_unit == "nothing":
+        found[0] += f" {UNKNOWN_UNIT}"
+    if e.judged.before:
+        found.insert(0, compared(*e.judged.before))
     if e.judged.cameras == "none":
         found.append(
             "No cameras were given: a field of view was assumed, and what is called a "
@@ -96,6 +131,19 @@ def lines(e):
             "the photos that it has learnt. Render those that it has not seen, too."
         )
     return found
+
+
+def compared(name, train_px, test_px):
+    """A sentence on the judgement before; units as of the verdict's own."""
+    parts = [
+        f"{px:.2g} px on {what}"
+        for px, what in (
+            (train_px, "photos that were trained on"),
+            (test_px, "held-out ones"),
+        )
+        if px is not None
+    ]
+    return f"Before, in {name}, it was {', '.join(parts) or 'unknown'}."
 
 
 # The first cause decides, as in `advice.ADVICE`.
@@ -120,19 +168,28 @@ ADVICE = (
 )
 
 
+def put_right(e, text):
+    """An advice with the command that exports, or with what an export wants first."""
+    if "{export}" not in text:
+        return text
+    if e.judged.cameras == "none":
+        return "give the cameras, too (CAMERAS=...): then they can be corrected."
+    if not e.train_views:
+        return (
+            "render the photos that the program has learnt from, too, and judge again: "
+            "only those can be put right."
+        )
+    return text.format(export=provenance.export_command())
+
+
 def advise(e, findings):
     """What to do first."""
     named = {finding.cause for finding in findings}
-    export = provenance.export_command()
     for cause, text in ADVICE:
         if cause in named:
-            if cause == "camera" and e.judged.cameras == "none":
-                return (
-                    "give the cameras, too (CAMERAS=...): then they can be corrected."
-                )
-            return text.format(export=export)
+            return put_right(e, text)
     if causes.misaligned(e):
-        return f"train again on the warped photos: `{export}` writes them."
+        return put_right(e, dict(ADVICE)["motion"])
     if not causes.tells(e):
         return "render larger pictures: at this size a shift is too small to be seen."
     return (

@@ -1,4 +1,4 @@
-"""The verdict in plain words: each sentence with its number.
+"""The verdict's sentences in plain words, each with its number; see `report`.
 
 Lengths are in pixels of the original photo: those of the training change with
 `downscale`. Where it matters, they are also said for photos of 1600 px of width.
@@ -12,22 +12,13 @@ import pandas as pd
 
 from alignerf.files import csv_files
 from alignerf.tables import scores
-from alignerf.verdict import advice, causes, judged
+from alignerf.verdict import causes, judged
 
 
-def say(evidence, findings, gains, views):
-    """Lines of the verdict, the answer first.
-
-    gains: as of `gains_of`.
-    """
-    lines = [headline(evidence, findings)]
-    lines += [SENTENCES[finding.cause](finding, evidence) for finding in findings]
-    lines += alignment(evidence)
-    lines += judged.lines(evidence) if evidence.judged else []
-    lines += photos(views)
-    lines += [gain_line(gain, evidence) for gain in gains]
-    lines.append("To do: " + advice.advise(evidence, findings, gains))
-    return lines
+def measured(e, views):
+    """Sentences on what was measured: shifts, what could not be told, odd photos."""
+    lines = alignment(e) + (judged.lines(e) if e.judged else [])
+    return lines + photos(views)
 
 
 def of_photo(px, evidence):
@@ -61,29 +52,27 @@ def headline(e, findings):
     ]
     if kind == "misaligned":
         by = f"misaligned by {length(causes.shift_px(e))}"
-        return f"Verdict: {by}{': ' + ', '.join(what) if what else ''}."
+        return f"{by}{': ' + ', '.join(what) if what else ''}."
     if kind == "aligned":
         far = f"aligned, as far as {length(causes.limit_px(e))} can show"
-        return f"Verdict: {far}{'; but ' + ', '.join(what) if what else ''}."
+        return f"{far}{'; but ' + ', '.join(what) if what else ''}."
     if "sparse" in named:
         if "camera" in named:
             poses = next(word for word in what if word.startswith("poses"))
-            return f"Verdict: {poses}, and photos are too few or too far apart."
-        return "Verdict: too few photos, or too far apart: aligning is no help."
+            return f"{poses}, and photos are too few or too far apart."
+        return "too few photos, or too far apart: aligning is no help."
     if causes.few_train(e):
-        return "Verdict: too few photos to say much."
+        return "too few photos to say much."
     if causes.too_short(e):
-        return "Verdict: trained too short to tell how well photos are aligned."
+        return "trained too short to tell how well photos are aligned."
     also = f" But {', '.join(what)}." if what else ""
     if not math.isfinite(causes.flow_px(e)):
-        return (
-            f"Verdict: cannot be told: no flow from renders to photos is valid.{also}"
-        )
+        return f"cannot be told: no flow from renders to photos is valid.{also}"
     if causes.of_windows_say(e) == "unconfirmed":
         px = length(e.windows.flow_px)
-        return f"Verdict: cannot be told for sure: windows are {px} apart.{also}"
+        return f"cannot be told for sure: windows are {px} apart.{also}"
     seen = f"a shift under {length(causes.limit_px(e))} would not be seen"
-    return f"Verdict: cannot be told at this size: {seen}.{also}"
+    return f"cannot be told at this size: {seen}.{also}"
 
 
 def state(e, findings):

@@ -145,13 +145,15 @@ def test_a_failure_keeps_what_an_earlier_run_made(courtyard, tmp_path):
 
 def test_another_source_takes_the_truth_away(courtyard, tmp_path):
     shutil.copytree(courtyard, tmp_path / "scene")
-    matrix = np.eye(4).tolist()
     (tmp_path / "images").mkdir()
     frames = []
     for name in ("a", "b"):
-        pixels = np.zeros((32, 40, 3), np.uint8)
+        pixels = np.full((32, 40, 3), ord(name), np.uint8)
         images.write(tmp_path / "images" / f"{name}.png", pixels)
-        frames.append({"file_path": f"images/{name}", "transform_matrix": matrix})
+        matrix = np.eye(4)
+        matrix[0, 3] = ord(name)
+        frame = {"file_path": f"images/{name}", "transform_matrix": matrix.tolist()}
+        frames.append(frame)
     scene = {"camera_angle_x": 1.0, "frames": frames}
     (tmp_path / "transforms.json").write_text(json.dumps(scene))
     config = {"source": "transforms", "path": str(tmp_path), "least_train_views": 1}

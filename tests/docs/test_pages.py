@@ -8,10 +8,13 @@ import pytest
 import yaml
 
 from alignerf.tables import columns
-from docs import tables
+from docs import lists, tables
 
 README_LINES = 120
 LINE_WIDTH = 110
+# Of the pages that a user reads, and lines of one that tells how something is done.
+WORDS, HOWTO_LINES = 12_000, 60
+OF_USERS = ("start.md", "howto/*.md", "explain/*.md", "reference/glossary.md")
 HEAD = {
     "commit": r"[0-9a-f]{7,40}",
     "lock": r"[0-9a-f]{16}|none",
@@ -31,9 +34,10 @@ def pages(root):
 
 @pytest.fixture
 def copy(root, tmp_path):
-    """README and docs in a folder of their own."""
+    """README and docs in a folder of their own, with what they quote."""
     shutil.copytree(root / "docs", tmp_path / "docs")
-    shutil.copy(root / "README.md", tmp_path)
+    for name in ("README.md", "Makefile", "Snakefile"):
+        shutil.copy(root / name, tmp_path)
     return tmp_path
 
 
@@ -49,10 +53,12 @@ def test_a_changed_value_is_named_and_then_written(copy, capsys):
     path.write_text(text.replace("25.71", "26.71"))
     arguments = ["--root", str(copy)]
     assert tables.main([*arguments, "--check"]) == 1
-    assert capsys.readouterr().out.split()[:3] == ["docs/rounds.md:", "table", "rounds"]
-    assert "26.71" not in (copy / "docs/rounds.md").read_text()
+    assert capsys.readouterr().out.split()[:3] == [
+        *("docs/evidence/rounds.md:", "table", "rounds")
+    ]
+    assert "26.71" not in (copy / "docs/evidence/rounds.md").read_text()
     assert tables.main(arguments) == 0
-    assert "26.71 dB" in (copy / "docs/rounds.md").read_text()
+    assert "26.71 dB" in (copy / "docs/evidence/rounds.md").read_text()
     assert tables.main([*arguments, "--check"]) == 0
 
 
@@ -65,6 +71,13 @@ def test_every_csv_is_shown_and_every_table_told(root, pages):
     assert listed == {*columns.TABLES, "test_sets"}
     used = {specs[name].get("csv", name) for name in shown}
     assert used == {path.stem for path in (root / tables.MEASURED).glob("*.csv")}
+
+
+def test_every_list_of_the_program_is_in_the_reference(pages):
+    marks = [mark for text in pages.values() for mark in tables.MARK.findall(text)]
+    listed = {(kind, name) for _, kind, name, *_ in marks}
+    assert {name for kind, name in listed if kind == "keys"} == set(lists.classes())
+    assert {"make", "targets", "options", "output"} <= {kind for kind, _ in listed}
 
 
 def test_every_csv_says_where_it_comes_from(root):
@@ -118,6 +131,59 @@ def test_readme_is_short_and_lines_are_narrow(root, pages):
             wide = len(line) > LINE_WIDTH and not line.startswith("|")
             assert not wide, f"{path}:{number}"
         assert "@@" not in text, path
+
+
+def test_pages_of_users_are_few_words_without_history(root):
+    paths = [path for of in OF_USERS for path in sorted((root / "docs").glob(of))]
+    assert len(paths) >= 20
+    texts = {path: path.read_text() for path in paths}
+    assert sum(len(text.split()) for text in texts.values()) <= WORDS
+    for path, text in texts.items():
+        assert not re.search(r"trainer before|\bcommit\b|other jobs", text), path
+
+
+def test_a_howto_is_one_screen_and_begins_with_its_commands(root):
+    paths = sorted((root / "docs/howto").glob("*.md"))
+    assert len(paths) >= 12
+    for path in paths:
+        lines = path.read_text().splitlines()
+        assert len(lines) <= HOWTO_LINES, path
+        assert any(line.startswith("    ") for line in lines[:8]), path
+
+
+def test_every_page_stands_in_the_index_and_in_the_site(root):
+    docs = root / "docs"
+    found = {path.relative_to(docs).as_posix() for path in docs.rglob("*.md")}
+    linked = {"README.md"}
+    for index in (docs / "README.md", docs / "evidence/README.md"):
+        for link in LINK.findall(index.read_text()):
+            path = (index.parent / link).resolve()
+            linked.add(path.relative_to(docs.resolve()).as_posix())
+    assert linked == found
+    nav = yaml.safe_load((root / "mkdocs.yml").read_text())["nav"]
+    assert sorted(leaves(nav)) == sorted(found)
+
+
+def leaves(nav):
+    """The pages of a site's contents."""
+    if isinstance(nav, str):
+        return [nav]
+    parts = nav.values() if isinstance(nav, dict) else nav
+    return [leaf for part in parts for leaf in leaves(part)]
+
+
+def test_pages_that_code_and_configs_name_exist(root):
+    named = {}
+    for folder in ("alignerf", "flow", "tests", "workflow"):
+        for path in (root / folder).rglob("*"):
+            if path.suffix in (".py", ".yaml", ".smk"):
+                for page in re.findall(r"\bdocs/[\w/]+\.md\b", path.read_text()):
+                    named[page] = path
+    assert len(named) >= 10
+    missing = [
+        f"{of}: {page}" for page, of in named.items() if not (root / page).exists()
+    ]
+    assert not missing, "\n".join(missing)
 
 
 def test_links_and_anchors_resolve(pages):

@@ -51,10 +51,52 @@ def test_gains_that_are_advised_with_are_those_measured(measured):
 
 def test_pages_quote_the_same_gains(page_of, measured):
     brought = r"it brought ([\d.]+) dB in the seconds of one training, ([\d.]+) dB in"
-    found = re.findall(brought, page_of("docs/verdict.md"))
+    found = re.findall(brought, page_of("docs/evidence/verdict.md"))
     way = {"scene": BOTH, "method": "aligned on the way"}
     wanted = [measured("on_the_way", "equal_db", share=n, **way) for n in (1, 2)]
     assert found == [tuple(f"{db:.1f}" for db in wanted)]
+
+
+def test_what_the_page_on_alignment_says_it_brings_was_measured(page_of, measured):
+    text = page_of("docs/explain/alignment.md")
+    rows = {
+        "poses wrong by 1.5 px, objects move": BOTH,
+        "nothing wrong": "nothing wrong",
+    }
+    for scene, of in rows.items():
+        way = {"scene": of, "method": "aligned on the way"}
+        gain = measured("on_the_way", "gain_db", share=1, **way)
+        equal = [measured("on_the_way", "equal_db", share=n, **way) for n in (1, 2)]
+        cells = [f"{abs(db):.1f}" for db in (gain, *equal)]
+        found = re.search(rf"\| {scene} \| (.*?) dB \| (.*?) dB \| (.*?) dB \|", text)
+        assert [cell.lstrip("+-") for cell in found.groups()] == cells
+
+
+def test_what_the_page_on_poses_says_was_won_back_was_measured(page_of, measured):
+    text = page_of("docs/howto/poses.md")
+    castle = "castle, surveyed cameras, 384x256", "castle, off by 1.5 px"
+    fox = "fox, 270x480", "fox, off by 1.5 px"
+    chair = (
+        "chair, the same window, COLMAP's poses",
+        "chair, a window of 256 px, the phone's poses",
+    )
+    for name, (right, wrong) in {"castle": castle, "fox": fox, "chair": chair}.items():
+        best, plain = (
+            measured("on_the_way_real", "psnr_db", scene=s, method="plain training")
+            for s in (right, wrong)
+        )
+        way = {"scene": wrong, "method": "aligned on the way"}
+        gain = measured("on_the_way_real", "gain_db", **way)
+        found = re.search(
+            rf"\| {name}[^|]*\|[^|]*\| ([\d.]+) dB \| ([\d.]+) dB \|", text
+        )
+        assert found.groups() == (f"{best - plain:.1f}", f"{gain:.1f}")
+
+
+def test_the_verdict_that_is_quoted_is_that_of_the_picture(root):
+    headline, *_ = (root / "docs/pictures/page.txt").read_text().splitlines()
+    printed = (root / "docs/outputs/verdict.txt").read_text()
+    assert headline.lower() in " ".join(printed.split()).lower()
 
 
 def test_the_picture_of_the_page_is_of_the_run_in_the_tables(root, page_of):
@@ -70,18 +112,18 @@ def test_the_picture_of_the_page_is_of_the_run_in_the_tables(root, page_of):
     said = re.compile(r"(.+): (\S+) dB \[(\S+), (\S+)\]")
     found = {m[1]: list(m.groups()[1:]) for line in lines if (m := said.match(line))}
     assert found == wanted
-    assert f'its upper part: "{headline}"' in page_of("docs/photos.md")
+    assert f'its upper part: "{headline}"' in page_of("docs/start.md")
 
 
 def test_pages_say_the_scale_of_the_flow_and_that_figures_have_their_own(page_of):
-    text = page_of("docs/photos.md")
+    text = page_of("docs/reference/files.md")
     assert f"full colour is {layers.FULL_PX:g} px" in text
     assert "rim of their colour wheel" in text
     assert f"{limit.ALIGNED_PX:g} px, or what the estimator finds" in text
 
 
 def test_the_page_on_the_method_reads_the_verdict_as_it_is(page_of):
-    text = page_of("docs/method.md")
+    text = page_of("docs/evidence/alignerf.md")
     assert f"From {limit.ALIGNED_PX:g} px on it calls photos misaligned" in text
     assert "*training* views (`flow_train_px` in `verdict.json`)" in text
     assert "train longer first" not in text
@@ -91,9 +133,9 @@ def test_the_page_on_the_method_reads_the_verdict_as_it_is(page_of):
     ("name", "before"),
     [
         ("README.md", "make run #"),
-        ("docs/results.md", "Cost: "),
-        ("docs/performance.md", "`make run` takes"),
-        ("docs/cluster.md", "`make run` takes"),
+        ("docs/evidence/demo.md", "Cost: "),
+        ("docs/start.md", "the demo: "),
+        ("docs/develop/cluster.md", "`make run` takes"),
         ("workflow/config/demo.yaml", "Cost: "),
     ],
 )

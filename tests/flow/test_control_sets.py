@@ -87,7 +87,7 @@ def test_every_set_is_the_warp_that_it_says(scene):
             found["overfit_crossfit"], render
         )
         assert (row["view"], row["aligned"]) == (view, "oracle")
-        assert list(row) == list(control_sets.COLUMNS)
+        assert list(row) == list(controls.COLUMNS)
         wanted = lengths.statistics(overfit_px, valid, view=view)
         assert {key: float(row[key]) for key in wanted} == pytest.approx(wanted)
         assert 0 < float(row["median_px"]) < 0.5

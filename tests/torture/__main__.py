@@ -1,9 +1,10 @@
 """`make torture`: the attack on the program, and its report.
 
-Parts: inputs (a finished chain's files, folders of photos, configs and jobs), numbers,
-kills, stops, disks, company, matching, clocks, memory. Writes report.csv and
-findings.txt; exits with 1 where anything was found. The whole takes some three hours on
-two cores; `--only numbers` takes a minute.
+Parts: inputs (a finished chain's files, folders of photos, configs and jobs), folders
+(grown from the seed), names, environments, numbers, kills, stops, disks, company,
+matching, clocks, memory. Writes report.csv and findings.txt; exits with 1 where
+anything was found. The whole takes some three hours on two cores; `--only numbers`
+takes a minute.
 """
 
 import argparse
@@ -11,7 +12,9 @@ import functools
 import os
 import random
 import shutil
+import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -26,9 +29,12 @@ from tests.torture import (
     chains,
     configs,
     damage,
+    environments,
+    grown,
     interrupts,
     machines,
     matching,
+    names,
     numbers,
     stages,
 )
@@ -44,6 +50,7 @@ def main(argv=None):
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     args.out.mkdir(parents=True, exist_ok=True)
     reference = reference_of(args.out / "reference")
+    print(f"seed {args.seed}", flush=True)
     rows, said = [], []
     for name in args.only or PARTS:
         started = time.monotonic()
@@ -62,12 +69,20 @@ def parse(argv=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="tests.torture", description=__doc__)
     parser.add_argument("--only", nargs="*", choices=PARTS, help="these parts")
-    parser.add_argument("--seed", type=int, default=0)
+    today = int(time.strftime("%Y%m%d"))
+    parser.add_argument(
+        "--seed", type=int, default=today, help="(default: the date, another each day)"
+    )
+    parser.add_argument("--cases", type=int, default=300, help="folders a source")
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "torture")
     parser.add_argument(
         "--ways", type=int, default=4, help="tried on each input of each stage"
     )
     parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument(
+        "--environments", type=int, default=40, help="stages under one each"
+    )
+    parser.add_argument("--names", type=int, default=2000, help="of folders and views")
     return parser.parse_args(argv)
 
 
@@ -125,6 +140,29 @@ def of_captures(reference, args, rng):
         shutil.rmtree(place)
 
 
+def of_folders(reference, args, rng):
+    """Folders grown from the seed, spoilt at random; each source in its own process.
+
+    A process that ends otherwise than by itself is a finding, with its last case.
+    """
+    for source in grown.SOURCES:
+        words = ["--source", source, "--cases", str(args.cases)]
+        command = [sys.executable, "-m", "tests.torture.generated", *words]
+        done = subprocess.run(
+            [*command, "--seed", str(args.seed)],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+        )
+        lines = done.stdout.splitlines()
+        cases = [line for line in lines if line.startswith('{"case"')]
+        found = [line for line in lines if line not in cases]
+        if done.returncode:
+            found.append(f"exit {done.returncode} at {cases[-1:]}")
+        yield f"grown folders of {source}", len(cases), found
+
+
 def of_configs(reference, args, rng):
     """Every key of a config and of a job, with every hostile value."""
     config = configs.complete(yaml.safe_load(chains.CONFIG))
@@ -155,6 +193,45 @@ def of_numbers(reference, args, rng):
         yield name, numbers.CASES, numbers.check(name, rng)
 
 
+def of_environments(reference, args, rng):
+    """Stages of the chain, each under variables drawn at random."""
+    random_ = random.Random(args.seed)
+    known = environments.variables()
+    found = stages.plan(ROOT, reference.folder, "tiny.yaml")
+    found = [stage for stage in found if stage.module not in NOT_ATTACKED]
+    cases = [
+        (random_.choice(found), environments.drawn(random_, known))
+        for _ in range(args.environments)
+    ]
+
+    def attack(case):
+        stage, environment = case
+
+        def bad(variables):
+            place = args.out / "place"
+            return environments.attack(stage, variables, reference.folder, place)
+
+        if not bad(environment):
+            return None
+        least = environments.smallest(environment, bad)
+        return f"{stage.module}, {least}: {bad(least)}"
+
+    yield "variables of the environment", *tried(attack, cases)
+
+
+def of_names(reference, args, rng):
+    """Names of folders and of views, made of parts that some reader trips over."""
+    random_ = random.Random(args.seed)
+    cases = [names.drawn(random_) for _ in range(args.names)]
+    for what, way in (("tables", names.of_table), ("folders", names.of_folder)):
+
+        def attack(name, way=way):
+            with tempfile.TemporaryDirectory() as folder:
+                return way(name, Path(folder), random_)
+
+        yield f"names in {what}", *tried(attack, cases)
+
+
 def of_kills(reference, args, rng):
     found, done = interrupts.killed(reference, args.out / "kills", args.kills, rng)
     yield "kill -9 of the chain", done, found
@@ -178,6 +255,9 @@ PARTS = {
     "numbers": of_numbers,
     "configs": of_configs,
     "captures": of_captures,
+    "names": of_names,
+    "environments": of_environments,
+    "folders": of_folders,
     "stages": of_stages,
     "kills": of_kills,
     "stops": of_stops,

@@ -112,6 +112,8 @@ def check_verdict(scene, output):
     assert "few_views" in {finding["cause"] for finding in found["findings"]}
     assert found["evidence"]["train_views"] == VIEWS - len(TEST_VIEWS)
     first, *_, last = found["verdict"]
+    # Its own job does not say it, too.
+    assert output.count(f"  {first}") == 1
     said = output[output.rindex("\ntiny\n") :]
     assert said.index(f"  {first}") < said.index(f"  {last}")
     rows = read_csv(scene / "tables" / "views.csv")

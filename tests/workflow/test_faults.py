@@ -105,3 +105,10 @@ def test_bad_photos_end_in_one_line(tmp_path, snakemake, fill, reason):
     names = {path.relative_to(tmp_path / "results") for path in made}
     known = {"config.yaml", "logs/config.log", "logs/config.tsv", "logs/poses.log"}
     assert names <= {Path("mine") / name for name in known}
+
+
+def test_a_file_in_the_place_of_a_folder_is_named(tmp_path, demo, dry_run):
+    (tmp_path / "results").touch()
+    code, output = dry_run(tmp_path, "--configfile", write(tmp_path, demo), "-n")
+    assert (code, len(output.splitlines())) == (1, 1)
+    assert output.startswith("error: results: a folder was expected there")

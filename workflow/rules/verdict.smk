@@ -1,5 +1,5 @@
 # What is wrong with a scene, in plain words, after the reference's first round; and
-# every photo, with why it stands out.
+# every photo, with why it stands out. The run says it last (`onsuccess`), so not here.
 rule verdict:
     input:
         unpack(lambda w: layout.outputs_of(rows.of_verdict(experiment, w.scene))),
@@ -29,4 +29,4 @@ rule verdict:
     shell:
         "python -m alignerf.verdict --scene results/{wildcards.scene:q}"
         " --base {params.base:q} {params.options:q} --out {output.verdict:q}"
-        " --views {output.views:q} 2>&1 | tee {log:q}"
+        " --views {output.views:q} > {log:q} 2>&1"

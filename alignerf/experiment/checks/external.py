@@ -5,7 +5,7 @@ from pathlib import Path
 
 from alignerf.experiment import kinds, schema
 from alignerf.experiment.checks import places
-from alignerf.experiment.checks.common import fault, is_there
+from alignerf.experiment.checks.common import check_path_variable, fault, is_there
 from alignerf.experiment.keys import method as method_keys
 from alignerf.experiment.keys import scene as scene_keys
 
@@ -79,6 +79,7 @@ def check_folder(config, path, where):
     if path is None:
         return
     check_places(path, OF_FOLDER, where)
+    check_path_variable(where, path)
     for scene, chosen in config["scenes"].items():
         folder = path.replace("{scene}", scene)
         there = is_there(folder, of_kind=Path.is_dir)

@@ -4,7 +4,12 @@ from pathlib import Path
 
 from alignerf.experiment import jobs, kinds, schema
 from alignerf.experiment.checks import external
-from alignerf.experiment.checks.common import fault, is_derived, is_there
+from alignerf.experiment.checks.common import (
+    check_path_variable,
+    fault,
+    is_derived,
+    is_there,
+)
 from alignerf.experiment.keys import method as method_keys
 from alignerf.experiment.keys import scene as scene_keys
 
@@ -96,6 +101,7 @@ def check_renders(config, name):
     rest = method["renders"].replace("{scene}", "")
     if set(rest) & set("{}"):
         fault(where, f"{method['renders']}: in braces only scene has a meaning")
+    check_path_variable(where, method["renders"])
     for scene, chosen in config["scenes"].items():
         if scene_keys.whole_of(chosen):
             continue

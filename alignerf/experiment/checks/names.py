@@ -1,6 +1,7 @@
 """Names: of scenes, methods and models, and what the paper's tables call them."""
 
 import csv
+import re
 
 from alignerf.experiment.checks.common import fault, first
 from alignerf.experiment.keys import config as config_keys
@@ -19,6 +20,10 @@ FOLDERS = {
     *("masks", "colmap", "points", "bounds", "verdict", "index"),
     *("regimes", "remedies", "comparison", "scores", "trainings"),
 }
+
+# The end of a name that Snakemake takes for a loop among rules.
+MOST_LETTERS = 100
+PERIODIC = re.compile(r"(.+?)\1{19}\Z")
 
 
 def check_names(config):
@@ -41,6 +46,10 @@ def check_names(config):
         for name in entries if isinstance(entries, dict) else ():
             if not isinstance(name, str):
                 fault(f"{section}.{name}", "a name must be text, quote it")
+            # Of a longer one the schema says so, and looking would take long.
+            if len(name) <= MOST_LETTERS and PERIODIC.search(name):
+                reason = "its end repeats itself 20 times or more, choose another"
+                fault(f"{section}.{name}", reason)
             if name in names:
                 fault(f"{section}.{name}", f"{what} has this name, choose another")
 

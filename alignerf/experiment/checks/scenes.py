@@ -1,7 +1,9 @@
 """Scenes: what a source allows, and that its folders are there."""
 
+import os
+
 from alignerf.experiment import schema
-from alignerf.experiment.checks.common import fault, is_there
+from alignerf.experiment.checks.common import check_path_variable, fault, is_there
 from alignerf.experiment.keys import scene as scene_keys
 
 # Sources whose photos may have alpha.
@@ -102,10 +104,16 @@ def check_path(scene, name):
     """The folders of a scene are there, their names without meaning for Snakemake."""
     judged = scene["judged"] or {}
     paths = {key: scene[key] for key in ("path", "masks")}
-    paths |= {f"judged.{k}": judged.get(k) for k in ("renders", "cameras", "depth")}
+    paths |= {
+        f"judged.{k}": judged.get(k) for k in ("renders", "cameras", "depth", "before")
+    }
     for key, path in paths.items():
         where = f"scenes.{name}.{key}"
         if path and set(path) & set("{}"):
             fault(where, f"{path}: braces mean wildcards, rename it")
+        check_path_variable(where, path or "")
         if path and not is_there(path):
             fault(where, f"{path} does not exist")
+    own = os.path.realpath(f"results/{name}/verdict.json")
+    if judged.get("before") and os.path.realpath(judged["before"]) == own:
+        fault(f"scenes.{name}.judged.before", "is the verdict that is to be written")

@@ -12,6 +12,9 @@ REQUIRED, UNSAID = object(), object()
 # Of models, methods and variants: they become folders, and columns of tables.
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_]{0,99}\Z"
 MOST_NAMES = 10000
+# The least and the largest that float32 has with all its digits: JAX computes in it,
+# and takes what is smaller for 0.
+LEAST, LARGEST = 2.0**-126, 2.0**128 - 2.0**104
 # As pydantic calls them.
 BOUNDS = {"least": "ge", "most": "le", "above": "gt"}
 SHORT = reprlib.Repr()
@@ -53,6 +56,19 @@ class Keys(pydantic.BaseModel):
                 hint = f", perhaps {near[0]!r}" if near else ""
                 raise ValueError(f"{short(key)} is no key of this section{hint}")
         return values
+
+    @pydantic.model_validator(mode="after")
+    def check_digits(self):
+        """ValueError for a number that float32 has not: it would fail far from here."""
+        for key, name in self.names().items():
+            value = getattr(self, name)
+            for one in value if isinstance(value, list) else [value]:
+                if isinstance(one, float) and one and not LEAST <= abs(one) <= LARGEST:
+                    raise ValueError(
+                        f"{key}: {one!r} should be 0, or from {LEAST:.1e} to "
+                        f"{LARGEST:.1e}, as float32 has no others"
+                    )
+        return self
 
 
 def short(value):

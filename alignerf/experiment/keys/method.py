@@ -130,7 +130,7 @@ class Align(Keys):
 
 
 class External(Keys):
-    """Another program, which trains and renders: docs/external.md."""
+    """Another program, which trains and renders: docs/howto/any_trainer.md."""
 
     train: str | None = key(
         None,

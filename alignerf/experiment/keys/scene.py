@@ -167,6 +167,11 @@ class Judged(Keys):
         "null: from the points that cameras came with, else all is far away",
         pattern=r"\S",
     )
+    before: str | None = key(
+        None,
+        "verdict.json of a judgement before this one, with which it is compared",
+        pattern=r"\S",
+    )
     depth_kind: Literal["depth", "distance"] | None = key(
         None,
         "along the optical axis, or along the ray; null: as fits the points better",

@@ -5,7 +5,8 @@ scene, name, once)`: the trainings of the method's rounds, round 0 first, where 
 gives the equal training that another method has made already; and `words(experiment,
 name)`: what tables say of the method besides its field. That of another package also
 has `KEY`, its key of a method; `Keys`, the class of what stands there; and, if it
-likes, `check(config, name)`, which raises ValueError. docs/extending.md shows one.
+likes, `check(config, name)`, which raises ValueError. docs/develop/extending.md shows
+one.
 """
 
 from alignerf.experiment.kinds import (

@@ -8,7 +8,7 @@ from alignerf.experiment.tables import json_rows
 
 # Rules write rows and wait for their files; commands read rows.
 as_json = json_rows.as_json
-PUBLISHED = sources.ROOT / "results" / "published"
+PUBLISHED = sources.PIPELINE / "results" / "published"
 TIMING, PROCESS = "timing.json", "logs/train.tsv"
 
 
@@ -190,8 +190,9 @@ def compared(experiment, scene):
 
     And, of a scene whose models this run has trained, what its remedies brought.
     """
-    if experiment.scenes[scene]["judged"]:
-        return {"overfit": f"{experiment.judged_folder(scene)}/overfit.csv"}
+    if judged := experiment.scenes[scene]["judged"]:
+        found = {"overfit": f"{experiment.judged_folder(scene)}/overfit.csv"}
+        return found | ({"before": judged["before"]} if judged["before"] else {})
     return {
         "overfit": f"results/{scene}/testset/overfit.csv",
         "misalignment": f"results/{scene}/tables/misalignment.csv",

@@ -1,7 +1,7 @@
 """Test sets: what a render is compared with, on which pixels, in which tables.
 
 Each is one entry here. `alignerf.evaluate` scores them, tables show them in this order,
-and docs/columns.md lists them.
+and docs/reference/files.md lists them.
 """
 
 import functools
@@ -204,7 +204,7 @@ def shown_in(table):
 
 
 def markdown():
-    """The list for docs/columns.md."""
+    """The list for docs/reference/files.md."""
     lines = [("test set", "pixels", "what a render is compared with", "shown in")]
     lines.append(["---"] * 4)
     for one in EVERY:

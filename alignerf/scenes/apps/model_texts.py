@@ -13,6 +13,8 @@ from alignerf.scenes.capture import model_files
 
 # Of a line of images.txt: id, quaternion, translation, camera, name.
 OF_IMAGE = 10
+# Numbers of a pose.
+OF_POSE = 7
 
 
 def lines_of(path):
@@ -56,13 +58,42 @@ def check(folder):
         if len(words) != OF_IMAGE:
             what = "a name with spaces?" if len(words) > OF_IMAGE else "cut short?"
             raise ValueError(f"{path}: line {number} has {len(words)} words: {what}")
-        try:
-            quaternion = [float(word) for word in words[1:5]]
-            placed = all(math.isfinite(float(word)) for word in words[5:8])
-        except ValueError:
-            quaternion, placed = [], False
-        if not placed or not model_files.is_rotation(quaternion):
-            raise ValueError(f"{path}: line {number}: {words[9]} has no pose")
+        if not is_pose(words[1:8]):
+            raise ValueError(
+                f"{path}: line {number}: {faults.name_of(words[9])} has no pose"
+            )
+
+    check_frames(Path(folder) / "frames.txt")
+    check_rigs(Path(folder) / "rigs.txt")
+
+
+def check_frames(path):
+    """`check` of frames.txt, from which COLMAP takes poses where it is there."""
+    for number, line in lines_of(path) if path.is_file() else ():
+        if line and not is_pose(line.split()[2:9]):
+            raise ValueError(f"{path}: line {number}: a frame without a pose")
+
+
+def check_rigs(path):
+    """`check` of rigs.txt: where each further sensor of a rig is."""
+    for number, line in lines_of(path) if path.is_file() else ():
+        # Of a sensor: its kind, its number, and whether a pose follows.
+        words = line.split()[4:]
+        while words:
+            has_pose = words[2:3] == ["1"]
+            if has_pose and not is_pose(words[3:10]):
+                raise ValueError(f"{path}: line {number}: a sensor without a pose")
+            words = words[10 if has_pose else 3 :]
+
+
+def is_pose(words):
+    """Whether seven words are a quaternion of length 1 and a place."""
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        return False
+    finite = len(values) == OF_POSE and all(map(math.isfinite, values))
+    return finite and model_files.is_rotation(values[:4])
 
 
 def count(folder):

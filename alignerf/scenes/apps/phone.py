@@ -1,12 +1,16 @@
 """What the readers of apps share: shots with their cameras, and checked numbers."""
 
 import itertools
+import logging
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from alignerf.files import faults
 from alignerf.scenes import distortion, photos, prepare
+
+log = logging.getLogger(__name__)
 
 # Of any number in a file.
 LARGEST = 1e12
@@ -35,8 +39,7 @@ def views_of(shots, where, *, crop_px=0) -> prepare.PosedViews:
     different sizes.
     """
     names = [shot.name for shot in shots]
-    sizes = [photos.stored_size(shot.photo) for shot in shots]
-    size = photos.one_size(names, sizes, where)
+    size = photos.stored_size(names, [shot.photo for shot in shots], where)
     width, height = (side - 2 * crop_px for side in size)
     if min(width, height) < prepare.MIN_SIZE_PX:
         raise ValueError(f"{where}: photos of {size[0]}x{size[1]} are too small")
@@ -64,10 +67,10 @@ def views_of(shots, where, *, crop_px=0) -> prepare.PosedViews:
 def photos_in(folder, pattern="*"):
     """{stem: path} of the photos of a folder; ValueError for two of one stem."""
     visible = [p for p in Path(folder).glob(pattern) if not p.name.startswith(".")]
-    paths = sorted(
-        (p for p in visible if p.suffix.lower() in photos.SUFFIXES and p.is_file()),
-        key=lambda path: path.stem,
-    )
+    named = [p for p in visible if p.suffix.lower() in photos.SUFFIXES]
+    if gone := sorted(path.name for path in named if not path.is_file()):
+        log.warning("%s: ignored %s: no files", folder, faults.some_names(gone))
+    paths = sorted((p for p in named if p.is_file()), key=lambda path: path.stem)
     photos.check_names(paths, folder)
     return {path.stem: path for path in paths}
 

@@ -6,6 +6,8 @@ import re
 import sys
 from pathlib import Path
 
+from alignerf.files import faults
+
 # Whether names that differ in case alone are those of two files.
 TELLS_APART = sys.platform == "linux"
 # instant-ngp's synthetic scenes leave the suffix away.
@@ -37,7 +39,9 @@ class Images:
         # By name, not resolved: a link inside the folder is the user's own decision.
         place = os.path.normpath(os.path.join(self.folder, file_path))
         if not place.startswith(self.folder.rstrip(os.sep) + os.sep):
-            raise ValueError(f"{self.path}: {file_path!r:.200} leads out of its folder")
+            raise ValueError(
+                f"{self.path}: {faults.shown(file_path)} leads out of its folder"
+            )
         folder, name = os.path.split(place)
         if self.suffix and folder != self.folder:
             folder += self.suffix

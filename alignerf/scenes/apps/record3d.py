@@ -65,7 +65,8 @@ def numbered_photos(folder):
     found = {}
     for stem, path in phone.photos_in(inner).items():
         if not (stem.isascii() and stem.isdecimal() and len(stem) < 10):
-            raise ValueError(f"{inner}: {path.name}: its name is no frame's number")
+            named = faults.name_of(path.name)
+            raise ValueError(f"{inner}: {named}: its name is no frame's number")
         if int(stem) in found:
             raise ValueError(f"{inner}: two photos of frame {int(stem)}")
         found[int(stem)] = path

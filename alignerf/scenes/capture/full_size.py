@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.files import archives, images
+from alignerf.files import archives, faults, images
 from alignerf.scenes import (
     blender,
     cameras,
@@ -57,7 +57,7 @@ def read(config, folder, work_folder, cameras_path=None) -> prepare.PosedViews:
     names = arrays["names"].tolist()
     if gone := [name for name in names if name not in place]:
         where = config["path"] or config["source"]
-        raise ValueError(f"{where}: the photo of view {gone[0]!r} is gone")
+        raise ValueError(f"{where}: the photo of view {faults.shown(gone[0])} is gone")
     views = prepare.select(views, [place[name] for name in names])
     across = views.width / arrays["width"], views.height / arrays["height"]
     if not np.allclose(*across, rtol=prepare.SAME_SHAPE - 1):
@@ -110,7 +110,7 @@ def of_photos(config, folder, work_folder):
     place = {name: i for i, name in enumerate(taken.names)}
     names = lenses["names"].tolist()
     if gone := [name for name in names if name not in place]:
-        raise ValueError(f"{config['path']}: the photo {gone[0]!r} is gone")
+        raise ValueError(f"{config['path']}: the photo {faults.shown(gone[0])} is gone")
     kept = [place[name] for name in names]
     return canvas.views_of(
         names,

@@ -4,15 +4,18 @@ COLMAP gets copies that are no larger than it looks at; the photos themselves ar
 decoded again where they are needed, and never copied in full.
 """
 
+import logging
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from alignerf.files import images, progress
-from alignerf.scenes import photos, prepare
+from alignerf.files import faults, images, progress
+from alignerf.scenes import held_out, photos, prepare
 from alignerf.scenes.capture import orientation, video
+
+log = logging.getLogger(__name__)
 
 # Focal lengths in EXIF are rounded to a millimetre: closer ones are the same zoom.
 SAME_ZOOM = 0.04
@@ -150,12 +153,15 @@ def once_more(folder, work_folder, *, background=None, masks=None) -> Taken:
 def find_masks(folder, paths):
     """The mask of each photo in a folder of <photo's file name>.png, else None.
 
-    So COLMAP calls them; <view>.png will do too. Raises ValueError where there is no
-    mask of any photo.
+    So COLMAP calls them; <view>.png will do too. Photos without a mask, and what is the
+    mask of no photo, are named in a warning. Raises ValueError where there is no mask
+    of any photo.
     """
     if folder is None:
         return [None] * len(paths)
     folder = Path(folder)
+    if not folder.is_dir():
+        raise ValueError(f"no folder of masks at {folder}")
     masks = []
     for path in paths:
         names = (f"{path.name}.png", f"{path.stem}.png")
@@ -163,17 +169,32 @@ def find_masks(folder, paths):
         masks.append(there[0] if there else None)
     if not any(masks):
         raise ValueError(f"{folder}: no mask <photo's file name>.png of any photo")
+    if bare := [p.name for p, mask in zip(paths, masks, strict=True) if not mask]:
+        few = faults.some_names(bare)
+        log.warning("%s: no mask of %s: all of it is learnt from", folder, few)
+    # What they hide would be learnt from without a word.
+    if strange := sorted({path.name for path in visible(folder)} - names_of(masks)):
+        few = faults.some_names(strange)
+        log.warning("%s: the mask of no photo, and left out: %s", folder, few)
     return masks
+
+
+def visible(folder):
+    """Paths of what lies in a folder, without hidden files."""
+    return [path for path in folder.iterdir() if not path.name.startswith(".")]
+
+
+def names_of(masks):
+    """The names of the files of masks, some of which are None."""
+    return {mask.name for mask in masks if mask}
 
 
 def read_mask(path, photo):
     """A mask [h, w, 3] uint8, 0 or 255; ValueError if not of its photo's size."""
+    own, size = photos.head(path).size, photos.head(photo).size
+    if own != size:
+        raise ValueError(f"{path} is {own[0]}x{own[1]}, its photo {size[0]}x{size[1]}")
     mask = photos.as_stored(path, "black")
-    size = photos.head(photo).size
-    if mask.shape[1::-1] != size:
-        raise ValueError(
-            f"{path} is {mask.shape[1]}x{mask.shape[0]}, its photo {size[0]}x{size[1]}"
-        )
     return images.of_mask((mask > 0).any(axis=-1))
 
 
@@ -181,7 +202,12 @@ def write_copies_of_masks(taken, folder):
     """Masks of the copies, as COLMAP looks for them."""
     folder.mkdir()
     for i, name in enumerate(taken.names):
-        mask = prepare.shrink(taken.load_mask(i), *taken.copy_sizes[i])
+        mask = taken.load_mask(i)
+        if not mask.any():
+            raise ValueError(
+                f"{taken.masks[i]}: it hides the whole photo: leave one out"
+            )
+        mask = prepare.shrink(mask, *taken.copy_sizes[i])
         images.write(folder / f"{name}.png.png", mask)
 
 
@@ -191,13 +217,15 @@ def find(folder, work_folder):
     alone = films == [Path(folder)]
     paths = [] if alone else photos.find_images(folder, others=films)
     films = video.without_live_photos(films, paths)
+    film_of = {}
     for film in films:
         frames = work_folder / "frames"
         frames.mkdir(exist_ok=True)
-        paths += video.extract(film, frames)
-    paths = sorted(paths, key=lambda path: path.stem)
-    photos.check_names(paths, folder)
-    return paths
+        film_of |= dict.fromkeys(video.extract(film, frames), film.name)
+    paths = sorted([*paths, *film_of], key=lambda path: path.stem)
+    told = {path: f"a frame of {film}" for path, film in film_of.items()}
+    photos.check_names(paths, folder, told)
+    return held_out.without_copies(paths, folder)
 
 
 def share_cameras(kinds, focals_px):

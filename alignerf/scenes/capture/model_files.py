@@ -55,11 +55,17 @@ def is_rotation(quaternion):
     return len(quaternion) == 4 and abs(math.hypot(*quaternion) - 1) < LENGTH_ERROR
 
 
-def image(walk):
-    walk.skip(4)
+def pose(walk):
+    """A quaternion and a place."""
     if not is_rotation([walk.read("<d") for _ in range(4)]):
         raise ValueError("a quaternion is not of length 1")
-    walk.skip(OF_POSE - 32 + 4)
+    walk.skip(OF_POSE - 32)
+
+
+def image(walk):
+    walk.skip(4)
+    pose(walk)
+    walk.skip(4)
     walk.skip_text()
     walk.skip(OF_POINT_2D * walk.read("<Q"))
 
@@ -70,7 +76,8 @@ def point(walk):
 
 
 def frame(walk):
-    walk.skip(8 + OF_POSE)
+    walk.skip(8)
+    pose(walk)
     walk.skip(OF_DATA * walk.read("<I"))
 
 
@@ -82,7 +89,7 @@ def rig(walk):
     for _ in range(sensors - 1):
         walk.skip(8)
         if walk.read("<B"):
-            walk.skip(OF_POSE)
+            pose(walk)
 
 
 ENTRIES = {"cameras": camera, "images": image, "points3D": point}

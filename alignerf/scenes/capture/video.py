@@ -5,14 +5,19 @@ frames that follow one another. It is cut into equal pieces, and of each the sha
 frame is taken.
 """
 
+import contextlib
 import itertools
 import logging
+import os
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+from jaxtyping import Float
 
 from alignerf.files import faults, images, progress
+from alignerf.scenes import photos, prepare, prepared
 
 log = logging.getLogger(__name__)
 
@@ -20,12 +25,18 @@ SUFFIXES = frozenset([".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm"])
 # A piece of the path: views that overlap by nine tenths match well.
 STEP_WIDTHS = 0.1
 LEAST_FRAMES, MOST_FRAMES = 20, 120
-# Measured at this width.
-SMALL_PX = 192
+# Measured at this width, and at no other heights: under 32 px OpenCV's flow ends the
+# process.
+SMALL_PX, LEAST_SMALL_PX, MOST_SMALL_PX = 192, 32, 768
 # A film with fewer of its frames than this share is cut short.
 TRUNCATED = 0.9
 # Frames that are looked at; of longer films evenly spaced ones.
 MOST_LOOKED_AT = 3000
+# Ten days at 120 a second: a head that says more is wrong.
+MOST_FRAMES_TOLD = 10**8
+# How files begin: the types of QuickTime's first part, and Matroska's number.
+OF_QUICKTIME = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot", b"styp")
+MATROSKA = b"\x1a\x45\xdf\xa3"
 
 
 def find(folder):
@@ -42,9 +53,9 @@ def find(folder):
     )
 
 
-def without_live_photos(films, photos):
+def without_live_photos(films, paths):
     """The films without live photos, the seconds around a photo of the same name."""
-    stems = {path.stem for path in photos}
+    stems = {path.stem for path in paths}
     live = [film.name for film in films if film.stem in stems]
     if live:
         named = faults.some_names(live)
@@ -59,31 +70,84 @@ def without_live_photos(films, photos):
 def extract(path, folder):
     """Write a film's chosen frames to <folder>/<film>_<frame>.png; returns the paths.
 
-    Raises ValueError naming the film where it cannot be decoded.
+    Raises ValueError naming the film where it cannot be decoded, or where its frames
+    are too small or too large.
     """
-    numbers, sharpness, steps = measure(path)
-    told = frame_count(path)
-    if numbers[-1] + 1 < TRUNCATED * told:
-        log.warning("%s: ends after %d of %d frames", path, numbers[-1] + 1, told)
-    chosen = choose(sharpness, steps)
-    wanted = {numbers[i] for i in chosen}
-    log.info("%s: %d of %d frames", path.name, len(wanted), numbers[-1] + 1)
+    told = check(path)
+    try:
+        seen = measure(path, told)
+    # Of damaged frames that OpenCV hands out all the same.
+    except cv2.error as error:
+        raise ValueError(f"cannot decode {path}: {error.err}") from None
+    if seen.count < TRUNCATED * told:
+        log.warning("%s: ends after %d of %d frames", path, seen.count, told)
+    wanted = {seen.numbers[i] for i in choose(seen.sharpness, seen.steps)}
+    log.info("%s: %d of %d frames", path.name, len(wanted), seen.count)
     written = []
-    for number, frame in frames(path, "frames"):
-        if number in wanted:
+    for number, frame in frames(path, "frames", seen.count, wanted.__contains__):
+        if frame is not None:
             written.append(Path(folder) / f"{path.stem}_{number:06d}.png")
             images.write(written[-1], cv2.cvtColor(frame, cv2.COLOR_BGR2RGB))
     return written
 
 
-def measure(path):
-    """(frame numbers, sharpness, path in widths since the frame before), each [n]."""
+def check(path):
+    """How many frames a film has by its head, 0 where that does not say.
+
+    Nothing is decoded. Raises ValueError naming the film for one that cannot be read,
+    and for frames that no photo of a scene may be as small or as large as.
+    """
+    with opened(path) as film:
+        size = [
+            film.get(p) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+        ]
+        check_size(path, *size)
+        told = film.get(cv2.CAP_PROP_FRAME_COUNT)
+    return int(told) if 0 < told < MOST_FRAMES_TOLD else 0
+
+
+def check_size(path, width, height):
+    """ValueError for a film's frames of such a size in px."""
+    named = f"{path}: a film of {width:.0f}x{height:.0f} pixels"
+    if min(width, height) < prepare.MIN_SIZE_PX:
+        raise ValueError(f"{named}: no side may be under {prepare.MIN_SIZE_PX}")
+    most = photos.MOST_PIXELS
+    if max(width, height) > prepared.MOST_SIDE_PX or width * height > most:
+        raise ValueError(f"{named}: over {most / 1e6:.0f} million pixels")
+
+
+class Seen(NamedTuple):
+    """The frames of a film that were looked at."""
+
+    numbers: list[int]
+    sharpness: Float[np.ndarray, " n"]
+    steps: Float[np.ndarray, " n"]
+    """The camera's path since the frame before, in widths."""
+    count: int
+    """Of all frames that are there."""
+
+
+def measure(path, told) -> Seen:
+    """Look at frames; told: how many there are, 0 where the film does not say.
+
+    A film that has many more or fewer than it says is looked at twice.
+    """
     flow_of = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
-    numbers, sharpness, steps, before = [], [], [], None
-    for number, frame in frames(path, "film"):
+    numbers, sharpness, steps, before, count = [], [], [], None, 0
+    every = stride(told)
+    for number, frame in frames(path, "film", told, lambda n: n % every == 0):
+        count = number + 1
+        if frame is None:
+            continue
+        if len(numbers) == 2 * MOST_LOOKED_AT:
+            return measure(path, count_frames(path))
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
-        height = max(16, round(SMALL_PX * grey.shape[0] / grey.shape[1]))
-        small = cv2.resize(grey, (SMALL_PX, height), interpolation=cv2.INTER_AREA)
+        # Frames of one film may differ in size.
+        small = cv2.resize(
+            grey,
+            small_size(grey if before is None else before),
+            interpolation=cv2.INTER_AREA,
+        )
         step = 0.0
         if before is not None:
             lengths = np.linalg.norm(flow_of.calc(before, small, None), axis=-1)
@@ -95,7 +159,20 @@ def measure(path):
         before = small
     if not numbers:
         raise ValueError(f"cannot decode {path}: no frame in it")
-    return numbers, np.array(sharpness), np.array(steps)
+    if stride(count) < every:
+        return measure(path, count)
+    return Seen(numbers, np.array(sharpness), np.array(steps), count)
+
+
+def small_size(grey):
+    """(width, height) that a frame is measured at; one of an odd shape is squeezed."""
+    height = round(SMALL_PX * grey.shape[0] / grey.shape[1])
+    return SMALL_PX, min(max(height, LEAST_SMALL_PX), MOST_SMALL_PX)
+
+
+def stride(total):
+    """Every how manieth frame is looked at."""
+    return max(1, -(-total // MOST_LOOKED_AT))
 
 
 def choose(sharpness, steps):
@@ -121,34 +198,46 @@ def choose(sharpness, steps):
     ]
 
 
-def frame_count(path):
-    """The number of frames by a film's own header; 0 where it has none."""
-    film = cv2.VideoCapture(str(path))
-    try:
-        return max(int(film.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
-    finally:
-        film.release()
+def count_frames(path):
+    """The number of frames that a film holds, whatever it says."""
+    return sum(1 for _ in frames(path, "counting", 0, lambda number: False))
 
 
-def frames(path, doing):
-    """(number, frame [h, w, 3] BGR), turned upright, of those that are looked at."""
-    film = cv2.VideoCapture(str(path))
-    try:
-        if not film.isOpened():
-            raise ValueError(f"cannot decode {path}: no film that OpenCV knows")
-        total = frame_count(path)
-        every = max(1, -(-total // MOST_LOOKED_AT))
-        # Of a film that does not tell, time alone lets a line be shown.
-        bar = progress.Progress(f"{doing} {path.name}", total or 10**9, unit="frame")
-        number = 0
-        while film.grab():
-            if number % every == 0:
+def frames(path, doing, total, is_wanted):
+    """(number, frame [h, w, 3] BGR) turned upright; None for those not wanted.
+
+    total: how many there may be, 0 where that is unknown. is_wanted: of a number.
+    """
+    # Of a film that does not tell, time alone lets a line be shown.
+    bar = progress.Progress(f"{doing} {path.name}", total or 10**9, unit="frame")
+    with opened(path) as film:
+        for number in itertools.count():
+            if not film.grab():
+                break
+            frame = None
+            if is_wanted(number):
                 there, frame = film.retrieve()
                 if not there:
                     break
-                yield number, frame
-            number += 1
+                check_size(path, *frame.shape[1::-1])
+            yield number, frame
             bar.advance()
-        bar.close()
+    bar.close()
+
+
+@contextlib.contextmanager
+def opened(path):
+    """OpenCV's reader of a film; ValueError naming it where it is none."""
+    faults.check_regular(path)
+    with open(path, "rb") as file:
+        head = file.read(12)
+    # FFmpeg would follow what a list of other files names, which may be anywhere.
+    is_known = head[4:8] in OF_QUICKTIME or head[:4] in (b"RIFF", MATROSKA)
+    # Another reader takes a % in a name for the numbers of many files.
+    film = cv2.VideoCapture()
+    try:
+        if not (is_known and film.open(os.path.abspath(path), cv2.CAP_FFMPEG)):
+            raise ValueError(f"cannot decode {path}: no film that OpenCV knows")
+        yield film
     finally:
         film.release()

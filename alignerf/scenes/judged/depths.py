@@ -21,7 +21,7 @@ from PIL import Image
 
 from alignerf.files import faults
 from alignerf.scenes import cameras
-from alignerf.scenes.judged import renders
+from alignerf.scenes.judged import geometry, renders
 
 SUFFIXES = (".npz", ".npy", ".npy.gz", ".tiff", ".tif", ".png")
 KINDS = ("depth", "distance")
@@ -51,11 +51,10 @@ def find(folder, names):
 
     Raises ValueError naming the folder where there are none that can be read.
     """
-    folder, found = Path(folder), {}
+    folder, groups = Path(folder), {}
     if not folder.is_dir():
         raise ValueError(f"{folder}: no folder of depths")
-    known = set(names)
-    lower = {name.lower(): name for name in names}
+    known, lower = set(names), {name.lower(): name for name in names}
     inside = (Path(root, file) for root, _, files in os.walk(folder) for file in files)
     for path in sorted(inside):
         suffix = next((s for s in SUFFIXES if path.name.lower().endswith(s)), None)
@@ -65,14 +64,25 @@ def find(folder, names):
             )
         if suffix is None:
             continue
-        stem = path.name[: -len(suffix)]
-        if (name := renders.name_of(stem, known, lower)) is not None:
-            if name in found:
-                raise ValueError(f"{found[name]} and {path}: both of view {name}")
-            found[name] = path
-    if not found:
+        name = renders.name_of(path.name[: -len(suffix)], known, lower)
+        if name is not None:
+            # Beside depths lie others, and pictures: of one kind there is one folder,
+            # or one for each split.
+            group = groups.setdefault((suffix == ".png", path.parent.name, suffix), {})
+            if name in group:
+                raise ValueError(f"{group[name]} and {path}: both of view {name}")
+            group[name] = path
+    if not groups:
         raise ValueError(f"{folder}: no depths ({', '.join(SUFFIXES)}) of the views")
-    return found
+    # Numbers before pictures, then what is called depth alone, then what is most.
+    best = min(groups, key=lambda key: (key[0], rank(key[1]), -len(groups[key])))
+    return groups[best]
+
+
+def rank(folder):
+    """How far a folder's name is from that of plain depth."""
+    order = ("raw-depth", "depth", "raw-expected_depth")
+    return order.index(folder) if folder in order else len(order)
 
 
 def read(path):
@@ -150,14 +160,27 @@ def resized(values, size):
     """Depth [h, w] of another size (width, height), by the nearest pixel."""
     if values.shape == size[::-1]:
         return values
-    return cv2.resize(values, size, interpolation=cv2.INTER_NEAREST)
+    return cv2.resize(values, size, interpolation=cv2.INTER_NEAREST_EXACT)
+
+
+def as_shown(values, pixtocam, size, lens):
+    """Numbers of a file as a picture [h, w] of a pinhole has them.
+
+    size: (width, height) of the picture, and of a render. lens: (camtopix, distortion)
+    of the render, so that its distortion is undone in its depth too; None without.
+    """
+    values = resized(values, size)
+    if lens is None:
+        return values
+    at = geometry.positions(lens, np.linalg.inv(pixtocam), size)
+    return cv2.remap(values, *at, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
 
 
 def unit_of(paths, views, points) -> Unit:
     """The `Unit` of the files {view: path} by the points that cameras came with.
 
-    views: {view: (pixtocam, camtoworld, (width, height))}. points: positions [m, 3],
-    or None; too few leave numbers as they are.
+    views: {view: (pixtocam, camtoworld, (width, height), lens)}, the lens as of
+    `as_shown`. points: positions [m, 3], or None; too few leave numbers as they are.
     """
     if points is None:
         return Unit("depth", 1.0, np.nan)
@@ -165,9 +188,9 @@ def unit_of(paths, views, points) -> Unit:
     names = [name for name in paths if name in views]
     step = max(len(names) // SEEN_VIEWS, 1)
     for name in names[::step]:
-        pixtocam, camtoworld, size = views[name]
+        pixtocam, camtoworld, size, lens = views[name]
         column, row, depth = visible(points, pixtocam, camtoworld, size)
-        values = resized(read(paths[name]), size)
+        values = as_shown(read(paths[name]), pixtocam, size, lens)
         for kind in KINDS:
             own = along_axis(values, kind, pixtocam)[row, column]
             good = np.isfinite(own) & (own > 0)

@@ -259,10 +259,19 @@ def pixtocam(shown: Shown):
     return np.linalg.inv(shown.camtopix)
 
 
-def at_photos_size(shown: Shown) -> Shown:
-    """The same picture as large as the photo allows, for an export."""
-    zoom = shown.lens[0][0, 0] / shown.camtopix[0, 0]
-    size = tuple(max(round(zoom * side), 1) for side in shown.size)
+def photos_size(shown: Shown):
+    """(width, height) of the same picture as large as the photo allows."""
+    # Each side by its own zoom: a render's size is rounded, so its pixels may be a
+    # little longer than wide. Far longer ones come from OpenCV's crop, and stay.
+    zoom = shown.lens[0][[0, 1], [0, 1]] / shown.camtopix[[0, 1], [0, 1]]
+    if not 1 / prepare.SAME_SHAPE < zoom[0] / zoom[1] < prepare.SAME_SHAPE:
+        zoom[1] = zoom[0]
+    width, height = (max(round(side), 1) for side in zoom * shown.size)
+    return width, height
+
+
+def at_size(shown: Shown, size) -> Shown:
+    """The same picture at another size, for an export."""
     across = size[0] / shown.size[0], size[1] / shown.size[1]
     inverse = cameras.rescale_intrinsics(pixtocam(shown), *across)
     return shown._replace(camtopix=np.linalg.inv(inverse), size=size, render_lens=None)

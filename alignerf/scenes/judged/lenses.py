@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import json_files
+from alignerf.files import faults, json_files
 from alignerf.scenes import mipnerf360, prepare, transforms
 from alignerf.scenes.apps import project_files
 from alignerf.scenes.judged import ply
@@ -35,10 +35,11 @@ class Lens(NamedTuple):
     """A view's camera.
 
     camtopix [3, 3] and distortion [5], of a fisheye [4], are of `size`: (width, height)
-    in px; None means the photo's. pose: camera-to-world [3, 4], OpenGL axes.
+    in px; None means the photo's. camtopix is None where nothing is known of it, and
+    the photo's size tells a guess. pose: camera-to-world [3, 4], OpenGL axes.
     """
 
-    camtopix: np.ndarray
+    camtopix: np.ndarray | None
     distortion: np.ndarray
     size: tuple | None
     pose: np.ndarray
@@ -46,6 +47,8 @@ class Lens(NamedTuple):
     def at(self, size, where):
         """(camtopix, distortion) at a photo's (width, height); ValueError as of
         `prepare.true_scale`."""
+        if self.camtopix is None:
+            return guessed(size), self.distortion
         own = self.size or size
         return prepare.true_scale(
             own, size, where=where
@@ -91,6 +94,21 @@ def read(path, photo_size) -> Cameras:
     )
 
 
+def files_of(path):
+    """Paths of the files that `read` may take cameras and points from; [] of None."""
+    if path is None:
+        return []
+    path = Path(path)
+    if path.is_file() and path.suffix == ".json":
+        return [path, *path.parent.glob("*.ply")]
+    folder = path.parent if path.is_file() else path
+    found = [folder / name for name in ("transforms.json", GAUSSIANS)]
+    for inner in MODELS:
+        for suffix in ("bin", "txt", "ply"):
+            found += sorted((folder / inner).glob(f"*.{suffix}"))
+    return [file for file in found if file.is_file()]
+
+
 def of_json(path, photo_size) -> Cameras:
     """Those of a transforms.json; the photos that it names need not be there."""
     scene = json_files.read(path, {"frames": list})
@@ -101,11 +119,12 @@ def of_json(path, photo_size) -> Cameras:
             raise ValueError(f"{path}: frame {i} has no text under 'file_path'")
         name = stem_of(frame["file_path"])
         if name in lenses:
-            raise ValueError(f"{path}: two frames have the view name {name!r}")
+            told = faults.shown(name)
+            raise ValueError(f"{path}: two frames have the view name {told}")
         usual = dict(zip(("w", "h"), photo_size, strict=True))
         values = usual | scene | frame
         size = size_of(path, values)
-        lens = transforms.lens(path, values, *size, where=frame["file_path"])
+        lens = transforms.lens(path, values, *size, where=transforms.told(frame))
         lenses[name] = Lens(*lens, size, transforms.pose(path, frame))
         if split := of_file.get(frame["file_path"]):
             splits[name] = split
@@ -134,7 +153,7 @@ def size_of(path, values):
         value = values[key]
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         if not (is_number and 1 <= value <= 1e6):
-            raise ValueError(f"{path}: {key!r} is {value!r:.60}")
+            raise ValueError(f"{path}: {key!r} is {faults.shown(value)}")
         size.append(value)
     return tuple(size)
 
@@ -167,7 +186,8 @@ def of_gaussians(path) -> Cameras:
                 raise ValueError(f"{path}: {key!r} of camera {i} is missing or wrong")
         name = stem_of(entry["img_name"])
         if name in lenses:
-            raise ValueError(f"{path}: two cameras have the view name {name!r}")
+            told = faults.shown(name)
+            raise ValueError(f"{path}: two cameras have the view name {told}")
         lenses[name] = of_gaussian(path, i, entry)
     if not lenses:
         raise ValueError(f"{path}: no camera")
@@ -179,33 +199,30 @@ def of_gaussian(path, i, entry) -> Lens:
     width, height, fx, fy = (float(entry[k]) for k in ("width", "height", "fx", "fy"))
     if not (1 <= width <= 1e6 and 1 <= height <= 1e6 and 0 < fx < 1e9 and 0 < fy < 1e9):
         raise ValueError(f"{path}: size or focal length of camera {i} is none")
-    try:
-        turn = np.array(entry["rotation"], np.float64)
-        place = np.array(entry["position"], np.float64)
-    except (TypeError, ValueError, OverflowError):
-        turn = place = np.zeros(())
-    if turn.shape != (3, 3) or place.shape != (3,) or not np.isfinite(place).all():
+    turn = prepare.matrix_of(entry["rotation"], (3, 3))
+    place = prepare.matrix_of([entry["position"]], (1, 3))
+    if turn is None or place is None:
         raise ValueError(f"{path}: rotation or position of camera {i} is none")
     where = f"{path}: rotation of camera {i}"
-    if not np.isfinite(turn).all():
-        raise ValueError(f"{where} is not finite")
     turn = prepare.nearest_rotation(turn, where=where) @ np.diag([1.0, -1.0, -1.0])
     camtopix = np.array([[fx, 0, width / 2], [0, fy, height / 2], [0, 0, 1]])
-    pose = np.concatenate([turn, place[:, None]], axis=1)
+    pose = np.concatenate([turn, place.T], axis=1)
     return Lens(camtopix, np.zeros(5), (width, height), pose)
 
 
-def assumed(names, size) -> Cameras:
-    """Cameras of views of which nothing is known; each stands elsewhere."""
+def guessed(size):
+    """Intrinsics [3, 3] of a photo's (width, height) of which nothing is known."""
     focal_px = 0.5 * max(size) / math.tan(math.radians(ASSUMED_DEGREES) / 2)
     width, height = size
-    camtopix = np.array(
-        [[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]]
-    )
-    lenses = {}
+    return np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])
+
+
+def assumed(names) -> Cameras:
+    """Cameras of views of which nothing is known; each stands elsewhere."""
+    found = {}
     for i, name in enumerate(names):
         pose = np.eye(4)[:3]
         # Normalising poses needs places that differ.
         pose[:, 3] = [math.cos(i), math.sin(i), i / len(names)]
-        lenses[name] = Lens(camtopix, np.zeros(5), None, pose)
-    return Cameras(lenses, "none")
+        found[name] = Lens(None, np.zeros(5), None, pose)
+    return Cameras(found, "none")

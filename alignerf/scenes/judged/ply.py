@@ -42,7 +42,7 @@ def of_scene(path, scene):
         raise ValueError(f"{path}: 'ply_file_path' must be a path")
     place = os.path.normpath(os.path.join(folder, name))
     if not place.startswith(folder.rstrip(os.sep) + os.sep):
-        raise ValueError(f"{path}: {name!r:.200} leads out of its folder")
+        raise ValueError(f"{path}: {faults.shown(name)} leads out of its folder")
     try:
         return read(place)
     except (ValueError, OSError) as error:
@@ -90,12 +90,14 @@ def head(file):
             first, count = False, int(words[2]) if inside else count
         elif words[:1] == ["property"] and inside:
             if len(words) != 3 or words[1] not in KINDS:
-                raise ValueError(f"a property of vertices: {' '.join(words)[:60]!r}")
+                raise ValueError(
+                    f"a property of vertices: {faults.shown(' '.join(words))}"
+                )
             fields.append((words[2], KINDS[words[1]]))
         elif words == ["end_header"]:
             break
     if form not in ORDERS:
-        raise ValueError(f"format {form!r}")
+        raise ValueError(f"format {faults.shown(form)}")
     if count is None or not 0 <= count <= MOST_POINTS:
         raise ValueError(f"{count} vertices")
     if missing := set("xyz") - {name for name, _ in fields}:

@@ -22,7 +22,8 @@ SUFFIXES = photos.SUFFIXES - {".heic", ".heif"}
 SPLITS = {"train": "train", "test": "test", "val": "test", "eval": "test"}
 # Folders beside renders: photos, depths and others.
 OTHERS = re.compile(
-    r"gt.*|.*ground.?truth.*|raw-.*|.*depth.*|accumulation|normals?|masks?|alpha|error"
+    r"gt.*|.*ground.?truth.*|raw-.*|.*depth.*|accumulation|.*normals?|masks?|alpha|error"
+    r"|background|rgba|cameras"
 )
 SHEET = re.compile(r"(train|val|test)_step(\d+)_(\d+)\.png")
 OURS = re.compile(r"ours_(\d+)")
@@ -103,12 +104,13 @@ def sheets(folder, files, names, splits):
     if not found:
         return None
     last = max(int(match[2]) for match, _ in found)
-    renders = {}
+    found = [(match, path) for match, path in found if int(match[2]) == last]
+    # Where all views are held out, as by `--test-every 1`, those say what was learnt.
+    every, renders = len(found) == len(names), {}
     for match, path in found:
-        if int(match[2]) == last:
-            split = SPLITS[match[1]]
-            name = at(names, splits, split, int(match[3]), path)
-            put(renders, name, Render(path, True, split))
+        number, split = int(match[3]), SPLITS[match[1]]
+        name = names[number] if every else at(names, splits, split, number, path)
+        put(renders, name, Render(path, True, splits[name] if every else split))
     return Found(
         renders, f"photo and render side by side, as gsplat writes them ({last})"
     )
@@ -125,12 +127,15 @@ def gaussians(folder, files, names, splits):
     if not found:
         return None
     last, renders = max(number for number, _, _ in found), {}
-    for number, split, path in found:
-        if number == last:
-            if not path.stem.isdigit():
-                raise ValueError(f"{path}: not a number, as render.py writes it")
-            name = at(names, splits, split, int(path.stem), path)
-            put(renders, name, Render(path, False, split))
+    found = [(split, path) for number, split, path in found if number == last]
+    # Without its `--eval` it learns from all.
+    every = {split for split, _ in found} == {"train"} and len(found) == len(names)
+    for split, path in found:
+        if not path.stem.isdigit():
+            raise ValueError(f"{path}: not a number, as render.py writes it")
+        number = int(path.stem)
+        name = names[number] if every else at(names, splits, split, number, path)
+        put(renders, name, Render(path, False, split))
     return Found(renders, f"numbered, as 3D Gaussian splatting writes them ({last})")
 
 

@@ -8,14 +8,14 @@ import functools
 import json
 import logging
 from pathlib import Path
-from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from alignerf.files import faults, json_files
 from alignerf.scenes import photos, prepare
-from alignerf.scenes.judged import depths, geometry, lenses, renders
+from alignerf.scenes.judged import depths, geometry, pairs, renders
+from alignerf.scenes.judged.pairs import Judged, Pair
 
 log = logging.getLogger("alignerf")
 
@@ -25,129 +25,6 @@ PAIRS = "images/pairs.json"
 SAMPLES = 6
 # A render's black border is one from this share of its pixels on.
 BORDER_SHARE = 0.001
-# Where the photos lie in a folder.
-OF_PHOTOS = (".", "images", "input", "rgb")
-
-
-class Pair(NamedTuple):
-    """A view: its photo's path, its render, its lens at the photo's size."""
-
-    name: str
-    photo: Path
-    upright: bool
-    render: renders.Render
-    lens: tuple
-    photo_size: tuple
-    pose: np.ndarray
-
-
-class Judged(NamedTuple):
-    """All pairs of a project, one size of renders, and what is told of it."""
-
-    pairs: list
-    size: tuple
-    cameras: lenses.Cameras
-    told: dict
-
-
-def find(config) -> Judged:
-    """The pairs of a scene's keys. Raises ValueError in one line."""
-    judged = config["judged"]
-    paths = photos_of(config["path"])
-    first = next(iter(paths.values()))
-    photo_size = size_of(first, False)
-    if judged["cameras"]:
-        cameras = lenses.read(judged["cameras"], photo_size)
-    else:
-        cameras = lenses.assumed(sorted(paths), size_of(first, True))
-    names = [name for name in paths if name in cameras.lenses]
-    if not names:
-        raise ValueError(
-            f"{judged['cameras']}: its cameras "
-            f"({faults.some_names(sorted(cameras.lenses))}) are of other photos than "
-            f"those of {config['path']} ({faults.some_names(sorted(paths))})"
-        )
-    found = renders.find(judged["renders"], names, cameras.splits)
-    without = sorted(set(paths) - set(found.renders))
-    if without:
-        log.warning(
-            "%d of %d photos have no render, or no camera: %s",
-            *(len(without), len(paths), faults.some_names(without)),
-        )
-    size, odd = one_size(found.renders)
-    pairs = [
-        pair_of(name, paths[name], found.renders[name], cameras.lenses[name], size)
-        for name in sorted(found.renders)
-        if name not in odd
-    ]
-    told = {
-        "layout": found.layout,
-        "cameras": cameras.kind,
-        "without_render": without,
-        "of_other_size": sorted(odd),
-    }
-    return Judged(pairs, size, cameras, told)
-
-
-def photos_of(folder):
-    """{view: path} of the photos in a folder, or in one of OF_PHOTOS inside."""
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise ValueError(f"{folder}: no folder of photos")
-    for inner in OF_PHOTOS:
-        place = folder / inner
-        if place.is_dir() and any(
-            path.suffix.lower() in photos.SUFFIXES for path in place.iterdir()
-        ):
-            return {path.stem: path for path in photos.find_images(place)}
-    raise ValueError(f"{folder}: no photos ({', '.join(sorted(photos.SUFFIXES))})")
-
-
-def size_of(path, upright):
-    """(width, height) of a photo as stored, or upright."""
-    head = photos.head(path)
-    if upright and head.orientation in photos.SIDEWAYS:
-        return head.size[::-1]
-    return head.size
-
-
-def one_size(found):
-    """(the renders' usual size, names of those of another), sheets counted by half."""
-    sizes = {}
-    for name, render in found.items():
-        width, height = photos.head(render.path).size
-        sizes[name] = (width // 2 if render.is_sheet else width, height)
-    every = list(sizes.values())
-    usual = max(set(every), key=lambda size: (every.count(size), size))
-    if min(usual) < prepare.MIN_SIZE_PX:
-        path = next(iter(found.values())).path
-        raise ValueError(f"{path}: renders under {prepare.MIN_SIZE_PX} px a side")
-    odd = {name for name, size in sizes.items() if size != usual}
-    if odd:
-        log.warning(
-            "renders of another size than %dx%d are left out: %s",
-            *(*usual, faults.some_names(sorted(odd))),
-        )
-    return usual, odd
-
-
-def pair_of(name, path, render, lens, size) -> Pair:
-    """A view; rows of its photo as stored, or upright where only that fits the render.
-
-    EXIF's orientation is applied by some programs and not by others.
-    """
-    upright, own = False, size_of(path, False)
-    turned = size_of(path, True)
-    if turned != own and has_shape(turned, size) and not has_shape(own, size):
-        upright, own = True, turned
-    camtopix, coefficients = lens.at(own, f"{path}")
-    return Pair(name, path, upright, render, (camtopix, coefficients), own, lens.pose)
-
-
-def has_shape(size, other):
-    """Whether two sizes have one shape, but for rounding."""
-    across = size[0] / other[0], size[1] / other[1]
-    return 1 / prepare.SAME_SHAPE < across[0] / across[1] < prepare.SAME_SHAPE
 
 
 def read_photo(path, upright, background):
@@ -210,14 +87,14 @@ def shown_of(pair: Pair, size, way):
 
 def load(config, scratch):
     """Reader of source `judged`: (views at the renders' size, report, no truth)."""
-    judged = find(config)
+    judged = pairs.find(config)
     way, apart = chosen_way(judged, config["background"])
     log.info("%d pairs, renders %s", len(judged.pairs), judged.told["layout"])
     log.info("renders show photos %s", geometry.WAYS[way])
     shown = {pair.name: shown_of(pair, judged.size, way) for pair in judged.pairs}
     views = posed(judged, shown, config["background"])
     told = judged.told | {"way": way, "apart_px": apart}
-    told |= of_depth(config, judged, views)
+    told |= of_depth(config, judged, views, shown)
     (scratch / "pairs.json").write_text(json.dumps(pairs_json(judged, shown, told)))
     report = {
         "registered": len(judged.pairs),
@@ -235,41 +112,40 @@ def load(config, scratch):
 
 def posed(judged: Judged, shown, background) -> prepare.PosedViews:
     """The views: photos as the renders show them, where both have pixels."""
-    pairs = judged.pairs
-    splits = splits_of(judged)
+    own = judged.pairs
+    splits = pairs.splits_of(judged)
     return prepare.PosedViews(
-        names=[pair.name for pair in pairs],
-        pixtocams=np.stack([geometry.pixtocam(shown[pair.name]) for pair in pairs]),
-        camtoworlds=np.stack([pair.pose for pair in pairs]),
+        names=[pair.name for pair in own],
+        pixtocams=np.stack([geometry.pixtocam(shown[pair.name]) for pair in own]),
+        camtoworlds=np.stack([pair.pose for pair in own]),
         width=judged.size[0],
         height=judged.size[1],
-        photos=[photo_step(pair, shown[pair.name], background) for pair in pairs],
+        photos=[photo_step(pair, shown[pair.name], background) for pair in own],
         masks=[
-            prepare.Photo(pair, (functools.partial(mask_of, shown=shown[pair.name]),))
-            for pair in pairs
+            prepare.Photo(
+                pair,
+                (functools.partial(mask_of, shown=shown[pair.name]),),
+                pair.render.path,
+            )
+            for pair in own
         ],
         points=judged.cameras.points,
-        split=np.array([splits[pair.name] for pair in pairs]),
+        split=np.array([splits[pair.name] for pair in own]),
     )
 
 
 def at_full_size(config):
-    """(the views as large as their photos allow, []): for exports.
+    """(the views as large as most photos allow, []): for exports.
 
     The way is the one that `load` has found, by the same pairs.
     """
-    judged = find(config)
+    judged = pairs.find(config)
     way, _ = chosen_way(judged, config["background"])
-    shown = {
-        pair.name: geometry.at_photos_size(shown_of(pair, judged.size, way))
-        for pair in judged.pairs
-    }
-    sizes = [one.size for one in shown.values()]
-    usual = max(set(sizes), key=sizes.count)
-    large = judged._replace(size=usual)
-    kept = {name: one for name, one in shown.items() if one.size == usual}
-    large = large._replace(pairs=[p for p in judged.pairs if p.name in kept])
-    views = posed(large, kept, config["background"])
+    shown = {pair.name: shown_of(pair, judged.size, way) for pair in judged.pairs}
+    sizes = list(map(geometry.photos_size, shown.values()))
+    size = max(set(sizes), key=lambda one: (sizes.count(one), one))
+    large = {name: geometry.at_size(one, size) for name, one in shown.items()}
+    views = posed(judged._replace(size=size), large, config["background"])
     return views._replace(masks=None), []
 
 
@@ -277,15 +153,6 @@ def photo_step(pair: Pair, shown, background):
     """A photo that becomes the picture of its render when it is read."""
     read = functools.partial(read_photo, upright=pair.upright, background=background)
     return prepare.Photo(pair.photo, (read, shown.picture))
-
-
-def splits_of(judged: Judged):
-    """{view: split}: as the renders' folders say, else the cameras, else `train`."""
-    found = {}
-    for pair in judged.pairs:
-        own = pair.render.split or (judged.cameras.splits or {}).get(pair.name)
-        found[pair.name] = own or "train"
-    return found
 
 
 def mask_of(pair: Pair, shown):
@@ -298,31 +165,51 @@ def mask_of(pair: Pair, shown):
     return np.where(counts[..., None], np.uint8(255), np.uint8(0)).repeat(3, axis=-1)
 
 
-def of_depth(config, judged: Judged, views):
+def of_depth(config, judged: Judged, views, shown):
     """What is told of depth: where it comes from, its kind and unit, and the files."""
     points = None if views.points is None else views.points[0]
-    if folder := config["judged"]["depth"]:
-        paths = depths.find(folder, views.names)
-        cameras = zip(views.pixtocams, views.camtoworlds, strict=True)
-        size = views.width, views.height
-        by_name = {
-            name: (*one, size) for name, one in zip(views.names, cameras, strict=True)
-        }
-        unit = depths.unit_of(paths, by_name, points)
-        if config["judged"]["depth_kind"]:
-            unit = unit._replace(kind=config["judged"]["depth_kind"])
-        if config["judged"]["depth_scale"]:
-            unit = unit._replace(scale=config["judged"]["depth_scale"])
-        return {
-            "depth": "given",
-            "depth_kind": unit.kind,
-            "depth_scale": unit.scale,
-            "depth_spread": None if np.isnan(unit.spread) else unit.spread,
-            "depths": {name: str(path) for name, path in paths.items()},
-        }
+    if config["judged"]["depth"]:
+        return of_given_depth(config["judged"], views, shown, points)
     if judged.cameras.kind == "none" or points is None:
         return {"depth": "far"}
     return {"depth": "points"}
+
+
+def of_given_depth(keys, views, shown, points):
+    """The same where depth came along; keys: those of `judged`.
+
+    depth_unit: what told the unit, `points`, `config` or `nothing`.
+    """
+    paths = depths.find(keys["depth"], views.names)
+    if missing := [name for name in views.names if name not in paths]:
+        log.warning(
+            "%d of %d views have no depth, and all that they see counts as far away: "
+            "%s",
+            *(len(missing), len(views.names), faults.some_names(missing)),
+        )
+    cameras = zip(views.names, views.pixtocams, views.camtoworlds, strict=True)
+    size = views.width, views.height
+    by_name = {n: (*camera, size, shown[n].render_lens) for n, *camera in cameras}
+    unit = depths.unit_of(paths, by_name, points)
+    told_by = "nothing" if np.isnan(unit.spread) else "points"
+    if keys["depth_kind"]:
+        unit = unit._replace(kind=keys["depth_kind"])
+    if keys["depth_scale"]:
+        unit, told_by = unit._replace(scale=keys["depth_scale"]), "config"
+    if told_by == "nothing":
+        log.warning(
+            "%s: too few points came with the cameras to tell the unit of depth: it is "
+            "taken for theirs",
+            keys["depth"],
+        )
+    return {
+        "depth": "given",
+        "depth_kind": unit.kind,
+        "depth_scale": unit.scale,
+        "depth_spread": None if np.isnan(unit.spread) else unit.spread,
+        "depth_unit": told_by,
+        "depths": {name: str(path) for name, path in paths.items()},
+    }
 
 
 def pairs_json(judged: Judged, shown, told):

@@ -483,3 +483,44 @@ def test_files_without_such_faults_pass(root):
     for path in (root / "workflow/config").glob("*.yaml"):
         yaml_files.check(path)
         assert yaml.safe_load(path.read_text())
+
+
+@pytest.mark.parametrize(
+    ("folder", "meant"),
+    [("a <x> b", "<x>"), ("<results>", "<results>"), ("{x}", "braces")],
+)
+@pytest.mark.parametrize("key", ["path", "masks", "renders"])
+def test_a_path_that_snakemake_would_read_otherwise_is_named(
+    demo, tmp_path, folder, meant, key
+):
+    place = tmp_path / folder
+    place.mkdir()
+    own = {"source": "photos", "path": str(tmp_path)}
+    if key == "renders":
+        demo["methods"]["theirs"] = {"renders": str(place)}
+    else:
+        own[key] = str(place)
+    demo["scenes"] = {"a": own}
+    with pytest.raises(ValueError, match=rf"{key}: .*{meant}"):
+        check.checked(demo)
+
+
+@pytest.mark.parametrize("name", ["3 < 4 > 2", "<3>", "a<b", "<A>"])
+def test_other_angles_mean_nothing(demo, tmp_path, name):
+    (tmp_path / name).mkdir()
+    demo["scenes"] = {"a": {"source": "photos", "path": str(tmp_path / name)}}
+    check.checked(demo)
+
+
+@pytest.mark.parametrize("name", ["a" * 20, "b" + "a" * 21, "ab" * 20, "0" * 30])
+@pytest.mark.parametrize("section", ["scenes", "methods", "models"])
+def test_a_name_that_snakemake_takes_for_a_loop_is_refused(demo, section, name):
+    entries = demo[section]
+    entries[name] = next(iter(entries.values()))
+    with pytest.raises(ValueError, match=rf"config: {section}\.{name}: .* 20 times"):
+        check.checked(demo)
+
+
+def test_a_name_of_many_equal_letters_may_go_on(demo):
+    demo["scenes"]["a" * 19] = demo["scenes"]["a" * 30 + "_b"] = {"source": "courtyard"}
+    check.checked(demo)

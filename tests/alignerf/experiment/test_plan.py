@@ -279,6 +279,7 @@ def test_the_cause_of_a_failure_is_its_jobs_last_error(tmp_path, monkeypatch):
     logs = {
         "a.log": "fine\nerror: x.jpg is broken\n",
         "b c.log": "step 1\rstep 2  eta 3:00\n",
+        "e f.log": "error: y.jpg is broken\n",
         "d.log": "Traceback (most recent call last):\n  File\nKeyError: 'x'\n",
     }
     for name, text in logs.items():
@@ -288,6 +289,7 @@ def test_the_cause_of_a_failure_is_its_jobs_last_error(tmp_path, monkeypatch):
         "Command 'set -e; python 2>&1 | tee a.log' returned non-zero exit status 1.\n"
         "Command 'python 2>&1 | tee 'b c.log'' returned non-zero exit status 137.\n"
         "    log: d.log (check log file(s) for error details)\n"
+        "Command 'set -e; python > 'e f.log' 2>&1' returned non-zero exit status 1.\n"
         "    log: none.log (check log file(s) for error details)\n"
     )
     found = targets.causes(["snakemake.log"])
@@ -296,6 +298,7 @@ def test_the_cause_of_a_failure_is_its_jobs_last_error(tmp_path, monkeypatch):
         "error: a job stopped without a word (killed, or out of memory?); its last "
         "line: step 2  eta 3:00",
         "error: x.jpg is broken",
+        "error: y.jpg is broken",
     ]
     assert set(found[1:-1:2]) == {f"  in {name}" for name in logs}
     with open("snakemake.log", "a") as file:

@@ -242,3 +242,29 @@ def test_real_data_is_where_the_environment_says(tmp_path, monkeypatch):
     monkeypatch.setenv("ALIGNERF_DATA", str(tmp_path / "elsewhere"))
     with pytest.raises(ValueError, match="elsewhere/fox does not exist"):
         check.checked(config)
+
+
+@pytest.mark.parametrize("value", [5e-324, 1e-40, -1e-45])
+@pytest.mark.parametrize(
+    ("section", "name"),
+    [
+        ("models.base", "near"),
+        ("models.base", "radius"),
+        ("training", "gradient_norm"),
+        ("training", "adam_eps"),
+        ("training", "learning_rates"),
+        ("scenes.yard", "perturb_px"),
+    ],
+)
+def test_a_number_that_float32_has_not_is_named(section, name, value):
+    """It would be 0 in JAX: the training would diverge, and nobody know why."""
+    config = {"scenes": {"yard": {"source": "courtyard"}}}
+    config |= {"models": {"base": {}}, "training": {}}
+    part = config
+    for inner in section.split("."):
+        part = part[inner]
+    part[name] = [0.01, value] if name == "learning_rates" else value
+    with pytest.raises(ValueError, match=rf"^config: {section}.*{name}"):
+        check.checked(config)
+    part[name] = [0.01, 0.001] if name == "learning_rates" else 0.1
+    check.checked(config)

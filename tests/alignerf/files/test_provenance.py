@@ -75,7 +75,7 @@ def test_the_lock_is_the_file_s_hash(checkout):
     (checkout / "requirements.lock").write_bytes(b"numpy==1\n")
     provenance.lock.cache_clear()
     assert provenance.lock() == hashlib.sha256(b"numpy==1\n").hexdigest()[:16]
-    assert set(provenance.facts()) == {"commit", "lock"}
+    assert set(provenance.facts()) == {"commit", "lock", "environment"}
 
 
 def write_config(path, **seeds):
@@ -107,7 +107,7 @@ def test_trainings_seeds_and_devices_are_gathered(checkout, tmp_path):
 def test_what_a_training_does_not_tell_is_null(tmp_path):
     path = tmp_path / "timing.json"
     path.write_text(json.dumps({"device": "cpu", "steps": 3}))
-    told = {"commit": None, "lock": None, "device": "cpu"}
+    told = {"commit": None, "lock": None, "device": "cpu", "environment": None}
     assert provenance.of_training(path) == told
     path.write_text(json.dumps(told | {"commit": "abc", "lock": "12"}))
     assert provenance.of_training(path) == told | {"commit": "abc", "lock": "12"}
@@ -137,3 +137,10 @@ def test_it_lies_beside_its_table():
 
 def test_the_processor_has_a_name():
     assert provenance.processor().strip()
+
+
+def test_variables_that_may_change_a_digit_are_noted():
+    environ = {"OPENCV_IPP": "disabled", "XLA_FLAGS": "--a=1 --b", "HOME": "/home/me"}
+    told = provenance.environment(environ)
+    assert told == "XLA_FLAGS='--a=1 --b' OPENCV_IPP=disabled"
+    assert provenance.environment({"XLA_FLAGS": ""}) is None

@@ -3,9 +3,11 @@
 import os
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from alignerf.files import archives, csv_files, json_files
+from alignerf.tables import columns
 
 
 def read_archive(path):
@@ -49,6 +51,32 @@ def test_a_table_that_is_none_is_named(tmp_path, text, reason):
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(ValueError, match=rf"a\.csv: .*{reason}"):
         csv_files.read(path, columns=["view", "psnr_db"])
+
+
+# Columns without a unit that count something, or say yes or no.
+COUNTS = {"round", "rows", "views", "scenes", "seeds", "pareto", "tau"}
+COUNTS |= {"tau_low", "tau_high", "motion_m", "flow_mrad", "budget", "memory_mib"}
+TEXTS = sorted(
+    {
+        name
+        for table in columns.TABLES.values()
+        for name in table.columns
+        if name not in COUNTS and not csv_files.NUMBERS.search(name)
+    }
+)
+NAMES = ["007", "1e3", "1_000", "0x1f", "NA", "null", "nan", "inf", "True", "-1", "1.0"]
+
+
+@pytest.mark.parametrize("column", TEXTS)
+def test_names_are_read_back_as_they_were_written(tmp_path, column):
+    path = tmp_path / "a.csv"
+    pd.DataFrame({column: NAMES, "ssim": range(len(NAMES))}).to_csv(path, index=False)
+    assert csv_files.read(path)[column].tolist() == NAMES
+    # Of a column with one name, each may look like a number.
+    for name in NAMES:
+        path.write_text(f"{column},ssim\n{name},1\n,2\n")
+        read, empty = csv_files.read(path)[column]
+        assert (read, isinstance(empty, str)) == (name, False)
 
 
 KINDS = {"steps": int, "time_s": json_files.NUMBER, "go_on": bool}

@@ -115,7 +115,12 @@ def results(tmp_path, rng):
     write_json(
         folder / "verdict.json",
         {
-            "verdict": ["Verdict: aligned.", "A < B & C.", "To do: nothing."],
+            "headline": "Aligned.",
+            "because": ["A < B & C."],
+            "do_first": {"text": "Nothing.", "command": None},
+            "tried": [],
+            "measured": [],
+            "causes": [],
             "state": "aligned",
             "evidence": {"overfit_px": None},
         },
@@ -175,31 +180,30 @@ def causes(results):
     told |= {
         "headline": "Misaligned by 2.3 px: poses are off.",
         "state": "misaligned",
-        "do_first": {"text": "correct the cameras.", "command": "make photos <x>"},
+        "do_first": {
+            "text": "Correct the cameras: `make photos <x>`.",
+            "command": "make photos <x>",
+        },
         "tried": [
             {"text": "aligned: +1.2 dB", "pays": True, "db": 1.2, "method": "aligned"},
             {"text": "warped: -0.4 dB", "pays": False, "db": -0.4, "method": "base"},
         ],
         "measured": ["Photo and render are 2.3 px apart."],
         "causes": [
-            cause("poses", "sure", 2.2, 0.4, "px"),
-            cause("exposure", "not seen", 0.03, 0.06, "EV"),
-            cause("length of training", "not seen", 4.0, 0.5, ""),
-            cause("number of photos", "sure", 6, 12, ""),
-            cause("lens", "untold", None, 0.08, "px"),
+            cause("camera", "sure", 2.2, 0.4, "px"),
+            cause("exposure", "not seen", 0.03, 0.06, "stops"),
+            cause("undertrained", "not seen", 4.0, 0.5, "passes", "4, 0.5 are enough"),
+            cause("few_views", "not seen", 0.0, 0.0, "too few", "48, 12 are enough"),
+            cause("lens_shift", "untold", None, 0.08, "px"),
         ],
     }
     path.write_text(json.dumps(told))
     return told
 
 
-def cause(name, level, value, limit, unit):
-    return {
-        "cause": name,
-        "name": name,
-        "level": level,
-        "value": value,
-        "limit": limit,
-        "unit": unit,
-        "text": f"{name} in words",
-    }
+def cause(name, level, value, limit, unit, says=None):
+    """A cause as a verdict tells it."""
+    words = says or f"{value} of {limit} {unit}"
+    told = {"cause": name, "name": f"{name}'s name", "level": level, "unit": unit}
+    more = {"value": value, "limit": limit, "text": f"{name}'s name ({words})"}
+    return told | more

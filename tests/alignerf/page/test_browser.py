@@ -248,7 +248,7 @@ def test_a_summary_is_copied(opened):
     WebDriverWait(opened, 5).until(lambda _: button.text == "Copied")
     copied = opened.execute_script("return navigator.clipboard.readText()")
     assert copied.startswith(
-        "my scene: Misaligned by 2.3 px: poses are off.\nDo first: "
+        "my scene: Misaligned by 2.3 px: poses are off.\nA < B & C."
     )
 
 

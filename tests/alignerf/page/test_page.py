@@ -59,8 +59,8 @@ def test_a_page_is_one_file_whose_links_lead_somewhere(render, results, windows)
 
 def test_the_verdict_stands_first_then_the_pictures_then_what_to_do(render):
     text = render()
-    head, look = text.index("<h1>aligned.</h1>"), text.index('id="look"')
-    assert head < look < text.index("<strong>Do first:</strong> nothing.")
+    head, look = text.index("<h1>Aligned.</h1>"), text.index('id="look"')
+    assert head < look < text.index("<strong>Do first:</strong> Nothing.")
 
 
 def test_a_new_verdict_has_a_command_what_was_tried_and_gauges(render, causes):

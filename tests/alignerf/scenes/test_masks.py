@@ -133,7 +133,7 @@ def test_a_mask_that_hides_all_is_refused_by_name(tmp_path):
         photos=[prepare.Photo(np.zeros((40, 40, 3), np.uint8))],
         masks=[prepare.Photo(np.zeros((40, 40, 3), np.uint8))],
     )
-    with pytest.raises(ValueError, match="a: its mask leaves no pixel"):
+    with pytest.raises(ValueError, match="a: it leaves no pixel of the view a"):
         prepare.write_views(tmp_path / "new", views, split=np.array(["train"]))
 
 

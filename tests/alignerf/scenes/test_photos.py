@@ -220,9 +220,13 @@ def test_undoing_an_orientation_gives_the_rows_back(pixels):
         np.testing.assert_array_equal(undo(upright(pixels)), pixels)
 
 
-def test_a_name_that_cannot_be_printed_is_refused(tmp_path, pixels):
-    save(tmp_path / "a\rb.png", pixels)
-    with pytest.raises(ValueError, match=r"'a\\rb\.png': rename this file"):
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("a\rb.png", r"'a\\rb\.png'"), ("=cmd|A0.png", r"=cmd\|A0\.png")],
+)
+def test_a_name_that_is_none_of_a_view_is_refused(tmp_path, pixels, name, said):
+    save(tmp_path / name, pixels)
+    with pytest.raises(ValueError, match=rf"{said}: rename this file"):
         photos.find_images(tmp_path)
 
 
@@ -273,3 +277,55 @@ def test_the_largest_photo_takes_less_than_two_gigabytes(tmp_path, root):
     height, width, _, peak_kib = map(int, done.stdout.split())
     assert (height, width) == (13000, 13000)
     assert peak_kib < 2 * 2**20
+
+
+# A tag's value that is cut short, of a strange type, and a list of tags in itself.
+ODD_EXIF = {
+    "none": b"garbage",
+    "none after its mark": b"Exif\0\0garbage",
+    "short": b"Exif\0\0II*\0\x08\0\0\0\xff\xff" + 3 * b"\x12\x01\3\0\1\0\0\0",
+    "ratio": b"Exif\0\0MM\0*\0\0\0\x08\0\1\x01\x12\0\5\0\0\0\1\xff\xff\xff\xff",
+    "ring": b"Exif\0\0II*\0\x08\0\0\0\1\0\x69\x87\4\0\1\0\0\0\x08\0\0\0",
+}
+
+
+@pytest.mark.parametrize("exif", ODD_EXIF.values(), ids=ODD_EXIF)
+@pytest.mark.parametrize("suffix", ["jpg", "png", "webp", "heic"])
+def test_a_photo_of_odd_exif_is_a_photo_of_any_kind(tmp_path, pixels, suffix, exif):
+    """And Pillow says nothing: a warning would be an error here."""
+    path = tmp_path / f"a.{suffix}"
+    save(path, pixels, exif=exif)
+    assert photos.head(path) == photos.Head((20, 12), 1, "")
+    image, focal_px = photos.decode(path)
+    assert image.shape == pixels.shape
+    assert np.isnan(focal_px)
+
+
+def test_what_can_be_read_of_exif_counts(tmp_path, pixels):
+    """A broken part beside an orientation."""
+    tags = struct.pack("<HHHII", 2, 0x0112, 3, 1, 6)
+    tags += struct.pack("<HHII", 0x8769, 4, 1, 99_999)
+    exif = b"Exif\0\0II*\0\x08\0\0\0" + tags
+    save(tmp_path / "a.jpg", pixels, exif=exif)
+    assert photos.head(tmp_path / "a.jpg").orientation == 6
+    assert photos.decode(tmp_path / "a.jpg")[0].shape == (20, 12, 3)
+
+
+def test_a_photo_of_another_size_is_refused_by_its_head(tmp_path, pixels, monkeypatch):
+    """Before any is decoded: it may be of a gigabyte."""
+    paths = [tmp_path / f"{name}.png" for name in "abc"]
+    for path in paths[:2]:
+        save(path, pixels)
+    head = struct.pack(">IIBBBBB", 13_000, 13_000, 8, 2, 0, 0, 0)
+    parts = [(b"IHDR", head), (b"IDAT", b"")]
+    chunks = [
+        struct.pack(">I", len(data))
+        + kind
+        + data
+        + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in parts
+    ]
+    paths[2].write_bytes(photos.PNG + b"".join(chunks))
+    monkeypatch.setattr(photos, "decode", None)
+    with pytest.raises(ValueError, match=r"2 are 20x12, but not c \(13000x13000\)"):
+        photos.stored_size("abc", paths, "HERE")

@@ -1,6 +1,7 @@
 """A prepared scene folder: read whole, and what is wrong with it named."""
 
 import shutil
+from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -142,6 +143,26 @@ def test_a_principal_point_far_outside_is_named(folder, arrays, x_px):
 
 
 @pytest.mark.parametrize(
+    ("name", "fits"),
+    [
+        ("=cmd|' C calc'!A0", False),
+        ("=1+1", False),
+        ("\uff1dcmd", False),
+        ("@SUM(1)", False),
+        ("-2+3+cmd|' C calc'!A0", False),
+        ('+HYPERLINK("a")', False),
+        ("-1", True),
+        ("+ 2", True),
+        ("@home", True),
+        ("a=1", True),
+        ("IMG (2)", True),
+    ],
+)
+def test_a_formula_of_a_spreadsheet_is_no_name(name, fits):
+    assert prepared.is_name(name) == fits
+
+
+@pytest.mark.parametrize(
     "name", ["../x", "a/b", "/tmp/x", "", ".hidden", "a\0b", "a\nb", "x" * 300, "a\\b"]
 )
 def test_a_name_that_leads_elsewhere_is_refused(folder, arrays, name):
@@ -256,3 +277,68 @@ def test_a_scene_that_is_not_there_is_named(folder):
     shutil.rmtree(folder)
     with pytest.raises((ValueError, OSError), match=r"cameras\.npz"):
         prepared.load(folder)
+
+
+def at_places(places):
+    """Views that look along one axis from these places [n, 3]."""
+    poses = np.tile(np.eye(4)[:3], (len(places), 1, 1))
+    poses[:, :, 3] = places
+    names = [f"v{number}" for number in range(len(places))]
+    return SimpleNamespace(names=names, camtoworlds=poses)
+
+
+def ring(rng):
+    """Places of 20 cameras about a metre from the origin."""
+    return rng.normal(size=(20, 3))
+
+
+def moved(places, view, far):
+    places[view] += far
+    return places
+
+
+ONE, FAR = "stand at one place", "so far from the origin"
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda places: 0 * places, ONE),
+        (lambda places: 0 * places + 7.0, ONE),
+        (lambda places: 1e-10 * places, ONE),
+        (lambda places: places + 1e15, FAR),
+        (lambda places: 1e3 * places + 1e18, "(one place|far from the origin)"),
+        # Rounded by whoever has written them.
+        (lambda places: (places + 6.4e6).astype(np.float32).astype(float), FAR),
+        (lambda places: moved(places, 3, 1e12), "v3 stands .* as far away"),
+        (lambda places: moved(places, 19, 1e6), "v19 stands .* as far away"),
+    ],
+)
+def test_places_of_which_nothing_is_left_are_refused(rng, change, reason):
+    with pytest.raises(ValueError, match=f"HERE: .*{reason}"):
+        prepared.check_places("HERE", at_places(change(ring(rng))))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda places: places,
+        lambda places: 1e-6 * places,
+        lambda places: 1e9 * places,
+        # In metres from the middle of the earth, or of a country's grid.
+        lambda places: places + np.array([4.3e6, -2.1e6, 4.1e6]),
+        lambda places: places.astype(np.float32).astype(float),
+        # Most from one tripod.
+        lambda places: np.concatenate([np.zeros((30, 3)), places]),
+        lambda places: places[:1],
+        lambda places: places[:2],
+    ],
+)
+def test_places_as_people_have_them_are_taken_without_a_word(rng, change, caplog):
+    prepared.check_places("HERE", at_places(change(ring(rng))))
+    assert not caplog.text
+
+
+def test_a_camera_far_from_the_others_is_named(rng, caplog):
+    prepared.check_places("HERE", at_places(moved(ring(rng), 5, 1e4)))
+    assert "HERE: the camera of v5 stands" in caplog.text

@@ -293,6 +293,18 @@ def change(content, path, value):
         (["k4"], 0.1, "k4"),
         (["camera_model"], "EQUIRECTANGULAR", "EQUIRECTANGULAR"),
         (["camera_model"], ["OPENCV"], "camera model"),
+        (["is_fisheye"], "false", "is_fisheye"),
+        (["fl_x"], 0, "no lens has its 'fl_x', 0"),
+        (["fl_y"], 0, "no lens has its 'fl_y', 0"),
+        (["fl_y"], -1.5, "no lens has its 'fl_y'"),
+        (["fl_y"], 5e-324, "no lens has its 'fl_y'"),
+        (["fl_x"], True, "must be a number"),
+        (["frames", 0, "transform_matrix", 3], [0, 0, 0, 2], "last row"),
+        (["frames", 0, "transform_matrix", 3], [0, 0, 1, 0], "last row"),
+        (["frames", 0, "transform_matrix", 0, 3], True, "transform_matrix"),
+        (["frames", 0, "transform_matrix", 0, 3], "1", "transform_matrix"),
+        (["frames", 0, "transform_matrix", 0, 3], [1.0], "transform_matrix"),
+        (["frames", 0, "transform_matrix"], {"0": 1}, "transform_matrix"),
     ],
 )
 def test_faults_are_named(scene, path, value, named):
@@ -301,6 +313,60 @@ def test_faults_are_named(scene, path, value, named):
         read(scene)
     assert "transforms.json" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+@pytest.mark.parametrize("angle", [5e-324, 0, -1.0, 3.2, 1e-300, 1e-7, 3.1415926535])
+def test_a_field_of_view_that_no_lens_has_is_named(scene, axis, angle):
+    if axis == "x":
+        del scene[1]["fl_x"]
+    del scene[1]["fl_y"]
+    scene[1][f"camera_angle_{axis}"] = angle
+    with pytest.raises(
+        ValueError, match=rf"\.json: .*'camera_angle_{axis}', "
+    ) as found:
+        read(scene)
+    assert len(str(found.value)) < 300
+
+
+LONG = "x" * 1_000_000
+FORGED = "a\nerror: forged\x1b[2J\u202e"
+
+
+@pytest.mark.parametrize("value", [LONG, FORGED], ids=["long", "forged"])
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        (["camera_model"], None),
+        (["is_fisheye"], None),
+        (["k1"], None),
+        (["fl_x"], None),
+        (["frames", 0, "mask_path"], None),
+        (["frames", 0, "transform_matrix"], None),
+        (["frames", 0, "file_path"], "../{}"),
+        (["test_filenames"], ["{}"]),
+    ],
+)
+def test_messages_are_short_and_print_whatever_the_file_holds(scene, path, name, value):
+    """A megabyte, a forged line, what a terminal obeys."""
+    if isinstance(name, list):
+        value = [name[0].format(value)]
+    change(scene[1], path, name.format(value) if isinstance(name, str) else value)
+    with pytest.raises(ValueError, match="json") as found:
+        read(scene)
+    message = str(found.value).replace(str(scene[0]), "")
+    assert len(message) < 400
+    assert message.isprintable()
+
+
+def test_names_in_warnings_are_short_and_print(scene, caplog):
+    for value in (LONG, FORGED):
+        scene[1]["frames"].append(scene[1]["frames"][0] | {"file_path": value})
+    read(scene)
+    for record in caplog.records:
+        message = record.getMessage().replace(str(scene[0]), "")
+        assert len(message) < 900
+        assert message.isprintable()
 
 
 def test_files_that_are_no_scene(tmp_path, scene):
@@ -326,8 +392,8 @@ def test_a_file_of_brackets_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("path", "value", "named"),
     [
-        (["fl_x"], 1e29, "no lens has such a focal length"),
-        (["fl_x"], 1e-20, "no lens has such a focal length"),
+        (["fl_x"], 1e29, "no lens has"),
+        (["fl_x"], 1e-20, "no lens has"),
         (["cx"], 1e20, "principal point"),
         (["frames", 0, "transform_matrix", 0, 3], 1e300, "not finite"),
     ],

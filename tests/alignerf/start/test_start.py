@@ -1,5 +1,7 @@
 """From a folder to a config that runs, whatever lies in the folder."""
 
+import os
+
 import pytest
 import yaml
 
@@ -76,14 +78,29 @@ def test_a_folder_without_photos_says_what_was_looked_for(tmp_path, names):
         ("train", "train_photos"),
         ("all", "all_photos"),
         ("published", "published_photos"),
+        ("torture", "torture_photos"),
         ("--x", "x"),
         ("Größe 3", "Gr_e_3"),
         ("é", "photos"),
-        ("a" * 200, "a" * 60),
+        ("ab" + "a" * 200, "ab" + "a" * 58 + "_photos"),
+        ("a" * 21, "a" * 21 + "_photos"),
+        ("abc" * 40, "abc" * 20 + "_photos"),
+        ("abcdefgh" * 9, "abcdefgh" * 7 + "abcd"),
     ],
 )
 def test_a_name_is_one_that_files_and_rules_can_have(tmp_path, name, expected):
     assert folders.name_of(tmp_path / name) == expected
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["007", "1e3", "null", "true", "on", "0x1f", "1_000", "NaN", "a" * 40, "torture"],
+)
+def test_a_name_that_is_offered_is_taken_and_read_back(here, name):
+    fill(here, f"{name}/a.jpg")
+    offered = folders.name_of(here / name)
+    start.main([name, "--only-config"])
+    assert next(iter(config_at(here / f"results/{offered}.yaml")["scenes"])) == offered
 
 
 @pytest.fixture
@@ -140,11 +157,49 @@ def test_results_of_two_folders_of_one_name_are_not_mixed(here):
     assert config["scenes"]["other"]["path"] == "b/photos"
 
 
-def test_a_config_that_cannot_be_read_is_named(here):
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("{", ""),
+        ("", ": not a config"),
+        ("[1, 2]\n", ": not a config"),
+        ("scenes: [p]\n", ": no scenes"),
+        ("decide: true\n", ": no scenes"),
+        ("scenes: {p: {path: 3}}\n", r": scenes\.p\.path: 3 is no path"),
+        ('scenes: {p: {path: "a\\0"}}\n', r": scenes\.p\.path: .* is no path"),
+        ("scenes: {p: {path: loop}}\n", ": scene p is of loop"),
+        (b"scenes: \xe4\n", ""),
+    ],
+)
+def test_a_config_that_cannot_be_read_is_named(here, text, reason):
     fill(here, "p/a.png", "results/p.yaml")
-    (here / "results/p.yaml").write_text("{")
-    with pytest.raises(ValueError, match=r"results/p\.yaml"):
+    (here / "loop").symlink_to("loop")
+    text = text if isinstance(text, bytes) else text.encode()
+    (here / "results/p.yaml").write_bytes(text)
+    with pytest.raises(ValueError, match=rf"results/p\.yaml{reason}"):
         start.main(["p", "--only-config"])
+    assert (here / "results/p.yaml").read_bytes() == text
+
+
+def test_a_pipe_in_the_config_s_place_is_not_waited_for(here):
+    fill(here, "p/a.png", "results/.there")
+    os.mkfifo(here / "results/p.yaml")
+    with pytest.raises(ValueError, match=r"results/p\.yaml: not a file"):
+        start.main(["p", "--only-config"])
+
+
+@pytest.mark.parametrize("minutes", ["0", "-1", "nan", "inf", "x"])
+def test_a_budget_that_is_none_is_refused(here, minutes, capsys):
+    fill(here, "p/a.png")
+    with pytest.raises(SystemExit):
+        start.main(["p", "--only-config", f"--budget-min={minutes}"])
+    assert "--budget-min" in capsys.readouterr().err
+    assert not (here / "results").exists()
+
+
+def test_a_home_that_nobody_has_is_a_folder_that_is_not_there(here):
+    with pytest.raises(ValueError, match="~nobody_here/a does not exist"):
+        start.main(["~nobody_here/a"])
 
 
 def test_its_exit_code_is_that_of_the_run(here, monkeypatch):

@@ -83,3 +83,21 @@ def test_a_run_ends_with_the_command(tmp_path):
     lines = targets.verdicts(["a"], tmp_path, export="make export SCENE=a")
     assert lines[-1].endswith(": make export SCENE=a")
     assert targets.verdicts([], tmp_path, export="make export SCENE=a") == []
+
+
+@pytest.mark.parametrize(
+    ("keys", "can"),
+    [
+        ("renders: r, cameras: c", True),
+        ("renders: r, cameras: c, splits: [train]", True),
+        ("renders: r, cameras: c, splits: [test]", False),
+        ("renders: r", False),
+    ],
+)
+def test_of_judged_renders_only_some_are_put_right(here, runs, capsys, keys, can):
+    """Snakemake would make nothing, and call that done."""
+    text = f"scenes: {{a: {{source: judged, path: p, judged: {{{keys}}}}}}}\n"
+    (here / "results" / "a.yaml").write_text(text)
+    assert faults.exit_code(export.main, ["a"]) == (0 if can else 1)
+    assert bool(runs) == can
+    assert can or "nothing to export" in capsys.readouterr().err

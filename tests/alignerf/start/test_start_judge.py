@@ -1,11 +1,14 @@
 """`make judge`: renders of another program in, a config and a run out."""
 
 import os
+import time
 
+import numpy as np
 import pytest
 import yaml
 
 from alignerf.experiment import check, plan, targets
+from alignerf.scenes.judged import lenses
 from alignerf.start import judge
 from tests import judged_cases as cases
 
@@ -92,6 +95,113 @@ def test_newer_renders_are_judged_anew(here, runs):
     os.utime(made, (1, 1))
     judge.main(options(name="mine"))
     assert runs[-1][2] == ("poses",)
+
+
+@pytest.fixture
+def judged_before(here, runs):
+    """The time of a judgement: all files of `here` are older."""
+    judge.main(options(name="mine", depth="depth"))
+    made = here / "results" / "mine" / "poses.json"
+    made.parent.mkdir(parents=True)
+    made.write_text("{}")
+    runs.clear()
+    return here
+
+
+@pytest.fixture
+def depth_of_all(here):
+    (here / "depth").mkdir()
+    for name in cases.NAMES:
+        np.save(here / "depth" / f"{name}.npy", np.ones((120, 160)))
+
+
+def rewrite(path):
+    """The same bytes, the folder's time as it was."""
+    path.write_bytes(path.read_bytes())
+
+
+@pytest.mark.parametrize(
+    "changed", ["depth/v02.npy", "transforms.json", "renders/train/v02.png"]
+)
+def test_files_in_folders_are_looked_at(depth_of_all, judged_before, runs, changed):
+    """Snakemake looks at the time of a folder alone."""
+    time.sleep(0.02)
+    rewrite(judged_before / changed)
+    judge.main(options(name="mine", depth="depth"))
+    assert runs[-1][2] == ("poses",)
+
+
+def test_an_older_copy_and_a_render_taken_away_are_seen(here, runs):
+    judge.main(options(name="mine"))
+    made = here / "results" / "mine" / "poses.json"
+    made.parent.mkdir(parents=True)
+    made.write_text("{}")
+    judge.main(options(name="mine"))
+    assert runs[-1][2] == ()
+    time.sleep(0.02)
+    render = here / "renders" / "train" / "v01.png"
+    os.utime(render, (1, 1))
+    judge.main(options(name="mine"))
+    assert runs[-1][2] == ("poses",)
+    made.write_text("{}")
+    time.sleep(0.02)
+    render.unlink()
+    judge.main(options(name="mine"))
+    assert runs[-1][2] == ("poses",)
+
+
+def test_a_model_in_a_folder_is_looked_at(tmp_path):
+    """Of a folder of cameras those files that are read."""
+    model = tmp_path / "sparse" / "0"
+    model.mkdir(parents=True)
+    for name in ("cameras.bin", "images.bin", "points3D.bin", "project.ini"):
+        (model / name).write_text("")
+    found = {path.name for path in lenses.files_of(tmp_path)}
+    assert found == {"cameras.bin", "images.bin", "points3D.bin"}
+    assert lenses.files_of(None) == []
+
+
+def test_a_kept_config_of_other_renders_is_no_answer(here, runs):
+    """What was asked is not judged by it, so that is said."""
+    judge.main(options(name="mine"))
+    path = here / "results" / "mine.yaml"
+    path.write_text(path.read_text() + "seed: 3\n")
+    judge.main(options(name="mine"))
+    (here / "renders").rename(here / "again")
+    with pytest.raises(ValueError, match=r"renders is 'renders', not 'again'.*--name"):
+        judge.main(options(name="mine", renders="again"))
+    assert len(runs) == 2
+
+
+def test_other_photos_of_one_name_are_told_how_to_go_on(here, runs):
+    judge.main(options(name="mine"))
+    (here / "photos").rename(here / "others")
+    with pytest.raises(ValueError, match=r"make judge .*JUDGE=\"--name other\""):
+        judge.main(options(name="mine", photos="others"))
+
+
+@pytest.mark.parametrize(
+    ("before", "says"),
+    [("mine", "replace what was there"), ("gone", "gone/verdict.json does not exist")],
+)
+def test_what_it_is_compared_with_is_another_judgement(here, runs, before, says):
+    (here / "results" / "mine").mkdir(parents=True)
+    (here / "results" / "mine" / "verdict.json").write_text("{}")
+    with pytest.raises(ValueError, match=says):
+        judge.main([*options(name="mine"), f"--before={before}"])
+    assert not runs
+    assert not (here / "results" / "mine.yaml").exists()
+
+
+def test_a_config_cannot_compare_a_verdict_with_itself(here, runs):
+    """Snakemake would take it away first."""
+    (here / "results" / "mine").mkdir(parents=True)
+    (here / "results" / "mine" / "verdict.json").write_text("{}")
+    judge.main(options(name="mine"))
+    config = yaml.safe_load((here / "results/mine.yaml").read_text())
+    config["scenes"]["mine"]["judged"]["before"] = "results/mine/verdict.json"
+    with pytest.raises(ValueError, match=r"judged\.before: is the verdict that is"):
+        check.checked(config)
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,7 @@ def test_what_is_written_is_read_to_the_last_bit(scene, rng):
     assert read.own["train_time_s"] == timing["train_time_s"]
     assert read.own["compile_time_s"] == timing["compile_time_s"]
     told = {"commit": None, "lock": "0012345678901234", "device": "cpu"}
+    told["environment"] = None
     path = str(scene / "1/round0/timing.json")
     assert read.trainings == [{"path": path} | told]
     assert read.views["standard"][columns.PARTS].eq(0.25).all(axis=None)

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from alignerf import poses
-from alignerf.verdict import advice, causes, windows, words
+from alignerf.verdict import advice, causes, report, windows, words
 
 # A scene in which nothing is wrong, as measured on courtyard.
 WELL = causes.Evidence(
@@ -46,6 +46,13 @@ FAULTS = {
     "undertrained": {"passes": 0.4},
     "unregistered": {"registered": 20, "total": 45},
 }
+
+
+def report_of(e, findings, gains, views):
+    """The report's sentences in a row, its headline first and what to do last."""
+    found = report.of(e, findings, gains, views)
+    lines = [*found.because, *found.measured, *(one["text"] for one in found.tried)]
+    return [f"Verdict: {found.headline}", *lines, f"To do: {found.do_first['text']}"]
 
 
 def named(**changes):
@@ -105,26 +112,26 @@ def test_without_training_renders_test_views_tell():
 @pytest.mark.parametrize("cause", [*FAULTS, None])
 def test_the_words_have_the_numbers_and_one_thing_to_do(cause):
     known = WELL._replace(**FAULTS.get(cause, {}))
-    lines = words.say(known, causes.find(known), [], [])
+    lines = report_of(known, causes.find(known), [], [])
     assert lines[0].startswith("Verdict: ")
     assert lines[-1].startswith("To do: ")
     assert "nan" not in " ".join(lines).lower()
-    assert "aligned" in lines[0] or "too few" in lines[0]
+    assert "ligned" in lines[0] or "oo few" in lines[0]
     if cause == "camera":
-        assert lines[0] == "Verdict: misaligned by 2.4 px: poses are off."
+        assert lines[0] == "Verdict: Misaligned by 2.4 px: poses are off."
         assert "a moved camera explains 2.4 px of the shift" in " ".join(lines)
     if cause is None:
-        assert lines[0] == "Verdict: aligned, as far as 0.50 px can show."
+        assert lines[0] == "Verdict: Aligned, as far as 0.50 px can show."
 
 
 def test_the_words_say_what_points_told():
     known = WELL._replace(**FAULTS["sparse"], reprojection_px=1.7)
-    lines = words.say(known, causes.find(known), [], [])
-    assert lines[0].startswith("Verdict: poses are off, and photos are too few")
+    lines = report_of(known, causes.find(known), [], [])
+    assert lines[0].startswith("Verdict: Poses are off, and photos are too few")
     told = "Poses are off: points that several photos show lie 3.4 px from"
     assert any(line.startswith(told) for line in lines)
     # What can be done at the desk comes first.
-    assert lines[-1].startswith("To do: align on the way")
+    assert lines[-1].startswith("To do: Align on the way")
     assert lines[-1].endswith("And take more photos between those you have.")
 
 
@@ -284,8 +291,8 @@ def test_windows_decide_in_pixels_of_the_photo():
     known = WELL._replace(windows=APART, photo_width_px=1920.0)
     found = causes.find(known)
     assert [(one.cause, one.sure) for one in found] == [("camera", True)]
-    lines = words.say(known, found, [], [])
-    assert lines[0] == "Verdict: misaligned by 0.72 px: poses are off."
+    lines = report_of(known, found, [], [])
+    assert lines[0] == "Verdict: Misaligned by 0.72 px: poses are off."
     told = "At the photos' own size a photo and its render are shifted by 0.72 px (95 %"
     assert any(line.startswith(told) for line in lines)
     assert any("which is 0.60 px at 1600 px of width" in line for line in lines)
@@ -293,7 +300,7 @@ def test_windows_decide_in_pixels_of_the_photo():
     well = known._replace(windows=TOGETHER)
     assert causes.find(well) == []
     limit = words.length(causes.WINDOW_PX)
-    said = f"Verdict: aligned, as far as {limit} can show."
+    said = f"aligned, as far as {limit} can show."
     assert words.headline(well, []) == said
 
 
@@ -311,7 +318,7 @@ def test_what_windows_are_sure_of_is_the_headline(changes):
     """Few photos are a caution beside it; the advice is what the desk can cure."""
     known = WELL._replace(windows=APART, photo_width_px=1920.0, **changes)
     found = causes.find(known)
-    assert words.headline(known, found).startswith("Verdict: misaligned by 0.72 px")
+    assert words.headline(known, found).startswith("misaligned by 0.72 px")
     assert "poses are off" in words.headline(known, found)
     assert "align on the way" in advice.advise(known, found)
 
@@ -320,14 +327,14 @@ def test_windows_that_were_trained_too_short_tell_nothing():
     known = WELL._replace(windows=APART._replace(passes=0.1))
     assert causes.find(known) == []
     said = "tell nothing: each of their pixels was seen 0.1 times"
-    assert said in " ".join(words.say(known, [], [], []))
+    assert said in " ".join(report_of(known, [], [], []))
 
 
 def test_a_thumbnail_is_not_called_aligned():
     """300 photos of 12 megapixels, trained at 268 px of width."""
     known = WELL._replace(photo_px=15.0, photo_width_px=4000.0)
     head = words.headline(known, causes.find(known))
-    said = "Verdict: cannot be told at this size: a shift under 3.8 px would not be"
+    said = "cannot be told at this size: a shift under 3.8 px would not be"
     assert head.startswith(said)
     assert words.state(known, []) == "unclear"
     assert words.state(known._replace(windows=TOGETHER), []) == "aligned"
@@ -342,7 +349,7 @@ def test_given_poses_are_first_found_anew():
 
 def test_an_error_that_was_put_in_explains_a_good_reprojection_error():
     known = WELL._replace(**FAULTS["camera"], perturb_px=1.5)
-    lines = words.say(known, causes.find(known), [], [])
+    lines = report_of(known, causes.find(known), [], [])
     assert any(
         "An error of 3.0 px was put in on purpose (perturb_px)" in line
         for line in lines
@@ -352,7 +359,7 @@ def test_an_error_that_was_put_in_explains_a_good_reprojection_error():
 def test_heading_and_sentence_are_equally_sure():
     for share, adverb in ((0.05, "probably "), (0.2, "")):
         known = WELL._replace(moved_share=share)
-        lines = words.say(known, causes.find(known), [], [])
+        lines = report_of(known, causes.find(known), [], [])
         assert f"the scene {adverb}moved" in lines[0]
         assert any(f"The scene {adverb}moved" in line for line in lines[1:])
 
@@ -366,7 +373,7 @@ def test_a_gain_says_what_it_is_measured_against():
 def test_one_floor_for_what_is_called_aligned_and_what_can_be_told():
     known = WELL._replace(overfit_px=0.45, flow_train_px=0.42)
     assert not causes.misaligned(known)
-    lines = words.say(known, causes.find(known), [], [])
+    lines = report_of(known, causes.find(known), [], [])
     assert "as far as 0.90 px can show" in lines[0]
     assert any("under 0.90 px" in line for line in lines)
 
@@ -376,7 +383,7 @@ def test_windows_whose_geometry_nothing_fixes_tell_nothing():
     sparse = APART._replace(flow_px=0.12, flow_test_px=1.8)
     known = WELL._replace(windows=sparse, photo_px=15.0, photo_width_px=4000.0)
     assert words.state(known, causes.find(known)) == "unclear"
-    lines = words.say(known, causes.find(known), [], [])
+    lines = report_of(known, causes.find(known), [], [])
     said = "own size tell nothing: photos that were trained on are 0.12 px apart"
     assert any(said in line for line in lines)
 
@@ -411,17 +418,17 @@ def test_what_windows_and_whole_photos_come_to(changes, state, head):
     known = WELL._replace(**changes)
     found = causes.find(known)
     assert words.state(known, found) == state
-    assert words.headline(known, found).startswith(f"Verdict: {head}")
+    assert words.headline(known, found).startswith(head)
 
 
 def test_the_camera_part_is_of_what_the_headline_is_of():
     known = WELL._replace(windows=APART, flow_train_px=1.2, camera_px=1.1)
-    lines = words.say(known, causes.find(known), [], [])
+    lines = report_of(known, causes.find(known), [], [])
     assert "by 0.72 px" in lines[0]
     assert "in the windows a moved camera explains 0.68 px" in lines[1]
     other = APART._replace(camera_px=0.1, remainder_px=0.6)
     known = WELL._replace(windows=other)
-    assert "Poses" not in " ".join(words.say(known, causes.find(known), [], []))
+    assert "Poses" not in " ".join(report_of(known, causes.find(known), [], []))
     assert "The cause is not known" in advice.advise(known, causes.find(known))
 
 
@@ -451,7 +458,7 @@ def test_of_another_program_nobody_knows_whether_it_is_too_short():
     found = causes.find(known)
     assert [finding.cause for finding in found] == ["camera"]
     assert advice.advise(known, found).startswith("put its cameras right in a round")
-    assert "nan" not in " ".join(words.say(known, found, [], []))
+    assert "nan" not in " ".join(report_of(known, found, [], []))
 
 
 def test_gains_by_cameras_that_stayed_are_not_called_a_loss():

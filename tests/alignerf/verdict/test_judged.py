@@ -1,13 +1,14 @@
 """The verdict on renders of another program."""
 
+import json
 import math
 
 import numpy as np
 import pytest
 
-from alignerf.verdict import advice, causes, judged, words
+from alignerf.verdict import advice, causes, judged
 from tests import judged_cases
-from tests.alignerf.verdict.test_causes import FAULTS, WELL
+from tests.alignerf.verdict.test_causes import FAULTS, WELL, report_of
 
 OF = judged.Judged("given", "COLMAP's model", "named like the photos")
 THEIRS = WELL._replace(judged=OF, passes=math.nan, reprojection_px=math.nan)
@@ -21,13 +22,13 @@ def export(monkeypatch):
 
 def said(e):
     findings = [f for f in (judged.finding(e), *causes.find(e)) if f]
-    return words.say(e, findings, [], [])
+    return report_of(e, findings, [], [])
 
 
 def test_aligned_renders():
     lines = said(THEIRS)
-    assert lines[0].startswith("Verdict: aligned")
-    assert lines[-1].startswith("To do: nothing about alignment")
+    assert lines[0].startswith("Verdict: Aligned")
+    assert lines[-1].startswith("To do: Nothing about alignment")
 
 
 @pytest.mark.parametrize(
@@ -36,8 +37,8 @@ def test_aligned_renders():
         ("camera", f"corrected cameras: `{EXPORT}`"),
         ("motion", f"warped photos: `{EXPORT}`"),
         ("lens_shift", "half a pixel"),
-        ("lens_distortion", "calibrate"),
-        ("blurred", "leave out"),
+        ("lens_distortion", "Calibrate"),
+        ("blurred", "Leave out"),
         ("exposure", "appearance model"),
     ],
 )
@@ -64,7 +65,27 @@ def test_held_out_renders_alone_are_enough():
     """As gsplat writes them."""
     e = THEIRS._replace(train_views=0, flow_train_px=math.nan, psnr_train_db=math.nan)
     e = e._replace(test_views=14, flow_test_px=1.2, camera_px=1.1)
-    assert said(e)[0] == "Verdict: misaligned by 2.4 px: poses are off."
+    assert said(e)[0] == "Verdict: Misaligned by 2.4 px: poses are off."
+
+
+@pytest.mark.parametrize("cause", ["camera", "motion"])
+def test_what_is_not_exported_is_not_advised(cause):
+    """There is an export only of cameras, and of photos that were learnt from."""
+    e = THEIRS._replace(**FAULTS[cause])
+    none = said(e._replace(judged=OF._replace(cameras="none")))[-1]
+    assert none.startswith("To do: Give the cameras, too")
+    held_out = {"train_views": 0, "flow_train_px": math.nan, "test_views": 14}
+    held_out |= {"flow_test_px": 1.2, "psnr_train_db": math.nan}
+    alone = said(e._replace(**held_out))[-1]
+    assert alone.startswith("To do: Render the photos that the program has learnt from")
+
+
+def test_a_unit_of_depth_that_nothing_told_is_said():
+    def words(**keys):
+        return " ".join(said(THEIRS._replace(judged=OF._replace(**keys))))
+
+    assert judged.UNKNOWN_UNIT in words(depth_unit="nothing")
+    assert judged.UNKNOWN_UNIT not in words(depth_unit="points")
 
 
 @pytest.mark.parametrize("depth", judged.DEPTHS)
@@ -76,7 +97,7 @@ def test_what_depth_costs_is_said(depth):
 def test_without_cameras_none_can_be_corrected():
     e = THEIRS._replace(judged=OF._replace(cameras="none"), **FAULTS["camera"])
     lines = said(e)
-    assert "give the cameras, too" in lines[-1]
+    assert "Give the cameras, too" in lines[-1]
     assert any("a field of view was assumed" in line for line in lines)
 
 
@@ -117,3 +138,15 @@ def test_other_scenes_have_none():
 
 def test_advice_of_judged_renders_is_judgeds():
     assert advice.advise(THEIRS, []) == judged.advise(THEIRS, [])
+
+
+def test_what_it_was_before_is_said(tmp_path):
+    """After another training, on cameras that were put right."""
+    path = tmp_path / "first" / "verdict.json"
+    path.parent.mkdir()
+    shifts = {"flow_train_px": 1.2, "flow_test_px": None, "photo_px": 2.0}
+    path.write_text(json.dumps({"evidence": shifts}))
+    told = {"depth": "far", "cameras": "x", "layout": "x", "way": "taken"}
+    found = judged.read({"judged": told}, {}, path)
+    lines = said(THEIRS._replace(judged=found))
+    assert "Before, in first, it was 2.4 px on photos that were trained on." in lines

@@ -140,6 +140,41 @@ def test_a_binary_quaternion_of_0_is_refused(tmp_path, given):
         mipnerf360.read(tmp_path)
 
 
+def test_a_frames_binary_quaternion_of_0_is_refused(tmp_path, given):
+    """COLMAP takes poses from frames where they are there."""
+    write_model(tmp_path / "sparse/0", NAMES, given)
+    write_photos(tmp_path / "images")
+    path = tmp_path / "sparse/0/frames.bin"
+    content = bytearray(path.read_bytes())
+    content[16:48] = bytes(32)
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"frames\.bin.*not of length 1"):
+        mipnerf360.read(tmp_path)
+
+
+SENSOR = "1 2 CAMERA 1 CAMERA 2 1 {} 0 0 0 0 0 0"
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "wrong"),
+    [
+        ("frames", "1 1 {} 0 0 0 0 0 1 1 CAMERA 1 1", "a frame without a pose"),
+        ("rigs", SENSOR, "a sensor without a pose"),
+        ("rigs", SENSOR + " CAMERA 3 0 CAMERA 4 1 1 0 0 0 0 0 0", "a sensor without"),
+    ],
+)
+def test_a_texts_frames_and_rigs_are_looked_through(tmp_path, name, line, wrong):
+    path = tmp_path / f"{name}.txt"
+    check = {"frames": model_texts.check_frames, "rigs": model_texts.check_rigs}[name]
+    for length in ("0", "nan", "x", "0.5"):
+        path.write_text(f"# A comment\n{line.format(length)}\n")
+        with pytest.raises(ValueError, match=rf"{name}\.txt: line 2: {wrong}"):
+            check(path)
+    path.write_text(f"{line.format(1)}\n\n1 1 CAMERA 1\n" if name == "rigs" else "\n")
+    check(path)
+    check(tmp_path / "none.txt")
+
+
 def test_both_kinds_of_files_are_read_as_colmap_reads_them(tmp_path, given):
     """Its binary ones come first; a broken text beside them does not count."""
     write_model(tmp_path / "sparse/0", NAMES, given)

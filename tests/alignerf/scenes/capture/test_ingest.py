@@ -1,5 +1,7 @@
 """A folder of photos and films, and the cameras that took them."""
 
+import shutil
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -52,7 +54,7 @@ def test_copies_are_no_larger_than_asked_and_photos_stay_whole(tmp_path, pixels)
 def test_each_size_has_a_camera_of_its_own(tmp_path, pixels):
     source, target = tmp_path / "in", tmp_path / "out"
     source.mkdir(), target.mkdir()
-    for name, image in {"a": pixels, "b": pixels, "odd one": pixels[:, :10]}.items():
+    for name, image in {"a": pixels, "b": ~pixels, "odd one": pixels[:, :10]}.items():
         save(source / f"{name}.png", image)
     taken = ingest.ingest(source, target)
     assert taken.cameras.tolist() == [0, 0, 1]
@@ -70,7 +72,7 @@ def test_a_mask_lies_as_its_photo_does(tmp_path, pixels, name):
     exif = Image.Exif()
     exif[0x0112] = 3
     save(source / "a.jpg", pixels, exif=exif)
-    save(source / "b.jpg", pixels)
+    save(source / "b.jpg", ~pixels)
     save(source / "c.jpg", pixels)
     mask = np.full((12, 20), 255, np.uint8)
     mask[:, :5] = 0
@@ -104,7 +106,9 @@ def test_a_photo_and_a_frame_of_one_name_are_refused(tmp_path, pixels, monkeypat
     (tmp_path / "in").mkdir()
     save(tmp_path / "in/a.jpg", pixels)
     (tmp_path / "in/film.mp4").write_bytes(b"x")
-    with pytest.raises(ValueError, match="the same view name"):
+    with pytest.raises(
+        ValueError, match=r"a.jpg and a frame of film.mp4 have the same"
+    ):
         ingest.ingest(tmp_path / "in", tmp_path)
 
 
@@ -155,6 +159,58 @@ def test_two_phones_of_one_size_are_two_cameras(tmp_path, pixels):
     for name, model in {"a": "One", "b": "Two", "c": "One"}.items():
         exif = Image.Exif()
         exif[0x0110] = model
-        save(tmp_path / f"in/{name}.jpg", pixels, exif=exif)
+        save(tmp_path / f"in/{name}.jpg", pixels ^ ord(name), exif=exif)
     taken = ingest.ingest(tmp_path / "in", tmp_path / "out")
     assert taken.cameras.tolist() == [0, 1, 0]
+
+
+def test_the_same_photo_again_is_left_out_by_name(tmp_path, pixels, caplog):
+    """A copy, a link, and among them one that only looks alike."""
+    (tmp_path / "in").mkdir()
+    (tmp_path / "out").mkdir()
+    save(tmp_path / "in/a.png", pixels)
+    shutil.copy(tmp_path / "in/a.png", tmp_path / "in/a copy.png")
+    (tmp_path / "in/z.png").symlink_to("a.png")
+    save(tmp_path / "in/b.png", pixels ^ 1)
+    taken = ingest.ingest(tmp_path / "in", tmp_path / "out")
+    assert taken.names == ["a", "b"]
+    assert "left out a copy.png (as a.png), z.png (as a.png)" in caplog.text
+    assert ingest.once_more(tmp_path / "in", tmp_path / "out").names == ["a", "b"]
+
+
+def masked(tmp_path, pixels, masks):
+    """A folder of photos a, b and c, and one of masks of these names."""
+    for name in ("in", "masks", "out"):
+        (tmp_path / name).mkdir()
+    for name in "abc":
+        save(tmp_path / f"in/{name}.jpg", pixels ^ ord(name))
+    for name, value in masks.items():
+        mask = np.full(pixels.shape[:2], value, np.uint8)
+        Image.fromarray(mask).save(tmp_path / "masks" / name)
+    folders = [tmp_path / name for name in ("in", "out", "masks")]
+    return lambda: ingest.ingest(*folders[:2], masks=folders[2])
+
+
+def test_masks_of_no_photo_and_photos_without_one_are_named(tmp_path, pixels, caplog):
+    white = dict.fromkeys(("a.jpg.png", "a.png", "d.jpg.png", "B.png", ".x.png"), 255)
+    taken = masked(tmp_path, pixels, white)()
+    assert [mask and mask.name for mask in taken.masks] == ["a.jpg.png", None, None]
+    assert "masks: no mask of b.jpg, c.jpg: all of it is learnt from" in caplog.text
+    assert "and left out: B.png, a.png, d.jpg.png\n" in caplog.text
+
+
+def test_masks_that_fit_are_not_spoken_of(tmp_path, pixels, caplog):
+    masked(tmp_path, pixels, dict.fromkeys(("a.png", "b.jpg.png", "c.png"), 9))()
+    assert "mask" not in caplog.text
+
+
+def test_a_mask_that_is_all_black_is_named_before_colmap(tmp_path, pixels):
+    read = masked(tmp_path, pixels, {"a.png": 255, "b.png": 0, "c.png": 255})
+    with pytest.raises(ValueError, match=r"masks/b\.png: it hides the whole photo"):
+        read()
+
+
+def test_a_folder_of_masks_that_is_none_is_named(tmp_path, pixels):
+    masked(tmp_path, pixels, {})
+    with pytest.raises(ValueError, match=r"no folder of masks at .*none"):
+        ingest.ingest(tmp_path / "in", tmp_path / "out", masks=tmp_path / "none")

@@ -1,10 +1,15 @@
 """Frames of a film: how many, and that they are sharp and evenly spread."""
 
+import logging
+import os
+import struct
+
 import cv2
 import numpy as np
 import pytest
 
 from alignerf.files import images
+from alignerf.scenes import photos
 from alignerf.scenes.capture import video
 
 
@@ -26,7 +31,8 @@ def film(tmp_path_factory):
 
 
 def test_the_path_is_measured_in_widths(film):
-    numbers, sharpness, steps = video.measure(film)
+    numbers, sharpness, steps, count = video.measure(film, 60)
+    assert count == 60
     assert numbers == list(range(60))
     # 8 px of 320 a frame.
     assert steps[0] == 0
@@ -83,3 +89,117 @@ def test_films_are_found_beside_photos_or_alone(tmp_path, film):
     assert video.find(tmp_path) == []
     (tmp_path / ".hidden.mp4").write_bytes(b"")
     assert video.find(tmp_path) == []
+
+
+def write_film(path, sizes):
+    """Write an AVI of a frame of noise for each (width, height); they are equal."""
+    rng = np.random.default_rng(0)
+    fourcc = cv2.VideoWriter_fourcc(*"MJPG")
+    writer = cv2.VideoWriter(str(path), fourcc, 30, sizes[0])
+    for width, height in sizes:
+        writer.write(rng.integers(0, 256, (height, width, 3), dtype=np.uint8))
+    writer.release()
+    return path
+
+
+@pytest.mark.parametrize("size", [(800, 64), (640, 34), (34, 640), (40, 4000)])
+def test_films_of_odd_shapes_become_frames(tmp_path, size):
+    film = write_film(tmp_path / "wide.avi", [size] * 4)
+    (tmp_path / "frames").mkdir()
+    # One of four pieces of its path may be empty.
+    assert len(video.extract(film, tmp_path / "frames")) >= 3
+
+
+@pytest.mark.parametrize("size", [(200, 16), (4, 200), (32768, 32), (200, 100)])
+def test_frames_too_small_or_too_large_are_refused_by_the_head(
+    tmp_path, monkeypatch, size
+):
+    monkeypatch.setattr(video, "frames", None)
+    monkeypatch.setattr(photos, "MOST_PIXELS", 15_000)
+    film = write_film(tmp_path / "a.avi", [size] * 2)
+    with pytest.raises(ValueError, match=rf"a\.avi: a film of {size[0]}x{size[1]} pix"):
+        video.extract(film, tmp_path)
+
+
+def test_a_frame_larger_than_the_head_says_is_refused(tmp_path, monkeypatch):
+    film = write_film(tmp_path / "a.avi", [(200, 100)] * 2)
+    monkeypatch.setattr(photos, "MOST_PIXELS", 15_000)
+    with pytest.raises(ValueError, match=r"a\.avi: a film of 200x100 pixels: over"):
+        list(video.frames(film, "film", 2, lambda number: True))
+
+
+def told(film, count):
+    """Let an AVI's head tell another number of frames."""
+    content = bytearray(film.read_bytes())
+    struct.pack_into("<I", content, content.index(b"avih") + 8 + 16, count)
+    struct.pack_into("<I", content, content.index(b"strh") + 8 + 32, count)
+    film.write_bytes(content)
+    return film
+
+
+@pytest.mark.parametrize("count", [0, 1, 40, 3000, 2**31 - 1, 2**32 - 1])
+def test_a_head_that_lies_about_frames_loses_none(tmp_path, monkeypatch, count):
+    film = told(write_film(tmp_path / "a.avi", [(64, 48)] * 40), count)
+    every = video.measure(film, video.check(film))
+    assert every.count == 40
+    assert every.numbers == list(range(40))
+    monkeypatch.setattr(video, "MOST_LOOKED_AT", 10)
+    fewer = video.measure(film, video.check(film))
+    assert fewer.count == 40
+    assert fewer.numbers == list(range(0, 40, 4))
+
+
+def test_a_name_with_a_pattern_in_it_is_one_film(tmp_path):
+    film = write_film(tmp_path / "a%03d.avi", [(64, 48)] * 3)
+    write_film(tmp_path / "a001.avi", [(96, 64)] * 9)
+    (tmp_path / "frames").mkdir()
+    paths = video.extract(film, tmp_path / "frames")
+    assert [path.name for path in paths] == [f"a%03d_{k:06d}.png" for k in range(3)]
+    assert images.read(paths[0]).shape == (48, 64, 3)
+
+
+def test_a_name_like_an_address_is_one_film(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (film,) = video.find(write_film(tmp_path / "concat:a.avi", [(64, 48)] * 2).parent)
+    assert video.check(film.relative_to(tmp_path)) == 2
+
+
+LISTS = {
+    "m3u8": "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\n{}\n#EXT-X-ENDLIST\n",
+    "concat": "ffconcat version 1.0\nfile {}\n",
+}
+
+
+@pytest.mark.parametrize("form", LISTS.values(), ids=LISTS)
+def test_a_list_of_other_files_is_no_film(tmp_path, form):
+    other = write_film(tmp_path / "other.avi", [(64, 48)] * 3)
+    (tmp_path / "a.mp4").write_text(form.format(other.name))
+    with pytest.raises(ValueError, match=r"a\.mp4: no film"):
+        video.extract(tmp_path / "a.mp4", tmp_path)
+
+
+def test_a_pipe_is_no_film(tmp_path):
+    os.mkfifo(tmp_path / "a.mp4")
+    with pytest.raises(ValueError, match=r"a\.mp4: not a file"):
+        video.extract(tmp_path / "a.mp4", tmp_path)
+
+
+def test_frames_that_change_their_size_are_named_or_taken(tmp_path, monkeypatch):
+    film = write_film(tmp_path / "a.avi", [(64, 48)] * 2)
+    sizes = [(48, 64, 3), (64, 48, 3), (48, 64, 3)]
+
+    def frames(path, doing, total, is_wanted):
+        for number, size in enumerate(sizes):
+            yield number, np.full(size, 9 * number, np.uint8)
+
+    monkeypatch.setattr(video, "frames", frames)
+    (tmp_path / "frames").mkdir()
+    assert len(video.extract(film, tmp_path / "frames")) == 3
+
+
+def test_a_film_cut_short_says_so(tmp_path, caplog):
+    film = told(write_film(tmp_path / "a.avi", [(64, 48)] * 10), 100)
+    (tmp_path / "frames").mkdir()
+    with caplog.at_level(logging.WARNING):
+        assert len(video.extract(film, tmp_path / "frames")) == 10
+    assert "ends after 10 of 100 frames" in caplog.text

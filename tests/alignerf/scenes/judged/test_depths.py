@@ -62,7 +62,7 @@ def test_the_points_tell_kind_and_unit(tmp_path, suffix, kind):
     save(tmp_path / f"a{suffix}", 2.5 * values.astype(np.float32))
     found = depths.find(tmp_path, ["a", "b"])
     assert list(found) == ["a"]
-    of_views = {"a": (PIXTOCAM, POSE, SIZE)}
+    of_views = {"a": (PIXTOCAM, POSE, SIZE, None)}
     unit = depths.unit_of(found, of_views, points_of(depth))
     assert unit.kind == kind
     along = depths.along_axis(depths.read(found["a"]), unit.kind, PIXTOCAM)
@@ -72,12 +72,12 @@ def test_the_points_tell_kind_and_unit(tmp_path, suffix, kind):
 def test_without_points_numbers_stay(tmp_path):
     save(tmp_path / "a.npy", surface())
     found = depths.find(tmp_path, ["a"])
-    unit = depths.unit_of(found, {"a": (PIXTOCAM, POSE, SIZE)}, None)
+    unit = depths.unit_of(found, {"a": (PIXTOCAM, POSE, SIZE, None)}, None)
     assert unit.kind == "depth"
     assert unit.scale == 1
     assert np.isnan(unit.spread)
     few = points_of(surface(), 10)
-    assert depths.unit_of(found, {"a": (PIXTOCAM, POSE, SIZE)}, few).scale == 1
+    assert depths.unit_of(found, {"a": (PIXTOCAM, POSE, SIZE, None)}, few).scale == 1
 
 
 @pytest.mark.parametrize(
@@ -138,3 +138,16 @@ def test_points_are_seen_where_they_are():
     np.testing.assert_allclose(found, depth[row, column], rtol=1e-5)
     at, _ = cameras.project(points_of(depth)[:1], PIXTOCAM, POSE)
     assert 0 <= at[0, 0] < SIZE[0]
+
+
+def test_depths_beside_renders(tmp_path):
+    """As ns-render writes both: pictures of depth are none, nor are other depths."""
+    for split, name in (("train", "a"), ("test", "b")):
+        for kind in ("rgb", "depth", "raw-depth", "raw-expected_depth"):
+            folder = tmp_path / split / kind
+            folder.mkdir(parents=True)
+            suffix = ".npy.gz" if kind.startswith("raw") else ".png"
+            save(folder / f"{name}{suffix}", surface())
+    found = depths.find(tmp_path, ["a", "b"])
+    assert sorted(found) == ["a", "b"]
+    assert {path.parent.name for path in found.values()} == {"raw-depth"}

@@ -85,7 +85,16 @@ def test_another_shape_is_refused():
 def test_the_photos_own_size():
     """As large as the photo's focal length allows, the same picture."""
     one = geometry.ways((CAMTOPIX, LENS), SIZE, (80, 60), "render")[1]
-    large = geometry.at_photos_size(one)
+    assert geometry.photos_size(one) == (160, 120)
+    large = geometry.at_size(one, (160, 120))
     assert large.way == "kept"
     assert large.size == (160, 120)
     np.testing.assert_allclose(large.camtopix, CAMTOPIX, rtol=1e-6)
+
+
+def test_a_size_that_was_rounded_bends_no_photo():
+    """A render of 53x40 of a photo of 160x120 has no square pixels."""
+    one = geometry.ways((CAMTOPIX, np.zeros(5)), SIZE, (53, 40), "render")[0]
+    large = geometry.at_size(one, geometry.photos_size(one))
+    np.testing.assert_allclose(large.camtopix, CAMTOPIX, rtol=1e-9)
+    np.testing.assert_array_equal(large.picture(picture(0)), picture(0))

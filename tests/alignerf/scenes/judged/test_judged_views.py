@@ -2,6 +2,7 @@
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -9,7 +10,7 @@ from PIL import Image
 from alignerf import poses
 from alignerf.others import judged as take
 from alignerf.scenes import prepared
-from alignerf.scenes.judged import views
+from alignerf.scenes.judged import geometry, pairs, views
 from tests import judged_cases as cases
 
 
@@ -85,7 +86,7 @@ def test_views_without_a_pair_are_left_out_and_named(tmp_path, caplog):
     config = cases.project(tmp_path)
     (tmp_path / "renders" / "v07.png").unlink()
     cases.write_png(tmp_path / "renders" / "v06.png", cases.picture(6, (80, 60)))
-    judged = views.find(config)
+    judged = pairs.find(config)
     assert [pair.name for pair in judged.pairs] == cases.NAMES[:6]
     assert "1 of 8 photos have no render, or no camera: v07" in caplog.text
     assert "another size than 160x120 are left out: v06" in caplog.text
@@ -146,10 +147,11 @@ def test_depth_by_the_points_of_the_cameras(tmp_path):
         from_points = data["depth"]
     (tmp_path / "depth").mkdir()
     for name in cases.NAMES:
-        y, x = np.indices((120, 160)) + 0.5
-        rays = np.stack([x, y, np.ones_like(x)], -1)
-        rays = rays @ np.linalg.inv(cases.shown("taken").camtopix).T
-        distance = 7 * 2.1 * np.linalg.norm(rays, axis=-1)
+        # Renders show the lens's distortion, and so does their depth.
+        pixels = np.indices((120, 160))[::-1].reshape(2, -1).T.astype(float)
+        lens = geometry.INTEGERS @ cases.CAMTOPIX, cases.LENS
+        at = cv2.undistortPoints(pixels[:, None], *lens)[:, 0].T.reshape(2, 120, 160)
+        distance = 7 * 2.1 * np.sqrt(1 + (at**2).sum(axis=0))
         np.save(tmp_path / "depth" / f"{name}.npy", distance.astype(np.float32))
     other = tmp_path / "other"
     other.mkdir()
@@ -161,6 +163,74 @@ def test_depth_by_the_points_of_the_cameras(tmp_path):
     np.testing.assert_allclose(told["depth_scale"], 1 / 7, rtol=0.01)
     with np.load(run(given) / "depth" / "train" / "v03.npz") as data:
         np.testing.assert_allclose(data["depth"], from_points, rtol=0.06)
+
+
+def test_depth_has_the_distortion_that_its_render_has(tmp_path):
+    """An edge in the depth lies where the same edge of the render does."""
+    cases.project(tmp_path)
+    depth = np.where(np.indices((120, 160))[1] < 20, 2.0, 5.0)
+    edge = np.where(depth[..., None] < 3, 40, 200).repeat(3, -1).astype(np.uint8)
+    (tmp_path / "depth").mkdir()
+    for name in cases.NAMES:
+        cases.write_png(tmp_path / "renders" / f"{name}.png", edge)
+        cases.write_png(tmp_path / "photos" / f"{name}.png", edge)
+        np.save(tmp_path / "depth" / f"{name}.npy", depth)
+    kinds = {"cameras": str(tmp_path / "transforms.json")}
+    kinds |= {"depth": str(tmp_path / "depth")}
+    out = run(prepare(tmp_path, cases.config(tmp_path, **kinds)))
+    with np.load(out / "depth" / "train" / "v03.npz") as data:
+        near = data["depth"] < np.median(data["depth"])
+    render = np.asarray(Image.open(out / "renders" / "train" / "v03.png"))[..., 0]
+    clear = (render < 90) | (render > 150)
+    assert clear.mean() > 0.95
+    np.testing.assert_array_equal(near[clear], (render < 120)[clear])
+
+
+def test_depth_of_some_views_and_of_no_unit_is_warned_of(tmp_path, caplog):
+    cases.project(tmp_path)
+    (tmp_path / "depth").mkdir()
+    np.save(tmp_path / "depth" / "v02.npy", np.ones((120, 160)))
+    kinds = {"cameras": str(tmp_path / "transforms.json")}
+    kinds |= {"depth": str(tmp_path / "depth")}
+    scene = prepare(tmp_path, cases.config(tmp_path, **kinds))
+    told = json.loads((scene / "poses.json").read_text())["judged"]
+    assert told["depth_unit"] == "nothing"
+    assert "7 of 8 views have no depth" in caplog.text
+    assert "too few points came with the cameras" in caplog.text
+
+
+def test_photos_of_several_sizes_and_lenses_go_out_at_one(tmp_path):
+    """The usual one: of a lens of its own, each would have another."""
+    config = cases.project(tmp_path, "kept")
+    path = tmp_path / "transforms.json"
+    content = json.loads(path.read_text())
+    for i, frame in enumerate(content["frames"]):
+        frame |= {"k1": -0.18 + 0.01 * i, "fl_x": 150 + i, "fl_y": 150 + i}
+    path.write_text(json.dumps(content))
+    image = Image.fromarray(cases.picture(2))
+    image.resize((240, 180)).save(tmp_path / "photos" / "v02.png")
+    large, _ = views.at_full_size(config)
+    assert large.names == cases.NAMES
+    for photo in large.photos:
+        assert photo.read().shape == (large.height, large.width, 3)
+    np.testing.assert_allclose(
+        np.linalg.inv(large.pixtocams[2])[:2, 2] / [large.width, large.height],
+        cases.CAMTOPIX[:2, 2] / cases.SIZE,
+        rtol=1e-6,
+    )
+
+
+def test_a_guessed_lens_is_that_of_the_photo_as_it_is_shown(tmp_path):
+    """Not of the photo upright, where a render shows it as its rows are stored."""
+    cases.project(tmp_path)
+    path = tmp_path / "photos" / "v00.png"
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.open(path).save(path.with_suffix(".jpg"), exif=exif)
+    path.unlink()
+    judged = pairs.find(cases.config(tmp_path))
+    for pair in judged.pairs:
+        np.testing.assert_array_equal(pair.lens[0][:2, 2], (80, 60))
 
 
 @pytest.mark.parametrize(
@@ -176,7 +246,7 @@ def test_faults_are_one_line(tmp_path, break_it, says):
     config = cases.project(tmp_path)
     break_it(tmp_path)
     with pytest.raises(ValueError, match=says) as caught:
-        views.find(config)
+        pairs.find(config)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "scene").exists()
 
@@ -185,5 +255,5 @@ def test_renders_of_other_photos_are_warned_of(tmp_path, caplog):
     config = cases.project(tmp_path)
     for i, name in enumerate(cases.NAMES):
         cases.write_png(tmp_path / "renders" / f"{name}.png", cases.picture(50 + i))
-    views.chosen_way(views.find(config), None)
+    views.chosen_way(pairs.find(config), None)
     assert "hardly look alike" in caplog.text

@@ -78,7 +78,7 @@ def test_no_cameras(tmp_path):
 
 
 def test_assumed_cameras_can_be_normalised():
-    found = lenses.assumed(NAMES, SIZE)
+    found = lenses.assumed(NAMES)
     poses = np.stack([one.pose for one in found.lenses.values()])
     assert found.kind == "none"
     assert len(np.unique(poses[:, :, 3].round(6), axis=0)) == len(NAMES)

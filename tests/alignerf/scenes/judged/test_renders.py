@@ -31,7 +31,7 @@ def test_names_are_those_of_the_photos(tmp_path):
 def test_nerfstudio(tmp_path):
     """ns-render dataset; its copies of photos and coloured depths are none."""
     for split, names in (("train", NAMES[1:]), ("test", NAMES[:1])):
-        for kind in ("rgb", "gt-rgb", "depth"):
+        for kind in ("rgb", "gt-rgb", "depth", "background", "pred_normals"):
             write(tmp_path / split / kind, *(f"{name}.png" for name in names))
     found = renders.find(tmp_path, NAMES)
     assert {n: one.split for n, one in found.renders.items()} == HELD_OUT
@@ -59,6 +59,22 @@ def test_gsplat(tmp_path):
     assert of(found) == {"v00": "val_step29999_0000.png"}
     assert found.renders["v00"].is_sheet
     assert found.renders["v00"].split == "test"
+
+
+def test_gsplat_of_all_views(tmp_path):
+    """With --test-every 1 all are numbered; what was learnt from, the cameras say."""
+    write(tmp_path, *(f"val_step9_{i:04}.png" for i in range(8)))
+    found = renders.find(tmp_path, NAMES)
+    assert of(found)["v05"] == "val_step9_0005.png"
+    assert {n: one.split for n, one in found.renders.items()} == HELD_OUT
+
+
+def test_gaussian_splatting_that_held_nothing_out(tmp_path):
+    folder = tmp_path / "train" / "ours_30000" / "renders"
+    write(folder, *(f"{i:05}.png" for i in range(8)))
+    found = renders.find(tmp_path, NAMES)
+    assert of(found)["v00"] == "00000.png"
+    assert {one.split for one in found.renders.values()} == {"train"}
 
 
 def test_gsplat_of_more_views_than_there_are(tmp_path):

@@ -1,0 +1,1 @@
+"""What the environment tells a command, and what it may not."""

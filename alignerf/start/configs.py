@@ -1,0 +1,130 @@
+"""The config beside the results of a folder: written, and kept where it is a user's."""
+
+import argparse
+import hashlib
+import logging
+import math
+import os
+
+import yaml
+
+from alignerf.files import atomic, provenance, yaml_files
+from alignerf.start import folders
+
+log = logging.getLogger("alignerf")
+
+HEAD = """\
+# Written by `{command}`, of {folder}
+# Yours to edit: then it is kept. Every key: alignerf/experiment/keys/.
+# To run it: the same command again.
+# as written: {digest}
+"""
+# How to give results another name, by what has written the config: by make, and by the
+# installed command.
+OTHER_NAME = {
+    "photos": (
+        'make photos FOLDER=... PHOTOS="--name other"',
+        "why-blurry photos ... --name other",
+    ),
+    "judge": (
+        'make judge PHOTOS=... RENDERS=... JUDGE="--name other"',
+        "why-blurry judge --photos ... --renders ... --name other",
+    ),
+}
+# How a folder of photos is given: by make, and to the installed command.
+PHOTOS = ("make photos FOLDER={}", "why-blurry photos {}")
+
+
+def program(command):
+    """The name of a command in its own help."""
+    made = f"make {command.replace('demo', 'run')}"
+    return provenance.typed(made, f"why-blurry {command}")
+
+
+def read(path):
+    """A config that is there. ValueError, naming it, where it is none."""
+    content = yaml_files.read(path)
+    if not isinstance(content, dict):
+        raise ValueError(f"{path}: not a config: remove it, and it is written anew")
+    if not isinstance(content.get("scenes"), dict):
+        raise ValueError(f"{path}: no scenes in it: remove it, and it is written anew")
+    return content
+
+
+def say_where(path, config, folder, *, by="photos"):
+    """Write the config, and log its path; a config that a user has changed is kept.
+
+    by: a key of OTHER_NAME. Raises ValueError where the kept config is of other folders
+    or other arguments.
+    """
+    if path.exists():
+        there = read(path)
+        check_same(path, there, config, provenance.typed(*OTHER_NAME[by]))
+        if not is_untouched(path):
+            asked = {key: value for key, value in config.items() if key != "scenes"}
+            if differing := [k for k, v in asked.items() if there.get(k) != v]:
+                log.warning("%s is yours: its %s is kept", path, ", ".join(differing))
+            print(f"config: {path}, as it is there")
+            return
+    text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
+    command = program(by)
+    head = HEAD.format(
+        command=command, folder=ascii(str(folder)), digest=digest_of(text)
+    )
+    with atomic.replace_file(path) as temporary:
+        temporary.write_text(head + text, encoding="utf-8")
+    print(f"config: {path}")
+
+
+def check_same(path, there, config, other_name):
+    """ValueError where a config's scenes are of other folders: results would mix.
+
+    other_name: the command that gives results another name.
+    """
+    for name, scene in config["scenes"].items():
+        before = there["scenes"].get(name)
+        own = before.get("path") if isinstance(before, dict) else None
+        if own is None:
+            continue
+        if not isinstance(own, str) or "\0" in own:
+            raise ValueError(f"{path}: scenes.{name}.path: {own!r:.60} is no path")
+        if os.path.realpath(own) != os.path.realpath(scene["path"]):
+            raise ValueError(
+                f"{path}: scene {name} is of {own}, not of {scene['path']}. Give "
+                f"another name: {other_name}"
+            )
+
+
+def digest_of(text):
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def is_untouched(path):
+    """Whether a config is as it was written here."""
+    text = path.read_text(encoding="utf-8")
+    _, mark, rest = text.partition("# as written: ")
+    digest, _, body = rest.partition("\n")
+    return bool(mark) and digest == digest_of(body)
+
+
+def minutes(text):
+    """Minutes of a training: more than none."""
+    value = float(text)
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r}: a number above 0 was expected")
+    return value
+
+
+def count(text):
+    """A number of pixels, or of cores."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}: 1 or more were expected")
+    return value
+
+
+def name(text):
+    """A name that files and rules can have."""
+    if folders.name_of(text) != text:
+        raise argparse.ArgumentTypeError(f"{text!r}: letters, digits and _, and free")
+    return text

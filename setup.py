@@ -1,0 +1,36 @@
+"""What pyproject.toml cannot say: the workflow lies beside the packages, and goes with
+them, as the data of a package of its own.
+"""
+
+import setuptools
+from setuptools.command import build_py
+
+PIPELINE = "alignerf.pipeline"
+DATA = {
+    "alignerf.page": ["**/*.html", "**/*.css", "**/*.js", "vendor/*"],
+    "alignerf.tables": ["*.yaml"],
+    PIPELINE: [
+        *("Snakefile", "environment.yml", "results/published/*.csv"),
+        *(f"workflow/**/*.{kind}" for kind in ("smk", "yaml", "rst", "py")),
+    ],
+}
+
+
+class Build(build_py.build_py):
+    """Takes data alone of the folder that the packages lie in."""
+
+    def find_package_modules(self, package, package_dir):
+        if package == PIPELINE:
+            return []
+        return super().find_package_modules(package, package_dir)
+
+
+setuptools.setup(
+    packages=[
+        *setuptools.find_namespace_packages(include=["alignerf*", "flow*"]),
+        PIPELINE,
+    ],
+    package_dir={PIPELINE: "."},
+    package_data=DATA,
+    cmdclass={"build_py": Build},
+)

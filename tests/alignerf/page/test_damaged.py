@@ -1,0 +1,132 @@
+"""Whatever a scene's results hold, there is a page, or a line that names the file."""
+
+import copy
+import json
+import random
+
+import pandas as pd
+import pytest
+import yaml
+
+from alignerf.page import __main__ as page
+from tests.alignerf.page import conftest as cases
+
+GONE = object()
+VALUES = [None, True, 0, -1, 10**12, 10**400, 1.5, float("nan"), float("inf"), "x", ""]
+VALUES += [[], [1], ["x"], {}, {"x": 1}, {"01": 10**12}, {"01": None}, GONE]
+CELLS = ["", "x", "nan", "inf", "-1", "1e300", "1e999", "9" * 400, "True", "2.5", GONE]
+JSONS = ["verdict.json", "poses.json", "judged.json", "preflight.json"]
+JSONS += ["decisions.json", "config.yaml"]
+# Of each file; the torture tries all.
+CASES = 40
+
+
+@pytest.fixture
+def quickly(results, render, causes, monkeypatch):
+    """The page without its pictures, of results with all that it may read."""
+    kept = page.template()
+    monkeypatch.setattr(page, "template", lambda: kept)
+    monkeypatch.setattr(page.layers, "captions", lambda *_: {})
+    monkeypatch.setattr(page.layers, "arrows", lambda *_: {})
+    for name in ("fitted", "thumbs"):
+        monkeypatch.setattr(
+            page.pictures, name, lambda shown: dict.fromkeys((o.key for o in shown), "")
+        )
+    monkeypatch.setattr(page.pictures, "data_uri", lambda *_: "")
+    more = dict.fromkeys(("wall_s", "cores", "memory_bytes", "disk_bytes"), 100.0)
+    cases.write_json(results / "preflight.json", more)
+    poses = json.loads((results / "poses.json").read_text())
+    more = {"quarter_turns": {"01": 1}, "of_poses": "poses by x", "judged": None}
+    cases.write_json(results / "poses.json", poses | more)
+    return render
+
+
+def places(value, at=()):
+    """The way to each value in a JSON."""
+    yield at
+    inside = value.items() if isinstance(value, dict) else ()
+    inside = enumerate(value) if isinstance(value, list) else inside
+    for key, entry in inside:
+        yield from places(entry, (*at, key))
+
+
+def changed(value, at, new):
+    """A copy with another value in a place, or with none there."""
+    if not at:
+        return new
+    value = part = copy.deepcopy(value)
+    for key in at[:-1]:
+        part = part[key]
+    if new is GONE:
+        del part[at[-1]]
+    else:
+        part[at[-1]] = new
+    return value
+
+
+def damaged_jsons(folder, name):
+    """(path, text) of each damage of one file."""
+    path = folder / ("poses.json" if name == "judged.json" else name)
+    content = yaml.safe_load(path.read_text())
+    if name == "judged.json":
+        content |= {"judged": {"way": "taken", "layout": "y", "cameras": "z"}}
+    write = yaml.safe_dump if path.suffix == ".yaml" else json.dumps
+    for at in places(content):
+        for value in VALUES:
+            if at or value is not GONE:
+                yield path, write(changed(content, at, value)), f"{at} {value!r:.20}"
+
+
+def damaged_tables(folder, name):
+    path = folder / "tables" / name
+    table = pd.read_csv(path, dtype=str, keep_default_na=False)
+    for column in table:
+        for cell in CELLS:
+            if cell is GONE:
+                other = table.drop(columns=column)
+            else:
+                other = table.copy()
+                other.loc[0, column] = cell
+            yield path, other.to_csv(index=False), f"{column} {cell!r:.20}"
+
+
+def attack(render, damages):
+    """What is wrong with how the page takes damages."""
+    found = []
+    for path, text, what in damages:
+        whole = path.read_text()
+        path.write_text(text)
+        try:
+            render()
+        except (ValueError, OSError) as error:
+            # A view of another name has no picture.
+            if path.name not in str(error) and "images/" not in str(error):
+                found.append(f"{path.name} {what}: {error}")
+        except Exception as error:
+            found.append(f"{path.name} {what}: {error!r:.200}")
+        path.write_text(whole)
+    return found
+
+
+@pytest.mark.parametrize("name", JSONS)
+def test_a_damaged_json_is_named_or_shown(results, quickly, name):
+    damages = list(damaged_jsons(results, name))
+    chosen = random.Random(0).sample(damages, min(CASES, len(damages)))
+    assert attack(quickly, chosen) == []
+
+
+@pytest.mark.parametrize("name", ["views.csv", "misalignment.csv"])
+def test_a_damaged_table_is_named_or_shown(results, quickly, name):
+    damages = list(damaged_tables(results, name))
+    chosen = random.Random(0).sample(damages, min(CASES, len(damages)))
+    assert attack(quickly, chosen) == []
+
+
+@pytest.mark.parametrize("count", [10**12, -1, 1.5, "1", True, None, 4])
+def test_quarter_turns_are_0_to_3(results, quickly, count):
+    """10**12 of them would never end."""
+    (path,) = results.glob("poses.json")
+    content = json.loads(path.read_text())
+    cases.write_json(path, content | {"quarter_turns": {"01": count}})
+    with pytest.raises(ValueError, match=r"poses\.json: quarter_turns of '01' is"):
+        quickly()

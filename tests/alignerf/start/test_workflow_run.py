@@ -1,0 +1,108 @@
+"""A small workflow, run as a user would: what stands on the terminal."""
+
+import json
+
+import pytest
+
+from alignerf.experiment import sources
+from alignerf.start import workflow
+
+SNAKEFILE = """
+rule all:
+    input: "results/a/index.html"
+rule poses:
+    output: "results/{scene}/poses.json"
+    log: "results/{scene}/logs/poses.log"
+    shell: "(echo warning: 3 photos are dark; echo much more; touch {output:q})"
+        " 2>&1 | tee {log:q}"
+rule train:
+    output: "results/{scene}/model"
+    log: "results/{scene}/logs/train it.log"
+    shell: "([ -e memory ] || {{ echo error: no more memory; exit 1; }};"
+        " touch {output:q}) 2>&1 | tee {log:q}"
+rule page:
+    input: "results/{scene}/poses.json", "results/{scene}/model"
+    output: "results/{scene}/index.html"
+    shell: "touch {output:q}"
+onsuccess:
+    print("the verdict, as Snakemake has it")
+"""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A project in the place of ours, and a config."""
+    monkeypatch.chdir(tmp_path)
+    profile = tmp_path / "workflow" / "profiles" / "default" / "config.yaml"
+    profile.parent.mkdir(parents=True)
+    profile.write_text("keep-going: true\n")
+    (tmp_path / "Snakefile").write_text(SNAKEFILE)
+    (tmp_path / "results" / "a").mkdir(parents=True)
+    config = tmp_path / "results" / "a.yaml"
+    config.write_text("scenes: {a: {source: photos}}\n")
+    verdict = {"verdict": ["VERDICT   fine."]}
+    (tmp_path / "results" / "a" / "verdict.json").write_text(json.dumps(verdict))
+    monkeypatch.setattr(sources, "PIPELINE", tmp_path)
+    monkeypatch.delenv("VERBOSE", raising=False)
+    return tmp_path
+
+
+def test_a_line_a_job_and_the_verdict_once_and_last(here, capfd):
+    code = workflow.run("results/a.yaml", 2, "all")
+    failed, nothing = capfd.readouterr()
+    assert (code, nothing) == (1, "")
+    first, *lines, error, log, goes_on, named = failed.splitlines()
+    assert first.partition(": ")[2] == named.partition(": ")[2]
+    names = {line.strip().split("  ")[0] for line in lines}
+    assert names >= {"photos and cameras", "all: training"}
+    assert [line for line in lines if line.endswith("FAILED")]
+    assert "      warning: 3 photos are dark" in lines
+    assert (error, log) == ("error: no more memory", "  in results/a/logs/train it.log")
+    assert "goes on" in goes_on
+    assert "VERDICT" not in failed
+
+    (here / "memory").touch()
+    code = workflow.run("results/a.yaml", 2, "all")
+    done, nothing = capfd.readouterr()
+    assert (code, nothing) == (0, "")
+    assert done.count("VERDICT") == 1
+    assert done.splitlines()[-1].endswith(": make export SCENE=a")
+    assert "much more" not in done
+    # Snakemake's own words are not lost.
+    (*_, last) = sorted((here / "results" / "logs").glob("run-*.log"))
+    text = last.read_text()
+    assert "rule page:" in text
+    assert "the verdict, as Snakemake has it" in text
+    assert len(done.splitlines()) < 12
+
+
+def test_who_asks_for_all_gets_all(here, capfd, monkeypatch):
+    (here / "memory").touch()
+    monkeypatch.setenv("VERBOSE", "1")
+    assert workflow.run("results/a.yaml", 2, "all") == 0
+    out, err = capfd.readouterr()
+    assert "rule page:" in err
+    assert "VERDICT" not in out
+    assert not (here / "results" / "logs").exists()
+
+
+def test_few_logs_stay(here, monkeypatch):
+    workflow.LOGS.mkdir()
+    for i in range(workflow.KEPT + 5):
+        (workflow.LOGS / f"run-2020-{i:02d}.log").touch()
+    (workflow.LOGS / "preview.log").touch()
+    workflow.log_file().touch()
+    names = sorted(path.name for path in workflow.LOGS.glob("*"))
+    assert len(names) == workflow.KEPT + 1
+    assert "run-2020-00.log" not in names
+    assert "preview.log" in names
+
+
+def test_commands_are_those_of_the_demo_and_of_a_config():
+    demo = workflow.command_of(None, 3, (), (), ())
+    assert "--configfile" not in demo
+    assert demo[-1] == "--"
+    own = workflow.command_of("a b.yaml", 3, ["export"], ["width=3"], ["poses"])
+    words = ["--configfile", "a b.yaml", "--config", "width=3", "--forcerun", "poses"]
+    assert own[-len(words) - 2 :] == [*words, "--", "export"]
+    assert workflow.scenes_of(workflow.DEMO) == ["courtyard"]
