@@ -11,7 +11,7 @@ DATA = {
     "alignerf.tables": ["*.yaml"],
     PIPELINE: [
         *("Snakefile", "environment.yml", "results/published/*.csv"),
-        *(f"workflow/**/*.{kind}" for kind in ("smk", "yaml", "rst", "py")),
+        *(f"workflow/**/*.{kind}" for kind in ("smk", "yaml", "rst", "py", "txt")),
     ],
 }
 

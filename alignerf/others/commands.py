@@ -104,7 +104,7 @@ def said(tail):
     )
 
 
-def environment(cores):
+def environment(cores=1):
     """Variables of a command: ours, without the way to our modules.
 
     It has its own environment, in which a module may have the name of one of ours. And

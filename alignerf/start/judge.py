@@ -97,7 +97,7 @@ def check_kept(path, name, scene):
             raise ValueError(
                 f"{path} is yours, and its scenes.{name}.judged.{key} is {own!r:.200}, "
                 f"not {value!r:.200}: change it there, or give another name: "
-                f"{configs.OTHER_NAME['judge']}"
+                f"{provenance.typed(*configs.OTHER_NAME['judge'])}"
             )
 
 

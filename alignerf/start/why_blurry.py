@@ -1,14 +1,6 @@
 """One command for all of them, where this project is installed: `why-blurry photos`.
 
-    why-blurry demo                the embedded scene, from nothing to its verdict
-    why-blurry photos my_photos    your own photos or film, to a verdict and a page
-    why-blurry judge --photos photos --renders renders --cameras sparse/0
-                                   what another program trained
-    why-blurry export my_photos    photos, cameras and points for other programs
-    why-blurry show                the finished tables, and the verdict again
-
-Each has --help. Results lie in results/ of the folder that it is called in. Beside
-`make`, it runs the same modules. VERBOSE=1 before it shows all that Snakemake prints.
+Beside `make`, it runs the same modules.
 """
 
 import importlib
@@ -17,6 +9,19 @@ import sys
 
 from alignerf.files import faults, provenance
 
+HELP = """\
+What blurs a NeRF or a splat, and what to do first.
+
+    why-blurry demo                the embedded scene, from nothing to its verdict
+    why-blurry photos my_photos    your own photos or film, to a verdict and a page
+    why-blurry judge --photos photos --renders renders --cameras sparse/0
+                                   what another program trained
+    why-blurry export my_photos    photos, cameras and points for other programs
+    why-blurry show                the finished tables, and the verdict again
+
+Each has --help. Results lie in results/ of the folder that it is called in. VERBOSE=1
+before it shows all that Snakemake prints.
+"""
 # {word: the module that it runs}.
 COMMANDS = {
     "demo": "alignerf.start.demo",
@@ -34,7 +39,7 @@ def main(words=None):
 
 def run(command="--help", *words):
     if command in ("-h", "--help"):
-        print(__doc__.strip())
+        print(HELP.strip())
         return
     if command not in COMMANDS:
         known = ", ".join(COMMANDS)

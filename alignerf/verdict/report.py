@@ -15,7 +15,7 @@ from alignerf.verdict import advice, causes, words
 # Of the terminal: where texts begin, and where they end.
 INDENT, WIDTH = 10, 100
 # A command in a text.
-COMMAND = re.compile(r"`((?:make|snakemake|ns-|python) ?[^`]*)`")
+COMMAND = re.compile(r"`((?:make|snakemake|why-blurry|ns-|python) ?[^`]*)`")
 
 
 class Report(NamedTuple):

@@ -32,7 +32,7 @@ def typed(monkeypatch, tmp_path):
 def test_each_command_has_its_help(typed, capsys, command):
     assert typed(command, "--help") == 0
     assert capsys.readouterr().out.startswith("usage: ")
-    assert f"why-blurry {command}" in why_blurry.__doc__
+    assert f"why-blurry {command}" in why_blurry.HELP
 
 
 @pytest.mark.parametrize("words", [(), ("--help",)])

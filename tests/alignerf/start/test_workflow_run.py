@@ -6,6 +6,7 @@ import pytest
 
 from alignerf.experiment import sources
 from alignerf.start import workflow
+from alignerf.start.terminal import events
 
 SNAKEFILE = """
 rule all:
@@ -23,7 +24,7 @@ rule train:
 rule page:
     input: "results/{scene}/poses.json", "results/{scene}/model"
     output: "results/{scene}/index.html"
-    shell: "touch {output:q}"
+    shell: "env; touch {output:q}"
 onsuccess:
     print("the verdict, as Snakemake has it")
 """
@@ -72,6 +73,9 @@ def test_a_line_a_job_and_the_verdict_once_and_last(here, capfd):
     (*_, last) = sorted((here / "results" / "logs").glob("run-*.log"))
     text = last.read_text()
     assert "rule page:" in text
+    # Of what it is told by, its jobs know nothing.
+    assert str(sources.PLUGINS) not in text
+    assert events.FILE_DESCRIPTOR not in text
     assert "the verdict, as Snakemake has it" in text
     assert len(done.splitlines()) < 12
 

@@ -8,10 +8,12 @@ ALIGNERF_EVENTS_FD names. It changes nothing of what Snakemake itself prints.
 import json
 import logging
 import os
+from pathlib import Path
 
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 
 FILE_DESCRIPTOR = "ALIGNERF_EVENTS_FD"
+FOLDER = Path(__file__).resolve().parents[1]
 # What is told of a job.
 OF_JOB = ("jobid", "job_id", "rule_name", "jobs", "done", "total")
 
@@ -26,7 +28,11 @@ class LogHandler(LogHandlerBase):
     needs_rulegraph = False
 
     def __post_init__(self):
-        self.file_descriptor = int(os.environ[FILE_DESCRIPTOR])
+        self.file_descriptor = int(os.environ.pop(FILE_DESCRIPTOR))
+        # Found, it is of no use to jobs, nor to other programs that they start.
+        paths = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+        rest = [path for path in paths if path and Path(path).resolve() != FOLDER]
+        os.environ["PYTHONPATH"] = os.pathsep.join(rest)
 
     def emit(self, record):
         try:

@@ -104,7 +104,7 @@ def test_who_looks_for_a_fault_may_ask_for_it(monkeypatch):
 def test_programs_of_others_get_it_back(monkeypatch):
     monkeypatch.setenv(f"{switches.ASIDE}JAX_ENABLE_X64", "1")
     monkeypatch.delenv("JAX_ENABLE_X64", raising=False)
-    found = commands.environment()
+    found = commands.environment(1)
     assert found["JAX_ENABLE_X64"] == "1"
     assert not any(name.startswith(switches.ASIDE) for name in found)
 
