@@ -24,7 +24,7 @@ from alignerf.experiment import arguments, check, inputs, layout, plan, slices
 from alignerf.experiment import sources, targets
 from alignerf.experiment.checks import results
 from alignerf.experiment.cluster import needs, storages, work
-from alignerf.experiment.tables import across, rows, scenes, sides
+from alignerf.experiment.tables import across, pages, rows, scenes, sides
 
 sources_of = sources.sources_of
 min_version("9.0")

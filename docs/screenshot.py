@@ -37,7 +37,7 @@ def main(argv=None):
         browser.get(args.page.resolve().as_uri())
         WebDriverWait(browser, 20).until(lambda one: one.execute_script(READY))
         lines = browser.find_elements(
-            By.CSS_SELECTOR, "#verdict h2, #verdict li, #verdict .todo"
+            By.CSS_SELECTOR, "h1, #verdict li, #verdict .todo"
         )
         text = "".join(f"{line.text}\n" for line in lines)
         clip = {"x": 0, "y": 0, "width": WIDTH_PX, "height": HEIGHT_PX, "scale": SCALE}

@@ -1,6 +1,6 @@
 """The page of a scene: `python -m alignerf.page`, results/SCENE/index.html.
 
-Verdict, images under a slider, every photo, tables, decisions and costs in one file
+Verdict, images before and after, every photo, cameras, tables and costs in one file
 that needs no network.
 """
 
@@ -9,14 +9,23 @@ import base64
 from pathlib import Path
 
 import jinja2
-import numpy as np
 
 from alignerf.experiment.tables import json_rows, rows
-from alignerf.files import atomic, csv_files, faults, provenance
-from alignerf.page import contents, decided, pictures
-from alignerf.verdict import views
+from alignerf.files import atomic, faults, provenance
+from alignerf.page import (
+    closer,
+    contents,
+    decided,
+    layers,
+    photos,
+    pictures,
+    rig,
+    told,
+)
 
 HERE = Path(__file__).resolve().parent
+# A film beside the page: small ones lie in it.
+FILMS, MOST_FILM_BYTES = ("flythrough.webm", "flythrough.mp4"), 1_500_000
 
 
 def main(argv=None):
@@ -27,98 +36,87 @@ def main(argv=None):
         rounds=[(r.renders, r.flow) for r in renders if r.method is None],
         others={r.method: (r.renders, r.flow) for r in renders if r.method is not None},
         base=args.base,
+        windows=(args.windows, args.windows_corrected, args.windows_by),
+        moved=(args.moved_by, args.moved),
     )
     with atomic.replace_file(args.out) as path:
         path.write_text(page, encoding="utf-8")
     print(f"page     {args.out} ({len(page) / 1e6:.1f} MB)")
 
 
-def render(folder, *, rounds, base, others=None):
+NOTHING = (None, None, None)
+
+
+def render(folder, *, rounds, base, others=None, windows=NOTHING, moved=NOTHING[:2]):
     """The page's HTML of a scene's folder of results.
 
     rounds: (renders, flow), folders of the reference's test views round by round;
     others: {method: its (renders, flow)}; base: folder of the reference's round 0, with
-    renders of training views too, if there are any.
+    renders of training views too, if there are any. windows: of
+    `closer.read`. moved: who put cameras right, and their cameras.npz.
     """
     folder, base = Path(folder), Path(base)
-    told = contents.verdict(folder)
-    limit_px = pictures.limit_of(told["evidence"])
-    shown = shown_views(folder, rounds, others or {}, base, limit_px)
-    images = pictures.fitted(shown)
+    scene, verdict = folder.resolve().name, told.read(folder)
+    facts, export = contents.facts(folder), provenance.export_command()
+    limit_px = pictures.limit_of(verdict["evidence"])
     decisions, taken = decided.decisions(folder)
     return template().render(
-        scene=folder.resolve().name,
-        verdict=told,
-        facts=contents.facts(folder),
-        views=[one for one in shown if f"{one.split}/{one.view}" in images],
-        images=images,
-        layers=pictures.layer_names(shown),
-        wheel=pictures.data_uri(pictures.wheel(limit_px)),
-        full_px=pictures.FULL_PX,
-        limit_px=limit_px,
-        size_of="renders" if told["evidence"].get("judged") else "training size",
+        scene=scene,
+        verdict=verdict,
+        facts=facts,
+        summary=told.summary(scene, verdict, facts, export),
+        wheel=pictures.data_uri(layers.wheel(limit_px)),
+        film=film(folder),
+        mark=told.MARK,
         tables=contents.tables(folder),
         figures=figures(folder),
         decisions=decisions,
         decisions_taken=taken,
         costs=contents.costs(folder),
         downloads=contents.downloads(folder),
-        export_command=provenance.export_command(),
+        export_command=export,
+        **seen(folder, rounds, others or {}, base, limit_px, verdict, windows, moved),
     )
 
 
-def shown_views(folder, rounds, others, base, limit_px):
-    """`pictures.Shown` of each view on the page."""
-    path = folder / "tables" / "views.csv"
-    table = csv_files.read(path, columns=views.COLUMNS)
-    # Empty where a view does not, which is read as a number where none does.
-    reasons = [why if isinstance(why, str) else "" for why in table["stands_out"]]
-    table["stands_out"] = np.array(reasons, object)
-    scored = [
-        views.View(**row) for row in table[list(views.COLUMNS)].to_dict("records")
-    ]
-    turns = contents.quarter_turns(folder)
-    truth = folder / "truth" / "oracle"
-    of_split = {}
-    if rounds:
-        of_split["test"] = pictures.Source(
-            "test",
-            rounds,
-            base / "warped" / "test",
-            truth if truth.is_dir() else None,
-            others,
-        )
-    if (base / "renders" / "train").is_dir():
-        first = [(base / "renders" / "train", base / "flow" / "train")]
-        of_split["train"] = pictures.Source("train", first, base / "warped" / "train")
-    chosen = pictures.choose(scored)
-    for row in chosen:
-        if row.split not in of_split:
-            fault = f"view {row.view!r:.60}: no renders of split {row.split!r:.60}"
-            raise ValueError(f"{path}: {fault}")
-    return [
-        pictures.Shown(
-            row.view,
-            row.split,
-            note_on(row),
-            pictures.layers_of(
-                row.view,
-                of_split[row.split],
-                folder / "images",
-                limit_px,
-                turns.get(row.view, 0),
-            ),
-        )
-        for row in chosen
-    ]
+def seen(folder, rounds, others, base, limit_px, verdict, windows, moved):
+    """What the page shows of the photos, and what its scripts read."""
+    photo_px, turns = photos.scale(folder), contents.quarter_turns(folder)
+    every = photos.shown(folder, rounds, others, base, limit_px)
+    entries = photos.entries(every, limit_px, photo_px)
+    after = photos.afters(every, verdict["tried"])
+    data = {
+        "photos": entries,
+        "images": pictures.fitted(every),
+        "layers": list(dict.fromkeys(name for one in every for name in one.layers)),
+        "after": after,
+        "opening": photos.opening(every, after) if every else None,
+        "windows": closer.read(*windows, every),
+        "rig": rig.told(folder, turns, moved[1]),
+    }
+    return {
+        "photos": entries,
+        "thumbs": pictures.thumbs(every),
+        "strip": photos.strip(entries, limit_px * photo_px),
+        "limit_px": limit_px,
+        "photo_px": photo_px,
+        "full_px": layers.FULL_PX,
+        "moved_by": moved[0],
+        "size_of": "renders" if verdict["evidence"].get("judged") else "training size",
+        "data": data,
+    }
 
 
-def note_on(view):
-    """A view's numbers in words."""
-    learnt = "held out" if view.split == "test" else "learnt from"
-    apart = f"{view.flow_px:.2f} px of the training size apart before any repair"
-    parts = [f"{learnt}: {apart}, {view.psnr_db:.1f} dB"]
-    return "; ".join([*parts, view.stands_out] if view.stands_out else parts)
+def film(folder):
+    """Address of a film beside the page, or its content where it is small; or None."""
+    for name in FILMS:
+        path = folder / name
+        if path.is_file():
+            if path.stat().st_size > MOST_FILM_BYTES:
+                return name
+            content = base64.b64encode(path.read_bytes()).decode()
+            return f"data:video/{path.suffix[1:]};base64,{content}"
+    return None
 
 
 def figures(folder):
@@ -141,6 +139,8 @@ def template():
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    # As they are, the worst photo first; sorted by name they would not be.
+    environment.policies["json.dumps_kwargs"] = {"sort_keys": False, "allow_nan": False}
     return environment.get_template("template.html")
 
 
@@ -150,6 +150,11 @@ def parse(argv=None):
     parser.add_argument("--scene", type=Path, required=True, help="results/SCENE")
     parser.add_argument("--rounds", required=True, help="JSON: renders, flow folders")
     parser.add_argument("--base", type=Path, required=True, help="reference's round 0")
+    parser.add_argument("--windows", help="a training's folder, of windows")
+    parser.add_argument("--windows-corrected", help="the same by cameras put right")
+    parser.add_argument("--windows-by", help="the method that has put them right")
+    parser.add_argument("--moved", help="cameras.npz, put right")
+    parser.add_argument("--moved-by", help="what has put them right")
     parser.add_argument("--out", type=Path, required=True, help="index.html, written")
     return parser.parse_args(argv)
 

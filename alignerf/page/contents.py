@@ -1,4 +1,4 @@
-"""What stands on the page: verdict, tables, decisions, costs, downloads.
+"""What stands on the page: facts, tables, costs, downloads.
 
 A *table* here is {name, note, columns, rows}: texts to show, and beside each what it is
 sorted by.
@@ -48,9 +48,7 @@ FIGURES = {
 
 # Ends of an interval.
 ENDS = ("difference_low_db", "difference_high_db")
-# What it takes from a verdict.json, a poses.json and a preflight.json.
-VERDICT = {"headline": str, "because": list, "measured": list, "tried": list}
-VERDICT |= {"do_first": dict, "causes": list, "state": str, "evidence": dict}
+# What it takes from a poses.json and a preflight.json.
 POSES = prepared.POSES | dict.fromkeys(
     ("test_views", "height", "photo_height"), json_files.NUMBER
 )
@@ -64,31 +62,6 @@ class Cell(NamedTuple):
 
     text: str
     order: str | float
-
-
-def verdict(folder):
-    """The verdict as the template shows it, from verdict.json."""
-    path = folder / "verdict.json"
-    content = json_files.read(path, VERDICT)
-    lines = [*content["because"], *content["measured"]]
-    for line in lines:
-        if not isinstance(line, str):
-            raise ValueError(f"{path}: because and measured are not lines of text")
-    for one in (*content["tried"], *content["causes"], content["do_first"]):
-        if not isinstance(one, dict) or not isinstance(one.get("text"), str):
-            raise ValueError(f"{path}: tried, causes, do_first: not what is told")
-    known = content["evidence"].get("overfit_px")
-    # Python calls True a number.
-    number = isinstance(known, json_files.NUMBER) and not isinstance(known, bool)
-    if known is not None and not (number and 0 <= known < json_files.LARGEST):
-        raise ValueError(f"{path}: evidence.overfit_px is {known!r:.60}")
-    return {
-        "head": content["headline"],
-        "state": content["state"],
-        "lines": [*lines, *(one["text"] for one in content["tried"])],
-        "todo": [content["do_first"]["text"]],
-        "evidence": content["evidence"],
-    }
 
 
 def tables(folder):

@@ -5,7 +5,7 @@ import re
 import pandas as pd
 import pytest
 
-from alignerf.page import pictures
+from alignerf.page import layers
 from alignerf.verdict import advice, limit
 
 # An answer to how long the demo takes, as README gives it.
@@ -117,7 +117,7 @@ def test_the_picture_of_the_page_is_of_the_run_in_the_tables(root, page_of):
 
 def test_pages_say_the_scale_of_the_flow_and_that_figures_have_their_own(page_of):
     text = page_of("docs/reference/files.md")
-    assert f"full colour is {pictures.FULL_PX:g} px" in text
+    assert f"full colour is {layers.FULL_PX:g} px" in text
     assert "rim of their colour wheel" in text
     assert f"{limit.ALIGNED_PX:g} px, or what the estimator finds" in text
 

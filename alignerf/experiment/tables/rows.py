@@ -3,7 +3,7 @@
 import csv
 from typing import NamedTuple
 
-from alignerf.experiment import arguments, inputs, kinds, layout, sources, trainings
+from alignerf.experiment import arguments, kinds, layout, sources, trainings
 from alignerf.experiment.tables import json_rows
 
 # Rules write rows and wait for their files; commands read rows.
@@ -215,17 +215,6 @@ def files_of_windows(experiment, scene):
         files += of_verdict(experiment, name).values()
         files += [f"results/{name}/{kind}" for kind in ("cameras.npz", "poses.json")]
     return layout.outputs_of(files)
-
-
-def of_page(experiment, scene):
-    """What its images are of besides: those views' warped photos, and the truth."""
-    files = of_verdict(experiment, scene)
-    warped = {
-        f"{split}_warped": f"{experiment.reference_folder(scene, 0)}/warped/{split}"
-        for split in ("train", "test")
-        if f"{split}_renders" in files
-    }
-    return files | warped | inputs.truth_of(experiment, scene)
 
 
 def figure_rounds(experiment, scene):

@@ -8,6 +8,7 @@ import pytest
 
 from alignerf.files import images
 from alignerf.page import __main__ as page
+from alignerf.scenes import cameras
 from alignerf.verdict import views
 
 HEIGHT, WIDTH = 24, 36
@@ -33,6 +34,49 @@ def write_flows(folder, names, length_px):
     for name in names:
         valid = np.ones((HEIGHT, WIDTH), bool)
         np.savez(folder / f"{name}.npz", flow_px=flow_px, valid=valid)
+
+
+def write_cameras(path, names, *, size=(WIDTH, HEIGHT), shift=0.0, corner=(0, 0)):
+    """Cameras on an arc around the origin; those of TRAIN moved along by `shift`."""
+    poses = []
+    for i, name in enumerate(names):
+        angle = 0.4 * i
+        back = np.array([np.sin(angle), 0.0, np.cos(angle)])
+        right, up = np.cross([0.0, 1.0, 0.0], back), np.array([0.0, 1.0, 0.0])
+        moved = shift * right * (name.partition("_w")[0] in TRAIN)
+        poses.append(np.stack([right, up, back, 3 * back + moved], axis=1))
+    middle = np.eye(3)
+    middle[:2, 2] = corner
+    np.savez(
+        path,
+        pixtocams=np.stack(
+            [cameras.intrinsics(30.0, WIDTH, HEIGHT) @ middle] * len(names)
+        ),
+        camtoworlds=np.stack(poses),
+        names=np.array(names),
+        width=size[0],
+        height=size[1],
+        split=np.array(
+            ["test" if n.partition("_w")[0] in TEST else "train" for n in names]
+        ),
+    )
+
+
+def write_windows(folder, rng, *, corner):
+    """A scene of windows of two photos, with the renders of a training."""
+    names = ["01_w0", "05_w0", "05_w1"]
+    for kind in ("images", "base/round0/renders/test", "base/round0/renders/train"):
+        split = kind.rpartition("/")[2]
+        own = [
+            n
+            for n in names
+            if split == "images" or (n[:2] in TEST) == (split == "test")
+        ]
+        for name in own:
+            image = rng.integers(0, 256, (8, 8, 3), dtype=np.uint8)
+            images.write(folder / kind / f"{name}.png", image)
+    write_cameras(folder / "cameras.npz", names, size=(8, 8), corner=corner)
+    return folder / "base/round0"
 
 
 def view_row(name, split, flow_px):
@@ -84,6 +128,11 @@ def results(tmp_path, rng):
     poses = {"registered": 5, "total": 6, "test_views": 3, "width": WIDTH}
     poses |= {"height": HEIGHT, "photo_width": 72, "photo_height": 48}
     write_json(folder / "poses.json", poses | {"mean_reprojection_error_px": None})
+    write_cameras(folder / "cameras.npz", [*TEST, *TRAIN])
+    write_cameras(folder / "moved.npz", [*TEST, *TRAIN], shift=0.01)
+    points = rng.normal(size=(30, 3))
+    colours = rng.integers(0, 256, (30, 3), dtype=np.uint8)
+    np.savez(folder / "images/points.npz", points=points, colours=colours)
     write_json(folder / "facts.json", {})
     decided = {"key": "model.near", "default": 0.2, "value": 0.4, "reason": "near"}
     write_json(folder / "decisions.json", {"decisions": [decided | {"facts": {}}]})
@@ -95,10 +144,21 @@ def results(tmp_path, rng):
 
 
 @pytest.fixture
-def render(results):
-    """() -> the page's HTML, of the results as they are then."""
+def windows(results, rng):
+    """Windows by the cameras as given and as put right, and by which method."""
+    scenes = [results.parent / f"windows{after}" for after in ("", "_after")]
+    made = [
+        write_windows(scene, rng, corner=corner)
+        for scene, corner in zip(scenes, ((10, 4), (12, 3)), strict=True)
+    ]
+    return (*map(str, made), "aligned")
 
-    def make():
+
+@pytest.fixture
+def render(results):
+    """(options of `page.render`) -> the page's HTML, of the results as they are."""
+
+    def make(**options):
         rounds = [
             (
                 results / f"base/round{k}/renders/test",
@@ -106,6 +166,44 @@ def render(results):
             )
             for k in (0, 1)
         ]
-        return page.render(results, rounds=rounds, base=results / "base/round0")
+        base = results / "base/round0"
+        return page.render(results, rounds=rounds, base=base, **options)
 
     return make
+
+
+@pytest.fixture
+def causes(results):
+    """The verdict as newer runs write it, with a command and every cause."""
+    path = results / "verdict.json"
+    told = json.loads(path.read_text())
+    told |= {
+        "headline": "Misaligned by 2.3 px: poses are off.",
+        "state": "misaligned",
+        "do_first": {
+            "text": "Correct the cameras: `make photos <x>`.",
+            "command": "make photos <x>",
+        },
+        "tried": [
+            {"text": "aligned: +1.2 dB", "pays": True, "db": 1.2, "method": "aligned"},
+            {"text": "warped: -0.4 dB", "pays": False, "db": -0.4, "method": "base"},
+        ],
+        "measured": ["Photo and render are 2.3 px apart."],
+        "causes": [
+            cause("camera", "sure", 2.2, 0.4, "px"),
+            cause("exposure", "not seen", 0.03, 0.06, "stops"),
+            cause("undertrained", "not seen", 4.0, 0.5, "passes", "4, 0.5 are enough"),
+            cause("few_views", "not seen", 0.0, 0.0, "too few", "48, 12 are enough"),
+            cause("lens_shift", "untold", None, 0.08, "px"),
+        ],
+    }
+    path.write_text(json.dumps(told))
+    return told
+
+
+def cause(name, level, value, limit, unit, says=None):
+    """A cause as a verdict tells it."""
+    words = says or f"{value} of {limit} {unit}"
+    told = {"cause": name, "name": f"{name}'s name", "level": level, "unit": unit}
+    more = {"value": value, "limit": limit, "text": f"{name}'s name ({words})"}
+    return told | more

@@ -22,16 +22,16 @@ CASES = 40
 
 
 @pytest.fixture
-def quickly(results, render, monkeypatch):
+def quickly(results, render, causes, monkeypatch):
     """The page without its pictures, of results with all that it may read."""
     kept = page.template()
     monkeypatch.setattr(page, "template", lambda: kept)
-    monkeypatch.setattr(page.pictures, "layers_of", lambda *_: {})
-    monkeypatch.setattr(
-        page.pictures,
-        "fitted",
-        lambda shown: {f"{o.split}/{o.view}": {} for o in shown},
-    )
+    monkeypatch.setattr(page.layers, "captions", lambda *_: {})
+    monkeypatch.setattr(page.layers, "arrows", lambda *_: {})
+    for name in ("fitted", "thumbs"):
+        monkeypatch.setattr(
+            page.pictures, name, lambda shown: dict.fromkeys((o.key for o in shown), "")
+        )
     monkeypatch.setattr(page.pictures, "data_uri", lambda *_: "")
     more = dict.fromkeys(("wall_s", "cores", "memory_bytes", "disk_bytes"), 100.0)
     cases.write_json(results / "preflight.json", more)

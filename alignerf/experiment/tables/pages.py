@@ -1,0 +1,56 @@
+"""What the page of a scene is made from, besides the scene's tables."""
+
+from alignerf.experiment import arguments, inputs, kinds, layout, targets
+from alignerf.experiment.tables import rows
+
+
+def files(experiment, scene):
+    """Outputs of rules: renders, flows, warped photos, truth, windows, cameras."""
+    found = rows.of_verdict(experiment, scene)
+    base = experiment.reference_folder(scene, 0)
+    for split in ("train", "test"):
+        if f"{split}_renders" in found:
+            found[f"{split}_warped"] = f"{base}/warped/{split}"
+    found |= inputs.truth_of(experiment, scene)
+    if moved := moved_cameras(experiment, scene):
+        found["moved"] = moved[1]
+    return layout.outputs_of(found)
+
+
+def of_windows(experiment, scene):
+    """Outputs of rules that show windows at the photos' own size."""
+    found = rows.files_of_windows(experiment, scene)
+    named = rows.judging(experiment, scene).values()
+    return list(dict.fromkeys([*found, *(f"results/{n}/images" for n in named)]))
+
+
+def options(experiment, scene):
+    """Options of `alignerf.page` that name windows and cameras that were put right."""
+    judging = rows.judging(experiment, scene)
+    chosen = {name: experiment.judged_folder(one) for name, one in judging.items()}
+    if corrected := judging.get("windows-corrected"):
+        chosen["windows-by"] = experiment.scenes[corrected]["zoom"]["cameras"]
+    if moved := moved_cameras(experiment, scene):
+        chosen |= {"moved-by": moved[0], "moved": moved[1]}
+    return arguments.options(chosen)
+
+
+def moved_cameras(experiment, scene):
+    """(who put them right, cameras.npz) of a scene; None where no camera has moved.
+
+    Of a method that aligns or learns its cameras, else of the reference's last round.
+    Of renders that are judged: what the verdict's flow says of their cameras.
+    """
+    reference = experiment.config["reference"]["method"]
+    if judged := experiment.scenes[scene]["judged"]:
+        if not (judged["cameras"] and "train" in judged["splits"]):
+            return None
+        return "flow", inputs.exported(experiment, scene, reference, "cameras")[0]
+    moving = (*experiment.names(kinds.aligned), *experiment.names(kinds.learnt))
+    for name in (*moving, reference):
+        if name in experiment.names(kinds.given):
+            continue
+        training = inputs.last_training(experiment, scene, name)
+        if targets.moves_cameras(training):
+            return name, f"{training.learnt}/cameras.npz"
+    return None
