@@ -12,9 +12,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from alignerf.files import faults, json_files
+from alignerf.files import images, json_files
 from alignerf.scenes import photos, prepare
-from alignerf.scenes.judged import depths, geometry, pairs, renders
+from alignerf.scenes.judged import depth_source, geometry, pairs, renders
 from alignerf.scenes.judged.pairs import Judged, Pair
 
 log = logging.getLogger("alignerf")
@@ -100,7 +100,7 @@ def load(config, scratch):
     views = posed(judged, shown, config["background"])
     told = judged.told | {"way": way, "apart_px": apart}
     told |= {"background": config["background"]}
-    told |= of_depth(config, judged, views, shown)
+    told |= depth_source.of_depth(config, judged, views, shown)
     (scratch / "pairs.json").write_text(json.dumps(pairs_json(judged, shown, told)))
     report = {
         "registered": len(judged.pairs),
@@ -152,7 +152,16 @@ def at_full_size(config):
     size = max(set(sizes), key=lambda one: (sizes.count(one), one))
     large = {name: geometry.at_size(one, size) for name, one in shown.items()}
     views = posed(judged._replace(size=size), large, config["background"])
-    return views._replace(masks=None), []
+    masks = None
+    if not all(one.inside().all() for one in shown.values()):
+        # Beyond the photo its border is repeated, which is nothing to learn from.
+        masks = [prepare.Photo(large[name], (inside_of,)) for name in views.names]
+    return views._replace(masks=masks), []
+
+
+def inside_of(shown):
+    """An image of the mask [h, w, 3] of what a photo shows of its picture."""
+    return images.of_mask(shown.inside())
 
 
 def photo_step(pair: Pair, shown, background):
@@ -180,54 +189,7 @@ def mask_of(pair: Pair, shown, background=None):
         np.where(counts[..., None], 255, 0).astype(np.uint8).repeat(3, -1)
     )
     counts = (counts >= prepare.WHITE).all(axis=-1) & shown.inside()
-    return np.where(counts[..., None], np.uint8(255), np.uint8(0)).repeat(3, axis=-1)
-
-
-def of_depth(config, judged: Judged, views, shown):
-    """What is told of depth: where it comes from, its kind and unit, and the files."""
-    points = None if views.points is None else views.points[0]
-    if config["judged"]["depth"]:
-        return of_given_depth(config["judged"], views, shown, points)
-    if judged.cameras.kind == "none" or points is None:
-        return {"depth": "far"}
-    return {"depth": "points"}
-
-
-def of_given_depth(keys, views, shown, points):
-    """The same where depth came along; keys: those of `judged`.
-
-    depth_unit: what told the unit, `points`, `config` or `nothing`.
-    """
-    paths = depths.find(keys["depth"], views.names)
-    if missing := [name for name in views.names if name not in paths]:
-        log.warning(
-            "%d of %d views have no depth, and all that they see counts as far away: "
-            "%s",
-            *(len(missing), len(views.names), faults.some_names(missing)),
-        )
-    cameras = zip(views.names, views.pixtocams, views.camtoworlds, strict=True)
-    size = views.width, views.height
-    by_name = {n: (*camera, size, shown[n].render_lens) for n, *camera in cameras}
-    unit = depths.unit_of(paths, by_name, points)
-    told_by = "nothing" if np.isnan(unit.spread) else "points"
-    if keys["depth_kind"]:
-        unit = unit._replace(kind=keys["depth_kind"])
-    if keys["depth_scale"]:
-        unit, told_by = unit._replace(scale=keys["depth_scale"]), "config"
-    if told_by == "nothing":
-        log.warning(
-            "%s: too few points came with the cameras to tell the unit of depth: it is "
-            "taken for theirs",
-            keys["depth"],
-        )
-    return {
-        "depth": "given",
-        "depth_kind": unit.kind,
-        "depth_scale": unit.scale,
-        "depth_spread": None if np.isnan(unit.spread) else unit.spread,
-        "depth_unit": told_by,
-        "depths": {name: str(path) for name, path in paths.items()},
-    }
+    return images.of_mask(counts)
 
 
 def pairs_json(judged: Judged, shown, told):

@@ -265,6 +265,24 @@ def test_photos_of_several_sizes_and_lenses_go_out_at_one(tmp_path):
     )
 
 
+@pytest.mark.parametrize("k1", [-0.18, 0.1])
+def test_what_no_photo_shows_is_masked_in_an_export(tmp_path, k1):
+    """With the photo's focal length, a picture of a pincushion lens is larger."""
+    config = cases.project(tmp_path)
+    lens = np.array([k1, 0, 0, 0, 0])
+    cases.transforms(tmp_path / "transforms.json", lens=lens)
+    for i, name in enumerate(cases.NAMES):
+        image = cases.shown("kept", lens).picture(cases.picture(i))
+        cases.write_png(tmp_path / "renders" / f"{name}.png", image)
+    assert views.chosen_way(pairs.find(config), None)[0] == "kept"
+    large, _ = views.at_full_size(config)
+    assert (large.masks is None) == (k1 < 0)
+    if large.masks:
+        mask = large.masks[0].read()
+        assert not mask[0, 0].any()
+        assert mask[60, 80].all()
+
+
 def test_a_guessed_lens_is_that_of_the_photo_as_it_is_shown(tmp_path):
     """Not of the photo upright, where a render shows it as its rows are stored."""
     cases.project(tmp_path)
