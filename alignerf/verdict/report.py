@@ -196,6 +196,8 @@ def gauge(one: Gauge, e, findings):
     says = f"{number(value)} of {number(limit)} {one.unit}"
     if one.says is not None:
         says = one.says(e)
+    elif level == "not seen" and value > limit:
+        says = f"{number(value)} {one.unit}, within its error"
     return {
         "cause": one.cause,
         "name": one.name,

@@ -53,6 +53,14 @@ def test_what_a_short_training_cannot_tell_is_not_called_fine():
     assert "camera poses" in line
 
 
+def test_what_is_within_its_error_is_said_so():
+    """A shift beyond its limit that the views do not agree on is not named."""
+    told = of(WELL._replace(shift_px=0.11, shift_errors=1.0))
+    (one,) = [one for one in told.causes if one["cause"] == "lens_shift"]
+    assert one["level"] == "not seen"
+    assert one["text"] == "principal point (0.22 px, within its error)"
+
+
 def test_an_unknown_number_is_untold():
     told = of(WELL._replace(psnr_test_db=math.nan))
     assert level_of(told, "sparse") == "untold"
