@@ -11,10 +11,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from PIL import Image
 
 from alignerf.files import archives, atomic, faults, images, progress, split_paths
-from alignerf.scenes import cameras, prepared
+from alignerf.scenes import cameras, photos, prepared
 
 log = logging.getLogger("alignerf")
 
@@ -22,8 +21,6 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
 DEPTH_SUFFIXES = (".npz", ".npy")
 # Sizes that differ by rounding: by so many pixels, or by so much of a side.
 ROUNDING_PX, ROUNDING_SHARE = 2, 0.02
-# What Pillow raises on files that are no image, cut short or altered.
-_BROKEN = (OSError, SyntaxError, EOFError, ValueError, Image.DecompressionBombError)
 
 
 def take(renders, depth, loaded: prepared.Scene, splits, out_renders, out_depth):
@@ -100,12 +97,8 @@ def complete(found, names, folder):
 
 def read(path) -> np.ndarray:
     """The image of a file; ValueError where it is broken or shows nothing."""
-    faults.check_regular(path)
-    try:
-        with Image.open(path) as image:
-            pixels = np.array(image.convert("RGB"))
-    except _BROKEN as error:
-        raise ValueError(f"{path}: not a readable image ({error})") from None
+    # As photos are read, 16 bits and alpha too.
+    pixels = photos.as_stored(path, "black")
     if (pixels == pixels[:1, :1]).all():
         raise ValueError(f"{path}: an empty image, all of one colour")
     return pixels

@@ -6,6 +6,7 @@ import shutil
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from alignerf.files import archives, images
 from alignerf.others import importing
@@ -52,6 +53,20 @@ def test_folders_and_other_suffixes_are_looked_into(take, theirs, loaded):
     (theirs / "notes.txt").write_text("no image")
     found = images.read(take() / "renders" / "test" / f"{name}.png")
     assert np.abs(found[..., ::-1].astype(int) - photo).mean() < 10
+
+
+def test_deep_grey_and_alpha_are_read_as_of_photos(tmp_path):
+    """Pillow alone makes 16 bits white, and shows what lies under alpha."""
+    deep = np.arange(0, 40 * 32, dtype=np.uint16).reshape(32, 40) * 50
+    Image.fromarray(deep).save(tmp_path / "deep.png")
+    wanted = np.round(deep / 257)
+    np.testing.assert_array_equal(importing.read(tmp_path / "deep.png")[..., 0], wanted)
+    rgba = np.full((32, 40, 4), 200, np.uint8)
+    rgba[..., 3] = np.where(np.arange(40) < 20, 0, 255)
+    Image.fromarray(rgba).save(tmp_path / "clear.png")
+    found = importing.read(tmp_path / "clear.png")
+    assert (found[:, :20] == 0).all()
+    assert (found[:, 20:] == 200).all()
 
 
 def test_only_the_views_that_are_asked_for_have_to_be_there(take, theirs, loaded):
@@ -131,7 +146,7 @@ def test_an_image_is_whole_shows_something_and_is_there_once(take, theirs, loade
     first, second = (theirs / f"{name}.png" for name in loaded.names[1:3])
     whole = first.read_bytes()
     first.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(ValueError, match=f"{first}: not a readable image"):
+    with pytest.raises(ValueError, match=f"cannot decode {first}"):
         take()
     cv2.imwrite(str(first), np.full((44, 60, 3), 7, np.uint8))
     with pytest.raises(ValueError, match=f"{first}: an empty image"):
