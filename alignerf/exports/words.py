@@ -55,7 +55,10 @@ def told(folder, args, arrays, chosen, of_points, *, paid) -> readme.Told:
 def of_size(scene, arrays, chosen):
     """A sentence on the photos: size, and whether they are warped."""
     own = prepared.read_cameras(Path(scene) / "cameras.npz")
-    trained = f"This run trained on {own['width']}x{own['height']} pixels."
+    report = Path(scene) / "poses.json"
+    is_judged = report.is_file() and json_files.read(report).get("judged")
+    what = "The renders have" if is_judged else "This run trained on"
+    trained = f"{what} {own['width']}x{own['height']} pixels."
     if chosen.unknown:
         trained += (
             "\nPhotos have that size here too: how they were warped is not on disk."
