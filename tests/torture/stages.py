@@ -50,7 +50,7 @@ def of_plan(text):
         outputs = re.search(r"^    output: (.*)$", job, re.MULTILINE)
         if not (shell and outputs):
             continue
-        words = shlex.split(re.sub(r" 2>&1 \| tee .*", "", shell[0]))
+        words = shlex.split(re.sub(r" (2>&1 \| tee|>) .*", "", shell[0]))
         kind = (words[2], *(word for word in words if word.startswith("--")))
         kind += trained(words)
         stage = Stage([sys.executable, *words[1:]], outputs[1].split(", "))
