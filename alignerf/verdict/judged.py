@@ -15,6 +15,8 @@ from alignerf.verdict import causes
 # A render shows another photo where its picture correlates better with that one's, and
 # what is missing to 1 is at most half as much.
 THUMB_PX, LESS = 32, 0.5
+# Where that photo's own render shows it, too, what is missing has to be so much less.
+PLAINLY = 0.1
 KEYS = dict.fromkeys(("depth", "cameras", "layout", "way"), str)
 BEFORE = dict.fromkeys(("flow_train_px", "flow_test_px"), json_files.NUMBER_OR_NONE)
 BEFORE |= {"photo_px": json_files.NUMBER}
@@ -96,6 +98,10 @@ def swapped(thumbs):
     own, best = np.diag(alike), alike.argmax(axis=1)
     most = alike[np.arange(len(names)), best]
     found = (best != np.arange(len(names))) & (1 - most < LESS * (1 - own))
+    # Of two photos that are nearly the same one render may fit either: then the other
+    # photo has its own render, too. One that shows a photo twice is as good as it.
+    plainly = 1 - most < PLAINLY * (1 - own)
+    found &= found[best] | plainly
     return tuple((names[i], names[best[i]]) for i in np.flatnonzero(found))
 
 

@@ -14,10 +14,9 @@ import sys
 
 import cv2
 import numpy as np
-import pandas as pd
 
 from alignerf.exports import formats
-from alignerf.files import images
+from alignerf.files import csv_files, images
 from alignerf.scenes import cameras, prepared
 from flow.camera import motion
 from flow.warping import warp
@@ -62,7 +61,9 @@ def row_of(scene, name, cause, place, expected, out):
     named = {f["cause"] for f in found["findings"]} - OF_RUN
     there = before | {cause} - {None}
     right = named == there
-    views = pd.read_csv(out / "views.csv").set_index("view")["stands_out"].fillna("")
+    table = csv_files.read(out / "views.csv")
+    stands_out = table["stands_out"].fillna("").astype(str)
+    views = dict(zip(table["view"], stands_out, strict=True))
     if name == "nothing":
         right &= found["state"] == expected["state"]
     elif name == "one photo blurred":

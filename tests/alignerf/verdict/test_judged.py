@@ -123,6 +123,21 @@ def test_swapped_views_are_named():
     assert "the name of its photo" in lines[-1]
 
 
+def test_two_photos_of_one_place_are_not_swapped():
+    """A film that stands still: a render may lie nearer to the other photo."""
+    wide = judged_cases.picture(3, (400, 120))
+    photos = [wide[:, x : x + 160] for x in (0, 6, 60, 120)]
+    renders = [wide[:, x : x + 160] for x in (2, 2, 60, 120)]
+    found = {
+        f"v{i}": (judged.thumb(photos[i]), judged.thumb(renders[i])) for i in range(4)
+    }
+    assert judged.swapped(found) == ()
+
+
+def test_a_render_that_is_there_twice_is_named():
+    assert judged.swapped(thumbs([0, 1, 2, 9, *range(4, 12)])) == (("v03", "v09"),)
+
+
 def test_flat_renders_are_not_swapped():
     flat = judged.thumb(np.full((40, 40, 3), 90, np.uint8))
     assert np.isfinite(flat).all()
