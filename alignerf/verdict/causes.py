@@ -262,6 +262,8 @@ def camera(e: Evidence):
     Its size is in px of the training.
     """
     source = source_of_camera(e)
+    if source == "flow" and is_shared(e):
+        return None
     if source == "windows":
         size = e.windows.camera_px / e.photo_px
         return Finding("camera", size, e.windows.low_px > WINDOW_PX)
@@ -271,6 +273,17 @@ def camera(e: Evidence):
         error_px = e.reprojection_px
         return Finding("camera", error_px, error_px > 2 * REPROJECTION_PX)
     return None
+
+
+def is_shared(e: Evidence):
+    """Whether the shift that all renders of another program share is all of it.
+
+    A shift of the picture looks like a turn of the camera, the same in all views. Our
+    own trainings absorb nearly all of such a shift.
+    """
+    if not (e.judged and lens_shift(e)):
+        return False
+    return e.camera_px**2 - e.shift_px**2 < PART_PX**2
 
 
 def source_of_camera(e: Evidence):

@@ -165,3 +165,15 @@ def test_what_it_was_before_is_said(tmp_path):
     found = judged.read({"judged": told}, {}, path)
     lines = said(THEIRS._replace(judged=found))
     assert "Before, in first, it was 2.4 px on photos that were trained on." in lines
+
+
+@pytest.mark.parametrize(("camera_px", "named"), [(0.72, False), (1.5, True)])
+def test_a_shift_that_all_share_is_no_error_of_each_camera(camera_px, named):
+    """Half a pixel in x and y, by a wrong origin of pixels."""
+    e = THEIRS._replace(flow_train_px=camera_px, camera_px=camera_px)
+    e = e._replace(shift_px=0.7, shift_errors=20.0)
+    found = {finding.cause for finding in causes.find(e)}
+    assert "lens_shift" in found
+    assert ("camera" in found) == named
+    own = {finding.cause for finding in causes.find(e._replace(judged=None))}
+    assert "camera" in own
