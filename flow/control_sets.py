@@ -67,12 +67,8 @@ def main(renders, photos, flow, out, *, truth=None, masks=None, **options):
                 raise ValueError(f"view {view}: {error}") from error
             return row | {"time_s": round(time.perf_counter() - started, 4)}
 
-        bar = progress.Progress("controls", len(views), unit="view")
-        stack.callback(bar.close)
-        rows = []
-        for row in machine.map_in_threads(row_of, views):
-            rows.append(row)
-            bar.advance()
+        made = machine.map_in_threads(row_of, views)
+        rows = list(progress.over(made, "controls", total=len(views)))
         files.write_rows(table, controls.COLUMNS, rows)
     return rows
 

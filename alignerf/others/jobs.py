@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from alignerf.experiment.checks import places
+from alignerf.files import provenance
 from alignerf.others import commands
 
 
@@ -58,6 +59,28 @@ def run(template, job: Job, args, **more) -> float:
     }
     words = commands.words_of(template, values | more)
     return commands.run(words, cores=args.cores)
+
+
+def timing(steps, seconds):
+    """The content of timing.json; what only the program knows is null.
+
+    steps: None where they are not known; seconds: of training, 0 of finished renders.
+    """
+    return {
+        "stage": "external",
+        "steps": steps,
+        "rays_seen": None,
+        "params": None,
+        "train_time_s": round(seconds, 3),
+        "compile_time_s": 0.0,
+        "device": None,
+    } | provenance.facts()
+
+
+def timing_of_views(views, view_time_s):
+    """The content of a split's timing file; views: how many."""
+    timed = {"time_s": round(views * view_time_s, 3), "views": views}
+    return timed | {"view_time_s": round(view_time_s, 4)}
 
 
 def folder_of(template, args):

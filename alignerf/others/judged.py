@@ -21,9 +21,9 @@ from alignerf.files import (
     images,
     machine,
     progress,
-    provenance,
     split_paths,
 )
+from alignerf.others import jobs
 from alignerf.scenes import cameras, distortion, prepared
 from alignerf.scenes.judged import depths, renders, views
 
@@ -50,10 +50,11 @@ def main(argv=None):
                 for path in (args.renders, args.depth)
             ]
             take(loaded, pairs, loaded.views(split), split, folders, args.threads)
-            timing = {"time_s": 0.0, "views": len(loaded.views(split))}
+            timing = jobs.timing_of_views(len(loaded.views(split)), 0.0)
             with atomic.replace_file(split_paths.fill(args.time, split)) as path:
-                path.write_text(json.dumps(timing | {"view_time_s": 0.0}))
-        timing_path.write_text(json.dumps(untrained(), indent=1))
+                path.write_text(json.dumps(timing))
+        # Somebody else has trained it.
+        timing_path.write_text(json.dumps(jobs.timing(None, 0.0), indent=1))
 
 
 def check_splits(loaded, splits):
@@ -64,19 +65,6 @@ def check_splits(loaded, splits):
             f"judged.splits: {', '.join(splits)}; there are renders of "
             f"{', '.join(there)}"
         )
-
-
-def untrained():
-    """timing.json of what somebody else has trained."""
-    return {
-        "stage": "external",
-        "steps": None,
-        "rays_seen": None,
-        "params": None,
-        "train_time_s": 0.0,
-        "compile_time_s": 0.0,
-        "device": None,
-    } | provenance.facts()
 
 
 def take(loaded, pairs, chosen, split, folders, threads):

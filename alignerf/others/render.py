@@ -37,9 +37,7 @@ def main(argv=None):
     # The command renders all views at once.
     view_time_s = seconds / count
     for split in args.splits:
-        views = len(loaded.views(split))
-        timing = {"time_s": round(views * view_time_s, 3)}
-        timing |= {"views": views, "view_time_s": round(view_time_s, 4)}
+        timing = jobs.timing_of_views(len(loaded.views(split)), view_time_s)
         with atomic.replace_file(split_paths.fill(args.timing, split)) as path:
             path.write_text(json.dumps(timing))
 

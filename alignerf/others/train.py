@@ -13,7 +13,7 @@ import logging
 import shutil
 from pathlib import Path
 
-from alignerf.files import atomic, faults, provenance
+from alignerf.files import atomic, faults
 from alignerf.others import jobs
 
 log = logging.getLogger("alignerf")
@@ -27,16 +27,7 @@ def main(argv=None):
     job, seconds = jobs.read(args.config), 0.0
     if job.train:
         seconds = train(job, args)
-    # What only the program knows is null.
-    timing = {
-        "stage": "external",
-        "steps": job.steps,
-        "rays_seen": None,
-        "params": None,
-        "train_time_s": round(seconds, 3),
-        "compile_time_s": 0.0,
-        "device": None,
-    } | provenance.facts()
+    timing = jobs.timing(job.steps, seconds)
     with (
         atomic.replace_file(args.timing) as path,
         atomic.replace_folder(args.learnt) as folder,

@@ -84,6 +84,12 @@ def all_count(width, height) -> Photo:
     return Photo((height, width, 3), (full,))
 
 
+def has_shape(size, other):
+    """Whether two sizes (width, height) have one shape, but for rounding."""
+    across = size[0] / other[0], size[1] / other[1]
+    return 1 / SAME_SHAPE < across[0] / across[1] < SAME_SHAPE
+
+
 def true_scale(given_size, true_size, *, where):
     """[3, 3] from pixels of a camera's (width, height) to those of its photo.
 
@@ -94,7 +100,7 @@ def true_scale(given_size, true_size, *, where):
     if min(given_size) <= 0:
         raise ValueError(f"{where}: width and height of its camera must be positive")
     scale = np.array([width / given_width, height / given_height])
-    if not 1 / SAME_SHAPE < scale[0] / scale[1] < SAME_SHAPE:
+    if not has_shape(true_size, given_size):
         raise ValueError(
             f"{where} is {width:g}x{height:g}, which is another shape than its "
             f"camera's {given_width:g}x{given_height:g}"

@@ -97,7 +97,7 @@ def ways(lens, photo_size, render_size, where) -> list[Shown]:
     found = []
     for way, own, size in frames:
         across = render_size[0] / size[0], render_size[1] / size[1]
-        if not 1 / prepare.SAME_SHAPE < across[0] / across[1] < prepare.SAME_SHAPE:
+        if not prepare.has_shape(render_size, size):
             continue
         scaled, render_lens = np.diag([*across, 1.0]) @ own, None
         if way == "taken" and np.any(coefficients):

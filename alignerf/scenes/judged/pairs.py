@@ -129,16 +129,11 @@ def pair_of(name, path, render, lens, size) -> Pair:
     """
     upright, own = False, size_of(path, False)
     turned = size_of(path, True)
-    if turned != own and has_shape(turned, size) and not has_shape(own, size):
+    fits = prepare.has_shape(turned, size) and not prepare.has_shape(own, size)
+    if turned != own and fits:
         upright, own = True, turned
     camtopix, coefficients = lens.at(own, f"{path}")
     return Pair(name, path, upright, render, (camtopix, coefficients), own, lens.pose)
-
-
-def has_shape(size, other):
-    """Whether two sizes have one shape, but for rounding."""
-    across = size[0] / other[0], size[1] / other[1]
-    return 1 / prepare.SAME_SHAPE < across[0] / across[1] < prepare.SAME_SHAPE
 
 
 def splits_of(judged: Judged):
