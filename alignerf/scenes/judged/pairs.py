@@ -43,7 +43,7 @@ def find(config) -> Judged:
     paths = photos_of(config["path"])
     if judged["cameras"]:
         first = next(iter(paths.values()))
-        cameras = lenses.read(judged["cameras"], size_of(first, False))
+        cameras = lenses.read(judged["cameras"], photos.head(first).size)
     else:
         cameras = lenses.assumed(sorted(paths))
     names = [name for name in paths if name in cameras.lenses]
@@ -89,14 +89,6 @@ def photos_of(folder):
     raise ValueError(f"{folder}: no photos ({', '.join(sorted(photos.SUFFIXES))})")
 
 
-def size_of(path, upright):
-    """(width, height) of a photo as stored, or upright."""
-    head = photos.head(path)
-    if upright and head.orientation in photos.SIDEWAYS:
-        return head.size[::-1]
-    return head.size
-
-
 def one_size(found):
     """(the renders' usual size, names of those of another), sheets counted by half."""
     sizes = {}
@@ -127,8 +119,9 @@ def pair_of(name, path, render, lens, size) -> Pair:
 
     EXIF's orientation is applied by some programs and not by others.
     """
-    upright, own = False, size_of(path, False)
-    turned = size_of(path, True)
+    head = photos.head(path)
+    upright, own = False, head.size
+    turned = own[::-1] if head.orientation in photos.SIDEWAYS else own
     fits = prepare.has_shape(turned, size) and not prepare.has_shape(own, size)
     if turned != own and fits:
         upright, own = True, turned
