@@ -15,6 +15,7 @@ import argparse
 import json
 import logging
 import time
+from functools import partial
 
 import numpy as np
 
@@ -33,7 +34,10 @@ def main(argv=None):
     original = prepared.load(args.scene)
     before = prepared.load(args.scene, args.cameras)
     train = before.views("train")
-    corrections = correct.corrections(lambda: views_of(before, train, args))
+    corrections = correct.corrections(
+        [partial(view_of, before, view, args) for view in train],
+        threads=args.threads,
+    )
     after = cameras.corrected(before, train, corrections)
     report = {
         "views": len(train),
@@ -109,20 +113,20 @@ def parse(argv=None):
     parser.add_argument("--truth", help="the scene's truth folder, to be compared with")
     parser.add_argument("--out", required=True, help="cameras.npz, written")
     parser.add_argument("--report", required=True, help="what was done, written")
+    parser.add_argument("--threads", type=int, default=1, help="views at once")
     return parser.parse_args(argv)
 
 
-def views_of(before: prepared.Scene, train, args):
-    """Yield a `correct.View` of each training view."""
-    for view in train:
-        name = f"{before.names[view]}.npz"
-        flow_px, valid = files.read_flow(f"{args.flow}/{name}")
-        depth = archives.read(f"{args.depth}/{name}", ["depth"])["depth"]
-        size = before.height, before.width
-        for folder, image in ((args.flow, valid), (args.depth, depth)):
-            if image.shape != size:
-                raise ValueError(f"{folder}/{name}: {image.shape}, not {size} px")
-        yield correct.View(flow_px, valid, before.pixtocams[view], depth)
+def view_of(before: prepared.Scene, view, args) -> correct.View:
+    """The flow and the depth of a training view."""
+    name = f"{before.names[view]}.npz"
+    flow_px, valid = files.read_flow(f"{args.flow}/{name}")
+    depth = archives.read(f"{args.depth}/{name}", ["depth"])["depth"]
+    size = before.height, before.width
+    for folder, image in ((args.flow, valid), (args.depth, depth)):
+        if image.shape != size:
+            raise ValueError(f"{folder}/{name}: {image.shape}, not {size} px")
+    return correct.View(flow_px, valid, before.pixtocams[view], depth)
 
 
 def row(original: prepared.Scene, after: prepared.Scene, view, correction):

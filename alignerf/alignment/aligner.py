@@ -150,7 +150,7 @@ class Aligner:
     def corrections(self, seen, step):
         """A `correct.Correction` of each view."""
         corrections = correct.corrections(
-            lambda: iter(seen),
+            [lambda one=view: one for view in seen],
             least_px=self.least_px(step),
             zooms=not self.were_wrong(),
             most_pixels=FITTED_PIXELS,

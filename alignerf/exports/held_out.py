@@ -7,6 +7,7 @@ photos says how each has to move; all of its pixels are used.
 
 import dataclasses
 import logging
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -66,7 +67,7 @@ def fit(loaded: prepared.Scene, cameras_path, flow, depth, out, frame=None):
     back = np.exp(frame.log_focal)
     seen_by = np.diag([back, back, 1.0]) @ loaded.pixtocams
     corrections = correct.corrections(
-        lambda: (view_of(loaded, seen_by, view, flow, depth) for view in test),
+        [partial(view_of, loaded, seen_by, view, flow, depth) for view in test],
         least_px=0.0,
         zooms=False,
         log_focal=frame.log_focal,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from alignerf.files import csv_files, json_files
+from alignerf.files import csv_files, json_files, machine
 from alignerf.page import contents, layers, pictures
 from alignerf.verdict import views
 
@@ -79,8 +79,9 @@ def entries(every, limit_px, photo_px):
 
     every: `layers.Shown`s. limit_px: in px of the training.
     """
-    return [
-        {
+
+    def entry(one):
+        return {
             "key": one.key,
             "name": one.row.view,
             "split": one.row.split,
@@ -90,8 +91,8 @@ def entries(every, limit_px, photo_px):
             "captions": layers.captions(one, photo_px),
             "arrows": layers.arrows(one),
         }
-        for one in every
-    ]
+
+    return list(machine.map_in_threads(entry, every))
 
 
 def length(px):

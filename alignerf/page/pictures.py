@@ -99,21 +99,33 @@ def encoded(wanted, longest_px, quality):
 
 def thumbs(shown):
     """{view: data URI} of small pictures of all photos."""
+
+    def small(one):
+        return smaller(Image.fromarray(one.layers["photo"]()), THUMBS[0][0])
+
+    pictures = list(machine.map_in_threads(small, shown))
     for longest_px, quality in THUMBS:
-        uris = {}
-        for one in shown:
-            uris[one.key] = data_uri(one.layers["photo"](), longest_px, quality)
-        if sum(map(size_of, uris.values())) <= MOST_THUMB_BYTES:
+        uris = [encode(smaller(one, longest_px), quality) for one in pictures]
+        if sum(map(size_of, uris)) <= MOST_THUMB_BYTES:
             break
-    return uris
+    return {one.key: uri for one, uri in zip(shown, uris, strict=True)}
 
 
 def data_uri(image, longest_px=None, quality=None):
     """An image as a data URI; lossless where no quality is given."""
     picture = Image.fromarray(np.ascontiguousarray(image))
+    return encode(smaller(picture, longest_px), quality)
+
+
+def smaller(picture, longest_px):
+    """A picture with sides of at most so many px, never larger than it is."""
     if longest_px is not None:
-        # Never larger than it is.
         picture.thumbnail((longest_px, longest_px), Image.Resampling.LANCZOS)
+    return picture
+
+
+def encode(picture, quality=None):
+    """A picture as a data URI; lossless where no quality is given."""
     buffer = io.BytesIO()
     options = {"lossless": True} if quality is None else {"quality": quality}
     picture.save(buffer, "WEBP", method=2, **options)

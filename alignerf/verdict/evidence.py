@@ -4,11 +4,12 @@ Reads the outputs of the stages: photos, renders, flow and its parts, trainings,
 """
 
 import math
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from alignerf.files import archives, csv_files, json_files
+from alignerf.files import archives, csv_files, json_files, machine
 from alignerf.scenes import prepared
 from alignerf.verdict import causes, judged, pattern, views
 from alignerf.verdict import windows as of_windows
@@ -30,27 +31,33 @@ def read_views(loaded: prepared.Scene, base, splits):
             continue
         parts = table(Path(base) / f"decomposition_photos_{split}.csv")
         lengths = table(Path(base) / "displacement" / f"{split}.csv")
-        for view in loaded.views(split):
-            name = loaded.names[view]
-            (photo,) = prepared.read_images(loaded, [view], loaded.folder / "images")
-            (render,) = prepared.read_images(loaded, [view], folder)
-            thumbs[name] = judged.thumb(photo), judged.thumb(render)
-            _, valid = read_flow(base, split, name)
-            (counts,) = prepared.read_masks(loaded, [view])
-            row = parts.loc[name]
-            rows.append(
-                views.View(
-                    view=name,
-                    split=split,
-                    flow_px=row["flow_median_px"],
-                    camera_px=row["camera_median_px"],
-                    remainder_px=row["remainder_median_px"],
-                    moved_share=moved_share(base, split, name, row["camera_median_px"]),
-                    blur_sigma_px=lengths.loc[name, "blur_sigma_px"],
-                    **views.measured(photo, render, valid, counts),
-                )
-            )
+        tables = parts.join(lengths["blur_sigma_px"])
+        read = partial(read_view, loaded, base, split, tables)
+        for row, pair in machine.map_in_threads(read, loaded.views(split)):
+            rows.append(row)
+            thumbs[row.view] = pair
     return views.named(rows), thumbs
+
+
+def read_view(loaded: prepared.Scene, base, split, tables, view):
+    """(`views.View` of one view, its thumbs); tables: of its split, by names."""
+    name = loaded.names[view]
+    (photo,) = prepared.read_images(loaded, [view], loaded.folder / "images")
+    (render,) = prepared.read_images(loaded, [view], Path(base) / "renders" / split)
+    _, valid = read_flow(base, split, name)
+    (counts,) = prepared.read_masks(loaded, [view])
+    row = tables.loc[name]
+    measured = views.View(
+        view=name,
+        split=split,
+        flow_px=row["flow_median_px"],
+        camera_px=row["camera_median_px"],
+        remainder_px=row["remainder_median_px"],
+        moved_share=moved_share(base, split, name, row["camera_median_px"]),
+        blur_sigma_px=row["blur_sigma_px"],
+        **views.measured(photo, render, valid, counts),
+    )
+    return measured, (judged.thumb(photo), judged.thumb(render))
 
 
 # What it takes from a poses.json, and from the reference's timing.json.

@@ -171,6 +171,7 @@ GAUGES = (
         lambda e: len(e.judged.swapped),
         lambda e: 0,
         is_told=lambda e: bool(e.judged),
+        says=lambda e: f"{len(e.judged.swapped) or 'none'} swapped",
     ),
 )
 

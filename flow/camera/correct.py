@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from alignerf.files import machine
 from flow.camera import fit as camera_fit
 from flow.camera import motion as camera_motion
 
@@ -77,23 +78,26 @@ def corrections(
     zooms=True,
     log_focal=0.0,
     most_pixels=camera_fit.MAX_PIXELS,
+    threads=1,
 ) -> list[Correction]:
     """The `Correction` of each view, in the order of the views.
 
-    views: a function that gives an iterator of `View`; with `zooms` it is called twice,
-    else once. All cameras that move share one log_focal. least_px: where the median
+    views: a function for each view that gives its `View`; with `zooms` it is called
+    twice, else once, in one of so many threads. All cameras that move share one log_focal. least_px: where the median
     motion is shorter, only motions beyond CLEAR_PX are kept. zooms: whether the focal
     length may change; if not, log_focal is the zoom that is known. most_pixels: the fit
     samples about so many pixels of a view.
     Raises ValueError where the shapes of a view's arrays do not match.
     """
     size = {"most_pixels": most_pixels}
+
+    def in_threads(function):
+        return list(machine.map_in_threads(function, views, threads=threads))
+
     if zooms:
-        fits = [_fitted(view, log_focal=None, **size) for view in views()]
-        log_focal = shared_zoom(
-            [fit.motion.log_focal for fit in fits if not fit.left_alone]
-        )
-    corrected = [_fitted(view, log_focal=log_focal, **size) for view in views()]
+        found = in_threads(lambda view: _zoom(view(), **size))
+        log_focal = shared_zoom([zoom for zoom in found if zoom is not None])
+    corrected = in_threads(lambda view: _fitted(view(), log_focal=log_focal, **size))
     kept = [correction for correction in corrected if not correction.left_alone]
     usual = {
         name: float(np.median([getattr(correction, name) for correction in kept]))
@@ -121,22 +125,32 @@ def shared_zoom(log_focals):
     return median if abs(median) > ZOOM_ERRORS * error else 0.0
 
 
+def _zoom(view: View, **options):
+    """The log_focal that fits a view best; None where too little of it has a flow."""
+    found = camera_fit.motion_of(*view, **options)
+    return None if _too_few(found.valid, found.pixels) else found.motion.log_focal
+
+
+def _too_few(valid, pixels):
+    """The reason why so few pixels say nothing of a camera, else ""."""
+    if pixels == 0:
+        return f"only {valid.sum()} pixels have a flow and a depth"
+    if valid.mean() < LEAST_VALID_SHARE:
+        return f"only {valid.mean():.1%} of its pixels have a flow and a depth"
+    return ""
+
+
 def _fitted(view: View, **options) -> Correction:
     """The correction by one view's flow alone; options: of `camera_fit.split`."""
     fit = camera_fit.split(*view, **options)
     lengths_px = np.linalg.norm(fit.camera_px[fit.valid], axis=-1)
-    share = float(fit.valid.mean())
     near = view.depth[fit.valid & np.isfinite(view.depth)]
-    reason = ""
-    if fit.pixels == 0:
-        reason = f"only {fit.valid.sum()} pixels have a flow and a depth"
-    elif share < LEAST_VALID_SHARE:
-        reason = f"only {share:.1%} of its pixels have a flow and a depth"
+    reason = _too_few(fit.valid, fit.pixels)
     correction = Correction(
         motion=fit.motion,
         length_px=float(np.median(lengths_px)) if len(lengths_px) else 0.0,
         noise_px=fit.noise_px,
-        valid_share=share,
+        valid_share=float(fit.valid.mean()),
         depth=float(np.median(near)) if len(near) else 1.0,
         left_alone="",
     )

@@ -56,6 +56,20 @@ class Fit(NamedTuple):
     pixels: int
 
 
+class Found(NamedTuple):
+    """The motion that a view's flow says, and the pixels that it was found by.
+
+    points: of all pixels; sample [h, w]: those that were fitted, `pixels` in number, 0
+    where there were too few; valid as of `Fit`.
+    """
+
+    motion: camera_motion.Motion
+    points: camera_motion.Points
+    sample: np.ndarray  # [h, w] bool
+    valid: np.ndarray  # [h, w] bool
+    pixels: int
+
+
 def split(
     flow_px, valid, pixtocam, depth=None, *, log_focal=None, most_pixels=MAX_PIXELS
 ) -> Fit:
@@ -66,28 +80,43 @@ def split(
     that is known, and not fitted. most_pixels: about so many are fitted. Always finite;
     raises ValueError where shapes do not fit or pixtocam is singular.
     """
+    found = motion_of(
+        *(flow_px, valid, pixtocam, depth),
+        log_focal=log_focal,
+        most_pixels=most_pixels,
+    )
+    camera_px = camera_motion.flow(found.motion, found.points)
+    remainder_px = flow_px - camera_px
+    length_px = np.linalg.norm(remainder_px, axis=-1)
+    sampled_px = length_px[found.sample]
+    noise_px = _noise_px(sampled_px, *MEDIAN) if len(sampled_px) else 0.0
+    least_px = OUTLIER_SIGMAS * max(noise_px, LEAST_NOISE_PX)
+    return Fit(
+        motion=found.motion,
+        camera_px=camera_px.astype(np.float32),
+        remainder_px=remainder_px.astype(np.float32),
+        valid=found.valid,
+        moved=found.valid & (length_px > least_px),
+        noise_px=noise_px,
+        pixels=found.pixels,
+    )
+
+
+def motion_of(
+    flow_px, valid, pixtocam, depth=None, *, log_focal=None, most_pixels=MAX_PIXELS
+) -> Found:
+    """The motion alone, without what it makes of each pixel; arguments of `split`."""
     valid, depth = _checked(flow_px, valid, pixtocam, depth)
     points = camera_motion.points_of(pixtocam, depth)
     sample = _sample(valid, most_pixels)
     pixels = int(sample.sum())
     motion = camera_motion.STILL._replace(log_focal=log_focal or 0.0)
-    if pixels >= MIN_PIXELS:
-        chosen = points._replace(rays=points.rays[sample], rho=points.rho[sample])
-        target_px = np.asarray(flow_px, dtype=np.float64)[sample]
-        motion = fit(target_px, chosen, log_focal=log_focal)
-    camera_px = camera_motion.flow(motion, points)
-    remainder_px = flow_px - camera_px
-    length_px = np.linalg.norm(remainder_px, axis=-1)
-    noise_px = _noise_px(length_px[sample], *MEDIAN) if pixels else 0.0
-    return Fit(
-        motion=motion,
-        camera_px=camera_px.astype(np.float32),
-        remainder_px=remainder_px.astype(np.float32),
-        valid=valid,
-        moved=valid & (length_px > OUTLIER_SIGMAS * max(noise_px, LEAST_NOISE_PX)),
-        noise_px=noise_px,
-        pixels=pixels if pixels >= MIN_PIXELS else 0,
-    )
+    if pixels < MIN_PIXELS:
+        return Found(motion, points, sample, valid, 0)
+    chosen = points._replace(rays=points.rays[sample], rho=points.rho[sample])
+    target_px = np.asarray(flow_px[sample], dtype=np.float64)
+    motion = fit(target_px, chosen, log_focal=log_focal)
+    return Found(motion, points, sample, valid, pixels)
 
 
 def _checked(flow_px, valid, pixtocam, depth):

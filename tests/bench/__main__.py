@@ -16,7 +16,10 @@ from tests.bench import cases, report
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 USUAL = ("speed", "quality", "grid", "job", "memory", "scale", "split", "align")
 # They take hours, or gigabytes: only where they are asked for.
-LONG = ("clusters", "decided", "judged", "parts", "planning", "systems", "verdicts")
+LONG = (
+    *("clusters", "decided", "judged", "parts", "photos", "planning", "systems"),
+    "verdicts",
+)
 
 
 def main(argv=None):

@@ -128,6 +128,7 @@ rule correct_poses:
         "results/{scene}/{training}/logs/correct_poses.tsv"
     conda:
         "../../environment.yml"
+    threads: sources.WHOLE_MACHINE
     params:
         truth=lambda w: arguments.options(inputs.truth_of(experiment, w.scene)),
         sources=sources_of("alignerf.correct_poses"),
@@ -135,4 +136,4 @@ rule correct_poses:
         "python -m alignerf.correct_poses --scene results/{wildcards.scene:q}"
         " --cameras {input.learnt:q}/cameras.npz --flow {input.flow:q}/train"
         " --depth {input.depth:q}/train {params.truth:q} --out {output.cameras:q}"
-        " --report {output.report:q} 2>&1 | tee {log:q}"
+        " --report {output.report:q} --threads {threads} 2>&1 | tee {log:q}"

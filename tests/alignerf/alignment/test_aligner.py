@@ -243,7 +243,7 @@ def test_a_flow_that_no_camera_explains_warps_no_photo(rng):
     view = flow_view(TURN)._replace(
         flow_px=rng.normal(size=(48, 60, 2)).astype(np.float32) * 5
     )
-    refused = correct.corrections(lambda: iter([view] + [flow_view(TURN)] * 4))
+    refused = correct.corrections([lambda: view, *[lambda: flow_view(TURN)] * 4])
     assert not refused[0].trusted
     assert all(one.trusted for one in refused[1:])
     offset, _ = photos.offsets(view, refused[0], whole=False, most_pixels=1000)
@@ -256,7 +256,7 @@ def test_depths_that_are_none_are_no_part_of_a_fit(fill):
     depth = np.full((48, 60), 2.0)
     depth[:20] = fill
     view = flow_view(TURN, depth=np.full((48, 60), 2.0))._replace(depth=depth)
-    (found,) = correct.corrections(lambda: iter([view]), zooms=False)
+    (found,) = correct.corrections([lambda: view], zooms=False)
     assert np.isfinite(found.length_px)
     offset, _ = photos.offsets(view, found, whole=False, most_pixels=1000)
     assert np.isfinite(offset).all()

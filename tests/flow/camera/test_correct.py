@@ -37,6 +37,11 @@ def view_of(rng, motion, noise_px=0.0):
     return correct.View(flow_px, valid, PIXTOCAM, depth)
 
 
+def given(views):
+    """What gives each view when it is asked."""
+    return [lambda view=view: view for view in views]
+
+
 def test_a_motion_takes_one_camera_to_another(rng):
     for size_px in (0.1, 3.0, 30.0):
         motion = random_motion(rng, size_px, 0.01 * size_px)
@@ -58,7 +63,7 @@ def test_a_motion_takes_one_camera_to_another(rng):
 def test_each_view_is_found_back(rng, size_px):
     motions = [random_motion(rng, size_px) for _ in range(5)]
     views = [view_of(rng, motion, noise_px=0.1) for motion in motions]
-    found = correct.corrections(lambda: iter(views))
+    found = correct.corrections(given(views))
     for view, motion, correction in zip(views, motions, found, strict=True):
         assert correction.left_alone == ""
         assert correction.noise_px == pytest.approx(0.1, rel=0.15)
@@ -84,7 +89,7 @@ def test_a_view_that_cannot_be_trusted_stays_and_says_why(rng):
     views[3] = views[3]._replace(flow_px=wild)
     views[4] = view_of(rng, random_motion(rng, 30.0), noise_px=0.1)
     views[5] = views[5]._replace(depth=np.full((HEIGHT, WIDTH), np.nan))
-    found = correct.corrections(lambda: iter(views))
+    found = correct.corrections(given(views))
     reasons = {
         1: "only 16 pixels",
         2: "only 3.3% of its pixels",
@@ -106,7 +111,7 @@ def test_motions_as_short_as_a_flows_error_move_no_camera(rng):
     """With true poses flows ask for 0.05 to 0.08 px, which harms the next round."""
     for size_px, stay in ((0.02, True), (0.3, False)):
         views = [view_of(rng, random_motion(rng, size_px)) for _ in range(8)]
-        for correction in correct.corrections(lambda seen=views: iter(seen)):
+        for correction in correct.corrections(given(views)):
             assert bool(correction.left_alone) == stay
             if stay:
                 assert "that is the flow's error" in correction.left_alone
@@ -118,7 +123,7 @@ def test_one_camera_that_is_off_moves_alone(rng):
     motion = camera_motion.Motion(*np.array([[0.02, -0.02, 0], [0.01, 0, 0]]), 0.0)
     views = [view_of(rng, random_motion(rng, 0.02)) for _ in range(7)]
     views.insert(3, view_of(rng, motion))
-    found = correct.corrections(lambda: iter(views))
+    found = correct.corrections(given(views))
     assert [bool(correction.left_alone) for correction in found] == [
         number != 3 for number in range(8)
     ]
@@ -127,7 +132,7 @@ def test_one_camera_that_is_off_moves_alone(rng):
 
 
 def test_one_view_alone_is_found_too(rng):
-    (found,) = correct.corrections(lambda: iter([view_of(rng, random_motion(rng, 1))]))
+    (found,) = correct.corrections(given([view_of(rng, random_motion(rng, 1))]))
     assert found.left_alone == ""
     assert found.motion.log_focal == 0
 
@@ -135,7 +140,7 @@ def test_one_view_alone_is_found_too(rng):
 def test_a_lens_that_all_views_share_is_found(rng):
     motions = [random_motion(rng, 0.5, log_focal=0.02) for _ in range(8)]
     views = [view_of(rng, motion, noise_px=0.1) for motion in motions]
-    found = correct.corrections(lambda: iter(views))
+    found = correct.corrections(given(views))
     zooms = {correction.motion.log_focal for correction in found}
     assert len(zooms) == 1
     assert zooms.pop() == pytest.approx(0.02, rel=0.05)
@@ -145,7 +150,7 @@ def test_zooms_that_differ_are_no_lens(rng):
     zooms = [0.004, -0.003, 0.002, -0.005, 0.001, 0.0]
     motions = [random_motion(rng, 0.5, log_focal=zoom) for zoom in zooms]
     views = [view_of(rng, motion, noise_px=0.1) for motion in motions]
-    found = correct.corrections(lambda: iter(views))
+    found = correct.corrections(given(views))
     assert all(correction.motion.log_focal == 0 for correction in found)
 
 
@@ -156,5 +161,5 @@ def test_objects_that_move_do_not_drag_a_camera(rng):
         view = view_of(rng, camera_motion.STILL, noise_px=0.1)
         view.flow_px[10:30, 20:50] += rng.normal(size=2) * 3
         views.append(view)
-    for correction in correct.corrections(lambda: iter(views)):
+    for correction in correct.corrections(given(views)):
         assert correction.length_px < 0.05
