@@ -83,10 +83,10 @@ def corrections(
     """The `Correction` of each view, in the order of the views.
 
     views: a function for each view that gives its `View`; with `zooms` it is called
-    twice, else once, in one of so many threads. All cameras that move share one log_focal. least_px: where the median
-    motion is shorter, only motions beyond CLEAR_PX are kept. zooms: whether the focal
-    length may change; if not, log_focal is the zoom that is known. most_pixels: the fit
-    samples about so many pixels of a view.
+    twice, else once, in one of so many threads. All cameras that move share one
+    log_focal. least_px: where the median motion is shorter, only motions beyond
+    CLEAR_PX are kept. zooms: whether the focal length may change; if not, log_focal is
+    the zoom that is known. most_pixels: the fit samples about so many pixels of a view.
     Raises ValueError where the shapes of a view's arrays do not match.
     """
     size = {"most_pixels": most_pixels}
