@@ -17,18 +17,12 @@ import numpy as np
 from alignerf.experiment import jobs
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
-from alignerf.files import archives, atomic, faults, json_files
-from alignerf.scenes import cameras, colmap, held_out, prepare, prepared
-from alignerf.scenes.apps import sources
-from alignerf.scenes.capture import (
-    full_size,
-    report,
-    triangulate,
-    windows,
-    windows_truth,
-)
+from alignerf.files import atomic, faults, json_files
+from alignerf.scenes import cameras, held_out, prepare, prepared
+from alignerf.scenes.capture import full_size, windows, windows_truth
 from alignerf.scenes.courtyard import truth
 from alignerf.scenes.judged import views as judged
+from alignerf.scenes.loading import points, readers, zoom
 
 log = logging.getLogger("alignerf.poses")
 
@@ -38,8 +32,6 @@ FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
 # With `downscale: auto`: a training that sees each half a time takes minutes on a core.
 # Many photos may have more together, rather than sides under this.
 MOST_PIXELS, LEAST_SIDE_PX = 10_000_000, 200
-# Of the photos in which points are found to choose windows by.
-OF_POINTS = (12_000_000, 300)
 PRODUCTS = ("images", "truth", "colmap", "cameras.npz", "poses.json")
 
 
@@ -54,7 +46,7 @@ def main(config, out, whole=None, cameras_path=None, places=None):
         return of_whole(config, out, Path(whole), cameras_path, places and Path(places))
     started = time.monotonic()
     with atomic.scratch_folder(out) as scratch:
-        full, told, scene = READERS[config["source"]](config, scratch)
+        full, told, scene = readers.READERS[config["source"]](config, scratch)
         told["downscale_decided"] = config["downscale"] == "auto"
         given = for_training(full, config)
         prepared.check_views(config["path"] or out, given)
@@ -63,7 +55,7 @@ def main(config, out, whole=None, cameras_path=None, places=None):
         views = perturbed(given, config)
         whole, cut = views, None
         if config["zoom"]:
-            views, cut, more = zoomed(views, scratch, config)
+            views, cut, more = zoom.zoomed(views, scratch, config)
             told |= more
         split = split_of(views, config)
         named = dict(zip(views.names, split.tolist(), strict=True))
@@ -74,7 +66,7 @@ def main(config, out, whole=None, cameras_path=None, places=None):
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
         if scene_keys.wants_points(config) and views.points is None:
-            told |= add_points(fresh, scratch, full.width / views.width, config)
+            told |= points.add_points(fresh, scratch, full.width / views.width, config)
         if scene is not None:
             log.info("rendering the truth of %d views", len(views.names))
             told["true_misalignment_px"] = write_truth(
@@ -105,8 +97,8 @@ def of_whole(config, out, whole, cameras_path, places):
     with atomic.scratch_folder(out) as scratch:
         views = full_size.read(config, whole, scratch, cameras_path)
         try:
-            views, points, px = placed(views, config, scratch, places)
-            points, each = around(views, points, px, least=1 if places else least)
+            views, found, px = zoom.placed(views, config, scratch, places)
+            found, each = zoom.around(views, found, px, least=1 if places else least)
         except ValueError as error:
             why = f"{error}. Without windows: `windows: null` in the config"
             raise ValueError(f"{whole}: windows: {why}") from None
@@ -114,9 +106,9 @@ def of_whole(config, out, whole, cameras_path, places):
         prepared.check_views(out, cut)
         log.info(
             "%s: %d windows of %d px of each photo at its own size",
-            *(out, len(points), px),
+            *(out, len(found), px),
         )
-        told["zoom"] = {"of": whole.name, "px": px, "points": points}
+        told["zoom"] = {"of": whole.name, "px": px, "points": found}
         if turns := told.get("quarter_turns"):
             photos = [name.rpartition("_w")[0] for name in cut.names]
             named = zip(cut.names, photos, strict=True)
@@ -131,54 +123,6 @@ def of_whole(config, out, whole, cameras_path, places):
         report_path = scratch / "new" / "poses.json"
         report_path.write_text(json.dumps(told, indent=1) + "\n")
         publish(scratch / "new", out)
-
-
-def around(views, points, px, *, least):
-    """(places, their `windows.Windows`) of those seen by views of both splits.
-
-    Raises ValueError where there is none.
-    """
-    found = []
-    for point in points:
-        try:
-            one = windows.around(point, views, px, least=least)
-        except ValueError as error:
-            log.warning("%s", error)
-            continue
-        one = windows.that_count(views, one)
-        split = views.split[one.kept]
-        if (split == "train").sum() >= least - 1 and (split == "test").any():
-            found.append((np.asarray(point).tolist(), one))
-    if not found:
-        what = "seen by enough photos to learn from and to judge by"
-        raise ValueError(f"no place is {what}")
-    return [point for point, _ in found], [one for _, one in found]
-
-
-def placed(views, config, scratch, places):
-    """(views with their points, places [k, 3], px) of the windows of a whole scene.
-
-    Where COLMAP has not found the poses, the scene's points are those of its small
-    photos: windows would lie elsewhere at every size of training. So they are found
-    again, in larger photos.
-    """
-    if places:
-        views = views._replace(points=full_size.points_of(places))
-        there = json_files.read(places / "poses.json", {"zoom": dict})["zoom"]
-        return views, np.array(there["points"]), there["px"]
-    if views.points is None or config["poses"] != "colmap":
-        views, _ = with_points(views._replace(points=None), scratch, config)
-    views = with_focus(views)
-    least = config["least_train_views"] + 1
-    return views, *windows.places(views, config["zoom"], least=least)
-
-
-def with_focus(views):
-    """The views, where they share no points, with the one that they all look at."""
-    focus = cameras.focus_of(views.camtoworlds)
-    if views.points is not None or focus is None:
-        return views
-    return views._replace(points=(focus[None], np.zeros((1, 3), np.uint8)))
 
 
 def for_training(views, config):
@@ -197,26 +141,6 @@ def perturbed(views, config):
     return views._replace(camtoworlds=poses)
 
 
-def zoomed(views, scratch, config):
-    """The windows as views, where they lie, and what the report says of them."""
-    zoom, least = config["zoom"], config["least_train_views"] + 1
-    where, told = config["path"] or config["source"], {}
-    if zoom["point"] is None and views.points is None:
-        views, told = with_points(views, scratch, config)
-    try:
-        point = windows.place(views, zoom, least=least)
-        cut = windows.around(point, views, zoom["px"], least=least)
-    except ValueError as error:
-        raise ValueError(f"{where}: zoom: {error}") from None
-    kept = {"views": len(cut.kept), "of": len(views.names)}
-    log.info(
-        "%s: windows of %d px around %s, in %d of %d views",
-        *(where, zoom["px"], np.round(point, 4).tolist(), *kept.values()),
-    )
-    of_zoom = {"px": zoom["px"], "point": point.tolist(), **kept}
-    return windows.cut(views, cut), cut, told | {"zoom": of_zoom}
-
-
 def write_truth(folder, scene, whole, cut, split, perturb_px):
     """Write the truth of the views, or of their windows; returns its mean flow in px.
 
@@ -231,21 +155,6 @@ def write_truth(folder, scene, whole, cut, split, perturb_px):
         perturb_px=perturb_px,
     )
     return mean_px if cut is None else windows_truth.cut_truth(folder, seen.names, cut)
-
-
-def with_points(views, scratch, config):
-    """The views with the points that they share, found in smaller photos; the report.
-
-    scratch: a folder, written into.
-    """
-    folder, every = scratch / "whole", np.full(len(views.names), "train")
-    small = prepare.downscale(views, prepare.factor_for(views, *OF_POINTS))
-    prepare.write_views(folder, small, split=every)
-    told = add_points(folder, scratch, views.width / small.width, config)
-    if told:
-        arrays = archives.read(folder / prepared.POINTS, ["points", "colours"])
-        views = views._replace(points=(arrays["points"], arrays["colours"]))
-    return views, told
 
 
 def split_of(views, config):
@@ -278,121 +187,6 @@ def warn_of_few(out, split):
             "difference can be told from chance",
             *(out, counts["train"], counts["test"], FEW_TRAIN_VIEWS, FEW_TEST_VIEWS),
         )
-
-
-def load_photos(config, scratch):
-    """Photos by COLMAP: (views at full size, the report so far, no truth)."""
-    views, told = pose_photos(config["path"], scratch, config, camera_model="OPENCV")
-    return views, told, None
-
-
-def load_given(config, scratch):
-    """`load_photos` of a scene whose files give the poses."""
-    views, left_out = full_size.GIVEN[config["source"]](config)
-    return views, report.registration(views.names, left_out), None
-
-
-def load_app(config, scratch):
-    """`load_photos` of an app's folder: by its own poses, or by COLMAP's."""
-    source, path = config["source"], config["path"]
-    if config["poses"] == "colmap":
-        links = sources.link_photos(source, path, scratch)
-        views, told = pose_photos(
-            links, scratch, config, camera_model="OPENCV", where=path
-        )
-        return views, told, None
-    views, told, _ = load_given(config, scratch)
-    said = sources.said_of(source, path)
-    log.info("%s: %s", path, said)
-    return views, told | {"of_poses": said}, None
-
-
-def load_courtyard(config, scratch):
-    """`load_photos` of the embedded scene; the third value is its truth."""
-    folder = scratch / "photos"
-    folder.mkdir()
-    log.info("rendering %d photos of the courtyard", config["courtyard"]["views"])
-    views, scene = full_size.of_courtyard(config, folder)
-    if config["poses"] == "colmap":
-        return *pose_courtyard(folder, scratch, scene, config), scene
-    return views, report.registration(scene.names, []), scene
-
-
-# Source, as `scene_keys.SOURCES` has them -> its reader.
-READERS = {
-    "courtyard": load_courtyard,
-    "photos": load_photos,
-    **dict.fromkeys(full_size.GIVEN, load_given),
-    "judged": judged.load,
-    **dict.fromkeys(sources.APPS, load_app),
-}
-
-
-def pose_photos(folder, scratch, config, *, camera_model, where=None):
-    """Views of a folder of photos by COLMAP, undistorted, and the poses report."""
-    views, model, taken = colmap.pose_folder(
-        folder,
-        scratch,
-        camera_model=config["colmap"]["camera_model"] or camera_model,
-        max_size_px=config["colmap"]["max_size_px"],
-        seed=config["seed"],
-        where=where or str(folder),
-        background=config["background"],
-        masks=config["masks"],
-    )
-    least = config["colmap"]["least_registered"]
-    report.check_registered(model, least, where or folder)
-    registration = report.registration(model.names, model.left_out)
-    registration |= report.points(model) | report.photos(model, taken)
-    return views, registration | {"models": model.models}
-
-
-def add_points(fresh, scratch, photo_scale, config):
-    """Triangulate the points that the views share; returns the report's part on points.
-
-    photo_scale: a photo's width over its view's; errors of the report are in pixels of
-    the photo.
-    """
-    views = prepared.read_cameras(fresh / "cameras.npz")
-    points3d = triangulate.triangulate(
-        fresh / "images", scratch, views, seed=config["seed"]
-    )
-    if not len(points3d.points):
-        log.warning("%s: its views share no points", config["path"] or config["source"])
-        return {}
-    points = fresh / prepared.POINTS
-    np.savez(points, points=points3d.points, colours=points3d.colours)
-    log.info(
-        "%d points, which the given cameras see %.2f px from where they are found",
-        *(len(points3d.points), points3d.mean_reprojection_error_px),
-    )
-    points3d = points3d.of_size(np.full((len(points3d.names), 2), photo_scale))
-    return report.points(points3d)
-
-
-def pose_courtyard(folder, scratch, scene, config):
-    """The courtyard's photos through COLMAP, the frame aligned to the true one.
-
-    The focal length is COLMAP's own, as for photos without EXIF: it comes within
-    0.2 % of the true one, and holding that one changed little. What is left is the
-    work of the moving objects: with 48 views of 400x300, the estimated cameras see
-    the still scene 0.77 px of a 200x150 image from where it is on average, and
-    0.07 px when nothing moves.
-    """
-    views, told = pose_photos(
-        folder, scratch, config, where="courtyard", camera_model="SIMPLE_PINHOLE"
-    )
-    true = truth.select(scene, views.names)
-    similarity = cameras.align_similarity(views.camtoworlds, true.camtoworlds)
-    (scale, rotation, translation), (points, colours) = similarity, views.points
-    views = views._replace(
-        camtoworlds=cameras.apply_similarity(views.camtoworlds, *similarity),
-        points=(scale * points @ rotation.T + translation, colours),
-    )
-    told["compared_to_truth"] = truth.compare_cameras(
-        (views.pixtocams, views.camtoworlds), (true.pixtocams, true.camtoworlds)
-    )
-    return views, told
 
 
 def describe_views(views, photo_size, split, config):

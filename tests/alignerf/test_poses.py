@@ -9,6 +9,7 @@ import pytest
 from alignerf import poses
 from alignerf.files import images
 from alignerf.scenes import cameras, prepared
+from alignerf.scenes.loading import points as points_of
 
 COURTYARD = {
     "source": "courtyard",
@@ -220,7 +221,7 @@ def test_windows_of_a_scene_have_its_photos_cameras_split(tmp_path, monkeypatch)
     zoom = {"of": "whole", "px": 64, "count": 2}
     config = whole | {"downscale": 1, "perturb_px": 0.0, "zoom": zoom}
     has_points = lambda views, *_: (views._replace(points=found), {})  # noqa: E731
-    monkeypatch.setattr(poses, "with_points", has_points)
+    monkeypatch.setattr(points_of, "with_points", has_points)
     poses.main(config, tmp_path / "given", tmp_path / "whole", given)
     # Other cameras, at the same places.
     out, places = tmp_path / "windows", tmp_path / "given"
@@ -249,7 +250,7 @@ def test_windows_of_a_scene_have_its_photos_cameras_split(tmp_path, monkeypatch)
 def test_windows_of_views_that_share_no_points(tmp_path, monkeypatch):
     """They lie where all cameras look; where those look apart, one line says so."""
     poses.main(COURTYARD, tmp_path / "whole")
-    monkeypatch.setattr(poses, "with_points", lambda views, *_: (views, {}))
+    monkeypatch.setattr(points_of, "with_points", lambda views, *_: (views, {}))
     zoom = {"of": "whole", "px": 64, "count": 2}
     config = COURTYARD | {"downscale": 1, "zoom": zoom}
     given = (tmp_path / "whole", tmp_path / "whole" / "cameras.npz")

@@ -1,0 +1,1 @@
+"""A scene's views by its source, its points, and windows of it."""
