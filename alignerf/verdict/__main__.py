@@ -17,22 +17,22 @@ from alignerf.verdict import advice, causes, evidence, judged, report, views, wo
 def main(argv=None):
     args = parse(argv)
     loaded = prepared.load(args.scene)
-    rows, thumbs = evidence.read_views(loaded, args.base, ("train", "test"))
+    seen = evidence.read_views(loaded, args.base, ("train", "test"))
     poses = json_files.read(f"{args.scene}/poses.json", evidence.POSES)
     known = evidence.gather(
         loaded,
-        rows,
+        seen,
         evidence.read_pattern(loaded, args.base),
         poses=poses,
         timing=json_files.read(f"{args.base}/timing.json", evidence.TIMING),
         overfit=args.overfit,
         windows=(args.windows, args.windows_corrected),
-        of_judged=judged.read(poses, thumbs, args.before),
+        of_judged=judged.read(poses, seen.thumbs, args.before),
     )
     findings = [judged.finding(known), *causes.find(known)]
     findings = [finding for finding in findings if finding]
     gains = words.gains_of(args.misalignment) if args.misalignment else []
-    told = report.of(known, findings, gains, rows)
+    told = report.of(known, findings, gains, seen.rows)
     lines = report.terminal(told)
     content = {
         "verdict": lines,
@@ -45,9 +45,9 @@ def main(argv=None):
         "evidence": known._asdict()
         | {"windows": known.windows and known.windows._asdict()}
         | {"judged": known.judged and known.judged._asdict()},
-        "stands_out": {v.view: v.stands_out for v in rows if v.stands_out},
+        "stands_out": {v.view: v.stands_out for v in seen.rows if v.stands_out},
     }
-    table = pd.DataFrame(rows, columns=views.COLUMNS)
+    table = pd.DataFrame(seen.rows, columns=views.COLUMNS)
     with (
         atomic.replace_file(args.out) as path,
         atomic.replace_file(args.views) as views_path,

@@ -6,10 +6,12 @@ Reads the outputs of the stages: photos, renders, flow and its parts, trainings,
 import math
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from alignerf.files import archives, csv_files, json_files, machine
+from alignerf.metrics import exposure
 from alignerf.scenes import prepared
 from alignerf.verdict import causes, judged, pattern, views
 from alignerf.verdict import windows as of_windows
@@ -18,29 +20,44 @@ from alignerf.verdict import windows as of_windows
 MOST_PATTERN_VIEWS = 32
 
 
-def read_views(loaded: prepared.Scene, base, splits):
-    """(a `views.View` of each view whose render and flow are there, their thumbs).
+class Seen(NamedTuple):
+    """What the photos of a scene and their renders say.
 
-    base: folder of the reference's round 0. A split without renders is left out.
-    thumbs: {view: (of the photo, of the render)}, see `judged.thumb`.
+    rows: a `views.View` of each view whose render and flow are there. thumbs: {view:
+    (of the photo, of the render)}, see `judged.thumb`. shared_ev: standard deviation
+    over photos of how bright they show the same points, in stops; NaN where unknown.
     """
-    rows, thumbs = [], {}
+
+    rows: list
+    thumbs: dict
+    shared_ev: float
+
+
+def read_views(loaded: prepared.Scene, base, splits) -> Seen:
+    """`Seen` of the splits that have renders; base: the reference's round 0."""
+    rows, thumbs, sampled = [], {}, []
     for split in splits:
-        folder = Path(base) / "renders" / split
-        if not folder.is_dir():
+        if not (Path(base) / "renders" / split).is_dir():
             continue
         parts = table(Path(base) / f"decomposition_photos_{split}.csv")
         lengths = table(Path(base) / "displacement" / f"{split}.csv")
         tables = parts.join(lengths["blur_sigma_px"])
         read = partial(read_view, loaded, base, split, tables)
-        for row, pair in machine.map_in_threads(read, loaded.views(split)):
+        for row, pair, photo in machine.map_in_threads(read, loaded.views(split)):
             rows.append(row)
             thumbs[row.view] = pair
-    return views.named(rows), thumbs
+            sampled.append(photo)
+    stops = exposure.stops(sampled)
+    known = stops[np.isfinite(stops)]
+    shared_ev = float(np.std(known)) if len(known) > 1 else math.nan
+    return Seen(views.named(rows), thumbs, shared_ev)
 
 
 def read_view(loaded: prepared.Scene, base, split, tables, view):
-    """(`views.View` of one view, its thumbs); tables: of its split, by names."""
+    """(`views.View` of one view, its thumbs, its `exposure.Sampled`).
+
+    tables: of its split, by names.
+    """
     name = loaded.names[view]
     (photo,) = prepared.read_images(loaded, [view], loaded.folder / "images")
     (render,) = prepared.read_images(loaded, [view], Path(base) / "renders" / split)
@@ -57,7 +74,11 @@ def read_view(loaded: prepared.Scene, base, split, tables, view):
         blur_sigma_px=row["blur_sigma_px"],
         **views.measured(photo, render, valid, counts),
     )
-    return measured, (judged.thumb(photo), judged.thumb(render))
+    path = Path(base) / "depth" / split / f"{name}.npz"
+    depth = archives.read(path, ["depth"])["depth"]
+    camera = loaded.pixtocams[view], loaded.camtoworlds[view]
+    sampled = exposure.sampled(exposure.View(photo, depth, *camera, counts))
+    return measured, (judged.thumb(photo), judged.thumb(render)), sampled
 
 
 # What it takes from a poses.json, and from the reference's timing.json.
@@ -101,7 +122,7 @@ def read_pattern(loaded: prepared.Scene, base) -> pattern.Pattern:
 
 def gather(
     loaded,
-    rows,
+    seen: Seen,
     shared: pattern.Pattern,
     *,
     poses,
@@ -118,7 +139,7 @@ def gather(
     of another program's renders; such a scene may lack the views of a split.
     """
     of_split = {
-        split: [v for v in rows if v.split == split] for split in ("train", "test")
+        split: [v for v in seen.rows if v.split == split] for split in ("train", "test")
     }
     counts = {split: int((loaded.split == split).sum()) for split in prepared.SPLITS}
     pixels = max(counts["train"], 1) * loaded.width * loaded.height
@@ -150,6 +171,7 @@ def gather(
         ),
         # Renders of training views have learnt some of their photos' brightness.
         exposure_ev=max(spread(own, "exposure_ev") for own in of_split.values() if own),
+        shared_ev=seen.shared_ev,
         shift_px=float(np.hypot(*shift)),
         shift_errors=float(np.max(np.abs(shift) / np.maximum(error, 1e-3))),
         distortion_px=abs(shared.distortion_px),

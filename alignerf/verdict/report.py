@@ -137,8 +137,8 @@ GAUGES = (
     ),
     Gauge(
         *("exposure", "exposure", "stops"),
-        lambda e: e.exposure_ev,
-        lambda e: causes.EXPOSURE_EV,
+        lambda e: causes.exposure_of(e)[0],
+        lambda e: causes.exposure_of(e)[1],
     ),
     Gauge(
         *("sparse", "photos close together", "dB"),

@@ -247,7 +247,7 @@ def blurred(finding, e):
 
 def exposure(finding, e):
     return (
-        f"Exposure {sure(finding)}changes between photos, by {e.exposure_ev:.2f} stops "
+        f"Exposure {sure(finding)}changes between photos, by {finding.size:.2f} stops "
         "(standard deviation)."
     )
 

@@ -165,6 +165,7 @@ def of_verdict(experiment, scene):
     for split in experiment.splits(scene, folder.removeprefix(f"results/{scene}/")):
         files |= {
             f"{split}_renders": f"{folder}/renders/{split}",
+            f"{split}_depth": f"{folder}/depth/{split}",
             f"{split}_flow": f"{folder}/flow/{split}",
             f"{split}_lengths": f"{folder}/displacement/{split}.csv",
             f"{split}_parts": f"{folder}/parts_photos/{split}",

@@ -28,6 +28,7 @@ WELL = causes.Evidence(
     detail_median=1.2,
     blurred_share=0.0,
     exposure_ev=0.005,
+    shared_ev=0.04,
     shift_px=0.02,
     shift_errors=4.1,
     distortion_px=0.02,
@@ -57,6 +58,16 @@ def report_of(e, findings, gains, views):
 
 def named(**changes):
     return [finding.cause for finding in causes.find(WELL._replace(**changes))]
+
+
+def test_a_slow_drift_of_exposure_is_named_where_depth_can_be_trusted():
+    assert named(shared_ev=0.3) == ["exposure"]
+    assert named(shared_ev=0.1) == []
+    assert named(shared_ev=math.nan) == []
+    assert "exposure" not in named(shared_ev=0.3, passes=0.1)
+    (found,) = causes.find(WELL._replace(shared_ev=0.3, exposure_ev=0.07))
+    assert found.size == 0.3
+    assert not found.sure
 
 
 def test_nothing_is_named_where_nothing_is_wrong():

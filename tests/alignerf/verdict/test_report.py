@@ -42,7 +42,7 @@ def test_what_is_fine_is_listed_where_all_is():
     assert lines[0] == "VERDICT   Aligned, as far as 0.50 px can show."
     fine = " ".join(" ".join(lines).split("FINE")[1].split())
     assert "camera poses (0.12 of 0.4 px)" in fine
-    assert "exposure (0.005 of 0.06 stops)" in fine
+    assert "exposure (0.04 of 0.16 stops)" in fine
 
 
 def test_what_a_short_training_cannot_tell_is_not_called_fine():

@@ -1,0 +1,151 @@
+"""How bright photos are against one another, by the points that they share.
+
+A model learns a slow change of exposure as a colour that depends on the direction, and
+its renders then follow each photo. Two photos of the same points do not. Depth from
+renders says which pixels show the same point.
+"""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from alignerf.scenes import cameras
+
+# Photos are compared with a longer side of so much, and of each so many pixels at most,
+# on a regular grid, are looked for in others.
+LONGEST_PX, MOST_PIXELS = 400, 1500
+# Each photo is compared with so many that look alike, and with so many drawn.
+NEAREST, DRAWN = 6, 10
+# Fewer shared pixels say nothing.
+LEAST_PIXELS = 80
+# A point is the same one where the other photo's depth agrees, as a share of it.
+DEPTH_AGREES = 0.05
+# Of 8 bits: beyond, a pixel is clipped or noise.
+DARKEST, BRIGHTEST = 8.0, 247.0
+SIGMA_PX = 1.5
+# Rounds of reweighting, and the pair's error in stops beyond which it counts less.
+ROUNDS, CLEAR_EV = 10, 0.05
+
+
+class View(NamedTuple):
+    """A photo [h, w, 3] uint8, depth [h, w] along the axis, and its camera.
+
+    Depth that is not positive and finite is unknown. counts [h, w]: where the photo
+    counts, or None.
+    """
+
+    photo: np.ndarray
+    depth: np.ndarray
+    pixtocam: np.ndarray
+    camtoworld: np.ndarray
+    counts: np.ndarray | None = None
+
+
+class Sampled(NamedTuple):
+    """A view made small, and the points of the world that some of its pixels show.
+
+    points [n, 3], seen [n]: their levels of 8 bits. levels, depth [h, w]: NaN where a
+    pixel is clipped, or its depth unknown.
+    """
+
+    points: np.ndarray
+    seen: np.ndarray
+    levels: np.ndarray
+    depth: np.ndarray
+    pixtocam: np.ndarray
+    camtoworld: np.ndarray
+
+
+def sampled(view: View) -> Sampled:
+    """The parts of a view that are compared with other views."""
+    # Of each k x k pixels the middle one: a mean of two depths is that of nothing.
+    k = -(-max(view.depth.shape) // LONGEST_PX)
+    chosen = slice(k // 2, None, k), slice(k // 2, None, k)
+    depth = view.depth[chosen].astype(np.float64)
+    grey = cv2.cvtColor(np.ascontiguousarray(view.photo), cv2.COLOR_RGB2GRAY)
+    levels = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), SIGMA_PX * k)[chosen]
+    usable = (levels >= DARKEST) & (levels <= BRIGHTEST)
+    usable &= np.isfinite(depth) & (depth > 0)
+    if view.counts is not None:
+        usable &= view.counts[chosen]
+    levels, depth = (np.where(usable, image, np.nan) for image in (levels, depth))
+    # Pixel i of the small image is pixel k i + k // 2 of the whole.
+    shift = k // 2 + 0.5 - 0.5 * k
+    pixtocam = view.pixtocam @ np.array([[k, 0, shift], [0, k, shift], [0, 0, 1.0]])
+    stride = int(np.ceil(np.sqrt(usable.size / MOST_PIXELS)))
+    y, x = (stride * axis for axis in np.nonzero(usable[::stride, ::stride]))
+    rays = cameras.pixels_to_rays(x, y, pixtocam, view.camtoworld)
+    points = rays.origins + depth[y, x][:, None] * rays.directions
+    return Sampled(points, levels[y, x], levels, depth, pixtocam, view.camtoworld)
+
+
+def ratio(first: Sampled, second: Sampled):
+    """(stops by which the second photo is brighter, pixels that say so)."""
+    pixel, depth = cameras.project(first.points, second.pixtocam, second.camtoworld)
+    h, w = second.levels.shape
+    inside = (depth > 0) & (pixel >= 0).all(axis=-1) & (pixel < (w, h)).all(axis=-1)
+    x, y = np.floor(pixel[inside]).astype(int).T
+    levels, there = second.levels[y, x], second.depth[y, x]
+    same = np.abs(there - depth[inside]) < DEPTH_AGREES * depth[inside]
+    if same.sum() < LEAST_PIXELS:
+        return 0.0, 0
+    stops = np.log2(levels[same] / first.seen[inside][same])
+    return float(np.median(stops)), int(same.sum())
+
+
+def stops(views):
+    """Stops [n] by which each photo is brighter than the median one.
+
+    views: `Sampled`s. NaN of a photo that shares too little with the others.
+    """
+    pairs = [
+        (i, j, *ratio(views[i], views[j]))
+        for i, others in enumerate(compared(views))
+        for j in others
+    ]
+    pairs = [pair for pair in pairs if pair[3]]
+    return solved(len(views), pairs)
+
+
+def compared(views):
+    """Of each view, the indices of those that it is compared with."""
+    rng = np.random.default_rng(0)
+    centres = np.array([view.camtoworld[:, 3] for view in views])
+    axes = np.array([view.camtoworld[:, 2] for view in views])
+    size = max(np.ptp(centres, axis=0).max(), 1e-12) if len(views) else 1.0
+    chosen = []
+    for i in range(len(views)):
+        far = np.linalg.norm(centres - centres[i], axis=-1) / size
+        far += 1 - axes @ axes[i]
+        far[i] = np.inf
+        near = np.argsort(far)[: min(NEAREST, len(views) - 1)]
+        rest = np.setdiff1d(np.arange(len(views)), [i, *near])
+        drawn = rng.choice(rest, min(DRAWN, len(rest)), replace=False)
+        chosen.append([*near.tolist(), *drawn.tolist()])
+    return chosen
+
+
+def solved(count, pairs):
+    """Stops [count] that fit pairs (i, j, stops of j over i, pixels) best, robustly."""
+    found = np.full(count, np.nan)
+    if not pairs:
+        return found
+    first, second = np.array([pair[:2] for pair in pairs]).T
+    seen = np.array([pair[2] for pair in pairs])
+    weight, values = np.ones(len(pairs)), np.zeros(count)
+    for _ in range(ROUNDS):
+        normal, right = np.zeros((count, count)), np.zeros(count)
+        for one, sign in ((first, -1), (second, 1)):
+            np.add.at(normal, (one, one), weight)
+            np.add.at(right, one, sign * weight * seen)
+        np.add.at(normal, (first, second), -weight)
+        np.add.at(normal, (second, first), -weight)
+        # What a photo without a pair is, nothing says: the least of all solutions.
+        values = np.linalg.lstsq(normal, right, rcond=1e-9)[0]
+        error = np.abs(values[second] - values[first] - seen)
+        weight = 1 / np.maximum(error, CLEAR_EV)
+    known = np.zeros(count, bool)
+    known[np.concatenate([first, second])] = True
+    found[known] = values[known] - np.median(values[known])
+    return found
