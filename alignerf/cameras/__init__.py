@@ -1,5 +1,6 @@
-"""Cameras that are learnt from photos (BARF, CamP).
+"""Cameras that are learnt from photos (BARF, CamP), and how they were exposed.
 
 `refine` learns those of the training views with the scene; `pose_fit` moves one camera
-until the finished model's render fits a photo.
+until the finished model's render fits a photo; `exposure` compares photos by the points
+that they share.
 """

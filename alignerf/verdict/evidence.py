@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from alignerf.cameras import exposure
 from alignerf.files import archives, csv_files, json_files, machine
-from alignerf.metrics import exposure
 from alignerf.scenes import prepared
 from alignerf.verdict import causes, judged, pattern, views
 from alignerf.verdict import windows as of_windows

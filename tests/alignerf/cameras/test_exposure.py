@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alignerf.metrics import exposure
+from alignerf.cameras import exposure
 from alignerf.scenes import cameras
 
 WIDTH, HEIGHT, DISTANCE = 96, 64, 4.0
