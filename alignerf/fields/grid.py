@@ -46,24 +46,33 @@ CORNERS = np.array(list(itertools.product((0, 1), repeat=3)), np.int32)
 
 
 def cells_of(points, levels: Levels):
-    """Both ends of each point's cell, along each axis: (parts of a row, weights).
+    """Each point's cell along each axis: (part of a row, stride, share), see `end_of`.
 
-    points [3, n] in [0, 1]; both as 3 arrays [2, levels, n]. Rows are 32-bit signed
-    integers: with an [n, 8] index array, or unsigned ones, XLA's CPU code does not
-    vectorise and takes ten times as long.
+    points [3, n] in [0, 1]; part and share [levels, n], stride [levels, 1]. Rows are
+    32-bit signed integers: with an [n, 8] index array, or unsigned ones, XLA's CPU code
+    does not vectorise and takes ten times as long.
     """
     resolution = np.array(levels.resolutions, np.float32)[:, None]
     dense, side, _ = layout(levels)
-    parts, weights = [], []
+    cells = []
     for axis, value in enumerate(points):
         stride = np.where(dense, side**axis, PRIMES[axis])
         stride = stride.astype(np.uint32).view(np.int32)
         scaled = value[None] * resolution
         cell = jnp.clip(scaled.astype(jnp.int32), 0, resolution.astype(np.int32) - 1)
         share = scaled - cell.astype(jnp.float32)
-        parts.append(jnp.stack((cell * stride, cell * stride + stride)))
-        weights.append(jnp.stack((1.0 - share, share)))
-    return parts, weights
+        cells.append((cell * stride, stride, share))
+    return cells
+
+
+def end_of(cell, end):
+    """(part of a row, weight) of a cell's end, 0 or 1, along its axis.
+
+    Worked out anew for each corner: both ends of all cells, stored, leave the caches,
+    and took a sixteenth of a training step.
+    """
+    part, stride, share = cell
+    return part + end * stride, jnp.where(end == 1, share, 1.0 - share)
 
 
 def layout(levels: Levels):
@@ -75,9 +84,8 @@ def layout(levels: Levels):
 
 def corner_of(cells, ends, levels: Levels):
     """(rows of the table, weights), both [levels, n], of one corner of each cell."""
-    parts, weights = cells
-    x, y, z = (part[end] for part, end in zip(parts, ends, strict=True))
-    a, b, c = (weight[end] for weight, end in zip(weights, ends, strict=True))
+    chosen = [end_of(cell, end) for cell, end in zip(cells, ends, strict=True)]
+    (x, y, z), (a, b, c) = zip(*chosen, strict=True)
     dense, _, entries = layout(levels)
     row = jnp.where(dense, x + y + z, (x ^ y ^ z) & (entries - 1))
     return row + levels.offsets.astype(np.int32)[:, None], a * b * c
@@ -85,8 +93,7 @@ def corner_of(cells, ends, levels: Levels):
 
 def slopes_of(cells, ends, levels: Levels):
     """Derivatives [3, levels, n] of a corner's weight by the point's position."""
-    _, weights = cells
-    weights = [weight[end] for weight, end in zip(weights, ends, strict=True)]
+    weights = [end_of(cell, end)[1] for cell, end in zip(cells, ends, strict=True)]
     resolution = np.array(levels.resolutions, np.float32)[:, None]
     slopes = []
     for axis, end in enumerate(ends):

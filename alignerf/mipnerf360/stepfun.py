@@ -65,11 +65,13 @@ def max_dilate(
     p = jnp.where(width > EPS**2, w / jnp.maximum(width, EPS**2), 0.0 * w)
     low, high = t[..., :-1] - dilation, t[..., 1:] + dilation
     t_wide = jnp.clip(merge(merge(low, high), t)[..., 1:-1], 0.0, 1.0)
-    covers = (low[..., None, :] <= t_wide[..., :-1, None]) & (
-        high[..., None, :] > t_wide[..., :-1, None]
-    )
+    start, most = t_wide[..., :-1], jnp.zeros_like(t_wide[..., :-1])
+    # One interval after the other: all of them at once are written out, and read again.
+    for k in range(p.shape[-1]):
+        covers = (low[..., k, None] <= start) & (high[..., k, None] > start)
+        most = jnp.maximum(most, jnp.where(covers, p[..., k, None], 0.0))
     width = t_wide[..., 1:] - t_wide[..., :-1]
-    mass = jnp.max(jnp.where(covers, p[..., None, :], 0.0), axis=-1) * width
+    mass = most * width
     total = jnp.sum(mass, axis=-1, keepdims=True)
     empty = total <= 0.0
     uniform = width / jnp.sum(width, axis=-1, keepdims=True)
@@ -131,9 +133,10 @@ def invert_cdf(
 ) -> Float[Array, "*batch n"]:
     """The t at which the piecewise linear cdf reaches u in [0, 1)."""
     index = jnp.clip(count_below(cdf, u, or_equal=True) - 1, 0, t.shape[-1] - 2)
-    take = lambda a, i: jnp.take_along_axis(a, i, axis=-1)  # noqa: E731
-    low, high = take(cdf, index), take(cdf, index + 1)
-    t_low, t_high = take(t, index), take(t, index + 1)
+    # Taken together: the index would be counted anew for each.
+    ends = jnp.stack([cdf[..., :-1], cdf[..., 1:], t[..., :-1], t[..., 1:]], axis=-1)
+    found = jnp.take_along_axis(ends, index[..., None], axis=-2)
+    low, high, t_low, t_high = jnp.moveaxis(found, -1, 0)
     flat = high == low
     share = jnp.where(flat, 0.5, (u - low) / jnp.where(flat, 1.0, high - low))
     return t_low + jnp.clip(share, 0.0, 1.0) * (t_high - t_low)
