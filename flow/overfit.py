@@ -38,10 +38,12 @@ def main(renders, photos, flow, out, *, masks=None, threads=1, **options):
         render, photo = map(images.read, paths)
         photo, _ = files.masked_photo(view, render, photo, masks)
         flow_px, _ = files.read_flow(Path(flow) / f"{view}.npz")
-        aligned = controls.resharpened(render, photo, flow_px)
-        invented_px, valid, sigma_px = pairs.flow_and_validity(
-            render, aligned, **options
-        )
+        try:
+            aligned = controls.resharpened(render, photo, flow_px)
+            told = pairs.flow_and_validity(render, aligned, **options)
+        except ValueError as error:
+            raise ValueError(f"view {view}: {error}") from error
+        invented_px, valid, sigma_px = told
         return {
             "view": view,
             "aligned": "resharpened",
