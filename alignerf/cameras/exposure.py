@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from scipy import sparse
+from scipy.sparse import csgraph
 
 from alignerf.scenes import cameras
 
@@ -17,7 +19,10 @@ from alignerf.scenes import cameras
 LONGEST_PX, MOST_PIXELS = 400, 1500
 # Each photo is compared with so many that look alike, and with so many drawn.
 NEAREST, DRAWN = 6, 10
-# Fewer shared pixels say nothing.
+# A pair says nothing that shares less of its first photo's pixels: a small part may be
+# a thing that shines. Nor does one whose pixels disagree by more (half of them, stops).
+LEAST_SHARE, MOST_SPREAD_EV = 0.25, 0.4
+# And so many pixels at least.
 LEAST_PIXELS = 80
 # A point is the same one where the other photo's depth agrees, as a share of it.
 DEPTH_AGREES = 0.05
@@ -88,16 +93,19 @@ def ratio(first: Sampled, second: Sampled):
     x, y = np.floor(pixel[inside]).astype(int).T
     levels, there = second.levels[y, x], second.depth[y, x]
     same = np.abs(there - depth[inside]) < DEPTH_AGREES * depth[inside]
-    if same.sum() < LEAST_PIXELS:
+    count = int(same.sum())
+    if count < max(LEAST_PIXELS, LEAST_SHARE * len(first.seen)):
         return 0.0, 0
     stops = np.log2(levels[same] / first.seen[inside][same])
-    return float(np.median(stops)), int(same.sum())
+    low, middle, high = np.percentile(stops, [25, 50, 75])
+    return (float(middle), count) if high - low <= MOST_SPREAD_EV else (0.0, 0)
 
 
 def stops(views):
     """Stops [n] by which each photo is brighter than the median one.
 
-    views: `Sampled`s. NaN of a photo that shares too little with the others.
+    views: `Sampled`s. NaN of a photo that shares too little with the others. Photos in
+    groups that share too little with one another have each the median of their group.
     """
     pairs = [
         (i, j, *ratio(views[i], views[j]))
@@ -145,7 +153,9 @@ def solved(count, pairs):
         values = np.linalg.lstsq(normal, right, rcond=1e-9)[0]
         error = np.abs(values[second] - values[first] - seen)
         weight = 1 / np.maximum(error, CLEAR_EV)
-    known = np.zeros(count, bool)
-    known[np.concatenate([first, second])] = True
-    found[known] = values[known] - np.median(values[known])
+    links = sparse.coo_matrix((np.ones(len(pairs)), (first, second)), (count, count))
+    _, group = csgraph.connected_components(links, directed=False)
+    for number in set(group[first]):
+        own = group == number
+        found[own] = values[own] - np.median(values[own])
     return found
