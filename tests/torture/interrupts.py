@@ -1,34 +1,63 @@
 """A chain that is ended at random moments, again and again, ends in equal bytes."""
 
 import json
+import math
+import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
 
-from tests.torture import chains
+from tests.torture import chains, stages
 
 # Seconds from a start to a kill: long enough for Snakemake to plan, now and then.
 KILL_S = (1.0, 25.0)
 STOPS = {"SIGTERM": signal.SIGTERM, "Ctrl-C": signal.SIGINT}
-# Says which training is run with checkpoints every second.
+# A training with checkpoints every second. Where a file is named, each alignment's
+# beginning and end are written into it.
 TRAINING = """
-import sys
+import os, sys
 from alignerf.training import loop
 from alignerf import train
+from alignerf.alignment import aligner
 from alignerf.files import faults
 loop.CHECKPOINT_EVERY_S = 1.0
+whole = aligner.Aligner.align
+def align(self, params, step):
+    with open(os.environ["ALIGNMENTS"], "a", buffering=1) as file:
+        print(step, "begun", file=file)
+        whole(self, params, step)
+        print(step, "ended", file=file)
+aligner.Aligner.align = align
 faults.run(lambda: train.main(sys.argv[1:]))
 """
+# Seconds from a training's start to a kill, and from an alignment's beginning.
+TRAINING_KILL_S, ALIGNMENT_KILL_S = (4.0, 9.0), (0.0, 0.3)
+# Beginnings of alignments after which one of a life is killed.
+ALIGNMENTS = 3
+# Keys of the jobs that are killed, each of a training that takes about 40 s.
+KINDS = {
+    "training": {},
+    "training that aligns": {
+        "align": {
+            "cameras_at": [round(0.05 + 0.06 * i, 2) for i in range(16)],
+            "photos_at": [round(0.08 + 0.06 * i, 2) for i in range(15)],
+            "estimator": "dis_fine",
+            "least_move_px": 0.0,
+        }
+    },
+}
 
 
-def killed(reference, folder, kills, rng):
+def killed(reference, folder, kills, rng, until=math.inf):
     """Findings of chains that are killed `kills` times in all, and how many there were.
 
     Each chain ends equal to the reference, and leaves nothing half-written behind.
+    until: when the last one may go on to its end.
     """
     found, done, number = [], 0, 0
-    while done < kills:
+    while done < kills and time.monotonic() < until:
         chain = chains.make(reference.root, folder / f"killed{number}", reference)
         number += 1
         ended = False
@@ -36,7 +65,8 @@ def killed(reference, folder, kills, rng):
             child = chain.start()
             try:
                 # Once all kills are done, the chain may end.
-                limit_s = rng.uniform(*KILL_S) if done < kills else None
+                goes_on = done < kills and time.monotonic() < until
+                limit_s = rng.uniform(*KILL_S) if goes_on else None
                 ended = child.wait(limit_s) == 0
                 if not ended:
                     found.append(f"chain {number}: " + last_words(chain))
@@ -82,42 +112,89 @@ def stopped(reference, folder, rng):
     return found + [f"left behind: {path}" for path in chains.leftovers(chain)]
 
 
-def trainings(reference, folder, kills, rng):
-    """Findings of a training with many checkpoints that is killed again and again."""
-    folder.mkdir(parents=True, exist_ok=True)
+def trainings(reference, folder, kind, kills, rng, until=math.inf):
+    """Findings of a training with many checkpoints that is killed again and again.
+
+    Returns them, how many kills there were, and how many of these fell within an
+    alignment: of a training that aligns, every other one is meant to.
+    """
+    # An earlier torture's checkpoints would be gone on from.
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
     scene = reference.folder / "results" / chains.SCENE
-    models = {}
+    made, log, within, done = {}, folder / "killed.log", 0, 0
+
+    def mortal(times):
+        return done < times and time.monotonic() < until
+
     for name, times in (("once", 0), ("killed", kills)):
-        out = folder / name
-        command = [sys.executable, "-c", TRAINING, *arguments(scene, out)]
-        done = 0
-        while True:
+        life = Life(reference, folder / name, arguments(scene, folder / name, kind))
+        while (code := life.lived(mortal(times) and rng, done)) is None:
+            done += 1
+            within += life.is_aligning()
+        if code:
+            return [f"{name}: exit {code}"], done, within
+        timing = json.loads((folder / name / "timing.json").read_text())
+        made[name] = {
+            "model": (folder / name / "model").read_bytes(),
+            "final numbers": timing["final"],
+            "learnt cameras": stages.content(folder / name, "learnt"),
+        }
+    once, killed = made.values()
+    found = [f"another {what}" for what in once if once[what] != killed[what]]
+    if kills and "resuming at step" not in log.read_text():
+        found.append("it never resumed: nothing was tried")
+    if kills and KINDS[kind] and not within:
+        found.append("no kill fell within an alignment: nothing was tried")
+    return found, done, within
+
+
+class Life:
+    """A training that is started again and again, in one folder."""
+
+    def __init__(self, reference, out, words):
+        self.root, self.out = reference.root, out
+        self.command = [sys.executable, "-c", TRAINING, *words]
+        self.alignments = out.with_suffix(".alignments")
+
+    def lived(self, rng, number):
+        """Start it; its exit code, None where it was killed. rng: None lets it live."""
+        before = len(self.told())
+        with open(self.out.with_suffix(".log"), "ab") as log:
             child = subprocess.Popen(
-                command,
-                cwd=reference.root,
-                stderr=open(out.with_suffix(".log"), "ab"),  # noqa: SIM115
+                self.command,
+                cwd=self.root,
+                stderr=log,
+                env=os.environ | {"ALIGNMENTS": str(self.alignments)},
                 start_new_session=True,
             )
-            try:
-                code = child.wait(rng.uniform(4, 9) if done < times else None)
-            except subprocess.TimeoutExpired:
-                chains.kill(child, signal.SIGKILL)
-                done += 1
-                continue
-            if code:
-                return [f"training {name}: exit {code}"], done
-            break
-        timing = json.loads((out / "timing.json").read_text())
-        models[name] = (out / "model").read_bytes(), timing["final"]
-    found = []
-    if models["once"] != models["killed"]:
-        found.append("a killed training ends in another model")
-    if kills and "resuming at step" not in (folder / "killed.log").read_text():
-        found.append("it never resumed: nothing was tried")
-    return found, done
+        if not rng:
+            return child.wait()
+        until = time.monotonic() + rng.uniform(*TRAINING_KILL_S)
+        wanted = before + 2 * rng.integers(ALIGNMENTS) + 1
+        while child.poll() is None and time.monotonic() < until:
+            # Every other life ends where it aligns, if it does.
+            if number % 2 and len(self.told()) >= wanted:
+                time.sleep(rng.uniform(*ALIGNMENT_KILL_S))
+                break
+            time.sleep(0.005)
+        if child.poll() is not None:
+            return child.returncode
+        chains.kill(child, signal.SIGKILL)
+        return None
+
+    def told(self):
+        """Lines on the alignments so far: a beginning and an end each."""
+        if not self.alignments.exists():
+            return []
+        return self.alignments.read_text().splitlines()
+
+    def is_aligning(self):
+        """Whether the last alignment had begun, and not ended, when it was killed."""
+        return self.told()[-1:] != [] and self.told()[-1].endswith("begun")
 
 
-def arguments(scene, out):
+def arguments(scene, out, kind="training"):
     """Of a training that takes about 40 s."""
     job = {
         "seed": 0,
@@ -125,7 +202,7 @@ def arguments(scene, out):
         "alignerf": None,
         "model": {"samples": [16, 8], "field": {"log2_entries": 12, "levels": 4}},
         "training": {"steps": 8000, "batch_rays": 256},
-    }
+    } | KINDS[kind]
     return [
         *("--config", json.dumps(job), "--scene", str(scene), "--threads", "1"),
         *("--checkpoints", str(out / "checkpoints"), "--model", str(out / "model")),
