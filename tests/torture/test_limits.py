@@ -1,0 +1,102 @@
+"""The torture's minutes, its two workers, and what becomes of what fails in it."""
+
+import math
+
+import pytest
+
+from tests.torture import __main__ as torture
+from tests.torture import clock, parts, pool
+
+
+class Time:
+    """A clock that stands still until it is told to go on."""
+
+    def __init__(self):
+        self.s = 1000.0
+
+    def __call__(self):
+        return self.s
+
+
+def test_every_part_has_a_share_and_all_are_less_than_an_hour():
+    assert list(parts.SHARES) == list(parts.PARTS)
+    assert sum(parts.SHARES.values()) == torture.parse([]).minutes == 55
+
+
+def test_what_a_part_leaves_goes_to_those_after_it():
+    time = Time()
+    limit = clock.Clock(10, {"a": 5, "b": 3, "c": 2}, now=time)
+    limit.begin("a")
+    assert limit.until == 1000 + 300
+    assert limit.of_next(2) == 1000 + 150
+    time.s += 60
+    limit.begin("b")
+    assert limit.until == pytest.approx(time.s + 540 * 3 / 5)
+    # It takes too long: the last one has what is left.
+    time.s += 400
+    limit.begin("c")
+    assert limit.until == pytest.approx(1000 + 600)
+    assert limit.has_room(4)
+    assert not limit.has_room(5)
+
+
+def test_without_minutes_nothing_is_cut():
+    limit = clock.Clock(0, {"a": 1})
+    limit.begin("a")
+    assert limit.until == limit.of_next(7) == math.inf
+    assert limit.has_room(1e9)
+    assert not limit.is_limited
+
+
+def test_two_workers_try_all_cases_in_folders_of_their_own(tmp_path):
+    seen, places = [], [tmp_path / "a", tmp_path / "b"]
+
+    def attack(case, place, rng):
+        place.mkdir(exist_ok=True)
+        seen.append((case, place, rng.integers(100)))
+        return False if case % 2 else {4: "found"}.get(case)
+
+    found = pool.tried(attack, range(10), until=math.inf, places=places, seed=1)
+    assert found == (5, 5, ["found"])
+    assert sorted(case for case, *_ in seen) == list(range(10))
+    assert not any(place.exists() for place in places)
+    numbers = {case: number for case, _, number in seen}
+    pool.tried(attack, range(10), until=math.inf, places=places[:1], seed=1)
+    assert {case: number for case, _, number in seen[10:]} == numbers
+
+
+def test_nothing_is_tried_after_the_time(tmp_path):
+    found = pool.tried(str, range(10), until=0, places=[tmp_path / "a"], seed=1)
+    assert found == (0, 10, [])
+
+
+def test_an_attack_that_fails_is_a_finding(tmp_path):
+    found = pool.tried(
+        lambda *_: 1 / 0, ["one"], until=math.inf, places=[tmp_path / "a"], seed=1
+    )
+    assert "one: the attack failed" in found.found[0]
+
+
+def test_a_part_that_fails_does_not_end_the_torture(tmp_path, monkeypatch, capsys):
+    def broken(*_):
+        yield parts.Row("first", 3, 4, [])
+        raise OSError("gone")
+
+    def other(*_):
+        yield parts.Row("other", 1, 1, ["a finding"])
+
+    monkeypatch.setattr(torture, "reference_of", lambda folder: None)
+    monkeypatch.setattr(parts, "PARTS", {"numbers": broken, "names": other})
+    assert torture.main(["--out", str(tmp_path)]) == 1
+    rows = (tmp_path / "report.csv").read_text().splitlines()
+    assert rows[0] == "part,what,cases,of,findings,minutes"
+    assert rows[1].startswith("numbers,first,3,4,0,")
+    assert rows[2].startswith("numbers,the part itself,1,1,1,")
+    assert rows[3].startswith("names,other,1,1,1,")
+    assert "OSError: gone" in (tmp_path / "findings.txt").read_text()
+
+
+def test_kills_are_shared_among_workers():
+    assert pool.shared(50) == [25, 25]
+    assert pool.shared(3) == [1, 2]
+    assert pool.together([lambda: 1, lambda: 2, lambda: 3]) == [1, 2, 3]
