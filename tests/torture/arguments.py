@@ -163,7 +163,8 @@ def attack(case, place):
     prepare(inner)
     before = everything(place)
     command = [*stage.command[:3], *case.words]
-    ended = running.run(command, inner, {"JAX_PLATFORMS": "cpu", "HOME": str(inner)})
+    variables = running.variables(inner) | {"HOME": str(inner)}
+    ended = running.run(command, inner, variables)
     after = everything(place)
     return of_ended(case, ended) or of_files(case, before, after, place)
 
@@ -184,6 +185,8 @@ def everything(folder):
     found = {}
     # Not by pathlib: a path in a path may be longer than a system takes.
     for inner, folders, files in os.walk(folder):
+        if ".jax_cache" in folders:
+            folders.remove(".jax_cache")
         for name in [*folders, *files]:
             path = os.path.join(inner, name)
             stat = os.lstat(path)

@@ -1,5 +1,6 @@
 """A chain that is ended at random moments, again and again, ends in equal bytes."""
 
+import contextlib
 import json
 import math
 import os
@@ -14,8 +15,8 @@ from tests.torture import chains, stages
 # Seconds from a start to a kill: long enough for Snakemake to plan, now and then.
 KILL_S = (1.0, 25.0)
 STOPS = {"SIGTERM": signal.SIGTERM, "Ctrl-C": signal.SIGINT}
-# A training with checkpoints every second. Where a file is named, each alignment's
-# beginning and end are written into it.
+# A training with checkpoints every second, which tells a file when its steps begin, and
+# when each alignment begins and ends.
 TRAINING = """
 import os, sys
 from alignerf.training import loop
@@ -23,18 +24,22 @@ from alignerf import train
 from alignerf.alignment import aligner
 from alignerf.files import faults
 loop.CHECKPOINT_EVERY_S = 1.0
-whole = aligner.Aligner.align
-def align(self, params, step):
-    with open(os.environ["ALIGNMENTS"], "a", buffering=1) as file:
-        print(step, "begun", file=file)
-        whole(self, params, step)
-        print(step, "ended", file=file)
-aligner.Aligner.align = align
+file = open(os.environ["TOLD"], "a", buffering=1)
+align, run_steps = aligner.Aligner.align, loop.run_steps
+def told_align(self, params, step):
+    print("aligning", file=file)
+    align(self, params, step)
+    print("aligned", file=file)
+def told_run(*arguments):
+    print("running", file=file)
+    run_steps(*arguments)
+aligner.Aligner.align, loop.run_steps = told_align, told_run
 faults.run(lambda: train.main(sys.argv[1:]))
 """
-# Seconds from a training's start to a kill, and from an alignment's beginning.
-TRAINING_KILL_S, ALIGNMENT_KILL_S = (4.0, 9.0), (0.0, 0.3)
-# Beginnings of alignments after which one of a life is killed.
+# Seconds to a kill from the first step, from an alignment's beginning, and from the
+# start of a training that is killed before its first step.
+STEPS_KILL_S, ALIGNMENT_KILL_S, START_KILL_S = (0.0, 4.0), (0.0, 0.3), (1.0, 6.0)
+# Of so many alignments in a life, one is not survived.
 ALIGNMENTS = 3
 # Keys of the jobs that are killed, each of a training that takes about 40 s.
 KINDS = {
@@ -128,7 +133,8 @@ def trainings(reference, folder, kind, kills, rng, until=math.inf):
         return done < times and time.monotonic() < until
 
     for name, times in (("once", 0), ("killed", kills)):
-        life = Life(reference, folder / name, arguments(scene, folder / name, kind))
+        words = arguments(scene, folder / name, kind)
+        life = Life(reference, folder / name, words, aligns=bool(KINDS[kind]))
         while (code := life.lived(mortal(times) and rng, done)) is None:
             done += 1
             within += life.is_aligning()
@@ -152,46 +158,52 @@ def trainings(reference, folder, kind, kills, rng, until=math.inf):
 class Life:
     """A training that is started again and again, in one folder."""
 
-    def __init__(self, reference, out, words):
-        self.root, self.out = reference.root, out
+    def __init__(self, reference, out, words, *, aligns):
+        self.root, self.out, self.aligns = reference.root, out, aligns
         self.command = [sys.executable, "-c", TRAINING, *words]
-        self.alignments = out.with_suffix(".alignments")
+        self.file = out.with_suffix(".told")
+        self.variables = {
+            "TOLD": str(self.file),
+            # What the first life has compiled, the others read.
+            "JAX_COMPILATION_CACHE_DIR": str(out.parent / "cache"),
+        }
 
     def lived(self, rng, number):
-        """Start it; its exit code, None where it was killed. rng: None lets it live."""
+        """Start it; its exit code, None where it was killed. rng: None lets it live.
+
+        By its number a life ends while it starts, at an alignment, or at any step.
+        """
         before = len(self.told())
         with open(self.out.with_suffix(".log"), "ab") as log:
             child = subprocess.Popen(
                 self.command,
                 cwd=self.root,
                 stderr=log,
-                env=os.environ | {"ALIGNMENTS": str(self.alignments)},
+                env=os.environ | self.variables,
                 start_new_session=True,
             )
         if not rng:
             return child.wait()
-        until = time.monotonic() + rng.uniform(*TRAINING_KILL_S)
-        wanted = before + 2 * rng.integers(ALIGNMENTS) + 1
-        while child.poll() is None and time.monotonic() < until:
-            # Every other life ends where it aligns, if it does.
-            if number % 2 and len(self.told()) >= wanted:
-                time.sleep(rng.uniform(*ALIGNMENT_KILL_S))
-                break
+        word, count, pause_s = "running", 1, rng.uniform(*STEPS_KILL_S)
+        if number % 5 == 4:
+            count, pause_s = 0, rng.uniform(*START_KILL_S)
+        elif number % 2 and self.aligns:
+            word, count = "aligning", rng.integers(ALIGNMENTS) + 1
+            pause_s = rng.uniform(*ALIGNMENT_KILL_S)
+        while child.poll() is None and self.told()[before:].count(word) < count:
             time.sleep(0.005)
-        if child.poll() is not None:
-            return child.returncode
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return child.wait(pause_s)
         chains.kill(child, signal.SIGKILL)
         return None
 
     def told(self):
-        """Lines on the alignments so far: a beginning and an end each."""
-        if not self.alignments.exists():
-            return []
-        return self.alignments.read_text().splitlines()
+        """What the training has told so far, of all its lives."""
+        return self.file.read_text().splitlines() if self.file.exists() else []
 
     def is_aligning(self):
-        """Whether the last alignment had begun, and not ended, when it was killed."""
-        return self.told()[-1:] != [] and self.told()[-1].endswith("begun")
+        """Whether an alignment had begun, and not ended, when it was killed."""
+        return self.told()[-1:] == ["aligning"]
 
 
 def arguments(scene, out, kind="training"):

@@ -131,7 +131,7 @@ def of_folders(reference, args, clock):
 def of_source(source, args, limit_s):
     words = ["--source", source, "--cases", str(args.cases), "--seed", str(args.seed)]
     if limit_s < math.inf:
-        words += ["--seconds", str(limit_s)]
+        words += ["--seconds", f"{max(limit_s, 0):.1f}"]
     done = subprocess.run(
         [sys.executable, "-m", "tests.torture.generated", *words],
         capture_output=True,
@@ -321,14 +321,14 @@ PARTS = {
 # find what nothing else does; what runs in this process tries a thousand a minute.
 SHARES = {
     "numbers": 2,
-    "configs": 4,
+    "configs": 2,
     "names": 1,
-    "captures": 6,
+    "captures": 5,
     "folders": 5,
     "arguments": 6,
     "environments": 4,
-    "stages": 9,
-    "kills": 8,
+    "stages": 8,
+    "kills": 12,
     "machines": 5,
     "company": 3,
     "matching": 2,

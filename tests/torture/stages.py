@@ -139,7 +139,7 @@ def attack(stage, path, way, base, place, rng):
     if not damage.ways_of(place / path)[way](place / path, rng):
         return None, None
     before = hidden(place)
-    ended = running.run(stage.command, place, {"JAX_PLATFORMS": "cpu"})
+    ended = running.run(stage.command, place, running.variables(place))
     if left := hidden(place) - before:
         return f"left {min(left)} behind", ended
     if (stage.module, way) in EXCUSED and ended.code == 0:
