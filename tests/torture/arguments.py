@@ -55,12 +55,6 @@ class Case(NamedTuple):
         return f"{self.command.stage.module}, {self.what}"
 
 
-def commands_of_chain(root, reference):
-    """Commands of a finished chain's stages."""
-    found = stages.plan(root, reference.folder, "tiny.yaml")
-    return [Command(stage, reference.folder) for stage in found]
-
-
 def commands_of_start(folder):
     """What a user types, in a folder with photos and with renders to judge."""
     shutil.rmtree(folder, ignore_errors=True)

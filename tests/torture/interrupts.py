@@ -112,8 +112,10 @@ def stopped(reference, folder, rng):
         if "Traceback" in chain.words():
             found.append(f"{name}: traceback")
         chain.unlock()
-    chains.finish(chain)
-    found += [f"differs: {name}" for name in chains.differences(reference, chain)]
+    chains.finish(chain, *chains.SHORT)
+    found += [
+        f"differs: {name}" for name in chains.differences(reference, chain, short=True)
+    ]
     return found + [f"left behind: {path}" for path in chains.leftovers(chain)]
 
 

@@ -65,29 +65,45 @@ def attacked(what, attack, cases, args, clock, *, among=1, workers=pool.WORKERS)
     return Row(what, *found)
 
 
-def chosen_stages(reference):
-    found = stages.plan(ROOT, reference.folder, "tiny.yaml")
-    return [stage for stage in found if stage.module not in NOT_ATTACKED]
+def stages_of(reference, args):
+    """{what: (its finished folder, its stages)} of a chain, and of judged renders."""
+    judged = chains.judged(ROOT, args.out / "judged")
+    return {
+        what: (folder, [s for s in found if s.module not in NOT_ATTACKED])
+        for what, folder, found in (
+            ("a judgement", judged.folder, planned(judged, chains.JUDGED)),
+            ("a chain", reference.folder, planned(reference, chains.SCENE)),
+        )
+    }
+
+
+def planned(chain, name):
+    """The stages of a finished chain."""
+    config = f"results/{name}.yaml" if name == chains.JUDGED else f"{name}.yaml"
+    return stages.plan(ROOT, chain.folder, config)
 
 
 def of_stages(reference, args, clock):
     """Every input of every stage, in some of the ways in which it may be damaged."""
     choice = random.Random(args.seed)
-    cases = []
-    for stage in chosen_stages(reference):
-        for path in stages.inputs_of(stage, reference.folder):
-            ways = list(damage.ways_of(reference.folder / path))
-            chosen = choice.sample(ways, min(args.ways, len(ways)))
-            cases += [(stage, path, way) for way in chosen]
+    for what, (folder, found) in stages_of(reference, args).items():
+        cases = []
+        for stage in found:
+            for path in stages.inputs_of(stage, folder):
+                ways = list(damage.ways_of(folder / path))
+                chosen = choice.sample(ways, min(args.ways, len(ways)))
+                cases += [(stage, path, way) for way in chosen]
 
-    def attack(case, place, rng):
-        found, ended = stages.attack(*case, reference.folder, place, rng)
-        stage, path, way = case
-        if ended is None:
-            return False
-        return found and f"{stage.module}, {path}, {way}: {found}"
+        def attack(case, place, rng, folder=folder):
+            found, ended = stages.attack(*case, folder, place, rng)
+            stage, path, way = case
+            if ended is None:
+                return False
+            return found and f"{stage.module}, {path}, {way}: {found}"
 
-    yield attacked("files of a chain", attack, cases, args, clock)
+        # A judgement's stages end sooner.
+        among = {"a judgement": 4}.get(what, 1)
+        yield attacked(f"files of {what}", attack, cases, args, clock, among=among)
 
 
 def of_captures(reference, args, clock):
@@ -185,14 +201,17 @@ def of_arguments(reference, args, clock):
     """Arguments of every command, missing, doubled, and of what they cannot be."""
     choice = random.Random(args.seed)
     typed = arguments.commands_of_start(args.out / "start")
-    in_chain = arguments.commands_of_chain(ROOT, reference)
-    in_chain = [one for one in in_chain if one.stage.module not in NOT_ATTACKED]
+    planned = [
+        arguments.Command(stage, folder)
+        for folder, found in stages_of(reference, args).values()
+        for stage in found
+    ]
 
     def attack(case, place, rng):
         found = arguments.attack(case, place)
         return found and f"{case}: {found}"
 
-    for what, commands, among in (("users", typed, 3), ("stages", in_chain, 1)):
+    for what, commands, among in (("users", typed, 3), ("stages", planned, 1)):
         cases = []
         for command in commands:
             every = list(filter(arguments.is_short, arguments.cases_of(command)))
@@ -203,17 +222,21 @@ def of_arguments(reference, args, clock):
 def of_environments(reference, args, clock):
     """Stages of the chain, each under variables drawn at random."""
     choice, known = random.Random(args.seed), environments.variables()
-    found = chosen_stages(reference)
+    found = [
+        (stage, folder)
+        for folder, every in stages_of(reference, args).values()
+        for stage in every
+    ]
     cases = [
-        (choice.choice(found), environments.drawn(choice, known))
+        (*choice.choice(found), environments.drawn(choice, known))
         for _ in range(args.environments)
     ]
 
     def attack(case, place, rng):
-        stage, environment = case
+        stage, folder, environment = case
 
         def bad(variables):
-            return environments.attack(stage, variables, reference.folder, place)
+            return environments.attack(stage, variables, folder, place)
 
         if not bad(environment):
             return None

@@ -151,9 +151,7 @@ def copy_chain(base, place):
     """The chain by links: who replaces a file leaves the other's as it is."""
     shutil.rmtree(place, ignore_errors=True)
     ignored = shutil.ignore_patterns("checkpoints", ".snakemake*")
-    shutil.copytree(
-        base / "results", place / "results", ignore=ignored, copy_function=os.link
-    )
+    shutil.copytree(base, place, ignore=ignored, copy_function=os.link)
 
 
 def hidden(folder):

@@ -100,3 +100,48 @@ def test_kills_are_shared_among_workers():
     assert pool.shared(50) == [25, 25]
     assert pool.shared(3) == [1, 2]
     assert pool.together([lambda: 1, lambda: 2, lambda: 3]) == [1, 2, 3]
+
+
+@pytest.fixture
+def begun(tmp_path):
+    """What parts are given: no chain, a command line, a clock without an end."""
+    limit = clock.Clock(0, {"a": 1})
+    limit.begin("a")
+    return None, torture.parse(["--out", str(tmp_path), "--kills", "5"]), limit
+
+
+def test_the_rows_of_kills(begun, monkeypatch):
+    def killed(reference, folder, kills, rng, until):
+        return [f"{folder.name}: {kills}"], kills
+
+    def trainings(reference, folder, kind, kills, rng, until):
+        return [], kills - 1, 7
+
+    monkeypatch.setattr(parts.interrupts, "killed", killed)
+    monkeypatch.setattr(parts.interrupts, "trainings", trainings)
+    assert list(parts.of_kills(*begun)) == [
+        ("kill -9 of the chain", 5, 5, ["0: 2", "1: 3"]),
+        ("kill -9 of a training", 15, 16, []),
+        ("kill -9 of a training that aligns, 7 within an alignment", 15, 16, []),
+    ]
+
+
+def test_the_rows_of_machines(begun, monkeypatch):
+    for name in ("full_disks", "clock_set_back", "memory_growth", "unwritable"):
+        monkeypatch.setattr(parts.machines, name, lambda *_: None)
+    monkeypatch.setattr(parts.interrupts, "stopped", lambda *_, rng: ["found"])
+    rows = {row.what: row[1:] for row in parts.of_machines(*begun)}
+    assert rows["full disks"] == (0, len(parts.machines.DISK_MIB), None)
+    assert rows["SIGTERM and Ctrl-C"] == (2, 2, ["found"])
+    reference, args, _ = begun
+    late = clock.Clock(1, {"machines": 5})
+    rows = list(parts.of_machines(reference, args, late))
+    assert all((row.cases, row.found) == (0, []) for row in rows)
+
+
+def test_the_rows_of_grown_folders(begun, monkeypatch):
+    reference, args, limit = begun
+    args.cases = 2
+    monkeypatch.setattr(parts.grown, "SOURCES", {"llff": None})
+    (row,) = parts.of_folders(reference, args, limit)
+    assert row == ("grown folders of llff", 2, 2, [])
