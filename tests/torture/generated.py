@@ -178,6 +178,8 @@ def of_files(case, done, place):
     for inner in ALL_OF.get(case.source, ()):
         for path in (place / "in" / inner).glob("*"):
             known = path.suffix.lower() in WANTED and path.name[0] != "."
+            # Renders may lie in folders of any name.
+            known &= not (case.source == "judged" and path.is_dir())
             if known and path.name not in done.opened and not speaks_of(told, path):
                 return f"{path.name!r} is neither used nor named"
     return None
