@@ -1,11 +1,12 @@
 """The torture's minutes, its two workers, and what becomes of what fails in it."""
 
 import math
+import sys
 
 import pytest
 
 from tests.torture import __main__ as torture
-from tests.torture import clock, parts, pool
+from tests.torture import chains, clock, interrupts, parts, pool
 
 
 class Time:
@@ -145,3 +146,50 @@ def test_the_rows_of_grown_folders(begun, monkeypatch):
     monkeypatch.setattr(parts.grown, "SOURCES", {"llff": None})
     (row,) = parts.of_folders(reference, args, limit)
     assert row == ("grown folders of llff", 2, 2, [])
+
+
+def life(tmp_path, script, **more):
+    """A training that is nothing but a script, which tells its file what it does."""
+    found = interrupts.Life(
+        chains.Chain(tmp_path, tmp_path), tmp_path / "out", [], **more
+    )
+    head = "import os, time; file = open(os.environ['TOLD'], 'a', buffering=1)\n"
+    found.command = [sys.executable, "-c", head + script]
+    return found
+
+
+def test_a_life_ends_within_an_alignment(tmp_path, rng):
+    script = "print('running', file=file)\n" + 3 * (
+        "print('aligning', file=file); time.sleep(0.6); print('aligned', file=file)\n"
+    )
+    aligning = life(tmp_path, script, aligns=True)
+    assert aligning.lived(rng, 1) is None
+    assert aligning.told()[0] == "running"
+    assert aligning.is_aligning()
+    # Nobody kills it: it ends by itself, after what its first life had told.
+    assert aligning.lived(None, 3) == 0
+    assert not aligning.is_aligning()
+
+
+def test_a_life_may_end_before_its_first_step_or_by_itself(tmp_path, rng, monkeypatch):
+    monkeypatch.setattr(interrupts, "START_KILL_S", (0.1, 0.2))
+    assert life(tmp_path, "time.sleep(9)", aligns=False).lived(rng, 4) is None
+    fails = life(tmp_path, "print('running', file=file); 1 / 0", aligns=False)
+    monkeypatch.setattr(interrupts, "STEPS_KILL_S", (5.0, 6.0))
+    assert fails.lived(rng, 0) == 1
+
+
+def test_a_short_chain_has_some_of_the_files(tmp_path):
+    whole, short = (
+        chains.Chain(tmp_path, tmp_path / name) for name in ("whole", "short")
+    )
+    for chain, names in ((whole, ("a.txt", "b.txt")), (short, ("a.txt",))):
+        for name in (*chains.SHORT, f"results/{chains.SCENE}/{names[-1]}"):
+            path = chain.folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text("1")
+    (whole.folder / "results" / chains.SCENE / "a.txt").write_text("1")
+    assert chains.differences(whole, short, short=True) == []
+    assert chains.differences(whole, short) == [f"results/{chains.SCENE}/b.txt"]
+    (short.folder / chains.SHORT[0]).unlink()
+    assert chains.differences(whole, short, short=True) == [chains.SHORT[0]]
