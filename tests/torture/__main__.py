@@ -25,6 +25,7 @@ def main(argv=None):
     os.environ["PYTHONPATH"] = str(parts.ROOT)
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     args.out.mkdir(parents=True, exist_ok=True)
+    chains.take_interrupts()
     chosen = args.only or list(parts.PARTS)
     shares = {name: parts.SHARES[name] for name in chosen}
     limit = clock.Clock(args.minutes, shares)

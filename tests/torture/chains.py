@@ -73,7 +73,6 @@ class Chain(NamedTuple):
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
                 env=os.environ | (environment or {}),
-                preexec_fn=interruptible,
             )
 
     def unlock(self):
@@ -87,9 +86,13 @@ class Chain(NamedTuple):
         return (self.folder / "run.log").read_text(errors="replace")
 
 
-def interruptible():
-    """A shell's background processes ignore Ctrl-C, and their children too."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+def take_interrupts():
+    """Let the chains that are started take Ctrl-C.
+
+    A shell's background processes ignore it, and so do their children. Not by
+    `preexec_fn`: that forks, and JAX's threads do not bear it.
+    """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def make(root, folder, seed_from=None) -> Chain:
