@@ -171,3 +171,10 @@ def test_a_config_that_is_no_file_is_one_line(text, tmp_path):
     assert code == 1
     assert len(lines) == 1
     assert lines[0].startswith("error: ")
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    """Found by the torture: the command waited without end."""
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(ValueError, match="pipe: not a file"):
+        jobs.read(str(tmp_path / "pipe"))

@@ -90,11 +90,18 @@ def parse(argv=None):
 
 
 def reference_of(folder):
-    """A finished chain: made once, and kept."""
-    chain = chains.Chain(parts.ROOT, folder)
-    if not (folder / "results" / chains.SCENE / "index.html").exists():
-        chain = chains.make(parts.ROOT, folder)
-        chains.finish(chain)
+    """A finished chain: made once, and kept while the sources are the same.
+
+    Tables name the commit that their trainings are of.
+    """
+    made = folder / "results" / chains.SCENE / "index.html"
+    told = folder / "commit.txt"
+    now = f"{provenance.commit()}"
+    if made.exists() and told.exists() and told.read_text() == now:
+        return chains.Chain(parts.ROOT, folder)
+    chain = chains.make(parts.ROOT, folder)
+    chains.finish(chain)
+    told.write_text(now)
     return chain
 
 

@@ -242,8 +242,9 @@ def is_hidden(name):
 
 
 def is_given(name, words):
-    """Whether a command was told this very file."""
-    return any(name == os.path.normpath(f"inner/{word}") for word in words)
+    """Whether a command was told this very file, or a folder by its name."""
+    told = {os.path.normpath(f"inner/{word}") for word in words}
+    return any(is_in(name, one) for one in told if one not in ("inner", "."))
 
 
 def is_in(name, folder):
@@ -257,7 +258,8 @@ def of_outputs(case, inner):
         return None
     for path in stage.outputs:
         made = stages.content(inner, path)
-        if made is not None and made != stages.content(base, path):
+        # An empty folder is none yet.
+        if made and made != stages.content(base, path):
             return f"taken, with another {path}"
     return None
 

@@ -150,9 +150,9 @@ def trainings(reference, folder, kind, kills, rng, until=math.inf):
         }
     once, killed = made.values()
     found = [f"another {what}" for what in once if once[what] != killed[what]]
-    if kills and "resuming at step" not in log.read_text():
+    if done and "resuming at step" not in log.read_text():
         found.append("it never resumed: nothing was tried")
-    if kills and KINDS[kind] and not within:
+    if done > 1 and KINDS[kind] and not within:
         found.append("no kill fell within an alignment: nothing was tried")
     return found, done, within
 

@@ -220,6 +220,11 @@ def without_times(value):
         return {
             key: without_times(entry)
             for key, entry in value.items()
-            if not str(key).endswith("_s")
+            if not is_measured(str(key))
         }
     return list(map(without_times, value)) if isinstance(value, list) else value
+
+
+def is_measured(key):
+    """Whether a value tells of a process: seconds, minutes, memory."""
+    return key.endswith("_s") or key in ("minutes", "memory_mib")

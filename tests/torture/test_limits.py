@@ -193,3 +193,20 @@ def test_a_short_chain_has_some_of_the_files(tmp_path):
     assert chains.differences(whole, short) == [f"results/{chains.SCENE}/b.txt"]
     (short.folder / chains.SHORT[0]).unlink()
     assert chains.differences(whole, short, short=True) == [chains.SHORT[0]]
+
+
+def test_a_chain_of_other_sources_is_made_anew(tmp_path, monkeypatch):
+    """Found once: a kept one's commit differed from that of each killed chain."""
+    made = []
+
+    def finish(chain):
+        made.append(chain)
+        path = chain.folder / "results" / chains.SCENE / "index.html"
+        path.parent.mkdir(parents=True)
+        path.touch()
+
+    monkeypatch.setattr(chains, "finish", finish)
+    for commit, count in (("a", 1), ("a", 1), ("b", 2)):
+        monkeypatch.setattr(torture.provenance, "commit", lambda commit=commit: commit)
+        torture.reference_of(tmp_path / "reference")
+        assert len(made) == count
