@@ -134,7 +134,7 @@ def trainings(reference, folder, kind, kills, rng, until=math.inf):
     def mortal(times):
         return done < times and time.monotonic() < until
 
-    for name, times in (("once", 0), ("killed", kills)):
+    for name, times in (("killed", kills), ("once", 0)):
         words = arguments(scene, folder / name, kind)
         life = Life(reference, folder / name, words, aligns=bool(KINDS[kind]))
         while (code := life.lived(mortal(times) and rng, done)) is None:
@@ -148,7 +148,7 @@ def trainings(reference, folder, kind, kills, rng, until=math.inf):
             "final numbers": timing["final"],
             "learnt cameras": stages.content(folder / name, "learnt"),
         }
-    once, killed = made.values()
+    killed, once = made.values()
     found = [f"another {what}" for what in once if once[what] != killed[what]]
     if done and "resuming at step" not in log.read_text():
         found.append("it never resumed: nothing was tried")
