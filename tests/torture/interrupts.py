@@ -38,7 +38,7 @@ faults.run(lambda: train.main(sys.argv[1:]))
 """
 # Seconds to a kill from the first step, from an alignment's beginning, and from the
 # start of a training that is killed before its first step.
-STEPS_KILL_S, ALIGNMENT_KILL_S, START_KILL_S = (0.0, 4.0), (0.0, 0.3), (1.0, 6.0)
+STEPS_KILL_S, ALIGNMENT_KILL_S, START_KILL_S = (0.0, 8.0), (0.0, 0.3), (1.0, 6.0)
 # Of so many alignments in a life, one is not survived.
 ALIGNMENTS = 3
 # Keys of the jobs that are killed, each of a training that takes about 40 s.

@@ -68,7 +68,7 @@ def full_disk(chain, cache):
         return ["no word of a full disk"]
     # Snakemake's own tracebacks, of its records, are not ours.
     if ours := re.search(r'File "[^"]*/(alignerf|flow)/.*', said):
-        return [f"traceback: {said[ours.start() :][-500:]}"]
+        return [f"traceback: {said[ours.start() :][:1000]!r}"]
     return []
 
 
@@ -139,15 +139,20 @@ def memory_growth(reference, folder):
     """A long training holds at its end what it held when it had begun."""
     scene = reference.folder / "results" / chains.SCENE
     out = folder / "long"
-    command = [sys.executable, "-m", "alignerf.train"]
+    shutil.rmtree(out, ignore_errors=True)
+    told = folder / "long.told"
+    told.unlink(missing_ok=True)
     child = subprocess.Popen(
-        [*command, *interrupts.arguments(scene, out)],
+        [sys.executable, "-c", interrupts.TRAINING, *interrupts.arguments(scene, out)],
         cwd=reference.root,
+        env=os.environ | {"TOLD": str(told)},
         stderr=subprocess.DEVNULL,
     )
     held = []
     while child.poll() is None:
-        held.append(resident_mib(child.pid))
+        # What is loaded and compiled before the first step is no growth.
+        if told.exists() and told.stat().st_size:
+            held.append(resident_mib(child.pid))
         time.sleep(0.5)
     if child.returncode:
         return [f"exit {child.returncode}"]
