@@ -7,7 +7,7 @@
 # make tools  tests of what stands beside it: toys, benchmarks, torture, packaging, browser
 # make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
 # make peers PEERS=folder  ours beside the papers' released code (tests/peers.py)
-# make torture  the attack: damaged inputs, kills, full disks; three hours
+# make torture  the attack: damaged inputs, kills, full disks; within an hour
 # make docs   tables and figures of docs/ from the CSVs in docs/measured/
 # make site   these pages as a site with a search, in site/, with the demo's page in it
 # make lint   formatters, linters, workflow checks

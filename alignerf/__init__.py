@@ -25,3 +25,4 @@ from alignerf.files.environment import switches
 
 # Before anything imports JAX.
 switches.settle()
+switches.watch()

@@ -228,6 +228,5 @@ if __name__ == "__main__":
     parser.add_argument("--cameras", help="of windows: their cameras.npz")
     parser.add_argument("--places", help="of windows: others, at the same places")
     options = parser.parse_args()
-    slice_of = jobs.read(options.config)
     of_windows = (options.whole, options.cameras, options.places)
-    faults.run(lambda: main(slice_of, options.out, *of_windows))
+    faults.run(lambda: main(jobs.read(options.config), options.out, *of_windows))

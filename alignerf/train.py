@@ -49,6 +49,10 @@ def main(argv=None):
 def run(args):
     """Train and write the results; of several processes only the first writes."""
     job = with_radius(fill.read_job(args.config), args.displacement)
+    for path in (args.model, args.timing):
+        # Else it is said after the training, which is hours.
+        if Path(path).is_dir():
+            raise ValueError(f"{path}: a folder, where a file is to be written")
     with contextlib.ExitStack() as stack:
         if rank.is_first():
             # Before all that takes time: a second trainer is refused at once.

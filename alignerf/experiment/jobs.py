@@ -10,6 +10,7 @@ from alignerf.experiment.keys import method as method_keys
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.experiment.keys.key import Keys, key
+from alignerf.files import faults
 
 STAGES = ("full", "warm", "pretrain", "finetune")
 # Of a stage with a budget, however small that is; of a whole training, however large.
@@ -96,6 +97,7 @@ class Job(Keys):
 def read(text):
     """A stage's slice of the config: a JSON object, or the path of a file of one."""
     if not text.lstrip().startswith("{"):
+        faults.check_regular(text)
         text = Path(text).read_text(encoding="utf-8")
     try:
         found = json.loads(text)

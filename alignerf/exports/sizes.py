@@ -8,7 +8,7 @@ import json
 import logging
 from pathlib import Path
 
-from alignerf.files import images, yaml_files
+from alignerf.files import faults, images, yaml_files
 from alignerf.scenes import prepare, prepared
 from alignerf.scenes.capture import full_size
 
@@ -33,7 +33,7 @@ def config_of(text, folder):
     if isinstance(scenes, dict) and len(scenes) == 1:
         return next(iter(scenes.values()))
     # Beside a scene stand its windows; its folder has its name.
-    name = Path(folder).resolve().name
+    name = faults.resolved(folder).name
     if not isinstance(scenes, dict) or name not in scenes:
         raise ValueError(f"{path}: not the config of one scene")
     return scenes[name]

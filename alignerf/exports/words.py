@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from alignerf.exports import formats, readme
-from alignerf.files import json_files
+from alignerf.files import faults, json_files
 from alignerf.scenes import prepared
 
 DID_NOT_PAY = (
@@ -41,7 +41,7 @@ def told(folder, args, arrays, chosen, of_points, *, paid) -> readme.Told:
     if formats.POINTS in files:
         files[formats.POINTS] = f"points, as in sparse/0: {of_points}"
     return readme.Told(
-        title=f"Photos and cameras of {Path(args.scene).resolve().name}",
+        title=f"Photos and cameras of {faults.resolved(args.scene).name}",
         arrays=arrays,
         size=of_size(args.scene, arrays, chosen),
         cameras=of_cameras(args, chosen, paid=paid),

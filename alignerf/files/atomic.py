@@ -51,13 +51,12 @@ def replace_file(path):
 def replace_folder(path):
     """Yield a temporary folder beside `path` that takes its place on success."""
     path = Path(path)
-    with naming(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with scratch_folder(path.parent, name=path.name) as scratch:
-            fresh = scratch / "new"
-            fresh.mkdir()
-            yield fresh
-            move(fresh, path)
+    # It makes the folder that this one is to lie in, and takes it away again.
+    with naming(path), scratch_folder(path.parent, name=path.name) as scratch:
+        fresh = scratch / "new"
+        fresh.mkdir()
+        yield fresh
+        move(fresh, path)
 
 
 def move(source, target):

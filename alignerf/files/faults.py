@@ -3,6 +3,7 @@
 import io
 import logging
 import os
+import pathlib
 import stat
 import sys
 
@@ -120,6 +121,15 @@ def take_any_letter(stream):
     # One that a test or a notebook has put there may be of another kind.
     if isinstance(stream, io.TextIOWrapper):
         stream.reconfigure(errors="backslashreplace")
+
+
+def resolved(path):
+    """The path that links lead to. Of links in a circle as far as they lead.
+
+    pathlib's raises RuntimeError for these; who opens them gets an OSError that names
+    the file.
+    """
+    return pathlib.Path(os.path.realpath(path))
 
 
 def check_regular(path):

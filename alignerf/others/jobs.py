@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from alignerf.experiment.checks import places
-from alignerf.files import provenance
+from alignerf.files import faults, provenance
 from alignerf.others import commands
 
 
@@ -49,8 +49,8 @@ def run(template, job: Job, args, **more) -> float:
     command may change to another folder.
     """
     values = {
-        "data": args.data.resolve(),
-        "model": args.model.resolve(),
+        "data": faults.resolved(args.data),
+        "model": faults.resolved(args.model),
         "cores": args.cores,
         "seed": job.seed,
         "steps": job.steps,

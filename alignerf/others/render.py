@@ -26,7 +26,7 @@ def main(argv=None):
         seconds = 0.0
     else:
         # It stays where something is wrong with it, for its owner to look at.
-        work = (args.training / "rendered").resolve()
+        work = faults.resolved(args.training / "rendered")
         shutil.rmtree(work, ignore_errors=True)
         folders = {name: work / name for name in ("renders", "depth")}
         for folder in folders.values():

@@ -56,7 +56,7 @@ def render(folder, *, rounds, base, others=None, windows=NOTHING, moved=NOTHING[
     `closer.read`. moved: who put cameras right, and their cameras.npz.
     """
     folder, base = Path(folder), Path(base)
-    scene, verdict = folder.resolve().name, told.read(folder)
+    scene, verdict = faults.resolved(folder).name, told.read(folder)
     facts, export = contents.facts(folder), provenance.export_command()
     limit_px = pictures.limit_of(verdict["evidence"])
     decisions, taken = decided.decisions(folder)

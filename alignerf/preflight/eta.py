@@ -10,6 +10,7 @@ import os
 import time
 from pathlib import Path
 
+from alignerf.files import faults
 from alignerf.preflight import fit, simulate
 
 # Of the config's scenes, one a line: name, and the digest of what each has to do. Set
@@ -66,11 +67,11 @@ def plans_in(results: Path, scenes, own=None):
 
 def text_of(plans, timing: Path, share):
     """The text of `Left.words`; plans: (folder, plan) of each scene."""
-    ours = timing.resolve()
+    ours = faults.resolved(timing)
     found = []
 
     def share_of(path, task):
-        if path.resolve() != ours:
+        if faults.resolved(path) != ours:
             return None
         found.append(task)
         return share

@@ -125,6 +125,6 @@ def count(text):
 
 def name(text):
     """A name that files and rules can have."""
-    if folders.name_of(text) != text:
+    if folders.free(text) != text:
         raise argparse.ArgumentTypeError(f"{text!r}: letters, digits and _, and free")
     return text

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from alignerf.experiment import sources
 from alignerf.experiment.checks import names
+from alignerf.files import faults
 from alignerf.scenes import photos
 from alignerf.scenes.apps import colmap_models
 from alignerf.scenes.apps import sources as apps
@@ -139,11 +140,15 @@ def at_home(path):
 
 def name_of(path):
     """A scene's name after a folder or film: letters that files and rules can have."""
-    path = Path(path).resolve()
+    path = faults.resolved(path)
     if path.name == "images":
         path = path.parent
-    text = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem if path.is_file() else path.name)
-    text = text.strip("_-")[:60] or "photos"
+    return free(path.stem if path.is_file() else path.name)
+
+
+def free(text):
+    """A text as a name of those letters, which nothing else has in results/."""
+    text = re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_-")[:60] or "photos"
     fits = text not in taken_names() and not names.PERIODIC.search(text)
     return text if fits else f"{text}_photos"
 

@@ -33,7 +33,7 @@ def main(photos, testset, reference, rounds, parts, curves, out, crops=None):
     list of {method, renders, flow}.
     """
     figures = {name: out / f"{name}.png" for name in FIGURES}
-    rounds = json.loads(rounds)
+    rounds = rows_of(rounds, "--rounds")
     draw_middle_view(photos, testset, reference, rounds, figures)
     views_parts = part_figures.read_parts(parts)
     renders = Path(rounds[0]["renders"])
@@ -42,7 +42,22 @@ def main(photos, testset, reference, rounds, parts, curves, out, crops=None):
     table = part_figures.read_rounds(curves)
     part_figures.draw_rounds(table, figures["curves"])
     if crops is not None:
-        crop_figure.draw_methods(photos, json.loads(crops), out / "crops.png")
+        crop_figure.draw_methods(photos, rows_of(crops, "--crops"), out / "crops.png")
+
+
+def rows_of(text, option):
+    """The mappings of a JSON list, each with folders of `renders` and of their `flow`.
+
+    Raises ValueError naming the option for what is none.
+    """
+    try:
+        rows = json.loads(text)
+        right = [isinstance(row[k], str) for row in rows for k in ("renders", "flow")]
+    except (ValueError, TypeError, LookupError, RecursionError):
+        right = []
+    if not right or not all(right):
+        raise ValueError(f"{option}: not a JSON list of renders and their flow")
+    return rows
 
 
 def draw_middle_view(photos, testset, reference, rounds, figures):

@@ -162,3 +162,19 @@ def test_another_source_takes_the_truth_away(courtyard, tmp_path):
     assert found == ["cameras.npz", "images", "poses.json"]
     with np.load(tmp_path / "scene" / "cameras.npz") as stored:
         assert list(stored["names"]) == ["a", "b"]
+
+
+@pytest.mark.parametrize("text", ["none", "none/x.json", "", "."])
+def test_a_config_that_is_no_file_is_one_line(text, tmp_path):
+    """Found by the torture: a traceback."""
+    code, lines = run_cli(text, tmp_path / "scene")
+    assert code == 1
+    assert len(lines) == 1
+    assert lines[0].startswith("error: ")
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    """Found by the torture: the command waited without end."""
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(ValueError, match="pipe: not a file"):
+        jobs.read(str(tmp_path / "pipe"))

@@ -114,3 +114,15 @@ def test_bad_input_as_a_process_is_one_line(folder, tmp_path):
     assert "v2.png" in done.stderr
     left = {path.name for path in (tmp_path / "out").rglob("*")}
     assert left <= {"checkpoints", "lock"}
+
+
+@pytest.mark.parametrize("name", ["model.msgpack", "timing.json"])
+def test_a_folder_in_a_files_place_is_refused_before_the_training(
+    name, folder, tmp_path, capsys
+):
+    """Found by the torture: it was said after the last step."""
+    (tmp_path / name).mkdir()
+    line = cases.stops(capsys, lambda: cases.run(folder, tmp_path))
+    wanted = f"{tmp_path / name}: a folder, where a file is to be written"
+    assert line == f"error: {wanted}"
+    assert [path.name for path in tmp_path.iterdir()] == [name]

@@ -8,9 +8,13 @@ import sys
 import time
 from typing import NamedTuple
 
+import cv2
+import numpy as np
+
+from tests import judged_cases
 from tests.torture import stages
 
-SCENE = "tiny"
+SCENE, JUDGED = "tiny", "theirs"
 # Every kind of stage: cameras put right, warm start, learnt cameras, alignment on the
 # way, staged training.
 CONFIG = """
@@ -38,6 +42,8 @@ training: { steps: 60, batch_rays: 128 }
 flow: { estimator: dis_fine, tolerance_px: 4.0 }
 """
 TARGETS = (SCENE, "export")
+# Of a chain that is short: one training, and what tells how good it is.
+SHORT = (f"results/{SCENE}/mipnerf360/round0/decomposition_test.csv",)
 
 
 class Chain(NamedTuple):
@@ -67,7 +73,6 @@ class Chain(NamedTuple):
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
                 env=os.environ | (environment or {}),
-                preexec_fn=interruptible,
             )
 
     def unlock(self):
@@ -81,9 +86,13 @@ class Chain(NamedTuple):
         return (self.folder / "run.log").read_text(errors="replace")
 
 
-def interruptible():
-    """A shell's background processes ignore Ctrl-C, and their children too."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+def take_interrupts():
+    """Let the chains that are started take Ctrl-C.
+
+    A shell's background processes ignore it, and so do their children. Not by
+    `preexec_fn`: that forks, and JAX's threads do not bear it.
+    """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def make(root, folder, seed_from=None) -> Chain:
@@ -96,13 +105,30 @@ def make(root, folder, seed_from=None) -> Chain:
     return Chain(root, folder)
 
 
+def judged(root, folder) -> Chain:
+    """A finished judgement of renders that are blurred and shifted by a pixel."""
+    chain = Chain(root, folder)
+    if (folder / "results" / JUDGED / "index.html").exists():
+        return chain
+    shutil.rmtree(folder, ignore_errors=True)
+    judged_cases.project(folder, "kept")
+    for path in (folder / "renders").iterdir():
+        image = cv2.GaussianBlur(cv2.imread(str(path)), (0, 0), 0.7)
+        cv2.imwrite(str(path), np.roll(image, 1, axis=1))
+    words = ["--photos", "photos", "--renders", "renders", "--name", JUDGED]
+    words += ["--cameras", "transforms.json", "--cores", "1"]
+    command = [sys.executable, "-m", "alignerf.start.judge", *words]
+    subprocess.run(command, cwd=folder, capture_output=True, check=True)
+    return chain
+
+
 def cache_of(chain):
     return chain.folder / "results" / ".jax_cache"
 
 
-def finish(chain, **options):
+def finish(chain, *targets, **options):
     """Run a chain to its end; RuntimeError with its last words where it fails."""
-    child = chain.start(**options)
+    child = chain.start(*targets, **options)
     if child.wait():
         raise RuntimeError("\n".join(chain.words().splitlines()[-30:]))
 
@@ -136,13 +162,17 @@ def gone(leader, most_s=20.0):
     return False
 
 
-def differences(chain, other):
-    """Files that two finished chains do not share, times apart."""
+def differences(chain, other, *, short=False):
+    """Files that two finished chains do not share, times apart.
+
+    short: the other was run to SHORT: it has some of the files.
+    """
     found = [stages.content(c.folder, f"results/{SCENE}") for c in (chain, other)]
     first, second = found
-    return sorted(
+    missing = [path for path in SHORT if path not in second]
+    return missing + sorted(
         name
-        for name in first.keys() | second.keys()
+        for name in (second.keys() if short else first.keys() | second.keys())
         if first.get(name) != second.get(name) and not is_process(name)
     )
 

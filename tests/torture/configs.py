@@ -48,18 +48,23 @@ def with_name(config, place, name):
     return found
 
 
-def cases_of(config):
-    """(place, value, the changed config) of every key and value, and every name."""
+def changes_of(config):
+    """(place, value, function that makes a copy so) of every key, value and name."""
     for place in places_of(config):
         for value in HOSTILE:
-            yield place, value, with_value(config, place, value)
+            yield place, value, with_value
         if len(place) > 1 and place[-2] in NAMED:
             for value in (*HOSTILE[17:], 1, None, True, 1.5):
                 if value.__hash__:
-                    yield place, value, with_name(config, place, value)
+                    yield place, value, with_name
         if isinstance(place[-1], str):
-            more = (*place[:-1], "no_such_key")
-            yield more, 1, with_value(config, more, 1)
+            yield (*place[:-1], "no_such_key"), 1, with_value
+
+
+def cases_of(config):
+    """(place, value, the changed config) of every change."""
+    for place, value, change in changes_of(config):
+        yield place, value, change(config, place, value)
 
 
 def of_config(config, place):

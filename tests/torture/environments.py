@@ -63,7 +63,7 @@ def attack(stage, environment, base, place):
         if made.is_file():
             made.unlink()
     before = stages.hidden(place)
-    ended = running.run(stage.command, place, {"JAX_PLATFORMS": "cpu"} | environment)
+    ended = running.run(stage.command, place, running.variables(place) | environment)
     if left := stages.hidden(place) - before:
         return f"left {min(left)} behind"
     if ended.code:

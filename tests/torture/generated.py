@@ -12,11 +12,13 @@ import contextlib
 import io
 import json
 import logging
+import math
 import os
 import re
 import shutil
 import sys
 import tempfile
+import time
 import traceback
 from pathlib import Path
 from typing import NamedTuple
@@ -176,6 +178,8 @@ def of_files(case, done, place):
     for inner in ALL_OF.get(case.source, ()):
         for path in (place / "in" / inner).glob("*"):
             known = path.suffix.lower() in WANTED and path.name[0] != "."
+            # Renders may lie in folders of any name.
+            known &= not (case.source == "judged" and path.is_dir())
             if known and path.name not in done.opened and not speaks_of(told, path):
                 return f"{path.name!r} is neither used nor named"
     return None
@@ -206,12 +210,16 @@ def main(argv=None):
     parser.add_argument("--source", choices=grown.SOURCES, required=True)
     parser.add_argument("--cases", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=math.inf, help="at most")
     args = parser.parse_args(argv)
+    until = time.monotonic() + args.seconds
     sys.addaudithook(note_opened)
     logging.getLogger().setLevel(logging.INFO)
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "place"
         for case in cases_of(args.source, args.seed, args.cases):
+            if time.monotonic() > until:
+                break
             # What ends the process has then been named.
             print(json.dumps({"case": case}), flush=True)
             found, _ = finding_of(case, place)

@@ -23,6 +23,17 @@ ENDED_S = 180.0
 WORKED = 0.15
 
 
+def variables(place):
+    """Of a stage in a copy of a finished chain: on CPUs, by programs compiled once."""
+    found = {
+        "JAX_PLATFORMS": "cpu",
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.5",
+    }
+    # One of each kind of processor.
+    caches = [*(place / "results" / ".jax_cache").glob("*")]
+    return found | ({"JAX_COMPILATION_CACHE_DIR": str(caches[0])} if caches else {})
+
+
 class Ended(NamedTuple):
     """How a command ended."""
 

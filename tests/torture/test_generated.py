@@ -17,6 +17,9 @@ KEPT = [
     ),
     generated.Case("record3d", 343466353, (("renamed", 1518921069),)),
     generated.Case("judged", 53377575, (("emptied", 1329920441),)),
+    generated.Case(
+        "judged", 160306786, (("renamed", 976953646), ("damaged", 410638645))
+    ),
 ]
 
 

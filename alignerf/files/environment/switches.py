@@ -6,6 +6,7 @@ with JAX_ENABLE_X64=1 the same job trains another model. So this runs before, wh
 each training (`files.provenance`).
 """
 
+import functools
 import os
 import re
 import sys
@@ -16,7 +17,7 @@ KEPT = re.compile(
     r"|COORDINATOR_\w+|NUM_PROCESSES|PROCESS_ID|LOCAL_DEVICE_IDS|\w+_INDEX"
     r"|CPU_\w+|CROSS_HOST_\w+|SHARE_BINARY_\w+|ENABLE_PREEMPTION_SERVICE"
     r"|ENABLE_RECOVERABILITY|\w*COMPILATION_CACHE\w*|\w*PERSISTENT_CACHE\w*"
-    r"|LOG\w+|DEBUG_LOG_MODULES|DISTRIBUTED_DEBUG|EXPLAIN_CACHE_MISSES"
+    r"|LOG\w+|DEBUG_LOG_MODULES|EXPLAIN_CACHE_MISSES"
     r"|DUMP_\w+|TRACEBACK_\w+|\w*TRACEBACKS?_\w+|COMPILER_DETAILED_\w+"
     r"|DISABLE_MOST_OPTIMIZATIONS)"
 )
@@ -54,6 +55,23 @@ def settle(environ=os.environ, modules=sys.modules):
         environ[ASIDE + name] = environ.pop(name)
     if kept:
         environ["XLA_FLAGS"] = kept
+
+
+def watch(modules=sys):
+    """Let an import of JAX that fails at a variable's value end in one line."""
+    modules.excepthook = functools.partial(say, modules.excepthook)
+
+
+def say(others, kind, error, trace):
+    """Print what ended the process; others: the hook for all that names no variable."""
+    said = str(error).lower()
+    # As JAX writes it: in lower case in some messages.
+    named = [n for n in os.environ if n.startswith("JAX_") and n.lower() in said]
+    if not (named and issubclass(kind, ValueError)) or os.environ.get("ALIGNERF_DEBUG"):
+        return others(kind, error, trace)
+    name = max(named, key=len)
+    text = f"{name}={os.environ[name]!r:.80}: unset it: {error!s:.200}"
+    return print(f"error: environment: {text}", file=sys.stderr)
 
 
 def is_left_out(name):

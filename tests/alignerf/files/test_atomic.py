@@ -133,3 +133,10 @@ def test_a_long_name_of_long_letters_can_be_written(tmp_path):
     with atomic.replace_file(tmp_path / f"{'写' * 60}.png") as temporary:
         temporary.write_text("new")
     assert os.listdir(tmp_path) == [f"{'写' * 60}.png"]
+
+
+def test_a_folder_that_failed_leaves_no_empty_one_around_it(tmp_path):
+    """Found by the torture: the folder that it was to lie in stayed."""
+    with pytest.raises(OSError, match="gone"), atomic.replace_folder(tmp_path / "a/b"):
+        raise OSError("gone")
+    assert list(tmp_path.iterdir()) == []

@@ -206,3 +206,13 @@ def test_the_benchmark_of_a_run_too_short_to_measure_is_empty(tmp_path):
     assert (process["s"], np.isnan(process["max_rss"])) == (0.1, True)
     wanted = ["method", "round", "test_set", "view", "metric", "value"]
     assert columns.names("scores") == wanted
+
+
+def test_a_part_of_the_flow_that_some_views_lack_is_named(scene):
+    """Found by the torture: an empty cell was taken, and its view left out of means."""
+    row = table_cases.written(scene, DB)
+    table = pd.read_csv(row.files["parts"])
+    table.loc[1, "flow_median_px"] = None
+    table.to_csv(row.files["parts"], index=False)
+    with pytest.raises(ValueError, match=r"\.csv: flow_median_px is empty in some"):
+        table_cases.collect(scene, [row])

@@ -265,3 +265,13 @@ def test_every_figure_is_drawn(scene, rng, capsys, option):
     with pytest.raises(SystemExit):
         scene_figures.run([part for given in options.items() for part in given])
     assert f"required: {option}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("option", "text"),
+    [("--rounds", "0"), ("--rounds", "[]"), ("--rounds", "x"), ("--crops", "[{}]")],
+)
+def test_rows_that_are_none_are_named(option, text, scene, rng, capsys):
+    """Found by the torture: a traceback."""
+    assert draw(scene, write_parts(scene, rng), **{option: text}) == 1
+    assert capsys.readouterr().err.splitlines()[-1].startswith(f"error: {option}")

@@ -123,3 +123,28 @@ faults.run(lambda: jax.jit(lambda x: x + 1)(1))
     (line,) = (x for x in done.stderr.splitlines() if x.startswith("error: "))
     assert line.startswith(said)
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "name", ["JAX_LOGGING_LEVEL", "JAX_ENABLE_RECOVERABILITY", "JAX_LOG_COMPILES"]
+)
+def test_a_value_at_which_jax_fails_ends_in_one_line(name):
+    """Found by the torture: a traceback at the import of JAX."""
+    ended = subprocess.run(
+        [sys.executable, "-c", "import alignerf, jax"],
+        env=os.environ | {name: "nonsense"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 1
+    (line,) = ended.stderr.splitlines()
+    assert line.startswith(f"error: environment: {name}='nonsense': unset it: ")
+
+
+def test_other_errors_keep_their_traceback(monkeypatch):
+    monkeypatch.setenv("JAX_ENABLE_X64", "1")
+    seen, others = [], lambda *error: seen.append(error)
+    for error in (ValueError("a"), TypeError("jax_enable_x64")):
+        switches.say(others, type(error), error, None)
+    assert [kind for kind, *_ in seen] == [ValueError, TypeError]
