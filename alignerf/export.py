@@ -38,13 +38,15 @@ class Chosen(NamedTuple):
     """What goes out: views with cameras, and how they came about.
 
     fitted: names of the held-out views whose cameras are. moved: whether cameras are
-    others than the scene's. warped: whether photos are. unknown: whether how they are
-    warped is not on disk, so that they have the size of training.
+    others than the scene's; corrected: whether those of training views are. warped:
+    whether photos are. unknown: whether how they are warped is not on disk, so that
+    they have the size of training.
     """
 
     views: prepare.PosedViews
     fitted: list[str]
     moved: bool
+    corrected: bool
     warped: bool
     unknown: bool
 
@@ -115,9 +117,12 @@ def choose(args, config, work) -> Chosen:
         views = warps.at_full_size(views, args.valid, args.kernel)
     elif args.warped:
         views = warps.as_trained(views, loaded, args.warped, args.valid)
-    moved = photos.has_moved(prepared.read_cameras(own), prepared.read_cameras(path))
+    given, now = prepared.read_cameras(own), prepared.read_cameras(path)
+    moved = photos.has_moved(given, now)
+    corrected = photos.has_moved(given, now, loaded.views("train"))
     views = sizes.at_width(views, args.width)
-    return Chosen(views, fitted, moved, bool(args.warped), full and not known)
+    warped = bool(args.warped)
+    return Chosen(views, fitted, moved, corrected, warped, full and not known)
 
 
 def pays(verdict, method):

@@ -7,12 +7,16 @@ from alignerf.exports import formats
 from alignerf.files import images, progress
 from alignerf.scenes import prepare
 
+# Of their own size: cameras that went into the scene's frame and back differ by less.
+SAME = 1e-6
 
-def has_moved(given, now):
-    """Whether cameras are others than those given."""
+
+def has_moved(given, now, views=slice(None)):
+    """Whether cameras are others than those given; of these views, or of all."""
+    far = SAME * np.abs(given["camtoworlds"]).max()
     return not all(
-        np.allclose(given[key], now[key], rtol=1e-9, atol=1e-12)
-        for key in ("camtoworlds", "pixtocams")
+        np.allclose(given[key][views], now[key][views], rtol=SAME, atol=atol)
+        for key, atol in (("camtoworlds", far), ("pixtocams", 1e-12))
     )
 
 

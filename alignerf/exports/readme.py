@@ -38,7 +38,7 @@ All commands are run in this folder, or name it.
 nerfstudio (learns from train_filenames, judges by test_filenames):
 
     ns-train splatfacto --data .
-    ns-train nerfacto --data .
+    ns-train nerfacto --data . --pipeline.model.camera-optimizer.mode off
 
 It turns, centres and scales the cameras. To keep their frame, add to either:
 

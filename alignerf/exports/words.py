@@ -76,8 +76,13 @@ def of_cameras(args, chosen, *, paid):
     if not paid:
         why = DID_NOT_PAY.format(method=args.if_pays[1])
         return f"Cameras are as given, not corrected: {why}."
-    if not chosen.moved:
-        return "Cameras are as given."
+    if not chosen.corrected:
+        if not args.cameras:
+            return "Cameras are as given."
+        return (
+            "Cameras of photos to learn from are as given: this run looked at them, "
+            "and moved\nnone."
+        )
     return "Cameras of photos to learn from are corrected by this run."
 
 

@@ -35,10 +35,11 @@ def main(argv=None):
         place = faults.one_line(content["path"])
         print(f"{scene}: {content['source']} in {place}{by}")
     say_twice(path, scenes)
-    print(f"page, in the end: {', '.join(map(targets.page_of, scenes))}", flush=True)
+    pages = list(map(targets.page_of, scenes))
+    print(f"page, in the end: {', '.join(pages)}", flush=True)
     # Its files for other programs, too: cameras put right, or as given.
     if not args.only_config and (
-        code := workflow.run(path, args.cores, "all", "export")
+        code := workflow.run(path, args.cores, "all", "export", first=pages)
     ):
         sys.exit(code)
 

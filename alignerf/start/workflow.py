@@ -22,13 +22,13 @@ LOGS, KEPT = Path("results/logs"), 10
 WITHOUT_VERDICT = {("export",)}
 
 
-def run(path, cores, *wanted, overrides=(), forced=()):
+def run(path, cores, *wanted, overrides=(), forced=(), first=()):
     """Run a config for targets, and show it; returns the exit code.
 
     path: None is the demo's config. overrides: `key=value` of top-level keys. forced:
-    rules that run again.
+    rules that run again. first: files that come before all others, with what they need.
     """
-    command = command_of(path, cores, wanted, overrides, forced)
+    command = command_of(path, cores, wanted, overrides, forced, first)
     if os.environ.get("VERBOSE"):
         return loud(command)
     captures = scenes_of(path or DEMO)
@@ -39,7 +39,7 @@ def run(path, cores, *wanted, overrides=(), forced=()):
     return code
 
 
-def command_of(path, cores, wanted, overrides, forced):
+def command_of(path, cores, wanted, overrides, forced, first=()):
     """Snakemake's words."""
     profile = sources.PIPELINE / "workflow" / "profiles" / "default"
     command = [sys.executable, "-m", "snakemake", "--cores", str(cores)]
@@ -48,6 +48,7 @@ def command_of(path, cores, wanted, overrides, forced):
     command += ["--configfile", str(path)] if path else []
     command += ["--config", *overrides] if overrides else []
     command += ["--forcerun", *forced] if forced else []
+    command += ["--prioritize", *first] if first else []
     return [*command, "--", *wanted]
 
 

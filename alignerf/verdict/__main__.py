@@ -31,7 +31,9 @@ def main(argv=None):
     )
     findings = [judged.finding(known), *causes.find(known)]
     findings = [finding for finding in findings if finding]
-    gains = words.gains_of(args.misalignment) if args.misalignment else []
+    gains = []
+    if args.misalignment:
+        gains = words.gains_of(args.misalignment, json.loads(args.aligned))
     told = report.of(known, findings, gains, seen.rows)
     lines = report.terminal(told)
     content = {
@@ -76,6 +78,11 @@ def parse(argv=None):
     parser.add_argument("--base", required=True, help="the reference's round 0")
     parser.add_argument("--overfit", help="the test set's overfit.csv")
     parser.add_argument("--misalignment", help="the scene's misalignment.csv")
+    parser.add_argument(
+        "--aligned",
+        default="{}",
+        help="JSON: {method: timing.json} of what has aligned itself",
+    )
     parser.add_argument(
         "--windows", help="a training's folder, of windows at the photos' own size"
     )

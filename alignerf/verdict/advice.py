@@ -121,6 +121,11 @@ def of_tried(e, gains, *, only_paying=False):
     if not tried:
         return ""
     best = max(tried, key=lambda gain: (pays(e, gain), gain.db))
+    if getattr(best, "cameras_moved", None) == 0:
+        # Nothing is gained by cameras that are those given.
+        return (
+            f"leave the cameras as given: {best.method} looked at them, and moved none."
+        )
     if pays(e, best):
         return (
             f"take the cameras of {best.method}, which this run has put right: "

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from alignerf.files import csv_files
+from alignerf.files import csv_files, json_files
 from alignerf.tables import scores
 from alignerf.verdict import causes, judged
 
@@ -290,6 +290,8 @@ class Gain(NamedTuple):
     # Whether its cameras have moved: on the way, or between rounds.
     on_the_way: bool = False
     test_set: str = ""
+    # Of a training that aligned itself: how many cameras it has moved at the most.
+    cameras_moved: int | None = None
 
 
 # In a table's column `field`, of a training that aligned itself
@@ -304,11 +306,12 @@ OF_GAINS = ("method", "field", "warping", "test_set", "difference_to", "total_ti
 OF_GAINS += ("difference_db", "difference_low_db", "difference_high_db")
 
 
-def gains_of(path):
+def gains_of(path, timings=()):
     """The `Gain` of each remedy in a table over the baseline, the model without one.
 
-    Scores are those against the oracle where it is known, else those on held-out
-    photos; where cameras were put right, with held-out ones moved to fit their photos.
+    timings: {method: timing.json} of trainings that aligned themselves. Scores are
+    those against the oracle where it is known, else those on held-out photos; where
+    cameras were put right, with held-out ones moved to fit their photos.
     """
     table = csv_files.read(path, columns=OF_GAINS)
     known = set(table["test_set"])
@@ -328,8 +331,16 @@ def gains_of(path):
             name = f"{name}, {ON_THE_WAY}"
         ends = (row.difference_low_db, row.difference_high_db)
         took = row.total_time_s / 60, row.method, bool(has_moved), row.test_set
-        gains.append(Gain(name, row.difference_db, *ends, *took))
+        count = cameras_moved(timings[row.method]) if row.method in timings else None
+        gains.append(Gain(name, row.difference_db, *ends, *took, count))
     return gains
+
+
+def cameras_moved(timing):
+    """How many cameras a training has moved at one stop at the most; None: unknown."""
+    stops = json_files.read(timing, {}).get("alignments") or []
+    counts = [stop.get("cameras_moved") for stop in stops]
+    return max((n for n in counts if n is not None), default=None)
 
 
 # What a gain is measured against, by test set.
@@ -350,6 +361,8 @@ def gain_line(gain, e):
     if test_set == "standard" and getattr(gain, "on_the_way", False):
         against += " by cameras that were left as given: true gains are larger,"
     text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}]{against} in {took}"
+    if getattr(gain, "cameras_moved", None) == 0:
+        text += ", without moving a camera"
     if e.test_views < causes.FEW_TEST_VIEWS:
         return f"{text}; {e.test_views} held-out photos are too few to be sure."
     if low > 0 or high < 0:

@@ -1,6 +1,7 @@
 """The rows of a scene's tables and figures, and the files that each comes from."""
 
 import csv
+import json
 from typing import NamedTuple
 
 from alignerf.experiment import arguments, kinds, layout, sources, trainings
@@ -183,7 +184,14 @@ def verdict_options(experiment, scene):
         name: experiment.judged_folder(windows)
         for name, windows in judging(experiment, scene).items()
     }
-    return arguments.options(compared(experiment, scene) | windows)
+    aligned = {
+        name: f"{experiment.folder(scene, name, 0)}/{TIMING}"
+        for name in experiment.names(kinds.aligned)
+    }
+    told = compared(experiment, scene)
+    if aligned and "misalignment" in told:
+        told |= {"aligned": json.dumps(aligned)}
+    return arguments.options(told | windows)
 
 
 def compared(experiment, scene):

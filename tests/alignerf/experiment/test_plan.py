@@ -370,7 +370,13 @@ def windows_of(experiment, scene):
     """The verdict's options of windows, which stand behind those of all scenes."""
     words = rows.verdict_options(experiment, scene)
     assert words[:4:2] == ["--overfit", "--misalignment"]
-    return words[4:]
+    words = words[4:]
+    if "--aligned" in words:
+        assert words[0] == "--aligned"
+        where = {"aligned": f"results/{scene}/aligned/round0/timing.json"}
+        assert json.loads(words[1]) == where
+        words = words[2:]
+    return words
 
 
 def test_a_complete_config_has_the_same_windows(demo, experiment_of):

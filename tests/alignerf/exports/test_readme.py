@@ -42,6 +42,17 @@ def test_the_readme_says_why_cameras_are_as_given(made, moved, tmp_path):
     assert "So are those of held-out photos." in text
 
 
+def test_the_readme_claims_no_camera_that_was_not_moved(made, tmp_path):
+    """Cameras that went through a training come back with other last digits."""
+    arrays = dict(np.load(made / "cameras.npz"))
+    arrays["camtoworlds"] = arrays["camtoworlds"] * (1 + 1e-9)
+    np.savez(tmp_path / "same.npz", **arrays)
+    out = cases.exported(made, tmp_path, "--cameras", tmp_path / "same.npz")
+    text = " ".join((out / "README.txt").read_text().split())
+    assert "as given: this run looked at them, and moved none." in text
+    assert "corrected by this run" not in text
+
+
 def test_the_readme_knows_what_other_programs_take(views):
     """Their order is that of the files, and a principal point may be off the middle."""
     names = ["a", "a-1", *"bcdefgh"]

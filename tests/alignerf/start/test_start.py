@@ -204,10 +204,25 @@ def test_a_home_that_nobody_has_is_a_folder_that_is_not_there(here):
 
 def test_its_exit_code_is_that_of_the_run(here, monkeypatch):
     fill(here, "p/a.jpg")
-    monkeypatch.setattr(workflow, "run", lambda path, cores, *targets: 3)
+    asked = {}
+
+    def run(path, cores, *wanted, **more):
+        asked.update(more, wanted=wanted)
+        return 3
+
+    monkeypatch.setattr(workflow, "run", run)
     with pytest.raises(SystemExit) as stopped:
         start.main(["p"])
     assert stopped.value.code == 3
+    # Files for other programs take long: nobody waits for them to see the page.
+    assert asked == {"wanted": ("all", "export"), "first": ["results/p/index.html"]}
+    command = workflow.command_of("p.yaml", 2, asked["wanted"], (), (), asked["first"])
+    assert command[command.index("--prioritize") + 1 :] == [
+        *asked["first"],
+        "--",
+        "all",
+        "export",
+    ]
 
 
 def test_a_missing_folder_is_said():

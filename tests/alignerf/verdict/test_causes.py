@@ -1,5 +1,6 @@
 """The verdict's decision: each cause alone and in pairs, none where all is well."""
 
+import json
 import math
 
 import pandas as pd
@@ -216,6 +217,32 @@ def table_of(path, test_sets):
     ]
     pd.DataFrame(rows).to_csv(path, index=False)
     return path
+
+
+def test_no_cameras_are_offered_where_none_was_moved():
+    """What they gained, chance or longer steps did."""
+    still = gain(cameras_moved=0)
+    for findings in ([], causes.find(WELL._replace(flow_train_px=1.2, camera_px=1.2))):
+        said = advice.advise(WELL, findings, [still])
+        assert "put right" not in said
+        assert "looked at them, and moved none" in said
+    assert "without moving a camera" in words.gain_line(still, WELL)
+    for moved in (None, 5):
+        line = words.gain_line(gain(cameras_moved=moved), WELL)
+        assert "without" not in line
+
+
+@pytest.mark.parametrize(
+    ("counts", "most"), [([0, 0], 0), ([0, 7, 3], 7), ([None, 0], 0), ([], None)]
+)
+def test_the_most_cameras_that_a_training_moved(tmp_path, counts, most):
+    """A stop that only warps photos says nothing of cameras."""
+    stops = [{} if n is None else {"cameras_moved": n} for n in counts]
+    path = tmp_path / "timing.json"
+    path.write_text(json.dumps({"alignments": stops}))
+    assert words.cameras_moved(path) == most
+    path.write_text("{}")
+    assert words.cameras_moved(path) is None
 
 
 @pytest.mark.parametrize(
