@@ -13,6 +13,7 @@
 # make lint   formatters, linters, workflow checks
 # make cluster  plugins for Slurm, Kubernetes and S3 besides; see docs/howto/cluster.md
 # make lock   pin all versions anew (needs uv)
+# make help   these lines
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -22,7 +23,11 @@ export PATH := $(abspath $(BIN)):$(PATH)
 # it, and `$(shell ...)` in a folder's name would run.
 unexport FOLDER SCENE WIDTH PHOTOS RENDERS CAMERAS DEPTH JUDGE PEER PEERS BENCH TORTURE
 
-.PHONY: run show photos judge export test tools bench peers torture docs site lint cluster lock clean
+.DEFAULT_GOAL := help
+.PHONY: help run show photos judge export test tools bench peers torture docs site lint cluster lock clean
+
+help:
+	@sed -n 's/^# make /make /p' $(firstword $(MAKEFILE_LIST))
 
 run: $(VENV)/.installed
 	@python -m alignerf.start.demo --cores $(CORES)

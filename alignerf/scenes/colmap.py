@@ -85,7 +85,9 @@ def estimate_poses(
         raise ValueError(f"colmap.camera_model: unknown model {camera_model!r}")
     names = sorted(name for camera in taken_by for name in camera.names)
     if len(names) < MIN_REGISTERED:
-        raise ValueError(f"{where}: {len(names)} images; COLMAP needs more to overlap")
+        raise ValueError(
+            f"{where}: {len(names)} photos are too few: take 20 or more that overlap"
+        )
     models = mapping.models_of(
         image_folder,
         work_folder,
