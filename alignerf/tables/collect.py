@@ -94,6 +94,9 @@ def parts_of(path):
     for name in columns.PARTS:
         if table[name].isna().any() and table[name].notna().any():
             raise ValueError(f"{path}: {name} is empty in some rows")
+        # What a camera explains of a flow may be less than nothing.
+        if name != "camera_share" and (table[name] < 0).any():
+            raise ValueError(f"{path}: {name} is negative in some rows")
     return long(table.assign(test_set="standard"), columns.PARTS)
 
 

@@ -216,3 +216,17 @@ def test_a_part_of_the_flow_that_some_views_lack_is_named(scene):
     table.to_csv(row.files["parts"], index=False)
     with pytest.raises(ValueError, match=r"\.csv: flow_median_px is empty in some"):
         table_cases.collect(scene, [row])
+
+
+@pytest.mark.parametrize("name", ["flow_median_px", "moved_share", "noise_px"])
+def test_a_part_of_the_flow_that_is_negative_is_named(scene, name):
+    """Found by the torture: it was taken, and went into the means."""
+    row = table_cases.written(scene, DB)
+    table = pd.read_csv(row.files["parts"])
+    table["camera_share"] = -1.0
+    table.to_csv(row.files["parts"], index=False)
+    table_cases.collect(scene, [row])
+    table.loc[1, name] = -0.5
+    table.to_csv(row.files["parts"], index=False)
+    with pytest.raises(ValueError, match=rf"\.csv: {name} is negative in some"):
+        table_cases.collect(scene, [row])

@@ -176,7 +176,8 @@ def test_a_share_of_the_rays_teaches_the_proposal(views):
     ):
         pairs = zip(*map(jax.tree.leaves, (gradients[0.25][name], wanted)), strict=True)
         for part, other in pairs:
-            atol = 1e-5 * factor * np.abs(other).max()
+            # Two programs, of other shapes, round otherwise.
+            atol = 5e-5 * factor * np.abs(other).max()
             np.testing.assert_allclose(part, factor * other, rtol=0, atol=atol)
         assert any(np.any(leaf) for leaf in jax.tree.leaves(wanted))
 

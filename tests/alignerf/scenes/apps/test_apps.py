@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alignerf import poses
-from alignerf.scenes import cameras, prepared
+from alignerf.scenes import cameras, colmap, prepared
 from alignerf.scenes.apps import phone, polycam, record3d, scanner3d, sources
 from alignerf.scenes.capture import full_size
 from tests import app_cases as cases
@@ -274,7 +274,7 @@ def test_colmap_gets_the_same_photos_and_no_other_files(
         asked["names"] = sorted(path.stem for path in folder.iterdir())
         raise ValueError(f"{options['where']}: seen")
 
-    monkeypatch.setattr(poses.colmap, "pose_folder", pose_folder)
+    monkeypatch.setattr(colmap, "pose_folder", pose_folder)
     config = {"source": app, "path": str(tmp_path / "in"), "poses": "colmap"}
     with pytest.raises(ValueError, match=r"in: seen$"):
         poses.main(config, tmp_path / "out")
