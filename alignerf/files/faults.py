@@ -68,9 +68,13 @@ def platform_missing(modules=sys.modules):
         return None
     try:
         modules["jax"].devices()
-    # An AssertionError, or a RuntimeError.
-    except Exception:
-        return given[0]
+    # An AssertionError, or a RuntimeError, which says what it was asked for.
+    except Exception as error:
+        said = [name for name in given if os.environ[name] in str(error)]
+        # It says that first, and then what there is.
+        return min(
+            said or given[:1], key=lambda name: str(error).find(os.environ[name])
+        )
     return None
 
 

@@ -125,6 +125,17 @@ faults.run(lambda: jax.jit(lambda x: x + 1)(1))
     assert "Traceback" not in done.stderr
 
 
+def test_of_two_variables_the_one_that_is_wrong_is_named(root):
+    """Found by the torture: the other one was."""
+    code = """
+import jax
+from alignerf.files import faults
+faults.run(lambda: jax.jit(lambda x: x + 1)(1))
+"""
+    done = run(root, code, JAX_PLATFORMS="cpu", JAX_PLATFORM_NAME="rbg")
+    assert "error: environment: JAX_PLATFORM_NAME=rbg: JAX cannot" in done.stderr
+
+
 @pytest.mark.parametrize(
     "name", ["JAX_LOGGING_LEVEL", "JAX_ENABLE_RECOVERABILITY", "JAX_LOG_COMPILES"]
 )
