@@ -70,11 +70,10 @@ def platform_missing(modules=sys.modules):
         modules["jax"].devices()
     # An AssertionError, or a RuntimeError, which says what it was asked for.
     except Exception as error:
-        said = [name for name in given if os.environ[name] in str(error)]
+        text = str(error)
+        said = [name for name in given if os.environ[name] in text]
         # It says that first, and then what there is.
-        return min(
-            said or given[:1], key=lambda name: str(error).find(os.environ[name])
-        )
+        return min(said or given[:1], key=lambda name: text.find(os.environ[name]))
     return None
 
 
