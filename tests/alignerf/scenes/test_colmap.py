@@ -244,7 +244,7 @@ def test_photos_that_do_not_overlap(tmp_path):
 
 def test_too_few_photos_and_unknown_models(tmp_path):
     few = [camera_of(["a"]), camera_of(["b"])]
-    with pytest.raises(ValueError, match="HERE: 2 images"):
+    with pytest.raises(ValueError, match="HERE: 2 photos are too few"):
         colmap.estimate_poses(tmp_path, tmp_path, few, where="HERE")
     names = [camera_of(list("abc"))]
     with pytest.raises(ValueError, match=r"colmap.camera_model: .*FISHEYE"):
