@@ -166,7 +166,7 @@ def last_training(experiment, scene, method):
 
 
 def of_export(experiment, scene, method, what):
-    """{name: path} of the inputs of rule `export_method`.
+    """{name: path} of the inputs of rules `export_photos`, `export_cameras`.
 
     what: `cameras` exports photos as taken, `photos` the warped photos.
     """

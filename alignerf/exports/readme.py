@@ -1,5 +1,6 @@
 """README.txt of an export: what lies there, and the commands of other programs."""
 
+import textwrap
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ TEXT = """\
 
 {views} photos of {width}x{height} pixels, undistorted:
 {train} to learn from, {test} held out.
-{size}
+{size}{left_out}
 
 Cameras
 -------
@@ -74,6 +75,7 @@ NO_POINTS = """
 There are no points: the views share none. gsplat and Gaussian splatting need some, and
 splatfacto begins with random ones.
 """
+WIDTH, MOST_NAMED = 88, 50
 # A principal point nearer to the photo's middle is in it, for all that one can see.
 MIDDLE_PX = 0.5
 # Every so many photos, by name, gsplat and Gaussian splatting hold out.
@@ -85,7 +87,7 @@ class Told(NamedTuple):
 
     title: of the export. arrays: of its cameras.npz. size, cameras, held_out, points:
     sentences. frame: whose it is. files: {path: what it is}. masked: whether there are
-    masks.
+    masks. left_out: names of the capture's photos that are not among its views.
     """
 
     title: str
@@ -96,6 +98,7 @@ class Told(NamedTuple):
     frame: str
     files: dict[str, str]
     masked: bool
+    left_out: list[str]
 
 
 def text(told: Told):
@@ -116,6 +119,7 @@ def text(told: Told):
         test=len(test),
         test_names=", ".join(test) or "none",
         size=told.size,
+        left_out=of_left_out(told.left_out),
         cameras=told.cameras,
         held_out=told.held_out,
         frame=told.frame,
@@ -123,6 +127,16 @@ def text(told: Told):
         every=of_their_split(names.tolist(), test) + of_middle(told.arrays),
         masks=more,
     )
+
+
+def of_left_out(names):
+    """A sentence on the photos that are not here; none where all are."""
+    if not names:
+        return ""
+    said = f"Left out of the capture's photos ({len(names)}): "
+    more = f" and {len(names) - MOST_NAMED} more" * (len(names) > MOST_NAMED)
+    named = ", ".join(sorted(names)[:MOST_NAMED])
+    return "\n" + textwrap.fill(f"{said}{named}{more}.", WIDTH)
 
 
 def of_their_split(names, test):

@@ -49,6 +49,7 @@ def told(folder, args, arrays, chosen, of_points, *, paid) -> readme.Told:
         frame=FRAMES.get(source, "that of the files that they came in"),
         files=files,
         masked="masks" in files,
+        left_out=[str(name) for name in poses.get("left_out") or []],
     )
 
 

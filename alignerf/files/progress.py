@@ -107,15 +107,13 @@ def over(items, title, *, unit="view", total=None):
 
 
 @contextlib.contextmanager
-def heartbeat(title, every_s=15.0):
-    """Log from time to time that a long operation without steps still runs."""
-    done, start = threading.Event(), time.perf_counter()
+def every(seconds, call):
+    """Call a function from time to time, in a thread, while a block runs."""
+    done = threading.Event()
 
     def beat():
-        while not done.wait(every_s):
-            minutes, seconds = divmod(round(time.perf_counter() - start), 60)
-            text = f"{title}: for {minutes}:{seconds:02d}"
-            print(text, file=sys.stderr, flush=True)
+        while not done.wait(seconds):
+            call()
 
     thread = threading.Thread(target=beat, daemon=True)
     thread.start()
@@ -124,3 +122,39 @@ def heartbeat(title, every_s=15.0):
     finally:
         done.set()
         thread.join()
+
+
+@contextlib.contextmanager
+def heartbeat(title, every_s=15.0):
+    """Log from time to time that a long operation without steps still runs."""
+    start = time.perf_counter()
+    with every(every_s, lambda: beat(title, start)):
+        yield
+
+
+def beat(title, start):
+    """Log for how long an operation runs that has begun at `start`."""
+    minutes, seconds = divmod(round(time.perf_counter() - start), 60)
+    print(f"{title}: for {minutes}:{seconds:02d}", file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def watched(title, total, count, *, unit, every_s=10.0):
+    """Show how far an operation is that does not tell it by itself.
+
+    count: a function, called in a thread; how many of `total` are done.
+    """
+    shown = Progress(title, total, unit=unit, log_every_s=0.0)
+
+    def look():
+        further = min(count(), total) - shown.done
+        if further <= 0 and not shown.done and shown.bar is None:
+            beat(title, shown.start)
+        else:
+            shown.advance(max(further, 0))
+
+    try:
+        with every(every_s, look):
+            yield
+    finally:
+        shown.close()

@@ -4,6 +4,7 @@ From verdict.json, which holds what `alignerf.verdict.report` tells.
 """
 
 from alignerf.files import json_files
+from alignerf.verdict import report
 
 # What it takes from a verdict.json, and of the parts of it.
 VERDICT = {"headline": str, "because": list, "measured": list, "tried": list}
@@ -29,9 +30,7 @@ def read(folder):
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     first, gauges = content["do_first"], [gauge(one) for one in content["causes"]]
-    if first["command"]:
-        text = first["text"].replace(f"`{first['command']}`", "the command below")
-        first = first | {"text": text}
+    first = first | {"text": report.without_command(first)}
     kept = ("headline", "state", "because", "tried", "measured", "evidence")
     found = {key: content[key] for key in kept}
     return found | {"do_first": first, "gauges": gauges}
@@ -73,6 +72,9 @@ def gauge(cause):
     part, whole = (limit, value) if least else (value, limit)
     # Where none is right, one is as far as it goes.
     share = MARK * (part / whole) if whole > 0 else float(part > 0)
+    if level == "not seen":
+        # What lies beyond its limit, and within its error, is not shown as beyond.
+        share = min(share, MARK)
     return shown | {"filled": min(max(share, 0.0), 1.0), "numbers": numbers(cause)}
 
 

@@ -15,7 +15,7 @@ log = logging.getLogger("alignerf")
 
 HEAD = """\
 # Written by `{command}`, of {folder}
-# Yours to edit: then it is kept. Every key: alignerf/experiment/keys/.
+# Yours to edit: then it is kept. Every key: docs/reference/keys.md.
 # To run it: the same command again.
 # as written: {digest}
 """

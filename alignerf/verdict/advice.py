@@ -48,8 +48,8 @@ OF_OTHERS = (
 # Where the poses came with the photos, COLMAP finds others: on a phone's capture they
 # were 2.3 and 3.5 dB better than the phone's own (docs/measured/on_the_way_real.csv).
 ANEW = (
-    "let COLMAP find the poses anew: make photos FOLDER=<folder of the photos alone> "
-    'PHOTOS="--name another".'
+    "let COLMAP find the poses anew, from a folder of the photos alone: "
+    '`make photos FOLDER=photos_alone PHOTOS="--name another"`.'
 )
 # Where alignment cannot be told, without windows and with them.
 UNSEEN = "add `windows: {}` to the config, or make photos less small (downscale)."

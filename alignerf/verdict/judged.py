@@ -167,7 +167,11 @@ ADVICE = (
         "fix the exposure, even it out before training, or switch on your program's "
         "appearance model.",
     ),
-    ("camera", "train again with the corrected cameras: `{export}` writes them."),
+    (
+        "camera",
+        "train again with the corrected cameras: `{export}` writes them. If the "
+        "cameras are a phone's own, COLMAP's on the same photos are better still.",
+    ),
     ("motion", "train again on the warped photos: `{export}` writes them."),
     ("sparse", "take more photos between those you have. Warping would not help."),
     ("few_views", "take more photos: 20 or more that overlap."),

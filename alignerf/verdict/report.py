@@ -58,6 +58,11 @@ def first(text):
     return {"text": whole, "command": found[1]}
 
 
+def without_command(do_first):
+    """The text of what to do first; its command, shown apart, is pointed at."""
+    return do_first["text"].replace(f"`{do_first['command']}`", "the command below")
+
+
 def tried_of(gain, e):
     """{text, pays, db, low, high, minutes, test_set, method} of a remedy."""
     kept = ("db", "low", "high", "minutes", "test_set", "method")
@@ -141,7 +146,7 @@ GAUGES = (
         lambda e: causes.exposure_of(e)[1],
     ),
     Gauge(
-        *("sparse", "photos close together", "dB"),
+        *("sparse", "held-out photos worse than learnt ones", "dB"),
         lambda e: e.psnr_train_db - e.psnr_test_db,
         lambda e: causes.GAP_DB,
         of_alignment,
@@ -221,7 +226,7 @@ def number(value):
 
 def terminal(report: Report):
     """Lines of the report, folded for a terminal."""
-    do_first = [COMMAND.sub("the command below", report.do_first["text"])]
+    do_first = [without_command(report.do_first)]
     if command := report.do_first["command"]:
         do_first.append(f"    {command}")
     by_level = {level: [] for level in ("not seen", "untold")}

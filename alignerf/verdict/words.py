@@ -116,8 +116,8 @@ def alignment(e):
     begins = "Photo and render are shifted by"
     if lines:
         begins = "By the whole photos, trained small, the shift is"
-    unseen = f"under {length(limit)} ({wide(limit, e)} {scale})"
-    lines.append(f"{begins} {', '.join(parts)}; {unseen} it tells nothing.")
+    unseen = f"a shift under {length(limit)} ({wide(limit, e)} {scale})"
+    lines.append(f"{begins} {', '.join(parts)}; {unseen} would not be seen.")
     return lines
 
 

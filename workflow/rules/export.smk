@@ -1,5 +1,5 @@
 # Folders for other programs: photos as taken, or as the last round was trained on them.
-rule export_method:
+rule export_photos:
     input:
         unpack(lambda w: inputs.of_export(experiment, w.scene, w.method, w.what)),
         images="results/{scene}/images",
@@ -12,7 +12,7 @@ rule export_method:
     benchmark:
         "results/{scene}/{method}/logs/export_{what}.tsv"
     wildcard_constraints:
-        what="cameras|photos",
+        what="photos",
     conda:
         "../../environment.yml"
     threads: sources.WHOLE_MACHINE
@@ -22,6 +22,13 @@ rule export_method:
     shell:
         "python -m alignerf.export --scene results/{wildcards.scene:q}"
         " {params.options:q} --out {output:q} 2>&1 | tee {log:q}"
+
+
+# Cameras are what a user wants first.
+use rule export_photos as export_cameras with:
+    wildcard_constraints:
+        what="cameras",
+    priority: 1
 
 
 rule export:

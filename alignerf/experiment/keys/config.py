@@ -31,7 +31,7 @@ class Variant(VARIED):
 
     # A change to null says nothing.
     steps: int = key(UNSAID, "of its training", least=1, most=10**8)
-    budget_min: float = budget("of its training", UNSAID)
+    budget_min: float = budget("minutes of its training", UNSAID)
     seed: int = key(UNSAID, "of its training", least=0, most=2**32 - 1)
     downscale: float = key(
         UNSAID,

@@ -303,7 +303,8 @@ class Scene(Keys):
         most=10**8,
     )
     budget_min: float | None = budget(
-        "of this scene's trainings instead of steps; null takes the one under training"
+        "minutes of each of this scene's trainings, instead of steps; null takes the "
+        "one under training"
     )
     perturb_px: float = key(
         0.0,

@@ -1,6 +1,7 @@
 """COLMAP's own steps, the same on every run: features, matching, mapping."""
 
 import contextlib
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -50,12 +51,9 @@ def models_of(
             image_names=[f"{name}.png" for name in sorted(camera.names)],
             options=reader,
         )
-    with progress.heartbeat("COLMAP: features"):
-        extract(database, image_folder, names, max_size_px, masks)
-    with progress.heartbeat("COLMAP: matching"):
-        match(database, len(names), seed)
-    with progress.heartbeat("COLMAP: poses"):
-        return _map(database, image_folder, work_folder, seed)
+    extract(database, image_folder, names, max_size_px, masks)
+    match(database, len(names), seed)
+    return _map(database, image_folder, work_folder, seed, len(names))
 
 
 def quiet(seed):
@@ -77,14 +75,15 @@ def extract(database, image_folder, names, max_size_px, masks=None, most=None):
     extraction.max_image_size = max_size_px
     if most is not None:
         extraction.sift.max_num_features = most
-    pycolmap.extract_features(
-        database,
-        image_folder,
-        image_names=[f"{name}.png" for name in names],
-        reader_options=reader,
-        extraction_options=extraction,
-        device=pycolmap.Device.cpu,
-    )
+    with _told("features", database, "keypoints", len(names), unit="photo"):
+        pycolmap.extract_features(
+            database,
+            image_folder,
+            image_names=[f"{name}.png" for name in names],
+            reader_options=reader,
+            extraction_options=extraction,
+            device=pycolmap.Device.cpu,
+        )
 
 
 def match(database, count, seed):
@@ -102,15 +101,37 @@ def match(database, count, seed):
         "device": pycolmap.Device.cpu,
     }
     if count <= MOST_EXHAUSTIVE:
-        pycolmap.match_exhaustive(database, **options)
+        pairs = count * (count - 1) // 2
+        with _told("matching", database, "two_view_geometries", pairs, unit="pair"):
+            pycolmap.match_exhaustive(database, **options)
         return
     listed = Path(database).with_suffix(".pairs")
-    pairs = _neighbours(database, seed)
+    with progress.heartbeat("COLMAP: photos that look alike"):
+        pairs = _neighbours(database, seed)
     listed.write_text("".join(f"{one} {other}\n" for one, other in sorted(pairs)))
     by_list = pycolmap.ImportedPairingOptions()
     by_list.match_list_path = listed
-    with _numbers_as_names(database):
+    with (
+        _numbers_as_names(database),
+        _told("matching", database, "two_view_geometries", len(pairs), unit="pair"),
+    ):
         pycolmap.match_image_pairs(database, pairing_options=by_list, **options)
+
+
+def _told(step, database, table, total, *, unit):
+    """Show how far a step of COLMAP is, by the rows of its database's table."""
+    known = 0
+
+    def count():
+        nonlocal known
+        # A step that writes is not disturbed, and may keep readers out.
+        with contextlib.suppress(sqlite3.Error):
+            where = f"{Path(database).absolute().as_uri()}?mode=ro"
+            with contextlib.closing(sqlite3.connect(where, uri=True)) as opened:
+                ((known,),) = opened.execute(f"SELECT count(*) FROM {table}")
+        return known
+
+    return progress.watched(f"COLMAP: {step}", total, count, unit=unit)
 
 
 def _neighbours(database, seed):
@@ -152,11 +173,23 @@ def _rename(database, names):
             opened.update_image(image)
 
 
-def _map(database, image_folder, work_folder, seed):
+def _map(database, image_folder, work_folder, seed, count):
     sparse = Path(work_folder) / "sparse"
     sparse.mkdir()
-    options = pipeline_options(seed)
-    models = pycolmap.incremental_mapping(database, image_folder, sparse, options)
+    placed = 2
+
+    def one_more():
+        nonlocal placed
+        placed += 1
+
+    with progress.watched("COLMAP: poses", count, lambda: placed, unit="photo"):
+        models = pycolmap.incremental_mapping(
+            database,
+            image_folder,
+            sparse,
+            pipeline_options(seed),
+            next_image_callback=one_more,
+        )
     return list(models.values())
 
 

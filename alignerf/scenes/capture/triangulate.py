@@ -41,13 +41,9 @@ def triangulate(
     model = model_of(views)
     mapping.quiet(seed)
     write_views(database, model)
-    with progress.heartbeat("COLMAP: features"):
-        side_px = most_side_px or int(max(views["width"], views["height"]))
-        mapping.extract(
-            database, image_folder, names, side_px, masks, most=most_features
-        )
-    with progress.heartbeat("COLMAP: matching"):
-        mapping.match(database, len(names), seed)
+    side_px = most_side_px or int(max(views["width"], views["height"]))
+    mapping.extract(database, image_folder, names, side_px, masks, most=most_features)
+    mapping.match(database, len(names), seed)
     with progress.heartbeat("COLMAP: points"):
         options = mapping.pipeline_options(seed)
         triangulated = pycolmap.triangulate_points(

@@ -37,7 +37,8 @@ NAMES = {
     "figures": "figures",
     "verdict": "verdict",
     "page": "page",
-    "export_method": "{}: files for other programs",
+    "export_photos": "{}: files for other programs",
+    "export_cameras": "{}: files for other programs",
     "shrink": "smaller photos",
 }
 # What two jobs of one training differ in besides.

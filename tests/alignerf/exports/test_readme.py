@@ -1,6 +1,7 @@
 """What README.txt says."""
 
 import json
+import shutil
 
 import numpy as np
 
@@ -65,3 +66,15 @@ def test_the_readme_knows_what_other_programs_take(views):
     lens[0, 2] += 7.2
     arrays["pixtocams"][0] = np.linalg.inv(lens)
     assert "up to\n7.2 px" in readme.of_middle(arrays)
+
+
+def test_the_readme_names_the_photos_that_are_not_there(made, tmp_path):
+    scene = tmp_path / "scene"
+    shutil.copytree(made, scene)
+    poses = json.loads((scene / "poses.json").read_text()) | {"left_out": ["b", "a"]}
+    (scene / "poses.json").write_text(json.dumps(poses))
+    text = (cases.exported(scene, tmp_path) / "README.txt").read_text()
+    assert "\nLeft out of the capture's photos (2): a, b.\n" in text
+    many = readme.of_left_out([f"{number:03d}" for number in range(60)])
+    assert many.split()[-3:] == ["and", "10", "more."]
+    assert readme.of_left_out([]) == ""

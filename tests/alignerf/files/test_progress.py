@@ -3,6 +3,8 @@
 import io
 import re
 import sys
+import threading
+import time
 
 import pytest
 
@@ -105,3 +107,37 @@ def test_nothing_else_draws_bars(root):
         if "tqdm" in path.read_text()
     }
     assert found == {"alignerf/files/progress.py"}
+
+
+def test_what_another_library_does_is_watched(capsys):
+    counts = iter([0, 2, 1, 9])
+    seen = threading.Event()
+
+    def count():
+        """So many of 4; then all that could be asked was."""
+        found = next(counts, 4)
+        if found == 9:
+            seen.set()
+        return found
+
+    with progress.watched("COLMAP: features", 4, count, unit="photo", every_s=0.01):
+        assert seen.wait(10)
+    first, *others = capsys.readouterr().err.splitlines()
+    # Without one that is done there is no time left to tell.
+    assert first == "COLMAP: features: for 0:00"
+    told = [progress.read(line) for line in others]
+    # It does not go back, nor beyond the last.
+    assert [one.text for one in told][:3] == ["photo 2/4", "photo 2/4", "photo 4/4"]
+    assert all(one.left_s is not None for one in told)
+
+
+def test_a_watch_ends_with_its_block(capsys):
+    def fail():
+        with progress.watched("COLMAP", 4, lambda: 1, unit="photo", every_s=0.01):
+            raise RuntimeError("in the block")
+
+    with pytest.raises(RuntimeError, match="in the block"):
+        fail()
+    capsys.readouterr()
+    time.sleep(0.05)
+    assert capsys.readouterr().err == ""

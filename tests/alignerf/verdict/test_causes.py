@@ -381,7 +381,9 @@ def test_a_thumbnail_is_not_called_aligned():
 def test_given_poses_are_first_found_anew():
     known = WELL._replace(**FAULTS["camera"], poses_given=True)
     said = advice.advise(known, causes.find(known))
-    assert said.startswith("let COLMAP find the poses anew: make photos FOLDER=")
+    assert said.startswith("let COLMAP find the poses anew, from a folder")
+    command = report.first(said)["command"]
+    assert command == 'make photos FOLDER=photos_alone PHOTOS="--name another"'
     assert "Or align on the way" in said
 
 

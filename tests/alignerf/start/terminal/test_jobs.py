@@ -26,7 +26,7 @@ from alignerf.start.terminal import jobs
             "a: what the shift is made of, train photos",
         ),
         (
-            "export_method",
+            "export_photos",
             {"method": "aligned", "what": "cameras"},
             "aligned: files for other programs, cameras",
         ),
