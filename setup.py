@@ -7,6 +7,7 @@ from setuptools.command import build_py
 
 PIPELINE = "alignerf.pipeline"
 DATA = {
+    "alignerf.kernels": ["*.cc", "*.h"],
     "alignerf.page": ["**/*.html", "**/*.css", "**/*.js", "vendor/*"],
     "alignerf.tables": ["*.yaml"],
     PIPELINE: [

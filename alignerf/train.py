@@ -23,6 +23,7 @@ from alignerf.contributions import patch_conv, search_radius
 from alignerf.decisions import fill
 from alignerf.experiment import jobs
 from alignerf.files import archives, atomic, faults, machine
+from alignerf.kernels import calls
 from alignerf.preflight import eta
 from alignerf.processes import consensus, devices, rank, rendezvous
 from alignerf.scenes import pose_error, prepared
@@ -104,6 +105,8 @@ def train(job, args):
     consensus.check_same(
         checkpoint.fingerprint(jobs.as_dict(job), args.sources), "config"
     )
+    # Where one has no compiler: `training: { kernels: jax }`.
+    consensus.check_same(calls.name_of(job.training.kernels), "training.kernels")
     loaded = prepared.load(args.scene, args.cameras)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
     check_inputs(job, loaded, chosen, photos, args.valid)

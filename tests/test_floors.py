@@ -16,7 +16,9 @@ SOURCES = {
 }
 # Lowest first. A folder imports itself and folders of lower floors, nothing else.
 FLOORS = [
-    {"alignerf.files", "alignerf.mipnerf360"},
+    {"alignerf.files"},
+    {"alignerf.kernels"},
+    {"alignerf.mipnerf360"},
     {"alignerf.experiment", "alignerf.processes", "alignerf.networks"},
     {
         *("alignerf.fields", "alignerf.scenes", "alignerf.metrics", "alignerf.tables"),

@@ -31,7 +31,7 @@ OF_TRAINING = WHOLE_MACHINE if ACCELERATORS else min(max(WHOLE_MACHINE // 2, 1),
 # Compiled JAX programs.
 CACHE = Path("results/.jax_cache")
 # What commands read of their own package besides code.
-DATA = (".html", ".css", ".js", ".yaml")
+DATA = (".html", ".css", ".js", ".yaml", ".cc", ".h")
 
 
 class Unnoted(str):

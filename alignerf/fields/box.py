@@ -56,6 +56,7 @@ class Box(nn.Module):
     width: int = 64
     precision: str = "float32"
     moving: bool = False
+    native: bool = False
     # Colours are all that it gives.
     outputs: int = 3
 
@@ -69,8 +70,9 @@ class Box(nn.Module):
         table = self.param(
             "table", grid.table_init, (sum(levels.entries), self.features)
         )
-        features = grid.look_up(table, at.T, levels, self.moving)
-        x = jnp.moveaxis(features, -1, 1).reshape(-1, at.shape[0])
+        whole = jnp.ones((self.levels, len(at)))
+        how = {"moving": self.moving, "native": self.native}
+        x = grid.features_of(table, at.T, whole, levels, **how)
         x = nn.relu(product(self, "density_0", self.width, x))
         x = product(self, "density_1", LEAST_OUTPUTS, x).astype(jnp.float32)
         density = jnp.exp(jnp.minimum(x[0], MOST_LOG_DENSITY)) * inside

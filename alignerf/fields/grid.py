@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from alignerf.fields import shading
+from alignerf.kernels import calls
 from alignerf.mipnerf360 import coord
 
 PRIMES = (1, 2654435761, 805459861)
@@ -151,6 +152,18 @@ def _look_up_backward(levels, moving, residuals, found_grad):
 look_up.defvjp(_look_up_forward, _look_up_backward)
 
 
+def features_of(table, points, share, levels: Levels, *, moving, native):
+    """What is looked up, times its share [levels, n]: [levels * features, n].
+
+    moving: as of `look_up`. native: whether the kernels are there; they have no
+    gradient in the points.
+    """
+    if native and not moving:
+        return calls.look_up(table, points, share, levels)
+    features = look_up(table, points, levels, moving) * share[..., None]
+    return jnp.moveaxis(features, -1, 1).reshape(-1, points.shape[1])
+
+
 def shares_of(sigma, levels: Levels):
     """How much [levels, n] each level tells of Gaussians of radius `sigma` [n].
 
@@ -184,6 +197,8 @@ class Grid(nn.Module):
     precision: str = "float32"
     # Whether the points have a gradient, see `look_up`.
     moving: bool = False
+    # Whether the kernels are there, see `alignerf.kernels`.
+    native: bool = False
 
     @nn.compact
     def __call__(self, gaussians, viewdirs=None, fineness=None):
@@ -194,14 +209,13 @@ class Grid(nn.Module):
         points = mean.reshape(-1, 3).T / (2 * EXTENT) + 0.5
         sigma = radius.reshape(-1) / (2 * EXTENT)
         table = self.param("table", table_init, (sum(levels.entries), self.features))
-        features = look_up(table, points, levels, self.moving)
         share = jnp.ones((self.levels, sigma.size))
         if self.anti_aliased:
             share = shares_of(sigma, levels)
         if fineness is not None:
             share = share * shading.fine_weights(fineness, self.levels)[:, None]
-        features = jnp.moveaxis(features * share[..., None], -1, 1)
-        x = features.reshape(-1, sigma.size)
+        how = {"moving": self.moving, "native": self.native}
+        x = features_of(table, points, share, levels, **how)
         x = nn.relu(shading.Dense(self.width, self.precision)(x))
         width = 1 + (0 if viewdirs is None else self.bottleneck)
         x = shading.Dense(width, self.precision)(x)

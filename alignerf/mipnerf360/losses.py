@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from alignerf.kernels import calls
 from alignerf.mipnerf360 import stepfun
 
 CHARBONNIER_EPS = 0.001
@@ -26,18 +27,18 @@ def weighted_mean(x, weight):
     return jnp.sum(x * weight) / jnp.maximum(jnp.sum(weight), 1e-6)
 
 
-def interlevel(histograms) -> Float[Array, ""]:
+def interlevel(histograms, *, native=False) -> Float[Array, ""]:
     """Sum over proposals of the mean interlevel loss of a final interval.
 
     Eq. 13 sums over the intervals; the released code, and so the weight of 1 that
-    goes with it, takes their mean.
+    goes with it, takes their mean. native: whether the kernels are there.
     """
     *proposals, (t, w) = histograms
     if not proposals:
         return jnp.zeros(())
+    loss = calls.interlevel if native else stepfun.interlevel_loss
     of_rays = sum(
-        jnp.mean(stepfun.interlevel_loss(t, w, t_other, w_other))
-        for t_other, w_other in proposals
+        jnp.mean(loss(t, w, t_other, w_other)) for t_other, w_other in proposals
     )
     return of_rays / w.shape[-1]
 

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from alignerf.kernels import calls
 from alignerf.mipnerf360 import coord, render, stepfun
 
 DILATION_MULTIPLIER = 0.5
@@ -43,6 +44,8 @@ class Model(nn.Module):
     far: float
     radius: float = 1.0
     background: str | None = None
+    # Whether the kernels are there, see `alignerf.kernels`.
+    native: bool = False
 
     @property
     def jitters(self):
@@ -69,17 +72,16 @@ class Model(nn.Module):
         histograms, drawn = [], 1
         for number, count in enumerate(self.samples):
             last = number == len(self.samples) - 1
-            if number > 0:
-                dilation = DILATION_BIAS + DILATION_MULTIPLIER / drawn
-                sdist, weights = stepfun.max_dilate(sdist, weights, dilation=dilation)
+            wide = DILATION_BIAS + DILATION_MULTIPLIER / drawn if number > 0 else None
             drawn *= count
             anneal = stepfun.anneal_exponent(train_share, slope=ANNEAL_SLOPE)
-            logits = stepfun.annealed_logits(sdist, weights, anneal)
             moved = None if jitter is None else jitter[:, number]
-            sdist = stepfun.sample_intervals(moved, sdist, logits, count)
+            resample = calls.resample if self.native else stepfun.resample
             # Where to look is learnt by the proposal's own loss alone; a gradient
             # through the positions is noisy and costs a third of the step.
-            sdist = jax.lax.stop_gradient(sdist)
+            sdist = jax.lax.stop_gradient(
+                resample(sdist, weights, moved, anneal, count, dilation=wide)
+            )
             tdist = coord.s_to_t(sdist, self.near, self.far)
             gaussians = render.cast_cones(
                 tdist, rays.origins, rays.directions, rays.radii

@@ -172,6 +172,21 @@ def sample_intervals(
     return jnp.concatenate([first, middle, last], axis=-1)
 
 
+def resample(
+    t: Float[Array, "*batch edges"],
+    w: Float[Array, "*batch edges-1"],
+    jitter: Float[Array, "*batch"] | None,
+    anneal: Scalar,
+    count: int,
+    *,
+    dilation: float | None = None,
+) -> Float[Array, "*batch {count}+1"]:
+    """Edges of `count` intervals drawn from w^anneal; dilation None: as it is."""
+    if dilation is not None:
+        t, w = max_dilate(t, w, dilation=dilation)
+    return sample_intervals(jitter, t, annealed_logits(t, w, anneal), count)
+
+
 def outer_measure(
     t: Float[Array, "*batch edges"],
     t_other: Float[Array, "*batch others"],

@@ -10,12 +10,14 @@ from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.systems import rendering
 
 
-def make(chosen, *, moving=False):
+def make(chosen, *, moving=False, native=False):
     """The system of `keys.model.InstantNgp`, and its loss.
 
-    moving: its renders can be differentiated in their rays.
+    moving: its renders can be differentiated in their rays. native: whether the
+    kernels are there.
     """
-    shared = {"side": chosen.side, "coarsest": chosen.coarsest, "moving": moving}
+    shared = {"side": chosen.side, "coarsest": chosen.coarsest}
+    shared |= {"moving": moving, "native": native}
     field = box.Box(
         levels=chosen.levels,
         log2_entries=chosen.log2_entries,
@@ -42,5 +44,6 @@ def make(chosen, *, moving=False):
         near=chosen.near,
         far=chosen.far,
         background=chosen.background,
+        native=native,
     )
     return model, rendering.huber

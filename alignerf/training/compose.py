@@ -7,6 +7,7 @@ from alignerf.experiment import jobs
 from alignerf.experiment.keys import fields as fields_keys
 from alignerf.experiment.keys import model as model_keys
 from alignerf.files import extensions
+from alignerf.kernels import calls
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.networks import vgg19
 from alignerf.systems import instant_ngp, mipnerf, nerf, nerfpp, rendering
@@ -40,17 +41,24 @@ def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
     """`make_method` of a job whose cameras are not learnt."""
     if job.model.kind != "mipnerf360":
         return make_system(job, moving=moving)
-    fine = job.stage == "finetune"
+    fine, native = job.stage == "finetune", calls.use(job.training.kernels)
     outputs = {"outputs": job.alignerf.outputs} if fine else {}
+
+    def field(chosen, **options):
+        # Other fields look nothing up.
+        known = {"native": native} if chosen.kind == "grid" else {}
+        return make_field(chosen, **known, **options)
+
     moves = {"moving": True} if moving and job.model.field.kind == "grid" else {}
     model = mipnerf360.Model(
-        proposal=make_field(job.model.proposal) if len(job.model.samples) > 1 else None,
-        field=make_field(job.model.field, **outputs, **moves),
+        proposal=field(job.model.proposal) if len(job.model.samples) > 1 else None,
+        field=field(job.model.field, **outputs, **moves),
         samples=tuple(job.model.samples),
         near=job.model.near,
         far=job.model.far,
         radius=job.model.radius,
         background=job.model.background,
+        native=native,
     )
     squares = model_keys.squares_errors(job.model.model_dump())
     shared = {
@@ -85,7 +93,8 @@ def make_system(job: jobs.Job, *, moving) -> methods.Method:
     """The method of another system of the paper, with its own loss."""
     training = job.training
     if job.model.kind == "ngp":
-        model, loss = instant_ngp.make(job.model, moving=moving)
+        native = calls.use(training.kernels)
+        model, loss = instant_ngp.make(job.model, moving=moving, native=native)
         return methods.mipnerf360(
             model,
             batch_rays=training.batch_rays,

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 
 from alignerf.experiment import jobs
 from alignerf.files import progress, provenance
+from alignerf.kernels import calls
 from alignerf.processes import consensus, devices, rank
 from alignerf.training import checkpoint, memory, program
 from alignerf.training import run as train_run
@@ -66,7 +67,8 @@ def begin(
     some of its steps.
     """
     aligner = aligner or NoAligner()
-    data = checkpoint.digest((params, views)), sources
+    kernels = calls.name_of(job.training.kernels)
+    data = checkpoint.digest((params, views)), sources, kernels
     consensus.check_same(data[0], "photos, cameras and initial parameters")
     job, built, facts = in_budget(job, method, built, params, views, checkpoints, data)
     identity = checkpoint.fingerprint(jobs.as_dict(job), *data)
@@ -184,6 +186,7 @@ def describe(job, params):
         "params": sum(leaf.size for leaf in jax.tree.leaves(params)),
         "device": jax.devices()[0].device_kind,
         "processes": rank.here().count,
+        "kernels": calls.name_of(job.training.kernels),
         **provenance.facts(),
     }
     log.info(

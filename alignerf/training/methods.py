@@ -47,9 +47,10 @@ def _some_rays():
     return cameras.Rays(ones, ones, ones / jnp.sqrt(3.0), 0.01 * ones[:, :1])
 
 
-def _regularisers(histograms, weights):
+def _regularisers(histograms, weights, native):
+    interlevel = losses.interlevel(histograms, native=native)
     return {
-        "interlevel": weights["interlevel"] * losses.interlevel(histograms),
+        "interlevel": weights["interlevel"] * interlevel,
         "distortion": weights["distortion"] * losses.distortion(histograms),
     }
 
@@ -91,7 +92,9 @@ def mipnerf360(
         model,
         data_loss,
         batch_rays=batch_rays,
-        regularisers=functools.partial(_regularisers, weights=loss_weights),
+        regularisers=functools.partial(
+            _regularisers, weights=loss_weights, native=model.native
+        ),
         of_share=of_share,
     )
 
@@ -230,7 +233,8 @@ def alignerf(
         values = rendering.values.reshape(-1, patch_px, patch_px, model.field.outputs)
         rgb = colours(params, values)
         patch, data, shown = data_loss(rgb, batch.photo, batch.exists, loss)
-        losses_of = {"data": data, **_regularisers(rendering.histograms, loss_weights)}
+        further = _regularisers(rendering.histograms, loss_weights, model.native)
+        losses_of = {"data": data, **further}
         if loss.frequency_features:
             frequency = frequency_loss.frequency_loss(
                 loss.frequency_features, patch, rgb

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
+from alignerf.kernels import calls
 from alignerf.processes import consensus, devices, rank
 from alignerf.training import gradients, memory
 from alignerf.training import step as train_step
@@ -112,6 +113,7 @@ def make_optimizer(job, schedule):
         eps=job.training.adam_eps,
         hold_share=job.training.hold_share,
         cameras=job.refine,
+        native=calls.use(job.training.kernels),
         **schedule._asdict(),
     )
 

@@ -70,6 +70,12 @@ class Training(Keys):
     )
     interlevel_weight: float = key(1.0, least=0, most=1e6)
     distortion_weight: float = key(0.01, least=0, most=1e6)
+    kernels: Literal["auto", "native", "jax"] = key(
+        "auto",
+        "what a CPU computes grids and resampling with: native, kernels in C++ that "
+        "the machine's compiler makes once; jax, XLA's own code; auto: native where "
+        "there is a compiler. Both agree to rounding",
+    )
     decided: list[Literal[OPEN_OF_TRAINING]] = left_to_facts(*OPEN_OF_TRAINING)
 
 

@@ -75,6 +75,7 @@ def test_a_job_is_what_was_written(job):
     assert found["training"].pop("budget_min") is None
     own = {"kind": "mipnerf360", "training": {}, "decided": [], "radius": 1.0}
     assert found["training"].pop("decided") == []
+    assert found["training"].pop("kernels") == "auto"
     for key in ("decisions", "align", "pretrain_share"):
         assert found.pop(key) is None
     own["background"] = None

@@ -149,7 +149,7 @@ def test_numbers_that_are_not_finite_are_named(number):
 
 def test_fields_have_the_defaults_of_their_classes():
     # Flax's own, and what the training decides.
-    not_of_the_config = {"parent", "name", "outputs", "moving"}
+    not_of_the_config = {"parent", "name", "outputs", "moving", "native"}
     kinds = {"grid": fields_keys.Grid, "mlp": fields_keys.Mlp, "nerf": fields_keys.Nerf}
     assert kinds.keys() == fields.KINDS.keys()
     for kind, made in kinds.items():
