@@ -106,7 +106,8 @@ def train(job, args):
         checkpoint.fingerprint(jobs.as_dict(job), args.sources), "config"
     )
     # Where one has no compiler: `training: { kernels: jax }`.
-    consensus.check_same(calls.name_of(job.training.kernels), "training.kernels")
+    kernels = checkpoint.fingerprint(calls.name_of(job.training.kernels))
+    consensus.check_same(kernels, "training.kernels")
     loaded = prepared.load(args.scene, args.cameras)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
     check_inputs(job, loaded, chosen, photos, args.valid)
