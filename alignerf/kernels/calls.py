@@ -4,7 +4,6 @@ Shapes are those of their twins: `fields.grid`, `mipnerf360.stepfun`, `training.
 """
 
 import functools
-import logging
 
 import jax
 import jax.numpy as jnp
@@ -12,10 +11,7 @@ import numpy as np
 
 from alignerf.kernels import build
 
-log = logging.getLogger("alignerf")
-
 NAMES = ("lookup", "lookup_gradient", "resample", "interlevel", "adam")
-CHOICES = ("auto", "native", "jax")
 
 
 def use(choice) -> bool:
@@ -53,15 +49,15 @@ def register() -> bool:
     return True
 
 
-def call(name, shapes, *arrays, **numbers):
-    """A kernel's arrays; shapes: a shape, or one of each."""
-    several = bool(shapes) and isinstance(shapes[0], tuple)
-    of_each = [
-        jax.ShapeDtypeStruct(shape, jnp.float32)
-        for shape in (shapes if several else [shapes])
-    ]
-    made = jax.ffi.ffi_call(f"alignerf_{name}", of_each if several else of_each[0])
-    return made(*(jnp.asarray(array, jnp.float32) for array in arrays), **numbers)
+def call(name, made, *arrays, **numbers):
+    """What a kernel makes of arrays; made: `floats`, or a tuple of them."""
+    kernel = jax.ffi.ffi_call(f"alignerf_{name}", made)
+    return kernel(*(jnp.asarray(array, jnp.float32) for array in arrays), **numbers)
+
+
+def floats(*shape):
+    """An array that a kernel makes."""
+    return jax.ShapeDtypeStruct(shape, jnp.float32)
 
 
 def layout(levels):
@@ -78,8 +74,8 @@ def look_up(table, points, share, levels):
 
     points [3, n] in [0, 1]; share [levels, n]. Differentiable in the table alone.
     """
-    shape = (len(levels.resolutions) * table.shape[1], points.shape[1])
-    return call("lookup", shape, table, points, share, **layout(levels))
+    made = floats(len(levels.resolutions) * table.shape[1], points.shape[1])
+    return call("lookup", made, table, points, share, **layout(levels))
 
 
 def _look_up_forward(table, points, share, levels):
@@ -90,9 +86,8 @@ def _look_up_forward(table, points, share, levels):
 
 def _look_up_backward(levels, residuals, found_grad):
     points, share, width = residuals
-    shape = (sum(levels.entries), width.shape[1])
-    numbers = layout(levels)
-    grad = call("lookup_gradient", shape, points, share, found_grad, **numbers)
+    made, numbers = floats(sum(levels.entries), width.shape[1]), layout(levels)
+    grad = call("lookup_gradient", made, points, share, found_grad, **numbers)
     return grad, jnp.zeros_like(points), jnp.zeros_like(share)
 
 
@@ -107,7 +102,7 @@ def resample(t, w, jitter, anneal, count, *, dilation=None):
     t, w = jax.lax.stop_gradient((t, w))
     return call(
         "resample",
-        (len(t), count + 1),
+        floats(len(t), count + 1),
         t,
         w,
         jnp.zeros(1) if jitter is None else jitter,
@@ -124,8 +119,8 @@ def interlevel(t, w, t_proposal, w_proposal):
 
 
 def _interlevel(t, w, t_proposal, w_proposal):
-    shapes = (t.shape[:1], w_proposal.shape)
-    return call("interlevel", shapes, t, w, t_proposal, w_proposal)
+    made = floats(len(t)), floats(*w_proposal.shape)
+    return call("interlevel", made, t, w, t_proposal, w_proposal)
 
 
 def _interlevel_backward(residuals, loss_grad):
@@ -151,4 +146,4 @@ def adam(grad, mu, nu, *, rate, count, betas, eps):
     numbers = {"beta_1": first, "beta_2": second, "eps": eps}
     numbers |= {"rest_1": 1 - first, "rest_2": 1 - second}
     numbers = {name: np.float32(number) for name, number in numbers.items()}
-    return call("adam", (grad.shape,) * 3, grad, mu, nu, scales, **numbers)
+    return call("adam", (floats(*grad.shape),) * 3, grad, mu, nu, scales, **numbers)

@@ -7,44 +7,24 @@ namespace ffi = xla::ffi;
 using Array = ffi::Buffer<ffi::F32>;
 using Counts = ffi::Span<const int32_t>;
 
-XLA_FFI_DEFINE_HANDLER_SYMBOL(alignerf_lookup, lookup::Forward,
-                              ffi::Ffi::Bind()
-                                  .Arg<Array>()
-                                  .Arg<Array>()
-                                  .Arg<Array>()
-                                  .Ret<Array>()
-                                  .Attr<Counts>("resolutions")
-                                  .Attr<Counts>("entries"));
-XLA_FFI_DEFINE_HANDLER_SYMBOL(alignerf_lookup_gradient, lookup::Backward,
-                              ffi::Ffi::Bind()
-                                  .Arg<Array>()
-                                  .Arg<Array>()
-                                  .Arg<Array>()
-                                  .Ret<Array>()
-                                  .Attr<Counts>("resolutions")
-                                  .Attr<Counts>("entries"));
-XLA_FFI_DEFINE_HANDLER_SYMBOL(alignerf_resample, histograms::Resample,
-                              ffi::Ffi::Bind()
-                                  .Arg<Array>()
-                                  .Arg<Array>()
-                                  .Arg<Array>()
-                                  .Arg<Array>()
-                                  .Ret<Array>()
-                                  .Attr<float>("dilation")
-                                  .Attr<bool>("jittered"));
+// All take three arrays at least, and make one.
+inline auto arrays() {
+  return ffi::Ffi::Bind().Arg<Array>().Arg<Array>().Arg<Array>();
+}
+
+inline auto lookups() {
+  return arrays().Ret<Array>().Attr<Counts>("resolutions").Attr<Counts>("entries");
+}
+
+XLA_FFI_DEFINE_HANDLER_SYMBOL(alignerf_lookup, lookup::Forward, lookups());
+XLA_FFI_DEFINE_HANDLER_SYMBOL(alignerf_lookup_gradient, lookup::Backward, lookups());
+XLA_FFI_DEFINE_HANDLER_SYMBOL(
+    alignerf_resample, histograms::Resample,
+    arrays().Arg<Array>().Ret<Array>().Attr<float>("dilation").Attr<bool>("jittered"));
 XLA_FFI_DEFINE_HANDLER_SYMBOL(alignerf_interlevel, histograms::Interlevel,
-                              ffi::Ffi::Bind()
-                                  .Arg<Array>()
-                                  .Arg<Array>()
-                                  .Arg<Array>()
-                                  .Arg<Array>()
-                                  .Ret<Array>()
-                                  .Ret<Array>());
+                              arrays().Arg<Array>().Ret<Array>().Ret<Array>());
 XLA_FFI_DEFINE_HANDLER_SYMBOL(alignerf_adam, adam::Update,
-                              ffi::Ffi::Bind()
-                                  .Arg<Array>()
-                                  .Arg<Array>()
-                                  .Arg<Array>()
+                              arrays()
                                   .Arg<Array>()
                                   .Ret<Array>()
                                   .Ret<Array>()
