@@ -8,10 +8,10 @@ the run in words is to be read again.
 import argparse
 import datetime
 import json
-import shutil
 from pathlib import Path
 
 import pandas as pd
+from PIL import Image
 
 from docs import screenshot
 
@@ -27,7 +27,7 @@ CONTROLS = (
     *("oracle_offset", "oracle_gain", "pose_gain", "pose_overfit"),
 )
 SETS = ("standard", "warped", "control", "oracle")
-FIGURES = ("rounds", "crops")
+FIGURES, WIDEST_PX = ("rounds", "crops"), 1600
 
 
 def main(argv=None):
@@ -49,7 +49,11 @@ def main(argv=None):
         (args.root / "docs" / "measured" / f"{name}.csv").write_text(header + text)
     for name in FIGURES:
         picture = args.root / "docs" / "pictures" / f"courtyard_{name}.png"
-        shutil.copyfile(args.scene / "figures" / f"{name}.png", picture)
+        with Image.open(args.scene / "figures" / f"{name}.png") as image:
+            image = image.convert("RGB")
+        # As wide as a page shows it: a third of the bytes.
+        image.thumbnail((WIDEST_PX, WIDEST_PX))
+        image.save(picture, optimize=True)
     page = str(args.scene / "index.html")
     screenshot.main([page, "--root", str(args.root)])
 

@@ -7,12 +7,9 @@ makes both slower, and the ratio hardly. One core, as a training of the demo has
 import functools
 import time
 
-import jax
-
 from alignerf.experiment import jobs
-from tests.bench import cases, measure, ours
+from tests.bench import cases, measure, ours, parts
 
-STEPS = 10
 CHOICES = ("native", "jax")
 # The field of the demo, and one that looks nothing up.
 MODELS = {"grid": cases.GRID, "small MLP": cases.SMALL}
@@ -28,13 +25,14 @@ def run(options):
 def rows_of(name, repeats):
     photos = cases.orbit(width=SIZE, height=SIZE)
     trainings = {choice: training(name, choice, photos) for choice in CHOICES}
-    steps = {c: functools.partial(several, one) for c, one in trainings.items()}
+    steps = {c: functools.partial(parts.several, one) for c, one in trainings.items()}
     views = {c: one.view(photos, 0) for c, one in trainings.items()}
-    yield row(f"{name}: a step", "ms", 1e3 / STEPS, in_turns(steps, repeats))
-    pixels = SIZE**2 / 1e3
-    yield row(
-        f"{name}: a render", "ms a 1000 px", 1e3 / pixels, in_turns(views, repeats)
+    times = functools.partial(
+        measure.interleave, repeats=repeats, clock=time.process_time
     )
+    yield row(f"{name}: a step", "ms", 1e3 / parts.STEPS, times(steps))
+    pixels = SIZE**2 / 1e3
+    yield row(f"{name}: a render", "ms a 1000 px", 1e3 / pixels, times(views))
     compiled = {choice: [one.compile_s] for choice, one in trainings.items()}
     yield row(f"{name}: compiling a step", "s", 1.0, compiled)
 
@@ -44,25 +42,6 @@ def training(name, choice, photos):
     values = {"seed": 0, "stage": "full", "model": MODELS[name], "alignerf": None}
     values["training"] = {"steps": 2000, "kernels": choice}
     return ours.Training(jobs.parse(values), photos)
-
-
-def several(one):
-    for _ in range(STEPS):
-        found = one()
-    return found
-
-
-def in_turns(calls, repeats):
-    """{name: seconds of this process's cores}, of calls that take turns."""
-    times = {name: [] for name in calls}
-    for call in calls.values():
-        jax.block_until_ready(call())
-    for _ in range(repeats):
-        for name, call in calls.items():
-            start = time.process_time()
-            jax.block_until_ready(call())
-            times[name].append(time.process_time() - start)
-    return times
 
 
 def row(what, unit, scale, times):
