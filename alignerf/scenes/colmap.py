@@ -14,7 +14,7 @@ import pycolmap
 from jaxtyping import Float, UInt8
 
 from alignerf.files import faults
-from alignerf.scenes import cameras, prepare
+from alignerf.scenes import cameras, photos, prepare
 from alignerf.scenes.capture import canvas, ingest, mapping
 
 log = logging.getLogger(__name__)
@@ -23,8 +23,6 @@ CAMERA_MODELS = mapping.CAMERA_MODELS
 # Those that others may have found, too.
 FISHEYE = "OPENCV_FISHEYE"
 GIVEN_MODELS = CAMERA_MODELS | {FISHEYE: ((0, 1, 2, 3), (4, 5, 6, 7))}
-# Two views fix no scale and three are the least that anything can be trained on.
-MIN_REGISTERED = 3
 
 
 class Reconstruction(NamedTuple):
@@ -84,10 +82,7 @@ def estimate_poses(
     if camera_model not in CAMERA_MODELS:
         raise ValueError(f"colmap.camera_model: unknown model {camera_model!r}")
     names = sorted(name for camera in taken_by for name in camera.names)
-    if len(names) < MIN_REGISTERED:
-        raise ValueError(
-            f"{where}: {len(names)} photos are too few: take 20 or more that overlap"
-        )
+    photos.check_enough(len(names), where)
     models = mapping.models_of(
         image_folder,
         work_folder,
@@ -99,7 +94,7 @@ def estimate_poses(
     )
     models = sorted(models, key=lambda model: -model.num_reg_images())
     registered = models[0].num_reg_images() if models else 0
-    if registered < MIN_REGISTERED:
+    if registered < photos.LEAST:
         raise ValueError(
             f"{where}: the photos do not overlap enough: COLMAP registered "
             f"{registered} of {len(names)} images"

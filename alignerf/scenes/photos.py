@@ -36,6 +36,8 @@ FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP", "HEIF")
 MOST_PIXELS = 2 * Image.MAX_IMAGE_PIXELS
 PNG = b"\x89PNG\r\n\x1a\n"
 EXIF, TAG = ExifTags.IFD.Exif, ExifTags.Base
+# Two views fix no scale, and three are the least that anything can be trained on.
+LEAST = 3
 # The diagonal of 36 x 24 mm film, to which EXIF's 35 mm equivalent refers (CIPA).
 FILM_DIAGONAL_MM = 43.2666
 
@@ -113,6 +115,13 @@ def check_names(paths, folder, told=()):
 
 # What transparent pixels may stand on.
 BACKGROUNDS = {"white": 255, "black": 0}
+
+
+def check_enough(count, where):
+    """Raise ValueError, naming `where`, if so many photos cannot be posed."""
+    if count < LEAST:
+        what = "1 photo is" if count == 1 else f"{count} photos are"
+        raise ValueError(f"{where}: {what} too few: take 20 or more that overlap")
 
 
 def decode(path, background=None, *, upright=True):

@@ -28,6 +28,10 @@ def main(argv=None):
         scenes = {args.name: next(iter(scenes.values()))}
     scenes = folders.with_colmap(scenes)
     path = Path("results") / f"{name}.yaml"
+    if not args.only_config:
+        wanted = still_in(path, scenes) if path.is_file() else scenes
+        for scene in wanted.values():
+            folders.check_enough(scene)
     configs.say_where(path, config_of(scenes, args), folder)
     scenes = still_in(path, scenes)
     for scene, content in scenes.items():

@@ -85,6 +85,17 @@ def scene_of(path):
     return {"source": "photos", "path": str(path)} if film else None
 
 
+def check_enough(scene):
+    """Raise ValueError where a folder has too few photos to be posed: COLMAP need not
+    run to tell. Films give as many as they are long, cameras are given with photos.
+    """
+    path = Path(scene["path"])
+    if scene["source"] == "photos" and path.is_dir():
+        taken = [p.suffix.lower() for p in path.iterdir() if is_taken(p)]
+        if not video.SUFFIXES.intersection(taken):
+            photos.check_enough(len(taken), path)
+
+
 def given_by(path):
     """The source that reads the cameras of a folder; None where it has only photos."""
     for name, source in CAMERAS:

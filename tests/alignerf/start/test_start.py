@@ -203,7 +203,7 @@ def test_a_home_that_nobody_has_is_a_folder_that_is_not_there(here):
 
 
 def test_its_exit_code_is_that_of_the_run(here, monkeypatch):
-    fill(here, "p/a.jpg")
+    fill(here, "p/a.jpg", "p/b.jpg", "p/c.jpg")
     asked = {}
 
     def run(path, cores, *wanted, **more):
@@ -223,6 +223,22 @@ def test_its_exit_code_is_that_of_the_run(here, monkeypatch):
         "all",
         "export",
     ]
+
+
+def test_too_few_photos_are_said_before_anything_runs_or_is_written(here, monkeypatch):
+    fill(here, "p/a.jpg", "p/b.JPG", "p/notes.txt", "films/a.jpg", "films/walk.mov")
+    with pytest.raises(ValueError, match=r"^p: 2 photos are too few: take 20 or more"):
+        start.main(["p"])
+    assert not (here / "results").exists()
+    # A film gives as many as it is long; and a scene that a user took out is no matter.
+    monkeypatch.setattr(workflow, "run", lambda *_, **__: 0)
+    start.main(["films"])
+    start.main([".", "--name", "both", "--only-config"])
+    config = here / "results/both.yaml"
+    with pytest.raises(ValueError, match=r"^p: 2 photos are too few"):
+        start.main([".", "--name", "both"])
+    config.write_text(config.read_text().replace("  p:", "  gone:"))
+    start.main([".", "--name", "both"])
 
 
 def test_a_missing_folder_is_said():
