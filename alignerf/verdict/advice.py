@@ -3,7 +3,7 @@
 import math
 
 from alignerf.files import provenance
-from alignerf.verdict import causes, judged
+from alignerf.verdict import causes, judged, words
 
 # In dB on courtyard, over plain training of the same seconds, those of one and of two
 # trainings (docs/measured/on_the_way.csv): where poses are off by 1.5 px and objects
@@ -100,7 +100,7 @@ def of_camera(e, gains, text):
     own = of_tried(e, gains)
     if not e.poses_given:
         return own or text
-    if any(pays(e, gain) for gain in gains if getattr(gain, "on_the_way", False)):
+    if any(pays(e, gain) for gain in gains if words.is_on_the_way(gain)):
         return f"{ANEW} Until then {own}"
     # What was tried in vain is not offered beside it.
     return ANEW if own else f"{ANEW} Or {text}"
@@ -117,7 +117,7 @@ def pays(e, gain):
 
 def of_tried(e, gains, *, only_paying=False):
     """Advice where this run has aligned itself on the way, else nothing."""
-    tried = [gain for gain in gains if getattr(gain, "on_the_way", False)]
+    tried = [gain for gain in gains if words.is_on_the_way(gain)]
     if not tried:
         return ""
     best = max(tried, key=lambda gain: (pays(e, gain), gain.db))

@@ -44,7 +44,7 @@ def of(e, findings, gains, views) -> Report:
         because=[words.SENTENCES[one.cause](one, e) for one in findings],
         do_first=first(text),
         tried=[tried_of(gain, e) for gain in gains],
-        measured=words.measured(e, views),
+        measured=words.measured(e, views, gains),
         causes=[gauge(one, e, findings) for one in GAUGES if one.is_told(e)],
     )
 

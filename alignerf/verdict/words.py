@@ -15,9 +15,9 @@ from alignerf.tables import scores
 from alignerf.verdict import causes, judged
 
 
-def measured(e, views):
+def measured(e, views, gains=()):
     """Sentences on what was measured: shifts, what could not be told, odd photos."""
-    lines = alignment(e) + (judged.lines(e) if e.judged else [])
+    lines = alignment(e, gains) + (judged.lines(e) if e.judged else [])
     return lines + photos(views)
 
 
@@ -104,9 +104,9 @@ CALLED = {
 }
 
 
-def alignment(e):
+def alignment(e, gains=()):
     """How far photos and renders are apart, by windows and by whole photos."""
-    lines = of_windows(e) if e.windows else []
+    lines = of_windows(e, gains) if e.windows else []
     parts, scale = [], f"at {causes.USUAL_WIDTH_PX} px of width"
     if math.isfinite(e.flow_train_px):
         parts.append(f"{of_photo(e.flow_train_px, e)} on photos that were trained on")
@@ -121,7 +121,7 @@ def alignment(e):
     return lines
 
 
-def of_windows(e):
+def of_windows(e, gains):
     """What windows at the photos' own size tell, or why they tell nothing."""
     w, say = e.windows, causes.of_windows_say(e)
     if say in NOTHING_TOLD:
@@ -149,7 +149,9 @@ def of_windows(e):
         )
     if say == "unconfirmed":
         lines.append("Held-out photos do not confirm that shift.")
-    if math.isfinite(w.corrected_px):
+    moved = [getattr(g, "cameras_moved", None) for g in gains if is_on_the_way(g)]
+    # Where no camera has moved, the others are the same once more.
+    if math.isfinite(w.corrected_px) and not (moved and set(moved) == {0}):
         lines.append(
             "With the cameras that this run has put right the shift is "
             f"{length(w.corrected_px)}."
@@ -306,6 +308,11 @@ OF_GAINS = ("method", "field", "warping", "test_set", "difference_to", "total_ti
 OF_GAINS += ("difference_db", "difference_low_db", "difference_high_db")
 
 
+def is_on_the_way(gain):
+    """Whether a remedy moves cameras; of a `Gain`, or of its first numbers alone."""
+    return getattr(gain, "on_the_way", False)
+
+
 def gains_of(path, timings=()):
     """The `Gain` of each remedy in a table over the baseline, the model without one.
 
@@ -358,7 +365,7 @@ def gain_line(gain, e):
     took = f"{minutes:.0f} min" if minutes >= 1 else "under a minute"
     test_set = getattr(gain, "test_set", "")
     against = CALLED_SETS.get(test_set, "")
-    if test_set == "standard" and getattr(gain, "on_the_way", False):
+    if test_set == "standard" and is_on_the_way(gain):
         against += " by cameras that were left as given: true gains are larger,"
     text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}]{against} in {took}"
     if getattr(gain, "cameras_moved", None) == 0:

@@ -75,6 +75,12 @@ def test_windows_are_the_gauge_where_they_tell():
     (poses,) = [one for one in told.causes if one["cause"] == "camera"]
     assert (poses["value"], poses["limit"]) == (0.66, 0.5)
     assert poses["level"] == "sure"
+    apart = apart._replace(corrected_px=0.3)
+    corrected = "With the cameras that this run has put right the shift is 0.30 px."
+    assert corrected in of(WELL._replace(windows=apart), [GAIN]).measured
+    # Cameras that did not move were not put right.
+    stayed = GAIN._replace(on_the_way=True, cameras_moved=0)
+    assert corrected not in of(WELL._replace(windows=apart), [stayed]).measured
 
 
 def test_a_command_stands_on_a_line_of_its_own(monkeypatch):
