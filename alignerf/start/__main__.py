@@ -38,6 +38,7 @@ def main(argv=None):
         by = " by COLMAP" if content.get("poses") == folders.BY_COLMAP else ""
         place = faults.one_line(content["path"])
         print(f"{scene}: {content['source']} in {place}{by}")
+    say_how_long(scenes)
     say_twice(path, scenes)
     pages = list(map(targets.page_of, scenes))
     print(f"page, in the end: {', '.join(pages)}", flush=True)
@@ -52,6 +53,18 @@ def still_in(path, scenes):
     """The scenes that a config has: a user may have deleted others."""
     there = configs.read(path).get("scenes")
     return {name: one for name, one in scenes.items() if name in (there or {})}
+
+
+def say_how_long(scenes):
+    """Print how long COLMAP may take: what the rest takes is measured after it."""
+    for name, scene in scenes.items():
+        posed = (Path("results") / name / "poses.json").exists()
+        if not posed and (count := folders.count_of(scene)):
+            minutes = round(folders.colmap_min(count))
+            print(
+                f"{name}: COLMAP places {count} photos first, in some {minutes} min on "
+                "two cores; how long the rest takes is said then"
+            )
 
 
 def say_twice(path, scenes):

@@ -5,9 +5,12 @@ several scenes.
 """
 
 import logging
+import math
 import os
 import re
 from pathlib import Path
+
+import numpy as np
 
 from alignerf.experiment import sources
 from alignerf.experiment.checks import names
@@ -29,6 +32,10 @@ CAMERAS = (
 )
 RULE = re.compile(r"^\s*(?:rule|checkpoint|use rule \w+ as) (\w+)", re.MULTILINE)
 
+
+# Minutes of COLMAP on two cores by number of photos, of 2 to 12 megapixels
+# (docs/evidence/costs.md).
+COLMAP_MIN = {24: 2, 50: 3, 300: 84}
 
 # What a phone's own poses get beside them: the same photos, posed by COLMAP.
 BY_COLMAP = "colmap"
@@ -86,14 +93,29 @@ def scene_of(path):
 
 
 def check_enough(scene):
-    """Raise ValueError where a folder has too few photos to be posed: COLMAP need not
-    run to tell. Films give as many as they are long, cameras are given with photos.
+    """Raise ValueError where a scene has too few photos to be posed: COLMAP need not
+    run to tell.
+    """
+    if (count := count_of(scene)) is not None:
+        photos.check_enough(count, scene["path"])
+
+
+def count_of(scene):
+    """How many photos COLMAP is to pose; None where cameras are given or where there
+    are films, which give as many as they are long.
     """
     path = Path(scene["path"])
-    if scene["source"] == "photos" and path.is_dir():
-        taken = [p.suffix.lower() for p in path.iterdir() if is_taken(p)]
-        if not video.SUFFIXES.intersection(taken):
-            photos.check_enough(len(taken), path)
+    if scene["source"] != "photos" or not path.is_dir():
+        return None
+    taken = [p.suffix.lower() for p in path.iterdir() if is_taken(p)]
+    return None if video.SUFFIXES.intersection(taken) else len(taken)
+
+
+def colmap_min(count):
+    """Minutes that COLMAP may take to pose so many photos on two cores."""
+    counts, minutes = np.log(list(COLMAP_MIN)), np.log(list(COLMAP_MIN.values()))
+    found = math.exp(np.interp(math.log(count), counts, minutes))
+    return found * max(count / max(COLMAP_MIN), 1)
 
 
 def given_by(path):

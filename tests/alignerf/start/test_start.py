@@ -241,6 +241,21 @@ def test_too_few_photos_are_said_before_anything_runs_or_is_written(here, monkey
     start.main([".", "--name", "both"])
 
 
+def test_how_long_colmap_takes_is_said_first(here, capsys):
+    fill(here, *(f"p/{i}.jpg" for i in range(50)), "q/a.jpg", "q/transforms.json")
+    start.main([".", "--name", "both", "--only-config"])
+    said = capsys.readouterr().out
+    assert "p: COLMAP places 50 photos first, in some 3 min on two cores" in said
+    assert "q: COLMAP" not in said
+    (here / "results/p").mkdir()
+    (here / "results/p/poses.json").write_text("{}")
+    start.main([".", "--name", "both", "--only-config"])
+    assert "COLMAP" not in capsys.readouterr().out
+    minutes = [folders.colmap_min(count) for count in (3, 24, 100, 300, 600)]
+    assert minutes == sorted(minutes)
+    assert (minutes[0], minutes[-1]) == pytest.approx((2, 2 * 84))
+
+
 def test_a_missing_folder_is_said():
     with pytest.raises(ValueError, match="make photos FOLDER=my_photos"):
         start.main([""])
