@@ -17,10 +17,15 @@ struct Numbers {
   float rate, share_1, share_2, beta_1, beta_2, rest_1, rest_2, eps;
 };
 
+// Moments in place: mu_out and nu_out may be mu and nu, and are read before.
 inline void update(const Numbers of, int64_t count, const float* __restrict grad,
-                   const float* __restrict mu, const float* __restrict nu,
-                   float* __restrict step, float* __restrict mu_out,
-                   float* __restrict nu_out) {
+                   const float* mu, const float* nu, float* __restrict step,
+                   float* mu_out, float* nu_out) {
+#if defined(__clang__)
+#pragma clang loop vectorize(assume_safety)
+#elif defined(__GNUC__)
+#pragma GCC ivdep
+#endif
   for (int64_t i = 0; i < count; ++i) {
     const float g = grad[i], m = mu[i], v = nu[i];
     const float m_new = of.beta_1 * m + of.rest_1 * g;

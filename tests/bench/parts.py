@@ -81,4 +81,5 @@ def several(training):
 def as_they_are(gaussians):
     """`contract_spheres` without contraction: what is far lies outside the grid."""
     length_std = gaussians.t_std * jnp.linalg.norm(gaussians.direction, axis=-1)
-    return gaussians.mean, jnp.cbrt(length_std) * jnp.cbrt(gaussians.r_std) ** 2
+    roots = coord.cube_root(length_std), coord.cube_root(gaussians.r_std)
+    return gaussians.mean, roots[0] * roots[1] ** 2

@@ -79,6 +79,13 @@ def test_spheres_have_the_volume_of_the_gaussian(rng, draw):
     twins.assert_close(mean, twins.contract(x), rtol=1e-6)
 
 
+def test_a_cube_root_holds_in_all_of_float32(rng):
+    x = np.float32(10 ** rng.uniform(-37.9, 38.5, COUNT))
+    twins.assert_close(jax.jit(coord.cube_root)(x), np.cbrt(twins.f64(x)[0]), rtol=3e-6)
+    slope = jax.vmap(jax.grad(coord.cube_root))(np.float32([coord.TINY, 1.0, 1e30]))
+    np.testing.assert_allclose(slope, [1e20 / 3, 1 / 3, 1e-20 / 3], rtol=1e-5)
+
+
 @pytest.mark.parametrize("length", [1e-3, 4.0, 1e6])
 def test_another_unit_is_a_scene_made_smaller(rng, length):
     gaussians = along_rays(rng)

@@ -177,7 +177,7 @@ def test_a_share_of_the_rays_teaches_the_proposal(views):
         pairs = zip(*map(jax.tree.leaves, (gradients[0.25][name], wanted)), strict=True)
         for part, other in pairs:
             # Two programs, of other shapes, round otherwise.
-            atol = 5e-5 * factor * np.abs(other).max()
+            atol = 1e-4 * factor * np.abs(other).max()
             np.testing.assert_allclose(part, factor * other, rtol=0, atol=atol)
         assert any(np.any(leaf) for leaf in jax.tree.leaves(wanted))
 
@@ -303,3 +303,6 @@ def test_clipping_is_per_network_and_keeps_direction(rng):
 def test_entries_that_adam_cannot_square_are_counted():
     tree = {"a": jnp.array([1e18, jnp.nan]), "b": jnp.array([[jnp.inf, 0.0, -2e19]])}
     assert train_step.count_nonfinite_squares(tree) == 3
+    # Each can be squared, though not their sum.
+    assert train_step.count_nonfinite_squares({"a": jnp.full(9, 1.8e19)}) == 0
+    assert train_step.count_nonfinite_squares({"a": jnp.zeros(3)}) == 0
