@@ -8,6 +8,7 @@
 #include <limits>
 #include <vector>
 
+#include "elementary.h"
 #include "xla/ffi/api/ffi.h"
 
 namespace histograms {
@@ -68,23 +69,40 @@ inline int dilate(const float* t, const float* w, int bins, float dilation, Room
   return wide;
 }
 
+// All of x, by eight at once: one after the other, each would wait for the one before.
+template <typename Of>
+inline float folded(const float* x, int count, float begin, Of of) {
+  float lanes[8];
+  std::fill(lanes, lanes + 8, begin);
+  int k = 0;
+  for (; k + 8 <= count; k += 8)
+    for (int i = 0; i < 8; ++i) lanes[i] = of(lanes[i], x[k + i]);
+  for (; k < count; ++k) lanes[k % 8] = of(lanes[k % 8], x[k]);
+  for (int i = 1; i < 8; ++i) lanes[0] = of(lanes[0], lanes[i]);
+  return lanes[0];
+}
+
 // `cdf_from_logits` of `annealed_logits`, to room.cdf [bins + 1].
 inline void distribution(const float* t, const float* w, int bins, float anneal,
                          Room& room) {
-  float* const logits = room.cdf.data() + 1;
-  bool any = false;
-  for (int k = 0; k < bins; ++k) any |= t[k + 1] > t[k] && w[k] > 0;
-  float peak = -kInfinite, total = 0, passed = 0;
+  float* const __restrict logits = room.cdf.data() + 1;
+  int any = 0;
+  for (int k = 0; k < bins; ++k) any |= (t[k + 1] > t[k]) & (w[k] > 0);
+  const bool all = !any | (anneal == 0);
   for (int k = 0; k < bins; ++k) {
-    const bool counts = t[k + 1] > t[k] && (w[k] > 0 || !any || anneal == 0);
-    logits[k] = !counts ? -kInfinite : w[k] > 0 ? anneal * std::log(w[k]) : 0.0f;
-    peak = std::max(peak, logits[k]);
+    const bool weighs = w[k] > 0, counts = (t[k + 1] > t[k]) & (weighs | all);
+    const float own = weighs ? anneal * elementary::log(w[k]) : 0.0f;
+    logits[k] = counts ? own : -kInfinite;
   }
-  for (int k = 0; k < bins; ++k) total += logits[k] = std::exp(logits[k] - peak);
-  for (int k = 0; k < bins; ++k) {
-    passed += logits[k] / total;
-    logits[k] = std::min(passed, 1.0f);
-  }
+  const auto larger = [](float a, float b) { return a > b ? a : b; };
+  const auto plus = [](float a, float b) { return a + b; };
+  const float peak = folded(logits, bins, -kInfinite, larger);
+  for (int k = 0; k < bins; ++k) logits[k] = elementary::exp(logits[k] - peak);
+  const float share = 1 / folded(logits, bins, 0.0f, plus);
+  float passed = 0;
+  for (int k = 0; k < bins; ++k) logits[k] *= share;
+  for (int k = 0; k < bins; ++k) logits[k] = passed += logits[k];
+  for (int k = 0; k < bins; ++k) logits[k] = std::min(logits[k], 1.0f);
   room.cdf[0] = 0;
   room.cdf[bins] = 1;
 }
