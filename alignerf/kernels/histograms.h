@@ -24,10 +24,10 @@ inline float clipped(float x) { return std::min(std::max(x, 0.0f), 1.0f); }
 
 // Room for what a ray needs: dilated edges, their mass, its distribution function.
 struct Room {
-  std::vector<float> low, high, density, sorted, edges, mass, cdf;
+  std::vector<float> low, high, density, edges, mass, cdf;
 
   explicit Room(int bins)
-      : low(bins), high(bins), density(bins), sorted(3 * bins + 1), edges(3 * bins + 1),
+      : low(bins + 1), high(bins + 1), density(bins), edges(3 * bins + 1),
         mass(3 * bins + 1), cdf(3 * bins + 2) {}
 };
 
@@ -39,28 +39,33 @@ inline int dilate(const float* t, const float* w, int bins, float dilation, Room
     room.high[k] = t[k + 1] + dilation;
     room.density[k] = width > kEps * kEps ? w[k] / width : 0.0f;
   }
-  const int all = 3 * bins + 1;
-  for (int j = 0, a = 0, b = 0, c = 0; j < all; ++j) {
-    const float x = a < bins ? room.low[a] : kInfinite;
-    const float y = b < bins ? room.high[b] : kInfinite;
-    const float z = c <= bins ? t[c] : kInfinite;
-    const float least = std::min(std::min(x, y), z);
-    room.sorted[j] = least;
-    if (x == least) ++a; else if (y == least) ++b; else ++c;
-  }
-  const int wide = all - 3;
-  for (int j = 0; j <= wide; ++j) room.edges[j] = clipped(room.sorted[j + 1]);
-  float total = 0, length = 0;
-  // Intervals that cover a start lie side by side: from `first` to before `last`.
-  for (int j = 0, first = 0, last = 0; j < wide; ++j) {
-    const float start = room.edges[j], width = room.edges[j + 1] - start;
-    while (first < bins && !(room.high[first] > start)) ++first;
-    while (last < bins && room.low[last] <= start) ++last;
-    float most = 0;
-    for (int k = first; k < last; ++k) most = std::max(most, room.density[k]);
-    room.mass[j] = most * width;
-    total += room.mass[j];
-    length += width;
+  room.low[bins] = room.high[bins] = kInfinite;
+  // All 3 bins + 1 edges in their order, the outermost dropped. Intervals from `ended` to
+  // before `begun` cover what follows an edge; `most` is the largest of their densities.
+  const int wide = 3 * bins - 2;
+  float total = 0, length = 0, start = 0, most = 0;
+  for (int j = -1, begun = 0, ended = 0, passed = 0; j <= wide; ++j) {
+    const float x = room.low[begun], y = room.high[ended];
+    const float z = passed <= bins ? t[passed] : kInfinite;
+    const float least = std::min(std::min(x, y), z), edge = clipped(least);
+    if (j > 0) {
+      const float width = edge - start;
+      total += room.mass[j - 1] = most * width;
+      length += width;
+    }
+    if (x == least && begun < bins) {
+      most = std::max(most, room.density[begun++]);
+    } else if (y == least && ended < bins) {
+      const float gone = room.density[ended++];
+      if (gone == most) {
+        most = 0;
+        for (int k = ended; k < begun; ++k) most = std::max(most, room.density[k]);
+      }
+    } else {
+      ++passed;
+    }
+    if (j >= 0) room.edges[j] = edge;
+    start = edge;
   }
   for (int j = 0; j < wide; ++j) {
     const float width = room.edges[j + 1] - room.edges[j];
