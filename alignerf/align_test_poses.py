@@ -135,7 +135,9 @@ def parse(argv=None):
     )
     parser.add_argument("--config", required=True, help="job as JSON, or its file")
     parser.add_argument("--scene", required=True, help="prepared scene folder")
-    parser.add_argument("--cameras", help="cameras.npz (default: the scene's)")
+    parser.add_argument(
+        "--cameras", type=faults.stated, help="cameras.npz (default: the scene's)"
+    )
     parser.add_argument("--model", required=True, help="trained parameters")
     parser.add_argument("--flow", type=Path, help="to the photos; omit for no such fit")
     parser.add_argument("--depth", type=Path, required=True, help="of the renders")

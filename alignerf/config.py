@@ -20,9 +20,11 @@ HEAD = "# Every key of a config, made by `python -m alignerf.config --schema`.\n
 
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--config", help="JSON: the complete config of a scene")
-    parser.add_argument("--out", help="YAML, written")
-    parser.add_argument("--check", help="a config's file")
+    parser.add_argument(
+        "--config", type=faults.stated, help="JSON: the complete config of a scene"
+    )
+    parser.add_argument("--out", type=faults.stated, help="YAML, written")
+    parser.add_argument("--check", type=faults.stated, help="a config's file")
     parser.add_argument("--schema", action="store_true", help="print it")
     args = parser.parse_args(argv)
     if (args.config is None) != (args.out is None):

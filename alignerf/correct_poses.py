@@ -110,7 +110,11 @@ def parse(argv=None):
     parser.add_argument("--cameras", required=True, help="of the renders")
     parser.add_argument("--flow", required=True, help="folder of <view>.npz, to photos")
     parser.add_argument("--depth", required=True, help="folder of the renders' depth")
-    parser.add_argument("--truth", help="the scene's truth folder, to be compared with")
+    parser.add_argument(
+        "--truth",
+        type=faults.stated,
+        help="the scene's truth folder, to be compared with",
+    )
     parser.add_argument("--out", required=True, help="cameras.npz, written")
     parser.add_argument("--report", required=True, help="what was done, written")
     parser.add_argument("--threads", type=int, default=1, help="views at once")

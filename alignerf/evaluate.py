@@ -29,10 +29,18 @@ def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scene", required=True, help="prepared scene folder")
     renders = parser.add_mutually_exclusive_group(required=True)
-    renders.add_argument("--renders", help="renders of the test views")
-    renders.add_argument("--aligned-pose", help="folder of renders by moved cameras")
-    parser.add_argument("--testset", help="folder of the warped test set")
-    parser.add_argument("--truth", help="folder of the oracle, where it is known")
+    renders.add_argument(
+        "--renders", type=faults.stated, help="renders of the test views"
+    )
+    renders.add_argument(
+        "--aligned-pose", type=faults.stated, help="folder of renders by moved cameras"
+    )
+    parser.add_argument(
+        "--testset", type=faults.stated, help="folder of the warped test set"
+    )
+    parser.add_argument(
+        "--truth", type=faults.stated, help="folder of the oracle, where it is known"
+    )
     for net in NETS:
         parser.add_argument(f"--lpips-{net}", help="weights of this LPIPS, .npz")
     parser.add_argument("--metrics", required=True, help="CSV, written")

@@ -181,10 +181,18 @@ def parse(argv=None):
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--scene", required=True, help="prepared scene folder")
-    parser.add_argument("--config", help="its keys as JSON (default: its config.yaml)")
+    parser.add_argument(
+        "--config",
+        type=faults.stated,
+        help="its keys as JSON (default: its config.yaml)",
+    )
     parser.add_argument("--width", type=int, help="of photos; never more than theirs")
-    parser.add_argument("--cameras", help="cameras.npz (default: the scene's)")
-    parser.add_argument("--warped", help="folder of warped photos of training views")
+    parser.add_argument(
+        "--cameras", type=faults.stated, help="cameras.npz (default: the scene's)"
+    )
+    parser.add_argument(
+        "--warped", type=faults.stated, help="folder of warped photos of training views"
+    )
     parser.add_argument(
         "--valid", help="folder of <view>.npz: valid pixels, and the flow that warped"
     )

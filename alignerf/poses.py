@@ -224,9 +224,15 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="alignerf.poses", description=__doc__)
     parser.add_argument("--config", required=True, help="JSON, or a file of it")
     parser.add_argument("--out", required=True, type=Path, help="results/SCENE")
-    parser.add_argument("--whole", help="of windows: the other scene's folder")
-    parser.add_argument("--cameras", help="of windows: their cameras.npz")
-    parser.add_argument("--places", help="of windows: others, at the same places")
+    parser.add_argument(
+        "--whole", type=faults.stated, help="of windows: the other scene's folder"
+    )
+    parser.add_argument(
+        "--cameras", type=faults.stated, help="of windows: their cameras.npz"
+    )
+    parser.add_argument(
+        "--places", type=faults.stated, help="of windows: others, at the same places"
+    )
     options = parser.parse_args()
     of_windows = (options.whole, options.cameras, options.places)
     faults.run(lambda: main(jobs.read(options.config), options.out, *of_windows))

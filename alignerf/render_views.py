@@ -84,11 +84,15 @@ def parse(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--config", required=True, help="job as JSON, or its file")
     parser.add_argument("--scene", required=True, help="prepared scene folder")
-    parser.add_argument("--cameras", help="cameras.npz (default: the scene's)")
+    parser.add_argument(
+        "--cameras", type=faults.stated, help="cameras.npz (default: the scene's)"
+    )
     parser.add_argument("--model", required=True, help="trained parameters")
     parser.add_argument("--splits", nargs="+", required=True, choices=prepared.SPLITS)
     parser.add_argument("--renders", required=True, help="folder, written")
-    parser.add_argument("--depth", help="folder of the views' depth, written")
+    parser.add_argument(
+        "--depth", type=faults.stated, help="folder of the views' depth, written"
+    )
     parser.add_argument("--timing", required=True, help="timing file, written")
     parser.add_argument("--threads", type=int, help="at most (default: every core)")
     return parser.parse_args(argv)

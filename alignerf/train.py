@@ -73,11 +73,21 @@ def parse(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--config", required=True, help="job as JSON, or its file")
     parser.add_argument("--scene", required=True, help="prepared scene folder")
-    parser.add_argument("--cameras", help="cameras.npz (default: the scene's)")
-    parser.add_argument("--photos", help="folder of photos (default: the scene's)")
-    parser.add_argument("--valid", help="folder of <view>.npz with valid pixels")
-    parser.add_argument("--initial", help="parameters to fine-tune or go on from")
-    parser.add_argument("--displacement", help="CSV to take the search radius from")
+    parser.add_argument(
+        "--cameras", type=faults.stated, help="cameras.npz (default: the scene's)"
+    )
+    parser.add_argument(
+        "--photos", type=faults.stated, help="folder of photos (default: the scene's)"
+    )
+    parser.add_argument(
+        "--valid", type=faults.stated, help="folder of <view>.npz with valid pixels"
+    )
+    parser.add_argument(
+        "--initial", type=faults.stated, help="parameters to fine-tune or go on from"
+    )
+    parser.add_argument(
+        "--displacement", type=faults.stated, help="CSV to take the search radius from"
+    )
     parser.add_argument("--threads", type=int, help="at most (default: every core)")
     parser.add_argument("--sources", default="", help="hash: other code starts anew")
     parser.add_argument("--checkpoints", required=True, help="folder to resume from")
@@ -92,7 +102,11 @@ def parse(argv=None):
     parser.add_argument(
         "--seen-by", help="cameras.npz of the renders, if not --cameras"
     )
-    parser.add_argument("--truth", help="the truth's folder, to compare cameras with")
+    parser.add_argument(
+        "--truth",
+        type=faults.stated,
+        help="the truth's folder, to compare cameras with",
+    )
     parser.add_argument("--timing", required=True, help="timing.json, written")
     return parser.parse_args(argv)
 

@@ -1,5 +1,6 @@
 """How a command fails: one plain line that names the fault, and no traceback."""
 
+import argparse
 import io
 import logging
 import os
@@ -12,6 +13,15 @@ log = logging.getLogger("alignerf")
 # Of a line that is printed. Of a longer one both ends are kept: files and keys are
 # named at the beginning, what to do at the end.
 MOST_CHARACTERS, HEAD = 1000, 700
+
+
+def stated(text):
+    """A text, as argparse's `type`. An empty one is refused: it stands for a path that
+    was to be there, and would be taken for none.
+    """
+    if not text:
+        raise argparse.ArgumentTypeError("nothing stands there")
+    return text
 
 
 def run(main):

@@ -31,7 +31,7 @@ inline float log(float x) {
   const float scaled = is_tiny ? x * 8388608.0f : x;
   // The mantissa lies between sqrt(1/2) and sqrt(2).
   const int32_t bits = bits_of(scaled), power = (bits - 0x3f3504f3) >> 23;
-  const float f = of_bits(bits - (power << 23)) - 1, z = f * f;
+  const float f = of_bits(bits - power * (1 << 23)) - 1, z = f * f;
   const float e = float(power - (is_tiny ? 23 : 0));
   float y = 7.0376836292e-2f;
   y = y * f - 1.1514610310e-1f;
@@ -47,7 +47,7 @@ inline float log(float x) {
   return x == kInfinite ? x : found;
 }
 
-// Of x <= 0; 0 where that leaves float32's normal numbers.
+// Of x <= 0, or NaN; 0 where that leaves float32's normal numbers.
 inline float exp(float x) {
   const float least = -87.3f, kept = x > least ? x : least;
   const int32_t power = int32_t(kept * 1.44269504088896341f - 0.5f);
@@ -59,7 +59,8 @@ inline float exp(float x) {
   y = y * r + 1.6666665459e-1f;
   y = y * r + 5.0000001201e-1f;
   y = y * r * r + r + 1;
-  return y * of_bits(x > least ? (power + 127) << 23 : 0);
+  const float found = y * of_bits(x > least ? (power + 127) * (1 << 23) : 0);
+  return x == x ? found : x;
 }
 
 }  // namespace elementary

@@ -10,6 +10,8 @@ from jaxtyping import Array, Float
 
 from alignerf.mipnerf360 import coord
 
+# Beyond it exp(-tau) is zero in float32, beside one: 1 - exp(-80) is 1.
+MOST_TAU = 80.0
 BACKGROUNDS = {"black": 0.0, "white": 1.0}
 
 
@@ -57,19 +59,18 @@ def alpha_weights(
     length = (tdist[..., 1:] - tdist[..., :-1]) * jnp.linalg.norm(
         directions, axis=-1, keepdims=True
     )
+    bins = density.shape[-1]
+    is_last = opaque & (jnp.arange(bins) == bins - 1)
+    # Of an opaque interval neither length nor density counts, though both be infinite.
+    length = jnp.where(is_last, 0.0, length)
     largest = jnp.finfo(density.dtype).max
     bounded = jnp.minimum(density, largest / jnp.maximum(length, 1.0) / 2)
-    tau = jnp.minimum(bounded * length, 80.0)
+    tau = jnp.where(is_last, MOST_TAU, jnp.minimum(bounded * length, MOST_TAU))
     # Sums of all that lies before, as a small matrix product: a tenth of a render less
     # than by a cumulative sum.
-    earlier = jnp.triu(jnp.ones((tau.shape[-1],) * 2, tau.dtype), 1)
+    earlier = jnp.triu(jnp.ones((bins, bins), tau.dtype), 1)
     before = jnp.matmul(tau, earlier, precision=jax.lax.Precision.HIGHEST)
-    opacity = -jnp.expm1(-tau)
-    if opaque:
-        # In place: a slice and a concatenation would be worked out one by one.
-        is_last = jnp.arange(tau.shape[-1]) == tau.shape[-1] - 1
-        opacity = jnp.where(is_last, 1.0, opacity)
-    return opacity * jnp.exp(-before)
+    return -jnp.expm1(-tau) * jnp.exp(-before)
 
 
 def integrate(

@@ -28,12 +28,10 @@ def main(argv=None):
         scenes = {args.name: next(iter(scenes.values()))}
     scenes = folders.with_colmap(scenes)
     path = Path("results") / f"{name}.yaml"
-    if not args.only_config:
-        wanted = still_in(path, scenes) if path.is_file() else scenes
-        for scene in wanted.values():
-            folders.check_enough(scene)
     configs.say_where(path, config_of(scenes, args), folder)
     scenes = still_in(path, scenes)
+    if not args.only_config:
+        folders.check_enough(scenes.values())
     for scene, content in scenes.items():
         by = " by COLMAP" if content.get("poses") == folders.BY_COLMAP else ""
         place = faults.one_line(content["path"])
@@ -50,16 +48,17 @@ def main(argv=None):
 
 
 def still_in(path, scenes):
-    """The scenes that a config has: a user may have deleted others."""
-    there = configs.read(path).get("scenes")
-    return {name: one for name, one in scenes.items() if name in (there or {})}
+    """The scenes that a config has, as it has them: a user may have edited them."""
+    there = configs.read(path)["scenes"]
+    return {n: {**one, **(there[n] or {})} for n, one in scenes.items() if n in there}
 
 
 def say_how_long(scenes):
     """Print how long COLMAP may take: what the rest takes is measured after it."""
     for name, scene in scenes.items():
         posed = (Path("results") / name / "poses.json").exists()
-        if not posed and (count := folders.count_of(scene)):
+        count = None if posed else folders.count_of(scene)
+        if count and count >= photos.LEAST:
             minutes = round(folders.colmap_min(count))
             print(
                 f"{name}: COLMAP places {count} photos first, in some {minutes} min on "

@@ -92,23 +92,32 @@ def scene_of(path):
     return {"source": "photos", "path": str(path)} if film else None
 
 
-def check_enough(scene):
-    """Raise ValueError where a scene has too few photos to be posed: COLMAP need not
-    run to tell.
+def check_enough(scenes):
+    """Raise ValueError where no scene has enough photos to be posed: COLMAP need not
+    run to tell. Others go on beside one that has too few.
     """
-    if (count := count_of(scene)) is not None:
-        photos.check_enough(count, scene["path"])
+    counts = {scene["path"]: count_of(scene) for scene in scenes}
+    few = {p: n for p, n in counts.items() if n is not None and n < photos.LEAST}
+    if few and few == counts:
+        path, count = next(iter(few.items()))
+        photos.check_enough(count, path)
 
 
 def count_of(scene):
-    """How many photos COLMAP is to pose; None where cameras are given or where there
-    are films, which give as many as they are long.
+    """How many photos of a folder COLMAP is to pose.
+
+    None of an app or of given cameras, and where there are films, which give as many as
+    they are long. A Live Photo's film, called like a photo, is none.
     """
     path = Path(scene["path"])
     if scene["source"] != "photos" or not path.is_dir():
         return None
-    taken = [p.suffix.lower() for p in path.iterdir() if is_taken(p)]
-    return None if video.SUFFIXES.intersection(taken) else len(taken)
+    taken = [p for p in path.iterdir() if is_taken(p) and p.is_file()]
+    stems = {p.stem for p in taken if p.suffix.lower() in photos.SUFFIXES}
+    films = [p for p in taken if p.suffix.lower() in video.SUFFIXES]
+    if any(film.stem not in stems for film in films):
+        return None
+    return len(taken) - len(films)
 
 
 def colmap_min(count):

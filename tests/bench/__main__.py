@@ -18,7 +18,7 @@ USUAL = ("speed", "quality", "grid", "job", "memory", "scale", "split", "align")
 # They take hours, or gigabytes: only where they are asked for.
 LONG = (
     *("clusters", "decided", "judged", "kernels", "parts", "photos", "planning"),
-    *("systems", "verdicts"),
+    *("roofline", "systems", "verdicts"),
 )
 
 

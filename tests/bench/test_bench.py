@@ -23,6 +23,7 @@ from tests.bench import (
     ours,
     quality,
     report,
+    roofline,
     speed,
     theirs,
 )
@@ -163,6 +164,21 @@ def test_jobs_compile_as_the_workflow_does_and_run_the_default_model(root, monke
     demo = yaml.safe_load((root / "workflow/config/demo.yaml").read_text())
     found = check.checked(demo)["models"]["base"]
     assert schema.filled(model_keys.Model, cases.GRID) == found
+
+
+def test_a_listing_tells_what_an_operation_moves_and_computes():
+    listing = """
+  %a = f32[64,6144]{1,0} parameter(0)
+  %b.1 = f32[16,6144]{1,0} parameter(1)
+  %dot = f32[16,64]{1,0} dot(%b.1, %a), metadata={op_name="jvp(Model)/dot_general"}
+  %c = (f32[8,2]{1,0}, pred[8]{0}) custom-call(%dot), custom_call_target="alignerf_adam"
+  ROOT %r = (f32[8,2]{1,0}) tuple(%c)
+"""
+    moved = 4 * (16 * 64 + 16 * 6144 + 64 * 6144)
+    assert roofline.operations_of(listing) == {
+        "dot": ("matrix products", moved, 2 * 16 * 64 * 6144),
+        "c": ("Adam", 4 * 8 * 2 + 8 + 4 * 16 * 64, 0),
+    }
 
 
 def test_a_missing_peer_is_named(tmp_path):

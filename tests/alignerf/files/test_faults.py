@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from alignerf import evaluate
 from alignerf.files import faults
 
 
@@ -66,3 +67,10 @@ def test_a_log_has_its_traceback_on_lines_of_its_own(said):
     first, *rest = said(main)
     assert first == "warning: b\\nc"
     assert rest[-1] == "KeyError: 'a'"
+
+
+def test_an_empty_path_is_no_option_left_out(capsys):
+    with pytest.raises(SystemExit) as ended:
+        evaluate.main(["--scene", "x", "--out", "y", "--renders", "z", "--truth", ""])
+    assert ended.value.code == 2
+    assert "argument --truth: nothing stands there" in capsys.readouterr().err

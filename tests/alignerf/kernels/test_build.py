@@ -1,5 +1,8 @@
 """The library is made once, and where it cannot be, JAX's own code is used."""
 
+import re
+from pathlib import Path
+
 import jax
 import pytest
 
@@ -58,3 +61,14 @@ def test_it_lies_beside_the_compiled_programs(anew, monkeypatch, tmp_path):
         pytest.skip("no C++ compiler: the kernels cannot be made")
     (made,) = (tmp_path / "programs").iterdir()
     assert made.name == f"kernels-{build.machine.processor()}-{build.digest()}.so"
+
+
+def test_all_that_is_included_changes_the_digest():
+    """A header that is not among the sources would leave an old library in use."""
+    named = {path.name for path in build.SOURCES}
+    own = re.findall(
+        r'#include "(\w+\.h)"', "".join(map(Path.read_text, build.SOURCES))
+    )
+    assert own
+    assert set(own) <= named
+    assert named == {p.name for p in Path(build.__file__).parent.glob("*.[ch]*")}

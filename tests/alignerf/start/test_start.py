@@ -229,16 +229,20 @@ def test_too_few_photos_are_said_before_anything_runs_or_is_written(here, monkey
     fill(here, "p/a.jpg", "p/b.JPG", "p/notes.txt", "films/a.jpg", "films/walk.mov")
     with pytest.raises(ValueError, match=r"^p: 2 photos are too few: take 20 or more"):
         start.main(["p"])
-    assert not (here / "results").exists()
-    # A film gives as many as it is long; and a scene that a user took out is no matter.
+    # A film gives as many as it is long; others go on beside what has too few.
     monkeypatch.setattr(workflow, "run", lambda *_, **__: 0)
     start.main(["films"])
-    start.main([".", "--name", "both", "--only-config"])
-    config = here / "results/both.yaml"
-    with pytest.raises(ValueError, match=r"^p: 2 photos are too few"):
-        start.main([".", "--name", "both"])
-    config.write_text(config.read_text().replace("  p:", "  gone:"))
     start.main([".", "--name", "both"])
+    # Cameras that a user's config takes from elsewhere need no COLMAP.
+    config = here / "results/p.yaml"
+    config.write_text(config.read_text().replace("source: photos", "source: llff"))
+    start.main(["p"])
+
+
+def test_a_live_photo_is_no_film_and_a_folder_no_photo(here):
+    fill(here, "p/a.heic", "p/a.mov", "p/b.heic", "p/b.mov", "p/c.jpg/x.txt")
+    with pytest.raises(ValueError, match=r"^p: 2 photos are too few"):
+        start.main(["p"])
 
 
 def test_how_long_colmap_takes_is_said_first(here, capsys):
