@@ -23,6 +23,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 # it, and `$(shell ...)` in a folder's name would run.
 unexport FOLDER SCENE WIDTH PHOTOS RENDERS CAMERAS DEPTH JUDGE PEER PEERS BENCH TORTURE
 
+# `exec`: who ends make by a signal ends the program, and not a shell around it alone.
 .DEFAULT_GOAL := help
 .PHONY: help run show photos judge export test tools bench peers torture docs site lint cluster lock clean
 
@@ -30,7 +31,7 @@ help:
 	@sed -n 's/^# make /make /p' $(firstword $(MAKEFILE_LIST))
 
 run: $(VENV)/.installed
-	@python -m alignerf.start.demo --cores $(CORES)
+	@exec python -m alignerf.start.demo --cores $(CORES)
 
 show: $(VENV)/.installed
 	@python -m alignerf.show
@@ -38,21 +39,21 @@ show: $(VENV)/.installed
 # By the environment: a shell would see more than a name in some names.
 photos: export PHOTOS_FOLDER := $(value FOLDER)
 photos: $(VENV)/.installed
-	@python -m alignerf.start --cores $(CORES) $(PHOTOS) -- "$$PHOTOS_FOLDER"
+	@exec python -m alignerf.start --cores $(CORES) $(PHOTOS) -- "$$PHOTOS_FOLDER"
 
 judge: export JUDGED_PHOTOS := $(value PHOTOS)
 judge: export JUDGED_RENDERS := $(value RENDERS)
 judge: export JUDGED_CAMERAS := $(value CAMERAS)
 judge: export JUDGED_DEPTH := $(value DEPTH)
 judge: $(VENV)/.installed
-	@python -m alignerf.start.judge --cores $(CORES) "--photos=$$JUDGED_PHOTOS" \
+	@exec python -m alignerf.start.judge --cores $(CORES) "--photos=$$JUDGED_PHOTOS" \
 		"--renders=$$JUDGED_RENDERS" "--cameras=$$JUDGED_CAMERAS" \
 		"--depth=$$JUDGED_DEPTH" $(JUDGE)
 
 export: export EXPORT_OF := $(value SCENE)$(value FOLDER)
 export: export EXPORT_WIDTH := $(value WIDTH)
 export: $(VENV)/.installed
-	@python -m alignerf.start.export --cores $(CORES) \
+	@exec python -m alignerf.start.export --cores $(CORES) \
 		$(if $(value WIDTH),"--width=$$EXPORT_WIDTH") -- "$$EXPORT_OF"
 
 # What others add; benchmarks, the torture and the packaging; the page in a browser.

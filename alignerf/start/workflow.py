@@ -59,8 +59,11 @@ def quiet(command, captures):
     shown.line(f"all that Snakemake and its jobs say: {log}")
     told = report.Report(shown, captures, log)
     child = events.Child([*command[:3], "--logger", events.PLUGIN, *command[3:]], log)
-    with child.handed_on():
+    with child.handed_on() as asked:
         while not child.ended():
+            if asked.is_set() and not told.stopping:
+                told.stopping = True
+                shown.line("stopping what runs")
             # Ctrl-C reaches Snakemake too: it ends its jobs, and is waited for.
             try:
                 if (event := child.next(screen.EVERY_S)) is not None:
@@ -77,11 +80,12 @@ def quiet(command, captures):
 def loud(command):
     """Run it, and let Snakemake speak; returns the exit code."""
     child = subprocess.Popen(command, env=os.environ)
-    while True:
-        with contextlib.suppress(KeyboardInterrupt):
-            code = child.wait()
-            break
-    if code == -signal.SIGINT or code == 128 + signal.SIGINT:
+    with events.handed_on(child) as asked:
+        code = None
+        while code is None:
+            with contextlib.suppress(KeyboardInterrupt):
+                code = child.wait()
+    if asked.is_set() or code in (-signal.SIGINT, 128 + signal.SIGINT):
         print("stopped; the same command goes on", file=sys.stderr)
     return code if code >= 0 else 128 - code
 

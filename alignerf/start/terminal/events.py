@@ -12,11 +12,15 @@ import signal
 import subprocess
 import threading
 
+import psutil
+
 from alignerf.experiment import sources
 
 PLUGIN, FILE_DESCRIPTOR = "alignerf-events", "ALIGNERF_EVENTS_FD"
 # How long the last events may take after the end of the process.
 LAST_S = 5.0
+# Who has begun a job since the first time is asked to end it.
+AGAIN_S = 2.0
 
 
 class Child:
@@ -26,7 +30,7 @@ class Child:
     """
 
     def __init__(self, command, log):
-        self.events, self.stopped = queue.SimpleQueue(), False
+        self.events = queue.SimpleQueue()
         reading, writing = os.pipe()
         environment = dict(os.environ) | {FILE_DESCRIPTOR: str(writing)}
         # Snakemake takes a plugin that it finds; jobs have no need of it.
@@ -69,19 +73,42 @@ class Child:
         code = self.process.wait()
         return code if code >= 0 else 128 - code
 
-    @contextlib.contextmanager
     def handed_on(self):
-        """Who ends this process ends Snakemake: by SIGTERM, and by a fault of ours."""
-        main = threading.current_thread() is threading.main_thread()
-        before = main and signal.signal(signal.SIGTERM, self.end)
-        try:
-            yield
-        finally:
-            self.end()
-            self.process.wait()
-            if main:
-                signal.signal(signal.SIGTERM, before)
+        """`handed_on` of its process."""
+        return handed_on(self.process)
 
-    def end(self, *_):
-        """Ask it to end, if it has not ended."""
-        self.process.terminate()
+
+@contextlib.contextmanager
+def handed_on(process):
+    """Who ends this process ends Snakemake: by SIGTERM, and by a fault of ours.
+
+    Its jobs are ended, too: left to itself it would wait for them, an hour if need be.
+    Yields a `threading.Event`, which is set when somebody has asked for the end.
+    """
+    asked = threading.Event()
+
+    def end(*_):
+        asked.set()
+        end_all(process)
+
+    main = threading.current_thread() is threading.main_thread()
+    before = main and signal.signal(signal.SIGTERM, end)
+    try:
+        yield asked
+    finally:
+        while process.poll() is None:
+            end_all(process)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(AGAIN_S)
+        if main:
+            signal.signal(signal.SIGTERM, before)
+
+
+def end_all(process):
+    """Ask a process and all that it has started to end, if it has not ended."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        jobs = psutil.Process(process.pid).children(recursive=True)
+        process.terminate()
+        for job in jobs:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                job.terminate()
