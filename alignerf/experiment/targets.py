@@ -125,6 +125,7 @@ def verdicts(scenes, results="results", export=""):
 
 # What Snakemake says of Ctrl-C, and of SIGTERM.
 STOPPED = "Terminating processes on user request"
+AS_ASKED = "stopped, as asked."
 GOES_ON = "What is finished stays. The same command goes on from there."
 # How Snakemake names the log of a job that failed; the second also where it is quiet.
 FAILED_LOGS = (
@@ -144,7 +145,7 @@ def causes(snakemake_logs):
     for path in snakemake_logs:
         text = Path(path).read_text(encoding="utf-8", errors="replace")
         if STOPPED in text:
-            return ["stopped, as asked.", GOES_ON]
+            return [AS_ASKED, GOES_ON]
         named = [found for one in FAILED_LOGS for found in one.findall(text)]
         # The second quotes a name with spaces.
         of_jobs = [log.strip("'") for names in named for log in names.split(", ")]

@@ -171,7 +171,9 @@ class Report:
             there = "all of it is there already"
             self.screen.line(f"{count} in {took}" if self.finished else there)
             return
-        for line in targets.causes([self.log]) or self.faults():
+        # Jobs that were asked to end are no faults.
+        asked = [targets.AS_ASKED, targets.GOES_ON] if self.stopping else []
+        for line in asked or targets.causes([self.log]) or self.faults():
             self.screen.line(line)
         self.screen.line(f"all that the run said: {self.log}")
 

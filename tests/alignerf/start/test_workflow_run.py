@@ -1,7 +1,13 @@
 """A small workflow, run as a user would: what stands on the terminal."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 
+import psutil
 import pytest
 
 from alignerf.experiment import sources
@@ -46,6 +52,39 @@ def here(tmp_path, monkeypatch):
     monkeypatch.setattr(sources, "PIPELINE", tmp_path)
     monkeypatch.delenv("VERBOSE", raising=False)
     return tmp_path
+
+
+@pytest.mark.parametrize("verbose", ["", "1"])
+def test_who_ends_it_ends_its_jobs_and_no_fault_is_claimed(here, root, verbose):
+    """Snakemake by itself waits for the jobs that run."""
+    slow = 'shell: "echo $$ > job.pid; sleep 120; touch {output:q}"'
+    (here / "Snakefile").write_text(
+        f'rule all:\n    input: "x"\nrule poses:\n    output: "x"\n    {slow}\n'
+    )
+    code = (
+        "from alignerf.start import workflow; from alignerf.experiment import sources;"
+    )
+    code += f"from pathlib import Path; sources.PIPELINE = Path({str(here)!r});"
+    code += "raise SystemExit(workflow.run('results/a.yaml', 1, 'all'))"
+    one = subprocess.Popen(
+        [sys.executable, "-c", code],
+        env=os.environ | {"VERBOSE": verbose, "PYTHONPATH": str(root)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    begun = time.monotonic()
+    while not (here / "job.pid").is_file() and one.poll() is None:
+        assert time.monotonic() < begun + 60
+        time.sleep(0.1)
+    assert one.poll() is None, one.communicate()
+    job = psutil.Process(int((here / "job.pid").read_text()))
+    one.send_signal(signal.SIGTERM)
+    said, _ = one.communicate(timeout=60)
+    assert one.returncode not in (0, None)
+    assert not job.is_running() or job.status() == psutil.STATUS_ZOMBIE
+    assert "stopped" in said
+    assert verbose or "error: a job" not in said
 
 
 def test_a_line_a_job_and_the_verdict_once_and_last(here, capfd):
