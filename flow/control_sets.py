@@ -42,6 +42,9 @@ def main(renders, photos, flow, out, *, truth=None, masks=None, **options):
     ValueError or OSError.
     """
     views = pairs.find_pairs(Path(renders), Path(photos))
+    flows = {path.stem for path in Path(flow).glob("*.npz")}
+    if missing := flows - {view for view, *_ in views}:
+        raise ValueError(f"{renders}: no render of view {min(missing)}")
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
         table = stack.enter_context(atomic.replace_file(Path(out) / "overfit.csv"))

@@ -16,6 +16,12 @@ NUMBERS = re.compile(
     r"|^(ssim|lpips_\w+)$"
 )
 
+# Of these none is below 0: a render and a photo are 1 apart at the most.
+FROM_ZERO = re.compile(
+    r"^(psnr_db|median_px|mean_px|p95_px|blur_sigma_px|valid_share|pixels|time_s"
+    r"|params|steps|rays_seen|lpips_\w+)$"
+)
+
 # Names: a photo may be called NA or 0042, a method 1, and a hash may have digits alone.
 TEXTS = dict.fromkeys(
     (
@@ -73,13 +79,19 @@ def check_rows(text, sep):
     head = next(rows, [])
     if len(set(head)) < len(head):
         raise ValueError("a column stands twice")
+    numbers = [place for place, name in enumerate(head) if NUMBERS.search(name)]
     count = 0
     for count, row in enumerate(rows, 1):
         # As pandas does, which leaves an empty line out.
         if row and len(row) != len(head):
             raise ValueError(f"row {count} has {len(row)} cells, the head {len(head)}")
+        # What is not known is an empty cell: a NaN is written by nobody here.
+        if row and (odd := [n for n in numbers if row[n].strip().lower() == "nan"]):
+            raise ValueError(f"column {head[odd[0]]}: nan in row {count}")
     if not count:
         raise ValueError("no row")
+    if not text.endswith("\n"):
+        raise ValueError("its last line is cut off")
 
 
 def check_columns(table, columns):
@@ -95,3 +107,5 @@ def check_columns(table, columns):
             raise ValueError(f"column {name}: not numbers")
         if np.isinf(table[name]).any():
             raise ValueError(f"column {name}: not finite")
+        if FROM_ZERO.search(name) and (table[name] < 0).any():
+            raise ValueError(f"column {name}: below 0")

@@ -149,6 +149,10 @@ def lose_photo(scene):
     (scene / "photos" / "b c.png").unlink()
 
 
+def lose_render(scene):
+    (scene / "renders" / "b c.png").unlink()
+
+
 def resize_oracle(scene):
     image = read(scene, "truth/oracle", "b c")
     images.write(scene / "truth" / "oracle" / "b c.png", image[:-1])
@@ -165,6 +169,7 @@ def resize_flow(scene):
         (lose_oracle, "truth/oracle/b c.png"),
         (lose_flow, "flow/b c.npz"),
         (lose_photo, "photos/b c.png: no photo for render"),
+        (lose_render, "renders: no render of view b c"),
         (resize_oracle, "view b c: render and photo differ in size: 80x60"),
         (resize_flow, "view b c: image [60, 80] and flow [59, 80] differ in size"),
     ],

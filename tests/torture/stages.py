@@ -142,7 +142,8 @@ def attack(stage, path, way, base, place, rng):
     ended = running.run(stage.command, place, running.variables(place))
     if left := hidden(place) - before:
         return f"left {min(left)} behind", ended
-    if (stage.module, way) in EXCUSED and ended.code == 0:
+    of_file = stage.module, Path(path).name, way
+    if ended.code == 0 and EXCUSED & {(stage.module, way), of_file}:
         return None, ended
     return finding(stage, path, ended, base, place), ended
 
@@ -164,6 +165,8 @@ def hidden(folder):
 EXCUSED = {
     # It aligns the renders that there are; who reads the flows names the one it misses.
     ("flow.align", "a view missing"),
+    # Cameras of another training of the same scene are a training's to take.
+    ("alignerf.train", "cameras.npz", "another's bytes"),
     # Of other programs' trainings commit, lock and device are not known either.
     *(("alignerf.tables.collect", f"a key missing ({n})") for n in range(3)),
 }

@@ -139,6 +139,7 @@ NO_TABLE = "not the table that it should be"
         ("scores", SCORES + "a,standard,x\n", "column psnr_db: not numbers"),
         ("scores", SCORES + "a,b,1\na,b,2\n", "not the scores .*: one stands twice"),
         ("scores", SCORES + "a,b,1\na,b,1\n", "two equal rows of view a"),
+        ("scores", SCORES + "a,x,1\n", "no test set is called 'x'"),
         ("parts", "view,flow_median_px\na,1\n", f"{NO_TABLE}: no column"),
         ("timing", "", "not the JSON that it should be"),
         ("timing", "[1]", "not the JSON that it should be"),

@@ -110,7 +110,7 @@ def test_the_view_of_middle_misalignment_is_shown(tmp_path):
     path = tmp_path / "displacement.csv"
     for lengths, wanted in (([3, 1, 2], "c"), ([10, 9, 0, 0.5], "b"), ([1], "a")):
         lines = [f"{view},{px}" for view, px in zip("abcd", lengths, strict=False)]
-        path.write_text("\n".join(["view,median_px", *lines]))
+        path.write_text("\n".join(["view,median_px", *lines, ""]))
         assert scene_figures.middle_view(path) == wanted
 
 
