@@ -1,6 +1,8 @@
 """COLMAP's own steps, the same on every run: features, matching, mapping."""
 
 import contextlib
+import errno
+import os
 import sqlite3
 from pathlib import Path
 
@@ -32,28 +34,44 @@ def models_of(
     """All pycolmap.Reconstructions that COLMAP finds; arguments: `estimate_poses`."""
     names = sorted(name for camera in taken_by for name in camera.names)
     database = Path(work_folder) / "database.db"
-    pycolmap.Database.open(database).close()
-    quiet(seed)
-    # Imported first, so that image ids follow the names: parallel extraction hands
-    # them out in any order, and the result depends on them.
-    for camera in taken_by:
-        reader = pycolmap.ImageReaderOptions()
-        # Few photos do not tell a lens's distortion in full: it folds their image over.
-        simple = camera_model == "OPENCV" and len(camera.names) < FEW_OF_A_CAMERA
-        reader.camera_model = "SIMPLE_RADIAL" if simple else camera_model
-        if camera.focal_px is not None:
-            start = _start_params(reader.camera_model, camera.focal_px, *camera.size)
-            reader.camera_params = start
-        pycolmap.import_images(
-            database,
-            image_folder,
-            camera_mode=pycolmap.CameraMode.SINGLE,
-            image_names=[f"{name}.png" for name in sorted(camera.names)],
-            options=reader,
-        )
-    extract(database, image_folder, names, max_size_px, masks)
-    match(database, len(names), seed)
-    return _map(database, image_folder, work_folder, seed, len(names))
+    with room_for(database):
+        pycolmap.Database.open(database).close()
+        quiet(seed)
+        # Imported first, so that image ids follow the names: parallel extraction hands
+        # them out in any order, and the result depends on them.
+        for camera in taken_by:
+            reader = pycolmap.ImageReaderOptions()
+            # Few photos do not tell a lens's distortion in full: it folds their image
+            # over.
+            simple = camera_model == "OPENCV" and len(camera.names) < FEW_OF_A_CAMERA
+            reader.camera_model = "SIMPLE_RADIAL" if simple else camera_model
+            if camera.focal_px is not None:
+                start = _start_params(
+                    reader.camera_model, camera.focal_px, *camera.size
+                )
+                reader.camera_params = start
+            pycolmap.import_images(
+                database,
+                image_folder,
+                camera_mode=pycolmap.CameraMode.SINGLE,
+                image_names=[f"{name}.png" for name in sorted(camera.names)],
+                options=reader,
+            )
+        extract(database, image_folder, names, max_size_px, masks)
+        match(database, len(names), seed)
+        return _map(database, image_folder, work_folder, seed, len(names))
+
+
+@contextlib.contextmanager
+def room_for(database):
+    """A full disk, which COLMAP's database tells in words, as the system tells it."""
+    try:
+        yield
+    except RuntimeError as error:
+        if "disk is full" not in str(error):
+            raise
+        said = os.strerror(errno.ENOSPC)
+        raise OSError(errno.ENOSPC, said, str(database)) from None
 
 
 def quiet(seed):

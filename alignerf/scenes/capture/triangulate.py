@@ -40,15 +40,18 @@ def triangulate(
     out.mkdir()
     model = model_of(views)
     mapping.quiet(seed)
-    write_views(database, model)
-    side_px = most_side_px or int(max(views["width"], views["height"]))
-    mapping.extract(database, image_folder, names, side_px, masks, most=most_features)
-    mapping.match(database, len(names), seed)
-    with progress.heartbeat("COLMAP: points"):
-        options = mapping.pipeline_options(seed)
-        triangulated = pycolmap.triangulate_points(
-            model, database, image_folder, out, options=options
+    with mapping.room_for(database):
+        write_views(database, model)
+        side_px = most_side_px or int(max(views["width"], views["height"]))
+        mapping.extract(
+            database, image_folder, names, side_px, masks, most=most_features
         )
+        mapping.match(database, len(names), seed)
+        with progress.heartbeat("COLMAP: points"):
+            options = mapping.pipeline_options(seed)
+            triangulated = pycolmap.triangulate_points(
+                model, database, image_folder, out, options=options
+            )
     return colmap.convert(triangulated, names)
 
 

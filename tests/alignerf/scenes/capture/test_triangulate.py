@@ -10,7 +10,7 @@ from alignerf.experiment.keys import scene as scene_keys
 from alignerf.exports import formats
 from alignerf.files import images
 from alignerf.scenes import cameras, prepared
-from alignerf.scenes.capture import triangulate
+from alignerf.scenes.capture import mapping, triangulate
 from alignerf.scenes.courtyard import scene as courtyard
 
 WIDTH, HEIGHT, VIEWS = 240, 180, 6
@@ -144,3 +144,12 @@ def test_points_are_found_where_they_are_missing(has, asked, wanted):
     assert scene_keys.wants_points(scene) is wanted
     # Windows have them from the whole photos.
     assert not scene_keys.wants_points(scene | {"zoom": {"px": 256}})
+
+
+def test_a_full_disk_is_told_as_the_system_tells_it():
+    said = "[database_sqlite.cc:1243] SQLite error: database or disk is full"
+    with pytest.raises(OSError, match="No space left on device: 'given.db'"):
+        with mapping.room_for("given.db"):
+            raise RuntimeError(said)
+    with pytest.raises(RuntimeError, match="another"), mapping.room_for("given.db"):
+        raise RuntimeError("another")
