@@ -49,7 +49,7 @@ inline float log(float x) {
 
 // Of x <= 0, or NaN; 0 where that leaves float32's normal numbers.
 inline float exp(float x) {
-  const float least = -87.3f, kept = x > least ? x : least;
+  const float least = -87.3f, kept = x < least ? least : x;
   const int32_t power = int32_t(kept * 1.44269504088896341f - 0.5f);
   const float n = float(power), r = kept - n * kLog2High - n * kLog2Low;
   float y = 1.9875691500e-4f;
@@ -59,8 +59,8 @@ inline float exp(float x) {
   y = y * r + 1.6666665459e-1f;
   y = y * r + 5.0000001201e-1f;
   y = y * r * r + r + 1;
-  const float found = y * of_bits(x > least ? (power + 127) * (1 << 23) : 0);
-  return x == x ? found : x;
+  const uint32_t scale = uint32_t(power + 127) << 23;
+  return y * of_bits(x > least ? int32_t(scale) : 0);
 }
 
 }  // namespace elementary
