@@ -21,6 +21,8 @@ PLUGIN, FILE_DESCRIPTOR = "alignerf-events", "ALIGNERF_EVENTS_FD"
 LAST_S = 5.0
 # Who has begun a job since the first time is asked to end it.
 AGAIN_S = 2.0
+# How long Snakemake may take from then on.
+STUCK_S = 30.0
 
 
 class Child:
@@ -83,13 +85,20 @@ def handed_on(process):
     """Who ends this process ends Snakemake: by SIGTERM, and by a fault of ours.
 
     Its jobs are ended, too: left to itself it would wait for them, an hour if need be.
-    Yields a `threading.Event`, which is set when somebody has asked for the end.
+    It is told once: its own handler waits for a lock, which the thread that it interrupts
+    may hold. If that has happened it is killed. Yields a `threading.Event`, set when
+    somebody has asked for the end.
     """
     asked = threading.Event()
 
     def end(*_):
-        asked.set()
-        end_all(process)
+        if not asked.is_set():
+            asked.set()
+            process.terminate()
+            last = threading.Timer(STUCK_S, end_at_last, [process])
+            last.daemon = True
+            last.start()
+        end_jobs(process)
 
     main = threading.current_thread() is threading.main_thread()
     before = main and signal.signal(signal.SIGTERM, end)
@@ -97,18 +106,22 @@ def handed_on(process):
         yield asked
     finally:
         while process.poll() is None:
-            end_all(process)
+            end()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(AGAIN_S)
         if main:
             signal.signal(signal.SIGTERM, before)
 
 
-def end_all(process):
-    """Ask a process and all that it has started to end, if it has not ended."""
+def end_at_last(process):
+    """Kill what has not ended."""
+    end_jobs(process)
+    process.kill()
+
+
+def end_jobs(process):
+    """Ask all that a process has started to end, if it has not ended itself."""
     with contextlib.suppress(psutil.NoSuchProcess):
-        jobs = psutil.Process(process.pid).children(recursive=True)
-        process.terminate()
-        for job in jobs:
+        for job in psutil.Process(process.pid).children(recursive=True):
             with contextlib.suppress(psutil.NoSuchProcess):
                 job.terminate()

@@ -52,6 +52,16 @@ def test_it_is_ended_where_its_reader_fails(child):
     assert one.code() == 128 + signal.SIGTERM
 
 
+def test_who_does_not_end_is_killed(child, monkeypatch):
+    monkeypatch.setattr(events, "STUCK_S", 0.5)
+    deaf = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN);"
+    one = child(f"{deaf} tell(b'{{}}\\n'); time.sleep(60)")
+    assert one.next(30) == {}
+    with pytest.raises(OSError, match="nobody looks"), one.handed_on():
+        raise OSError("nobody looks")
+    assert one.code() == 128 + signal.SIGKILL
+
+
 def test_jobs_do_not_hold_the_pipe_open(child):
     """What a job leaves running does not keep a run from ending."""
     left = "[sys.executable, '-c', 'import time; time.sleep(20)']"
