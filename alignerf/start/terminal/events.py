@@ -85,8 +85,8 @@ def handed_on(process):
     """Who ends this process ends Snakemake: by SIGTERM, and by a fault of ours.
 
     Its jobs are ended, too: left to itself it would wait for them, an hour if need be.
-    It is told once: its own handler waits for a lock, which the thread that it interrupts
-    may hold. If that has happened it is killed. Yields a `threading.Event`, set when
+    It is told once: its own handler waits for a lock, and the thread that it interrupts
+    may hold it. If that has happened it is killed. Yields a `threading.Event`, set when
     somebody has asked for the end.
     """
     asked = threading.Event()
