@@ -33,9 +33,9 @@ CAMERAS = (
 RULE = re.compile(r"^\s*(?:rule|checkpoint|use rule \w+ as) (\w+)", re.MULTILINE)
 
 
-# Minutes of COLMAP on two cores by number of photos, of 2 to 12 megapixels
-# (docs/evidence/costs.md).
-COLMAP_MIN = {24: 2, 50: 3, 300: 84}
+# Minutes of COLMAP on two cores by number of photos, of 2 to 12 megapixels; of 150 by the
+# time of a pair (docs/evidence/costs.md).
+COLMAP_MIN = {24: 2, 50: 3, 150: 40, 300: 84}
 
 # What a phone's own poses get beside them: the same photos, posed by COLMAP.
 BY_COLMAP = "colmap"
