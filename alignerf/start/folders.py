@@ -33,8 +33,8 @@ CAMERAS = (
 RULE = re.compile(r"^\s*(?:rule|checkpoint|use rule \w+ as) (\w+)", re.MULTILINE)
 
 
-# Minutes of COLMAP on two cores by number of photos, of 2 to 12 megapixels; of 150 by the
-# time of a pair (docs/evidence/costs.md).
+# Minutes of COLMAP on two cores by number of photos, of 2 to 12 megapixels; of 150 as a
+# pair's time has it (docs/evidence/costs.md).
 COLMAP_MIN = {24: 2, 50: 3, 150: 40, 300: 84}
 
 # What a phone's own poses get beside them: the same photos, posed by COLMAP.
