@@ -8,6 +8,8 @@ import zipfile
 
 import pytest
 
+from alignerf.scenes import photos
+
 # Imports each name and prints where it came from, in an interpreter of its own.
 IMPORT_ALL = """
 import importlib, sys
@@ -96,7 +98,9 @@ def run(installed, folder, *words):
 def test_the_command_finds_the_workflow_from_anywhere(installed, tmp_path):
     command = installed / "bin" / "why-blurry"
     (tmp_path / "my photos").mkdir()
-    (tmp_path / "my photos" / "a.jpg").write_bytes(b"no photo")
+    # As many as are posed: fewer are refused before Snakemake runs.
+    for name in "abcdefgh"[: photos.LEAST]:
+        (tmp_path / "my photos" / f"{name}.jpg").write_bytes(b"no photo")
     code, said = run(
         installed, tmp_path, command, "photos", "my photos", "--cores", "1"
     )
