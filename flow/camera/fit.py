@@ -149,20 +149,33 @@ def fit(flow_px, points, *, log_focal=None):
     motion = camera_motion.STILL
     if log_focal is not None:
         motion, unit[-1] = motion._replace(log_focal=log_focal), 0.0
-    length_px = _misses(motion, flow_px, points)
+    still_px = camera_motion.pixels(camera_motion.STILL, points)
+    q, residual_px = _left(motion, flow_px, points, still_px)
+    length_px = np.linalg.norm(residual_px, axis=-1)
     width_px = max(2 * np.percentile(length_px, 95), OUTLIER_SIGMAS * LEAST_NOISE_PX)
     for number in range(MOST_STEPS):
-        motion, change_px = _step(motion, width_px, unit, flow_px, points)
+        by = camera_motion.jacobian(motion, points, q)
+        motion, change_px = _step(motion, width_px, unit, by, residual_px)
+        q, residual_px = _left(motion, flow_px, points, still_px)
         if number % STEPS_PER_WIDTH:
             continue
         # The noise falls with the fit: narrow until both have come to rest.
-        noise_px = _noise_px(_misses(motion, flow_px, points), *QUARTER)
+        noise_px = _noise_px(np.linalg.norm(residual_px, axis=-1), *QUARTER)
         least_px = OUTLIER_SIGMAS * max(noise_px, LEAST_NOISE_PX)
         narrower_px = max(least_px, NARROWING * width_px)
         if narrower_px > 0.99 * width_px and change_px < CONVERGED_PX:
             break
         width_px = min(width_px, narrower_px)
     return motion
+
+
+def _left(motion, flow_px, points, still_px):
+    """(directions [n, 3], what the motion leaves of the flow [n, 2] in px).
+
+    still_px: the pixels without motion, which all motions of a fit share.
+    """
+    q = camera_motion.directions(motion, points)
+    return q, flow_px - (camera_motion.pixels(motion, points, q) - still_px)
 
 
 def _units(points):
@@ -176,30 +189,25 @@ def _units(points):
     return np.where(size_px > 1e-9, 1 / np.maximum(size_px, 1e-9), 0.0)
 
 
-def _misses(motion, flow_px, points):
-    """Length [n] of what a motion leaves of the flow."""
-    return np.linalg.norm(flow_px - camera_motion.flow(motion, points), axis=-1)
-
-
 def _noise_px(length_px, share, sigmas):
     """Standard deviation of a component, from a quantile of the errors' length."""
     return float(np.quantile(length_px, share)) / sigmas
 
 
-def _step(motion, width_px, unit, flow_px, points):
+def _step(motion, width_px, unit, by, residual):
     """One step of iteratively reweighted Gauss-Newton; (motion, largest change in px).
 
     The loss r^2 / (1 + r^2 / width^2), whose weight falls with the fourth power of
-    the residual r, plus the ridge on the whole motion.
+    the residual r [n, 2], plus the ridge on the whole motion. by [n, 2, 7]: the
+    derivative at this motion.
     """
-    residual = flow_px - camera_motion.flow(motion, points)
     weight = 1 / (1 + (residual**2).sum(axis=-1) / width_px**2) ** 2
-    by = camera_motion.jacobian(motion, points) * unit
-    weighted = by * (weight / max(weight.sum(), 1e-12))[:, None, None]
-    normal = np.einsum("nki,nkj->ij", weighted, by)
+    by = (by * unit).reshape(-1, 7)
+    weighted = by * np.repeat(weight / max(weight.sum(), 1e-12), 2)[:, None]
+    normal = weighted.T @ by
     now = camera_motion.parameters(motion)
     now = np.divide(now, unit, out=np.zeros(7), where=unit > 0)
-    right = np.einsum("nki,nk->i", weighted, residual) - RIDGE * now
+    right = weighted.T @ residual.ravel() - RIDGE * now
     change = np.linalg.solve(normal + np.diag(RIDGE), right)
     turn = np.linalg.norm((change * unit)[:3])
     change *= min(1.0, LARGEST_TURN / max(turn, 1e-12))

@@ -55,23 +55,31 @@ def flow(motion: Motion, points: Points):
 
     The difference to the same formula without motion, so that no motion gives zero.
     """
-    return _project(motion, points) - _project(STILL, points)
+    return pixels(motion, points) - pixels(STILL, points)
 
 
-def jacobian(motion: Motion, points: Points):
+def jacobian(motion: Motion, points: Points, q=None):
     """Derivative [n, 2, 7] of `flow` by a further turn, step and zoom (see `moved`).
 
-    In the moved camera's axes: dq = q x turn - rho step.
+    In the moved camera's axes: dq = q x turn - rho step. q: `directions`, where they
+    are known.
     """
-    q = _directions(motion, points)
-    x, y, z = q.T
-    none = np.zeros_like(x)
-    turn = np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1)
-    step = -points.rho[:, None, None] * np.eye(3)
-    dq = np.concatenate([turn.reshape(-1, 3, 3), step], axis=-1)
-    image = q[:, :2] / z[:, None]
-    by = (dq[:, :2] - image[..., None] * dq[:, 2:]) / z[:, None, None]
-    by = np.concatenate([by, image[..., None]], axis=-1)
+    q = directions(motion, points) if q is None else q
+    z = q[:, 2]
+    u, v, near = q[:, 0] / z, q[:, 1] / z, points.rho / z
+    by = np.zeros((len(q), 2, 7))
+    # Of the image (u, v) = (q_x, q_y) / q_z, so of d(u) = (dq_x - u dq_z) / q_z.
+    by[:, 0, 0] = u * v
+    by[:, 0, 1] = -1 - u**2
+    by[:, 0, 2] = v
+    by[:, 1, 0] = 1 + v**2
+    by[:, 1, 1] = -u * v
+    by[:, 1, 2] = -u
+    by[:, 0, 3] = by[:, 1, 4] = -near
+    by[:, 0, 5] = near * u
+    by[:, 1, 5] = near * v
+    by[:, 0, 6] = u
+    by[:, 1, 6] = v
     return np.exp(motion.log_focal) * points.camtopix[:2, :2] @ by
 
 
@@ -119,15 +127,15 @@ def between(first, second) -> Motion:
     )
 
 
-def _directions(motion, points):
-    """q [..., 3], kept in front of the moved camera."""
+def directions(motion, points):
+    """q [..., 3] of the module's notation, kept in front of the moved camera."""
     q = points.rays - points.rho[..., None] * motion.centre
     q = q @ Rotation.from_rotvec(motion.rotation).as_matrix()
     return np.concatenate([q[..., :2], np.maximum(q[..., 2:], LEAST_Q_Z)], axis=-1)
 
 
-def _project(motion, points):
-    """Pixel positions [..., 2] seen by the moved camera."""
-    q = _directions(motion, points)
+def pixels(motion, points, q=None):
+    """Pixel positions [..., 2] seen by the moved camera; q: as of `jacobian`."""
+    q = directions(motion, points) if q is None else q
     image = np.exp(motion.log_focal) * q[..., :2] / q[..., 2:]
     return image @ points.camtopix[:2, :2].T + points.camtopix[:2, 2]

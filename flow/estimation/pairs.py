@@ -35,11 +35,13 @@ def flow_and_validity(
     match_blur=True,
     blur_by=None,
     tolerance_px=1.0,
+    back=None,
 ):
     """(flow_px [h, w, 2], valid [h, w], sigma_px of the photo's blur before the flow).
 
     Valid: in frame, where the flow and that from photo to render agree to
-    tolerance_px. blur_by: as of `estimate.blur_match`.
+    tolerance_px. blur_by: as of `estimate.blur_match`. back: the estimator of the flow
+    from photo to render, which only checks; None: the same.
     """
     sigma_px = 0.0
     if match_blur:
@@ -47,6 +49,6 @@ def flow_and_validity(
             photo, render, method=method, blur_by=blur_by
         )
     forward_px = estimate.estimate(render, photo, method=method)
-    backward_px = estimate.estimate(photo, render, method=method)
+    backward_px = estimate.estimate(photo, render, method=back or method)
     valid = warp.consistent(forward_px, backward_px, tolerance_px=tolerance_px)
     return forward_px, valid, sigma_px
