@@ -10,8 +10,9 @@ from pathlib import Path
 
 from alignerf.experiment import kinds
 from alignerf.experiment.cluster import slurm_errors
-from alignerf.files import atomic, faults, machine, provenance
+from alignerf.files import atomic, faults, machine, provenance, yaml_files
 
+DEMO = provenance.PIPELINE / "workflow" / "config" / "demo.yaml"
 TABLES = ("misalignment", "round_times", "controls", "displacement")
 # Not in Snakemake's report.
 UNREPORTED = ("round_times",)
@@ -79,26 +80,31 @@ def of_page(experiment, scene):
 
 def preflight_of(experiment, scene):
     """What a run was to cost, where something is trained."""
-    return (
-        [] if experiment.scenes[scene]["judged"] else f"results/{scene}/preflight.json"
-    )
+    judged = experiment.scenes[scene]["judged"]
+    return [] if judged else f"results/{scene}/preflight.json"
+
+
+def demo_scenes():
+    """Names of the scenes of the demo's config, which runs where none is named."""
+    return list(yaml_files.read(DEMO)["scenes"])
 
 
 def export_command(configs):
     """The command that writes a run's files for other programs.
 
-    configs: files that the command line names. One in results/ is `make photos`'s. The
-    target comes before `--configfile`, which takes all words that follow.
+    configs: files that the command line names; one in results/ is `make photos`'s, none
+    the demo's. The target comes before `--configfile`, which takes all words after it.
     """
     paths = [Path(os.path.relpath(path)) for path in configs]
+    name = None if paths else demo_scenes()[0]
     if len(paths) == 1 and paths[0].parent == Path("results"):
         name = paths[0].stem
+    if name is not None:
         return provenance.typed(
             f"make export SCENE={name}", f"why-blurry export {name}"
         )
     words = ["snakemake", "--cores", str(machine.cores()), "export"]
-    words += ["--configfile", *map(str, paths)] if paths else []
-    return shlex.join(words)
+    return shlex.join([*words, "--configfile", *map(str, paths)])
 
 
 def verdicts(scenes, results="results", export=""):

@@ -1,8 +1,8 @@
 """A capture's files for other programs: `make export SCENE=my_photos`.
 
-SCENE is the name of a config of `make photos`, results/my_photos.yaml; the folder of
-the photos will do too (`FOLDER=my_photos`). What the export needs and is not there yet
-is made. WIDTH makes photos smaller.
+SCENE is the name of a config of `make photos`, results/my_photos.yaml, or the demo's
+scene; the folder of the photos will do too (`FOLDER=my_photos`). What the export needs
+and is not there yet is made. WIDTH makes photos smaller.
 """
 
 import argparse
@@ -22,9 +22,11 @@ def main(argv=None):
         )
         raise ValueError(f"SCENE is missing: {command}")
     path = config_of(args.name)
-    scenes = scenes_of(path)
-    check_judged(path)
-    print(f"config: {faults.one_line(str(path))}", flush=True)
+    scenes = targets.demo_scenes()
+    if path is not None:
+        scenes = scenes_of(path)
+        check_judged(path)
+        print(f"config: {faults.one_line(str(path))}", flush=True)
     overrides = [f"export_width_px={args.width}"] if args.width else []
     if code := workflow.run(path, args.cores, "export", overrides=overrides):
         sys.exit(code)
@@ -33,13 +35,18 @@ def main(argv=None):
 
 
 def config_of(name):
-    """The config of a name, or of a folder's. ValueError where there is none."""
+    """The config of a name, or of a folder's; None: the demo's.
+
+    Raises ValueError where there is none.
+    """
     place = folders.at_home(name)
     names = [place.name, folders.name_of(place)]
     for one in names:
         path = Path("results") / f"{one}.yaml"
         if path.is_file():
             return path
+    if name in targets.demo_scenes():
+        return None
     photos = provenance.typed(*configs.PHOTOS)
     raise ValueError(
         f"results/{names[-1]}.yaml does not exist: run `{photos.format(name)}` "

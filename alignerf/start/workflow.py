@@ -16,7 +16,7 @@ from alignerf.experiment import sources, targets
 from alignerf.files import yaml_files
 from alignerf.start.terminal import events, report, screen
 
-DEMO = sources.PIPELINE / "workflow" / "config" / "demo.yaml"
+DEMO = targets.DEMO
 LOGS, KEPT = Path("results/logs"), 10
 # Targets after which nobody waits for a verdict.
 WITHOUT_VERDICT = {("export",)}

@@ -1,6 +1,7 @@
 """The benchmarks run, and their figures mean what they say."""
 
 import csv
+import importlib
 import json
 import math
 import os
@@ -8,6 +9,7 @@ import time
 
 import jax
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
@@ -20,6 +22,7 @@ from tests.bench import (
     job,
     measure,
     multinerf,
+    on_the_way,
     ours,
     quality,
     report,
@@ -209,3 +212,33 @@ def test_the_peer_sees_the_same_rays_and_colours(peer):
         theirs_flat = getattr(found.rays, name).reshape(96, -1)
         np.testing.assert_allclose(getattr(rays, name), theirs_flat, atol=1e-6)
     assert (np.round(found.rgb * 255) == photos.images[1]).all()
+
+
+def test_every_benchmark_is_importable(root):
+    """Those that take hours are run by nobody else."""
+    for path in sorted((root / "tests/bench").glob("*.py")):
+        if path.stem not in ("__init__", "conftest"):
+            importlib.import_module(f"tests.bench.{path.stem}")
+
+
+def test_gains_on_the_way_are_over_plain_training_of_as_many_steps():
+    """Twice the steps take twice the time and bring 2 dB; alignment takes half more."""
+    scores = {"plain": (20.0, 22.0), "aligned": (25.0, 27.0)}
+    rows = [
+        {"scene": "a", "seed": seed, "share": share, "method": method, "view": view}
+        | dict.fromkeys(("oracle_db", "fitted_db", "standard_db"), db + seed + 0.1 * n)
+        | {"fair_db": math.nan, "detail": 1.0, "align_s": 0.0}
+        | {"train_s": 10 * share * (1.5 if method == "aligned" else 1.0)}
+        | {"given_px": 1.5, "after_px": 0.5}
+        for method, both in scores.items()
+        for share, db in zip((1.0, 2.0), both, strict=True)
+        for seed in (0, 2)
+        for n, view in enumerate("abcdef")
+    ]
+    table = on_the_way.table_of(pd.DataFrame(rows)).set_index(["share", "method"])
+    assert table.loc[(1.0, "aligned"), "gain_db"] == pytest.approx(5)
+    assert table.loc[(1.0, "aligned"), "fitted_db"] == pytest.approx(5)
+    assert table.loc[(2.0, "aligned"), "time_ratio"] == pytest.approx(1.5)
+    # In 20 s a plain training of twice the steps has 22 dB, an aligned one is between.
+    assert 3 < table.loc[(2.0, "aligned"), "equal_db"] < 5
+    assert math.isnan(table.loc[(1.0, "plain"), "gain_db"])

@@ -40,6 +40,11 @@ def test_a_name_or_a_folder_is_enough(here, runs, capsys, name):
     assert "export: results/my_photos/aligned/export/cameras/README.txt" in told
 
 
+def test_the_demo_has_no_config_in_results(here, runs):
+    export.main(["courtyard"])
+    assert runs == [("None", ("export",), [])]
+
+
 def test_a_width_overrules_the_config(here, runs):
     export.main(["my_photos", "--width", "1600"])
     assert runs[0][2] == ["export_width_px=1600"]
@@ -72,7 +77,7 @@ def test_the_command_is_that_of_the_run(here, monkeypatch):
     assert found == "make export SCENE=my_photos"
     found = targets.export_command(["own.yaml"])
     assert found == f"snakemake --cores {cores} export --configfile own.yaml"
-    assert targets.export_command([]) == f"snakemake --cores {cores} export"
+    assert targets.export_command([]) == "make export SCENE=courtyard"
     monkeypatch.setenv(provenance.EXPORT, "make export SCENE=a")
     assert provenance.export_command() == "make export SCENE=a"
 

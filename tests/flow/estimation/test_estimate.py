@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from alignerf.files import images
-from flow.estimation import estimate, estimators
+from flow.estimation import estimate, estimators, pairs
 from flow.warping import files, warp
 
 SEQUENCES = {  # mean end-point error in px that the methods of FAST stay below
@@ -269,3 +269,19 @@ def test_middlebury(shared_data, name):
     for method, below_px in zip(FAST, SEQUENCES[name], strict=True):
         found_px = estimate.estimate(*frames, method=method)
         assert np.linalg.norm(found_px - true_px, axis=-1)[known].mean() < below_px
+
+
+def test_a_faster_estimator_may_check_a_flow():
+    photo = texture(96, 128)
+    render = warp.warp(photo, smooth_flow(96, 128, longest_px=2.0))
+    # What no flow explains: another texture in a corner.
+    render[:30, :40] = texture(30, 40, seed=5)
+    own = pairs.flow_and_validity(render, photo, method="deepflow", match_blur=False)
+    other = pairs.flow_and_validity(
+        render, photo, method="deepflow", match_blur=False, back="dis_fine"
+    )
+    np.testing.assert_array_equal(other[0], own[0])
+    assert (other[1] == own[1]).mean() > 0.9
+    away = np.s_[40:-8, 50:-8]
+    assert other[1][away].mean() > 0.98
+    assert other[1][5:25, 5:35].mean() < 0.5
