@@ -2,11 +2,10 @@
 
     python -m tests.bench.on_the_way --out rows.csv --lengths 0.5 1 2
         --config workflow/config/remedies.yaml --scenes results/both_wrong ...
-    python -m tests.bench.on_the_way --out rows.csv --table on_the_way.csv
 
-The first trains methods of the config on each scene, two at a time with one thread
-each, and adds a line to the CSV for each test view; what is there is not trained again.
-The second makes the table of it: gains at as many steps, and at equal time.
+Trains methods of the config on each scene, two at a time with one thread each, and adds
+a line to the CSV for each test view; what is there is not trained again. Tables of it:
+`tests.bench.on_the_way_tables`.
 """
 
 import argparse
@@ -26,33 +25,23 @@ import pandas as pd
 
 from alignerf.experiment import check, plan
 from alignerf.files import images, yaml_files
-from alignerf.tables import intervals
-from alignerf.tables.across import remedies
 
 COLUMNS = ("scene", "seed", "share", "method", "view", "oracle_db", "standard_db")
 COLUMNS += ("fair_db", "fitted_db", "detail")
 COLUMNS += ("train_s", "align_s", "given_px", "after_px")
 # Of a fair score, in the stage that makes it.
 SQUARES, MARGIN = 4, 0.25
-# Times the plain training's steps.
-BUDGETS = (1, 2, 4)
 
 
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--config", type=Path)
-    parser.add_argument("--scenes", nargs="+", default=[])
+    parser.add_argument("--config", type=Path, required=True)
+    parser.add_argument("--scenes", nargs="+", required=True)
     parser.add_argument("--methods", nargs="+", default=["plain", "aligned"])
     parser.add_argument("--lengths", nargs="+", type=float, default=[1.0])
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--table", type=Path)
     args = parser.parse_args(argv)
-    if args.table:
-        table_of(pd.read_csv(args.out)).to_csv(
-            args.table, index=False, float_format="%.4g"
-        )
-        return
     done = set()
     if args.out.exists():
         there = pd.read_csv(args.out)
@@ -183,79 +172,6 @@ def fair_image(loaded, render, view, image, depth, photo):
 def psnr_db(image, other):
     error = (image.astype(np.float64) - other) / 255
     return float(-10 * np.log10(np.mean(error**2)))
-
-
-def table_of(rows):
-    """A line for each scene, length and method; gains are over plain training."""
-    lines = []
-    for scene, own in rows.groupby("scene", sort=False):
-        score = "oracle_db" if own["oracle_db"].notna().all() else "fair_db"
-        for (share, method), chosen in own.groupby(["share", "method"], sort=False):
-            plain = own[(own["share"] == share) & (own["method"] == "plain")]
-            line = {"scene": scene, "share": share, "method": method}
-            line |= {"test_set": score.removesuffix("_db"), "seeds": 0}
-            of_seed = dict(iter(chosen.groupby("seed")))
-            line["seeds"] = len(of_seed)
-            for key in ("train_s", "align_s", "given_px", "after_px"):
-                line[key] = np.median([one[key].iloc[0] for one in of_seed.values()])
-            for key in (score, "standard_db", "detail"):
-                means = [one[key].mean() for one in of_seed.values()]
-                line[key.replace(score, "psnr_db")] = np.mean(means)
-            gains, ratios, at_equal, fitted = [], [], [], []
-            for seed, one in of_seed.items():
-                other = plain[plain["seed"] == seed]
-                if other.empty:
-                    continue
-                gains.append(one[score].to_numpy() - other[score].to_numpy())
-                fitted.append(
-                    one["fitted_db"].to_numpy() - other["fitted_db"].to_numpy()
-                )
-                ratios.append(one["train_s"].iloc[0] / other["train_s"].iloc[0])
-                at_equal.append(at_equal_time(own, seed, share, method, score))
-            if gains and method != "plain":
-                line["gain_db"] = np.mean([gain.mean() for gain in gains])
-                line["gain_low_db"], line["gain_high_db"] = interval(gains, score)
-                line["fitted_db"] = np.mean([gain.mean() for gain in fitted])
-                ends = interval(fitted, score)
-                line["fitted_low_db"], line["fitted_high_db"] = ends
-                line["time_ratio"] = np.median(ratios)
-                line["median_gain_db"] = np.median([gain.mean() for gain in gains])
-                equal = [gain for gain in at_equal if gain is not None]
-                if len(equal) == len(gains):
-                    line["equal_db"] = np.mean([gain.mean() for gain in equal])
-                    ends = interval(equal, score)
-                    line["equal_low_db"], line["equal_high_db"] = ends
-            lines.append(line)
-    return pd.DataFrame(lines)
-
-
-def interval(gains, score):
-    """Over views and seeds; seeds of one capture are of the trainings alone."""
-    if score == "fair_db":
-        return intervals.mean_interval(np.mean(gains, axis=0))
-    return intervals.pooled_interval(gains)
-
-
-def at_equal_time(rows, seed, share, method, score):
-    """What a method's views gain at the seconds of plain training; None if unknown."""
-    own = rows[rows["seed"] == seed]
-
-    def points(name):
-        chosen = own[own["method"] == name].groupby("share")
-        return {
-            length: (one["train_s"].iloc[0], one[[score]].rename(columns={score: "x"}))
-            for length, one in chosen
-        }
-
-    plain = points("plain")
-    if share not in plain:
-        return None
-    own_points, time_s = points(method), plain[share][0]
-    # One that is done before the time is up has what it has.
-    last_s = max(seconds for seconds, _ in own_points.values())
-    found = remedies.at_time(own_points, min(time_s, last_s), "x")
-    other = remedies.at_time(plain, time_s, "x")
-    return None if np.isnan(found).any() else found - other
 
 
 if __name__ == "__main__":

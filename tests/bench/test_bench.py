@@ -22,7 +22,7 @@ from tests.bench import (
     job,
     measure,
     multinerf,
-    on_the_way,
+    on_the_way_tables,
     ours,
     quality,
     report,
@@ -235,10 +235,17 @@ def test_gains_on_the_way_are_over_plain_training_of_as_many_steps():
         for seed in (0, 2)
         for n, view in enumerate("abcdef")
     ]
-    table = on_the_way.table_of(pd.DataFrame(rows)).set_index(["share", "method"])
+    table = on_the_way_tables.table_of(pd.DataFrame(rows)).set_index(
+        ["share", "method"]
+    )
     assert table.loc[(1.0, "aligned"), "gain_db"] == pytest.approx(5)
     assert table.loc[(1.0, "aligned"), "fitted_db"] == pytest.approx(5)
     assert table.loc[(2.0, "aligned"), "time_ratio"] == pytest.approx(1.5)
     # In 20 s a plain training of twice the steps has 22 dB, an aligned one is between.
     assert 3 < table.loc[(2.0, "aligned"), "equal_db"] < 5
     assert math.isnan(table.loc[(1.0, "plain"), "gain_db"])
+    named = table.reset_index().replace({"scene": {"a": "both_wrong"}})
+    (once, twice) = on_the_way_tables.answer_of(named).to_dict("records")
+    assert (once["budget"], once["remedy"]) == (1, "aligned on the way")
+    assert twice["both_db"] == table.loc[(2.0, "aligned"), "equal_db"]
+    assert math.isnan(once["nothing_db"])

@@ -1,0 +1,141 @@
+"""Tables of what `tests.bench.on_the_way` has measured.
+
+    python -m tests.bench.on_the_way_tables rows.csv --table on_the_way.csv
+        --answer equal_time.csv
+
+The first has gains at as many steps and at equal time; the second those at equal time
+alone, a line for each remedy, as README shows them.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from alignerf.tables import intervals
+from alignerf.tables.across import remedies
+
+# Names in tables, and in columns of README's.
+SCENES = {
+    "both_wrong": ("poses wrong, objects move", "both"),
+    "poses_only": ("poses wrong", "poses"),
+    "motion_only": ("objects move", "motion"),
+    "nothing_wrong": ("nothing wrong", "nothing"),
+}
+METHODS = {
+    "plain": "plain training",
+    "aligned": "aligned on the way",
+    "joint": "cameras learnt with the scene",
+}
+# Times the plain training's steps.
+BUDGETS = (1, 2, 4)
+ENDS = ("db", "low_db", "high_db")
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("rows", type=Path)
+    parser.add_argument("--table", type=Path, required=True)
+    parser.add_argument("--answer", type=Path)
+    args = parser.parse_args(argv)
+    table = table_of(pd.read_csv(args.rows))
+    scenes = {scene: name for scene, (name, _) in SCENES.items()}
+    named = table.replace({"scene": scenes, "method": METHODS})
+    named.to_csv(args.table, index=False, float_format="%.4g")
+    if args.answer:
+        answer_of(table).to_csv(args.answer, index=False, float_format="%.2f")
+
+
+def table_of(rows):
+    """A line for each scene, length and method; gains are over plain training."""
+    lines = []
+    for scene, own in rows.groupby("scene", sort=False):
+        score = "oracle_db" if own["oracle_db"].notna().all() else "fair_db"
+        for (share, method), chosen in own.groupby(["share", "method"], sort=False):
+            plain = own[(own["share"] == share) & (own["method"] == "plain")]
+            line = {"scene": scene, "share": share, "method": method}
+            line |= {"test_set": score.removesuffix("_db"), "seeds": 0}
+            of_seed = dict(iter(chosen.groupby("seed")))
+            line["seeds"] = len(of_seed)
+            for key in ("train_s", "align_s", "given_px", "after_px"):
+                line[key] = np.median([one[key].iloc[0] for one in of_seed.values()])
+            for key in (score, "standard_db", "detail"):
+                means = [one[key].mean() for one in of_seed.values()]
+                line[key.replace(score, "psnr_db")] = np.mean(means)
+            gains, ratios, at_equal, fitted = [], [], [], []
+            for seed, one in of_seed.items():
+                other = plain[plain["seed"] == seed]
+                if other.empty:
+                    continue
+                gains.append(one[score].to_numpy() - other[score].to_numpy())
+                fitted.append(
+                    one["fitted_db"].to_numpy() - other["fitted_db"].to_numpy()
+                )
+                ratios.append(one["train_s"].iloc[0] / other["train_s"].iloc[0])
+                at_equal.append(at_equal_time(own, seed, share, method, score))
+            if gains and method != "plain":
+                line["gain_db"] = np.mean([gain.mean() for gain in gains])
+                line["gain_low_db"], line["gain_high_db"] = interval(gains, score)
+                line["fitted_db"] = np.mean([gain.mean() for gain in fitted])
+                ends = interval(fitted, score)
+                line["fitted_low_db"], line["fitted_high_db"] = ends
+                line["time_ratio"] = np.median(ratios)
+                line["median_gain_db"] = np.median([gain.mean() for gain in gains])
+                equal = [gain for gain in at_equal if gain is not None]
+                if len(equal) == len(gains):
+                    line["equal_db"] = np.mean([gain.mean() for gain in equal])
+                    ends = interval(equal, score)
+                    line["equal_low_db"], line["equal_high_db"] = ends
+            lines.append(line)
+    return pd.DataFrame(lines)
+
+
+def answer_of(table):
+    """A line for each time and remedy: gains over plain training of that time."""
+    lines = {}
+    for row in table[table["method"] != "plain"].to_dict("records"):
+        if row["share"] in BUDGETS and row["scene"] in SCENES:
+            budget, (_, column) = int(row["share"]), SCENES[row["scene"]]
+            key = budget, METHODS.get(row["method"], row["method"])
+            line = lines.setdefault(
+                key, dict(zip(("budget", "remedy"), key, strict=True))
+            )
+            line |= {f"{column}_{end}": row[f"equal_{end}"] for end in ENDS}
+    ends = [f"{column}_{end}" for _, column in SCENES.values() for end in ENDS]
+    return pd.DataFrame(
+        [lines[key] for key in sorted(lines)], columns=["budget", "remedy", *ends]
+    )
+
+
+def interval(gains, score):
+    """Over views and seeds; seeds of one capture are of the trainings alone."""
+    if score == "fair_db":
+        return intervals.mean_interval(np.mean(gains, axis=0))
+    return intervals.pooled_interval(gains)
+
+
+def at_equal_time(rows, seed, share, method, score):
+    """What a method's views gain at the seconds of plain training; None if unknown."""
+    own = rows[rows["seed"] == seed]
+
+    def points(name):
+        chosen = own[own["method"] == name].groupby("share")
+        return {
+            length: (one["train_s"].iloc[0], one[[score]].rename(columns={score: "x"}))
+            for length, one in chosen
+        }
+
+    plain = points("plain")
+    if share not in plain:
+        return None
+    own_points, time_s = points(method), plain[share][0]
+    # One that is done before the time is up has what it has.
+    last_s = max(seconds for seconds, _ in own_points.values())
+    found = remedies.at_time(own_points, min(time_s, last_s), "x")
+    other = remedies.at_time(plain, time_s, "x")
+    return None if np.isnan(found).any() else found - other
+
+
+if __name__ == "__main__":
+    main()
