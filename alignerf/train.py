@@ -193,7 +193,7 @@ def make_aligner(job, loaded: prepared.Scene, chosen, photos, args):
     if job.align is None:
         return None
     alignment = importlib.import_module("alignerf.alignment.aligner")
-    scene = alignment.Scene(loaded, chosen, photos)
+    scene = alignment.looker.Scene(loaded, chosen, photos)
     return alignment.Aligner(job, scene, args.checkpoints)
 
 

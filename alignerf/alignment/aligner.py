@@ -6,18 +6,15 @@ training takes what is on disk (`restore`) and is bit for bit the same.
 """
 
 import dataclasses
-import functools
 import time
-from typing import NamedTuple
 
 import flax.serialization
 import numpy as np
 
-from alignerf.alignment import cameras, look, outputs, photos, store, words
+from alignerf.alignment import cameras, look, looker, outputs, photos, store, words
 from alignerf.experiment import jobs
 from alignerf.processes import consensus, devices, rank
-from alignerf.scenes import prepared
-from alignerf.training import compose, memory, renderer
+from alignerf.training import compose, memory
 from flow.camera import correct
 from flow.estimation import estimators
 
@@ -27,6 +24,9 @@ SETTLED = 0.25
 # Of `least_move_px`, once cameras were seen to be wrong: what is left of their error
 # is then moved too. With nothing wrong the flow asks for more than that.
 AGAIN = 0.3
+# Before the last look some views tell whether any has to move: this share of them,
+# evenly, and at least so many.
+PROBED_SHARE, LEAST_PROBED = 0.2, 8
 # Of a view as many pixels say where its camera is: a flow is smooth.
 FITTED_PIXELS = 1000
 # Of a pixel of a small image: a photo and where it counts, a depth, a flow and where it
@@ -34,22 +34,10 @@ FITTED_PIXELS = 1000
 SMALL_BYTES = 3 + 1 + 4 + 8 + 1 + 3 * (8 + 1)
 
 
-class Scene(NamedTuple):
-    """What a training learns from, before any alignment.
-
-    loaded: the scene with the cameras as given; views [n]: its training views; photos:
-    the folder of their photos.
-    """
-
-    loaded: prepared.Scene
-    views: np.ndarray
-    photos: str
-
-
 class Aligner:
     """State of a training's alignments: its cameras, and the offsets of its photos."""
 
-    def __init__(self, job: jobs.Job, scene: Scene, folder, method=None):
+    def __init__(self, job: jobs.Job, scene: looker.Scene, folder, method=None):
         """folder: of the training's checkpoints. method: that shows the views."""
         self.settings, self.scene, self.folder = job.align, scene, folder
         few = look.with_fewer_samples(job)
@@ -62,9 +50,14 @@ class Aligner:
             raise ValueError(f"{scene.photos}: {error}") from None
         self.now = scene.loaded
         self.offsets_px = self.valid = None
-        self.report, self.small, self.render = [], None, None
+        self.report = []
         self.identity, self.places, self.steps = "", {}, 0
-        self.compile_time_s = 0.0
+        self.look = looker.Looker(self.method, scene, self.k, job.align)
+
+    @property
+    def compile_time_s(self):
+        """Seconds of compiling its renderer."""
+        return self.look.compile_time_s
 
     def begin(self, steps, identity):
         """Fix the places of a training of so many steps; identity: its fingerprint."""
@@ -95,13 +88,12 @@ class Aligner:
         kinds = self.places[step]
         arrays, row = None, {}
         if rank.is_first():
-            seen = list(self.look(devices.on_first(params)))
+            params = devices.on_first(params)
+            views, seen, corrections = self.seen(params, step)
             row = {"step": step, "corrects": kinds, "shrink": self.k}
-            row |= words.flow_length(seen, self.k)
-            corrections = None
-            if "cameras" in kinds:
-                corrections = self.corrections(seen, step)
-                row |= self.move_cameras(corrections)
+            row |= {"views": len(views)} | words.flow_length(seen, self.k)
+            if corrections is not None:
+                row |= self.move_cameras(views, corrections)
             if "photos" in kinds:
                 row |= self.move_photos(seen, corrections)
             elif row.get("cameras_moved"):
@@ -122,30 +114,33 @@ class Aligner:
             )
         words.say(self.report[-1])
 
-    def look(self, params):
-        """`correct.View` of each training view, as the parameters show it now."""
-        loaded, chosen, k = self.now, self.scene.views, self.k
-        if self.small is None:
-            self.small = look.read_photos(loaded, chosen, self.scene.photos, k)
-            h, w = (side // k for side in self.size)
-            self.render = renderer.Renderer(self.method, w, h)
-            # Compiling is counted apart: a cache often saves it.
-            begun = time.perf_counter()
-            self.render(params, loaded.pixtocams[0], loaded.camtoworlds[0])
-            self.compile_time_s += time.perf_counter() - begun
+    def seen(self, params, step):
+        """(views, `correct.View` of each, `correct.Correction` of each or None).
 
-        render = functools.partial(self.render, params)
-        flow_of = functools.partial(
-            look.flow_of,
-            estimator=self.settings.estimator,
-            match_blur=self.settings.match_blur,
-        )
+        Where some of the views show that no camera has to move, the others are not
+        looked at. The last look is at all: a single camera may be wrong.
+        """
+        views, probed = self.scene.views, self.probed(step)
+        seen = list(self.look(params, self.now, probed))
+        if len(probed) < len(views):
+            corrections = self.corrections(seen, step)
+            if all(one.left_alone and one.trusted for one in corrections):
+                return views[probed], seen, corrections
+            found = dict(zip(probed, seen, strict=True))
+            others = [i for i in range(len(views)) if i not in found]
+            found |= zip(others, self.look(params, self.now, others), strict=True)
+            seen = [found[i] for i in range(len(views))]
+        moves = "cameras" in self.places[step]
+        return views, seen, self.corrections(seen, step) if moves else None
 
-        def one(i):
-            photo = self.small[i]
-            return look.at(render, loaded, chosen[i], photo, k, flow_of)
-
-        return devices.map_in_threads(one, range(len(chosen)))
+    def probed(self, step):
+        """Indices of the training views that are looked at first."""
+        count = len(self.scene.views)
+        few = max(LEAST_PROBED, round(PROBED_SHARE * count))
+        is_last = step == max(self.places) or self.places[step] != ["cameras"]
+        if 2 * few > count or is_last or self.were_wrong():
+            return list(range(count))
+        return np.linspace(0, count - 1, few).round().astype(int).tolist()
 
     def corrections(self, seen, step):
         """A `correct.Correction` of each view."""
@@ -161,14 +156,13 @@ class Aligner:
         alone = "of one view nothing is known but by itself"
         return [correct.left_alone(one, alone) for one in corrections]
 
-    def move_cameras(self, corrections):
+    def move_cameras(self, views, corrections):
         """Move the cameras that can be trusted; returns entries of the report."""
-        train = self.scene.views
-        self.now = cameras.corrected(self.now, train, corrections)
-        names = [self.now.names[view] for view in train]
+        self.now = cameras.corrected(self.now, views, corrections)
+        names = [self.now.names[view] for view in views]
         return {
             "camera_px": self.k * cameras.median_px(corrections),
-            "cameras_moved": len(cameras.moved_views(train, corrections)),
+            "cameras_moved": len(cameras.moved_views(views, corrections)),
             "left_alone": words.staying(names, corrections, self.k),
         }
 

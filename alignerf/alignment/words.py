@@ -39,7 +39,10 @@ def say(row):
     """Log an entry of the report."""
     clauses = []
     if row["flow_px"] is not None:
-        clauses.append(f"renders and photos are apart by {row['flow_px']:.2f} px")
+        clauses.append(
+            f"renders and photos of {row['views']} views are apart by "
+            f"{row['flow_px']:.2f} px"
+        )
     if "cameras_moved" in row:
         moved, length_px = row["cameras_moved"], row["camera_px"]
         clauses.append(f"{moved} cameras move, by {length_px:.2f} px in the median")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from alignerf.alignment import aligner, look, photos, store
+from alignerf.alignment import aligner, look, looker, photos, store
 from alignerf.experiment.keys import method as method_keys
 from alignerf.files import images
 from alignerf.mipnerf360 import model
@@ -83,7 +83,7 @@ def make_scene(folder, true, given, photo_of=lambda i, photo: photo):
 
 
 def aligner_of(loaded, folder, **changes):
-    scene = aligner.Scene(loaded, loaded.views("train"), loaded.folder / "images")
+    scene = looker.Scene(loaded, loaded.views("train"), loaded.folder / "images")
     job = cases.job_of()
     job = job.model_copy(update={"align": method_keys.Align(**ALIGN | changes)})
     found = aligner.Aligner(job, scene, folder, METHOD)
@@ -155,6 +155,52 @@ def test_where_nothing_is_wrong_nothing_changes_at_all(tmp_path, rng):
     assert [row["cameras_moved"] for row in found.report] == [0, 0]
     (reason,) = found.report[0]["left_alone"]
     assert "that is the flow's error" in reason
+
+
+@pytest.fixture
+def looked_at(monkeypatch):
+    """Indices of the views of each look; two of seven views may tell."""
+    monkeypatch.setattr(aligner, "LEAST_PROBED", 2)
+    every, look_at = [], looker.Looker.__call__
+
+    def counted(self, params, now, wanted):
+        every.append(list(wanted))
+        return look_at(self, params, now, wanted)
+
+    monkeypatch.setattr(looker.Looker, "__call__", counted)
+    return every
+
+
+def test_where_some_views_show_nothing_wrong_only_the_last_look_is_at_all(
+    tmp_path, rng, looked_at
+):
+    poses = poses_of(rng)
+    # One camera is wrong, and not among those that are looked at first.
+    given = poses.copy()
+    given[4] = turned(poses[3:5], rng, 6.0)[1]
+    loaded, _ = make_scene(tmp_path / "scene", poses, given)
+    found = aligner_of(loaded, tmp_path / "checkpoints")
+    for step in found.places:
+        found.align({}, step)
+    assert looked_at == [[0, 6], list(range(COUNT - 1))]
+    assert [row["views"] for row in found.report] == [2, COUNT - 1]
+    assert [row["cameras_moved"] for row in found.report] == [0, 1]
+
+
+def test_where_some_views_show_a_fault_it_is_as_if_all_were_looked_at(
+    wrong, looked_at, monkeypatch
+):
+    loaded, _, folder = wrong
+    found = aligner_of(loaded, folder)
+    for step in found.places:
+        found.align({}, step)
+    assert looked_at == [[0, 6], [1, 2, 3, 4, 5], list(range(COUNT - 1))]
+    monkeypatch.setattr(aligner, "LEAST_PROBED", COUNT)
+    whole = aligner_of(loaded, folder)
+    for step in whole.places:
+        whole.align({}, step)
+    np.testing.assert_array_equal(whole.now.camtoworlds, found.now.camtoworlds)
+    np.testing.assert_array_equal(whole.offsets_px, found.offsets_px)
 
 
 def test_a_thing_that_moved_is_brought_back_and_the_rest_stays(tmp_path, rng):
@@ -264,7 +310,7 @@ def test_depths_that_are_none_are_no_part_of_a_fit(fill):
 
 def test_one_view_holds_the_frame_and_stays(wrong):
     loaded, _, folder = wrong
-    scene = aligner.Scene(loaded, loaded.views("train")[:1], loaded.folder / "images")
+    scene = looker.Scene(loaded, loaded.views("train")[:1], loaded.folder / "images")
     job = cases.job_of().model_copy(update={"align": method_keys.Align(**ALIGN)})
     found = aligner.Aligner(job, scene, folder, METHOD)
     found.begin(10, "this")
