@@ -24,8 +24,8 @@ SETTLED = 0.25
 # Of `least_move_px`, once cameras were seen to be wrong: what is left of their error
 # is then moved too. With nothing wrong the flow asks for more than that.
 AGAIN = 0.3
-# Before the last look some views tell whether any has to move: this share of them,
-# evenly, and at least so many.
+# Before the last look for cameras some views tell whether any has to move: this share
+# of them, evenly, and at least so many.
 PROBED_SHARE, LEAST_PROBED = 0.2, 8
 # Of a view as many pixels say where its camera is: a flow is smooth.
 FITTED_PIXELS = 1000
@@ -63,6 +63,8 @@ class Aligner:
         """Fix the places of a training of so many steps; identity: its fingerprint."""
         self.identity, self.steps = identity, steps
         self.places = jobs.places(self.settings, steps)
+        at = [step for step, kinds in self.places.items() if "cameras" in kinds]
+        self.last_of_cameras = max(at, default=None)
 
     def restore(self, step) -> bool:
         """Load the alignments made before a step; returns whether they are on disk.
@@ -83,7 +85,7 @@ class Aligner:
         return True
 
     def align(self, params, step):
-        """Render all training views by these parameters, and correct what is off."""
+        """Render training views by these parameters, and correct what is off."""
         begun, compiled_s = time.perf_counter(), self.compile_time_s
         kinds = self.places[step]
         arrays, row = None, {}
@@ -118,13 +120,15 @@ class Aligner:
         """(views, `correct.View` of each, `correct.Correction` of each or None).
 
         Where some of the views show that no camera has to move, the others are not
-        looked at. The last look is at all: a single camera may be wrong.
+        looked at. The last look for cameras is at all: a single one may be wrong.
         """
         views, probed = self.scene.views, self.probed(step)
         seen = list(self.look(params, self.now, probed))
         if len(probed) < len(views):
             corrections = self.corrections(seen, step)
-            if all(one.left_alone and one.trusted for one in corrections):
+            trusted = sum(one.trusted for one in corrections)
+            stay = all(one.left_alone for one in corrections)
+            if stay and 2 * trusted > len(probed):
                 return views[probed], seen, corrections
             found = dict(zip(probed, seen, strict=True))
             others = [i for i in range(len(views)) if i not in found]
@@ -137,8 +141,8 @@ class Aligner:
         """Indices of the training views that are looked at first."""
         count = len(self.scene.views)
         few = max(LEAST_PROBED, round(PROBED_SHARE * count))
-        is_last = step == max(self.places) or self.places[step] != ["cameras"]
-        if 2 * few > count or is_last or self.were_wrong():
+        is_early = self.places[step] == ["cameras"] and step < self.last_of_cameras
+        if 2 * few > count or not is_early or self.were_wrong():
             return list(range(count))
         return np.linspace(0, count - 1, few).round().astype(int).tolist()
 

@@ -17,8 +17,8 @@ from flow.warping import small, warp
 
 # Largest forward-backward disagreement of a valid pixel, in px of the small images.
 TOLERANCE_PX = 1.0
-# Estimator of the flow that checks the other one: a quarter of deepflow's time.
-CHECK = "dis_fine"
+# Estimators whose flow another one checks: dis_fine takes a quarter of deepflow's time.
+CHECKED_BY = {"deepflow": "dis_fine"}
 # Samples a ray that the first round of proposals keeps at least.
 LEAST_SAMPLES = 4
 
@@ -79,7 +79,8 @@ def flow_of(render, photo, *, estimator, match_blur):
     valid: the flow from photo to render agrees (forward-backward check). On courtyard,
     where offsets are short, the check changed no score; it is for long offsets.
     """
-    options = {"match_blur": match_blur, "tolerance_px": TOLERANCE_PX, "back": CHECK}
+    options = {"match_blur": match_blur, "tolerance_px": TOLERANCE_PX}
+    options["back"] = CHECKED_BY.get(estimator)
     return pairs.flow_and_validity(render, photo, method=estimator, **options)[:2]
 
 

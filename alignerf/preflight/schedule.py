@@ -24,7 +24,9 @@ DECODE_S = 0.5
 # Seconds that Snakemake takes for each job besides the process.
 JOB_S = 0.4
 # Seconds a megapixel to correct cameras: each view's flow is fitted a few times.
-CORRECT_S = 4.0
+CORRECT_S = 2.4
+# Of the seconds of a flow and its check, where a faster estimator checks it.
+CHECKED_SHARE = {"deepflow": 0.65}
 # Start of a process with Pandas or Matplotlib over the start of a flow process.
 SLOW_START = 3.0
 # Bytes on disk of a training, without its views. A parameter takes 4 in the model's
@@ -264,12 +266,16 @@ def of_job(one, rate: Rates, flow: Flow, views: Views):
 
 
 def aligns_s(job, rate: Rates, flow: Flow, views: Views):
-    """Seconds of a training's alignments: small renders, their flow, the cameras."""
+    """Seconds of a training's alignments: small renders, their flow, the cameras.
+
+    Of all views; where nothing is wrong, an early look sees some of them only.
+    """
     if not job.align:
         return 0.0
     count = len({*job.align.cameras_at, *job.align.photos_at})
     share = 1 / shrink_of(job, views) ** 2
-    view_s = share * (views.pixels * rate.pixel_s + flow.view_s)
+    flow_s = CHECKED_SHARE.get(job.align.estimator, 1.0) * flow.view_s
+    view_s = share * (views.pixels * rate.pixel_s + flow_s)
     corrects_s = pace(flow) * CORRECT_S * 1e-6 * views.pixels * share
     return rate.render_compile_s + count * views.train * (view_s + corrects_s)
 

@@ -26,7 +26,8 @@ def main(argv=None):
     if path is not None:
         scenes = scenes_of(path)
         check_judged(path)
-        print(f"config: {faults.one_line(str(path))}", flush=True)
+    shown = faults.one_line(str(path or targets.DEMO))
+    print(f"config: {shown}", flush=True)
     overrides = [f"export_width_px={args.width}"] if args.width else []
     if code := workflow.run(path, args.cores, "export", overrides=overrides):
         sys.exit(code)
@@ -45,7 +46,7 @@ def config_of(name):
         path = Path("results") / f"{one}.yaml"
         if path.is_file():
             return path
-    if name in targets.demo_scenes():
+    if is_demos(name):
         return None
     photos = provenance.typed(*configs.PHOTOS)
     raise ValueError(
@@ -53,6 +54,15 @@ def config_of(name):
         "first, or, for a config of your own, `snakemake --cores "
         f"{machine.cores()} export --configfile FILE`"
     )
+
+
+def is_demos(name):
+    """Whether results/NAME was made by the demo's config."""
+    made, demo = Path("results", name, "config.yaml"), configs.read(targets.DEMO)
+    if name not in demo["scenes"] or not made.is_file():
+        return False
+    methods = configs.read(made).get("methods")
+    return isinstance(methods, dict) and methods.keys() == demo["methods"].keys()
 
 
 def scenes_of(path):
@@ -84,7 +94,9 @@ def parse(argv=None):
     parser = argparse.ArgumentParser(
         prog=configs.program("export"), description=__doc__
     )
-    parser.add_argument("name", help="of a config in results/, or its folder")
+    parser.add_argument(
+        "name", help="of a config in results/, or its folder; courtyard after the demo"
+    )
     parser.add_argument("--width", type=configs.count, help="of photos, in pixels")
     parser.add_argument("--cores", type=configs.count, default=machine.cores())
     return parser.parse_args(argv)

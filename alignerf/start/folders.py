@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.experiment import sources
+from alignerf.experiment import sources, targets
 from alignerf.experiment.checks import names
 from alignerf.files import faults
 from alignerf.scenes import photos
@@ -196,8 +196,8 @@ def free(text):
 
 
 def taken_names():
-    """Names of the rules and of what lies in results/, which no scene may have."""
+    """Names that no scene may have: of rules, the demo, and what lies in results/."""
     rules = sources.PIPELINE / "workflow" / "rules"
     files = [sources.PIPELINE / "Snakefile", *rules.rglob("*.smk")]
     found = {name for file in files for name in RULE.findall(file.read_text())}
-    return found | names.FILES
+    return found | names.FILES | {*targets.demo_scenes()}

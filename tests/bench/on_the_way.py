@@ -45,6 +45,8 @@ def main(argv=None):
     done = set()
     if args.out.exists():
         there = pd.read_csv(args.out)
+        if list(there) != list(COLUMNS):
+            raise ValueError(f"{args.out}: other columns than {', '.join(COLUMNS)}")
         done = {tuple(key) for key in there[list(COLUMNS[:4])].drop_duplicates().values}
     todo = [
         (scene, share, method)

@@ -101,7 +101,7 @@ def answer_of(table):
             line = lines.setdefault(
                 key, dict(zip(("budget", "remedy"), key, strict=True))
             )
-            line |= {f"{column}_{end}": row[f"equal_{end}"] for end in ENDS}
+            line |= {f"{column}_{end}": row.get(f"equal_{end}") for end in ENDS}
     ends = [f"{column}_{end}" for _, column in SCENES.values() for end in ENDS]
     return pd.DataFrame(
         [lines[key] for key in sorted(lines)], columns=["budget", "remedy", *ends]

@@ -187,6 +187,18 @@ def test_where_some_views_show_nothing_wrong_only_the_last_look_is_at_all(
     assert [row["cameras_moved"] for row in found.report] == [0, 1]
 
 
+def test_the_last_look_for_cameras_is_at_all_though_photos_come_later(
+    tmp_path, rng, looked_at
+):
+    poses = poses_of(rng)
+    loaded, _ = make_scene(tmp_path / "scene", poses, poses)
+    places = {"cameras_at": [0.2, 0.4], "photos_at": [0.6]}
+    found = aligner_of(loaded, tmp_path / "checkpoints", **places)
+    for step in found.places:
+        found.align({}, step)
+    assert [len(wanted) for wanted in looked_at] == [2, COUNT - 1, COUNT - 1]
+
+
 def test_where_some_views_show_a_fault_it_is_as_if_all_were_looked_at(
     wrong, looked_at, monkeypatch
 ):

@@ -1,5 +1,7 @@
 """`make export` finds the config of a capture, and runs its exports alone."""
 
+import shutil
+
 import pytest
 
 from alignerf.experiment import targets
@@ -40,9 +42,17 @@ def test_a_name_or_a_folder_is_enough(here, runs, capsys, name):
     assert "export: results/my_photos/aligned/export/cameras/README.txt" in told
 
 
-def test_the_demo_has_no_config_in_results(here, runs):
+def test_the_demo_has_no_config_in_results(here, runs, capsys):
+    """Another config may have a scene of that name, and nothing may be there yet."""
+    assert faults.exit_code(export.main, ["courtyard"]) == 1
+    (here / "results/courtyard").mkdir()
+    made = here / "results/courtyard/config.yaml"
+    shutil.copy(targets.DEMO, made)
     export.main(["courtyard"])
     assert runs == [("None", ("export",), [])]
+    made.write_text("scenes: {courtyard: {source: judged}}\nmethods: {}\n")
+    assert faults.exit_code(export.main, ["courtyard"]) == 1
+    assert len(runs) == 1
 
 
 def test_a_width_overrules_the_config(here, runs):
