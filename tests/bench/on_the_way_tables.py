@@ -39,12 +39,13 @@ def main(argv=None):
     parser.add_argument("--table", type=Path, required=True)
     parser.add_argument("--answer", type=Path)
     args = parser.parse_args(argv)
-    table = table_of(pd.read_csv(args.rows))
+    rows = pd.read_csv(args.rows)
+    table = table_of(rows)
     scenes = {scene: name for scene, (name, _) in SCENES.items()}
     named = table.replace({"scene": scenes, "method": METHODS})
     named.to_csv(args.table, index=False, float_format="%.4g")
     if args.answer:
-        answer_of(table).to_csv(args.answer, index=False, float_format="%.2f")
+        answer_of(rows).to_csv(args.answer, index=False, float_format="%.2f")
 
 
 def table_of(rows):
@@ -91,21 +92,28 @@ def table_of(rows):
     return pd.DataFrame(lines)
 
 
-def answer_of(table):
+def answer_of(rows):
     """A line for each time and remedy: gains over plain training of that time."""
-    lines = {}
-    for row in table[table["method"] != "plain"].to_dict("records"):
-        if row["share"] in BUDGETS and row["scene"] in SCENES:
-            budget, (_, column) = int(row["share"]), SCENES[row["scene"]]
-            key = budget, METHODS.get(row["method"], row["method"])
-            line = lines.setdefault(
-                key, dict(zip(("budget", "remedy"), key, strict=True))
-            )
-            line |= {f"{column}_{end}": row.get(f"equal_{end}") for end in ENDS}
+    lines = []
+    for budget in BUDGETS:
+        for method in rows["method"].drop_duplicates():
+            line = {"budget": budget, "remedy": METHODS.get(method, method)}
+            for scene, (_, column) in SCENES.items():
+                own = rows[rows["scene"] == scene]
+                gains = [
+                    at_equal_time(own, seed, budget, method, "oracle_db")
+                    for seed in own["seed"].drop_duplicates()
+                ]
+                if gains and all(gain is not None for gain in gains):
+                    ends = interval(gains, "oracle_db")
+                    values = np.mean([gain.mean() for gain in gains]), *ends
+                    line |= zip(
+                        [f"{column}_{end}" for end in ENDS], values, strict=True
+                    )
+            if method != "plain" and len(line) > 2:
+                lines.append(line)
     ends = [f"{column}_{end}" for _, column in SCENES.values() for end in ENDS]
-    return pd.DataFrame(
-        [lines[key] for key in sorted(lines)], columns=["budget", "remedy", *ends]
-    )
+    return pd.DataFrame(lines, columns=["budget", "remedy", *ends])
 
 
 def interval(gains, score):
@@ -126,10 +134,10 @@ def at_equal_time(rows, seed, share, method, score):
             for length, one in chosen
         }
 
-    plain = points("plain")
-    if share not in plain:
+    plain, own_points = points("plain"), points(method)
+    if share not in plain or not own_points:
         return None
-    own_points, time_s = points(method), plain[share][0]
+    time_s = plain[share][0]
     # One that is done before the time is up has what it has.
     last_s = max(seconds for seconds, _ in own_points.values())
     found = remedies.at_time(own_points, min(time_s, last_s), "x")
