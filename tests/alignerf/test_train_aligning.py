@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.alignment import aligner, look, store
+from alignerf.alignment import look, looker, store
 from alignerf.scenes import cameras, prepared
 from alignerf.training import loop, memory
 from tests import job_cases as cases
@@ -169,13 +169,13 @@ def test_killed_within_it_resumes_bit_for_bit(
 
     killed(monkeypatch, scene, tmp_path, patch)
     looked = []
-    look_at = aligner.Aligner.look
+    look_at = looker.Looker.__call__
 
-    def noted(self, params):
+    def noted(self, *arguments):
         looked.append(1)
-        return look_at(self, params)
+        return look_at(self, *arguments)
 
-    monkeypatch.setattr(aligner.Aligner, "look", noted)
+    monkeypatch.setattr(looker.Looker, "__call__", noted)
     assert run(scene, tmp_path) == whole[1]
     # What is on disk is not looked for again.
     assert len(looked) == 2 - which - (when == "after")
