@@ -63,8 +63,6 @@ class Aligner:
         """Fix the places of a training of so many steps; identity: its fingerprint."""
         self.identity, self.steps = identity, steps
         self.places = jobs.places(self.settings, steps)
-        at = [step for step, kinds in self.places.items() if "cameras" in kinds]
-        self.last_of_cameras = max(at, default=None)
 
     def restore(self, step) -> bool:
         """Load the alignments made before a step; returns whether they are on disk.
@@ -141,7 +139,10 @@ class Aligner:
         """Indices of the training views that are looked at first."""
         count = len(self.scene.views)
         few = max(LEAST_PROBED, round(PROBED_SHARE * count))
-        is_early = self.places[step] == ["cameras"] and step < self.last_of_cameras
+        later = [kinds for at, kinds in self.places.items() if at > step]
+        is_early = self.places[step] == ["cameras"] and any(
+            "cameras" in kinds for kinds in later
+        )
         if 2 * few > count or not is_early or self.were_wrong():
             return list(range(count))
         return np.linspace(0, count - 1, few).round().astype(int).tolist()

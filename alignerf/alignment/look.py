@@ -80,8 +80,8 @@ def flow_of(render, photo, *, estimator, match_blur):
     where offsets are short, the check changed no score; it is for long offsets.
     """
     options = {"match_blur": match_blur, "tolerance_px": TOLERANCE_PX}
-    options["back"] = CHECKED_BY.get(estimator)
-    return pairs.flow_and_validity(render, photo, method=estimator, **options)[:2]
+    options |= {"method": estimator, "back": CHECKED_BY.get(estimator)}
+    return pairs.flow_and_validity(render, photo, **options)[:2]
 
 
 def at(render, scene: prepared.Scene, view, photo: Photo, k, flow_of) -> correct.View:

@@ -25,7 +25,8 @@ DECODE_S = 0.5
 JOB_S = 0.4
 # Seconds a megapixel to correct cameras: each view's flow is fitted a few times.
 CORRECT_S = 2.4
-# Of the seconds of a flow and its check, where a faster estimator checks it.
+# Of the seconds of a flow and its check, where a faster estimator checks it: those of
+# `alignment.look.CHECKED_BY`.
 CHECKED_SHARE = {"deepflow": 0.65}
 # Start of a process with Pandas or Matplotlib over the start of a flow process.
 SLOW_START = 3.0

@@ -10,7 +10,7 @@ from alignerf.start import configs, workflow
 
 def main(argv=None):
     args = parse(argv)
-    pages = ", ".join(map(targets.page_of, workflow.scenes_of(workflow.DEMO)))
+    pages = ", ".join(map(targets.page_of, targets.demo_scenes()))
     show = provenance.typed("make show", "why-blurry show")
     print(f"page, in the end: {pages}; its tables: {show}", flush=True)
     if code := workflow.run(None, args.cores):

@@ -22,24 +22,19 @@ def main(argv=None):
         )
         raise ValueError(f"SCENE is missing: {command}")
     path = config_of(args.name)
-    scenes = targets.demo_scenes()
-    if path is not None:
-        scenes = scenes_of(path)
-        check_judged(path)
-    shown = faults.one_line(str(path or targets.DEMO))
-    print(f"config: {shown}", flush=True)
+    scenes = scenes_of(path)
+    check_judged(path)
+    print(f"config: {faults.one_line(str(path))}", flush=True)
     overrides = [f"export_width_px={args.width}"] if args.width else []
-    if code := workflow.run(path, args.cores, "export", overrides=overrides):
+    named = None if path == targets.DEMO else path
+    if code := workflow.run(named, args.cores, "export", overrides=overrides):
         sys.exit(code)
     for made in sorted(folder for name in scenes for folder in exports(name)):
         print(f"export: {made}/README.txt")
 
 
 def config_of(name):
-    """The config of a name, or of a folder's; None: the demo's.
-
-    Raises ValueError where there is none.
-    """
+    """The config of a name, or of a folder's. ValueError where there is none."""
     place = folders.at_home(name)
     names = [place.name, folders.name_of(place)]
     for one in names:
@@ -47,7 +42,7 @@ def config_of(name):
         if path.is_file():
             return path
     if is_demos(name):
-        return None
+        return targets.DEMO
     photos = provenance.typed(*configs.PHOTOS)
     raise ValueError(
         f"results/{names[-1]}.yaml does not exist: run `{photos.format(name)}` "

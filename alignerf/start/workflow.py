@@ -16,7 +16,6 @@ from alignerf.experiment import sources, targets
 from alignerf.files import yaml_files
 from alignerf.start.terminal import events, report, screen
 
-DEMO = targets.DEMO
 LOGS, KEPT = Path("results/logs"), 10
 # Targets after which nobody waits for a verdict.
 WITHOUT_VERDICT = {("export",)}
@@ -31,7 +30,7 @@ def run(path, cores, *wanted, overrides=(), forced=(), first=()):
     command = command_of(path, cores, wanted, overrides, forced, first)
     if os.environ.get("VERBOSE"):
         return loud(command)
-    captures = scenes_of(path or DEMO)
+    captures = scenes_of(path or targets.DEMO)
     code = quiet(command, captures)
     if code == 0 and wanted not in WITHOUT_VERDICT:
         export = targets.export_command([path] if path else [])

@@ -76,18 +76,14 @@ def table_of(rows):
                 ratios.append(one["train_s"].iloc[0] / other["train_s"].iloc[0])
                 at_equal.append(at_equal_time(own, seed, share, method, score))
             if gains and method != "plain":
-                line["gain_db"] = np.mean([gain.mean() for gain in gains])
-                line["gain_low_db"], line["gain_high_db"] = interval(gains, score)
-                line["fitted_db"] = np.mean([gain.mean() for gain in fitted])
-                ends = interval(fitted, score)
-                line["fitted_low_db"], line["fitted_high_db"] = ends
+                line |= with_ends("gain", gains, score)
+                if score == "oracle_db":
+                    line |= with_ends("fitted", fitted, score)
                 line["time_ratio"] = np.median(ratios)
                 line["median_gain_db"] = np.median([gain.mean() for gain in gains])
                 equal = [gain for gain in at_equal if gain is not None]
                 if len(equal) == len(gains):
-                    line["equal_db"] = np.mean([gain.mean() for gain in equal])
-                    ends = interval(equal, score)
-                    line["equal_low_db"], line["equal_high_db"] = ends
+                    line |= with_ends("equal", equal, score)
             lines.append(line)
     return pd.DataFrame(lines)
 
@@ -105,15 +101,17 @@ def answer_of(rows):
                     for seed in own["seed"].drop_duplicates()
                 ]
                 if gains and all(gain is not None for gain in gains):
-                    ends = interval(gains, "oracle_db")
-                    values = np.mean([gain.mean() for gain in gains]), *ends
-                    line |= zip(
-                        [f"{column}_{end}" for end in ENDS], values, strict=True
-                    )
+                    line |= with_ends(column, gains, "oracle_db")
             if method != "plain" and len(line) > 2:
                 lines.append(line)
     ends = [f"{column}_{end}" for _, column in SCENES.values() for end in ENDS]
     return pd.DataFrame(lines, columns=["budget", "remedy", *ends])
+
+
+def with_ends(name, gains, score):
+    """{column: mean and ends of its interval} of gains [seeds] of [views]."""
+    values = np.mean([gain.mean() for gain in gains]), *interval(gains, score)
+    return dict(zip([f"{name}_{end}" for end in ENDS], values, strict=True))
 
 
 def interval(gains, score):

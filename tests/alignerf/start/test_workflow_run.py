@@ -10,7 +10,7 @@ import time
 import psutil
 import pytest
 
-from alignerf.experiment import sources
+from alignerf.experiment import sources, targets
 from alignerf.start import workflow
 from alignerf.start.terminal import events
 
@@ -148,4 +148,4 @@ def test_commands_are_those_of_the_demo_and_of_a_config():
     own = workflow.command_of("a b.yaml", 3, ["export"], ["width=3"], ["poses"])
     words = ["--configfile", "a b.yaml", "--config", "width=3", "--forcerun", "poses"]
     assert own[-len(words) - 2 :] == [*words, "--", "export"]
-    assert workflow.scenes_of(workflow.DEMO) == ["courtyard"]
+    assert workflow.scenes_of(targets.DEMO) == ["courtyard"]
