@@ -16,8 +16,10 @@ from flow.camera import motion as camera_motion
 from flow.warping import small, warp
 
 # Of a remainder that no camera explains, what is shorter is the flow's own error: in
-# pixels of the small image. So is a region that is nowhere as long as the second.
-LEAST_MOVE_PX, CLEAR_PX = 0.2, 0.5
+# pixels of the small image.
+LEAST_MOVE_PX = 0.2
+# A region whose longest remainder is shorter is an error, too.
+CLEAR_PX = 0.5
 
 
 def offsets(view: correct.View, correction=None, *, whole, most_pixels):

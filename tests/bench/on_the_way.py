@@ -5,8 +5,9 @@
 
 Trains methods of the config on each scene, two at a time with one thread each, and adds
 a line to the CSV for each test view; what is there is not trained again. Tables of it:
-`tests.bench.on_the_way_tables`. Pose errors are to the scene's truth; those of
-NAME_off, whose poses were put off, to the cameras of NAME, where that lies beside it.
+`tests.bench.on_the_way_tables`. Pose errors are to the scene's truth. Where there is
+none, they are to the cameras as given; of NAME_off, whose poses were put off, to those
+of NAME, which lies beside it.
 """
 
 import argparse
@@ -110,8 +111,10 @@ def measure(config, scene, share, method):
         loaded = prepared.load(scene, out / "learnt" / "cameras.npz")
         model, params = renderer.read_model(job, out / "model", loaded)
         render = renderer.make_renderer(model, params, loaded.width, loaded.height)
-    error = timing.get("pose_error_px") or error_of(scene, loaded, render)
     aligned = timing.get("alignments", [])
+    error = timing.get("pose_error_px", {})
+    if aligned and not error:
+        error = error_of(scene, loaded)
     shared = {
         "scene": name_of(scene),
         "seed": seed_of(scene),
@@ -127,22 +130,19 @@ def measure(config, scene, share, method):
     ]
 
 
-def error_of(scene, loaded, render):
-    """{given, after}: pose error in px against the capture whose poses were put off."""
+def error_of(scene, loaded):
+    """{given, after}: pose error in px, at the depth of 1 in the scene's frame."""
     from alignerf.scenes import pose_error, prepared
 
-    original = scene.with_name(scene.name.removesuffix("_off"))
-    if original == scene or not original.is_dir():
-        return {}
-    true = prepared.read_cameras(original / "cameras.npz")
-    view, *_ = loaded.views("test")
-    _, depth = render(loaded.pixtocams[view], loaded.camtoworlds[view])
+    given = prepared.load(scene)
+    path = scene.with_name(scene.name.removesuffix("_off")) / "cameras.npz"
+    true = prepared.read_cameras(path)
+    if list(true["names"]) != list(given.names):
+        raise ValueError(f"{path}: other photos than in {scene}")
     views = loaded.views("train")
-    depths = [float(np.median(depth))] * len(views)
-    states = {"given": prepared.load(scene), "after": loaded}
     return {
-        name: pose_error.median_px(state, true, views, depths)
-        for name, state in states.items()
+        name: pose_error.median_px(state, true, views, [1.0] * len(views))
+        for name, state in {"given": given, "after": loaded}.items()
     }
 
 

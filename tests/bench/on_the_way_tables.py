@@ -24,8 +24,8 @@ SCENES = {
     "nothing_wrong": ("nothing wrong", "nothing"),
 }
 REAL = {
-    "chair_window": "chair, a window of 256 px, the phone's poses",
-    "chair_window_colmap": "chair, the same window, COLMAP's poses",
+    "chair_window": "chair, a third window, the phone's poses",
+    "chair_window_colmap": "chair, the third window, COLMAP's poses",
     "castle": "castle, surveyed cameras, 384x256",
     "castle_off": "castle, off by 1.5 px",
     "fox": "fox, 270x480",

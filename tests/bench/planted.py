@@ -3,9 +3,9 @@
     python -m tests.bench.planted ../shared/data/scenes results/planted
     snakemake --cores N --configfile workflow/config/planted.yaml
 
-Of fox: 15 of its 50 photos; five photos blurred; exposure that drifts by one stop from
-the first photo to the last. Of flower: photos shifted by 4 px both ways, which is a
-principal point that is as far off.
+Of fox: 15 of its 50 photos; five photos blurred; exposure that drifts by one stop of
+8-bit values from the first photo to the last. Of flower: photos shifted by 4 px both
+ways, which is a principal point that is as far off.
 """
 
 import argparse
@@ -78,12 +78,12 @@ def brighter(image, stops):
 
 def shift(capture, folder):
     """A capture of LLFF's; its photos are moved, and their borders go on."""
-    shutil.copytree(capture, folder, dirs_exist_ok=True)
-    for path in sorted((folder / "images_2").iterdir()):
+    (folder / "images_2").mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(capture / "poses_bounds.npy", folder / "poses_bounds.npy")
+    for path in sorted((capture / "images_2").iterdir()):
         padded = [(SHIFT_PX, 0), (SHIFT_PX, 0), (0, 0)]
         image = np.pad(read(path), padded, "edge")[:-SHIFT_PX, :-SHIFT_PX]
-        path.unlink()
-        images.write(path.with_suffix(".png"), image)
+        images.write(folder / "images_2" / f"{path.stem}.png", image)
 
 
 if __name__ == "__main__":

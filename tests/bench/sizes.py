@@ -8,6 +8,7 @@ scene without a verdict has no row.
 """
 
 import argparse
+import math
 import re
 from pathlib import Path
 
@@ -17,8 +18,11 @@ from alignerf.files import json_files, yaml_files
 from alignerf.verdict import causes, windows
 
 SCENE = re.compile(r"(?P<capture>[a-z]+)_(?P<width>\d+)(?P<off>_off)?\Z")
+MANIFEST = {"evidence": dict, "state": str}
+TOLD = ("aligned", "misaligned")
 # Width in px to which a shift is brought for a common unit.
 COMMON_PX = 1600
+NAMES = {"castle": "castle_P30"}
 POSES = {
     ("fox", False): "COLMAP's, given",
     ("fox", True): "off by 2 px",
@@ -42,7 +46,7 @@ def main(argv=None):
     for scene in yaml_files.read(args.config)["scenes"]:
         path = args.results / scene / "verdict.json"
         if path.exists():
-            rows.append(row_of(scene, json_files.read(path, {"evidence": dict})))
+            rows.append(row_of(scene, json_files.read(path, MANIFEST)))
     rows.sort(key=lambda row: row["known"] == "wrong")
     pd.DataFrame(rows).to_csv(args.out, index=False, float_format="%.2f")
 
@@ -51,12 +55,11 @@ def row_of(scene, verdict):
     """What is known of a capture's poses, and what its verdict says."""
     name = SCENE.match(scene)
     is_off = bool(name["off"])
-    stored = verdict["evidence"]
-    of_windows = windows.Windows(**stored["windows"])
-    known = causes.Evidence(**stored | {"windows": of_windows})
-    width_px = known.photo_width_px
+    known = evidence_of(verdict["evidence"])
+    of_windows, width_px = known.windows, known.photo_width_px
+    said = causes.of_windows_say(known)
     return {
-        "capture": name["capture"],
+        "capture": NAMES.get(name["capture"], name["capture"]),
         "poses": POSES[name["capture"], is_off],
         "known": "wrong" if is_off else "right",
         "trained_px": int(name["width"]),
@@ -67,9 +70,20 @@ def row_of(scene, verdict):
         "flow_1600_px": of_windows.flow_px * COMMON_PX / width_px,
         "flow_test_px": of_windows.flow_test_px,
         "passes": of_windows.passes,
-        "windows": causes.of_windows_say(known),
-        "verdict": verdict["state"],
+        "windows": said if said in TOLD else f"tell nothing ({said})",
+        "verdict": verdict["state"].replace("_", " "),
     }
+
+
+def evidence_of(stored):
+    """`causes.Evidence` of a verdict's file, where null stands for NaN."""
+
+    def known(values):
+        return {k: math.nan if v is None else v for k, v in values.items()}
+
+    windows_of = windows.Windows(**known(stored["windows"]))
+    more = {"windows": windows_of, "judged": None}
+    return causes.Evidence(**known(stored) | more)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,9 @@
     python -m tests.bench.surveyed ../shared/data/scenes/castle_P30 results/castle_P30
 
 The folder that is made has a transforms.json and links to the photos; a config reads it
-by `source: transforms`. The photos are half as large as those that were surveyed.
+by `source: transforms`. The photos are half as large as those that were surveyed. The
+survey counts the middle of a pixel as whole, nerfstudio's file as half: the photos'
+own matches fit that better than a survey that counts halves, though weakly.
 """
 
 import argparse
@@ -26,8 +28,8 @@ def main(argv=None):
     frames = []
     for photo in sorted((args.capture / f"images_{SHRINK}").glob("*.jpg")):
         link = folder / photo.name
-        if not link.exists():
-            link.symlink_to(photo.resolve())
+        link.unlink(missing_ok=True)
+        link.symlink_to(photo.resolve())
         survey = args.capture / "gt_dense_cameras" / f"{photo.name}.camera"
         lens, pose = read(survey)
         frame = {"file_path": f"images/{photo.name}", "transform_matrix": pose}
@@ -41,9 +43,10 @@ def read(path):
     The file has K, three zeros, the rotation from camera to world and the centre, with
     COLMAP's axes, and the size in pixels.
     """
-    rows = [[float(word) for word in line.split()] for line in path.open()]
+    lines = path.read_text().splitlines()
+    rows = [[float(word) for word in line.split()] for line in lines]
     (fx, _, cx), (_, fy, cy), _ = rows[:3]
-    values = {"fl_x": fx, "fl_y": fy, "cx": cx, "cy": cy}
+    values = {"fl_x": fx, "fl_y": fy, "cx": cx + 0.5, "cy": cy + 0.5}
     values |= dict(zip(("w", "h"), rows[8], strict=True))
     pose = np.eye(4)
     pose[:3, :3] = np.array(rows[4:7]) @ np.diag([1, -1, -1])

@@ -64,13 +64,19 @@ def test_depths_that_are_none_are_no_part_of_a_fit(fill):
 
 @pytest.mark.parametrize(("longest_px", "is_warped"), [(0.45, False), (0.6, True)])
 def test_a_region_moves_where_some_part_of_it_clearly_does(longest_px, is_warped):
-    """A hill of motion: warped down to its foot, or not at all; noise never is."""
+    """A hill of motion: warped down to its foot, or not at all.
+
+    A short flow elsewhere never is, nor is a long one that is not valid.
+    """
     y, x = np.mgrid[:48, :60]
     hill_px = longest_px * np.exp(-((x - 30) ** 2 + (y - 24) ** 2) / 60)
     hill_px[5, 5] = 0.3
-    view = flow_view(camera_motion.STILL)
+    valid = np.ones(hill_px.shape, bool)
+    valid[40:44, 4:9] = False
+    hill_px[~valid] = 3.0
     flow_px = np.stack([hill_px, np.zeros_like(hill_px)], axis=-1).astype(np.float32)
-    fit = camera_fit.split(*view._replace(flow_px=flow_px))
+    view = flow_view(camera_motion.STILL)._replace(flow_px=flow_px, valid=valid)
+    fit = camera_fit.split(*view)
     moves = photos.moving(fit)
     assert moves.any() == is_warped
     if is_warped:
