@@ -23,7 +23,9 @@ def of_scene(experiment, name):
         unused.add("courtyard")
     if scene["poses"] != "colmap":
         unused.add("colmap")
-    if not scene_keys.wants_points(scene):
+    # Where a `false` changes what is done, the stage has to be told.
+    undecided = scene | {"triangulate": None}
+    if not (scene_keys.wants_points(scene) or scene_keys.wants_points(undecided)):
         unused.add("triangulate")
     if scene_keys.whole_of(scene):
         unused |= {"test_every", "perturb_px", "colmap"}

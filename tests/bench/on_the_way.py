@@ -114,7 +114,7 @@ def measure(config, scene, share, method):
     aligned = timing.get("alignments", [])
     error = timing.get("pose_error_px", {})
     if aligned and not error:
-        error = error_of(scene, loaded)
+        error = error_of(scene, loaded, render)
     shared = {
         "scene": name_of(scene),
         "seed": seed_of(scene),
@@ -130,8 +130,8 @@ def measure(config, scene, share, method):
     ]
 
 
-def error_of(scene, loaded):
-    """{given, after}: pose error in px, at the depth of 1 in the scene's frame."""
+def error_of(scene, loaded, render):
+    """{given, after}: pose error in px, at the depth that held-out views have."""
     from alignerf.scenes import pose_error, prepared
 
     given = prepared.load(scene)
@@ -139,9 +139,13 @@ def error_of(scene, loaded):
     true = prepared.read_cameras(path)
     if list(true["names"]) != list(given.names):
         raise ValueError(f"{path}: other photos than in {scene}")
+    cameras = [
+        (loaded.pixtocams[v], loaded.camtoworlds[v]) for v in loaded.views("test")
+    ]
+    depth = float(np.median([np.median(render(*camera)[1]) for camera in cameras]))
     views = loaded.views("train")
     return {
-        name: pose_error.median_px(state, true, views, [1.0] * len(views))
+        name: pose_error.median_px(state, true, views, [depth] * len(views))
         for name, state in {"given": given, "after": loaded}.items()
     }
 

@@ -16,6 +16,8 @@ from alignerf.experiment import (
     sweep,
     trainings,
 )
+from alignerf.experiment.checks import scenes as of_scenes
+from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.tables import rows, scenes
 
 WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
@@ -61,6 +63,22 @@ def test_ablations_share_the_pretraining(demo, experiment_of):
         # Nothing of the fine-tuning is in it, so that this makes none anew.
         assert (job["alignerf"], job["pretrain_share"]) == (None, 0.6)
     assert own[0].job != own[1].job
+
+
+@pytest.mark.parametrize("asked", [None, False, True])
+@pytest.mark.parametrize("source", ["transforms", "photos", "courtyard"])
+def test_the_poses_stage_finds_points_where_the_config_wants_them(
+    demo, experiment_of, tmp_path, source, asked
+):
+    scene = {"source": source, "triangulate": asked}
+    if source != "courtyard":
+        scene["path"] = str(tmp_path)
+        (tmp_path / "transforms.json").write_text("{}")
+    demo |= {"scenes": {"a": scene}, "tradeoff": None}
+    experiment = experiment_of(demo)
+    told = of_scenes.checked(json.loads(slices.of_scene(experiment, "a")))
+    wanted = scene_keys.wants_points(experiment.scenes["a"])
+    assert bool(scene_keys.wants_points(told)) == bool(wanted)
 
 
 def test_a_scene_has_its_own_seed_and_steps(demo, experiment_of):
