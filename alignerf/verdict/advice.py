@@ -46,7 +46,7 @@ OF_OTHERS = (
     "or take those of one training of ours (a method with align: {})."
 )
 # Where the poses came with the photos, COLMAP finds others: on a phone's capture they
-# were 2.3 and 3.5 dB better than the phone's own (docs/measured/on_the_way_real.csv).
+# were 0.9 to 3.5 dB better than the phone's own (docs/measured/on_the_way_real.csv).
 ANEW = (
     "let COLMAP find the poses anew, from a folder of the photos alone: "
     '`make photos FOLDER=photos_alone PHOTOS="--name another"`.'
@@ -54,6 +54,10 @@ ANEW = (
 # Where alignment cannot be told, without windows and with them.
 UNSEEN = "add `windows: {}` to the config, or make photos less small (downscale)."
 LARGER = "make photos less small (downscale), or train windows longer (windows.steps)."
+WIDER = (
+    "cut more windows of each photo, `windows: { count: 4 }` in the config, until five "
+    "held-out photos have one; or make photos less small (downscale)."
+)
 # Causes that say nothing of alignment where photos are too few to learn geometry from.
 UNTOLD = ("motion",)
 # Causes whose remedy is what a warping round does.
@@ -86,7 +90,8 @@ def advise(e, findings, gains=()):
     if causes.misaligned(e):
         return f"{camera_text(e)} The cause is not known: look at what remains."
     if not causes.tells(e):
-        return UNSEEN if e.windows is None else LARGER
+        said = causes.of_windows_say(e)
+        return UNSEEN if said is None else WIDER if said == "few" else LARGER
     return "nothing about alignment. For sharper renders take more steps."
 
 

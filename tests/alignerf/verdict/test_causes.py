@@ -477,6 +477,8 @@ def test_where_nothing_can_be_told_the_advice_is_how_to_tell():
     assert advice.advise(known, []) == advice.UNSEEN
     short = known._replace(windows=APART._replace(passes=0.1))
     assert advice.advise(short, []) == advice.LARGER
+    few = known._replace(windows=APART._replace(test_photos=3))
+    assert advice.advise(few, []) == advice.WIDER
 
 
 def test_a_gain_that_pays_is_told_where_nothing_is_wrong():
