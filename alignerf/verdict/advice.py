@@ -73,6 +73,9 @@ def advise(e, findings, gains=()):
     named = {finding.cause for finding in findings}
     if "sparse" in named:
         named -= set(UNTOLD)
+    if any(finding.cause == "sparse" and finding.sure for finding in findings):
+        # What is only probable then is seen by bad renders; poses are by points, too.
+        named -= {one.cause for one in findings if not one.sure} - {"camera"}
     for cause, text in ADVICE:
         if cause not in named or (cause in REMEDIED and in_vain(e, gains)):
             continue

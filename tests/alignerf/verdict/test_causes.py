@@ -481,6 +481,14 @@ def test_where_nothing_can_be_told_the_advice_is_how_to_tell():
     assert advice.advise(few, []) == advice.WIDER
 
 
+@pytest.mark.parametrize(("is_sure", "begins"), [(False, "take"), (True, "fix the")])
+def test_what_bad_renders_show_as_probable_waits_for_more_photos(is_sure, begins):
+    """As of fox by 15 photos, whose own exposure drifts a little."""
+    findings = [causes.Finding("sparse", 9.0, True)]
+    findings.append(causes.Finding("exposure", 0.17, is_sure))
+    assert advice.advise(WELL, findings).startswith(begins)
+
+
 def test_a_gain_that_pays_is_told_where_nothing_is_wrong():
     assert "take the cameras of aligned" in advice.advise(WELL, [], [gain()])
     nothing = advice.advise(WELL, [], [gain(low=-0.1)])
