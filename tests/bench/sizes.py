@@ -23,6 +23,7 @@ TOLD = ("aligned", "misaligned")
 # Width in px to which a shift is brought for a common unit.
 COMMON_PX = 1600
 NAMES = {"castle": "castle_P30"}
+CALLED = {"unclear": "cannot be told"}
 POSES = {
     ("fox", False): "COLMAP's, given",
     ("fox", True): "off by 2 px",
@@ -71,7 +72,7 @@ def row_of(scene, verdict):
         "flow_test_px": of_windows.flow_test_px,
         "passes": of_windows.passes,
         "windows": said if said in TOLD else f"tell nothing ({said})",
-        "verdict": verdict["state"].replace("_", " "),
+        "verdict": CALLED.get(verdict["state"], verdict["state"]),
     }
 
 
