@@ -19,9 +19,6 @@ from alignerf.verdict import causes, windows
 
 SCENE = re.compile(r"(?P<capture>[a-z]+)_(?P<width>\d+)(?P<off>_off)?\Z")
 MANIFEST = {"evidence": dict, "state": str}
-TOLD = ("aligned", "misaligned")
-# Width in px to which a shift is brought for a common unit.
-COMMON_PX = 1600
 NAMES = {"castle": "castle_P30"}
 CALLED = {"unclear": "cannot be told"}
 POSES = {
@@ -68,10 +65,10 @@ def row_of(scene, verdict):
         "flow_px": of_windows.flow_px,
         "flow_low_px": of_windows.low_px,
         "flow_high_px": of_windows.high_px,
-        "flow_1600_px": of_windows.flow_px * COMMON_PX / width_px,
+        "flow_1600_px": of_windows.flow_px * causes.USUAL_WIDTH_PX / width_px,
         "flow_test_px": of_windows.flow_test_px,
         "passes": of_windows.passes,
-        "windows": said if said in TOLD else f"tell nothing ({said})",
+        "windows": said if causes.known_windows(known) else f"tell nothing ({said})",
         "verdict": CALLED.get(verdict["state"], verdict["state"]),
     }
 

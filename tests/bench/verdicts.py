@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from alignerf.files import images
-from tests.bench import measure
+from tests.bench import measure, planted
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SEEDS = (0, 2, 4)
@@ -144,8 +144,7 @@ def spoil(folder, faults, rng):
         if "blur" in faults and place in soft:
             image = cv2.GaussianBlur(image, (0, 0), 2.0)
         if "exposure" in faults:
-            bright = image.astype(np.float32) * 2.0 ** stops[place]
-            image = np.clip(np.round(bright), 0, 255).astype(np.uint8)
+            image = planted.brighter(image, stops[place])
         images.write(path, image)
     if "pixel" in faults:
         path = folder / "cameras.npz"
