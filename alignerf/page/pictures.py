@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from alignerf.files import machine
-from alignerf.verdict import limit
+from alignerf.verdict import shift
 
 # The page stays under 15 MB. Base64 adds a third to these.
 MOST_BYTES = 6_000_000
@@ -37,7 +37,7 @@ def in_order(views):
 
 def limit_of(evidence):
     """Length in px under which a flow is too short to tell, of a verdict's evidence."""
-    return limit.limit_px(evidence.get("overfit_px"))
+    return shift.told_px(evidence.get("overfit_px"))
 
 
 def fitted(shown):

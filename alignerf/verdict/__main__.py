@@ -11,7 +11,16 @@ import pandas as pd
 
 from alignerf.files import atomic, faults, json_files
 from alignerf.scenes import prepared
-from alignerf.verdict import advice, causes, evidence, judged, report, views, words
+from alignerf.verdict import (
+    advice,
+    causes,
+    evidence,
+    judged,
+    remedies,
+    report,
+    views,
+    words,
+)
 
 
 def main(argv=None):
@@ -33,7 +42,7 @@ def main(argv=None):
     findings = [finding for finding in findings if finding]
     gains = []
     if args.misalignment:
-        gains = words.gains_of(args.misalignment, json.loads(args.aligned))
+        gains = remedies.of_table(args.misalignment, json.loads(args.aligned))
     told = report.of(known, findings, gains, seen.rows)
     lines = report.terminal(told)
     content = {

@@ -3,7 +3,7 @@
 import math
 
 from alignerf.files import provenance
-from alignerf.verdict import causes, judged, words
+from alignerf.verdict import judged, remedies, shift
 
 # In dB on courtyard, over plain training of the same seconds, those of one and of two
 # trainings (docs/measured/on_the_way.csv): where poses are off by 1.5 px and objects
@@ -88,12 +88,12 @@ def advise(e, findings, gains=()):
             "leave the photos as they are: this run warped them, and that brought no "
             "more than chance."
         )
-    if tried := of_tried(e, gains, only_paying=not causes.misaligned(e)):
+    if tried := of_tried(e, gains, only_paying=not shift.misaligned(e)):
         return tried
-    if causes.misaligned(e):
+    if shift.misaligned(e):
         return f"{camera_text(e)} The cause is not known: look at what remains."
-    if not causes.tells(e):
-        said = causes.of_windows_say(e)
+    if not shift.tells(e):
+        said = shift.of_windows_say(e)
         return UNSEEN if said is None else WIDER if said == "few" else LARGER
     return "nothing about alignment. For sharper renders take more steps."
 
@@ -108,7 +108,7 @@ def of_camera(e, gains, text):
     own = of_tried(e, gains)
     if not e.poses_given:
         return own or text
-    if any(pays(e, gain) for gain in gains if words.is_on_the_way(gain)):
+    if any(pays(e, gain) for gain in gains if remedies.is_on_the_way(gain)):
         return f"{ANEW} Until then {own}"
     # What was tried in vain is not offered beside it.
     return ANEW if own else f"{ANEW} Or {text}"
@@ -120,12 +120,12 @@ def pays(e, gain):
     Scores on the photos as they are say nothing of moved cameras.
     """
     fair = not (gain.on_the_way and gain.test_set == "standard")
-    return fair and e.test_views >= causes.FEW_TEST_VIEWS and gain.low > 0
+    return fair and e.test_views >= shift.FEW_TEST_VIEWS and gain.low > 0
 
 
 def of_tried(e, gains, *, only_paying=False):
     """Advice where this run has aligned itself on the way, else nothing."""
-    tried = [gain for gain in gains if words.is_on_the_way(gain)]
+    tried = [gain for gain in gains if remedies.is_on_the_way(gain)]
     if not tried:
         return ""
     best = max(tried, key=lambda gain: (pays(e, gain), gain.db))
@@ -139,7 +139,7 @@ def of_tried(e, gains, *, only_paying=False):
             f"take the cameras of {best.method}, which this run has put right: "
             f"`{provenance.export_command()}`."
         )
-    if only_paying or e.test_views < causes.FEW_TEST_VIEWS:
+    if only_paying or e.test_views < shift.FEW_TEST_VIEWS:
         return ""
     return (
         f"leave cameras and photos as given: {best.method} put right what it saw, and "
@@ -150,4 +150,4 @@ def of_tried(e, gains, *, only_paying=False):
 def in_vain(e, gains):
     """Whether this run warped photos without a gain, by enough views."""
     lows = [gain[2] for gain in gains if "warped" in gain[0]]
-    return bool(lows) and e.test_views >= causes.FEW_TEST_VIEWS and max(lows) <= 0
+    return bool(lows) and e.test_views >= shift.FEW_TEST_VIEWS and max(lows) <= 0

@@ -9,23 +9,11 @@ and on real captures: docs/evidence/verdict.md.
 import math
 from typing import NamedTuple
 
-from alignerf.verdict import limit
+from alignerf.verdict import shift
 from alignerf.verdict import windows as of_windows
 
 # Of the flow's parts, one that is at least so long is named.
 PART_PX = 0.2
-# In windows at the photos' own size, of training views and of test views: where both
-# are longer, photos are misaligned. They were 0.3 to 0.5 and 0.7 to 1.0 px on three
-# captures with right poses, 0.8 to 1.1 and 1.8 to 2.4 px on two with wrong ones: a
-# model learns a part of a wrong pose, but not that of a view that it has not seen.
-WINDOW_PX, WINDOW_TEST_PX = 0.5, 1.3
-# Test views' flow over training views' there: beyond it a wrong pose may have been
-# learnt as geometry. It was 1.3 to 3.1, and 7.6 to 12 where views lie far apart. How
-# often each pixel of a window has been seen at the least.
-WINDOW_RATIO, WINDOW_PASSES = 5.0, 0.2
-# "Aligned" is said where a shift of so much would have been seen, at the width that
-# programs train at: they make photos smaller that are wider.
-TOLD_PX, USUAL_WIDTH_PX = 1.0, 1600
 # Pixels that do not move with their camera: by so much at least, and by so much of what
 # it moves, since a model that averages wrong poses is bent; and their share.
 MOVED_PX, MOVED_OF_CAMERA, MOVED_SHARE = 0.5, 0.7, 0.04
@@ -35,12 +23,8 @@ GAP_DB, SMALL_GAP_DB, TEST_OVER_TRAIN = 4.0, 2.5, 2.5
 # Of points that photos share: right cameras see them 0.2 px from where they are found,
 # given poses of real captures up to 0.6 px, cameras that are off by 2 px 1.3 px.
 REPROJECTION_PX = 0.8
-# Views that no interval can be told from, and that no geometry can be learnt from.
-FEW_TEST_VIEWS, FEW_TRAIN_VIEWS = 5, 12
 # Share of the photos that COLMAP has placed.
 REGISTERED = 0.9
-# How often each training pixel has been seen.
-FEW_PASSES = 0.5
 # Fine detail of a photo over its render's.
 BLURRED_DETAIL, BLURRED_VIEWS = 0.6, 0.05
 # Standard deviation over views, of photos over their renders; and of photos over one
@@ -105,9 +89,9 @@ def find(evidence: Evidence) -> list[Finding]:
     tests = (few_views, unregistered, sparse, undertrained, lens_shift)
     tests = (*tests, lens_distortion, blurred, exposure, camera, motion)
     findings = [finding for test in tests if (finding := test(evidence))]
-    if too_short(evidence):
+    if shift.too_short(evidence):
         # Renders that are blurred by too little training move the flow, too.
-        plain = (*PLAIN, *["camera"] * by_windows(evidence))
+        plain = (*PLAIN, *["camera"] * shift.by_windows(evidence))
         findings = [finding for finding in findings if finding.cause in plain]
     return findings
 
@@ -116,93 +100,12 @@ def find(evidence: Evidence) -> list[Finding]:
 PLAIN = ("few_views", "unregistered", "undertrained", "blurred", "exposure")
 
 
-def too_short(e: Evidence):
-    """Whether training was too short for its renders to tell anything of alignment."""
-    return e.passes < FEW_PASSES / 2
-
-
-def misaligned(e: Evidence):
-    """Whether photos and renders of the training views are apart at all.
-
-    Windows decide where they tell something; a shift of the whole photos of twice its
-    limit counts beside them.
-    """
-    if by_windows(e):
-        return True
-    times = 2 if known_windows(e) else 1
-    return flow_px(e) > times * limit_of_training_px(e)
-
-
-def flow_px(e: Evidence):
-    """The shift of training views, where they were rendered; else of test views."""
-    return e.flow_train_px if math.isfinite(e.flow_train_px) else e.flow_test_px
-
-
-def of_windows_say(e: Evidence):
-    """What windows say: `aligned`, `misaligned`, or why nothing; None without any."""
-    w = e.windows
-    if w is None:
-        return None
-    if not (math.isfinite(w.flow_px) and math.isfinite(w.flow_test_px)):
-        return "unknown"
-    if w.passes < WINDOW_PASSES:
-        return "short"
-    if w.photos < FEW_TRAIN_VIEWS or w.test_photos < FEW_TEST_VIEWS:
-        return "few"
-    if w.flow_px > WINDOW_PX:
-        return "misaligned" if w.flow_test_px > WINDOW_TEST_PX else "unconfirmed"
-    is_sparse = w.flow_test_px > WINDOW_RATIO * max(w.flow_px, 0.05)
-    return "sparse" if is_sparse else "aligned"
-
-
-def by_windows(e: Evidence):
-    """Whether windows at the photos' own size are apart."""
-    return of_windows_say(e) == "misaligned"
-
-
-def known_windows(e: Evidence):
-    """Whether windows tell anything."""
-    return of_windows_say(e) in ("aligned", "misaligned")
-
-
-def limit_of_training_px(e: Evidence):
-    """The least shift that the training tells, in its px."""
-    return limit.limit_px(e.overfit_px)
-
-
-def limit_px(e: Evidence):
-    """The least shift that the run tells, in px of the photo."""
-    return WINDOW_PX if known_windows(e) else e.photo_px * limit_of_training_px(e)
-
-
-def shift_px(e: Evidence):
-    """How far a photo and its render are apart, in px of the photo."""
-    return e.windows.flow_px if by_windows(e) else e.photo_px * flow_px(e)
-
-
-def tells(e: Evidence):
-    """Whether a shift that blurs a picture would have been seen.
-
-    That is one pixel of the photo, or of one of 1600 px of width if it is wider.
-    """
-    if of_windows_say(e) == "unconfirmed" or not math.isfinite(flow_px(e)):
-        return False
-    wide = min(1.0, USUAL_WIDTH_PX / e.photo_width_px)
-    return not limit_px(e) * wide > TOLD_PX
-
-
 def few_views(e: Evidence):
     """Too few photos to learn or to judge from."""
-    few_test = e.test_views < FEW_TEST_VIEWS and not e.judged
-    if few_train(e) or few_test:
+    few_test = e.test_views < shift.FEW_TEST_VIEWS and not e.judged
+    if shift.few_train(e) or few_test:
         return Finding("few_views", e.train_views + e.test_views, True)
     return None
-
-
-def few_train(e: Evidence):
-    """Whether views are too few to learn from; of judged ones, to tell anything by."""
-    count = max(e.train_views, e.test_views) if e.judged else e.train_views
-    return count < FEW_TRAIN_VIEWS
 
 
 def unregistered(e: Evidence):
@@ -258,15 +161,15 @@ def exposure_of(e: Evidence):
     Depth of a training that was too short does not say which points photos share.
     """
     told = [(e.exposure_ev, EXPOSURE_EV)]
-    if math.isfinite(e.shared_ev) and not too_short(e):
+    if math.isfinite(e.shared_ev) and not shift.too_short(e):
         told.append((e.shared_ev, SHARED_EV))
     return max(told, key=lambda one: one[0] / one[1])
 
 
 def undertrained(e: Evidence):
     """Pixels have hardly been seen."""
-    if e.passes < FEW_PASSES:
-        return Finding("undertrained", e.passes, e.passes < FEW_PASSES / 2)
+    if e.passes < shift.FEW_PASSES:
+        return Finding("undertrained", e.passes, e.passes < shift.FEW_PASSES / 2)
     return None
 
 
@@ -280,7 +183,7 @@ def camera(e: Evidence):
         return None
     if source == "windows":
         size = e.windows.camera_px / e.photo_px
-        return Finding("camera", size, e.windows.low_px > WINDOW_PX)
+        return Finding("camera", size, e.windows.low_px > shift.WINDOW_PX)
     if source == "flow":
         return Finding("camera", e.camera_px, e.camera_px > 2 * PART_PX)
     if source == "points":
@@ -306,9 +209,9 @@ def source_of_camera(e: Evidence):
     From too few photos a wrong pose is learnt as geometry, so that training views fit:
     then the points that photos share tell.
     """
-    if by_windows(e) and e.windows.camera_px > e.windows.remainder_px:
+    if shift.by_windows(e) and e.windows.camera_px > e.windows.remainder_px:
         return "windows"
-    if misaligned(e) and not too_short(e) and e.camera_px > PART_PX:
+    if shift.misaligned(e) and not shift.too_short(e) and e.camera_px > PART_PX:
         return "flow"
     if sparse(e) is not None and e.reprojection_px > REPROJECTION_PX:
         return "points"

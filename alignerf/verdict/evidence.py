@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.cameras import exposure
+from alignerf.cameras import exposure, lens
 from alignerf.files import archives, csv_files, json_files, machine
 from alignerf.scenes import prepared
-from alignerf.verdict import causes, judged, pattern, views
+from alignerf.verdict import causes, judged, views
 from alignerf.verdict import windows as of_windows
 
 # Flows of so many training views tell what all have in common.
@@ -108,7 +108,7 @@ def moved_share(base, split, name, camera_px):
     return float((data["moved"] & far & valid).sum() / max(valid.sum(), 1))
 
 
-def read_pattern(loaded: prepared.Scene, base) -> pattern.Pattern:
+def read_pattern(loaded: prepared.Scene, base) -> lens.Pattern:
     """The pattern of the training views' flows; of the test views' without these."""
     split = "train" if (Path(base) / "flow" / "train").is_dir() else "test"
     chosen = loaded.views(split)
@@ -117,13 +117,13 @@ def read_pattern(loaded: prepared.Scene, base) -> pattern.Pattern:
     for view in chosen[places.round().astype(int)]:
         flow_px, valid = read_flow(base, split, loaded.names[view])
         flows.append(np.where(valid[..., None], flow_px, np.nan))
-    return pattern.of_flows(flows)
+    return lens.of_flows(flows)
 
 
 def gather(
     loaded,
     seen: Seen,
-    shared: pattern.Pattern,
+    shared: lens.Pattern,
     *,
     poses,
     timing,

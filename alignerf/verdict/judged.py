@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from alignerf.files import json_files, provenance
-from alignerf.verdict import causes
+from alignerf.verdict import causes, shift
 
 # A render shows another photo where its picture correlates better with that one's, and
 # what is missing to 1 is at most half as much.
@@ -198,9 +198,9 @@ def advise(e, findings):
     for cause, text in ADVICE:
         if cause in named:
             return put_right(e, text)
-    if causes.misaligned(e):
+    if shift.misaligned(e):
         return put_right(e, dict(ADVICE)["motion"])
-    if not causes.tells(e):
+    if not shift.tells(e):
         return "render larger pictures: at this size a shift is too small to be seen."
     return (
         "nothing about alignment. For sharper renders train longer, or a larger model."

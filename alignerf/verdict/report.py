@@ -10,7 +10,7 @@ import re
 import textwrap
 from typing import NamedTuple
 
-from alignerf.verdict import advice, causes, words
+from alignerf.verdict import advice, causes, remedies, shift, words
 
 # Of the terminal: where texts begin, and where they end.
 INDENT, WIDTH = 10, 100
@@ -36,7 +36,7 @@ class Report(NamedTuple):
 
 
 def of(e, findings, gains, views) -> Report:
-    """The report. gains: of `words.gains_of`; views: of `evidence.read_views`."""
+    """The report. gains: of `remedies.of_table`; views: of `evidence.read_views`."""
     head = words.headline(e, findings)
     text = advice.advise(e, findings, gains)
     return Report(
@@ -67,7 +67,7 @@ def tried_of(gain, e):
     """{text, pays, db, low, high, minutes, test_set, method} of a remedy."""
     kept = ("db", "low", "high", "minutes", "test_set", "method")
     found = {key: getattr(gain, key) for key in kept}
-    return {"text": words.gain_line(gain, e), "pays": advice.pays(e, gain)} | found
+    return {"text": remedies.line(gain, e), "pays": advice.pays(e, gain)} | found
 
 
 class Gauge(NamedTuple):
@@ -91,12 +91,12 @@ class Gauge(NamedTuple):
 
 def of_alignment(e):
     """Whether renders are too blurred by a short training to tell a shift."""
-    return causes.too_short(e) and not causes.known_windows(e)
+    return shift.too_short(e) and not shift.known_windows(e)
 
 
 def camera_value(e):
     """What shows that poses are off, in px of the photo."""
-    if causes.known_windows(e):
+    if shift.known_windows(e):
         return e.windows.camera_px
     if causes.source_of_camera(e) == "points":
         return e.photo_px * e.reprojection_px
@@ -104,15 +104,15 @@ def camera_value(e):
 
 
 def camera_limit(e):
-    if causes.known_windows(e):
-        return causes.WINDOW_PX
+    if shift.known_windows(e):
+        return shift.WINDOW_PX
     if causes.source_of_camera(e) == "points":
         return e.photo_px * causes.REPROJECTION_PX
     return e.photo_px * causes.PART_PX
 
 
 def cannot_tell(e):
-    return of_alignment(e) or not (causes.tells(e) or causes.misaligned(e))
+    return of_alignment(e) or not (shift.tells(e) or shift.misaligned(e))
 
 
 GAUGES = (
@@ -153,9 +153,9 @@ GAUGES = (
     ),
     Gauge(
         *("few_views", "number of photos", "too few"),
-        lambda e: max(causes.FEW_TRAIN_VIEWS - most_views(e), 0),
+        lambda e: max(shift.FEW_TRAIN_VIEWS - most_views(e), 0),
         lambda e: 0,
-        says=lambda e: f"{most_views(e)}, {causes.FEW_TRAIN_VIEWS} are enough",
+        says=lambda e: f"{most_views(e)}, {shift.FEW_TRAIN_VIEWS} are enough",
     ),
     Gauge(
         *("unregistered", "photos placed by COLMAP", "% left out"),
@@ -167,9 +167,9 @@ GAUGES = (
     Gauge(
         *("undertrained", "length of training", "passes"),
         lambda e: e.passes,
-        lambda e: causes.FEW_PASSES,
+        lambda e: shift.FEW_PASSES,
         is_told=lambda e: not e.judged,
-        says=lambda e: f"{number(e.passes)} passes, {causes.FEW_PASSES} are enough",
+        says=lambda e: f"{number(e.passes)} passes, {shift.FEW_PASSES} are enough",
     ),
     Gauge(
         *("swapped", "renders of the right photos", "swapped"),

@@ -5,14 +5,8 @@ Lengths are in pixels of the original photo: those of the training change with
 """
 
 import math
-from typing import NamedTuple
 
-import numpy as np
-import pandas as pd
-
-from alignerf.files import csv_files, json_files
-from alignerf.tables import scores
-from alignerf.verdict import causes, judged
+from alignerf.verdict import causes, judged, remedies, shift
 
 
 def measured(e, views, gains=()):
@@ -35,7 +29,7 @@ def length(photo_px):
 
 def wide(photo_px, e):
     """The same where the photo is 1600 px wide, as programs make it for training."""
-    return length(photo_px * causes.USUAL_WIDTH_PX / e.photo_width_px)
+    return length(photo_px * shift.USUAL_WIDTH_PX / e.photo_width_px)
 
 
 def sure(finding):
@@ -51,42 +45,42 @@ def headline(e, findings):
         if one.cause in CALLED
     ]
     if kind == "misaligned":
-        by = f"misaligned by {length(causes.shift_px(e))}"
+        by = f"misaligned by {length(shift.shift_px(e))}"
         return f"{by}{': ' + ', '.join(what) if what else ''}."
     if kind == "aligned":
-        far = f"aligned, as far as {length(causes.limit_px(e))} can show"
+        far = f"aligned, as far as {length(shift.limit_px(e))} can show"
         return f"{far}{'; but ' + ', '.join(what) if what else ''}."
     if "sparse" in named:
         if "camera" in named:
             poses = next(word for word in what if word.startswith("poses"))
             return f"{poses}, and photos are too few or too far apart."
         return "too few photos, or too far apart: aligning is no help."
-    if causes.few_train(e):
+    if shift.few_train(e):
         return "too few photos to say much."
-    if causes.too_short(e):
+    if shift.too_short(e):
         return "trained too short to tell how well photos are aligned."
     also = f" But {', '.join(what)}." if what else ""
-    if not math.isfinite(causes.flow_px(e)):
+    if not math.isfinite(shift.flow_px(e)):
         return f"cannot be told: no flow from renders to photos is valid.{also}"
-    if causes.of_windows_say(e) == "unconfirmed":
+    if shift.of_windows_say(e) == "unconfirmed":
         px = length(e.windows.flow_px)
         return f"cannot be told for sure: windows are {px} apart.{also}"
-    seen = f"a shift under {length(causes.limit_px(e))} would not be seen"
+    seen = f"a shift under {length(shift.limit_px(e))} would not be seen"
     return f"cannot be told at this size: {seen}.{also}"
 
 
 def state(e, findings):
     """The verdict in a word: `aligned`, `misaligned` or `unclear`."""
     named = {finding.cause for finding in findings}
-    if causes.by_windows(e):
+    if shift.by_windows(e):
         return "misaligned"
-    few = causes.few_train(e)
-    short = causes.too_short(e) and not causes.known_windows(e)
+    few = shift.few_train(e)
+    short = shift.too_short(e) and not shift.known_windows(e)
     if "sparse" in named or few or short:
         return "unclear"
-    if causes.misaligned(e) and not causes.too_short(e):
+    if shift.misaligned(e) and not shift.too_short(e):
         return "misaligned"
-    return "aligned" if causes.tells(e) else "unclear"
+    return "aligned" if shift.tells(e) else "unclear"
 
 
 CALLED = {
@@ -107,12 +101,12 @@ CALLED = {
 def alignment(e, gains=()):
     """How far photos and renders are apart, by windows and by whole photos."""
     lines = of_windows(e, gains) if e.windows else []
-    parts, scale = [], f"at {causes.USUAL_WIDTH_PX} px of width"
+    parts, scale = [], f"at {shift.USUAL_WIDTH_PX} px of width"
     if math.isfinite(e.flow_train_px):
         parts.append(f"{of_photo(e.flow_train_px, e)} on photos that were trained on")
     if math.isfinite(e.flow_test_px) or not e.judged:
         parts.append(f"{of_photo(e.flow_test_px, e)} on held-out ones")
-    limit = e.photo_px * causes.limit_of_training_px(e)
+    limit = e.photo_px * shift.limit_of_training_px(e)
     begins = "Photo and render are shifted by"
     if lines:
         begins = "By the whole photos, trained small, the shift is"
@@ -123,7 +117,7 @@ def alignment(e, gains=()):
 
 def of_windows(e, gains):
     """What windows at the photos' own size tell, or why they tell nothing."""
-    w, say = e.windows, causes.of_windows_say(e)
+    w, say = e.windows, shift.of_windows_say(e)
     if say in NOTHING_TOLD:
         why = NOTHING_TOLD[say].format(
             passes=f"{w.passes:.2g}",
@@ -138,7 +132,7 @@ def of_windows(e, gains):
     lines = [
         f"At the photos' own size a photo and its render are shifted by "
         f"{length(w.flow_px)} ({interval}), which is {wide(w.flow_px, e)} at "
-        f"{causes.USUAL_WIDTH_PX} px of width. That is the median of {w.photos} photos "
+        f"{shift.USUAL_WIDTH_PX} px of width. That is the median of {w.photos} photos "
         f"that were trained on, in {each}; on {w.test_photos} held-out photos it is "
         f"{length(w.flow_test_px)}."
     ]
@@ -149,7 +143,9 @@ def of_windows(e, gains):
         )
     if say == "unconfirmed":
         lines.append("Held-out photos do not confirm that shift.")
-    moved = [getattr(g, "cameras_moved", None) for g in gains if is_on_the_way(g)]
+    moved = [
+        getattr(g, "cameras_moved", None) for g in gains if remedies.is_on_the_way(g)
+    ]
     # Where no camera has moved, the others are the same once more.
     if math.isfinite(w.corrected_px) and not (moved and set(moved) == {0}):
         lines.append(
@@ -212,10 +208,10 @@ def sparse(finding, e):
 def few_views(finding, e):
     if e.judged:
         count = max(e.train_views, e.test_views)
-        return f"{count} renders are few: {causes.FEW_TRAIN_VIEWS} are the least."
+        return f"{count} renders are few: {shift.FEW_TRAIN_VIEWS} are the least."
     return (
         f"{e.train_views} photos to learn from and {e.test_views} to judge by are few: "
-        f"{causes.FEW_TRAIN_VIEWS} and {causes.FEW_TEST_VIEWS} are the least."
+        f"{shift.FEW_TRAIN_VIEWS} and {shift.FEW_TEST_VIEWS} are the least."
     )
 
 
@@ -278,100 +274,3 @@ def photos(views):
     named = "; ".join(f"{view.view}: {view.stands_out}" for view in odd[:3])
     more = f"; {len(odd) - 3} more in tables/views.csv" if len(odd) > 3 else ""
     return [f"Photos that stand out: {named}{more}."]
-
-
-class Gain(NamedTuple):
-    """A remedy's gain in this run, in dB with its interval, and its minutes."""
-
-    name: str
-    db: float
-    low: float
-    high: float
-    minutes: float
-    method: str = ""
-    # Whether its cameras have moved: on the way, or between rounds.
-    on_the_way: bool = False
-    test_set: str = ""
-    # Of a training that aligned itself: how many cameras it has moved at the most.
-    cameras_moved: int | None = None
-
-
-# In a table's column `field`, of a training that aligned itself
-# (`experiment.tables.rows`).
-ON_THE_WAY = "aligned on the way"
-MOVED = f"{ON_THE_WAY}|cameras put right"
-# Test sets, the fairest first. Cameras that have moved see a test view elsewhere than
-# the given one says, so of these the photos as they are count last.
-USUAL = ("oracle", "standard")
-FAIR = ("oracle", "aligned_pose", "aligned_pose_gradient", "standard")
-OF_GAINS = ("method", "field", "warping", "test_set", "difference_to", "total_time_s")
-OF_GAINS += ("difference_db", "difference_low_db", "difference_high_db")
-
-
-def is_on_the_way(gain):
-    """Whether a remedy moves cameras; of a `Gain`, or of its first numbers alone."""
-    return getattr(gain, "on_the_way", False)
-
-
-def gains_of(path, timings=()):
-    """The `Gain` of each remedy in a table over the baseline, the model without one.
-
-    timings: {method: timing.json} of trainings that aligned themselves. Scores are
-    those against the oracle where it is known, else those on held-out photos; where
-    cameras were put right, with held-out ones moved to fit their photos.
-    """
-    table = csv_files.read(path, columns=OF_GAINS)
-    known = set(table["test_set"])
-    moved = table["field"].astype(str).str.contains(MOVED)
-    usual, fair = (
-        next((name for name in names if name in known), None) for names in (USUAL, FAIR)
-    )
-    chosen = table[table["test_set"] == np.where(moved, fair, usual)]
-    gains = []
-    for row, has_moved in zip(chosen.itertuples(), moved[chosen.index], strict=True):
-        own = row.method == row.difference_to and row.warping == scores.warping(0)
-        if own or pd.isna(row.difference_db):
-            continue
-        on_the_way = ON_THE_WAY in str(row.field)
-        name = scores.row_name(row.method, row.warping)
-        if on_the_way and not row.method.startswith("aligned"):
-            name = f"{name}, {ON_THE_WAY}"
-        ends = (row.difference_low_db, row.difference_high_db)
-        took = row.total_time_s / 60, row.method, bool(has_moved), row.test_set
-        count = cameras_moved(timings[row.method]) if row.method in timings else None
-        gains.append(Gain(name, row.difference_db, *ends, *took, count))
-    return gains
-
-
-def cameras_moved(timing):
-    """How many cameras a training has moved at one stop at the most; None: unknown."""
-    stops = json_files.read(timing, {}).get("alignments") or []
-    counts = [stop.get("cameras_moved") for stop in stops]
-    return max((n for n in counts if n is not None), default=None)
-
-
-# What a gain is measured against, by test set.
-CALLED_SETS = {
-    "oracle": " against the true scene",
-    "standard": " on held-out photos",
-    "aligned_pose": " on held-out photos, each by a camera moved to fit it,",
-    "aligned_pose_gradient": " on held-out photos, each by a camera moved to fit it,",
-}
-
-
-def gain_line(gain, e):
-    """A sentence on a remedy's gain in this run; it claims nothing from few views."""
-    name, db, low, high, minutes = gain[:5]
-    took = f"{minutes:.0f} min" if minutes >= 1 else "under a minute"
-    test_set = getattr(gain, "test_set", "")
-    against = CALLED_SETS.get(test_set, "")
-    if test_set == "standard" and is_on_the_way(gain):
-        against += " by cameras that were left as given: true gains are larger,"
-    text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}]{against} in {took}"
-    if getattr(gain, "cameras_moved", None) == 0:
-        text += ", without moving a camera"
-    if e.test_views < causes.FEW_TEST_VIEWS:
-        return f"{text}; {e.test_views} held-out photos are too few to be sure."
-    if low > 0 or high < 0:
-        return f"{text}."
-    return f"{text}: not more than chance."

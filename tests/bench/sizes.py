@@ -15,7 +15,7 @@ from pathlib import Path
 import pandas as pd
 
 from alignerf.files import json_files, yaml_files
-from alignerf.verdict import causes, windows
+from alignerf.verdict import causes, shift, windows
 
 SCENE = re.compile(r"(?P<capture>[a-z]+)_(?P<width>\d+)(?P<off>_off)?\Z")
 MANIFEST = {"evidence": dict, "state": str}
@@ -55,7 +55,7 @@ def row_of(scene, verdict):
     is_off = bool(name["off"])
     known = evidence_of(verdict["evidence"])
     of_windows, width_px = known.windows, known.photo_width_px
-    said = causes.of_windows_say(known)
+    said = shift.of_windows_say(known)
     return {
         "capture": NAMES.get(name["capture"], name["capture"]),
         "poses": POSES[name["capture"], is_off],
@@ -65,10 +65,10 @@ def row_of(scene, verdict):
         "flow_px": of_windows.flow_px,
         "flow_low_px": of_windows.low_px,
         "flow_high_px": of_windows.high_px,
-        "flow_1600_px": of_windows.flow_px * causes.USUAL_WIDTH_PX / width_px,
+        "flow_1600_px": of_windows.flow_px * shift.USUAL_WIDTH_PX / width_px,
         "flow_test_px": of_windows.flow_test_px,
         "passes": of_windows.passes,
-        "windows": said if causes.known_windows(known) else f"tell nothing ({said})",
+        "windows": said if shift.known_windows(known) else f"tell nothing ({said})",
         "verdict": CALLED.get(verdict["state"], verdict["state"]),
     }
 

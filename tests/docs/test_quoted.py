@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from alignerf.page import layers
-from alignerf.verdict import advice, limit
+from alignerf.verdict import advice, shift
 
 # An answer to how long the demo takes, as README gives it.
 COST = re.compile(r"\d+ to\s+\d+\s+min")
@@ -119,12 +119,12 @@ def test_pages_say_the_scale_of_the_flow_and_that_figures_have_their_own(page_of
     text = page_of("docs/reference/files.md")
     assert f"full colour is {layers.FULL_PX:g} px" in text
     assert "rim of their colour wheel" in text
-    assert f"{limit.ALIGNED_PX:g} px, or what the estimator finds" in text
+    assert f"{shift.ALIGNED_PX:g} px, or what the estimator finds" in text
 
 
 def test_the_page_on_the_method_reads_the_verdict_as_it_is(page_of):
     text = page_of("docs/evidence/alignerf.md")
-    assert f"From {limit.ALIGNED_PX:g} px on it calls photos misaligned" in text
+    assert f"From {shift.ALIGNED_PX:g} px on it calls photos misaligned" in text
     assert "*training* views (`flow_train_px` in `verdict.json`)" in text
     assert "train longer first" not in text
 

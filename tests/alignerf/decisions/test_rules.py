@@ -14,7 +14,7 @@ from alignerf.decisions import rules
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.mipnerf360 import coord
-from alignerf.verdict import causes
+from alignerf.verdict import shift
 
 FACTS = {
     "nearest": 0.5,
@@ -75,7 +75,7 @@ def test_steps_grow_with_pixels_within_bounds():
     seen = found[1] * training_keys.Training().batch_rays / (50 * 400 * 300)
     assert seen == pytest.approx(rules.PASSES, rel=0.02)
     # As often as the verdict asks, below which a training is called short.
-    assert seen >= causes.FEW_PASSES
+    assert seen >= shift.FEW_PASSES
 
 
 @pytest.mark.parametrize(

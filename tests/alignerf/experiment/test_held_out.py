@@ -7,7 +7,7 @@ from alignerf import poses
 from alignerf.experiment import check, schema
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.scenes import prepare
-from alignerf.verdict import causes
+from alignerf.verdict import shift
 
 
 def every(views, source="photos", **given):
@@ -25,10 +25,10 @@ def test_views_are_held_out_as_seldom_as_an_interval_allows(views, source):
     if views < 17:
         assert n == 8
         return
-    assert held_out >= causes.FEW_TEST_VIEWS
-    assert views - held_out >= causes.FEW_TRAIN_VIEWS
+    assert held_out >= shift.FEW_TEST_VIEWS
+    assert views - held_out >= shift.FEW_TRAIN_VIEWS
     assert 4 <= n <= 8
-    assert n == 8 or -(-views // (n + 1)) < causes.FEW_TEST_VIEWS
+    assert n == 8 or -(-views // (n + 1)) < shift.FEW_TEST_VIEWS
     assert views < 33 or n == 8
 
 
@@ -52,7 +52,7 @@ def test_a_number_holds(n):
 
 
 def test_enough_is_what_the_verdict_calls_enough():
-    assert scene_keys.LEAST_TEST_VIEWS == causes.FEW_TEST_VIEWS
+    assert scene_keys.LEAST_TEST_VIEWS == shift.FEW_TEST_VIEWS
 
 
 def test_what_a_file_says_itself_is_kept_and_a_number_beside_it_is_told(caplog):

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from alignerf import poses
-from alignerf.verdict import advice, causes, report, windows, words
+from alignerf.verdict import advice, causes, remedies, report, shift, windows, words
 
 # A scene in which nothing is wrong, as measured on courtyard.
 WELL = causes.Evidence(
@@ -73,7 +73,7 @@ def test_a_slow_drift_of_exposure_is_named_where_depth_can_be_trusted():
 
 def test_nothing_is_named_where_nothing_is_wrong():
     assert causes.find(WELL) == []
-    assert not causes.misaligned(WELL)
+    assert not shift.misaligned(WELL)
 
 
 @pytest.mark.parametrize("cause", FAULTS)
@@ -165,7 +165,7 @@ def test_what_was_tried_in_vain_is_not_recommended(gains, views, said):
 
 
 def gain(**changes):
-    found = words.Gain("aligned", 0.6, 0.3, 0.9, 4.0, "aligned", True)
+    found = remedies.Gain("aligned", 0.6, 0.3, 0.9, 4.0, "aligned", True)
     return found._replace(**changes)
 
 
@@ -226,9 +226,9 @@ def test_no_cameras_are_offered_where_none_was_moved():
         said = advice.advise(WELL, findings, [still])
         assert "put right" not in said
         assert "looked at them, and moved none" in said
-    assert "without moving a camera" in words.gain_line(still, WELL)
+    assert "without moving a camera" in remedies.line(still, WELL)
     for moved in (None, 5):
-        line = words.gain_line(gain(cameras_moved=moved), WELL)
+        line = remedies.line(gain(cameras_moved=moved), WELL)
         assert "without" not in line
 
 
@@ -240,9 +240,9 @@ def test_the_most_cameras_that_a_training_moved(tmp_path, counts, most):
     stops = [{} if n is None else {"cameras_moved": n} for n in counts]
     path = tmp_path / "timing.json"
     path.write_text(json.dumps({"alignments": stops}))
-    assert words.cameras_moved(path) == most
+    assert remedies.cameras_moved(path) == most
     path.write_text("{}")
-    assert words.cameras_moved(path) is None
+    assert remedies.cameras_moved(path) is None
 
 
 @pytest.mark.parametrize(
@@ -258,7 +258,7 @@ def test_gains_of_moved_cameras_are_by_the_fairest_test_set(
     tmp_path, test_sets, db, usual_db
 ):
     """Others' by the usual one, which all have."""
-    found, other = words.gains_of(table_of(tmp_path / "table.csv", test_sets))
+    found, other = remedies.of_table(table_of(tmp_path / "table.csv", test_sets))
     assert (found.db, other.db) == (db, usual_db)
     assert (other.name, other.on_the_way) == ("rival", False)
     assert found.test_set == test_sets[db - 1]
@@ -286,16 +286,16 @@ def test_what_is_promised_is_what_was_measured(root):
 
 def test_gains_from_few_views_are_no_gains():
     gain = ("once", 1.5, 1.2, 1.8, 4.0)
-    assert words.gain_line(gain, WELL).endswith("in 4 min.")
+    assert remedies.line(gain, WELL).endswith("in 4 min.")
     few = WELL._replace(test_views=3)
-    assert "too few to be sure" in words.gain_line(gain, few)
+    assert "too few to be sure" in remedies.line(gain, few)
     chance = ("once", 0.02, -0.05, 0.06, 4.0)
-    assert "not more than chance" in words.gain_line(chance, WELL)
+    assert "not more than chance" in remedies.line(chance, WELL)
 
 
 def test_what_the_poses_warn_of_is_what_the_verdict_says():
-    assert poses.FEW_TRAIN_VIEWS == causes.FEW_TRAIN_VIEWS
-    assert poses.FEW_TEST_VIEWS == causes.FEW_TEST_VIEWS
+    assert poses.FEW_TRAIN_VIEWS == shift.FEW_TRAIN_VIEWS
+    assert poses.FEW_TEST_VIEWS == shift.FEW_TEST_VIEWS
 
 
 def test_after_too_short_a_training_nothing_of_alignment_is_told():
@@ -337,7 +337,7 @@ def test_windows_decide_in_pixels_of_the_photo():
     assert words.state(known, found) == "misaligned"
     well = known._replace(windows=TOGETHER)
     assert causes.find(well) == []
-    limit = words.length(causes.WINDOW_PX)
+    limit = words.length(shift.WINDOW_PX)
     said = f"aligned, as far as {limit} can show."
     assert words.headline(well, []) == said
 
@@ -405,14 +405,14 @@ def test_heading_and_sentence_are_equally_sure():
 
 
 def test_a_gain_says_what_it_is_measured_against():
-    for test_set, said in words.CALLED_SETS.items():
-        line = words.gain_line(gain(test_set=test_set), WELL)
+    for test_set, said in remedies.CALLED_SETS.items():
+        line = remedies.line(gain(test_set=test_set), WELL)
         assert said in line
 
 
 def test_one_floor_for_what_is_called_aligned_and_what_can_be_told():
     known = WELL._replace(overfit_px=0.45, flow_train_px=0.42)
-    assert not causes.misaligned(known)
+    assert not shift.misaligned(known)
     lines = report_of(known, causes.find(known), [], [])
     assert "as far as 0.90 px can show" in lines[0]
     assert any("under 0.90 px" in line for line in lines)
@@ -513,7 +513,7 @@ def test_of_another_program_nobody_knows_whether_it_is_too_short():
 
 def test_gains_by_cameras_that_stayed_are_not_called_a_loss():
     """Of another program no view can be asked for by another camera."""
-    gain = words.Gain("mine, once", -0.4, -0.6, -0.2, 3.0, "mine", True, "standard")
-    text = words.gain_line(gain, WELL)
+    gain = remedies.Gain("mine, once", -0.4, -0.6, -0.2, 3.0, "mine", True, "standard")
+    text = remedies.line(gain, WELL)
     assert "cameras that were left as given: true gains are larger" in text
     assert not advice.pays(WELL, gain._replace(low=0.1))

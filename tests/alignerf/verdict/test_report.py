@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from alignerf.verdict import causes, report, words
+from alignerf.verdict import causes, remedies, report
 from tests.alignerf.verdict.test_causes import FAULTS, WELL
 
-GAIN = words.Gain("aligned", 1.2, 0.8, 1.6, 2.0, "aligned", True, "oracle")
+GAIN = remedies.Gain("aligned", 1.2, 0.8, 1.6, 2.0, "aligned", True, "oracle")
 
 
 def of(e, gains=()):

@@ -1,4 +1,4 @@
-"""The pattern that all views' flows share: faults of the lens, not of poses or motion.
+"""What all views' flows share: faults of the lens, not of poses or motion.
 
 A camera that is off differs from view to view; a principal point or a distortion that
 is wrong is the same in all. Notation: flows [n, h, w, 2] from renders to photos, NaN

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from alignerf.page import pictures
-from alignerf.verdict import causes, limit
+from alignerf.verdict import shift
 from tests.alignerf.verdict.test_causes import WELL
 
 
@@ -16,11 +16,11 @@ from tests.alignerf.verdict.test_causes import WELL
 def test_it_is_what_the_estimator_invents_and_a_quarter_at_the_least(
     overfit_px, wanted
 ):
-    assert limit.limit_px(overfit_px) == wanted
+    assert shift.told_px(overfit_px) == wanted
     assert pictures.limit_of({"overfit_px": overfit_px}) == wanted
 
 
 def test_a_scene_is_misaligned_from_there_on():
     for px, wanted in ((0.99, False), (1.01, True)):
-        flow_px = px * limit.limit_px(WELL.overfit_px)
-        assert causes.misaligned(WELL._replace(flow_train_px=flow_px)) is wanted
+        flow_px = px * shift.told_px(WELL.overfit_px)
+        assert shift.misaligned(WELL._replace(flow_train_px=flow_px)) is wanted

@@ -1,0 +1,107 @@
+"""What a run's remedies brought: gains over its plain training, and their sentences."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from alignerf.files import csv_files, json_files
+from alignerf.tables import scores
+from alignerf.verdict import shift
+
+
+class Gain(NamedTuple):
+    """A remedy's gain in this run, in dB with its interval, and its minutes."""
+
+    name: str
+    db: float
+    low: float
+    high: float
+    minutes: float
+    method: str = ""
+    # Whether its cameras have moved: on the way, or between rounds.
+    on_the_way: bool = False
+    test_set: str = ""
+    # Of a training that aligned itself: how many cameras it has moved at the most.
+    cameras_moved: int | None = None
+
+
+# In a table's column `field`, of a training that aligned itself
+# (`experiment.tables.rows`).
+ON_THE_WAY = "aligned on the way"
+MOVED = f"{ON_THE_WAY}|cameras put right"
+# Test sets, the fairest first. Cameras that have moved see a test view elsewhere than
+# the given one says, so of these the photos as they are count last.
+USUAL = ("oracle", "standard")
+FAIR = ("oracle", "aligned_pose", "aligned_pose_gradient", "standard")
+OF_GAINS = ("method", "field", "warping", "test_set", "difference_to", "total_time_s")
+OF_GAINS += ("difference_db", "difference_low_db", "difference_high_db")
+
+
+def is_on_the_way(gain):
+    """Whether a remedy moves cameras; of a `Gain`, or of its first numbers alone."""
+    return getattr(gain, "on_the_way", False)
+
+
+def of_table(path, timings=()):
+    """The `Gain` of each remedy in a table over the baseline, the model without one.
+
+    timings: {method: timing.json} of trainings that aligned themselves. Scores are
+    those against the oracle where it is known, else those on held-out photos; where
+    cameras were put right, with held-out ones moved to fit their photos.
+    """
+    table = csv_files.read(path, columns=OF_GAINS)
+    known = set(table["test_set"])
+    moved = table["field"].astype(str).str.contains(MOVED)
+    usual, fair = (
+        next((name for name in names if name in known), None) for names in (USUAL, FAIR)
+    )
+    chosen = table[table["test_set"] == np.where(moved, fair, usual)]
+    gains = []
+    for row, has_moved in zip(chosen.itertuples(), moved[chosen.index], strict=True):
+        own = row.method == row.difference_to and row.warping == scores.warping(0)
+        if own or pd.isna(row.difference_db):
+            continue
+        on_the_way = ON_THE_WAY in str(row.field)
+        name = scores.row_name(row.method, row.warping)
+        if on_the_way and not row.method.startswith("aligned"):
+            name = f"{name}, {ON_THE_WAY}"
+        ends = (row.difference_low_db, row.difference_high_db)
+        took = row.total_time_s / 60, row.method, bool(has_moved), row.test_set
+        count = cameras_moved(timings[row.method]) if row.method in timings else None
+        gains.append(Gain(name, row.difference_db, *ends, *took, count))
+    return gains
+
+
+def cameras_moved(timing):
+    """How many cameras a training has moved at one stop at the most; None: unknown."""
+    stops = json_files.read(timing, {}).get("alignments") or []
+    counts = [stop.get("cameras_moved") for stop in stops]
+    return max((n for n in counts if n is not None), default=None)
+
+
+# What a gain is measured against, by test set.
+CALLED_SETS = {
+    "oracle": " against the true scene",
+    "standard": " on held-out photos",
+    "aligned_pose": " on held-out photos, each by a camera moved to fit it,",
+    "aligned_pose_gradient": " on held-out photos, each by a camera moved to fit it,",
+}
+
+
+def line(gain, e):
+    """A sentence on a remedy's gain in this run; it claims nothing from few views."""
+    name, db, low, high, minutes = gain[:5]
+    took = f"{minutes:.0f} min" if minutes >= 1 else "under a minute"
+    test_set = getattr(gain, "test_set", "")
+    against = CALLED_SETS.get(test_set, "")
+    if test_set == "standard" and is_on_the_way(gain):
+        against += " by cameras that were left as given: true gains are larger,"
+    text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}]{against} in {took}"
+    if getattr(gain, "cameras_moved", None) == 0:
+        text += ", without moving a camera"
+    if e.test_views < shift.FEW_TEST_VIEWS:
+        return f"{text}; {e.test_views} held-out photos are too few to be sure."
+    if low > 0 or high < 0:
+        return f"{text}."
+    return f"{text}: not more than chance."
