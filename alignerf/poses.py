@@ -26,7 +26,7 @@ from alignerf.scenes.loading import points, readers, zoom
 
 log = logging.getLogger("alignerf.poses")
 
-# As in `verdict.causes`; a test holds both equal. Were they taken from there, every
+# As in `verdict.shift`; a test holds both equal. Were they taken from there, every
 # change of a threshold would make all poses anew.
 FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
 # With `downscale: auto`: a training that sees each half a time takes minutes on a core.
