@@ -1,0 +1,181 @@
+"""Remedies in windows of photos at several sizes, as tables.
+
+    snakemake --cores N --configfile workflow/config/windows.yaml
+    python -m tests.bench.window_sizes workflow/config/windows.yaml
+        --plain window_sizes.csv --out full_size.csv
+
+The first table has plain training at each size; the second has a line for each method,
+and gains over plain training of the same size. Scenes are called CAPTURE, CAPTURE_half
+and CAPTURE_quarter; what was not scored is left out. `--results` names one folder for
+each seed.
+"""
+
+import argparse
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from alignerf.files import csv_files, json_files, yaml_files
+from alignerf.tables import scores
+
+# Capture: its name, its poses.
+CAPTURES = {
+    "fox": ("fox", "COLMAP's, given"),
+    "chair": ("chair", "the phone's own"),
+    "chair_colmap": ("chair", "COLMAP's"),
+    "flower": ("flower", "LLFF's"),
+    "castle": ("castle_P30", "surveyed"),
+}
+# Ending of a scene's name: its size, and pixels of the photo in one of it.
+SIZES = {"": ("full", 1), "_half": ("half", 2), "_quarter": ("quarter", 4)}
+# (method, round): its name; the first is what others are compared with.
+METHODS = {
+    ("mipnerf360", 0): "plain training",
+    ("mipnerf360", 1): "warped once",
+    ("mipnerf360", 2): "warped twice",
+    ("alignerf", 0): "AligNeRF",
+    ("aligned", 0): "aligned on the way",
+    ("learnt", 0): "cameras learnt with the scene",
+}
+PLAIN = next(iter(METHODS))
+STANDARD, FAIR = "standard", "aligned_pose"
+KEYS = ["method", "round", "test_set", "view"]
+
+
+class Scored(NamedTuple):
+    """What one seed of a scene has scored.
+
+    psnr_db: by (method, round, test set, view). time_s: by (method, round), of the
+    whole way. flow_px: of plain training, in px of its size, training views then test.
+    passes: how often each pixel was seen.
+    """
+
+    psnr_db: pd.Series
+    time_s: dict
+    flow_px: tuple
+    width_px: int
+    passes: float
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("config", type=Path)
+    parser.add_argument("--results", type=Path, nargs="+", default=[Path("results")])
+    parser.add_argument("--plain", type=Path, required=True)
+    parser.add_argument("--out", type=Path, required=True)
+    args = parser.parse_args(argv)
+    scenes = yaml_files.read(args.config)["scenes"]
+    found = {}
+    for scene in scenes:
+        folders = [folder / scene for folder in args.results]
+        seeds = [read(folder) for folder in folders if is_whole(folder)]
+        if seeds:
+            found[scene] = seeds
+    plain = [plain_row(scene, seeds) for scene, seeds in found.items()]
+    rows = [
+        row
+        for capture in CAPTURES
+        for method in METHODS
+        if (row := row_of(capture, method, found))
+    ]
+    for table, path in ((plain, args.plain), (rows, args.out)):
+        pd.DataFrame(table).to_csv(path, index=False, float_format="%.2f")
+
+
+def is_whole(folder):
+    """Whether all that is read of a scene is there."""
+    return (folder / "scores.csv").exists() and (folder / "verdict.json").exists()
+
+
+def read(folder) -> Scored:
+    """A scene's scores, times and flow."""
+    table = csv_files.read(folder / "scores.csv", columns=(*KEYS, "metric", "value"))
+    table = table[table["metric"] == "psnr_db"]
+    times = csv_files.read(
+        folder / "tables" / "misalignment.csv",
+        columns=("method", "warping", "total_time_s"),
+    )
+    times = times.drop_duplicates(["method", "warping"])
+    of_rounds = {name: count for count, name in scores.WARPINGS.items()}
+    poses = json_files.read(folder / "poses.json", {"photo_size": list})
+    facts = json_files.read(folder / "verdict.json", {"evidence": dict})["evidence"]
+    flow = (facts["flow_train_px"], facts["flow_test_px"])
+    return Scored(
+        psnr_db=table.set_index(KEYS)["value"].astype(float).dropna().sort_index(),
+        time_s={
+            (row.method, of_rounds[row.warping]): row.total_time_s
+            for row in times.itertuples()
+            if row.warping in of_rounds
+        },
+        flow_px=tuple(np.nan if px is None else px for px in flow),
+        width_px=poses["photo_size"][0],
+        passes=facts["passes"],
+    )
+
+
+def of_scene(scene):
+    """(capture, its size, pixels of the photo in one of it) by a scene's name."""
+    for ending, (size, photo_px) in SIZES.items():
+        if ending and scene.endswith(ending):
+            return scene.removesuffix(ending), size, photo_px
+    return scene, *SIZES[""]
+
+
+def plain_row(scene, seeds):
+    """Plain training of a capture at one size."""
+    capture, size, photo_px = of_scene(scene)
+    name, poses = CAPTURES[capture]
+    flow_px, flow_test_px = np.mean([one.flow_px for one in seeds], axis=0)
+    return {
+        "capture": name,
+        "poses": poses,
+        "size": size,
+        "width_px": round(seeds[0].width_px / photo_px),
+        "seeds": len(seeds),
+        "test_views": len(views_of(seeds[0], PLAIN, STANDARD)),
+        "passes": seeds[0].passes,
+        "flow_px": flow_px,
+        "flow_test_px": flow_test_px,
+        "flow_photo_px": photo_px * flow_px,
+        "standard_db": mean_of(seeds, PLAIN, STANDARD),
+        "aligned_pose_db": mean_of(seeds, PLAIN, FAIR),
+    }
+
+
+def row_of(capture, method, found):
+    """What a method scores and gains at each size; None where it was not scored."""
+    name, poses = CAPTURES[capture]
+    row, times = {"capture": name, "poses": poses, "method": METHODS[method]}, []
+    for ending, (size, _) in SIZES.items():
+        seeds = found.get(capture + ending, ())
+        if not seeds or not all(method in one.time_s for one in seeds):
+            continue
+        times += [one.time_s[method] / one.time_s[PLAIN] for one in seeds]
+        for test_set, prefix in ((STANDARD, f"{size}_standard_"), (FAIR, f"{size}_")):
+            row[f"{prefix}psnr_db"] = mean_of(seeds, method, test_set)
+            if method == PLAIN:
+                continue
+            gains = [
+                (
+                    views_of(s, method, test_set) - views_of(s, PLAIN, test_set)
+                ).to_numpy()
+                for s in seeds
+            ]
+            row |= scores.pooled_mean_and_interval(gains, f"{prefix}gain_")
+    return row | {"time": np.median(times)} if times else None
+
+
+def mean_of(seeds, method, test_set):
+    """Mean over seeds of the mean PSNR of held-out photos."""
+    return np.mean([views_of(one, method, test_set).mean() for one in seeds])
+
+
+def views_of(seed: Scored, method, test_set):
+    """PSNR of each held-out photo."""
+    return seed.psnr_db.loc[(*method, test_set)]
+
+
+if __name__ == "__main__":
+    main()
