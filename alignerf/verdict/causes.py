@@ -2,8 +2,8 @@
 
 All lengths are pixels of the training size; those of windows are pixels of the photo.
 The thresholds were chosen on variants of courtyard with one fault each, seed 1,
-MOVED_SHARE on seeds 0 and 2, too. They were tested on other seeds, on pairs of faults
-and on real captures: docs/evidence/verdict.md.
+MOVED_SHARE and LENS_ERRORS on seeds 0 to 3. They were tested on other seeds, on pairs
+of faults and on real captures: docs/evidence/verdict.md.
 """
 
 import math
@@ -15,8 +15,9 @@ from alignerf.verdict import windows as of_windows
 # Of the flow's parts, one that is at least so long is named.
 PART_PX = 0.2
 # Pixels that do not move with their camera: by so much at least, and by so much of what
-# it moves, since a model that averages wrong poses is bent; and their share.
-MOVED_PX, MOVED_OF_CAMERA, MOVED_SHARE = 0.5, 0.7, 0.04
+# it moves, since a model that averages wrong poses is bent; and their share. That is up
+# to 0.044 where nothing moves and poses are off, 0.061 and more where objects move.
+MOVED_PX, MOVED_OF_CAMERA, MOVED_SHARE, MOVED_SURELY = 0.5, 0.7, 0.05, 0.08
 # Training views fit their renders, test views do not: geometry that photos do not fix.
 # A gap in PSNR says so alone, a smaller one beside flows of this ratio.
 GAP_DB, SMALL_GAP_DB, TEST_OVER_TRAIN = 4.0, 2.5, 2.5
@@ -33,7 +34,7 @@ BLURRED_DETAIL, BLURRED_VIEWS = 0.6, 0.05
 EXPOSURE_EV, SHARED_EV = 0.06, 0.16
 # Common to all views' flows, and beyond so many standard errors. A model absorbs nine
 # tenths of a shift.
-SHIFT_PX, BEND_PX, LENS_ERRORS = 0.045, 0.08, 3.5
+SHIFT_PX, BEND_PX, LENS_ERRORS = 0.045, 0.08, 3.0
 
 
 class Evidence(NamedTuple):
@@ -221,5 +222,5 @@ def source_of_camera(e: Evidence):
 def motion(e: Evidence):
     """The scene moved between photos."""
     if e.moved_share > MOVED_SHARE:
-        return Finding("motion", e.moved_share, e.moved_share > 2 * MOVED_SHARE)
+        return Finding("motion", e.moved_share, e.moved_share > MOVED_SURELY)
     return None

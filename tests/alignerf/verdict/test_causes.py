@@ -397,7 +397,7 @@ def test_an_error_that_was_put_in_explains_a_good_reprojection_error():
 
 
 def test_heading_and_sentence_are_equally_sure():
-    for share, adverb in ((0.05, "probably "), (0.2, "")):
+    for share, adverb in ((0.06, "probably "), (0.2, "")):
         known = WELL._replace(moved_share=share)
         lines = report_of(known, causes.find(known), [], [])
         assert f"the scene {adverb}moved" in lines[0]
