@@ -153,7 +153,7 @@ def row_of(capture, method, found):
         if not seeds or not all(method in one.time_s for one in seeds):
             continue
         times += [one.time_s[method] / one.time_s[PLAIN] for one in seeds]
-        for test_set, prefix in ((STANDARD, f"{size}_standard_"), (FAIR, f"{size}_")):
+        for test_set, prefix in ((STANDARD, f"standard_{size}_"), (FAIR, f"{size}_")):
             row[f"{prefix}psnr_db"] = mean_of(seeds, method, test_set)
             if method == PLAIN:
                 continue
@@ -163,7 +163,7 @@ def row_of(capture, method, found):
                 ).to_numpy()
                 for s in seeds
             ]
-            row |= scores.pooled_mean_and_interval(gains, f"{prefix}gain_")
+            row |= scores.pooled_mean_and_interval(gains, prefix)
     return row | {"time": np.median(times)} if times else None
 
 
