@@ -69,13 +69,12 @@ def row_of(what, faults, found):
     """What was named, against what is there."""
     named = {finding["cause"] for finding in found["findings"]}
     there = {CAUSES[fault] for fault in faults if fault in CAUSES}
-    if "short" in faults:
-        # After so little training nothing of alignment is told, and that is right.
-        there -= {"camera", "motion"}
+    # After so little training nothing of alignment is told, and that is right.
+    untold = {"camera", "motion"} if "short" in faults else set()
     # Half a pixel of pose may be told, or not; the sparse scene has few views, too.
     optional = {"camera"} if "half_pose" in faults else set()
     optional |= {"few_views"} if "sparse" in faults else set()
-    right = named - optional == there
+    right = named - optional == there - untold
     note = f"there: {', '.join(sorted(there)) or 'nothing'}; named: "
     note += f"{', '.join(sorted(named)) or 'nothing'}; {found['verdict'][0]}"
     return measure.Row(what, "right", measure.one(float(right)), note=note)

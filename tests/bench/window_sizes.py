@@ -28,6 +28,8 @@ CAPTURES = {
     "flower": ("flower", "LLFF's"),
     "castle": ("castle_P30", "surveyed"),
 }
+# The same photos with right poses: what wrong ones cost plain training is told by them.
+RIGHT = {"chair": "chair_colmap"}
 # Ending of a scene's name: its size, and pixels of the photo in one of it.
 SIZES = {"": ("full", 1), "_half": ("half", 2), "_quarter": ("quarter", 4)}
 # (method, round): its name; the first is what others are compared with.
@@ -73,7 +75,7 @@ def main(argv=None):
         seeds = [read(folder) for folder in folders if is_whole(folder)]
         if seeds:
             found[scene] = seeds
-    plain = [plain_row(scene, seeds) for scene, seeds in found.items()]
+    plain = [plain_row(scene, found) for scene in found]
     rows = [
         row
         for capture in CAPTURES
@@ -86,7 +88,8 @@ def main(argv=None):
 
 def is_whole(folder):
     """Whether all that is read of a scene is there."""
-    return (folder / "scores.csv").exists() and (folder / "verdict.json").exists()
+    names = ("scores.csv", "tables/misalignment.csv", "poses.json", "verdict.json")
+    return all((folder / name).exists() for name in names)
 
 
 def read(folder) -> Scored:
@@ -123,10 +126,15 @@ def of_scene(scene):
     return scene, *SIZES[""]
 
 
-def plain_row(scene, seeds):
+def plain_row(scene, found):
     """Plain training of a capture at one size."""
-    capture, size, photo_px = of_scene(scene)
+    (capture, size, photo_px), seeds = of_scene(scene), found[scene]
     name, poses = CAPTURES[capture]
+    right = found.get(scene.replace(capture, RIGHT.get(capture, "?"), 1))
+    losses = right and [
+        (views_of(a, PLAIN, FAIR) - views_of(b, PLAIN, FAIR)).to_numpy()
+        for a, b in zip(right, seeds, strict=True)
+    ]
     flow_px, flow_test_px = np.mean([one.flow_px for one in seeds], axis=0)
     return {
         "capture": name,
@@ -141,18 +149,21 @@ def plain_row(scene, seeds):
         "flow_photo_px": photo_px * flow_px,
         "standard_db": mean_of(seeds, PLAIN, STANDARD),
         "aligned_pose_db": mean_of(seeds, PLAIN, FAIR),
+        **(scores.pooled_mean_and_interval(losses, "loss_") if losses else {}),
     }
 
 
 def row_of(capture, method, found):
     """What a method scores and gains at each size; None where it was not scored."""
     name, poses = CAPTURES[capture]
-    row, times = {"capture": name, "poses": poses, "method": METHODS[method]}, []
+    row = {"capture": name, "poses": poses, "method": METHODS[method]}
+    labels = len(row)
     for ending, (size, _) in SIZES.items():
         seeds = found.get(capture + ending, ())
         if not seeds or not all(method in one.time_s for one in seeds):
             continue
-        times += [one.time_s[method] / one.time_s[PLAIN] for one in seeds]
+        times = [one.time_s[method] / one.time_s[PLAIN] for one in seeds]
+        row[f"{size}_time"] = np.median(times)
         for test_set, prefix in ((STANDARD, f"standard_{size}_"), (FAIR, f"{size}_")):
             row[f"{prefix}psnr_db"] = mean_of(seeds, method, test_set)
             if method == PLAIN:
@@ -163,8 +174,15 @@ def row_of(capture, method, found):
                 ).to_numpy()
                 for s in seeds
             ]
-            row |= scores.pooled_mean_and_interval(gains, prefix)
-    return row | {"time": np.median(times)} if times else None
+            ends = scores.pooled_mean_and_interval(gains).values()
+            row |= dict(zip(columns_of(prefix), ends, strict=True))
+    return row if len(row) > labels else None
+
+
+def columns_of(prefix):
+    """Columns of a gain and of the ends of its interval, as `docs.tables` has them."""
+    first, rest = prefix.split("_", 1)
+    return [f"{first}_{end}{rest}gain_db" for end in ("", "low_", "high_")]
 
 
 def mean_of(seeds, method, test_set):

@@ -43,7 +43,7 @@ def whole_of(scene):
 
 
 # What is held out at most, unless a number says more; fewer than LEAST_TEST_VIEWS give
-# no interval (`verdict.causes`; a test holds both equal).
+# no interval (`verdict.shift`; a test holds both equal).
 SELDOM, OFTEN, LEAST_TEST_VIEWS = 8, 4, 5
 
 
