@@ -16,7 +16,8 @@ def zoomed(views, scratch, config):
     """The windows as views, where they lie, and what the report says of them."""
     zoom, least = config["zoom"], config["least_train_views"] + 1
     where, told = config["path"] or config["source"], {}
-    if zoom["point"] is None and views.points is None:
+    if views.points is None:
+        # Of a point that is named, too: how near the scene is, is told by the points.
         views, told = of_points.with_points(views, scratch, config)
     try:
         point = windows.place(views, zoom, least=least)
