@@ -1,7 +1,7 @@
 """Is the verdict right? Variants of courtyard with known faults, alone and in pairs.
 
 Each is made, trained for a minute, rendered, aligned and judged; its row says which
-faults were named. Thresholds were chosen on seeds 0 to 3.
+faults were named. Thresholds were chosen on seeds 0 to 4.
 """
 
 import hashlib

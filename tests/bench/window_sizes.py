@@ -11,6 +11,7 @@ each seed.
 """
 
 import argparse
+import itertools
 from pathlib import Path
 from typing import NamedTuple
 
@@ -70,16 +71,15 @@ def main(argv=None):
     args = parser.parse_args(argv)
     scenes = yaml_files.read(args.config)["scenes"]
     found = {}
-    for scene in scenes:
-        folders = [folder / scene for folder in args.results]
-        seeds = [read(folder) for folder in folders if is_whole(folder)]
-        if seeds:
-            found[scene] = seeds
-    plain = [plain_row(scene, found) for scene in found]
+    for capture, ending in itertools.product(CAPTURES, SIZES):
+        scene = capture + ending
+        folders = [folder / scene for folder in args.results if scene in scenes]
+        if seeds := [read(folder) for folder in folders if is_whole(folder)]:
+            found[capture, ending] = seeds
+    plain = [plain_row(capture, ending, found) for capture, ending in found]
     rows = [
         row
-        for capture in CAPTURES
-        for method in METHODS
+        for capture, method in itertools.product(CAPTURES, METHODS)
         if (row := row_of(capture, method, found))
     ]
     for table, path in ((plain, args.plain), (rows, args.out)):
@@ -118,23 +118,12 @@ def read(folder) -> Scored:
     )
 
 
-def of_scene(scene):
-    """(capture, its size, pixels of the photo in one of it) by a scene's name."""
-    for ending, (size, photo_px) in SIZES.items():
-        if ending and scene.endswith(ending):
-            return scene.removesuffix(ending), size, photo_px
-    return scene, *SIZES[""]
-
-
-def plain_row(scene, found):
+def plain_row(capture, ending, found):
     """Plain training of a capture at one size."""
-    (capture, size, photo_px), seeds = of_scene(scene), found[scene]
-    name, poses = CAPTURES[capture]
-    right = found.get(scene.replace(capture, RIGHT.get(capture, "?"), 1))
-    losses = right and [
-        (views_of(a, PLAIN, FAIR) - views_of(b, PLAIN, FAIR)).to_numpy()
-        for a, b in zip(right, seeds, strict=True)
-    ]
+    (name, poses), (size, photo_px) = CAPTURES[capture], SIZES[ending]
+    seeds = found[capture, ending]
+    right = found.get((RIGHT.get(capture), ending))
+    loss = over(right, PLAIN, seeds, FAIR) if right else None
     flow_px, flow_test_px = np.mean([one.flow_px for one in seeds], axis=0)
     return {
         "capture": name,
@@ -149,7 +138,7 @@ def plain_row(scene, found):
         "flow_photo_px": photo_px * flow_px,
         "standard_db": mean_of(seeds, PLAIN, STANDARD),
         "aligned_pose_db": mean_of(seeds, PLAIN, FAIR),
-        **(scores.pooled_mean_and_interval(losses, "loss_") if losses else {}),
+        **(scores.pooled_mean_and_interval(loss, "loss_") if loss else {}),
     }
 
 
@@ -159,7 +148,7 @@ def row_of(capture, method, found):
     row = {"capture": name, "poses": poses, "method": METHODS[method]}
     labels = len(row)
     for ending, (size, _) in SIZES.items():
-        seeds = found.get(capture + ending, ())
+        seeds = found.get((capture, ending), ())
         if not seeds or not all(method in one.time_s for one in seeds):
             continue
         times = [one.time_s[method] / one.time_s[PLAIN] for one in seeds]
@@ -168,12 +157,7 @@ def row_of(capture, method, found):
             row[f"{prefix}psnr_db"] = mean_of(seeds, method, test_set)
             if method == PLAIN:
                 continue
-            gains = [
-                (
-                    views_of(s, method, test_set) - views_of(s, PLAIN, test_set)
-                ).to_numpy()
-                for s in seeds
-            ]
+            gains = over(seeds, method, seeds, test_set)
             ends = scores.pooled_mean_and_interval(gains).values()
             row |= dict(zip(columns_of(prefix), ends, strict=True))
     return row if len(row) > labels else None
@@ -183,6 +167,14 @@ def columns_of(prefix):
     """Columns of a gain and of the ends of its interval, as `docs.tables` has them."""
     first, rest = prefix.split("_", 1)
     return [f"{first}_{end}{rest}gain_db" for end in ("", "low_", "high_")]
+
+
+def over(seeds, method, others, test_set):
+    """A method's PSNR less others' plain training, view by view; an array a seed."""
+    return [
+        (views_of(own, method, test_set) - views_of(other, PLAIN, test_set)).to_numpy()
+        for own, other in zip(seeds, others, strict=True)
+    ]
 
 
 def mean_of(seeds, method, test_set):
