@@ -43,8 +43,9 @@ def common(before: prepared.Scene, train, corrections):
     """
     if not moved_views(train, corrections):
         return 1.0, np.eye(3), np.zeros(3)
-    after = followed(before, train, corrections)
-    return cameras.align_similarity(after.camtoworlds[train], before.camtoworlds[train])
+    poses = followed(before, train, corrections).camtoworlds[train]
+    distance = float(np.median([correction.depth for correction in corrections]))
+    return cameras.align_similarity(poses, before.camtoworlds[train], distance)
 
 
 def moved_views(train, corrections):

@@ -101,8 +101,10 @@ def test_wrong_cameras_come_back_to_the_truth(scene):
         np.testing.assert_array_equal(found[key][test], given[key][test])
     np.testing.assert_array_equal(found["pixtocams"], given["pixtocams"])
     # The frame has not moved against the given one.
+    depth = np.median([row["depth"] for row in report["of_views"]])
     scale, turn, shift = cameras.align_similarity(
-        found["camtoworlds"][~test], given["camtoworlds"][~test]
+        *(one["camtoworlds"][~test] for one in (found, given)),
+        distance=depth / cameras.frame_of(given["camtoworlds"]).scale,
     )
     assert scale == pytest.approx(1, abs=1e-6)
     np.testing.assert_allclose(turn, np.eye(3), atol=1e-6)

@@ -6,7 +6,7 @@ import pytest
 from alignerf.alignment import aligner, look, looker
 from alignerf.experiment.keys import method as method_keys
 from alignerf.files import images
-from alignerf.scenes import cameras
+from alignerf.scenes import cameras, prepared
 from alignerf.training import renderer
 from tests import plane_scene as plane
 from tests import training_cases as cases
@@ -23,8 +23,10 @@ def test_wrong_cameras_come_to_the_truth_and_the_frame_stays(wrong):
     test = loaded.views("test")
     np.testing.assert_array_equal(found.now.camtoworlds[test], loaded.camtoworlds[test])
     train = loaded.views("train")
+    given = prepared.read_cameras(loaded.folder / "cameras.npz")["camtoworlds"]
     scale, turn, shift = cameras.align_similarity(
-        found.now.camtoworlds[train], loaded.camtoworlds[train]
+        *(one.camtoworlds[train] for one in (found.now, loaded)),
+        distance=2.0 * cameras.frame_of(given).scale,
     )
     assert scale == pytest.approx(1, abs=1e-3)
     np.testing.assert_allclose(turn, np.eye(3), atol=1e-3)
