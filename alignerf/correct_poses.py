@@ -20,10 +20,10 @@ from functools import partial
 import numpy as np
 
 from alignerf.alignment import cameras
-from alignerf.files import archives, atomic, faults
+from alignerf.exports import flows
+from alignerf.files import atomic, faults
 from alignerf.scenes import pose_error, prepared
 from flow.camera import correct
-from flow.warping import files
 
 log = logging.getLogger("alignerf")
 
@@ -35,7 +35,7 @@ def main(argv=None):
     before = prepared.load(args.scene, args.cameras)
     train = before.views("train")
     corrections = correct.corrections(
-        [partial(view_of, before, view, args) for view in train],
+        [partial(flows.read, before, view, args.flow, args.depth) for view in train],
         threads=args.threads,
     )
     after = cameras.corrected(before, train, corrections)
@@ -119,18 +119,6 @@ def parse(argv=None):
     parser.add_argument("--report", required=True, help="what was done, written")
     parser.add_argument("--threads", type=int, default=1, help="views at once")
     return parser.parse_args(argv)
-
-
-def view_of(before: prepared.Scene, view, args) -> correct.View:
-    """The flow and the depth of a training view."""
-    name = f"{before.names[view]}.npz"
-    flow_px, valid = files.read_flow(f"{args.flow}/{name}")
-    depth = archives.read(f"{args.depth}/{name}", ["depth"])["depth"]
-    size = before.height, before.width
-    for folder, image in ((args.flow, valid), (args.depth, depth)):
-        if image.shape != size:
-            raise ValueError(f"{folder}/{name}: {image.shape}, not {size} px")
-    return correct.View(flow_px, valid, before.pixtocams[view], depth)
 
 
 def row(original: prepared.Scene, after: prepared.Scene, view, correction):

@@ -8,16 +8,15 @@ photos says how each has to move; all of its pixels are used.
 import dataclasses
 import logging
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import archives, faults, json_files
+from alignerf.exports import flows
+from alignerf.files import faults, json_files
 from alignerf.scenes import cameras, prepared
 from flow.camera import correct
 from flow.camera import motion as camera_motion
-from flow.warping import files
 
 log = logging.getLogger("alignerf")
 
@@ -67,7 +66,7 @@ def fit(loaded: prepared.Scene, cameras_path, flow, depth, out, frame=None):
     back = np.exp(frame.log_focal)
     seen_by = np.diag([back, back, 1.0]) @ loaded.pixtocams
     corrections = correct.corrections(
-        [partial(view_of, loaded, seen_by, view, flow, depth) for view in test],
+        [partial(flows.read, loaded, view, flow, depth, seen_by) for view in test],
         least_px=0.0,
         zooms=False,
         log_focal=frame.log_focal,
@@ -87,15 +86,3 @@ def fit(loaded: prepared.Scene, cameras_path, flow, depth, out, frame=None):
     names = [loaded.names[view] for view in moved]
     log.info("cameras fitted to held-out photos: %s", faults.some_names(names))
     return names
-
-
-def view_of(loaded: prepared.Scene, pixtocams, view, flow, depth) -> correct.View:
-    """A view's flow and depth, of the views' size; pixtocams: of all renders."""
-    name = f"{loaded.names[view]}.npz"
-    flow_px, valid = files.read_flow(Path(flow) / name)
-    distance = archives.read(Path(depth) / name, ["depth"])["depth"]
-    size = loaded.height, loaded.width
-    for folder, image in ((flow, valid), (depth, distance)):
-        if image.shape != size:
-            raise ValueError(f"{Path(folder) / name}: {image.shape}, not {size} px")
-    return correct.View(flow_px, valid, pixtocams[view], distance)
