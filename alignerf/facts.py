@@ -11,8 +11,7 @@ import json
 
 import numpy as np
 
-from alignerf.cameras import depths
-from alignerf.files import atomic, faults, json_files
+from alignerf.files import archives, atomic, faults, json_files
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import cameras, prepared
 
@@ -109,17 +108,50 @@ def point_facts(loaded: prepared.Scene):
 
     `bounded`: hardly any point lies beyond a few times the median depth.
     """
-    known = depths.known(loaded)
-    if not len(known):
+    own = prepared.read_cameras(loaded.folder / "cameras.npz")["camtoworlds"]
+    transform = cameras.frame_of(own).transform()
+    depths = depths_of_bounds(loaded, transform)
+    if not len(depths):
+        depths = depths_of_points(loaded, transform)
+    if not len(depths):
         return dict.fromkeys(("nearest", "median_depth", "farthest", "bounded"))
     # COLMAP's outliers are not the scene's ends.
-    near, middle, far = np.quantile(known, [0.01, 0.5, 0.99])
+    near, middle, far = np.quantile(depths, [0.01, 0.5, 0.99])
     return {
         "nearest": float(f"{near:.5g}"),
         "median_depth": float(f"{middle:.5g}"),
         "farthest": float(f"{far:.5g}"),
         "bounded": bool(far < BOUNDED * middle),
     }
+
+
+def depths_of_points(loaded: prepared.Scene, transform):
+    """Depths of COLMAP's points in every view whose image they fall into."""
+    path = loaded.folder / prepared.POINTS
+    if not path.is_file():
+        return np.zeros(0)
+    points = archives.read(path, ("points",))["points"]
+    points = points @ transform[:3, :3].T + transform[:3, 3]
+    depths = []
+    for pixtocam, pose in zip(loaded.pixtocams, loaded.camtoworlds, strict=True):
+        at, depth = cameras.project(points, pixtocam, pose)
+        inside = (depth > 0) & (at > 0).all(-1)
+        inside &= (at < [loaded.width, loaded.height]).all(-1)
+        depths.append(depth[inside])
+    return np.concatenate(depths)
+
+
+def depths_of_bounds(loaded: prepared.Scene, transform):
+    """LLFF's two depths of each view, and their harmonic mean."""
+    path = loaded.folder / prepared.BOUNDS
+    if not path.is_file():
+        return np.zeros(0)
+    scale = np.cbrt(np.linalg.det(transform[:3, :3]))
+    bounds = archives.read(path, ("bounds",))["bounds"] * scale
+    # What LLFF could not tell is no fact.
+    known = np.isfinite(bounds).all(-1) & (bounds[:, 0] > 0)
+    near, far = bounds[known & (bounds[:, 1] > bounds[:, 0])].T
+    return np.concatenate([near, 2 / (1 / near + 1 / far), far])
 
 
 def pose_facts(path):

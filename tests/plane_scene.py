@@ -88,11 +88,15 @@ def aligner_of(loaded, folder, **changes):
     return found
 
 
-def error_px(state, true):
-    """Mean distance of where the state's and the true cameras see the plane."""
+def error_px(state, true, gauged=True):
+    """Mean distance of where the state's and the true cameras see the plane.
+
+    gauged: without what all training views have in common.
+    """
     train = state.views("train")
-    gauge = cameras.align_similarity(true[train], state.camtoworlds[train])
-    true = cameras.apply_similarity(true, *gauge)
+    if gauged:
+        gauge = cameras.align_similarity(true[train], state.camtoworlds[train])
+        true = cameras.apply_similarity(true, *gauge)
     errors = []
     for i in train:
         place = np.array([[0.2, -0.1, -2.0], [-0.4, 0.3, -2.0]])

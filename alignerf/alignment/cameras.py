@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from alignerf.cameras import moves
 from alignerf.scenes import cameras, prepared
 from flow.camera import motion as camera_motion
 
@@ -43,9 +44,8 @@ def common(before: prepared.Scene, train, corrections):
     """
     if not moved_views(train, corrections):
         return 1.0, np.eye(3), np.zeros(3)
-    poses = followed(before, train, corrections).camtoworlds[train]
-    distance = float(np.median([correction.depth for correction in corrections]))
-    return cameras.align_similarity(poses, before.camtoworlds[train], distance)
+    after = followed(before, train, corrections)
+    return moves.in_common(after.camtoworlds[train], before.camtoworlds[train])
 
 
 def moved_views(train, corrections):

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignerf.cameras import depths
+from alignerf.cameras import moves
 from alignerf.scenes import cameras, prepared
 
 # CamP's constants: points seen by a camera, between these depths in units of the
@@ -143,14 +143,12 @@ def learnt(loaded: prepared.Scene, params, preconditioned) -> prepared.Scene:
 
     params [views, 6]: the learnt parameters of the training views. A similarity that
     all learnt poses share is no error, since no photo shows it. So the other views are
-    moved by the similarity that takes the given training poses to the learnt ones, as
-    the scene's depth weighs their turns and steps, where it is known.
+    moved by what the moves of the training views have in common.
     """
     views, chosen = views_of(loaded), loaded.views("train")
     twist = twists(params, scales_of(views, preconditioned))
     moved = moved_cameras(views.camtoworlds, twist)
-    distance = depths.median(loaded)
-    similarity = cameras.align_similarity(views.camtoworlds, moved, distance)
+    similarity = moves.in_common(views.camtoworlds, moved)
     poses = cameras.apply_similarity(loaded.camtoworlds, *similarity)
     poses[chosen] = moved
     return dataclasses.replace(loaded, camtoworlds=poses)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from alignerf.cameras import moves
 from alignerf.experiment.tables import sides
 from alignerf.files import atomic, images, json_files, machine, progress
 from alignerf.flythrough import nerfstudio
@@ -118,7 +119,7 @@ def views_of(loaded, path, poses, side: sides.Side, size) -> Views:
     seen = prepared.load(loaded.folder, side.cameras)
     train = loaded.views("train")
     own, learnt = (one.camtoworlds[train] for one in (loaded, seen))
-    similarity = cameras.align_similarity(own, learnt)
+    similarity = moves.in_common(own, learnt)
     lenses = [1 / one.pixtocams[train, 1, 1] for one in (loaded, seen)]
     longer = float(np.median(lenses[1] / lenses[0]))
     width, height = size

@@ -181,7 +181,7 @@ def frame_of(camtoworlds) -> Frame:
     return Frame(mean, rotation, 1.0 / extent if extent > 1e-9 else 1.0)
 
 
-def align_similarity(source, target, distance=None):
+def align_similarity(source, target):
     """Similarity (scale, rotation [3, 3], translation [3]) taking source to target.
 
     Least squares over camera centres *and* axes of poses [n, 3, 4]: each camera
@@ -189,22 +189,16 @@ def align_similarity(source, target, distance=None):
     its orientation. Rotation from the orientations' chordal mean (Umeyama 1991
     for scale and translation). Where the centres of either coincide, as of a
     panorama, no scale exists: it is 1, and orientations alone fix the rotation.
-    distance: of what the cameras see, in units of the target. With it centres and axes
-    count for the rotation by the pixels that they move; else both count alike.
     """
     relative = np.einsum("nij,nkj->ik", target[:, :3, :3], source[:, :3, :3])
     source_mean = source[:, :3, 3].mean(axis=0)
     target_mean = target[:, :3, 3].mean(axis=0)
     source_spread = source[:, :3, 3] - source_mean
     target_spread = target[:, :3, 3] - target_mean
-    variance = (target_spread**2).sum() / len(target)
-    extent = np.sqrt((source_spread**2).sum() / len(source) * variance)
-    apart = extent * len(source) > 1e-18
+    extent = np.sqrt((source_spread**2).sum() * (target_spread**2).sum())
+    apart = extent > 1e-18
     if apart:
-        # By the pixels: a turn by t moves them by t focal lengths, a step by the angle
-        # under which it is seen. |R - R'|^2 of three axes is 2 t^2.
-        share = 1.0 if distance is None else 2 * variance / distance**2
-        relative = relative + share * target_spread.T @ source_spread / extent
+        relative = relative / len(source) + target_spread.T @ source_spread / extent
     u, _, vt = np.linalg.svd(relative)
     rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     rotated = source_spread @ rotation.T

@@ -6,7 +6,6 @@ import pytest
 from alignerf.alignment import aligner, look, looker
 from alignerf.experiment.keys import method as method_keys
 from alignerf.files import images
-from alignerf.scenes import cameras, prepared
 from alignerf.training import renderer
 from tests import plane_scene as plane
 from tests import training_cases as cases
@@ -22,15 +21,9 @@ def test_wrong_cameras_come_to_the_truth_and_the_frame_stays(wrong):
     assert plane.error_px(found.now, true) < 0.15 * before
     test = loaded.views("test")
     np.testing.assert_array_equal(found.now.camtoworlds[test], loaded.camtoworlds[test])
-    train = loaded.views("train")
-    given = prepared.read_cameras(loaded.folder / "cameras.npz")["camtoworlds"]
-    scale, turn, shift = cameras.align_similarity(
-        *(one.camtoworlds[train] for one in (found.now, loaded)),
-        distance=2.0 * cameras.frame_of(given).scale,
-    )
-    assert scale == pytest.approx(1, abs=1e-3)
-    np.testing.assert_allclose(turn, np.eye(3), atol=1e-3)
-    np.testing.assert_allclose(shift, 0, atol=1e-3)
+    # Its photo was taken by the held-out camera as it is given: the others have come to
+    # where it sees them, not only to each other.
+    assert plane.error_px(found.now, true, gauged=False) < 0.3 * before
     first, second = found.report
     assert first["cameras_moved"] == plane.COUNT - 1
     assert first["flow_px"] > 1.5 > second["flow_px"]
