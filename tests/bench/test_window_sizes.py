@@ -32,7 +32,7 @@ def write_scene(folder, psnr_db, *, flow_px=0.5, time_s=None):
 
 
 def write_longer(folder, db):
-    """A plain training of twice the steps."""
+    """A twice the steps, plain training."""
     folder = folder / "mipnerf360/round0"
     folder.mkdir(parents=True)
     names = {"standard": "metrics", "aligned_pose": "metrics_aligned_pose"}
@@ -73,7 +73,7 @@ def test_gains_are_over_plain_training_of_the_same_size_and_seed(tmp_path):
     assert own.loc["aligned on the way", "full_gain_db"] == pytest.approx(1.5)
     assert own.loc["aligned on the way", "full_time"] == pytest.approx(1.2)
     assert own.loc["aligned on the way", "full_psnr_db"] == pytest.approx(22.1)
-    longer = own.loc["plain training of twice the steps"]
+    longer = own.loc["twice the steps, plain training"]
     assert longer["full_gain_db"] == pytest.approx(0.5)
     assert longer["full_time"] == pytest.approx(2)
     assert "half_gain_db" not in gains

@@ -7,11 +7,11 @@
 The first table has plain training at each size; the second has a line for each method,
 and gains over plain training of the same size. Scenes are called CAPTURE, CAPTURE_half
 and CAPTURE_quarter; what was not scored is left out. `--results` names one folder for
-each seed. Plain trainings of twice the steps are scenes that end in `_x2`, as
-`vary: { lengths: [1, 2] }` makes them; of these two files are enough:
+each seed. Trainings of twice the steps are in scenes that end in `_x2`, as
+`vary: { lengths: [1, 2] }` makes them; of a method two files are enough:
 
     snakemake --cores N --configfile workflow/config/windows.yaml LENGTHS.yaml
-        -- results/SCENE_x2/mipnerf360/round0/{metrics,metrics_aligned_pose}.csv
+        -- results/SCENE_x2/METHOD/round0/{metrics,metrics_aligned_pose}.csv
 """
 
 import argparse
@@ -40,14 +40,16 @@ SIZES = {"": ("full", 1), "_half": ("half", 2), "_quarter": ("quarter", 4)}
 # (method, round): its name; the first is what others are compared with.
 METHODS = {
     ("mipnerf360", 0): "plain training",
-    ("mipnerf360_x2", 0): "plain training of twice the steps",
     ("mipnerf360", 1): "warped once",
     ("mipnerf360", 2): "warped twice",
     ("alignerf", 0): "AligNeRF",
     ("aligned", 0): "aligned on the way",
     ("learnt", 0): "cameras learnt with the scene",
+    ("mipnerf360_x2", 0): "twice the steps, plain training",
+    ("aligned_x2", 0): "twice the steps, aligned on the way",
 }
-PLAIN, LONGER = list(METHODS)[:2]
+PLAIN = next(iter(METHODS))
+LONGER = "_x2"
 STANDARD, FAIR = "standard", "aligned_pose"
 KEYS = ["method", "round", "test_set", "view"]
 
@@ -111,35 +113,37 @@ def read(folder) -> Scored:
     facts = json_files.read(folder / "verdict.json", {"evidence": dict})["evidence"]
     flow = (facts["flow_train_px"], facts["flow_test_px"])
     psnr_db = table.set_index(KEYS)["value"].astype(float).dropna()
-    more, time_s = longer(folder.with_name(f"{folder.name}_x2"))
+    time_s = {
+        (row.method, of_rounds[row.warping]): row.total_time_s
+        for row in times.itertuples()
+        if row.warping in of_rounds
+    }
+    for method in METHODS:
+        more = longer(folder, *method) if method[0].endswith(LONGER) else None
+        if more:
+            psnr_db, time_s[method] = pd.concat([psnr_db, more[0]]), more[1]
     return Scored(
-        psnr_db=pd.concat([psnr_db, more]).sort_index(),
-        time_s=time_s
-        | {
-            (row.method, of_rounds[row.warping]): row.total_time_s
-            for row in times.itertuples()
-            if row.warping in of_rounds
-        },
+        psnr_db=psnr_db.sort_index(),
+        time_s=time_s,
         flow_px=tuple(np.nan if px is None else px for px in flow),
         width_px=poses["photo_size"][0],
         passes=facts["passes"],
     )
 
 
-def longer(folder):
-    """(PSNR, {method: seconds}) of a longer plain training; empty without it."""
-    folder = folder / PLAIN[0] / f"round{PLAIN[1]}"
+def longer(folder, method, count):
+    """(PSNR, seconds) of a method's training of twice the steps; None without it."""
+    folder = folder.with_name(folder.name + LONGER)
+    folder = folder / method.removesuffix(LONGER) / f"round{count}"
     paths = [folder / f"metrics{ending}.csv" for ending in ("", "_aligned_pose")]
     if not all(path.exists() for path in paths):
-        return pd.Series(dtype=float), {}
+        return None
     columns = ("view", "test_set", "psnr_db")
     table = pd.concat([csv_files.read(path, columns=columns) for path in paths])
-    table["method"], table["round"] = LONGER
-    timing = json_files.read(
-        folder / "timing.json", {"train_time_s": json_files.NUMBER}
-    )
-    psnr_db = table.set_index(KEYS)["psnr_db"].astype(float).dropna()
-    return psnr_db, {LONGER: timing["train_time_s"]}
+    table = table.assign(method=method, round=count).set_index(KEYS)
+    kinds = {"train_time_s": json_files.NUMBER}
+    time_s = json_files.read(folder / "timing.json", kinds)["train_time_s"]
+    return table["psnr_db"].astype(float).dropna(), time_s
 
 
 def plain_row(capture, ending, found):
