@@ -171,13 +171,17 @@ def plain_row(capture, ending, found):
 
 
 def row_of(capture, method, found):
-    """What a method scores and gains at each size; None where it was not scored."""
+    """What a method scores and gains at each size; None where it was not scored.
+
+    Of the seeds that have it, over plain training of the same seeds.
+    """
     name, poses = CAPTURES[capture]
     row = {"capture": name, "poses": poses, "method": METHODS[method]}
     labels = len(row)
     for ending, (size, _) in SIZES.items():
         seeds = found.get((capture, ending), ())
-        if not seeds or not all(method in one.time_s for one in seeds):
+        seeds = [one for one in seeds if method in one.time_s]
+        if not seeds:
             continue
         times = [one.time_s[method] / one.time_s[PLAIN] for one in seeds]
         row[f"{size}_time"] = np.median(times)
