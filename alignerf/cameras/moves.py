@@ -18,7 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from alignerf.scenes import cameras
 
-# The fit and the covariance depend on each other. No more changes after a few times.
+# The fit and the covariance depend on each other. Hardly anything changes after a few
+# times.
 TIMES = 5
 # Few cameras do not show a covariance: it is mixed with that of independent moves, as
 # of so many cameras.
@@ -27,40 +28,69 @@ INDEPENDENT = 6
 LEAST_SIGMA = 1e-3
 # Moves shorter than that, in radians and radii of the capture, are rounding.
 ROUNDING = 1e-12
+# Centres within so much of their distance from the origin are one place, which has no
+# scale.
+ONE_PLACE = 1e-9
+# A fit whose single change is larger, in radians or as a logarithm, runs away.
+MOST_CHANGE = 1.0
 
 
 def in_common(source, target):
     """(scale, rotation [3, 3], translation [3]) that takes source to target.
 
     source, target: poses [n, 3, 4] of the same cameras, before and after they moved, or
-    the other way round.
+    the other way round. Where the centres of either are one place the scale is 1.
+    Raises ValueError where a pose is not finite.
     """
-    found = cameras.align_similarity(source, target)
+    if not (np.isfinite(source).all() and np.isfinite(target).all()):
+        raise ValueError("a pose is not finite")
+    sizes = not (is_one_place(source) or is_one_place(target))
+    start = found = beginning(source, target, sizes)
     for _ in range(TIMES):
         now = cameras.apply_similarity(source, *found)
-        moves, middle, radius = between(now, target)
+        moves, middle, radius = between(now, target, sizes)
         if np.abs(moves).max() < ROUNDING:
             break
         whiten = np.linalg.cholesky(np.linalg.inv(covariance(moves))).T
-        by = whiten @ derivative((now[:, :, 3] - middle) / radius, target)
+        by = derivative((now[:, :, 3] - middle) / radius, target)
+        by[:, :, 6] *= sizes
         change, *_ = np.linalg.lstsq(
-            by.reshape(-1, 7), (moves @ whiten.T).ravel(), rcond=1e-9
+            (whiten @ by).reshape(-1, 7), (moves @ whiten.T).ravel(), rcond=1e-9
         )
+        if not np.abs(change[[0, 1, 2, 6]]).max() < MOST_CHANGE:
+            return start
         found = followed(found, change, middle, radius)
     return found
 
 
-def between(source, target):
+def is_one_place(poses):
+    """Whether all centres are the same, but for rounding."""
+    centres = poses[:, :, 3]
+    away = np.abs(centres - centres.mean(axis=0)).max()
+    return bool(away <= ONE_PLACE * np.abs(centres).max())
+
+
+def beginning(source, target, sizes):
+    """A first similarity; sizes: whether both have a size, and so a scale."""
+    scale, turn, shift = cameras.align_similarity(source, target)
+    if sizes:
+        return scale, turn, shift
+    middles = (poses[:, :, 3].mean(axis=0) for poses in (target, source))
+    target_middle, source_middle = middles
+    return 1.0, turn, target_middle - turn @ source_middle
+
+
+def between(source, target, sizes):
     """(moves [n, 6], their middle [3], radius): turns and steps from source to target.
 
-    Along the axes of the target's cameras, in radians and in radii of its centres.
+    Along the axes of the target's cameras, in radians and in radii of its centres; in
+    units of the world where it has no size.
     """
     axes = target[:, :, :3]
     turns = Rotation.from_matrix(source[:, :, :3].swapaxes(1, 2) @ axes).as_rotvec()
     centres, middle = source[:, :, 3], source[:, :, 3].mean(axis=0)
     away = target[:, :, 3] - target[:, :, 3].mean(axis=0)
-    # Of a panorama there is none.
-    radius = np.sqrt((away**2).sum(axis=-1).mean()) or 1.0
+    radius = np.sqrt((away**2).sum(axis=-1).mean()) if sizes else 1.0
     steps = np.einsum("nji,nj->ni", axes, target[:, :, 3] - centres) / radius
     return np.concatenate([turns, steps], axis=1), middle, radius
 

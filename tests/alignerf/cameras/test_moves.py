@@ -126,16 +126,49 @@ def test_units_do_not_matter(rng, unit):
     assert_allclose(found[2] / unit, shift, atol=1e-9)
 
 
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_few_cameras_at_one_place_have_a_frame_too(rng, count):
+@pytest.mark.parametrize("count", [1, 2, 3, 10, 30])
+def test_cameras_at_one_place_have_a_frame_without_a_scale(rng, count):
     poses = narrow(rng, count)
-    poses[:, :, 3] = poses[0, :, 3]
-    target = moved(poses, rng.normal(size=(count, 3)), np.zeros((count, 3)))
+    poses[:, :, 3] = rng.normal(size=3)
+    target = moved(poses, 30 * rng.normal(size=(count, 3)), np.zeros((count, 3)))
     target[:, :, 3] += rng.normal(size=3)
     scale, turn, shift = moves.in_common(poses, target)
     assert scale == 1
     assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
-    assert np.isfinite(shift).all()
+    assert_allclose(poses[0, :, 3] @ turn.T + shift, target[0, :, 3], atol=1e-2)
+
+
+@pytest.mark.parametrize("count", [2, 10, 30])
+def test_of_a_panorama_whose_cameras_stepped_no_scale_is_told(rng, count):
+    """The given cameras are at one place, the corrected ones are not."""
+    given = narrow(rng, count)
+    given[:, :, 3] = rng.normal(size=3)
+    steps = rng.normal(size=(count, 3))
+    corrected = moved(given, rng.normal(size=(count, 3)), steps)
+    scale, turn, shift = moves.in_common(corrected, given)
+    assert scale == 1
+    assert Rotation.from_matrix(turn).magnitude() * FOCAL_PX < 3
+    middle = corrected[:, :, 3].mean(axis=0) @ turn.T + shift
+    assert_allclose(middle, given[0, :, 3], atol=3 * DEPTH / FOCAL_PX)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("place", [0, 3])
+def test_poses_that_are_not_finite_are_refused(rng, value, place):
+    poses = narrow(rng, 5)
+    wrong = poses.copy()
+    wrong[2, 1, place] = value
+    for pair in ((poses, wrong), (wrong, poses)):
+        with pytest.raises(ValueError, match="a pose is not finite"):
+            moves.in_common(*pair)
+
+
+def test_cameras_that_turned_round_do_not_make_the_fit_run_away(rng):
+    poses = narrow(rng, 9)
+    turned = moved(poses, np.full((9, 3), 1.7) * FOCAL_PX, np.zeros((9, 3)))
+    scale, turn, shift = moves.in_common(turned, poses)
+    assert np.isfinite([scale, *shift]).all()
+    assert_allclose(turn @ turn.T, np.eye(3), atol=1e-9)
 
 
 def test_where_nothing_moves_there_is_nothing_in_common(rng):
