@@ -28,9 +28,6 @@ INDEPENDENT = 6
 LEAST_SIGMA = 1e-3
 # Moves shorter than that, in radians and radii of the capture, are rounding.
 ROUNDING = 1e-12
-# Centres within so much of their distance from the origin are one place, which has no
-# scale.
-ONE_PLACE = 1e-9
 # A fit whose single change is larger, in radians or as a logarithm, runs away.
 MOST_CHANGE = 1.0
 
@@ -42,10 +39,8 @@ def in_common(source, target):
     the other way round. Where the centres of either are one place the scale is 1.
     Raises ValueError where a pose is not finite.
     """
-    if not (np.isfinite(source).all() and np.isfinite(target).all()):
-        raise ValueError("a pose is not finite")
-    sizes = not (is_one_place(source) or is_one_place(target))
-    start = found = beginning(source, target, sizes)
+    start = found = cameras.align_similarity(source, target)
+    sizes = not (cameras.is_one_place(source) or cameras.is_one_place(target))
     for _ in range(TIMES):
         now = cameras.apply_similarity(source, *found)
         moves, middle, radius = between(now, target, sizes)
@@ -61,23 +56,6 @@ def in_common(source, target):
             return start
         found = followed(found, change, middle, radius)
     return found
-
-
-def is_one_place(poses):
-    """Whether all centres are the same, but for rounding."""
-    centres = poses[:, :, 3]
-    away = np.abs(centres - centres.mean(axis=0)).max()
-    return bool(away <= ONE_PLACE * np.abs(centres).max())
-
-
-def beginning(source, target, sizes):
-    """A first similarity; sizes: whether both have a size, and so a scale."""
-    scale, turn, shift = cameras.align_similarity(source, target)
-    if sizes:
-        return scale, turn, shift
-    middles = (poses[:, :, 3].mean(axis=0) for poses in (target, source))
-    target_middle, source_middle = middles
-    return 1.0, turn, target_middle - turn @ source_middle
 
 
 def between(source, target, sizes):

@@ -8,18 +8,17 @@ from flow.camera import correct
 from flow.warping import files
 
 
-def read(loaded: prepared.Scene, view, flow, depth, pixtocams=None) -> correct.View:
+def read(rendered: prepared.Scene, view, flow, depth) -> correct.View:
     """A view's flow to its photo and its depth, from folders of <view>.npz.
 
-    view: its index. pixtocams [n, 3, 3]: of the renders, where they are not the
-    scene's. Raises ValueError with the file's name where its size is not the views'.
+    rendered: the scene with the cameras of the renders. view: its index. Raises
+    ValueError with the file's name where its size is not the views'.
     """
-    name = f"{loaded.names[view]}.npz"
+    name = f"{rendered.names[view]}.npz"
     flow_px, valid = files.read_flow(Path(flow) / name)
     depth_map = archives.read(Path(depth) / name, ["depth"])["depth"]
-    size = loaded.height, loaded.width
+    size = rendered.height, rendered.width
     for folder, image in ((flow, valid), (depth, depth_map)):
         if image.shape != size:
             raise ValueError(f"{Path(folder) / name}: {image.shape}, not {size} px")
-    pixtocams = loaded.pixtocams if pixtocams is None else pixtocams
-    return correct.View(flow_px, valid, pixtocams[view], depth_map)
+    return correct.View(flow_px, valid, rendered.pixtocams[view], depth_map)

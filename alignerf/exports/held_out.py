@@ -64,9 +64,10 @@ def fit(loaded: prepared.Scene, cameras_path, flow, depth, out, frame=None):
     """
     test, frame = loaded.views("test"), frame or Frame()
     back = np.exp(frame.log_focal)
-    seen_by = np.diag([back, back, 1.0]) @ loaded.pixtocams
+    pixtocams = np.diag([back, back, 1.0]) @ loaded.pixtocams
+    rendered = dataclasses.replace(loaded, pixtocams=pixtocams)
     corrections = correct.corrections(
-        [partial(flows.read, loaded, view, flow, depth, seen_by) for view in test],
+        [partial(flows.read, rendered, view, flow, depth) for view in test],
         least_px=0.0,
         zooms=False,
         log_focal=frame.log_focal,
@@ -77,7 +78,7 @@ def fit(loaded: prepared.Scene, cameras_path, flow, depth, out, frame=None):
         if correction.left_alone:
             log.warning("view %s stays: %s", name, correction.left_alone)
             continue
-        camera = seen_by[view], loaded.camtoworlds[view]
+        camera = pixtocams[view], loaded.camtoworlds[view]
         camtoworlds[view] = camera_motion.apply(correction.motion, *camera)[1]
         moved.append(view)
     camtoworlds[moved] = cameras.apply_similarity(camtoworlds[moved], *frame.similarity)

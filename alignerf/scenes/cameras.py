@@ -26,6 +26,8 @@ ROTATION_ERROR = 1e-2
 
 # OpenCV axes (x right, y down, z forwards) from OpenGL axes, and back.
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
+# Centres within so much of their distance from the origin are one place.
+ONE_PLACE = 1e-9
 
 
 class Rays(NamedTuple):
@@ -189,21 +191,31 @@ def align_similarity(source, target):
     its orientation. Rotation from the orientations' chordal mean (Umeyama 1991
     for scale and translation). Where the centres of either coincide, as of a
     panorama, no scale exists: it is 1, and orientations alone fix the rotation.
+    Raises ValueError where a pose is not finite.
     """
+    if not (np.isfinite(source).all() and np.isfinite(target).all()):
+        raise ValueError("a pose is not finite")
     relative = np.einsum("nij,nkj->ik", target[:, :3, :3], source[:, :3, :3])
     source_mean = source[:, :3, 3].mean(axis=0)
     target_mean = target[:, :3, 3].mean(axis=0)
     source_spread = source[:, :3, 3] - source_mean
     target_spread = target[:, :3, 3] - target_mean
-    extent = np.sqrt((source_spread**2).sum() * (target_spread**2).sum())
-    apart = extent > 1e-18
+    apart = not (is_one_place(source) or is_one_place(target))
     if apart:
+        extent = np.sqrt((source_spread**2).sum() * (target_spread**2).sum())
         relative = relative / len(source) + target_spread.T @ source_spread / extent
     u, _, vt = np.linalg.svd(relative)
     rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     rotated = source_spread @ rotation.T
     scale = (rotated * target_spread).sum() / (source_spread**2).sum() if apart else 1.0
     return scale, rotation, target_mean - scale * rotation @ source_mean
+
+
+def is_one_place(camtoworlds):
+    """Whether all centres are the same, but for rounding."""
+    centres = camtoworlds[:, :3, 3]
+    away = np.abs(centres - centres.mean(axis=0)).max()
+    return bool(away <= ONE_PLACE * np.abs(centres).max())
 
 
 def apply_similarity(camtoworlds, scale, rotation, translation):

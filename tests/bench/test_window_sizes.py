@@ -32,7 +32,7 @@ def write_scene(folder, psnr_db, *, flow_px=0.5, time_s=None):
 
 
 def write_longer(folder, db):
-    """A twice the steps, plain training."""
+    """A plain training of twice the steps."""
     folder = folder / "mipnerf360/round0"
     folder.mkdir(parents=True)
     names = {"standard": "metrics", "aligned_pose": "metrics_aligned_pose"}
