@@ -18,6 +18,7 @@ TEST_SETS = test_sets.shown_in("misalignment")
 PARTIAL = ("oracle_moving",)
 PRINTED = ("psnr_db", "ssim", PRINTED_ONLY)
 COUNTS = ("params", "steps", "rays_seen")
+MOVES = ("moves_cameras", "moves_photos")
 KEYS = ["method", "warping"]
 TIMES = ("train", "data", "total")
 DIFFERENCE = scores.with_ends("difference_")
@@ -39,6 +40,7 @@ def make_table(rows, printed=()):
 def lines_of(row):
     """Lines of one method and round."""
     labels = {"method": row.method, "field": row.description, "warping": row.warping}
+    labels |= {key: row.own[key] for key in MOVES}
     for test_set in TEST_SETS:
         if test_set not in row.views:
             continue

@@ -129,7 +129,7 @@ def of_tried(e, gains, *, only_paying=False):
     if not tried:
         return ""
     best = max(tried, key=lambda gain: (pays(e, gain), gain.db))
-    if getattr(best, "cameras_moved", None) == 0:
+    if best.cameras_moved == 0:
         # Nothing is gained by cameras that are those given.
         return (
             f"leave the cameras as given: {best.method} looked at them, and moved none."
@@ -148,6 +148,9 @@ def of_tried(e, gains, *, only_paying=False):
 
 
 def in_vain(e, gains):
-    """Whether this run warped photos without a gain, by enough views."""
-    lows = [gain[2] for gain in gains if "warped" in gain[0]]
+    """Whether this run warped photos without a gain, by enough views.
+
+    A remedy that also moves cameras is for `of_tried` to judge.
+    """
+    lows = [gain.low for gain in gains if gain.warped and not gain.on_the_way]
     return bool(lows) and e.test_views >= shift.FEW_TEST_VIEWS and max(lows) <= 0

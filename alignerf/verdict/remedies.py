@@ -19,31 +19,30 @@ class Gain(NamedTuple):
     high: float
     minutes: float
     method: str = ""
-    # Whether its cameras have moved: on the way, or between rounds.
+    # Whether it has moved its cameras: on the way, or between rounds.
     on_the_way: bool = False
     test_set: str = ""
     # Of a training that aligned itself: how many cameras it has moved at the most.
     cameras_moved: int | None = None
+    # Whether it has warped its photos, by either.
+    warped: bool = False
 
 
-# In a table's column `field`, of a training that aligned itself
-# (`experiment.tables.rows`).
-ON_THE_WAY = "aligned on the way"
-MOVED = f"{ON_THE_WAY}|cameras put right"
 # Test sets, the fairest first. Cameras that have moved see a test view elsewhere than
 # the given one says, so of these the photos as they are count last.
 USUAL = ("oracle", "standard")
 FAIR = ("oracle", "aligned_pose", "aligned_pose_gradient", "standard")
-OF_GAINS = ("method", "field", "warping", "test_set", "difference_to", "total_time_s")
+OF_GAINS = ("method", "warping", "test_set", "difference_to", "total_time_s")
+OF_GAINS += ("moves_cameras", "moves_photos")
 OF_GAINS += ("difference_db", "difference_low_db", "difference_high_db")
 
 
 def is_on_the_way(gain):
-    """Whether a remedy moves cameras; of a `Gain`, or of its first numbers alone."""
-    return getattr(gain, "on_the_way", False)
+    """Whether a remedy moves cameras."""
+    return gain.on_the_way
 
 
-def of_table(path, timings=()):
+def of_table(path, timings):
     """The `Gain` of each remedy in a table over the baseline, the model without one.
 
     timings: {method: timing.json} of trainings that aligned themselves. Scores are
@@ -52,24 +51,27 @@ def of_table(path, timings=()):
     """
     table = csv_files.read(path, columns=OF_GAINS)
     known = set(table["test_set"])
-    moved = table["field"].astype(str).str.contains(MOVED)
+    # Of published rows it is not known.
+    moved = table["moves_cameras"].eq(True)
     usual, fair = (
         next((name for name in names if name in known), None) for names in (USUAL, FAIR)
     )
     chosen = table[table["test_set"] == np.where(moved, fair, usual)]
     gains = []
-    for row, has_moved in zip(chosen.itertuples(), moved[chosen.index], strict=True):
+    for row in chosen.itertuples():
         own = row.method == row.difference_to and row.warping == scores.warping(0)
         if own or pd.isna(row.difference_db):
             continue
-        on_the_way = ON_THE_WAY in str(row.field)
         name = scores.row_name(row.method, row.warping)
-        if on_the_way and not row.method.startswith("aligned"):
-            name = f"{name}, {ON_THE_WAY}"
+        timing = timings.get(row.method)
+        if timing and not row.method.startswith("aligned"):
+            name = f"{name}, aligned on the way"
         ends = (row.difference_low_db, row.difference_high_db)
-        took = row.total_time_s / 60, row.method, bool(has_moved), row.test_set
-        count = cameras_moved(timings[row.method]) if row.method in timings else None
-        gains.append(Gain(name, row.difference_db, *ends, *took, count))
+        took = row.total_time_s / 60, row.method, row.moves_cameras, row.test_set
+        count = cameras_moved(timing) if timing else None
+        gains.append(
+            Gain(name, row.difference_db, *ends, *took, count, row.moves_photos)
+        )
     return gains
 
 
@@ -93,12 +95,11 @@ def line(gain, e):
     """A sentence on a remedy's gain in this run; it claims nothing from few views."""
     name, db, low, high, minutes = gain[:5]
     took = f"{minutes:.0f} min" if minutes >= 1 else "under a minute"
-    test_set = getattr(gain, "test_set", "")
-    against = CALLED_SETS.get(test_set, "")
-    if test_set == "standard" and is_on_the_way(gain):
+    against = CALLED_SETS.get(gain.test_set, "")
+    if gain.test_set == "standard" and is_on_the_way(gain):
         against += " by cameras that were left as given: true gains are larger,"
     text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}]{against} in {took}"
-    if getattr(gain, "cameras_moved", None) == 0:
+    if gain.cameras_moved == 0:
         text += ", without moving a camera"
     if e.test_views < shift.FEW_TEST_VIEWS:
         return f"{text}; {e.test_views} held-out photos are too few to be sure."

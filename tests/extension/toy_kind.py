@@ -24,6 +24,11 @@ def check(config, name):
         raise ValueError(f"config: methods.{name}.{KEY}: not beside rounds")
 
 
+def moves(method, round):
+    """Cameras have moved."""
+    return ["cameras"]
+
+
 def trainings(experiment, scene, name, once):
     """One training, from the weights and with the cameras of the baseline's."""
     first = experiment.at(scene, experiment.baseline(name), 0)

@@ -11,7 +11,10 @@ def takes(method):
 trainings = learnt.trainings
 
 
+def moves(method, round):
+    return [key for key in ("cameras", "photos") if method["align"][f"{key}_at"]]
+
+
 def words(experiment, name):
-    method = experiment.methods[name]
-    what = [key for key in ("cameras", "photos") if method["align"][f"{key}_at"]]
+    what = moves(experiment.methods[name], 0)
     return [f"{' and '.join(what)} aligned on the way"]

@@ -38,4 +38,4 @@ def program(method):
     return next((name for name in names if name not in STARTERS), words[0])
 
 
-words = plain.words
+moves, words = rounds.moves, plain.words

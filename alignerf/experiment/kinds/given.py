@@ -10,5 +10,9 @@ def trainings(experiment, scene, name, once):
     return []
 
 
+def moves(method, round):
+    return []
+
+
 def words(experiment, name):
     return []

@@ -15,5 +15,9 @@ def trainings(experiment, scene, name, once):
     return [once(from_photos(scene, f"{name}/round0", job, truth=truth))]
 
 
+def moves(method, round):
+    return ["cameras"]
+
+
 def words(experiment, name):
     return ["cameras learnt"]

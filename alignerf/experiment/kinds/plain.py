@@ -17,6 +17,9 @@ def trainings(experiment, scene, name, once):
     return rounds.from_first(first, experiment.methods[name], name, job, once)
 
 
+moves = rounds.moves
+
+
 def words(experiment, name):
     changes = experiment.methods[name]["changes"]
     if changes == "photos":

@@ -14,6 +14,11 @@ def changes(method):
     return [method["changes"]] * last
 
 
+def moves(method, round):
+    """What has changed by a round; None: by the last."""
+    return changes(method)[:round]
+
+
 def from_first(first, method, name, job, once, *, goes_on=False):
     """Round 0 and every round after it; goes_on: from the weights of that before."""
     chain = [first]

@@ -36,6 +36,10 @@ def corrects(method):
     return method["changes"] != "photos"
 
 
+def moves(method, round):
+    return ["cameras"] * corrects(method)
+
+
 def words(experiment, name):
     """The contributions that the method has."""
     method = experiment.methods[name]

@@ -20,4 +20,4 @@ def trainings(experiment, scene, name, once):
     return rounds.from_first(first, method, name, job, once, goes_on=True)
 
 
-words = plain.words
+moves, words = rounds.moves, plain.words

@@ -18,6 +18,7 @@ class Row(NamedTuple):
 
     folder: below the scene's. method, round: as tables call it; None for a training
     that only leads to others. description: field and kind of the method, in words.
+    moves_cameras, moves_photos: whether it has changed them by then (`kinds.moves`).
     baseline, base: the method whose round 0 it is set against, and that one's folder.
     published: what papers call it. way: the folders of all trainings that lead to it,
     its own last. flows: those of them whose training views were rendered and aligned.
@@ -37,6 +38,8 @@ class Row(NamedTuple):
     base: str | None = None
     published: str | None = None
     before: str | None = None
+    moves_cameras: bool = False
+    moves_photos: bool = False
 
 
 class Renders(NamedTuple):
@@ -122,6 +125,7 @@ def scored(experiment, scene, method, round, aligned_pose):
     root = f"results/{scene}/"
     baseline = experiment.baseline(method)
     base = experiment.folder(scene, baseline, 0).removeprefix(root)
+    moved = kinds.moves(experiment.methods[method], round)
     row = Row(
         *(path.removeprefix(root), [], [], [], {"scores": f"{path}/metrics.csv"}),
         method=method,
@@ -131,6 +135,8 @@ def scored(experiment, scene, method, round, aligned_pose):
         base=base,
         # Of the method as it is; no table has one of its rounds.
         published=experiment.methods[method]["published"] if round == 0 else None,
+        moves_cameras="cameras" in moved,
+        moves_photos="photos" in moved,
     )
     if method in experiment.names(kinds.given):
         return row

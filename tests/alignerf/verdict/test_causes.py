@@ -146,15 +146,26 @@ def test_the_words_say_what_points_told():
     assert lines[-1].endswith("And take more photos between those you have.")
 
 
+def warped(*db, **changes):
+    """A remedy that warped photos, whatever its name."""
+    return remedies.Gain("base", *db, 3.0, warped=True)._replace(**changes)
+
+
 @pytest.mark.parametrize(
     ("gains", "views", "said"),
     [
         ([], 9, "train longer, then warp the photos once"),
-        ([("base, warped once", 0.4, 0.1, 0.7, 3.0)], 9, "train longer, then warp"),
-        ([("base, warped once", -0.1, -0.2, 0.03, 3.0)], 9, "leave the photos"),
+        ([warped(0.4, 0.1, 0.7)], 9, "train longer, then warp"),
+        ([warped(-0.1, -0.2, 0.03)], 9, "leave the photos"),
         # A staged training says nothing of warping, and few views nothing at all.
-        ([("alignerf", -1.1, -1.4, -0.9, 3.0)], 9, "train longer, then warp"),
-        ([("base, warped once", -0.1, -0.2, 0.03, 3.0)], 2, "train longer, then warp"),
+        ([warped(-1.1, -1.4, -0.9, warped=False)], 9, "train longer, then warp"),
+        (
+            [warped(-1.1, -1.4, -0.9, name="base, warped once", warped=False)],
+            *(9, "train longer, then warp"),
+        ),
+        ([warped(-0.1, -0.2, 0.03)], 2, "train longer, then warp"),
+        # Cameras that moved say nothing of photos, and are judged apart.
+        ([warped(-0.1, -0.2, 0.03, on_the_way=True)], 9, "leave cameras and photos"),
     ],
 )
 def test_what_was_tried_in_vain_is_not_recommended(gains, views, said):

@@ -5,15 +5,41 @@ import json
 import pandas as pd
 import pytest
 
+from alignerf.experiment import kinds, targets
+from alignerf.experiment.tables import rows as table_rows
+from alignerf.tables import misalignment, scores
 from alignerf.verdict import advice, remedies
+from tests import table_cases
 from tests.alignerf.verdict.test_causes import WELL, gain
+
+ONE = {"model": "base"}
+WARM = {"from": "plain", "learning_rates": [0.005, 0.001]}
+BOTH = {"rounds": 2, "changes": "cameras_then_photos"}
+EXTERNAL = {"external": {"train": "t {data} {model}", "render": "r {renders}"}}
+# Of each kind, and what it has changed after each round: c for cameras, p for photos.
+MOVES = {
+    "plain": (ONE | {"rounds": 2}, ["", "p", "p"]),
+    "moved": (ONE | {"rounds": 1, "changes": "cameras"}, ["", "c"]),
+    "both": (ONE | BOTH, ["", "c", "cp"]),
+    "auto": (ONE | {"rounds": "auto", "most_rounds": 3}, ["", "p", "p", "p"]),
+    "warm": (ONE | {"rounds": 1, "warm_start": WARM}, ["", "p"]),
+    "staged": (ONE | {"alignerf": {}}, [""]),
+    "between": (ONE | {"alignerf": {}, "changes": "cameras"}, ["c"]),
+    "learnt": (ONE | {"refine": {}}, ["c"]),
+    "aligned": (ONE | {"align": {}}, ["cp"]),
+    "still_photos": (ONE | {"align": {"photos_at": []}}, ["c"]),
+    "still_cameras": (ONE | {"align": {"cameras_at": []}}, ["p"]),
+    "program": (EXTERNAL | BOTH, ["", "c", "cp"]),
+    "given": ({}, [""]),
+}
 
 
 def table_of(path, test_sets):
     rows = [
         {
             "method": method,
-            "field": f"grid 2^15{', cameras aligned on the way' * (method == 'ours')}",
+            "moves_cameras": method == "ours",
+            "moves_photos": False,
             "warping": "none",
             "test_set": test_set,
             "difference_to": "plain",
@@ -27,6 +53,62 @@ def table_of(path, test_sets):
     ]
     pd.DataFrame(rows).to_csv(path, index=False)
     return path
+
+
+@pytest.fixture
+def experiment(demo, experiment_of, tmp_path):
+    """Of `MOVES`; its renders that are given lie where they should."""
+    methods = {name: method for name, (method, _) in MOVES.items()}
+    methods["given"] = {"renders": f"{tmp_path}/{{scene}}"}
+    (tmp_path / "courtyard").mkdir()
+    config = demo | {"methods": methods, "reference": {"method": "plain"}}
+    return experiment_of(config, lambda **_: True)
+
+
+def test_every_kind_says_what_the_plan_moves(experiment):
+    found = {kinds.of_method(method) for method in experiment.methods.values()}
+    assert found == {*kinds.EVERY} - {*kinds.OF_OTHERS}
+    rows = {
+        (r.method, r.round): r for r in table_rows.of_scene(experiment, "courtyard")
+    }
+    for name, (_, moves) in MOVES.items():
+        method = experiment.methods[name]
+        for round, letters in enumerate(moves):
+            flags = ("c" in letters, "p" in letters)
+            moved = kinds.moves(method, round)
+            assert ("cameras" in moved, "photos" in moved) == flags, (name, round)
+            if row := rows.get((name, round)):
+                assert (row.moves_cameras, row.moves_photos) == flags
+            if name != "given":
+                training = experiment.at("courtyard", name, round)
+                planned = (targets.moves_cameras(training), bool(training.warped))
+                assert planned == flags, (name, round)
+        assert kinds.moves(method) == moved
+        assert kinds.moves(method | {"adjust": True}) == moved | {"cameras"}
+
+
+@pytest.mark.parametrize("has_oracle", [False, True])
+def test_the_verdict_takes_the_test_set_that_is_fair_to_each_kind(
+    experiment, tmp_path, has_oracle
+):
+    sets = ("standard", "warped", "aligned_pose", *["oracle"] * has_oracle)
+    db = {name: [20.0, 21.0] for name in sets}
+    rows = [
+        row._replace(files=table_cases.written(tmp_path, db, row.folder).files)
+        for row in table_rows.of_scene(experiment, "courtyard")
+    ]
+    table = misalignment.make_table(table_cases.collect(tmp_path, rows))
+    table.to_csv(tmp_path / "misalignment.csv", index=False)
+    gains = remedies.of_table(tmp_path / "misalignment.csv", {})
+    assert {gain.method for gain in gains} == {*MOVES}
+    named = {
+        scores.row_name(row.method, scores.warping(row.round or 0)): row for row in rows
+    }
+    for one in gains:
+        row = named[one.name]
+        assert (one.on_the_way, one.warped) == (row.moves_cameras, row.moves_photos)
+        fair = "aligned_pose" if row.moves_cameras else "standard"
+        assert one.test_set == ("oracle" if has_oracle else fair), one.name
 
 
 @pytest.mark.parametrize(
@@ -55,7 +137,10 @@ def test_gains_of_moved_cameras_are_by_the_fairest_test_set(
     tmp_path, test_sets, db, usual_db
 ):
     """Others' by the usual one, which all have."""
-    found, other = remedies.of_table(table_of(tmp_path / "table.csv", test_sets))
+    timing = tmp_path / "timing.json"
+    timing.write_text("{}")
+    table = table_of(tmp_path / "table.csv", test_sets)
+    found, other = remedies.of_table(table, {"ours": timing})
     assert (found.db, other.db) == (db, usual_db)
     assert (other.name, other.on_the_way) == ("rival", False)
     assert found.test_set == test_sets[db - 1]
@@ -64,11 +149,11 @@ def test_gains_of_moved_cameras_are_by_the_fairest_test_set(
 
 
 def test_gains_from_few_views_are_no_gains():
-    gain = ("once", 1.5, 1.2, 1.8, 4.0)
+    gain = remedies.Gain("once", 1.5, 1.2, 1.8, 4.0)
     assert remedies.line(gain, WELL).endswith("in 4 min.")
     few = WELL._replace(test_views=3)
     assert "too few to be sure" in remedies.line(gain, few)
-    chance = ("once", 0.02, -0.05, 0.06, 4.0)
+    chance = remedies.Gain("once", 0.02, -0.05, 0.06, 4.0)
     assert "not more than chance" in remedies.line(chance, WELL)
 
 
