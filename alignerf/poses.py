@@ -22,7 +22,8 @@ from alignerf.scenes import cameras, held_out, prepare, prepared
 from alignerf.scenes.capture import full_size, windows, windows_truth
 from alignerf.scenes.courtyard import truth
 from alignerf.scenes.judged import views as judged
-from alignerf.scenes.loading import points, readers, zoom
+from alignerf.scenes.loading import readers, zoom
+from alignerf.sfm import calibration, capture, conventions, matches, of_colmap
 
 log = logging.getLogger("alignerf.poses")
 
@@ -35,8 +36,10 @@ MOST_PIXELS, LEAST_SIDE_PX = 10_000_000, 200
 PRODUCTS = ("images", "truth", "colmap", "cameras.npz", "poses.json")
 
 
-def main(config, out, whole=None, cameras_path=None, places=None):
+def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
     """Run one scene's slice of the config; `out` is the scene's folder of results.
+
+    adjust: a method trains with adjusted cameras, whatever those of the scene are.
 
     Of windows of another scene: whole, its folder; cameras_path, the cameras.npz that
     they have; places, the folder of windows that they lie at the same places as.
@@ -48,14 +51,20 @@ def main(config, out, whole=None, cameras_path=None, places=None):
     with atomic.scratch_folder(out) as scratch:
         full, told, scene = readers.READERS[config["source"]](config, scratch)
         told["downscale_decided"] = config["downscale"] == "auto"
+        full = stated(prepare.sort_by_name(full), config)
         given = for_training(full, config)
         prepared.check_views(config["path"] or out, given)
         if not config["judged"]:
             prepared.check_places(config["path"] or out, given)
-        views = perturbed(given, config)
+        full = full._replace(camtoworlds=perturbed(given, config))
+        checked = None
+        if scene_keys.wants_matches(config) or adjust:
+            checked = check_cameras(full, scratch, config, adjust)
+            full, told = with_checked(full, told, checked, scratch, config)
+        views = for_training(full, config)
         whole, cut = views, None
         if config["zoom"]:
-            views, cut, more = zoom.zoomed(views, scratch, config)
+            views, cut, more = zoom.zoomed(views, config)
             told |= more
         split = split_of(views, config)
         named = dict(zip(views.names, split.tolist(), strict=True))
@@ -65,8 +74,11 @@ def main(config, out, whole=None, cameras_path=None, places=None):
             warn_of_few(out, split)
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
-        if scene_keys.wants_points(config) and views.points is None:
-            told |= points.add_points(fresh, scratch, full.width / views.width, config)
+        if checked and not config["zoom"]:
+            write_checked(fresh, views, checked, split, adjust or config["judged"])
+        elif (scratch / "database.db").is_file() and not config["zoom"]:
+            found = of_colmap.read(scratch, full, seed=config["seed"])
+            matches.write(fresh / matches.FILE, found)
         if scene is not None:
             log.info("rendering the truth of %d views", len(views.names))
             told["true_misalignment_px"] = write_truth(
@@ -97,7 +109,7 @@ def of_whole(config, out, whole, cameras_path, places):
     with atomic.scratch_folder(out) as scratch:
         views = full_size.read(config, whole, scratch, cameras_path)
         try:
-            views, found, px = zoom.placed(views, config, scratch, places)
+            views, found, px = zoom.placed(views, config, places)
             found, each = zoom.around(views, found, px, least=1 if places else least)
         except ValueError as error:
             why = f"{error}. Without windows: `windows: null` in the config"
@@ -134,11 +146,76 @@ def for_training(views, config):
     return prepare.downscale(views, config["downscale"])
 
 
-def perturbed(views, config):
-    """The views with a pose error of the config's `perturb_px`."""
-    poses, rng = views.camtoworlds, np.random.default_rng([config["seed"], 1])
-    poses = cameras.perturb_poses(poses, views.pixtocams, config["perturb_px"], rng)
+def stated(views, config):
+    """The views without the mistake that `pose_convention` says they have."""
+    poses = conventions.undone(
+        config["pose_convention"], views.names, views.camtoworlds
+    )
     return views._replace(camtoworlds=poses)
+
+
+def perturbed(views, config):
+    """Their poses [n, 3, 4] with an error of the config's `perturb_px`."""
+    poses, rng = views.camtoworlds, np.random.default_rng([config["seed"], 1])
+    return cameras.perturb_poses(poses, views.pixtocams, config["perturb_px"], rng)
+
+
+def check_cameras(full, scratch, config, adjust):
+    """The `capture.Checked` cameras of the views, by photos as large as they are.
+
+    Photos that are trained on as they are keep their lens.
+    """
+    if config["judged"]:
+        large = prepare.sort_by_name(judged.at_full_size(config)[0])
+        full = large._replace(camtoworlds=full.camtoworlds)
+    own, matched = config["poses"] == "adjusted", None
+    adjusts = own or adjust or bool(config["judged"])
+    if (scratch / "database.db").is_file():
+        matched = of_colmap.read(scratch, full, seed=config["seed"])
+    return capture.check(
+        full, scratch, config, adjusts=adjusts, lens=own, matched=matched
+    )
+
+
+def with_checked(full, told, checked, scratch, config):
+    """The views and the report with what the check of their cameras has found."""
+    told = told | {"cameras": checked.report}
+    if config["poses"] == "adjusted" and checked.found:
+        where = config["path"] or config["source"]
+        full = calibration.applied(full, checked.cameras_of(full), where)
+        points = checked.found.points
+    elif full.points is not None or config["judged"]:
+        return full, told
+    else:
+        points = capture.points_of(checked, scratch, config["seed"])
+    if not len(points.positions):
+        log.warning("%s: its views share no points", config["path"])
+        return full._replace(points=None), told
+    full = full._replace(points=(points.positions, points.colours))
+    return full, told | capture.points_told(points, full, checked.matches)
+
+
+def write_checked(fresh, views, checked, split, apart):
+    """Write matches, and beside the scene's cameras what else there is of them.
+
+    apart: whether adjusted cameras are wanted besides the scene's own: of all views,
+    and those of a training, which leave held-out views as they came.
+    """
+    matches.write(fresh / matches.FILE, checked.matches)
+    if views.lens is not None:
+        np.savez(fresh / prepared.LENS, **views.lens)
+    if not apart:
+        return
+    folder, now = fresh / prepared.ADJUSTED, checked.cameras_of(views)
+    folder.mkdir()
+    moved = views._replace(pixtocams=now.pixtocams, camtoworlds=now.camtoworlds)
+    prepare.write_cameras(folder / "cameras.npz", moved, split=split)
+    stay = (split == "test")[:, None, None]
+    both = {
+        key: np.where(stay, getattr(views, key), getattr(moved, key))
+        for key in ("pixtocams", "camtoworlds")
+    }
+    prepare.write_cameras(folder / "train.npz", moved._replace(**both), split=split)
 
 
 def write_truth(folder, scene, whole, cut, split, perturb_px):
@@ -233,6 +310,11 @@ if __name__ == "__main__":
     parser.add_argument(
         "--places", type=faults.stated, help="of windows: others, at the same places"
     )
+    parser.add_argument(
+        "--adjust",
+        action="store_true",
+        help="write adjusted cameras beside the scene's",
+    )
     options = parser.parse_args()
-    of_windows = (options.whole, options.cameras, options.places)
-    faults.run(lambda: main(jobs.read(options.config), options.out, *of_windows))
+    more = (options.whole, options.cameras, options.places, options.adjust)
+    faults.run(lambda: main(jobs.read(options.config), options.out, *more))

@@ -25,6 +25,7 @@ FLOORS = [
         "alignerf.decisions",
         *("flow.warping", "flow.camera"),
     },
+    {"alignerf.sfm"},
     {
         *("alignerf.contributions", "alignerf.systems", "alignerf.cameras"),
         "alignerf.exports",

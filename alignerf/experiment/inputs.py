@@ -75,11 +75,16 @@ def poses_options(experiment, scene):
     """Options of `alignerf.poses`: of windows, the whole scene and its cameras."""
     whole = experiment.whole(scene)
     if whole == scene:
-        return []
+        return ["--adjust"] * adjusts(experiment, scene)
     cameras = cameras_of(experiment, scene)
     places = places_of(experiment, scene)
     chosen = {"whole": f"results/{whole}", "cameras": cameras, "places": places}
     return arguments.options(chosen)
+
+
+def adjusts(experiment, scene):
+    """Whether a method of a scene begins with adjusted cameras that are not its own."""
+    return any(experiment.input_cameras(scene, name) for name in experiment.methods)
 
 
 def truth_of(experiment, scene):
@@ -187,8 +192,16 @@ def exported(experiment, scene, method, what):
     if experiment.scenes[scene]["judged"]:
         following = rounds.after(training, training.folder, {}, what)
         return following.cameras, following.warped
+    if is_adjusted(training):
+        return layout.adjusted(scene), {}
     warped = training.warped if what == "photos" else {}
     return f"{training.learnt}/cameras.npz", warped
+
+
+def is_adjusted(training):
+    """Whether a training's cameras are the adjusted ones, and nothing more."""
+    adjusted = training.cameras == layout.adjusted(training.scene, "train")
+    return adjusted and not training.moves
 
 
 def held_out_of(experiment, scene, method, what):
@@ -201,7 +214,7 @@ def held_out_of(experiment, scene, method, what):
     training, fits = last_training(experiment, scene, method), None
     if judged := experiment.scenes[scene]["judged"]:
         fits = what == "cameras" and "test" in judged["splits"]
-    elif targets.moves_cameras(training):
+    elif targets.moves_cameras(training) and not is_adjusted(training):
         fits = (experiment.config["aligned_pose"] or {"flow": False})["flow"]
     if not fits:
         return {}

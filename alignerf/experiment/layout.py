@@ -11,7 +11,16 @@ OF_SPLITS = ("renders", "depth", "render", "flow", "warped", "displacement")
 INSIDE = re.compile(
     rf"(results/.+/(?:{'|'.join(OF_SPLITS)}))/(?:train|test)(?:\.\w+)?"
     r"|(results/.+/learnt)/(?:cameras\.npz|photos|valid)"
+    r"|(results/[^/]+/images)/.+"
 )
+
+
+def adjusted(scene, views="cameras"):
+    """A scene's adjusted cameras: `cameras` of all views, `train` of those learnt from.
+
+    They lie beside its own, among its images.
+    """
+    return f"results/{scene}/images/adjusted/{views}.npz"
 
 
 def output_of(path):

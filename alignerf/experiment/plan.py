@@ -8,7 +8,7 @@ import functools
 import itertools
 import re
 
-from alignerf.experiment import kinds, slices, sweep, trainings
+from alignerf.experiment import kinds, layout, slices, sweep, trainings
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import json_files
 
@@ -87,6 +87,17 @@ class Experiment:
         plain, model = self.names(kinds.plain), chosen["model"]
         same = (name for name in plain if self.methods[name]["model"] == model)
         return next(same, method)
+
+    def input_cameras(self, scene, method):
+        """{"cameras": path} of those that a method begins with, if not the scene's.
+
+        Crops have the cameras of their scene, and adjusted poses are adjusted already.
+        """
+        chosen = self.scenes[scene]
+        if not self.methods[method]["adjust"] or chosen["zoom"]:
+            return {}
+        adjusted = chosen["poses"] == "adjusted"
+        return {} if adjusted else {"cameras": layout.adjusted(scene, "train")}
 
     @kept
     def rounds_of(self, scene, method):

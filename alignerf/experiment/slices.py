@@ -21,15 +21,17 @@ def of_scene(experiment, name):
     unused = {"steps", "budget_min"}
     if not scene_keys.SOURCES[scene["source"]].has_truth:
         unused.add("courtyard")
-    if scene["poses"] != "colmap":
+    if scene["poses"] == "truth" and not scene["triangulate"]:
         unused.add("colmap")
     # Where a `false` changes what is done, the stage has to be told.
     undecided = scene | {"triangulate": None}
-    if not (scene_keys.wants_points(scene) or scene_keys.wants_points(undecided)):
+    if not (scene_keys.wants_matches(scene) or scene_keys.wants_matches(undecided)):
         unused.add("triangulate")
     if scene_keys.whole_of(scene):
         unused |= {"test_every", "perturb_px", "colmap"}
     unused |= {key for key in ("masks", "zoom", "judged") if scene[key] is None}
+    if scene["pose_convention"] == "as_stated":
+        unused.add("pose_convention")
     return as_json({key: scene[key] for key in scene.keys() - unused})
 
 

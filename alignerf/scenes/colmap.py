@@ -218,14 +218,14 @@ def convert(model, names, *, models=()) -> Reconstruction:
         colours=np.array([point.color for point in points], np.uint8).reshape(-1, 3),
         points_in_3_views=float((tracks >= 3).mean()) if len(tracks) else 0.0,
         models=list(models) or [len(kept)],
-        errors_px=np.array([_error_px(model, posed[name]) for name in kept]),
+        errors_px=np.array([error_px(model, posed[name]) for name in kept]),
         camera_of=[posed[name].camera_id for name in kept],
         camera_model=taken_by[0].model.name,
         of_colmap=model,
     )
 
 
-def _error_px(model, image):
+def error_px(model, image):
     """Mean reprojection error of the points that an image sees; NaN of none."""
     errors = [
         np.linalg.norm(projected - point.xy)

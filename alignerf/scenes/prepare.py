@@ -76,6 +76,9 @@ class PosedViews(NamedTuple):
     masks: list[Photo] | None = None
     """255 where a pixel of the photo counts; a mask takes every step that its photo
     takes. None where all pixels of all photos count."""
+    lens: dict | None = None
+    """{"camtopix" [n, 3, 3], "distortion" [n, 5]} that was undone after all else, in px
+    of the photos in full; None where nothing was."""
 
 
 def all_count(width, height) -> Photo:
@@ -242,9 +245,7 @@ def write_views(folder, views: PosedViews, *, split):
 
     And `prepared.POINTS`, `BOUNDS` and MASKS/<name>.npz, where the views have them.
     """
-    (folder / "images").mkdir(parents=True)
-    for i, name in progress.over(enumerate(views.names), "images"):
-        images.write(folder / "images" / f"{name}.png", views.photos[i].read())
+    write_photos(folder / "images", views)
     if views.masks is not None:
         write_masks(folder / prepared.MASKS, views)
     write_cameras(folder / "cameras.npz", views, split=split)
@@ -253,6 +254,13 @@ def write_views(folder, views: PosedViews, *, split):
         np.savez(folder / prepared.POINTS, points=positions, colours=colours)
     if views.bounds is not None:
         np.savez(folder / prepared.BOUNDS, bounds=views.bounds)
+
+
+def write_photos(folder, views: PosedViews, suffix=".png"):
+    """Write <folder>/<name>.png of each view; the folder is made."""
+    folder.mkdir(parents=True)
+    for i, name in progress.over(enumerate(views.names), "images"):
+        images.write(folder / f"{name}{suffix}", views.photos[i].read())
 
 
 def write_masks(folder, views: PosedViews):

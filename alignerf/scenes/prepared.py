@@ -31,6 +31,11 @@ MASKS = "images/masks"
 POINTS, BOUNDS = "images/points.npz", "images/bounds.npz"
 # The lens {names, camtopix, distortion, camera_of} of each photo, where COLMAP has it.
 LENSES = "images/lenses.npz"
+# The lens {camtopix, distortion} of undistorted photos, where adjusting has found more.
+LENS = "images/lens.npz"
+# Adjusted cameras beside the scene's own: cameras.npz of all views, train.npz with
+# held-out views as they came.
+ADJUSTED = "images/adjusted"
 # What OpenCV can warp.
 MOST_SIDE_PX = 32766
 # Bytes of a view's name: with suffixes, and beside it what is being written, it has to

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.cameras import exposure, lens
+from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import archives, csv_files, json_files, machine
 from alignerf.scenes import prepared
 from alignerf.verdict import causes, judged, views
@@ -179,7 +180,7 @@ def gather(
         / max(shared.distortion_error_px, 1e-3),
         # Of windows, that of the photos which they are cut from.
         photo_width_px=float(poses.get("photo_size", [poses["photo_width"]])[0]),
-        poses_given=poses["poses"] == "given",
+        poses_given=poses["poses"] in scene_keys.INPUT,
         perturb_px=float(poses["perturb_px"]),
         windows=of_windows.read(*windows),
         judged=of_judged,

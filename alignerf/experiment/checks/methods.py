@@ -42,6 +42,10 @@ def check_method(config, name):
         method["alignerf"] or method["warm_start"] or method["rounds"] != 0
     ):
         fault(f"methods.{name}.refine", "not beside rounds, warm_start or alignerf")
+    if method["adjust"] and (
+        method["alignerf"] or method["warm_start"] or method["rounds"] != 0
+    ):
+        fault(f"methods.{name}.adjust", "not beside rounds, warm_start or alignerf")
     if method["align"]:
         check_align(config, name)
     shares = (method["refine"] or {}).get("coarse_to_fine")

@@ -41,6 +41,12 @@ def check_scene(scene, *place):
         fault(f"{where}background", f"source {scene['source']!r} has no alpha")
     if scene["masks"] and scene["source"] != "photos":
         fault(f"{where}masks", f"only of source 'photos', not {scene['source']!r}")
+    if scene["poses"] == "adjusted" and scene["triangulate"] is False:
+        fault(f"{where}triangulate", "adjusted poses need matches")
+    if scene["poses"] not in scene_keys.INPUT and (
+        scene["pose_convention"] != "as_stated"
+    ):
+        fault(f"{where}pose_convention", "only of cameras that came with the photos")
     model = scene["colmap"]["camera_model"]
     if source.has_truth and model not in (None, "PINHOLE", "SIMPLE_PINHOLE"):
         # Undoing a distortion that is not there would move photos off their true flow.

@@ -186,6 +186,11 @@ class Method(Keys):
     alignerf: AligNeRF | None = key(
         None, "staged training with the three contributions"
     )
+    adjust: bool = key(
+        False,
+        "it trains with cameras that bundle adjustment has corrected, beside methods "
+        "that train with the scene's; alone, or beside align or refine",
+    )
     refine: Refine | None = key(
         None, "the training views' cameras are learnt with the scene, without flow"
     )

@@ -21,20 +21,29 @@ class Source(typing.NamedTuple):
 SOURCES = {
     "courtyard": Source(("colmap", "truth"), has_truth=True, has_path=False),
     "photos": Source(("colmap",)),
-    "transforms": Source(("given",)),
-    "llff": Source(("given",), every_eighth=True),
-    "mipnerf360": Source(("given",), every_eighth=True),
-    "blender": Source(("given",)),
+    "transforms": Source(("adjusted", "given")),
+    "llff": Source(("adjusted", "given"), every_eighth=True),
+    "mipnerf360": Source(("adjusted", "given"), every_eighth=True),
+    "blender": Source(("adjusted", "given")),
+    # Its renders were seen by the cameras as they are; an export has adjusted ones.
     "judged": Source(("given",)),
-    "polycam": Source(("given", "colmap"), is_app=True),
-    "scanner3d": Source(("given", "colmap"), is_app=True),
-    "record3d": Source(("given", "colmap"), is_app=True),
+    "polycam": Source(("adjusted", "given", "colmap"), is_app=True),
+    "scanner3d": Source(("adjusted", "given", "colmap"), is_app=True),
+    "record3d": Source(("adjusted", "given", "colmap"), is_app=True),
 }
+# Ways of having poses that came with the photos.
+INPUT = ("adjusted", "given")
 
 
 def poses_of(scene):
-    """The way in which a scene, as a mapping, has poses: its own or its source's."""
-    return scene["poses"] or SOURCES[scene["source"]].poses[0]
+    """The way in which a scene, as a mapping, has poses: its own or its source's.
+
+    Without features no camera can be adjusted.
+    """
+    usual = SOURCES[scene["source"]].poses
+    if scene["triangulate"] is False and "given" in usual:
+        usual = ("given",)
+    return scene["poses"] or usual[0]
 
 
 def whole_of(scene):
@@ -64,18 +73,18 @@ def every_of(scene, views):
     return next(enough, SELDOM)
 
 
-def wants_points(scene):
-    """Whether points of a scene's cameras are to be found, where they have none yet.
+def wants_matches(scene):
+    """Whether a scene's cameras are checked by matches, which find its points too.
 
-    Of given cameras unless it says no, of the courtyard's true ones where it says so.
-    Windows have them from the whole photos. What is judged has its cameras' own.
+    Input cameras are unless it says no, the courtyard's true ones where it says so.
+    Crops have their points from the whole photos. COLMAP's poses have both already.
     """
-    if scene["zoom"]:
-        return False
     poses, wanted = poses_of(scene), scene["triangulate"]
-    if scene["judged"]:
-        return bool(wanted)
-    return poses == "given" if wanted is None else wanted and poses != "colmap"
+    if scene["zoom"]:
+        return poses != "colmap" and not scene["zoom"]["of"]
+    if scene["judged"] and not scene["judged"]["cameras"]:
+        return False
+    return poses in INPUT if wanted is None else wanted and poses != "colmap"
 
 
 CAMERA_MODELS = Literal[
@@ -83,6 +92,10 @@ CAMERA_MODELS = Literal[
 ]
 
 
+# Mistakes of files of cameras (`alignerf.sfm.conventions`; a test holds both equal).
+CONVENTIONS = ("as_stated", "opencv", "world_to_camera", "world_to_camera_opencv")
+CONVENTIONS += tuple(f"{w}_{x}" for w in ("left_handed", "mirrored") for x in "xyz")
+CONVENTIONS += ("natural_order", "name_order", "reversed_order")
 # A name becomes a folder: no path escapes by it.
 NAME = r"^(?!.*\.\.)[A-Za-z0-9][A-Za-z0-9_.-]{0,99}\Z"
 
@@ -256,10 +269,16 @@ class Scene(Keys):
         "of photos: folder of <photo's file name>.png, black where a photo does not "
         "count, as COLMAP has them",
     )
-    poses: Literal["colmap", "truth", "given"] | None = key(
+    poses: Literal["colmap", "truth", "given", "adjusted"] | None = key(
         None,
-        "courtyard has colmap (default) or truth, photos colmap, apps given (default) "
-        "or colmap, all others given",
+        "courtyard has colmap (default) or truth, photos colmap; cameras that came "
+        "with the photos are adjusted (default: by bundle adjustment, where held-out "
+        "matches gain by it) or given (as they came); apps have colmap too",
+    )
+    pose_convention: Literal[CONVENTIONS] = key(
+        "as_stated",
+        "of input cameras: the mistake that their file makes, which is undone; the "
+        "check of the cameras names it",
     )
     downscale: int | Literal["auto"] = key(
         1,
@@ -315,9 +334,9 @@ class Scene(Keys):
     )
     triangulate: bool | None = key(
         None,
-        "the points that views share are found, for what facts decide, and to say how "
-        "right the poses are; null: yes with given poses, no otherwise (COLMAP has its "
-        "own points); true: also with the courtyard's true poses",
+        "matches and points of the views are found, which check and adjust cameras; "
+        "null: of cameras that came with the photos (COLMAP's poses have their own); "
+        "true: also of the courtyard's true ones; false: of none",
     )
     colmap: Colmap = key(Colmap)
     courtyard: Courtyard = key(Courtyard)

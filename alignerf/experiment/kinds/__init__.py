@@ -11,6 +11,7 @@ docs/develop/extending.md shows one.
 """
 
 from alignerf.experiment.kinds import (
+    adjusted,
     aligned,
     external,
     given,
@@ -23,12 +24,19 @@ from alignerf.files import extensions
 
 OF_OTHERS = tuple(extensions.of_group("kinds").values())
 # A method is of the first kind that takes it. `plain` takes all.
-EVERY = (*OF_OTHERS, given, external, staged, warm, learnt, aligned, plain)
+EVERY = (*OF_OTHERS, given, external, staged, warm, learnt, aligned)
+EVERY += (adjusted, plain)
 
 
 def of_method(method):
     """The kind of a method of the config."""
     return next(kind for kind in EVERY if kind.takes(method))
+
+
+def words(experiment, name):
+    """What tables say of a method besides its field."""
+    adjusts = ["cameras adjusted"] * bool(experiment.methods[name].get("adjust"))
+    return [*adjusts, *of_method(experiment.methods[name]).words(experiment, name)]
 
 
 def moves(method, round=None):

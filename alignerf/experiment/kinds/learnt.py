@@ -12,7 +12,8 @@ def takes(method):
 def trainings(experiment, scene, name, once):
     job = slices.full(experiment, scene, name)
     truth = experiment.truth_of(scene)
-    return [once(from_photos(scene, f"{name}/round0", job, truth=truth))]
+    own = experiment.input_cameras(scene, name)
+    return [once(from_photos(scene, f"{name}/round0", job, truth=truth, **own))]
 
 
 def moves(method, round):

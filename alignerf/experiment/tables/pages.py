@@ -46,7 +46,8 @@ def moved_cameras(experiment, scene):
         if not (judged["cameras"] and "train" in judged["splits"]):
             return None
         return "flow", inputs.exported(experiment, scene, reference, "cameras")[0]
-    moving = (*experiment.names(kinds.aligned), *experiment.names(kinds.learnt))
+    every = (kinds.aligned, kinds.learnt, kinds.adjusted)
+    moving = [name for kind in every for name in experiment.names(kind)]
     for name in (*moving, reference):
         if name in experiment.names(kinds.given):
             continue

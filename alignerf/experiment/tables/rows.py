@@ -73,8 +73,7 @@ def describe_method(experiment, method):
     hashed = "log2_entries" in field
     size = f"2^{field['log2_entries']}" if hashed else field.get("width", "")
     aliased = [] if field.get("anti_aliased", True) else ["aliased"]
-    kind = kinds.of_method(experiment.methods[method])
-    words = kind.words(experiment, method)
+    words = kinds.words(experiment, method)
     return ", ".join([f"{field['kind']} {size}".strip(), *aliased, *words])
 
 

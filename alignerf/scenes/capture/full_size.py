@@ -13,6 +13,7 @@ from alignerf.files import archives, faults, images
 from alignerf.scenes import (
     blender,
     cameras,
+    distortion,
     llff,
     mipnerf360,
     prepare,
@@ -38,6 +39,7 @@ GIVEN = {
     "scanner3d": lambda config: scanner3d.read(config["path"]),
     "record3d": lambda config: record3d.read(config["path"]),
 }
+OF_LENS = ("camtopix", "distortion")
 OF_LENSES = ("names", "camtopix", "distortion", "camera_of")
 
 
@@ -59,6 +61,8 @@ def read(config, folder, work_folder, cameras_path=None) -> prepare.PosedViews:
         where = config["path"] or config["source"]
         raise ValueError(f"{where}: the photo of view {faults.shown(gone[0])} is gone")
     views = prepare.select(views, [place[name] for name in names])
+    if (folder / prepared.LENS).is_file():
+        views = relensed(views, archives.read(folder / prepared.LENS, OF_LENS))
     across = views.width / arrays["width"], views.height / arrays["height"]
     if not np.allclose(*across, rtol=prepare.SAME_SHAPE - 1):
         raise ValueError(
@@ -71,6 +75,20 @@ def read(config, folder, work_folder, cameras_path=None) -> prepare.PosedViews:
         points=points_of(folder),
         bounds=None,
         split=arrays["split"],
+    )
+
+
+def relensed(views, lens):
+    """The views with the distortion undone that adjusting has found."""
+    return distortion.pinhole_views(
+        views.names,
+        list(zip(lens["camtopix"], lens["distortion"], strict=True)),
+        views.camtoworlds,
+        width=views.width,
+        height=views.height,
+        photos=views.photos,
+        masks=views.masks,
+        where=prepared.LENS,
     )
 
 

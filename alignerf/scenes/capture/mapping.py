@@ -3,7 +3,8 @@
 import contextlib
 import errno
 import os
-import sqlite3
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,16 @@ MOST_EXHAUSTIVE = 150
 FOLLOWING, ALIKE = 10, 30
 # With fewer photos a camera's distortion is one number instead of four.
 FEW_OF_A_CAMERA = 5
+# Python's SQLite counts in a process of its own: beside COLMAP's copy in one process,
+# each drops the other's locks (sqlite.org/howtocorrupt.html, 2.2.1).
+COUNT = """
+import contextlib, sqlite3, sys
+database, table = sys.argv[1:]
+with contextlib.closing(sqlite3.connect(database, uri=True)) as opened:
+    print(*opened.execute(f"SELECT count(*) FROM {table}").fetchone())
+"""
+# A step that has ended waits for the last count.
+COUNT_S = 10.0
 
 
 def models_of(
@@ -104,8 +115,11 @@ def extract(database, image_folder, names, max_size_px, masks=None, most=None):
         )
 
 
-def match(database, count, seed):
-    """Match all pairs; of many photos those that look alike or follow one another."""
+def match(database, count, seed, pairs=None):
+    """Match all pairs; of many photos those that look alike or follow one another.
+
+    pairs: of image ids, where others say which photos see the same.
+    """
     matching = pycolmap.FeatureMatchingOptions()
     matching.use_gpu = False
     # With several, pycolmap 4.2.1 loses nearly all matches of one pair in 400 on a busy
@@ -118,14 +132,15 @@ def match(database, count, seed):
         "verification_options": verification,
         "device": pycolmap.Device.cpu,
     }
-    if count <= MOST_EXHAUSTIVE:
+    if pairs is None and count <= MOST_EXHAUSTIVE:
         pairs = count * (count - 1) // 2
         with _told("matching", database, "two_view_geometries", pairs, unit="pair"):
             pycolmap.match_exhaustive(database, **options)
         return
     listed = Path(database).with_suffix(".pairs")
-    with progress.heartbeat("COLMAP: photos that look alike"):
-        pairs = _neighbours(database, seed)
+    if pairs is None:
+        with progress.heartbeat("COLMAP: photos that look alike"):
+            pairs = _neighbours(database, seed)
     listed.write_text("".join(f"{one} {other}\n" for one, other in sorted(pairs)))
     by_list = pycolmap.ImportedPairingOptions()
     by_list.match_list_path = listed
@@ -142,14 +157,30 @@ def _told(step, database, table, total, *, unit):
 
     def count():
         nonlocal known
-        # A step that writes is not disturbed, and may keep readers out.
-        with contextlib.suppress(sqlite3.Error):
-            where = f"{Path(database).absolute().as_uri()}?mode=ro"
-            with contextlib.closing(sqlite3.connect(where, uri=True)) as opened:
-                ((known,),) = opened.execute(f"SELECT count(*) FROM {table}")
+        if (found := rows(database, table)) is not None:
+            known = found
         return known
 
     return progress.watched(f"COLMAP: {step}", total, count, unit=unit)
+
+
+def rows(database, table):
+    """How many rows a database's table has; None where it cannot be told now."""
+    # A step that writes is not disturbed, and may keep readers out.
+    where = f"{Path(database).absolute().as_uri()}?mode=ro"
+    # No folder or variable of the user's takes part.
+    command = [sys.executable, "-IS", "-c", COUNT, where, table]
+    with contextlib.suppress(OSError, ValueError, subprocess.SubprocessError):
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            timeout=COUNT_S,
+            check=True,
+        )
+        return int(done.stdout)
+    return None
 
 
 def _neighbours(database, seed):

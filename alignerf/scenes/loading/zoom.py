@@ -7,18 +7,14 @@ import numpy as np
 from alignerf.files import json_files
 from alignerf.scenes import cameras
 from alignerf.scenes.capture import full_size, windows
-from alignerf.scenes.loading import points as of_points
 
 log = logging.getLogger("alignerf.poses")
 
 
-def zoomed(views, scratch, config):
+def zoomed(views, config):
     """The windows as views, where they lie, and what the report says of them."""
     zoom, least = config["zoom"], config["least_train_views"] + 1
-    where, told = config["path"] or config["source"], {}
-    if views.points is None:
-        # Of a point that is named, too: how near the scene is, is told by the points.
-        views, told = of_points.with_points(views, scratch, config)
+    where = config["path"] or config["source"]
     try:
         point = windows.place(views, zoom, least=least)
         cut = windows.around(point, views, zoom["px"], least=least)
@@ -30,22 +26,15 @@ def zoomed(views, scratch, config):
         *(where, zoom["px"], np.round(point, 4).tolist(), *kept.values()),
     )
     of_zoom = {"px": zoom["px"], "point": point.tolist(), **kept}
-    return windows.cut(views, cut), cut, told | {"zoom": of_zoom}
+    return windows.cut(views, cut), cut, {"zoom": of_zoom}
 
 
-def placed(views, config, scratch, places):
-    """(views with their points, places [k, 3], px) of the windows of a whole scene.
-
-    Where COLMAP has not found the poses, the scene's points are those of its small
-    photos: windows would lie elsewhere at every size of training. So they are found
-    again, in larger photos.
-    """
+def placed(views, config, places):
+    """(views with their points, places [k, 3], px) of the windows of a whole scene."""
     if places:
         views = views._replace(points=full_size.points_of(places))
         there = json_files.read(places / "poses.json", {"zoom": dict})["zoom"]
         return views, np.array(there["points"]), there["px"]
-    if views.points is None or config["poses"] != "colmap":
-        views, _ = of_points.with_points(views._replace(points=None), scratch, config)
     views = with_focus(views)
     least = config["least_train_views"] + 1
     return views, *windows.places(views, config["zoom"], least=least)

@@ -1,0 +1,415 @@
+"""Bundle adjustment of input cameras: triangulate, adjust, triangulate again.
+
+Thresholds start wide, by the cameras' measured error, and close to 4 px. Cameras that
+no track holds are placed by the points, or move along with their neighbours. What
+comes out is in the frame and at the scale of the input: one similarity takes it back.
+"""
+
+import logging
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pycolmap
+from jaxtyping import Float, UInt8
+
+from alignerf.files import progress
+from alignerf.scenes import cameras, colmap
+from alignerf.scenes.capture import mapping
+from alignerf.scenes.capture import triangulate as of_given
+from alignerf.sfm import epipolar, similarity
+from alignerf.sfm.calibration import Cameras
+from alignerf.sfm.matches import Matches
+
+log = logging.getLogger("alignerf")
+
+# Reprojection error in px up to which a keypoint belongs to a point: first, in units
+# of the cameras' own error, up to a bound; then half as much each time; last of all, as
+# in COLMAP's own mapper.
+START, MAX_START_PX, NEAR_PX, LAST_PX = 6.0, 96.0, 6.0, 4.0
+# Of the robust loss, in px; the last turn's hardly feels what moves.
+SOFT_PX, CAUCHY_PX = 1.0, 0.5
+# A view with fewer keypoints on points is held by none of them.
+MIN_TRACKS = 12
+# A pose this many times as wrong as the median one, and by so many px, is not begun
+# with.
+ASTRAY, MIN_ASTRAY_PX = 8.0, 4.0
+# Focal lengths that differ by less are of one physical camera; so are principal points
+# within this share of the width.
+SAME_FOCAL, SAME_CENTRE = 0.05, 0.02
+
+
+class TooFewError(ValueError):
+    """Too few tracks to adjust cameras by."""
+
+
+class Points(NamedTuple):
+    """Triangulated points [m, 3], their colours, and who sees them.
+
+    seen: of each view, indices of the points that it sees. reprojection_px [n]: mean
+    of each view; NaN of one that sees none.
+    """
+
+    positions: Float[np.ndarray, "m 3"]
+    colours: UInt8[np.ndarray, "m 3"]
+    seen: list[np.ndarray]
+    reprojection_px: Float[np.ndarray, " n"]
+    in_3_views: float
+
+    def of_view(self, view, most=400):
+        """Positions of up to `most` points that a view sees, spread over all."""
+        seen = self.seen[view]
+        return self.positions[seen[:: max(1, len(seen) // most)]]
+
+
+class Adjusted(NamedTuple):
+    """Adjusted cameras in the input's frame, and the points that they triangulate.
+
+    placed: views whose input pose was not begun with, placed by the points. carried:
+    views that no track holds, moved along with their neighbours.
+    """
+
+    cameras: Cameras
+    points: Points
+    placed: list[int]
+    carried: list[int]
+    model: pycolmap.Reconstruction
+
+
+def adjust(matches: Matches, given: Cameras, work, *, seed, lens=False, images=None):
+    """`Adjusted` cameras by all matches that are not held out.
+
+    lens: whether distortion is refined as well as the focal length. images: folder of
+    the photos at the size of the matches, for the points' colours. Writes into `work`.
+    Raises TooFewError where too few tracks are left to adjust by.
+    """
+    work = Path(work)
+    work.mkdir(parents=True, exist_ok=True)
+    views, xy = matches.places(held_out=False)
+    errors = epipolar.errors_px(views, xy, given.pixtocams, given.camtoworlds)
+    wrong_px = epipolar.by_view(views, errors, len(matches.names))
+    usual_px = np.nanmedian(wrong_px) if np.isfinite(wrong_px).any() else np.inf
+    astray = ~(wrong_px <= max(ASTRAY * usual_px, MIN_ASTRAY_PX))
+    groups = groups_of(given, matches.width)
+    state, placed = State(one_lens_each(given, groups), groups, ~astray), []
+    everything = model_of(
+        matches, state._replace(posed=np.ones_like(astray)), lens=lens
+    )
+    database = write_database(work / "adjust.db", matches, everything)
+    every = turns_from(START * usual_px)
+    mapping.quiet(seed)
+    triangulate_with = partial(triangulated, database, matches, work=work, seed=seed)
+    with progress.heartbeat("bundle adjustment"):
+        for turn, px in enumerate(every):
+            model = triangulate_with(state, px=px, lens=lens)
+            if model.num_points3D() < MIN_TRACKS:
+                raise TooFewError(f"{model.num_points3D()} tracks are too few")
+            # Wrong poses bend a lens that is free before they are nearly right.
+            near = px <= NEAR_PX
+            refined = solve(
+                model,
+                state,
+                focal=near or turn > 0,
+                lens=near and lens,
+                last=turn == len(every) - 1,
+            )
+            state, new = with_more(matches, refined, model)
+            placed += new
+        model = triangulate_with(state, px=LAST_PX, lens=lens, images=images)
+    points = points_of(model, matches)
+    weak = [v for v, seen in enumerate(points.seen) if len(seen) < MIN_TRACKS]
+    if len(weak) > len(matches.names) / 2:
+        share = f"{len(weak)} of {len(matches.names)} views share no points"
+        raise TooFewError(share)
+    now, points, moved = in_frame_of(given, state.cameras, points, weak)
+    move(model, moved)
+    return Adjusted(now, points, placed, weak, model)
+
+
+def triangulate(matches: Matches, given: Cameras, work, *, seed, images=None):
+    """(`Points`, COLMAP's model) that the given cameras triangulate as they are."""
+    work = Path(work)
+    work.mkdir(parents=True, exist_ok=True)
+    lenses = given.camtopix[:, [0, 1, 0, 1], [0, 1, 2, 2]].round(9)
+    _, groups = np.unique(lenses, axis=0, return_inverse=True)
+    state = State(given, groups.ravel(), np.ones(len(groups), bool))
+    database = write_database(work / "given.db", matches, model_of(matches, state))
+    with progress.heartbeat("COLMAP: points"):
+        model = triangulated(
+            *(database, matches, state),
+            work=work,
+            px=LAST_PX,
+            seed=seed,
+            images=images,
+        )
+    return points_of(model, matches), model
+
+
+def turns_from(px):
+    """Thresholds of the turns, in px: closing from one that the cameras need."""
+    px, found = min(px, MAX_START_PX), []
+    while px > NEAR_PX:
+        found.append(px)
+        px /= 2
+    return [*found, NEAR_PX, LAST_PX, LAST_PX]
+
+
+class State(NamedTuple):
+    """Cameras, the physical camera of each view, and which views have a pose."""
+
+    cameras: Cameras
+    groups: np.ndarray
+    posed: np.ndarray
+
+
+def groups_of(given: Cameras, width):
+    """[n] number of each view's physical camera: alike in lens, or nearly.
+
+    Exports of phones have one set of intrinsics a frame; the lens is one.
+    """
+    lenses = given.camtopix[:, [0, 1, 0, 1], [0, 1, 2, 2]]
+    scaled = np.concatenate(
+        [np.log(lenses[:, :2]) / SAME_FOCAL, lenses[:, 2:] / (SAME_CENTRE * width)], 1
+    )
+    groups, leaders = np.zeros(len(lenses), int), []
+    # The most usual lens first: others then differ from it, not it from them.
+    order = np.argsort(np.abs(scaled - np.median(scaled, axis=0)).max(axis=1))
+    for i in order:
+        near = [k for k, lead in enumerate(leaders) if abs(scaled[i] - lead).max() < 1]
+        groups[i] = near[0] if near else len(leaders)
+        if not near:
+            leaders.append(scaled[i])
+    return groups
+
+
+def one_lens_each(given: Cameras, groups) -> Cameras:
+    """The cameras, the views of a group with their median lens."""
+    lenses = given.camtopix.copy()
+    for group in np.unique(groups):
+        lenses[groups == group] = np.median(lenses[groups == group], axis=0)
+    return given._replace(camtopix=lenses)
+
+
+def write_database(path, matches: Matches, model):
+    """COLMAP's database of the matches that are not held out; view i is image i + 1."""
+    path.unlink(missing_ok=True)
+    of_given.write_views(path, model)
+    with pycolmap.Database.open(path) as file:
+        for number, xy in enumerate(matches.keypoints, start=1):
+            file.write_keypoints(number, xy.astype(np.float32))
+        for (i, j), index in zip(matches.pairs, matches.indices, strict=True):
+            index = index[~matches.held_out[i][index[:, 0]]].astype(np.uint32)
+            if len(index):
+                two_views = pycolmap.TwoViewGeometry()
+                two_views.config = pycolmap.TwoViewGeometryConfiguration.UNCALIBRATED
+                two_views.inlier_matches = index
+                file.write_two_view_geometry(int(i) + 1, int(j) + 1, two_views)
+    return path
+
+
+def camera_of(camtopix, distortion, size, number, *, lens):
+    """A pycolmap.Camera: as few parameters as say what is there.
+
+    lens: with distortion, also where that is 0 as yet.
+    """
+    (fx, fy), (cx, cy) = camtopix[[0, 1], [0, 1]], camtopix[:2, 2]
+    square, bent = abs(fx / fy - 1) < 1e-6, lens or distortion.any()
+    k1, k2, p1, p2, _ = distortion
+    model, params = {
+        (True, False): ("SIMPLE_PINHOLE", [fx, cx, cy]),
+        (False, False): ("PINHOLE", [fx, fy, cx, cy]),
+        (True, True): ("RADIAL", [fx, cx, cy, k1, k2]),
+        (False, True): ("OPENCV", [fx, fy, cx, cy, k1, k2, p1, p2]),
+    }[square, bool(bent)]
+    width, height = size
+    return pycolmap.Camera(
+        model=model, params=params, width=width, height=height, camera_id=number
+    )
+
+
+def model_of(matches: Matches, state: State, *, lens=False):
+    """COLMAP's model of the posed views, without points; ids as in the database."""
+    model, size = pycolmap.Reconstruction(), (matches.width, matches.height)
+    for group in np.unique(state.groups[state.posed]):
+        first = int(np.flatnonzero(state.groups == group)[0])
+        camera = camera_of(
+            state.cameras.camtopix[first],
+            state.cameras.distortion[first],
+            size,
+            int(group) + 1,
+            lens=lens,
+        )
+        model.add_camera_with_trivial_rig(camera)
+    for view in np.flatnonzero(state.posed):
+        pose = state.cameras.camtoworlds[view]
+        image = pycolmap.Image(
+            name=f"{matches.names[view]}.png",
+            camera_id=int(state.groups[view]) + 1,
+            image_id=int(view) + 1,
+        )
+        turn = (pose[:, :3] @ cameras.OPENGL_FROM_OPENCV).T
+        moved = pycolmap.Rigid3d(pycolmap.Rotation3d(turn), -turn @ pose[:, 3])
+        model.add_image_with_trivial_frame(image, moved)
+    return model
+
+
+def triangulated(database, matches, state, *, work, px, seed, lens=False, images=None):
+    """The model of the posed views with all points that they see within px."""
+    options = mapping.pipeline_options(seed)
+    options.triangulation.create_max_angle_error = max(2.0, 0.3 * px)
+    options.triangulation.continue_max_angle_error = max(2.0, 0.3 * px)
+    options.triangulation.complete_max_reproj_error = px
+    options.triangulation.merge_max_reproj_error = px
+    options.mapper.filter_max_reproj_error = px
+    options.extract_colors = images is not None
+    out = work / "sparse"
+    out.mkdir(exist_ok=True)
+    model = model_of(matches, state, lens=lens)
+    mapping.quiet(seed)
+    return pycolmap.triangulate_points(
+        model, database, images or work, out, options=options
+    )
+
+
+def solve(model, state: State, *, focal, lens, last) -> State:
+    """The state after a bundle adjustment of the model, which changes."""
+    options = pycolmap.BundleAdjustmentOptions()
+    options.refine_focal_length = focal
+    options.refine_extra_params = lens
+    # Alone it hides in the poses.
+    options.refine_principal_point = False
+    loss = pycolmap.LossFunctionType
+    options.ceres.loss_function_type = loss.CAUCHY if last else loss.SOFT_L1
+    options.ceres.loss_function_scale = CAUCHY_PX if last else SOFT_PX
+    options.print_summary = False
+    chosen = pycolmap.BundleAdjustmentConfig()
+    for number in model.reg_image_ids():
+        chosen.add_image(number)
+    chosen.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+    # `pycolmap.bundle_adjustment` logs whatever the level.
+    pycolmap.create_default_bundle_adjuster(options, chosen, model).solve()
+    lenses, poses = state.cameras.camtopix.copy(), state.cameras.camtoworlds.copy()
+    distortion = state.cameras.distortion.copy()
+    for image in model.images.values():
+        if image.has_pose:
+            view = image.image_id - 1
+            poses[view] = colmap.pose_of(image)
+            camera = model.cameras[image.camera_id]
+            lenses[view], distortion[view] = colmap.lens(
+                camera.model.name, camera.params
+            )
+    for group in np.unique(state.groups[state.posed]):
+        # Views without a pose have the lens of their camera.
+        own = state.groups == group
+        first = np.flatnonzero(own & state.posed)[0]
+        lenses[own], distortion[own] = lenses[first], distortion[first]
+    return state._replace(cameras=Cameras(lenses, poses, distortion))
+
+
+def with_more(matches: Matches, state: State, model):
+    """(the state with views placed by the points that they see, their indices)."""
+    points = {}
+    for image in model.images.values():
+        if image.has_pose:
+            points[image.image_id - 1] = {
+                k: model.points3D[p.point3D_id].xyz
+                for k, p in enumerate(image.points2D)
+                if p.has_point3D()
+            }
+    poses, posed, new = state.cameras.camtoworlds.copy(), state.posed.copy(), []
+    for view in np.flatnonzero(~state.posed):
+        xy, xyz = seen_by(matches, view, points)
+        if len(xy) < MIN_TRACKS:
+            continue
+        camera = camera_of(
+            state.cameras.camtopix[view],
+            state.cameras.distortion[view],
+            (matches.width, matches.height),
+            1,
+            lens=False,
+        )
+        found = pycolmap.estimate_and_refine_absolute_pose(xy, xyz, camera)
+        if found and found["num_inliers"] >= MIN_TRACKS:
+            world = found["cam_from_world"].inverse().matrix()
+            world[:, :3] = world[:, :3] @ cameras.OPENGL_FROM_OPENCV
+            poses[view], posed[view] = world, True
+            new.append(int(view))
+    now = state.cameras._replace(camtoworlds=poses)
+    return state._replace(cameras=now, posed=posed), new
+
+
+def seen_by(matches: Matches, view, points):
+    """(keypoints [k, 2] of a view, the points [k, 3] that matches say they show)."""
+    xy, xyz = [], []
+    for pair, index in zip(matches.pairs, matches.indices, strict=True):
+        if view not in pair:
+            continue
+        at = list(pair).index(view)
+        other = points.get(int(pair[1 - at]), {})
+        for own, theirs in index[:, [at, 1 - at]]:
+            if theirs in other and not matches.held_out[view][own]:
+                xy.append(matches.keypoints[view][own])
+                xyz.append(other[theirs])
+    return np.array(xy).reshape(-1, 2), np.array(xyz).reshape(-1, 3)
+
+
+def points_of(model, matches: Matches) -> Points:
+    """The points of a model whose image i + 1 is view i."""
+    model.update_point_3d_errors()
+    ids = {number: k for k, number in enumerate(model.points3D)}
+    points = list(model.points3D.values())
+    seen = [np.zeros(0, int)] * len(matches.names)
+    errors = np.full(len(matches.names), np.nan)
+    for image in model.images.values():
+        if image.has_pose:
+            view = image.image_id - 1
+            seen[view] = np.array(
+                [ids[p.point3D_id] for p in image.points2D if p.has_point3D()], int
+            )
+            errors[view] = colmap.error_px(model, image)
+    tracks = np.array([point.track.length() for point in points])
+    return Points(
+        positions=np.array([point.xyz for point in points]).reshape(-1, 3),
+        colours=np.array([point.color for point in points], np.uint8).reshape(-1, 3),
+        seen=seen,
+        reprojection_px=errors,
+        in_3_views=float((tracks >= 3).mean()) if len(tracks) else 0.0,
+    )
+
+
+def in_frame_of(given: Cameras, now: Cameras, points: Points, weak):
+    """(cameras, points, the similarity): the adjusted ones in the input's frame.
+
+    Weak views move as their nearest neighbour that is not.
+    """
+    strong = [v for v in range(len(points.seen)) if v not in set(weak)]
+    found = similarity.fit(given, now, {view: points.of_view(view) for view in strong})
+    poses = cameras.apply_similarity(now.camtoworlds, *found)
+    for view in weak:
+        away = np.linalg.norm(
+            given.camtoworlds[strong, :, 3] - given.camtoworlds[view, :, 3], axis=1
+        )
+        near = strong[int(np.argmin(away))]
+        poses[view] = carried(
+            given.camtoworlds[view], given.camtoworlds[near], poses[near]
+        )
+    scale, turn, shift = found
+    return (
+        now._replace(camtoworlds=poses),
+        points._replace(positions=scale * points.positions @ turn.T + shift),
+        found,
+    )
+
+
+def move(model, similarity_of):
+    """Apply (scale, rotation, translation) to COLMAP's model, which changes."""
+    scale, turn, shift = similarity_of
+    model.transform(pycolmap.Sim3d(scale, pycolmap.Rotation3d(turn), shift))
+
+
+def carried(pose, near, moved):
+    """A pose [3, 4] moved in the world as its neighbour `near` has moved."""
+    turn = moved[:, :3] @ near[:, :3].T
+    centre = moved[:, 3] + turn @ (pose[:, 3] - near[:, 3])
+    return np.concatenate([turn @ pose[:, :3], centre[:, None]], axis=1)

@@ -1,0 +1,213 @@
+"""A capture's input cameras: checked by its matches, adjusted, judged by held-out ones.
+
+Lengths in reports are px of the photo.
+"""
+
+import logging
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from alignerf.files import faults
+from alignerf.sfm import (
+    acceptance,
+    bundle,
+    calibration,
+    conventions,
+    epipolar,
+    matches,
+    outliers,
+    similarity,
+)
+
+log = logging.getLogger("alignerf.poses")
+
+# Fewer held-out matches accept nothing.
+MIN_MATCHES = 100
+
+
+class Checked(NamedTuple):
+    """What matches say of a capture's cameras.
+
+    given: the input's, in px of the matches. found: the adjusted ones, where they are
+    accepted, else None. report: for poses.json.
+    """
+
+    matches: matches.Matches
+    given: calibration.Cameras
+    found: bundle.Adjusted | None
+    report: dict
+
+    def cameras_of(self, views) -> calibration.Cameras:
+        """The better cameras in px of views, which may be smaller."""
+        now = self.found.cameras if self.found else self.given
+        ratios = views.width / self.matches.width, views.height / self.matches.height
+        return now.scaled(ratios)
+
+
+def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
+    """`Checked` cameras of the views, which are sorted by name, as large as photos are.
+
+    adjusts: whether to adjust at all; lens: whether the adjusted cameras become the
+    scene's, so that they may have a distortion. matched: what is known already of the
+    photos' matches. Writes into `work`. Raises ValueError
+    where another convention explains the matches than the config's.
+    """
+    started, where = time.monotonic(), config["path"] or config["source"]
+    seed, work = config["seed"], Path(work)
+    size = views.width, views.height
+    outliers.check_principal_points(np.linalg.inv(views.pixtocams), size, where)
+    if matched is None:
+        log.info("%s: matching %d photos", where, len(views.names))
+        size_px = config["colmap"]["max_size_px"]
+        matched = matches.find(views, work, max_size_px=size_px, seed=seed)
+    given = calibration.of_views(views, matched)
+    photo_px = views.width / matched.width
+    report = {"matches": matched.count(), "pairs": len(matched.pairs)}
+    report |= check_convention(matched, given, photo_px, where)
+    report["stand_out"] = stand_out(matched, given, photo_px, where)
+    found, told = None, {"accepted": False, "why": "not asked for"}
+    if adjusts:
+        found, told = adjust(matched, given, work, seed, photo_px, lens=lens)
+    report["adjustment"] = told
+    report["time_s"] = round(time.monotonic() - started, 1)
+    return Checked(matched, given, found, report)
+
+
+def check_convention(matched, given, photo_px, where):
+    """The report's part on conventions; ValueError where the input's is a mistake."""
+    found = conventions.find(matched, given.pixtocams, given.camtoworlds)
+    own_px, own = found[conventions.NONE]
+    if len(found) > 1:
+        name = list(found)[1]
+        error_px, count = found[name]
+        raise ValueError(
+            f"{where}: the cameras are {conventions.describe(name)}: taken so, "
+            f"{count} matches agree to {photo_px * error_px:.2f} px of the photo; as "
+            f"they are, {own} to {photo_px * own_px:.1f} px. To take them so: "
+            f"`pose_convention: {name}` in the config, or --pose-convention {name}"
+        )
+    return {"epipolar_px": None if np.isinf(own_px) else round(photo_px * own_px, 4)}
+
+
+def stand_out(matched, given, photo_px, where):
+    """{"views", "lenses": {view: why}} of those that stand out, which are logged."""
+    views, xy = matched.places()
+    errors = epipolar.errors_px(views, xy, given.pixtocams, given.camtoworlds)
+    px = photo_px * epipolar.by_view(views, errors, len(matched.names))
+    found = {
+        "views": outliers.of_views(matched.names, px, given.camtoworlds),
+        "lenses": outliers.of_lenses(matched.names, photo_px * given.camtopix),
+    }
+    for kind, odd in found.items():
+        if odd:
+            said = [f"{faults.shown(name)}: {why}" for name, why in odd.items()]
+            log.warning("%s: %s that stand out: %s", where, kind, "; ".join(said[:5]))
+    return found
+
+
+def adjust(matched, given, work, seed, photo_px, *, lens):
+    """(`bundle.Adjusted` or None, what the report says of it)."""
+
+    def left(why, more=None):
+        log.info("cameras stay as they came: %s", why)
+        return None, (more or {}) | {"accepted": False, "why": why}
+
+    if len(matched.places(held_out=True)[0]) < MIN_MATCHES:
+        return left(f"{matched.count()} matches are too few to judge cameras by")
+    try:
+        found = fewest(matched, given, work, seed, photo_px, lens=lens)
+    except bundle.TooFewError as error:
+        return left(str(error))
+    judged = acceptance.judge(matched, given, found.cameras, photo_px)
+    if not judged.accepted:
+        change = f"{judged.before_px:.2f} -> {judged.after_px:.2f} px"
+        return left(f"held-out matches {change}: no gain", judged.told())
+    told = judged.told() | difference(matched.names, given, found, photo_px)
+    log.info(
+        "poses were off by %.2f px of the photo (worst view %.1f px): corrected. "
+        "Held-out matches %.2f -> %.2f px",
+        *(told["pose_error_px"], told["worst_px"]),
+        *(judged.before_px, judged.after_px),
+    )
+    for key, what in (("placed", "placed anew"), ("carried", "moved with neighbours")):
+        if told[key]:
+            log.warning("views %s: %s", what, faults.some_names(told[key]))
+    return found, told
+
+
+def fewest(matched, given, work, seed, photo_px, *, lens):
+    """`bundle.Adjusted` by the fewest parameters that held-out matches ask for."""
+    options = {"seed": seed, "images": images_of(work)}
+    plain = bundle.adjust(matched, given, Path(work) / "adjust", **options)
+    if not lens:
+        return plain
+    bent = bundle.adjust(
+        matched, plain.cameras, Path(work) / "adjust_lens", lens=True, **options
+    )
+    if not acceptance.judge(matched, plain.cameras, bent.cameras, photo_px).accepted:
+        return plain
+    now, points, moved = bundle.in_frame_of(
+        given, bent.cameras, bent.points, bent.carried
+    )
+    bundle.move(bent.model, moved)
+    return bent._replace(
+        cameras=now, points=points, placed=sorted({*plain.placed, *bent.placed})
+    )
+
+
+def difference(names, given, found, photo_px):
+    """The report's part on how far the adjusted cameras are from the input's."""
+    points = {
+        view: found.points.of_view(view)
+        for view in range(len(names))
+        if len(found.points.seen[view]) >= bundle.MIN_TRACKS
+    }
+    px = similarity.distance_px(found.cameras, given, points)
+    off_px = photo_px * np.array(list(px.values()))
+    lens = found.cameras.distortion[0]
+    ratio = np.median(found.cameras.camtopix[:, 0, 0] / given.camtopix[:, 0, 0])
+    return {
+        "pose_error_px": round(float(np.median(off_px)), 3),
+        "worst_px": round(float(off_px.max()), 3),
+        "reprojection_px": round(
+            photo_px * float(np.nanmean(found.points.reprojection_px)), 3
+        ),
+        "focal_ratio": round(float(ratio), 6),
+        "distortion": lens.round(6).tolist() if lens.any() else None,
+        "placed": [names[i] for i in found.placed],
+        "carried": [names[i] for i in found.carried],
+    }
+
+
+def images_of(work):
+    """The photos at the size of their matches, for the colours of points, or None."""
+    folder = Path(work) / "matched"
+    return folder if folder.is_dir() else None
+
+
+def points_of(checked: Checked, work, seed) -> bundle.Points:
+    """The points that the input's cameras triangulate."""
+    return bundle.triangulate(
+        checked.matches,
+        checked.given,
+        Path(work) / "given",
+        seed=seed,
+        images=images_of(work),
+    )[0]
+
+
+def points_told(points: bundle.Points, views, matched):
+    """The part of poses.json on points, as COLMAP's own poses have it."""
+    errors = points.reprojection_px * views.width / matched.width
+    return {
+        "mean_reprojection_error_px": float(np.nanmean(errors)),
+        "points": len(points.positions),
+        "points_in_3_views": points.in_3_views,
+        "reprojection_errors_px": {
+            name: None if np.isnan(px) else round(float(px), 4)
+            for name, px in zip(views.names, errors, strict=True)
+        },
+    }

@@ -1,0 +1,148 @@
+"""The usual mistakes of a file of cameras, tried on the matches.
+
+Each mistake is undone, and the cameras that come out are held to the same matches. One
+that explains them is named; it is used only where the config says so.
+"""
+
+import re
+
+import numpy as np
+
+from alignerf.scenes import cameras
+from alignerf.sfm import epipolar
+
+FLIP = cameras.OPENGL_FROM_OPENCV
+# A convention explains the matches where the error falls to a fifth, and so many times
+# more rays meet in front of both cameras, within so many px. (Three times more would
+# miss an axis along which the cameras hardly move.)
+TIMES_LESS, TIMES_MORE, MEET_PX = 5.0, 1.5, 4.0
+# Cameras whose matches fit by so many px are not suspected.
+SANE_PX = 2.0
+# Matches that are enough to tell, and those without which nothing is told.
+MAX_MATCHES, MIN_MATCHES = 50_000, 50
+
+
+def turned(poses):
+    """OpenCV's axes (y down, z forwards) where OpenGL's are expected."""
+    return np.concatenate([poses[:, :, :3] @ FLIP, poses[:, :, 3:]], axis=-1)
+
+
+def inverted(poses):
+    """World-to-camera where camera-to-world is expected."""
+    back = poses[:, :, :3].swapaxes(1, 2)
+    return np.concatenate([back, -back @ poses[:, :, 3:]], axis=-1)
+
+
+def mirrored(axis, *, cameras_too):
+    """A function: poses with one axis of the positions mirrored.
+
+    cameras_too: the same axis of the world and of its cameras, as a left-handed
+    engine has them. Which axis of a whole world is mirrored is only a turn of it.
+    """
+    sign = np.ones(3)
+    sign[axis] = -1
+
+    def undo(poses):
+        turns = (
+            sign[:, None] * poses[:, :, :3] * sign if cameras_too else poses[:, :, :3]
+        )
+        return np.concatenate([turns, sign[:, None] * poses[:, :, 3:]], axis=-1)
+
+    return undo
+
+
+AXES = tuple(enumerate("xyz"))
+# {name, as the config has it: (what it is in words, function from poses to poses)}.
+POSES = {
+    "opencv": ("OpenCV's axes for OpenGL's", turned),
+    "world_to_camera": ("world-to-camera for camera-to-world", inverted),
+    "world_to_camera_opencv": (
+        "world-to-camera for camera-to-world, with OpenCV's axes",
+        lambda poses: turned(inverted(poses)),
+    ),
+}
+POSES |= {
+    f"left_handed_{name}": (
+        f"a left-handed world, its {name} axis mirrored",
+        mirrored(i, cameras_too=True),
+    )
+    for i, name in AXES
+}
+POSES |= {
+    f"mirrored_{name}": (
+        f"positions with their {name} axis mirrored",
+        mirrored(i, cameras_too=False),
+    )
+    for i, name in AXES
+}
+ORDERS = {
+    "natural_order": "poses in the order 1, 2, 10 for photos in the order 1, 10, 2",
+    "name_order": "poses in the order 1, 10, 2 for photos in the order 1, 2, 10",
+    "reversed_order": "poses in the reverse order of the photos",
+}
+# The input is what it says it is.
+NONE = "as_stated"
+EVERY = (NONE, *POSES, *ORDERS)
+
+
+def natural(name):
+    """A sorting key by which 2 comes before 10."""
+    return [int(t) if t.isdigit() else t for t in re.split(r"(\d+)", name)]
+
+
+def order_of(convention, names):
+    """Of each view, the index of the pose that is its own."""
+    n = len(names)
+    natural_rank = np.argsort(sorted(range(n), key=lambda i: natural(names[i])))
+    if convention == "natural_order":
+        return natural_rank
+    if convention == "name_order":
+        return np.argsort(natural_rank)
+    return np.arange(n)[::-1]
+
+
+def undone(convention, names, camtoworlds):
+    """Poses [n, 3, 4] of views, sorted by name, without a mistake of the file."""
+    if convention == NONE:
+        return camtoworlds
+    if convention in POSES:
+        return POSES[convention][1](camtoworlds)
+    return camtoworlds[order_of(convention, names)]
+
+
+def describe(convention):
+    """The mistake in words."""
+    return ORDERS.get(convention) or POSES[convention][0]
+
+
+def measure(places, pixtocams, camtoworlds):
+    """(median error in px, number of matches whose rays meet in front of both)."""
+    errors = epipolar.errors_px(*places, pixtocams, camtoworlds)
+    meets = epipolar.in_front(*places, pixtocams, camtoworlds) & (errors < MEET_PX)
+    known = errors[np.isfinite(errors)]
+    return float(np.median(known)) if len(known) else np.inf, int(meets.sum())
+
+
+def find(matches, pixtocams, camtoworlds):
+    """{convention: (median error in px, matches that meet)} that may explain matches.
+
+    The first is NONE, the input; then those that explain the matches far better, the
+    best first. Nothing is tried where the input explains them.
+    """
+    views, xy = matches.places()
+    step = max(1, len(views) // MAX_MATCHES)
+    places = views[::step], xy[::step]
+    own = measure(places, pixtocams, camtoworlds)
+    found = {NONE: own}
+    if not len(views) or (own[0] < SANE_PX and own[1] > len(places[0]) / 2):
+        return found
+    others = {}
+    for convention in (*POSES, *ORDERS):
+        poses = undone(convention, matches.names, camtoworlds)
+        if np.array_equal(poses, camtoworlds):
+            continue
+        error_px, count = measure(places, pixtocams, poses)
+        fits = TIMES_LESS * error_px < own[0] and count > TIMES_MORE * own[1]
+        if fits and count >= MIN_MATCHES:
+            others[convention] = error_px, count
+    return found | dict(sorted(others.items(), key=lambda one: (-one[1][1], one[1][0])))

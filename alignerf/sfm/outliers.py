@@ -1,0 +1,65 @@
+"""Views and lenses of input cameras that stand out, named before any training."""
+
+import numpy as np
+
+from alignerf.files import faults
+
+# A view stands out by so many times the median error, and by so many px of the photo.
+TIMES, MIN_PX = 5.0, 3.0
+# A focal length this many times longer or shorter than the others' median.
+FOCAL_TIMES = 1.5
+# Of the photo's size, how far beyond its border a principal point may be.
+BEYOND = 0.05
+# Numbers of a photo this many times as large are recognised.
+MULTIPLES = (2, 4, 8)
+# So near to half of such a photo lies its principal point.
+NEAR = 0.15
+
+
+def of_views(names, errors_px, camtoworlds):
+    """{view: why it stands out}; errors_px [n]: of each view, in px of the photo."""
+    found = {}
+    usual_px = np.nanmedian(errors_px) if np.isfinite(errors_px).any() else np.nan
+    identity = np.eye(4)[:3]
+    for i, name in enumerate(names):
+        pose = camtoworlds[i]
+        same = np.abs(camtoworlds - pose).reshape(len(names), -1).max(axis=1) == 0
+        if np.array_equal(pose, identity) and not same.all() and same.sum() > 1:
+            found[name] = f"the identity for a pose, as {same.sum() - 1} others"
+        elif same.sum() > 1 and not same.all():
+            others = [n for n, is_same in zip(names, same, strict=True) if is_same]
+            others.remove(name)
+            found[name] = f"the pose of {faults.some_names(others)}"
+        elif errors_px[i] > max(TIMES * usual_px, MIN_PX):
+            found[name] = f"{errors_px[i]:.1f} px off, the others {usual_px:.1f} px"
+    return found
+
+
+def of_lenses(names, camtopix):
+    """{view: why its lens stands out}; camtopix [n, 3, 3] in px of the photo."""
+    found, focal = {}, camtopix[:, 0, 0]
+    usual = np.median(focal)
+    for i, name in enumerate(names):
+        times = focal[i] / usual
+        if max(times, 1 / times) > FOCAL_TIMES:
+            found[name] = (
+                f"a focal length of {focal[i]:.0f} px, the others {usual:.0f} px"
+            )
+    return found
+
+
+def check_principal_points(camtopix, size, where):
+    """ValueError where the principal points of all views lie outside of the photo."""
+    centres = camtopix[:, :2, 2] / np.array(size)
+    outside = ((centres < -BEYOND) | (centres > 1 + BEYOND)).any(axis=1)
+    if not outside.all():
+        return
+    middle = np.median(centres, axis=0)
+    times = [k for k in MULTIPLES if np.abs(middle / k - 0.5).max() < NEAR]
+    scale = f": the numbers are of a photo {times[0]} times as large" if times else ""
+    cx, cy = np.median(camtopix[:, :2, 2], axis=0)
+    raise ValueError(
+        f"{where}: the principal point ({cx:.0f}, {cy:.0f}) lies outside of photos of "
+        f"{size[0]}x{size[1]} px{scale}. Scale fl_x, fl_y, cx and cy, or state their "
+        "photo's size (w and h)"
+    )
