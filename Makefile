@@ -1,6 +1,7 @@
 # make run    the default experiment, from nothing to its verdict; VERBOSE=1 shows all
 # make show   its tables
 # make photos FOLDER=my_photos    the same of your own photos or film, to a page
+# make poses FOLDER=my_scan       check and adjust the cameras that came with photos
 # make judge PHOTOS=photos RENDERS=renders CAMERAS=sparse/0    what another program trained
 # make export SCENE=my_photos  its photos, cameras and points for other programs; WIDTH=1600
 # make test   the test suite
@@ -21,11 +22,11 @@ CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 export PATH := $(abspath $(BIN)):$(PATH)
 # What a user gives is handed on by its value alone: exported as it is, make would expand
 # it, and `$(shell ...)` in a folder's name would run.
-unexport FOLDER SCENE WIDTH PHOTOS RENDERS CAMERAS DEPTH JUDGE PEER PEERS BENCH TORTURE
+unexport FOLDER POSES SCENE WIDTH PHOTOS RENDERS CAMERAS DEPTH JUDGE PEER PEERS BENCH TORTURE
 
 # `exec`: who ends make by a signal ends the program, and not a shell around it alone.
 .DEFAULT_GOAL := help
-.PHONY: help run show photos judge export test tools bench peers torture docs site lint cluster lock clean
+.PHONY: help run show photos poses judge export test tools bench peers torture docs site lint cluster lock clean
 
 help:
 	@sed -n 's/^# make /make /p' $(firstword $(MAKEFILE_LIST))
@@ -40,6 +41,10 @@ show: $(VENV)/.installed
 photos: export PHOTOS_FOLDER := $(value FOLDER)
 photos: $(VENV)/.installed
 	@exec python -m alignerf.start --cores $(CORES) $(PHOTOS) -- "$$PHOTOS_FOLDER"
+
+poses: export POSED_FOLDER := $(value FOLDER)
+poses: $(VENV)/.installed
+	@exec python -m alignerf.start.poses $(POSES) -- "$$POSED_FOLDER"
 
 judge: export JUDGED_PHOTOS := $(value PHOTOS)
 judge: export JUDGED_RENDERS := $(value RENDERS)

@@ -31,7 +31,8 @@ from scipy import ndimage
 from alignerf.cameras import pose_fit
 from alignerf.files import archives, atomic, faults, images, machine, progress
 from alignerf.processes import devices
-from alignerf.scenes import pose_error, prepared
+from alignerf.scenes import prepared
+from alignerf.sfm import pose_error
 from alignerf.training import renderer
 from flow.camera import fit as camera_fit
 from flow.camera import motion as camera_motion

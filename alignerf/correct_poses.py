@@ -22,7 +22,8 @@ import numpy as np
 from alignerf.alignment import cameras
 from alignerf.exports import flows
 from alignerf.files import atomic, faults
-from alignerf.scenes import pose_error, prepared
+from alignerf.scenes import prepared
+from alignerf.sfm import pose_error
 from flow.camera import correct
 
 log = logging.getLogger("alignerf")
@@ -50,9 +51,9 @@ def main(argv=None):
     if args.truth:
         true = prepared.read_cameras(f"{args.truth}/cameras.npz")
         states = {"given": original, "before": before, "after": after}
-        depths = [correction.depth for correction in corrections]
+        points = pose_error.true_points(original, args.truth, train)
         report["pose_error_px"] = {
-            name: pose_error.median_px(state, true, train, depths)
+            name: pose_error.median_px(state, true, points)
             for name, state in states.items()
         }
     report["time_s"] = round(time.monotonic() - started, 3)

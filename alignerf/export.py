@@ -55,6 +55,9 @@ def main(argv=None):
     args = parse(argv)
     if (args.warped is None) != (args.valid is None):
         raise ValueError("--warped and --valid go together")
+    if args.adjusted and is_accepted(args.scene):
+        # They fit held-out photos as well as all others.
+        args.cameras, args.fit_held_out = args.adjusted, None
     paid = not args.if_pays or pays(*args.if_pays)
     if not paid:
         args.cameras = args.warped = args.valid = args.fit_held_out = None
@@ -135,6 +138,13 @@ def pays(verdict, method):
     return False
 
 
+def is_accepted(scene):
+    """Whether held-out matches have accepted adjusted cameras, by its poses.json."""
+    poses = json_files.read(Path(scene) / "poses.json")
+    told = (poses.get("cameras") or {}).get("adjustment") or {}
+    return told.get("accepted") is True
+
+
 def is_synthetic(scene):
     """Whether a scene is one of NeRF's synthetic ones, as its poses.json says."""
     report = Path(scene) / "poses.json"
@@ -202,6 +212,10 @@ def parse(argv=None):
         nargs=2,
         metavar=("FLOW", "DEPTH"),
         help="folders of test views: their cameras are fitted to their photos",
+    )
+    parser.add_argument(
+        "--adjusted",
+        help="adjusted cameras.npz, taken instead where held-out matches accept them",
     )
     parser.add_argument(
         "--corrected-by",

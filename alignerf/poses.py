@@ -187,7 +187,7 @@ def with_checked(full, told, checked, scratch, config):
     elif full.points is not None or config["judged"]:
         return full, told
     else:
-        points = capture.points_of(checked, scratch, config["seed"])
+        points = capture.triangulated(checked, scratch, config["seed"])[0]
     if not len(points.positions):
         log.warning("%s: its views share no points", config["path"])
         return full._replace(points=None), told
@@ -208,6 +208,7 @@ def write_checked(fresh, views, checked, split, apart):
         return
     folder, now = fresh / prepared.ADJUSTED, checked.cameras_of(views)
     folder.mkdir()
+    (folder / "report.json").write_text(json.dumps(checked.report, indent=1) + "\n")
     moved = views._replace(pixtocams=now.pixtocams, camtoworlds=now.camtoworlds)
     prepare.write_cameras(folder / "cameras.npz", moved, split=split)
     stay = (split == "test")[:, None, None]

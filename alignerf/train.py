@@ -26,7 +26,8 @@ from alignerf.files import archives, atomic, faults, machine
 from alignerf.kernels import calls
 from alignerf.preflight import eta
 from alignerf.processes import consensus, devices, rank, rendezvous
-from alignerf.scenes import pose_error, prepared
+from alignerf.scenes import prepared
+from alignerf.sfm import pose_error
 from alignerf.training import (
     batches,
     checkpoint,
@@ -213,8 +214,8 @@ def write_learnt(job, moved, aligner, views, args):
 def to_truth(loaded: prepared.Scene, truth):
     """A function: a scene -> median error of its training views' cameras, in px."""
     true, chosen = prepared.read_cameras(f"{truth}/cameras.npz"), loaded.views("train")
-    depths = pose_error.true_depths(loaded, truth, chosen)
-    return lambda scene: pose_error.median_px(scene, true, chosen, depths)
+    points = pose_error.true_points(loaded, truth, chosen)
+    return lambda scene: pose_error.median_px(scene, true, points)
 
 
 def with_radius(job, displacement) -> jobs.Job:

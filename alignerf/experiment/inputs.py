@@ -200,7 +200,7 @@ def exported(experiment, scene, method, what):
 
 def is_adjusted(training):
     """Whether a training's cameras are the adjusted ones, and nothing more."""
-    adjusted = training.cameras == layout.adjusted(training.scene, "train")
+    adjusted = training.cameras == layout.adjusted(training.scene, "train.npz")
     return adjusted and not training.moves
 
 
@@ -241,6 +241,8 @@ def export_options(experiment, scene, method, what):
     if held_out := held_out_of(experiment, scene, method, what):
         words += ["--fit-held-out", held_out["flow"], held_out["depth"]]
         words += arguments.options({"corrected-by": held_out.get("corrected_by")})
+    if experiment.scenes[scene]["judged"] and what == "cameras":
+        words += ["--adjusted", layout.adjusted(scene)]
     if method in experiment.names(kinds.aligned):
         # Where the verdict says that alignment gained nothing, exports are as given.
         words += ["--if-pays", f"results/{scene}/verdict.json", training.owner]

@@ -15,12 +15,13 @@ INSIDE = re.compile(
 )
 
 
-def adjusted(scene, views="cameras"):
-    """A scene's adjusted cameras: `cameras` of all views, `train` of those learnt from.
+def adjusted(scene, name="cameras.npz"):
+    """A file of a scene's adjusted cameras, which lie among its images.
 
-    They lie beside its own, among its images.
+    cameras.npz is of all views; train.npz has held-out ones as they came; report.json
+    says what adjusting took.
     """
-    return f"results/{scene}/images/adjusted/{views}.npz"
+    return f"results/{scene}/images/adjusted/{name}"
 
 
 def output_of(path):

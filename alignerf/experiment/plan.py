@@ -97,7 +97,7 @@ class Experiment:
         if not self.methods[method]["adjust"] or chosen["zoom"]:
             return {}
         adjusted = chosen["poses"] == "adjusted"
-        return {} if adjusted else {"cameras": layout.adjusted(scene, "train")}
+        return {} if adjusted else {"cameras": layout.adjusted(scene, "train.npz")}
 
     @kept
     def rounds_of(self, scene, method):

@@ -10,6 +10,7 @@ import numpy as np
 import pycolmap
 
 from alignerf.scenes.capture import triangulate
+from alignerf.sfm import calibration, capture
 
 log = logging.getLogger("alignerf")
 
@@ -57,6 +58,31 @@ def add_tracks(model, found):
             track.add_element(numbers[name], seen.point2D_idx)
         model.add_point3D(point.xyz, track, point.color)
     model.update_point_3d_errors()
+
+
+def of_matches(arrays, checked, work, seed) -> pycolmap.Reconstruction:
+    """COLMAP's model of the arrays, with the points and tracks of `capture.check`.
+
+    arrays: of the views that were checked, by the cameras that it has found.
+    """
+    found = checked.found
+    if found:
+        seen, cameras = found.model, found.cameras
+    else:
+        _, seen = capture.triangulated(checked, work, seed)
+        cameras = checked.given
+    straight = calibration.undistorted(checked.matches, cameras)
+    model = triangulate.model_of(arrays)
+    # Px of the matches in those of pinholes whose lens was undone.
+    to_views = np.linalg.inv(arrays["pixtocams"]) @ cameras.pixtocams
+    for view, xy in enumerate(straight.keypoints):
+        moved = xy @ to_views[view, :2, :2].T + to_views[view, :2, 2]
+        places = [pycolmap.Point2D(one) for one in moved]
+        model.images[view + 1].points2D = pycolmap.Point2DList(places)
+    for point in seen.points3D.values():
+        model.add_point3D(point.xyz, point.track, point.color)
+    model.update_point_3d_errors()
+    return model
 
 
 def given(arrays, points) -> pycolmap.Reconstruction:

@@ -45,13 +45,19 @@ class Judgement(NamedTuple):
         """Whether it is accepted, and the error more than halved."""
         return self.accepted and self.after_px < FRACTION_LEFT * self.before_px
 
+    @property
+    def worse(self):
+        """Whether the error grows by as much, and by more than chance."""
+        return self.gain_px <= -MIN_GAIN_PX and self.high_px < 0
+
     def told(self):
         """For a report in JSON; null for what is not known."""
         numbers = {
             key: round(value, 4) if np.isfinite(value) else None
             for key, value in self._asdict().items()
         }
-        return numbers | {"accepted": self.accepted, "halved": self.halved}
+        flags = ("accepted", "halved", "worse")
+        return numbers | {flag: bool(getattr(self, flag)) for flag in flags}
 
 
 def judge(matches: Matches, before: Cameras, after: Cameras, photo_px=1.0):

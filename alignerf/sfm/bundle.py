@@ -30,6 +30,8 @@ log = logging.getLogger("alignerf")
 START, MAX_START_PX, NEAR_PX, LAST_PX = 6.0, 96.0, 6.0, 4.0
 # Of the robust loss, in px; the last turn's hardly feels what moves.
 SOFT_PX, CAUCHY_PX = 1.0, 0.5
+# Of the cost, from which on a bundle adjustment has converged.
+TOLERANCE = 1e-6
 # A view with fewer keypoints on points is held by none of them.
 MIN_TRACKS = 12
 # A pose this many times as wrong as the median one, and by so many px, is not begun
@@ -282,6 +284,8 @@ def solve(model, state: State, *, focal, lens, last) -> State:
     loss = pycolmap.LossFunctionType
     options.ceres.loss_function_type = loss.CAUCHY if last else loss.SOFT_L1
     options.ceres.loss_function_scale = CAUCHY_PX if last else SOFT_PX
+    # COLMAP's own goes on for 100 iterations; poses then move by less than 1e-3 px.
+    options.ceres.solver_options.function_tolerance = TOLERANCE
     options.print_summary = False
     chosen = pycolmap.BundleAdjustmentConfig()
     for number in model.reg_image_ids():

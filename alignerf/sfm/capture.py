@@ -188,15 +188,15 @@ def images_of(work):
     return folder if folder.is_dir() else None
 
 
-def points_of(checked: Checked, work, seed) -> bundle.Points:
-    """The points that the input's cameras triangulate."""
+def triangulated(checked: Checked, work, seed):
+    """(`bundle.Points`, COLMAP's model) that the input's cameras triangulate."""
     return bundle.triangulate(
         checked.matches,
         checked.given,
         Path(work) / "given",
         seed=seed,
         images=images_of(work),
-    )[0]
+    )
 
 
 def points_told(points: bundle.Points, views, matched):

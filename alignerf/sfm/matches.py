@@ -58,6 +58,12 @@ class Matches(NamedTuple):
             xy.append(ends)
         return np.concatenate(views), np.concatenate(xy)
 
+    def between(self, views):
+        """The matches between two of the chosen views [n] bool."""
+        kept = np.flatnonzero(views[self.pairs].all(axis=1))
+        indices = [self.indices[k] for k in kept]
+        return self._replace(pairs=self.pairs[kept], indices=indices)
+
     def count(self):
         """The number of matches."""
         return sum(map(len, self.indices))

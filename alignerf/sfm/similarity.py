@@ -13,6 +13,8 @@ from alignerf.scenes import cameras
 
 # Points of a view that are enough.
 MAX_POINTS = 60
+# A residual beyond it is as large.
+FAR_PX = 1e6
 
 
 def fit(target, source, points):
@@ -43,8 +45,8 @@ def fit(target, source, points):
         own, own_turn, moved = similarity_of(x)
         with np.errstate(all="ignore"):
             off = project(target, view, own * xyz @ own_turn.T + moved) - seen
-        # Behind a camera nothing is near.
-        return np.nan_to_num(off, nan=1e6, posinf=1e6, neginf=-1e6).ravel()
+        # What lies in a camera's plane has no image, and is far from any.
+        return np.where(np.abs(off) < FAR_PX, off, FAR_PX).ravel()
 
     best = least_squares(residuals, np.zeros(7), loss="soft_l1", max_nfev=50).x
     return similarity_of(best)

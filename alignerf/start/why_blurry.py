@@ -14,6 +14,7 @@ What blurs a NeRF or a splat, and what to do first.
 
     why-blurry demo                the embedded scene, from nothing to its verdict
     why-blurry photos my_photos    your own photos or film, to a verdict and a page
+    why-blurry poses my_scan       check and adjust cameras that came with photos
     why-blurry judge --photos photos --renders renders --cameras sparse/0
                                    what another program trained
     why-blurry export my_photos    photos, cameras and points for other programs
@@ -26,6 +27,7 @@ before it shows all that Snakemake prints.
 COMMANDS = {
     "demo": "alignerf.start.demo",
     "photos": "alignerf.start.__main__",
+    "poses": "alignerf.start.poses",
     "judge": "alignerf.start.judge",
     "export": "alignerf.start.export",
     "show": "alignerf.show",

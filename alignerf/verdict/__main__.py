@@ -14,6 +14,7 @@ from alignerf.scenes import prepared
 from alignerf.verdict import (
     advice,
     causes,
+    corrections,
     evidence,
     judged,
     remedies,
@@ -42,7 +43,11 @@ def main(argv=None):
     findings = [finding for finding in findings if finding]
     gains = []
     if args.misalignment:
-        gains = remedies.of_table(args.misalignment, json.loads(args.aligned))
+        gains = remedies.of_table(
+            args.misalignment,
+            json.loads(args.aligned),
+            corrections.judged(args.scene, json.loads(args.corrected)),
+        )
     told = report.of(known, findings, gains, seen.rows)
     lines = report.terminal(told)
     content = {
@@ -55,7 +60,8 @@ def main(argv=None):
         ],
         "evidence": known._asdict()
         | {"windows": known.windows and known.windows._asdict()}
-        | {"judged": known.judged and known.judged._asdict()},
+        | {"judged": known.judged and known.judged._asdict()}
+        | {"matches": known.matches and known.matches._asdict()},
         "stands_out": {v.view: v.stands_out for v in seen.rows if v.stands_out},
     }
     table = pd.DataFrame(seen.rows, columns=views.COLUMNS)
@@ -91,6 +97,11 @@ def parse(argv=None):
         "--aligned",
         default="{}",
         help="JSON: {method: timing.json} of what has aligned itself",
+    )
+    parser.add_argument(
+        "--corrected",
+        default="{}",
+        help="JSON: {method: cameras.npz} of trainings that have moved cameras",
     )
     parser.add_argument(
         "--windows", help="a training's folder, of windows at the photos' own size"

@@ -3,7 +3,7 @@
 import math
 
 from alignerf.files import provenance
-from alignerf.verdict import judged, remedies, shift
+from alignerf.verdict import causes, judged, remedies, shift
 
 # In dB on courtyard, over plain training of the same seconds, those of one and of two
 # trainings (docs/measured/on_the_way.csv): where poses are off by 1.5 px and objects
@@ -50,6 +50,11 @@ OF_OTHERS = (
 ANEW = (
     "let COLMAP find the poses anew, from a folder of the photos alone: "
     '`make photos FOLDER=photos_alone PHOTOS="--name another"`.'
+)
+# Where matches between photos say how cameras have to move.
+ADJUSTED = (
+    "adjust the cameras before training: `poses: adjusted` in the config, or a method "
+    "with adjust: true. Half a minute of bundle adjustment, without a training."
 )
 # Where alignment cannot be told, without windows and with them.
 UNSEEN = "add `windows: {}` to the config, or make photos less small (downscale)."
@@ -106,6 +111,8 @@ def camera_text(e):
 def of_camera(e, gains, text):
     """Advice where poses are off; text: what holds where this run has tried nothing."""
     own = of_tried(e, gains)
+    if causes.by_matches(e) and not own:
+        return ADJUSTED
     if not e.poses_given:
         return own or text
     if any(pays(e, gain) for gain in gains if remedies.is_on_the_way(gain)):
@@ -117,8 +124,15 @@ def of_camera(e, gains, text):
 def pays(e, gain):
     """Whether a remedy's gain is significant, on enough held-out photos.
 
+    Thousands of matches that a correction has not seen come before a few photos: where
+    they are twice as near it pays, where they are further off it does not.
+
     Scores on the photos as they are say nothing of moved cameras.
     """
+    if gain.matches and gain.matches["halved"]:
+        return True
+    if gain.matches and gain.matches["worse"]:
+        return False
     fair = not (gain.on_the_way and gain.test_set == "standard")
     return fair and e.test_views >= shift.FEW_TEST_VIEWS and gain.low > 0
 

@@ -37,6 +37,22 @@ EXPOSURE_EV, SHARED_EV = 0.06, 0.16
 SHIFT_PX, BEND_PX, LENS_ERRORS = 0.045, 0.08, 3.0
 
 
+class Matches(NamedTuple):
+    """What bundle adjustment says of the cameras; lengths in px of the photo.
+
+    accepted: whether held-out matches gain by it, their error going from before_px to
+    after_px; applied: whether the scene has the adjusted cameras. pose_error_px,
+    worst_px: how far the input cameras were from these, in the median and worst view.
+    """
+
+    accepted: bool
+    applied: bool
+    before_px: float
+    after_px: float
+    pose_error_px: float
+    worst_px: float
+
+
 class Evidence(NamedTuple):
     """The numbers that the causes are decided by; NaN is unknown."""
 
@@ -75,6 +91,8 @@ class Evidence(NamedTuple):
     windows: of_windows.Windows | None = None
     # How renders of another program were put together (`judged.Judged`), or None.
     judged: tuple | None = None
+    # What matches say of the cameras; None where they were not asked.
+    matches: Matches | None = None
 
 
 class Finding(NamedTuple):
@@ -92,7 +110,8 @@ def find(evidence: Evidence) -> list[Finding]:
     findings = [finding for test in tests if (finding := test(evidence))]
     if shift.too_short(evidence):
         # Renders that are blurred by too little training move the flow, too.
-        plain = (*PLAIN, *["camera"] * shift.by_windows(evidence))
+        told = shift.by_windows(evidence) or by_matches(evidence)
+        plain = (*PLAIN, *["camera"] * told)
         findings = [finding for finding in findings if finding.cause in plain]
     return findings
 
@@ -181,12 +200,16 @@ def camera(e: Evidence):
     """
     source = source_of_camera(e)
     if source == "flow" and is_shared(e):
-        return None
+        source = "matches" if by_matches(e) else None
     if source == "windows":
         size = e.windows.camera_px / e.photo_px
-        return Finding("camera", size, e.windows.low_px > shift.WINDOW_PX)
+        sure = e.windows.low_px > shift.WINDOW_PX
+        return Finding("camera", size, sure and not is_denied(e))
     if source == "flow":
-        return Finding("camera", e.camera_px, e.camera_px > 2 * PART_PX)
+        sure = e.camera_px > 2 * PART_PX or by_matches(e)
+        return Finding("camera", e.camera_px, sure and not is_denied(e))
+    if source == "matches":
+        return Finding("camera", e.matches.pose_error_px / e.photo_px, False)
     if source == "points":
         error_px = e.reprojection_px
         return Finding("camera", error_px, error_px > 2 * REPROJECTION_PX)
@@ -204,8 +227,23 @@ def is_shared(e: Evidence):
     return e.camera_px**2 - e.shift_px**2 < PART_PX**2
 
 
+def by_matches(e: Evidence):
+    """Whether matches say that the cameras in use are off."""
+    return bool(e.matches and e.matches.accepted and not e.matches.applied)
+
+
+def is_denied(e: Evidence):
+    """Whether matches find nothing to correct in cameras of renders that are judged.
+
+    Two witnesses make a wrong pose sure.
+    """
+    return bool(e.judged and e.matches and not e.matches.accepted)
+
+
 def source_of_camera(e: Evidence):
-    """What shows that poses are off: `windows`, `flow`, `points`; None: nothing does.
+    """What shows that poses are off; None: nothing does.
+
+    `windows`, `flow`, `matches`, `points`, the first that says so.
 
     From too few photos a wrong pose is learnt as geometry, so that training views fit:
     then the points that photos share tell.
@@ -214,6 +252,8 @@ def source_of_camera(e: Evidence):
         return "windows"
     if shift.misaligned(e) and not shift.too_short(e) and e.camera_px > PART_PX:
         return "flow"
+    if by_matches(e):
+        return "matches"
     if sparse(e) is not None and e.reprojection_px > REPROJECTION_PX:
         return "points"
     return None

@@ -11,12 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.cameras import exposure, lens
-from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import archives, csv_files, json_files, machine
 from alignerf.scenes import prepared
 from alignerf.verdict import causes, judged, views
 from alignerf.verdict import windows as of_windows
 
+# Poses that came with the photos, as poses.json has them.
+INPUT = ("given", "adjusted")
 # Flows of so many training views tell what all have in common.
 MOST_PATTERN_VIEWS = 32
 
@@ -180,10 +181,30 @@ def gather(
         / max(shared.distortion_error_px, 1e-3),
         # Of windows, that of the photos which they are cut from.
         photo_width_px=float(poses.get("photo_size", [poses["photo_width"]])[0]),
-        poses_given=poses["poses"] in scene_keys.INPUT,
+        poses_given=poses["poses"] in INPUT,
         perturb_px=float(poses["perturb_px"]),
         windows=of_windows.read(*windows),
         judged=of_judged,
+        matches=of_matches(poses),
+    )
+
+
+def of_matches(poses):
+    """`causes.Matches` by the contents of poses.json; None where none were sought.
+
+    Crops have the report of the photos that they are cut from.
+    """
+    told = (poses.get("cameras") or {}).get("adjustment") or {}
+    if told.get("before_px") is None:
+        return None
+    accepted = bool(told.get("accepted"))
+    return causes.Matches(
+        accepted=accepted,
+        applied=accepted and poses["poses"] == "adjusted",
+        before_px=float(told["before_px"]),
+        after_px=float(told["after_px"]),
+        pose_error_px=float(told["pose_error_px"]) if accepted else math.nan,
+        worst_px=float(told["worst_px"]) if accepted else math.nan,
     )
 
 

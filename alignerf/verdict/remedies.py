@@ -26,6 +26,8 @@ class Gain(NamedTuple):
     cameras_moved: int | None = None
     # Whether it has warped its photos, by either.
     warped: bool = False
+    # What held-out matches say of its cameras (`acceptance.Judgement.told`).
+    matches: dict | None = None
 
 
 # Test sets, the fairest first. Cameras that have moved see a test view elsewhere than
@@ -42,12 +44,13 @@ def is_on_the_way(gain):
     return gain.on_the_way
 
 
-def of_table(path, timings):
+def of_table(path, timings, judgements=()):
     """The `Gain` of each remedy in a table over the baseline, the model without one.
 
     timings: {method: timing.json} of trainings that aligned themselves. Scores are
     those against the oracle where it is known, else those on held-out photos; where
-    cameras were put right, with held-out ones moved to fit their photos.
+    cameras were put right, with held-out ones moved to fit their photos. judgements:
+    {method: acceptance.Judgement} of cameras that have moved.
     """
     table = csv_files.read(path, columns=OF_GAINS)
     known = set(table["test_set"])
@@ -69,8 +72,10 @@ def of_table(path, timings):
         ends = (row.difference_low_db, row.difference_high_db)
         took = row.total_time_s / 60, row.method, row.moves_cameras, row.test_set
         count = cameras_moved(timing) if timing else None
+        judged = dict(judgements).get(row.method)
+        told = judged and judged.told()
         gains.append(
-            Gain(name, row.difference_db, *ends, *took, count, row.moves_photos)
+            Gain(name, row.difference_db, *ends, *took, count, row.moves_photos, told)
         )
     return gains
 
@@ -99,6 +104,9 @@ def line(gain, e):
     if gain.test_set == "standard" and is_on_the_way(gain):
         against += " by cameras that were left as given: true gains are larger,"
     text = f"{name}: {db:+.2f} dB [{low:+.2f}, {high:+.2f}]{against} in {took}"
+    if gain.matches and gain.matches["accepted"]:
+        change = "{before_px:.2f} -> {after_px:.2f} px".format(**gain.matches)
+        text += f", held-out matches {change}"
     if gain.cameras_moved == 0:
         text += ", without moving a camera"
     if e.test_views < shift.FEW_TEST_VIEWS:

@@ -98,6 +98,8 @@ def camera_value(e):
     """What shows that poses are off, in px of the photo."""
     if shift.known_windows(e):
         return e.windows.camera_px
+    if causes.source_of_camera(e) == "matches":
+        return e.matches.pose_error_px
     if causes.source_of_camera(e) == "points":
         return e.photo_px * e.reprojection_px
     return e.photo_px * e.camera_px
@@ -112,6 +114,8 @@ def camera_limit(e):
 
 
 def cannot_tell(e):
+    if e.matches:
+        return False
     return of_alignment(e) or not (shift.tells(e) or shift.misaligned(e))
 
 

@@ -12,7 +12,24 @@ from alignerf.verdict import causes, judged, remedies, shift
 def measured(e, views, gains=()):
     """Sentences on what was measured: shifts, what could not be told, odd photos."""
     lines = alignment(e, gains) + (judged.lines(e) if e.judged else [])
-    return lines + photos(views)
+    return [*poses(e), *lines, *photos(views)]
+
+
+def poses(e):
+    """What bundle adjustment says of the cameras, where it was asked."""
+    if not e.matches:
+        return []
+    m = e.matches
+    change = f"{length(m.before_px)} -> {length(m.after_px)}"
+    if not m.accepted:
+        seen = f"matches that it has not seen: {change}"
+        return [f"Bundle adjustment finds no better poses than those given ({seen})."]
+    what = "corrected before training" if m.applied else "an export corrects them"
+    if not (m.applied or e.judged):
+        what = "a method with adjust: true, or poses: adjusted, corrects them"
+    off = f"{length(m.pose_error_px)} of the photo (worst view {length(m.worst_px)})"
+    verb = "were" if m.applied else "are"
+    return [f"Poses {verb} off by {off}: {what}. Held-out matches: {change}."]
 
 
 def of_photo(px, evidence):
@@ -172,6 +189,9 @@ def camera(finding, e):
         return (
             f"{lead}in the windows a moved camera explains {px} of the shift.{added(e)}"
         )
+    if source == "matches":
+        px = length(e.matches.pose_error_px)
+        return f"{lead}bundle adjustment of matches between photos moves them by {px}."
     if source == "points":
         px = of_photo(e.reprojection_px, e)
         where = "points that several photos show lie"

@@ -132,7 +132,9 @@ def measure(config, scene, share, method):
 
 def error_of(scene, loaded, render):
     """{given, after}: pose error in px, at the depth that held-out views have."""
-    from alignerf.scenes import pose_error, prepared
+    from alignerf.scenes import cameras as all_cameras
+    from alignerf.scenes import prepared
+    from alignerf.sfm import pose_error
 
     given = prepared.load(scene)
     path = scene.with_name(scene.name.removesuffix("_off")) / "cameras.npz"
@@ -143,9 +145,11 @@ def error_of(scene, loaded, render):
         (loaded.pixtocams[v], loaded.camtoworlds[v]) for v in loaded.views("test")
     ]
     depth = float(np.median([np.median(render(*camera)[1]) for camera in cameras]))
-    views = loaded.views("train")
+    depth /= all_cameras.frame_of(true["camtoworlds"]).scale
+    far = np.full((loaded.height, loaded.width), depth)
+    points = {v: pose_error.points_of(true, v, far) for v in loaded.views("train")}
     return {
-        name: pose_error.median_px(state, true, views, [depth] * len(views))
+        name: pose_error.median_px(state, true, points)
         for name, state in {"given": given, "after": loaded}.items()
     }
 

@@ -4,6 +4,9 @@ rule verdict:
     input:
         unpack(lambda w: layout.outputs_of(rows.of_verdict(experiment, w.scene))),
         unpack(lambda w: rows.compared(experiment, w.scene)),
+        corrected=lambda w: layout.outputs_of(
+            [*rows.corrections(experiment, w.scene).values()]
+        ),
         windows=lambda w: rows.files_of_windows(experiment, w.scene),
         images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",

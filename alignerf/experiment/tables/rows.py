@@ -113,7 +113,7 @@ def collected(experiment, scene, chosen, *, aligned_pose=False):
         if row.folder in flows:
             row.files["render"] = report(path, trainings.RENDERED, "train")
             row.files["align"] = report(path, trainings.DISPLACED, "train")
-        if row.folder in moved:
+        if row.folder in moved and "corrections" not in row.files:
             row.files["corrections"] = f"{path}/{trainings.CORRECTED}"
     return [*others, *rows]
 
@@ -145,10 +145,14 @@ def scored(experiment, scene, method, round, aligned_pose):
     moves = experiment.config["aligned_pose"] and not training.external
     if aligned_pose and moves:
         files["aligned_pose"] = f"{path}/metrics_aligned_pose.csv"
+    corrected = [one.folder for one in trainings.moved_for(training)]
+    if experiment.input_cameras(scene, method):
+        corrected.append(training.folder)
+        files["corrections"] = layout.adjusted(scene, "report.json")
     return row._replace(
         way=[one.folder for one in trainings.lead_to(training)],
         flows=[one.folder for one in trainings.rendered_for(training)],
-        corrected=[one.folder for one in trainings.moved_for(training)],
+        corrected=corrected,
         before=training.flows[-1].folder if round > 0 else None,
         files=files,
     )
@@ -196,7 +200,20 @@ def verdict_options(experiment, scene):
     told = compared(experiment, scene)
     if aligned and "misalignment" in told:
         told |= {"aligned": json.dumps(aligned)}
+    if corrected := corrections(experiment, scene):
+        told |= {"corrected": json.dumps(corrected)}
     return arguments.options(told | windows)
+
+
+def corrections(experiment, scene):
+    """{method: cameras.npz} of the methods whose training has moved cameras."""
+    if experiment.scenes[scene]["judged"] or experiment.whole(scene) != scene:
+        return {}
+    return {
+        name: f"{experiment.folder(scene, name, 0)}/learnt/cameras.npz"
+        for name in experiment.trained()
+        if "cameras" in kinds.moves(experiment.methods[name], 0)
+    }
 
 
 def compared(experiment, scene):

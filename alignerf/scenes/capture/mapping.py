@@ -122,8 +122,8 @@ def match(database, count, seed, pairs=None):
     """
     matching = pycolmap.FeatureMatchingOptions()
     matching.use_gpu = False
-    # With several, pycolmap 4.2.1 loses nearly all matches of one pair in 400 on a busy
-    # machine, of another pair on every run (make torture TORTURE="--only matching").
+    # With several, pycolmap 4.2.1 loses most matches of a pair in one run of hundreds,
+    # with no other SQLite beside it. One keeps two cores busy as it is.
     matching.num_threads = 1
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = seed

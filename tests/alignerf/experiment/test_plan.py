@@ -123,6 +123,7 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
         kinds.warm: ["warm"],
         kinds.learnt: [],
         kinds.aligned: ["aligned"],
+        kinds.adjusted: ["adjusted"],
         kinds.plain: ["mipnerf360_large", "mipnerf360"],
     }
     assert {m: experiment.baseline(m) for m in experiment.methods} == {
@@ -130,6 +131,7 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
         "mipnerf360_large": "mipnerf360_large",
         "mipnerf360": "mipnerf360",
         "aligned": "mipnerf360",
+        "adjusted": "mipnerf360",
         "alignerf": "mipnerf360",
         "staged_alone": "staged_alone",
     }
@@ -375,6 +377,10 @@ def windows_of(experiment, scene):
         assert words[0] == "--aligned"
         where = {"aligned": f"results/{scene}/aligned/round0/timing.json"}
         assert json.loads(words[1]) == where
+        words = words[2:]
+    if "--corrected" in words:
+        where = {"aligned": f"results/{scene}/aligned/round0/learnt/cameras.npz"}
+        assert (words[0], json.loads(words[1])) == ("--corrected", where)
         words = words[2:]
     return words
 

@@ -77,8 +77,8 @@ def test_the_poses_stage_finds_points_where_the_config_wants_them(
     demo |= {"scenes": {"a": scene}, "tradeoff": None}
     experiment = experiment_of(demo)
     told = of_scenes.checked(json.loads(slices.of_scene(experiment, "a")))
-    wanted = scene_keys.wants_points(experiment.scenes["a"])
-    assert bool(scene_keys.wants_points(told)) == bool(wanted)
+    wanted = scene_keys.wants_matches(experiment.scenes["a"])
+    assert bool(scene_keys.wants_matches(told)) == bool(wanted)
 
 
 def test_a_scene_has_its_own_seed_and_steps(demo, experiment_of):

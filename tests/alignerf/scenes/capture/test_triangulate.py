@@ -160,9 +160,9 @@ def test_points_can_be_left_out_and_may_be_missing(scene, tmp_path, caplog):
 def test_points_are_found_where_they_are_missing(has, asked, wanted):
     scene = {"source": "courtyard", "poses": has, "triangulate": asked, "zoom": None}
     scene["judged"] = None
-    assert scene_keys.wants_points(scene) is wanted
+    assert scene_keys.wants_matches(scene) is wanted
     # Windows have them from the whole photos.
-    assert not scene_keys.wants_points(scene | {"zoom": {"px": 256}})
+    assert not scene_keys.wants_matches(scene | {"zoom": {"px": 256}})
 
 
 def test_a_full_disk_is_told_as_the_system_tells_it():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from alignerf.scenes import cameras, pose_error, prepared
+from alignerf.scenes import cameras, prepared
+from alignerf.sfm import pose_error
 from tests.bench import cases
 
 
@@ -19,6 +20,11 @@ def scene(tmp_path):
 def true_of(scene):
     found = prepared.read_cameras(scene.folder / "cameras.npz")
     return found | {"camtoworlds": scene.camtoworlds, "pixtocams": scene.pixtocams}
+
+
+def points_of(scene, views):
+    arrays, far = true_of(scene), np.ones((48, 64))
+    return {view: pose_error.points_of(arrays, view, far) for view in views}
 
 
 def test_a_turn_is_as_many_pixels_as_its_angle_times_the_focal_length(scene):
@@ -35,7 +41,7 @@ def test_a_turn_is_as_many_pixels_as_its_angle_times_the_focal_length(scene):
     moved = scene.camtoworlds.copy()
     moved[views[0], :, :3] = moved[views[0], :, :3] @ turn
     state = dataclasses.replace(scene, camtoworlds=moved)
-    found = pose_error.median_px(state, true_of(scene), views, [1.0] * len(views))
+    found = pose_error.median_px(state, true_of(scene), points_of(scene, views))
     assert 0 < found < 0.5 * px
 
 
@@ -56,17 +62,26 @@ def test_the_frame_is_no_error(scene, rng):
     moved = cameras.apply_similarity(scene.camtoworlds, 2.5, turn, rng.normal(size=3))
     views = scene.views("train")
     true = true_of(scene) | {"camtoworlds": moved}
-    found = pose_error.median_px(scene, true, views, [1.0] * len(views))
-    assert found == pytest.approx(0, abs=1e-9)
+    points = {
+        view: 2.5 * own @ turn.T
+        + (moved[0, :, 3] - 2.5 * turn @ scene.camtoworlds[0, :, 3])
+        for view, own in points_of(scene, views).items()
+    }
+    assert pose_error.median_px(scene, true, points) == pytest.approx(0, abs=1e-6)
 
 
-def test_true_depths_are_in_the_scenes_frame(scene, tmp_path):
+def test_true_points_are_in_the_truths_frame(scene, tmp_path):
     (tmp_path / "truth" / "depth").mkdir(parents=True)
     views = scene.views("train")
     for view in views:
         path = tmp_path / "truth" / "depth" / f"{scene.names[view]}.npz"
-        np.savez(path, depth_m=np.full((4, 4), 3.0 + view))
-    given = prepared.read_cameras(tmp_path / "cameras.npz")["camtoworlds"]
-    scale = cameras.frame_of(given).scale
-    found = pose_error.true_depths(scene, tmp_path / "truth", views)
-    np.testing.assert_allclose(found, [scale * (3.0 + view) for view in views])
+        depth_m = np.full((48, 64), 3.0 + view)
+        depth_m[:24] = np.inf
+        np.savez(path, depth_m=depth_m)
+    given = prepared.read_cameras(tmp_path / "cameras.npz")
+    found = pose_error.true_points(scene, tmp_path / "truth", views)
+    for view in views:
+        camera = given["pixtocams"][view], given["camtoworlds"][view]
+        pixels, depth = cameras.project(found[view], *camera)
+        np.testing.assert_allclose(depth, 3.0 + view)
+        assert pixels[:, 1].min() > 24

@@ -1,0 +1,141 @@
+"""Check and adjust the cameras that came with photos: `make poses FOLDER=my_scan`.
+
+FOLDER holds photos and their cameras by an app or another program, as for `make
+photos`. Nothing is trained. Prints what is wrong with the cameras; where bundle
+adjustment makes them better, writes results/NAME/adjusted/: photos, transforms.json,
+sparse/0 with points, the kind that went in, and report.json.
+"""
+
+import argparse
+import json
+import logging
+from pathlib import Path
+
+from alignerf.experiment.checks import scenes as of_scenes
+from alignerf.experiment.keys import scene as scene_keys
+from alignerf.exports import formats, photos, points
+from alignerf.files import atomic, faults, provenance
+from alignerf.scenes import photos as photo_files
+from alignerf.scenes import prepare, prepared
+from alignerf.scenes.loading import readers
+from alignerf.sfm import calibration, capture, conventions
+from alignerf.start import configs, folders
+
+log = logging.getLogger("alignerf")
+
+NAME = "adjusted"
+
+
+def main(argv=None):
+    args = parse(argv)
+    if not args.folder:
+        command = provenance.typed("make poses FOLDER=my_scan", "why-blurry poses scan")
+        raise ValueError(f"FOLDER is missing: {command}")
+    folder = folders.at_home(args.folder)
+    scenes = folders.scenes_of(folder)
+    if args.name and len(scenes) == 1:
+        scenes = {args.name: next(iter(scenes.values()))}
+    for scene in scenes.values():
+        if "adjusted" not in scene_keys.SOURCES[scene["source"]].poses:
+            command = provenance.typed(*configs.PHOTOS).format(folder)
+            raise ValueError(
+                f"{scene['path']}: no cameras came with these photos, so there are "
+                f"none to check: `{command}` finds them by COLMAP"
+            )
+    for name, scene in scenes.items():
+        chosen = scene | {"poses": "adjusted"}
+        if args.background:
+            chosen["background"] = args.background
+        if args.pose_convention:
+            chosen["pose_convention"] = args.pose_convention
+        adjust(name, of_scenes.checked(chosen), args)
+
+
+def adjust(name, config, args):
+    """Check one scene's cameras, print what they are like, and write better ones."""
+    place = Path("results", name)
+    with atomic.scratch_folder(place, name="poses") as scratch:
+        views, *_ = readers.READERS[config["source"]](config, scratch)
+        views = prepare.sort_by_name(views)
+        poses = conventions.undone(
+            config["pose_convention"], views.names, views.camtoworlds
+        )
+        views = views._replace(camtoworlds=poses)
+        prepared.check_views(config["path"], views)
+        prepared.check_places(config["path"], views)
+        checked = capture.check(views, scratch, config, adjusts=True, lens=True)
+        print(f"{name}: {len(views.names)} photos, {summary(checked.report)}")
+        if checked.found is None:
+            changed = config["pose_convention"] != conventions.NONE
+            if not changed:
+                print(f"{name}: nothing is written; the cameras are best as they came")
+                return
+        with atomic.replace_folder(place / NAME) as folder:
+            write(
+                folder, scratch, views, checked, config, photos_too=not args.no_photos
+            )
+        print(f"{name}: {place / NAME}", flush=True)
+
+
+def summary(report):
+    """What the check says, in a line."""
+    told = report["adjustment"]
+    if told["accepted"]:
+        lens = ", a lens distortion found" * bool(told["distortion"])
+        return (
+            f"poses off by {told['pose_error_px']:.2f} px of the photo (worst "
+            f"{told['worst_px']:.1f}): adjusted; held-out matches "
+            f"{told['before_px']:.2f} -> {told['after_px']:.2f} px{lens}"
+        )
+    return f"cameras stay as they came: {told['why']}"
+
+
+def write(folder, scratch, views, checked, config, *, photos_too):
+    """Write an export of the views by the cameras that the check has found."""
+    split = views.split
+    if split is None:
+        every = scene_keys.every_of(config, len(views.names))
+        split = prepare.split_views(len(views.names), test_every=every)
+    now = views._replace(split=split)
+    if checked.found:
+        where = config["path"]
+        now = calibration.applied(now, checked.cameras_of(views), where)
+    masked = now.masks is not None
+    if photos_too:
+        photos.write(folder, now, alpha=config["source"] == "blender")
+    arrays = photos.arrays_of(now)
+    model = points.of_matches(arrays, checked, scratch, config["seed"])
+    formats.write_colmap(folder, model, arrays)
+    formats.write_transforms(
+        folder / "transforms.json",
+        arrays,
+        masked=masked and photos_too,
+        points=(folder / formats.POINTS).is_file(),
+    )
+    if now.bounds is not None:
+        formats.write_llff(folder / "poses_bounds.npy", arrays, now.bounds)
+    report = checked.report | {"of": str(config["path"])}
+    (folder / "report.json").write_text(json.dumps(report, indent=1) + "\n")
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(prog=configs.program("poses"), description=__doc__)
+    parser.add_argument("folder", help="photos with cameras, or folders of such")
+    parser.add_argument("--name", type=configs.name, help="of the results")
+    parser.add_argument(
+        "--pose-convention",
+        choices=scene_keys.CONVENTIONS,
+        help="the mistake of the file of cameras, which is undone",
+    )
+    parser.add_argument(
+        "--background", choices=sorted(photo_files.BACKGROUNDS), help="behind alpha"
+    )
+    parser.add_argument(
+        "--no-photos", action="store_true", help="write cameras and points alone"
+    )
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    faults.run(main)
