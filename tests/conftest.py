@@ -33,7 +33,7 @@ import numpy as np
 import pytest
 import yaml
 
-from tests import dry_runs
+from tests import dry_runs, ratchet
 
 # One device in this process, whatever stage it calls first (see processes/devices.py).
 jax.devices()
@@ -47,6 +47,21 @@ LONGEST = ("test_chain.py", "test_bench.py")
 def pytest_collection_modifyitems(items):
     """The longest first: begun last, one of them keeps a core idle for minutes."""
     items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
+def pytest_sessionfinish(session):
+    """Tell whose tests took more than the seconds of tests/ratchet.yaml.
+
+    A busy machine takes any time: only `ALIGNERF_TIME_BUDGETS=1 make test` fails.
+    """
+    # Only the process that reports has one; it has the reports of all workers.
+    if reporter := session.config.pluginmanager.get_plugin("terminalreporter"):
+        found = list(ratchet.slow(ratchet.seconds(reporter.stats)))
+        reporter.ensure_newline()
+        for line in found:
+            reporter.write_line(f"slow: {line}", yellow=True)
+        if found and os.environ.get("ALIGNERF_TIME_BUDGETS") == "1":
+            session.exitstatus = session.exitstatus or pytest.ExitCode.TESTS_FAILED
 
 
 @pytest.fixture(scope="session")

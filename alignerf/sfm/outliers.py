@@ -8,8 +8,8 @@ from alignerf.files import faults
 TIMES, MIN_PX = 5.0, 3.0
 # A focal length this many times longer or shorter than the others' median.
 FOCAL_TIMES = 1.5
-# Of the photo's size, how far beyond its border a principal point may be.
-BEYOND = 0.05
+# Of the photo's size, how far from its middle a principal point may be.
+MAX_OFF_CENTRE = 0.45
 # Numbers of a photo this many times as large are recognised.
 MULTIPLES = (2, 4, 8)
 # So near to half of such a photo lies its principal point.
@@ -49,17 +49,17 @@ def of_lenses(names, camtopix):
 
 
 def check_principal_points(camtopix, size, where):
-    """ValueError where the principal points of all views lie outside of the photo."""
+    """ValueError where no view's principal point lies within the photo."""
     centres = camtopix[:, :2, 2] / np.array(size)
-    outside = ((centres < -BEYOND) | (centres > 1 + BEYOND)).any(axis=1)
-    if not outside.all():
+    if not (np.abs(centres - 0.5) > MAX_OFF_CENTRE).any(axis=1).all():
         return
     middle = np.median(centres, axis=0)
     times = [k for k in MULTIPLES if np.abs(middle / k - 0.5).max() < NEAR]
     scale = f": the numbers are of a photo {times[0]} times as large" if times else ""
     cx, cy = np.median(camtopix[:, :2, 2], axis=0)
+    width, height = map(round, size)
     raise ValueError(
-        f"{where}: the principal point ({cx:.0f}, {cy:.0f}) lies outside of photos of "
-        f"{size[0]}x{size[1]} px{scale}. Scale fl_x, fl_y, cx and cy, or state their "
-        "photo's size (w and h)"
+        f"{where}: the principal point ({cx:.0f}, {cy:.0f}) is far from the middle of "
+        f"photos of {width}x{height} px{scale}. Scale fl_x, fl_y, cx and cy, or state "
+        "the size of their photo (w and h)"
     )

@@ -61,7 +61,7 @@ def length_px(camera, other, size, depth):
 
 
 def true_points(state: prepared.Scene, truth, views):
-    """{view: [k, 3]}: points that views see, in the truth's frame, by the true depth."""
+    """{view: [k, 3]}: points that views see by the true depth, in the truth's frame."""
     given, found = prepared.read_cameras(state.folder / "cameras.npz"), {}
     for view in views:
         path = f"{truth}/depth/{state.names[view]}.npz"

@@ -56,7 +56,7 @@ def scene(tmp_path, rng):
     write_cameras(tmp_path / "truth" / "cameras.npz", true)
     loaded = prepared.load(tmp_path)
     scale = cameras.frame_of(given).scale
-    for kind in ("flow", "depth"):
+    for kind in ("flow", "depth", "truth/depth"):
         (tmp_path / kind).mkdir()
     y = np.indices((HEIGHT, WIDTH))[0]
     depth = np.minimum(1 / np.maximum((y - 12) / 40, 0.05), 9.0)
@@ -69,6 +69,7 @@ def scene(tmp_path, rng):
         files.write_flow(tmp_path / "flow" / f"{NAMES[i]}.npz", flow_px, valid)
         # The renders' depth is in units of the normalised scene.
         np.savez(tmp_path / "depth" / f"{NAMES[i]}.npz", depth=scale * depth)
+        np.savez(tmp_path / "truth" / "depth" / f"{NAMES[i]}.npz", depth_m=depth)
     return tmp_path
 
 

@@ -9,7 +9,6 @@ import pytest
 from alignerf import poses
 from alignerf.files import images
 from alignerf.scenes import cameras, prepared
-from alignerf.scenes.loading import points as points_of
 
 COURTYARD = {
     "source": "courtyard",
@@ -207,21 +206,20 @@ def test_courtyard_through_colmap(tmp_path):
     assert (front[inside] < 0.9 * there).mean() < 0.1
 
 
-def test_windows_of_a_scene_have_its_photos_cameras_split(tmp_path, monkeypatch):
+def test_windows_of_a_scene_have_its_photos_cameras_split(tmp_path):
     """Without COLMAP, at the photos' own size, several of each photo."""
     courtyard = COURTYARD["courtyard"] | {"width": 192, "height": 144, "views": 6}
     whole = COURTYARD | {"courtyard": courtyard}
     poses.main(whole, tmp_path / "whole")
     points = np.random.default_rng(0).normal(scale=0.7, size=(200, 3))
-    found = points, np.zeros((200, 3), np.uint8)
+    path = tmp_path / "whole" / prepared.POINTS
+    np.savez(path, points=points, colours=np.zeros((200, 3), np.uint8))
     given = tmp_path / "whole" / "cameras.npz"
     moved = load(given)
     moved["camtoworlds"][:, 0, 3] += 1e-3
     np.savez(tmp_path / "moved.npz", **moved)
     zoom = {"of": "whole", "px": 64, "count": 2}
     config = whole | {"downscale": 1, "perturb_px": 0.0, "zoom": zoom}
-    has_points = lambda views, *_: (views._replace(points=found), {})  # noqa: E731
-    monkeypatch.setattr(points_of, "with_points", has_points)
     poses.main(config, tmp_path / "given", tmp_path / "whole", given)
     # Other cameras, at the same places.
     out, places = tmp_path / "windows", tmp_path / "given"
@@ -250,7 +248,6 @@ def test_windows_of_a_scene_have_its_photos_cameras_split(tmp_path, monkeypatch)
 def test_windows_of_views_that_share_no_points(tmp_path, monkeypatch):
     """They lie where all cameras look; where those look apart, one line says so."""
     poses.main(COURTYARD, tmp_path / "whole")
-    monkeypatch.setattr(points_of, "with_points", lambda views, *_: (views, {}))
     zoom = {"of": "whole", "px": 64, "count": 2}
     config = COURTYARD | {"downscale": 1, "zoom": zoom}
     given = (tmp_path / "whole", tmp_path / "whole" / "cameras.npz")

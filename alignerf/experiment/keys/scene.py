@@ -81,7 +81,7 @@ def wants_matches(scene):
     """
     poses, wanted = poses_of(scene), scene["triangulate"]
     if scene["zoom"]:
-        return poses != "colmap" and not scene["zoom"]["of"]
+        return poses != "colmap" and not scene["zoom"].get("of")
     if scene["judged"] and not scene["judged"]["cameras"]:
         return False
     return poses in INPUT if wanted is None else wanted and poses != "colmap"

@@ -162,7 +162,10 @@ def test_points_are_found_where_they_are_missing(has, asked, wanted):
     scene["judged"] = None
     assert scene_keys.wants_matches(scene) is wanted
     # Windows have them from the whole photos.
-    assert not scene_keys.wants_matches(scene | {"zoom": {"px": 256}})
+    # Crops lie around points.
+    crops = scene | {"zoom": {"px": 256}}
+    assert scene_keys.wants_matches(crops) is (scene["poses"] != "colmap")
+    assert not scene_keys.wants_matches(scene | {"zoom": {"of": "other"}})
 
 
 def test_a_full_disk_is_told_as_the_system_tells_it():

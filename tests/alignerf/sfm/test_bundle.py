@@ -1,0 +1,148 @@
+"""Bundle adjustment: what is planted comes out, and what is right stays."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from alignerf.scenes import cameras as posed
+from alignerf.sfm import acceptance, bundle, capture, similarity
+from tests.alignerf.sfm import made
+
+
+def perturbed(true, px, rng):
+    poses = posed.perturb_poses(true.camtoworlds, true.pixtocams, px, rng)
+    return true._replace(camtoworlds=poses)
+
+
+def error_px(true, now, adjusted):
+    points = {
+        view: adjusted.points.of_view(view)
+        for view in range(len(true.camtopix))
+        if len(adjusted.points.seen[view])
+    }
+    return np.array(list(similarity.distance_px(true, now, points).values()))
+
+
+@pytest.mark.parametrize("px", [1.5, 6.0, 30.0])
+def test_at_most_a_tenth_of_a_planted_error_remains(rng, tmp_path, px):
+    true = made.cameras()
+    given = perturbed(true, px, rng)
+    found = made.matched(true, rng)
+    adjusted = bundle.adjust(found, given, tmp_path, seed=0)
+    before, after = (
+        np.median(error_px(true, one, adjusted)) for one in (given, adjusted.cameras)
+    )
+    assert before > 0.5 * px
+    assert after < 0.1 * before
+    assert acceptance.judge(found, given, adjusted.cameras).halved
+    # The frame stays the input's, by what the cameras see.
+    np.testing.assert_allclose(
+        adjusted.cameras.camtoworlds, true.camtoworlds, atol=0.05 * max(px, 3) / 6
+    )
+
+
+def test_right_cameras_are_not_replaced(rng, tmp_path):
+    true = made.cameras()
+    found = made.matched(true, rng, noise_px=0.4)
+    adjusted, told = capture.adjust(found, true, tmp_path, 0, 1.0, lens=True)
+    assert adjusted is None
+    assert not told["accepted"]
+    assert "no gain" in told["why"]
+
+
+def test_lost_poses_are_placed_by_the_points(rng, tmp_path):
+    true = made.cameras()
+    poses = perturbed(true, 1.0, rng).camtoworlds.copy()
+    poses[[3, 7]] = np.eye(4)[:3]
+    given = true._replace(camtoworlds=poses)
+    adjusted = bundle.adjust(made.matched(true, rng), given, tmp_path, seed=0)
+    assert adjusted.placed == [3, 7]
+    assert error_px(true, adjusted.cameras, adjusted).max() < 0.5
+
+
+def test_a_view_without_tracks_moves_with_its_neighbour(rng, tmp_path):
+    true = made.cameras()
+    given = perturbed(true, 3.0, rng)
+    found = made.matched(true, rng, unseen=(5,))
+    adjusted = bundle.adjust(found, given, tmp_path, seed=0)
+    assert adjusted.carried == [5]
+    # As rigidly as the neighbour has moved.
+    for neighbour in (4, 6):
+        relative = (
+            np.linalg.norm(cameras[5, :, 3] - cameras[neighbour, :, 3])
+            for cameras in (given.camtoworlds, adjusted.cameras.camtoworlds)
+        )
+        before, after = relative
+        assert after == pytest.approx(before, rel=0.2)
+
+
+@pytest.mark.parametrize("bent", [True, False])
+def test_a_lens_is_found_where_the_matches_show_it(rng, tmp_path, bent):
+    distortion = (0.2, -0.05, 0, 0, 0) if bent else (0.0,) * 5
+    true = made.cameras(distortion=distortion)
+    given = perturbed(made.cameras(), 2.0, rng)
+    found = made.matched(true, rng, points=900)
+    adjusted, told = capture.adjust(found, given, tmp_path, 0, 1.0, lens=True)
+    assert told["accepted"]
+    if bent:
+        assert told["distortion"][0] == pytest.approx(0.2, abs=0.03)
+    else:
+        assert told["distortion"] is None
+    assert np.median(error_px(true, adjusted.cameras, adjusted)) < 0.3
+
+
+def test_lenses_of_single_frames_become_those_of_their_camera(rng):
+    given = made.cameras()
+    jitter = np.exp(rng.normal(size=12) * 0.01)
+    given.camtopix[:, [0, 1], [0, 1]] *= jitter[:, None]
+    given.camtopix[4:6, [0, 1], [0, 1]] *= 3
+    groups = bundle.groups_of(given, made.WIDTH)
+    assert groups[4] == groups[5]
+    assert len(set(np.delete(groups, [4, 5]))) == 1
+    assert groups[0] != groups[4]
+    shared = bundle.one_lens_each(given, groups).camtopix[:, 0, 0]
+    assert len(set(shared)) == 2
+
+
+@pytest.mark.parametrize("points", [0, 8])
+def test_too_few_tracks_change_nothing(rng, tmp_path, points):
+    true = made.cameras()
+    found = made.matched(
+        true, rng, points=max(points, 1), unseen=() if points else range(12)
+    )
+    adjusted, told = capture.adjust(found, true, tmp_path, 0, 1.0, lens=False)
+    assert adjusted is None
+    assert "too few" in told["why"]
+
+
+def test_moving_things_do_not_carry_the_cameras_away(rng, tmp_path):
+    true = made.cameras()
+    given = perturbed(true, 3.0, rng)
+    found = made.matched(true, rng, wrong=0.15)
+    adjusted = bundle.adjust(found, given, tmp_path, seed=0)
+    assert np.median(error_px(true, adjusted.cameras, adjusted)) < 0.3
+
+
+def test_the_same_twice(rng, tmp_path):
+    true = made.cameras()
+    given, found = perturbed(true, 2.0, rng), made.matched(true, rng)
+    one, other = (
+        bundle.adjust(found, given, tmp_path / name, seed=0).cameras
+        for name in ("one", "other")
+    )
+    np.testing.assert_allclose(one.camtoworlds, other.camtoworlds, atol=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])
+def test_a_similarity_by_what_is_seen(rng, scale):
+    true = made.cameras()
+    turn, shift = Rotation.random(rng=2).as_matrix(), scale * rng.normal(size=3)
+    moved = true._replace(
+        camtoworlds=posed.apply_similarity(true.camtoworlds, scale, turn, shift)
+    )
+    points = {view: rng.normal(size=(40, 3)) * 0.8 for view in range(12)}
+    found = similarity.fit(moved, true, points)
+    assert found[0] == pytest.approx(scale, rel=1e-6)
+    np.testing.assert_allclose(found[1], turn, atol=1e-7)
+    np.testing.assert_allclose(found[2], shift, atol=1e-5 * scale)
+    assert max(similarity.distance_px(moved, true, points).values()) < 1e-3
