@@ -28,8 +28,9 @@ log = logging.getLogger("alignerf")
 # of the cameras' own error, up to a bound; then half as much each time; last of all, as
 # in COLMAP's own mapper.
 START, MAX_START_PX, NEAR_PX, LAST_PX = 6.0, 96.0, 6.0, 4.0
-# Of the robust loss, in px; the last turn's hardly feels what moves.
-SOFT_PX, CAUCHY_PX = 1.0, 0.5
+# Of the robust loss, in px: while poses are far off, and when they are near. The second
+# hardly feels what moves.
+SOFT_PX, CAUCHY_PX = 1.0, 0.25
 # Of the cost, from which on a bundle adjustment has converged.
 TOLERANCE = 1e-6
 # A view with fewer keypoints on points is held by none of them.
@@ -110,13 +111,9 @@ def adjust(matches: Matches, given: Cameras, work, *, seed, lens=False, images=N
             # Wrong poses bend a lens that is free before they are nearly right.
             near = px <= NEAR_PX
             refined = solve(
-                model,
-                state,
-                focal=near or turn > 0,
-                lens=near and lens,
-                last=turn == len(every) - 1,
+                model, state, focal=near or turn > 0, lens=near and lens, near=near
             )
-            state, new = with_more(matches, refined, model)
+            state, new = with_more(matches, refined, model, px, seed)
             placed += new
         model = triangulate_with(state, px=LAST_PX, lens=lens, images=images)
     points = points_of(model, matches)
@@ -274,7 +271,7 @@ def triangulated(database, matches, state, *, work, px, seed, lens=False, images
     )
 
 
-def solve(model, state: State, *, focal, lens, last) -> State:
+def solve(model, state: State, *, focal, lens, near) -> State:
     """The state after a bundle adjustment of the model, which changes."""
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_focal_length = focal
@@ -282,8 +279,8 @@ def solve(model, state: State, *, focal, lens, last) -> State:
     # Alone it hides in the poses.
     options.refine_principal_point = False
     loss = pycolmap.LossFunctionType
-    options.ceres.loss_function_type = loss.CAUCHY if last else loss.SOFT_L1
-    options.ceres.loss_function_scale = CAUCHY_PX if last else SOFT_PX
+    options.ceres.loss_function_type = loss.CAUCHY if near else loss.SOFT_L1
+    options.ceres.loss_function_scale = CAUCHY_PX if near else SOFT_PX
     # COLMAP's own goes on for 100 iterations; poses then move by less than 1e-3 px.
     options.ceres.solver_options.function_tolerance = TOLERANCE
     options.print_summary = False
@@ -311,8 +308,13 @@ def solve(model, state: State, *, focal, lens, last) -> State:
     return state._replace(cameras=Cameras(lenses, poses, distortion))
 
 
-def with_more(matches: Matches, state: State, model):
-    """(the state with views placed by the points that they see, their indices)."""
+def with_more(matches: Matches, state: State, model, px, seed):
+    """(the state with views placed by the points that they see, their indices).
+
+    px: within which a point is seen where it should be.
+    """
+    options = pycolmap.AbsolutePoseEstimationOptions()
+    options.ransac.max_error, options.ransac.random_seed = px, seed
     points = {}
     for image in model.images.values():
         if image.has_pose:
@@ -333,7 +335,7 @@ def with_more(matches: Matches, state: State, model):
             1,
             lens=False,
         )
-        found = pycolmap.estimate_and_refine_absolute_pose(xy, xyz, camera)
+        found = pycolmap.estimate_and_refine_absolute_pose(xy, xyz, camera, options)
         if found and found["num_inliers"] >= MIN_TRACKS:
             world = found["cam_from_world"].inverse().matrix()
             world[:, :3] = world[:, :3] @ cameras.OPENGL_FROM_OPENCV

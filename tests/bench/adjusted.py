@@ -13,6 +13,7 @@ capture by `tests.bench.surveyed`.
 import argparse
 import csv
 import os
+import tempfile
 import time
 from pathlib import Path
 
@@ -47,7 +48,9 @@ def load(scene, folder):
     folder.mkdir(parents=True, exist_ok=True)
     config = of_scenes.checked(scene)
     path = folder / "matches.npz"
-    views, *_ = readers.READERS[config["source"]](config, folder)
+    # Photos of the courtyard lie there.
+    scratch = tempfile.mkdtemp(dir=folder)
+    views, *_ = readers.READERS[config["source"]](config, Path(scratch))
     views = prepare.sort_by_name(views)
     if not path.is_file():
         found = matches.find(views, folder, max_size_px=1600, seed=0)

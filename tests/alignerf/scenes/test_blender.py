@@ -169,7 +169,7 @@ def test_a_config_may_say_so():
     config = {
         "scenes": {"lego": {"source": "blender", "path": ".", "background": "white"}}
     }
-    assert check.checked(config)["scenes"]["lego"]["poses"] == "given"
+    assert check.checked(config)["scenes"]["lego"]["poses"] == "adjusted"
 
 
 def test_frames_without_a_photo_are_named(scene):

@@ -102,7 +102,7 @@ def test_a_phones_poses_and_colmaps_are_two_scenes(here, source, capsys):
     wanted = {"desk": scene, "desk_colmap": scene | {"poses": "colmap"}}
     assert written["scenes"] == wanted
     found = check.checked(written)["scenes"]
-    assert [found[name]["poses"] for name in wanted] == ["given", "colmap"]
+    assert [found[name]["poses"] for name in wanted] == ["adjusted", "colmap"]
     # Windows have the poses of the scene that they are of.
     assert found["desk_colmap_windows"]["poses"] == "colmap"
     said = capsys.readouterr().out

@@ -61,7 +61,11 @@ def test_the_config_can_be_run(here, runs, capsys):
     assert targets.exports(experiment) == [f"{what}/cameras", f"{what}/photos"]
     words = {w: inputs.export_options(experiment, "mine", "theirs", w) for w in KINDS}
     # Held-out cameras are fitted by the flow of the renders before these were moved.
-    assert words["cameras"][-2] == "--corrected-by"
+    assert "--corrected-by" in words["cameras"]
+    # Bundle-adjusted ones are taken instead where held-out matches accept them.
+    adjusted = ["--adjusted", "results/mine/images/adjusted/cameras.npz"]
+    assert words["cameras"][-2:] == adjusted
+    assert "--adjusted" not in words["photos"]
     assert "--fit-held-out" not in words["photos"]
     assert (
         "8 pairs of photo and render, named like the photos" in capsys.readouterr().out
