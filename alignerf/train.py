@@ -126,8 +126,7 @@ def train(job, args):
     loaded = prepared.load(args.scene, args.cameras)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
     check_inputs(job, loaded, chosen, photos, args.valid)
-    moves = job.refine or job.align
-    compared = to_truth(loaded, args.truth) if moves and args.truth else None
+    compared = to_truth(loaded, args.truth) if args.truth else None
     method = compose.make_method(job, lambda: refine.views_of(loaded))
     params = initial_params(job, method, args.initial)
     shapes = batches.view_shapes(loaded, chosen)
@@ -157,7 +156,8 @@ def train(job, args):
     if rank.is_first():
         write_learnt(job, moved, aligner, views, args)
     if compared:
-        errors_px = {"given": compared(loaded), "after": compared(moved)}
+        own = prepared.load(args.scene)
+        errors_px = {"given": compared(own), "after": compared(moved)}
         timing["pose_error_px"] = errors_px
     return params, timing
 
