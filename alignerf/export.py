@@ -38,15 +38,16 @@ class Chosen(NamedTuple):
     """What goes out: views with cameras, and how they came about.
 
     fitted: names of the held-out views whose cameras are. moved: whether cameras are
-    others than the scene's; corrected: whether those of training views are. warped:
-    whether photos are. unknown: whether how they are warped is not on disk, so that
-    they have the size of training.
+    others than the scene's; corrected: whether those of training views are; adjusted:
+    whether all are those of bundle adjustment. warped: whether photos are. unknown:
+    whether how they are warped is not on disk, so that they have the size of training.
     """
 
     views: prepare.PosedViews
     fitted: list[str]
     moved: bool
     corrected: bool
+    adjusted: bool
     warped: bool
     unknown: bool
 
@@ -72,7 +73,7 @@ def main(argv=None):
         masked = photos.write(folder, chosen.views, alpha=is_synthetic(args.scene))
         arrays = photos.arrays_of(chosen.views)
         agreeing = np.arange(len(chosen.views.names))
-        if chosen.moved:
+        if chosen.moved and not chosen.adjusted:
             agreeing = points.agreeing(arrays, chosen.fitted)
         model, of_points = points.of(
             folder,
@@ -125,7 +126,9 @@ def choose(args, config, work) -> Chosen:
     corrected = photos.has_moved(given, now, loaded.views("train"))
     views = sizes.at_width(views, args.width)
     warped = bool(args.warped)
-    return Chosen(views, fitted, moved, corrected, warped, full and not known)
+    adjusted = args.cameras is not None and args.cameras == args.adjusted
+    flags = moved, corrected, adjusted, warped, full and not known
+    return Chosen(views, fitted, *flags)
 
 
 def pays(verdict, method):

@@ -44,7 +44,7 @@ def told(folder, args, arrays, chosen, of_points, *, paid) -> readme.Told:
         title=f"Photos and cameras of {faults.resolved(args.scene).name}",
         arrays=arrays,
         size=of_size(args.scene, arrays, chosen),
-        cameras=of_cameras(args, chosen, paid=paid),
+        cameras=of_cameras(args, chosen, poses, paid=paid),
         held_out=of_held_out(chosen),
         frame=FRAMES.get(source, "that of the files that they came in"),
         files=files,
@@ -72,14 +72,23 @@ def of_size(scene, arrays, chosen):
     )
 
 
-def of_cameras(args, chosen, *, paid):
+def of_cameras(args, chosen, poses, *, paid):
     """A sentence on whether cameras are corrected, and why not."""
+    told = (poses.get("cameras") or {}).get("adjustment") or {}
+    by_px = ""
+    if told.get("accepted"):
+        by_px = f"by {told['pose_error_px']:.1f} px of the photo"
+    if chosen.adjusted:
+        return f"Cameras are corrected by bundle adjustment, {by_px} in the median."
+    own = "Cameras are as given"
+    if by_px and poses.get("poses") == "adjusted":
+        own = f"Cameras were corrected before training, {by_px} in the median"
     if not paid:
         why = DID_NOT_PAY.format(method=args.if_pays[1])
-        return f"Cameras are as given, not corrected: {why}."
+        return f"{own}, and not corrected further: {why}."
     if not chosen.corrected:
         if not args.cameras:
-            return "Cameras are as given."
+            return f"{own}."
         return (
             "Cameras of photos to learn from are as given: this run looked at them, "
             "and moved\nnone."
@@ -89,7 +98,7 @@ def of_cameras(args, chosen, *, paid):
 
 def of_held_out(chosen):
     """A sentence on the cameras of held-out views."""
-    if not chosen.moved:
+    if chosen.adjusted or not chosen.moved:
         return "So are those of held-out photos."
     if not chosen.fitted:
         return (

@@ -169,8 +169,7 @@ ADVICE = (
     ),
     (
         "camera",
-        "train again with the corrected cameras: `{export}` writes them. If the "
-        "cameras are a phone's own, COLMAP's on the same photos are better still.",
+        "train again with the corrected cameras: `{export}` writes them.",
     ),
     ("motion", "train again on the warped photos: `{export}` writes them."),
     ("sparse", "take more photos between those you have. Warping would not help."),
