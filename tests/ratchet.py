@@ -96,10 +96,14 @@ def faults(unit, counts, most):
 
 
 def seconds(stats):
-    """{folder: seconds of its tests} of a terminal reporter's reports."""
+    """{folder: seconds of its tests} of a terminal reporter's reports.
+
+    The seconds of a subtest, whose report has a context, are within those of its test.
+    """
     totals = Counter()
     for report in (report for reports in stats.values() for report in reports):
-        if duration := getattr(report, "duration", 0):
+        duration = getattr(report, "duration", 0)
+        if duration and not hasattr(report, "context"):
             totals[report.nodeid.partition("::")[0].rpartition("/")[0]] += duration
     return totals
 

@@ -68,6 +68,9 @@ def test_seconds_are_of_folders(monkeypatch):
     stats = {
         "": [report("tests/a/test_a.py::test_a[x/y]", 2.0)],
         "passed": [report("tests/a/test_b.py::test_b", 3.0), report("tests/t.py", 4.0)],
+        "subtests passed": [
+            SimpleNamespace(nodeid="tests/a/b.py::c", duration=1.0, context="a part")
+        ],
         "deselected": [SimpleNamespace(nodeid="tests/a/test_a.py::test_c")],
     }
     totals = ratchet.seconds(stats)

@@ -59,6 +59,9 @@ def exit_code(main, *arguments, **options) -> int:
     except (ValueError, OSError) as error:
         say(error)
         return 1
+    except KeyboardInterrupt:
+        print("stopped; nothing half-made is left", file=sys.stderr)
+        return 130
     except Exception as error:
         if (name := platform_missing()) is None:
             raise

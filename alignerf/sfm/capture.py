@@ -26,6 +26,10 @@ log = logging.getLogger("alignerf.poses")
 
 # Fewer held-out matches accept nothing.
 MIN_MATCHES = 100
+# Adjusted cameras that are further off, in px of the matches, are not right either.
+MAX_LEFT_PX = 3.0
+# Input cameras that are so far off, and cannot be adjusted, are of other photos.
+MAX_INPUT_PX = 20.0
 
 
 class Checked(NamedTuple):
@@ -67,10 +71,12 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
     photo_px = views.width / matched.width
     report = {"matches": matched.count(), "pairs": len(matched.pairs)}
     report |= check_convention(matched, given, photo_px, where)
-    report["stand_out"] = stand_out(matched, given, photo_px, where)
+    report |= stand_out(matched, given, photo_px, where)
     found, told = None, {"accepted": False, "why": "not asked for"}
     if adjusts:
-        found, told = adjust(matched, given, work, seed, photo_px, lens=lens)
+        found, told = adjust(
+            matched, given, work, seed, photo_px, lens=lens, where=where
+        )
     report["adjustment"] = told
     report["time_s"] = round(time.monotonic() - started, 1)
     return Checked(matched, given, found, report)
@@ -84,16 +90,19 @@ def check_convention(matched, given, photo_px, where):
         name = list(found)[1]
         error_px, count = found[name]
         raise ValueError(
-            f"{where}: the cameras are {conventions.describe(name)}: taken so, "
-            f"{count} matches agree to {photo_px * error_px:.2f} px of the photo; as "
-            f"they are, {own} to {photo_px * own_px:.1f} px. To take them so: "
+            f"{where}: its cameras have {conventions.describe(name)}: read that way, "
+            f"{count} matches agree to {photo_px * error_px:.2f} px of the photo; read "
+            f"as they are, {own} to {photo_px * own_px:.1f} px. To read them that way: "
             f"`pose_convention: {name}` in the config, or --pose-convention {name}"
         )
     return {"epipolar_px": None if np.isinf(own_px) else round(photo_px * own_px, 4)}
 
 
 def stand_out(matched, given, photo_px, where):
-    """{"views", "lenses": {view: why}} of those that stand out, which are logged."""
+    """The report's part on views: their errors, and those that stand out.
+
+    Views and lenses that do are logged.
+    """
     views, xy = matched.places()
     errors = epipolar.errors_px(views, xy, given.pixtocams, given.camtoworlds)
     px = photo_px * epipolar.by_view(views, errors, len(matched.names))
@@ -105,10 +114,12 @@ def stand_out(matched, given, photo_px, where):
         if odd:
             said = [f"{faults.shown(name)}: {why}" for name, why in odd.items()]
             log.warning("%s: %s that stand out: %s", where, kind, "; ".join(said[:5]))
-    return found
+    each = zip(matched.names, px, strict=True)
+    known = {name: round(float(e), 3) if np.isfinite(e) else None for name, e in each}
+    return {"epipolar_of_views_px": known, "stand_out": found}
 
 
-def adjust(matched, given, work, seed, photo_px, *, lens):
+def adjust(matched, given, work, seed, photo_px, *, lens, where=""):
     """(`bundle.Adjusted` or None, what the report says of it)."""
 
     def left(why, more=None):
@@ -125,6 +136,15 @@ def adjust(matched, given, work, seed, photo_px, *, lens):
     if not judged.accepted:
         change = f"{judged.before_px:.2f} -> {judged.after_px:.2f} px"
         return left(f"held-out matches {change}: no gain", judged.told())
+    if judged.after_px > photo_px * MAX_LEFT_PX:
+        why = f"adjusting leaves held-out matches {judged.after_px:.0f} px off"
+        if lens and judged.before_px > photo_px * MAX_INPUT_PX:
+            raise ValueError(
+                f"{where}: its cameras do not fit these photos: held-out matches are "
+                f"{judged.before_px:.0f} px off, adjusted {judged.after_px:.0f} px. "
+                "Are they of other photos? `poses: given` trains with them anyway"
+            )
+        return left(why, judged.told())
     told = judged.told() | difference(matched.names, given, found, photo_px)
     log.info(
         "poses were off by %.2f px of the photo (worst view %.1f px): corrected. "

@@ -83,14 +83,14 @@ def find(views: prepare.PosedViews, work, *, max_size_px, seed) -> Matches:
         masks = Path(work) / "matched_masks"
         prepare.write_photos(masks, small._replace(photos=small.masks), ".png.png")
     size = small.width, small.height
-    database, names = Path(work) / "matched.db", views.names
-    write_views(database, names, size)
-    mapping.quiet(seed)
-    mapping.extract(database, folder, names, max_size_px, masks, most=MAX_FEATURES)
-    pairs = None
+    database, names, pairs = Path(work) / "matched.db", views.names, None
     if len(names) > MAX_EXHAUSTIVE:
         pairs = {(i + 1, j + 1) for i, j in neighbours(views.camtoworlds)}
-    mapping.match(database, len(names), seed, pairs)
+    mapping.quiet(seed)
+    with mapping.room_for(database):
+        write_views(database, names, size)
+        mapping.extract(database, folder, names, max_size_px, masks, most=MAX_FEATURES)
+        mapping.match(database, len(names), seed, pairs)
     ids = {name: i + 1 for i, name in enumerate(names)}
     return read(database, ids, size, seed=seed)
 

@@ -68,7 +68,7 @@ def adjust(name, config, args):
         if checked.found is None:
             changed = config["pose_convention"] != conventions.NONE
             if not changed:
-                print(f"{name}: nothing is written; the cameras are best as they came")
+                print(f"{name}: nothing is written")
                 return
         with atomic.replace_folder(place / NAME) as folder:
             write(
