@@ -9,7 +9,6 @@
 #   snakemake --cores N comparison         all systems on all scenes: Tables 2 and 3
 #   snakemake --cores N flow_benchmark     how right and how fast the flow estimators are
 #   snakemake --cores N export             cameras and photos for other programs
-#   snakemake --cores N flythrough         a film through the capture, before and after
 #   snakemake --cores N --configfile workflow/config/own_photos.yaml
 # A target stands before --configfile, which takes all words that follow:
 #   snakemake --cores N export --configfile workflow/config/own_photos.yaml
@@ -24,7 +23,7 @@ from alignerf.experiment import arguments, check, inputs, layout, plan, slices
 from alignerf.experiment import sources, targets
 from alignerf.experiment.checks import results
 from alignerf.experiment.cluster import needs, storages, work
-from alignerf.experiment.tables import across, pages, rows, scenes, sides
+from alignerf.experiment.tables import across, pages, rows, scenes
 
 sources_of = sources.sources_of
 min_version("9.0")
@@ -78,7 +77,6 @@ include: "workflow/rules/tables.smk"
 include: "workflow/rules/page.smk"
 include: "workflow/rules/across.smk"
 include: "workflow/rules/export.smk"
-include: "workflow/rules/flythrough.smk"
 
 
 rule all:

@@ -32,10 +32,7 @@ FLOORS = [
         *("flow.estimation", "flow.figures"),
     },
     {"alignerf.training", "alignerf.verdict", "alignerf.others", "flow.benchmark"},
-    {
-        *("alignerf.alignment", "alignerf.preflight", "alignerf.page"),
-        "alignerf.flythrough",
-    },
+    {"alignerf.alignment", "alignerf.preflight", "alignerf.page"},
     {"alignerf.start"},
     {"alignerf", "flow"},  # the stages: files directly in a package
 ]
@@ -43,7 +40,6 @@ FLOORS = [
 COMMANDS = ("alignerf.networks", "alignerf.tables", "flow.figures", "flow.benchmark")
 COMMANDS += ("alignerf.decisions", "alignerf.preflight", "alignerf.verdict")
 COMMANDS += ("alignerf.page", "alignerf.start", "alignerf.others")
-COMMANDS += ("alignerf.flythrough",)
 MOST_MODULES = 12
 FORBIDDEN = {"snakemake", "pickle", "dill", "joblib", "marshal", "shelve"}
 JAX = {"jax", "flax", "optax"}

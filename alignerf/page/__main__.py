@@ -24,8 +24,6 @@ from alignerf.page import (
 )
 
 HERE = Path(__file__).resolve().parent
-# A film beside the page: small ones lie in it.
-FILMS, MOST_FILM_BYTES = ("flythrough.webm", "flythrough.mp4"), 1_500_000
 
 
 def main(argv=None):
@@ -66,7 +64,6 @@ def render(folder, *, rounds, base, others=None, windows=NOTHING, moved=NOTHING[
         facts=facts,
         summary=told.summary(scene, verdict, facts, export),
         wheel=pictures.data_uri(layers.wheel(limit_px)),
-        film=film(folder),
         mark=told.MARK,
         tables=contents.tables(folder),
         figures=figures(folder),
@@ -105,18 +102,6 @@ def seen(folder, rounds, others, base, limit_px, verdict, windows, moved):
         "size_of": "renders" if verdict["evidence"].get("judged") else "training size",
         "data": data,
     }
-
-
-def film(folder):
-    """Address of a film beside the page, or its content where it is small; or None."""
-    for name in FILMS:
-        path = folder / name
-        if path.is_file():
-            if path.stat().st_size > MOST_FILM_BYTES:
-                return name
-            content = base64.b64encode(path.read_bytes()).decode()
-            return f"data:video/{path.suffix[1:]};base64,{content}"
-    return None
 
 
 def figures(folder):

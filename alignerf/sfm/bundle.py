@@ -80,14 +80,15 @@ class Adjusted(NamedTuple):
     model: pycolmap.Reconstruction
 
 
-def adjust(matches: Matches, given: Cameras, work, *, seed, lens=False, images=None):
+def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None):
     """`Adjusted` cameras by all matches that are not held out.
 
-    lens: whether distortion is refined as well as the focal length. images: folder of
+    free: what of the lens is refined too: nothing, `focal` or, with distortion, `lens`.
+    images: folder of
     the photos at the size of the matches, for the points' colours. Writes into `work`.
     Raises TooFewError where too few tracks are left to adjust by.
     """
-    work = Path(work)
+    work, lens = Path(work), free == "lens"
     work.mkdir(parents=True, exist_ok=True)
     views, xy = matches.places(held_out=False)
     errors = epipolar.errors_px(views, xy, given.pixtocams, given.camtoworlds)
@@ -104,15 +105,13 @@ def adjust(matches: Matches, given: Cameras, work, *, seed, lens=False, images=N
     mapping.quiet(seed)
     triangulate_with = partial(triangulated, database, matches, work=work, seed=seed)
     with progress.heartbeat("bundle adjustment"):
-        for turn, px in enumerate(every):
+        for px in every:
             model = triangulate_with(state, px=px, lens=lens)
             if model.num_points3D() < MIN_TRACKS:
                 raise TooFewError(f"{model.num_points3D()} tracks are too few")
             # Wrong poses bend a lens that is free before they are nearly right.
             near = px <= NEAR_PX
-            refined = solve(
-                model, state, focal=near or turn > 0, lens=near and lens, near=near
-            )
+            refined = solve(model, state, free=free if near else "", near=near)
             state, new = with_more(matches, refined, model, px, seed)
             placed += new
         model = triangulate_with(state, px=LAST_PX, lens=lens, images=images)
@@ -271,11 +270,11 @@ def triangulated(database, matches, state, *, work, px, seed, lens=False, images
     )
 
 
-def solve(model, state: State, *, focal, lens, near) -> State:
+def solve(model, state: State, *, free, near) -> State:
     """The state after a bundle adjustment of the model, which changes."""
     options = pycolmap.BundleAdjustmentOptions()
-    options.refine_focal_length = focal
-    options.refine_extra_params = lens
+    options.refine_focal_length = bool(free)
+    options.refine_extra_params = free == "lens"
     # Alone it hides in the poses.
     options.refine_principal_point = False
     loss = pycolmap.LossFunctionType

@@ -159,23 +159,24 @@ def adjust(matched, given, work, seed, photo_px, *, lens, where=""):
 
 
 def fewest(matched, given, work, seed, photo_px, *, lens):
-    """`bundle.Adjusted` by the fewest parameters that held-out matches ask for."""
+    """`bundle.Adjusted` by the fewest parameters that held-out matches ask for.
+
+    A focal length, and a distortion, are refined where that is more than chance: in
+    photos from one side they hide in each other, and in the poses.
+    """
     options = {"seed": seed, "images": images_of(work)}
-    plain = bundle.adjust(matched, given, Path(work) / "adjust", **options)
-    if not lens:
-        return plain
-    bent = bundle.adjust(
-        matched, plain.cameras, Path(work) / "adjust_lens", lens=True, **options
-    )
-    if not acceptance.judge(matched, plain.cameras, bent.cameras, photo_px).accepted:
-        return plain
-    now, points, moved = bundle.in_frame_of(
-        given, bent.cameras, bent.points, bent.carried
-    )
-    bundle.move(bent.model, moved)
-    return bent._replace(
-        cameras=now, points=points, placed=sorted({*plain.placed, *bent.placed})
-    )
+    best = bundle.adjust(matched, given, Path(work) / "adjust", **options)
+    for free in ("focal", *["lens"] * lens):
+        folder = Path(work) / f"adjust_{free}"
+        more = bundle.adjust(matched, best.cameras, folder, free=free, **options)
+        if acceptance.judge(matched, best.cameras, more.cameras, photo_px).accepted:
+            now, points, moved = bundle.in_frame_of(
+                given, more.cameras, more.points, more.carried
+            )
+            bundle.move(more.model, moved)
+            placed = sorted({*best.placed, *more.placed})
+            best = more._replace(cameras=now, points=points, placed=placed)
+    return best
 
 
 def difference(names, given, found, photo_px):

@@ -18,6 +18,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.scenes import cameras, prepare
@@ -123,6 +124,21 @@ def named(name, scene, work):
         }
 
 
+def table_of(rows):
+    """A line for each capture: medians over seeds, the worst view of all seeds."""
+    lines = []
+    for name, own in rows.groupby("capture", sort=False):
+        line = {"capture": name, "width": own["width"].iloc[0]}
+        line["seeds"], line["time_s"] = own["seed"].nunique(), own["time_s"].median()
+        for px, one in own.groupby("perturb_px"):
+            key = f"{px:g}".replace(".", "_")
+            line[f"before_{key}"] = one["before_px"].median()
+            line[f"after_{key}"] = one["after_px"].median()
+            line[f"worst_{key}"] = one["after_worst_px"].max()
+        lines.append(line)
+    return pd.DataFrame(lines)
+
+
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("work", type=Path)
@@ -130,8 +146,12 @@ def main(argv=None):
     parser.add_argument("--captures", nargs="+")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--conventions", action="store_true")
+    parser.add_argument("--table", type=Path, help="rows of a run, made a table")
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args(argv)
+    if args.table:
+        table_of(pd.read_csv(args.table)).to_csv(args.out, index=False)
+        return
     every = captures(args.data, args.work)
     columns = None
     with open(args.out, "w", newline="", encoding="utf-8") as file:

@@ -5,7 +5,7 @@ import re
 import pytest
 import yaml
 
-ON_ACCELERATORS = {"train", "render", "align_test_poses", "flythrough_scene"}
+ON_ACCELERATORS = {"train", "render", "align_test_poses"}
 MEASURING = {"preflight", "preview"}
 # They take as many accelerators as their method asks for.
 EXTERNAL = {"external_data", "external_train", "external_render"}

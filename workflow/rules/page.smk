@@ -8,7 +8,6 @@ rule page:
         cameras="results/{scene}/cameras.npz",
         preflight=lambda w: targets.preflight_of(experiment, w.scene),
         tables=lambda w: targets.of_page(experiment, w.scene),
-        film=lambda w: sides.film_that_is_there(experiment, w.scene),
     output:
         report(
             "results/{scene}/index.html",

@@ -22,7 +22,6 @@ REACHED = {
     "alignerf.train": JOB | {"scene"},
     "alignerf.render_views": JOB | {"scene"},
     "alignerf.align_test_poses": JOB | {"scene"},
-    "alignerf.flythrough": JOB | {"scene"},
     "alignerf.decisions": JOB | {"scene"},
     "alignerf.poses": JOB | {"scene"},
     # The page says what the preflight says.

@@ -215,20 +215,8 @@ def test_renders_that_are_judged_have_no_before_and_no_tables(results):
     assert "before any repair" not in json.dumps(data)
 
 
-@pytest.mark.parametrize("size", [10, 2 * page.MOST_FILM_BYTES])
-def test_a_film_lies_in_the_page_where_it_is_small_and_beside_it_else(
-    render, results, size
-):
-    assert "<video" not in render()
-    (results / "flythrough.webm").write_bytes(bytes(size))
-    (video,) = [attrs for tag, attrs in Parser(render()).tags if tag == "video"]
-    small = size < page.MOST_FILM_BYTES
-    start = "data:video/webm;base64," if small else "flythrough.webm"
-    assert video["src"].startswith(start)
-
-
 def test_all_parts_together_leave_the_page_under_15_mb():
     parts = (pictures.MOST_BYTES, pictures.MOST_THUMB_BYTES, closer.MOST_BYTES)
-    as_text = 4 / 3 * sum((*parts, page.MOST_FILM_BYTES))
+    as_text = 4 / 3 * sum(parts)
     # What is left is for tables, figures, arrows and scripts.
     assert as_text < 13.5e6
