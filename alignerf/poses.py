@@ -179,7 +179,7 @@ def check_cameras(full, scratch, config, adjust):
 
 def with_checked(full, told, checked, scratch, config):
     """The views and the report with what the check of their cameras has found."""
-    told = told | {"cameras": checked.report}
+    told = told | {"camera_check": checked.report}
     if config["poses"] == "adjusted" and checked.found:
         where = config["path"] or config["source"]
         full = calibration.applied(full, checked.cameras_of(full), where)

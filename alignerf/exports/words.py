@@ -74,18 +74,19 @@ def of_size(scene, arrays, chosen):
 
 def of_cameras(args, chosen, poses, *, paid):
     """A sentence on whether cameras are corrected, and why not."""
-    told = (poses.get("cameras") or {}).get("adjustment") or {}
+    told = (poses.get("camera_check") or {}).get("adjustment") or {}
     by_px = ""
     if told.get("accepted"):
         by_px = f"by {told['pose_error_px']:.1f} px of the photo"
     if chosen.adjusted:
         return f"Cameras are corrected by bundle adjustment, {by_px} in the median."
-    own = "Cameras are as given"
+    own, further = "Cameras are as given", "not corrected"
     if by_px and poses.get("poses") == "adjusted":
         own = f"Cameras were corrected before training, {by_px} in the median"
+        further = "and not corrected further"
     if not paid:
         why = DID_NOT_PAY.format(method=args.if_pays[1])
-        return f"{own}, and not corrected further: {why}."
+        return f"{own}, {further}: {why}."
     if not chosen.corrected:
         if not args.cameras:
             return f"{own}."

@@ -9,6 +9,7 @@ import pytest
 from alignerf import poses
 from alignerf.files import images
 from alignerf.scenes import cameras, prepared
+from alignerf.verdict import evidence
 
 COURTYARD = {
     "source": "courtyard",
@@ -177,9 +178,14 @@ def test_courtyard_through_colmap(tmp_path):
             "lens_sigma_px": 0.7,
         },
     }
-    poses.main(config, tmp_path)
+    poses.main(config, tmp_path, adjust=True)
     report = json.loads((tmp_path / "poses.json").read_text())
     assert report["poses"] == "colmap"
+    # The check of its cameras stands beside the lenses that COLMAP has found.
+    assert [lens["views"] for lens in report["cameras"]] == [report["registered"]]
+    assert report["camera_check"]["epipolar_px"] < 0.5
+    assert evidence.of_matches(report).before_px < 0.5
+    assert load(tmp_path / "images/adjusted/train.npz")["names"].size
     assert report["registered"] >= 12
     assert report["registered"] + len(report["left_out"]) == report["total"] == 24
     compared = report["compared_to_truth"]
