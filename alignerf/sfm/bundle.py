@@ -31,6 +31,8 @@ START, MAX_START_PX, NEAR_PX, LAST_PX = 6.0, 96.0, 6.0, 4.0
 # Of the robust loss, in px: while poses are far off, and when they are near. The second
 # hardly feels what moves.
 SOFT_PX, CAUCHY_PX = 1.0, 0.25
+# Matches that are enough to adjust by: more take longer, and move no camera.
+MAX_MATCHES = 120_000
 # Of the cost, from which on a bundle adjustment has converged.
 TOLERANCE = 1e-6
 # A view with fewer keypoints on points is held by none of them.
@@ -100,13 +102,16 @@ def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None
     everything = model_of(
         matches, state._replace(posed=np.ones_like(astray)), lens=lens
     )
-    database = write_database(work / "adjust.db", matches, everything)
+    few, every_match = (
+        write_database(work / f"{name}.db", matches, everything, most)
+        for name, most in (("few", MAX_MATCHES), ("every", np.inf))
+    )
     every = turns_from(START * usual_px)
     mapping.quiet(seed)
-    triangulate_with = partial(triangulated, database, matches, work=work, seed=seed)
+    triangulate_with = partial(triangulated, matches=matches, work=work, seed=seed)
     with progress.heartbeat("bundle adjustment"):
         for px in every:
-            model = triangulate_with(state, px=px, lens=lens)
+            model = triangulate_with(few, state=state, px=px, lens=lens)
             if model.num_points3D() < MIN_TRACKS:
                 raise TooFewError(f"{model.num_points3D()} tracks are too few")
             # Wrong poses bend a lens that is free before they are nearly right.
@@ -114,7 +119,9 @@ def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None
             refined = solve(model, state, free=free if near else "", near=near)
             state, new = with_more(matches, refined, model, px, seed)
             placed += new
-        model = triangulate_with(state, px=LAST_PX, lens=lens, images=images)
+        model = triangulate_with(
+            every_match, state=state, px=LAST_PX, lens=lens, images=images
+        )
     points = points_of(model, matches)
     weak = [v for v, seen in enumerate(points.seen) if len(seen) < MIN_TRACKS]
     if len(weak) > len(matches.names) / 2:
@@ -135,7 +142,9 @@ def triangulate(matches: Matches, given: Cameras, work, *, seed, images=None):
     database = write_database(work / "given.db", matches, model_of(matches, state))
     with progress.heartbeat("COLMAP: points"):
         model = triangulated(
-            *(database, matches, state),
+            database,
+            matches=matches,
+            state=state,
             work=work,
             px=LAST_PX,
             seed=seed,
@@ -189,15 +198,20 @@ def one_lens_each(given: Cameras, groups) -> Cameras:
     return given._replace(camtopix=lenses)
 
 
-def write_database(path, matches: Matches, model):
-    """COLMAP's database of the matches that are not held out; view i is image i + 1."""
+def write_database(path, matches: Matches, model, most=np.inf):
+    """COLMAP's database of at most about `most` matches; view i is image i + 1.
+
+    Those that are held out are not among them.
+    """
     path.unlink(missing_ok=True)
+    low, high = matches.used(most)
     of_given.write_views(path, model)
     with pycolmap.Database.open(path) as file:
         for number, xy in enumerate(matches.keypoints, start=1):
             file.write_keypoints(number, xy.astype(np.float32))
         for (i, j), index in zip(matches.pairs, matches.indices, strict=True):
-            index = index[~matches.held_out[i][index[:, 0]]].astype(np.uint32)
+            draws = matches.draws[i][index[:, 0]]
+            index = index[(draws >= low) & (draws < high)].astype(np.uint32)
             if len(index):
                 two_views = pycolmap.TwoViewGeometry()
                 two_views.config = pycolmap.TwoViewGeometryConfiguration.UNCALIBRATED
@@ -252,7 +266,7 @@ def model_of(matches: Matches, state: State, *, lens=False):
     return model
 
 
-def triangulated(database, matches, state, *, work, px, seed, lens=False, images=None):
+def triangulated(database, *, matches, state, work, px, seed, lens=False, images=None):
     """The model of the posed views with all points that they see within px."""
     options = mapping.pipeline_options(seed)
     options.triangulation.create_max_angle_error = max(2.0, 0.3 * px)
@@ -353,7 +367,7 @@ def seen_by(matches: Matches, view, points):
         at = list(pair).index(view)
         other = points.get(int(pair[1 - at]), {})
         for own, theirs in index[:, [at, 1 - at]]:
-            if theirs in other and not matches.held_out[view][own]:
+            if theirs in other:
                 xy.append(matches.keypoints[view][own])
                 xyz.append(other[theirs])
     return np.array(xy).reshape(-1, 2), np.array(xyz).reshape(-1, 3)

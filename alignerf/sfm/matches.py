@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pycolmap
 import scipy.sparse
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from alignerf.files import archives
 from alignerf.scenes import prepare
@@ -34,7 +34,8 @@ class Matches(NamedTuple):
 
     keypoints: [k, 2] of each view, in px of images of width x height, pixel centres at
     +0.5. pairs [p, 2] of view indices; indices: of each pair, [m, 2] into the two
-    views' keypoints. held_out: [k] of each view.
+    views' keypoints. draws: [k] of each view, one number between 0 and 1 for each
+    track: those under HELD_OUT are held out.
     """
 
     names: list[str]
@@ -43,7 +44,7 @@ class Matches(NamedTuple):
     keypoints: list[Float[np.ndarray, "k 2"]]
     pairs: Int[np.ndarray, "p 2"]
     indices: list[Int[np.ndarray, "m 2"]]
-    held_out: list[Bool[np.ndarray, " k"]]
+    draws: list[Float[np.ndarray, " k"]]
 
     def places(self, *, held_out=None):
         """(views [m, 2], xy [m, 2, 2]) of all matches; held_out: of one part alone."""
@@ -52,7 +53,7 @@ class Matches(NamedTuple):
             (i, j), (a, b) = pair, index.T
             kept = slice(None)
             if held_out is not None:
-                kept = self.held_out[i][a] == held_out
+                kept = (self.draws[i][a] < HELD_OUT) == held_out
             ends = np.stack([self.keypoints[i][a], self.keypoints[j][b]], axis=1)[kept]
             views.append(np.broadcast_to(pair, (len(ends), 2)))
             xy.append(ends)
@@ -63,6 +64,11 @@ class Matches(NamedTuple):
         kept = np.flatnonzero(views[self.pairs].all(axis=1))
         indices = [self.indices[k] for k in kept]
         return self._replace(pairs=self.pairs[kept], indices=indices)
+
+    def used(self, most):
+        """(low, high): the draws of about `most` matches, none of them held out."""
+        share = most / max(self.count(), 1)
+        return HELD_OUT, min(HELD_OUT + share, 1.0)
 
     def count(self):
         """The number of matches."""
@@ -158,14 +164,14 @@ def hold_out(names, size, keypoints, pairs, indices, seed) -> Matches:
         (np.ones(len(first), bool), (first, second)), shape=(starts[-1], starts[-1])
     )
     _, track = scipy.sparse.csgraph.connected_components(graph, directed=False)
-    out = np.random.default_rng([seed, 2]).random(track.max(initial=-1) + 1) < HELD_OUT
+    drawn = np.random.default_rng([seed, 2]).random(track.max(initial=-1) + 1)
     used = np.zeros(starts[-1], bool)
     used[first] = used[second] = True
     number = np.cumsum(used) - 1
     kept = []
     for i, xy in enumerate(keypoints):
         own = slice(starts[i], starts[i + 1])
-        kept.append((xy[used[own]], out[track[own]][used[own]]))
+        kept.append((xy[used[own]], drawn[track[own]][used[own]]))
     counts = np.cumsum([0, *(len(xy) for xy, _ in kept)])
     return Matches(
         names=list(names),
@@ -177,7 +183,7 @@ def hold_out(names, size, keypoints, pairs, indices, seed) -> Matches:
             number[index + starts[pair]] - counts[pair]
             for pair, index in zip(pairs, indices, strict=True)
         ],
-        held_out=[held for _, held in kept],
+        draws=[draws for _, draws in kept],
     )
 
 
@@ -189,7 +195,7 @@ def write(path, matches: Matches):
         size=np.array([matches.width, matches.height]),
         counts=np.array([len(xy) for xy in matches.keypoints]),
         keypoints=np.concatenate(matches.keypoints).astype(np.float32),
-        held_out=np.concatenate(matches.held_out),
+        draws=np.concatenate(matches.draws),
         pairs=matches.pairs,
         pair_counts=np.array([len(index) for index in matches.indices], int),
         indices=np.concatenate([np.zeros((0, 2), int), *matches.indices]).astype(
@@ -198,7 +204,7 @@ def write(path, matches: Matches):
     )
 
 
-KEYS = ("names", "size", "counts", "keypoints", "held_out", "pairs", "pair_counts")
+KEYS = ("names", "size", "counts", "keypoints", "draws", "pairs", "pair_counts")
 KEYS += ("indices",)
 
 
@@ -215,5 +221,5 @@ def load(path) -> Matches:
         keypoints=np.split(arrays["keypoints"].astype(float), ends),
         pairs=arrays["pairs"],
         indices=indices[: len(arrays["pairs"])],
-        held_out=np.split(arrays["held_out"], ends),
+        draws=np.split(arrays["draws"], ends),
     )

@@ -11,7 +11,7 @@ def test_a_track_is_held_out_whole_or_not_at_all(rng):
     found = made.matched(made.cameras(), rng)
     for (i, j), index in zip(found.pairs, found.indices, strict=True):
         np.testing.assert_array_equal(
-            found.held_out[i][index[:, 0]], found.held_out[j][index[:, 1]]
+            found.draws[i][index[:, 0]], found.draws[j][index[:, 1]]
         )
     views, _ = found.places(held_out=True)
     rest, _ = found.places(held_out=False)
@@ -46,7 +46,7 @@ def test_a_file_keeps_them(rng, tmp_path):
     assert len(again.names) == unseen
     for one, other in zip(again.places(), found.places(), strict=True):
         np.testing.assert_allclose(one, other, atol=1e-4)
-    for one, other in zip(again.held_out, found.held_out, strict=True):
+    for one, other in zip(again.draws, found.draws, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
@@ -61,6 +61,11 @@ def test_a_database_keeps_all_that_is_not_held_out(rng, tmp_path):
     again = matches.read(path, ids, (made.WIDTH, made.HEIGHT), seed=0)
     kept, _ = found.places(held_out=False)
     assert again.count() == len(kept)
+    part = bundle.write_database(
+        tmp_path / "b.db", found, bundle.model_of(found, state), 2000
+    )
+    thinned = matches.read(part, ids, (made.WIDTH, made.HEIGHT), seed=0)
+    assert 0.5 * 2000 < thinned.count() < 1.5 * 2000
 
 
 def test_undistorted_keypoints_are_those_of_a_pinhole(rng):
