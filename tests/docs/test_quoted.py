@@ -72,27 +72,6 @@ def test_what_the_page_on_alignment_says_it_brings_was_measured(page_of, measure
         assert [cell.lstrip("+-") for cell in found.groups()] == cells
 
 
-def test_what_the_page_on_poses_says_was_won_back_was_measured(page_of, measured):
-    text = page_of("docs/howto/poses.md")
-    castle = "castle, surveyed cameras, 384x256", "castle, off by 1.5 px"
-    fox = "fox, 270x480", "fox, off by 1.5 px"
-    chair = (
-        "chair, the same window, COLMAP's poses",
-        "chair, a window of 256 px, the phone's poses",
-    )
-    for name, (right, wrong) in {"castle": castle, "fox": fox, "chair": chair}.items():
-        best, plain = (
-            measured("on_the_way_real", "psnr_db", scene=s, method="plain training")
-            for s in (right, wrong)
-        )
-        way = {"scene": wrong, "method": "aligned on the way"}
-        gain = measured("on_the_way_real", "gain_db", **way)
-        found = re.search(
-            rf"\| {name}[^|]*\|[^|]*\| ([\d.]+) dB \| ([\d.]+) dB \|", text
-        )
-        assert found.groups() == (f"{best - plain:.1f}", f"{gain:.1f}")
-
-
 def test_the_verdict_that_is_quoted_is_that_of_the_picture(root):
     headline, *_ = (root / "docs/pictures/page.txt").read_text().splitlines()
     printed = (root / "docs/outputs/verdict.txt").read_text()
