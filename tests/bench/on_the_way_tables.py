@@ -32,12 +32,16 @@ REAL = {
     "fox_off": "fox, off by 1.5 px",
     "flower": "flower, 504x378",
     "treehill": "treehill, 317x208",
+    "true": "courtyard, true poses",
 }
 METHODS = {
     "plain": "plain training",
     "aligned": "aligned on the way",
     "ten_looks": "aligned on the way, ten looks",
     "joint": "cameras learnt with the scene",
+    "learnt": "cameras learnt with the scene",
+    "adjusted": "cameras adjusted",
+    "both": "cameras adjusted, then aligned on the way",
 }
 # Times the plain training's steps.
 BUDGETS = (1, 2, 4)
