@@ -76,9 +76,6 @@ def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
         prepare.write_views(fresh, views, split=split)
         if checked and not config["zoom"]:
             write_checked(fresh, views, checked, split, adjust or config["judged"])
-        elif (scratch / "database.db").is_file() and not config["zoom"]:
-            found = of_colmap.read(scratch, full, seed=config["seed"])
-            matches.write(fresh / matches.FILE, found)
         if scene is not None:
             log.info("rendering the truth of %d views", len(views.names))
             told["true_misalignment_px"] = write_truth(
@@ -148,9 +145,8 @@ def for_training(views, config):
 
 def stated(views, config):
     """The views without the mistake that `pose_convention` says they have."""
-    poses = conventions.undone(
-        config["pose_convention"], views.names, views.camtoworlds
-    )
+    stated = config["pose_convention"] or conventions.NONE
+    poses = conventions.undone(stated, views.names, views.camtoworlds)
     return views._replace(camtoworlds=poses)
 
 
@@ -201,7 +197,11 @@ def write_checked(fresh, views, checked, split, apart):
     apart: whether adjusted cameras are wanted besides the scene's own: of all views,
     and those of a training, which leave held-out views as they came.
     """
-    matches.write(fresh / matches.FILE, checked.matches)
+    found = checked.matches
+    if views.lens is not None:
+        # As the views are now: corrections after this one are judged in their px.
+        found = calibration.in_views(found, checked.found.cameras, views)
+    matches.write(fresh / matches.FILE, found)
     if views.lens is not None:
         np.savez(fresh / prepared.LENS, **views.lens)
     if not apart:

@@ -192,8 +192,6 @@ def exported(experiment, scene, method, what):
     if experiment.scenes[scene]["judged"]:
         following = rounds.after(training, training.folder, {}, what)
         return following.cameras, following.warped
-    if is_adjusted(training):
-        return layout.adjusted(scene), {}
     warped = training.warped if what == "photos" else {}
     return f"{training.learnt}/cameras.npz", warped
 
@@ -241,7 +239,8 @@ def export_options(experiment, scene, method, what):
     if held_out := held_out_of(experiment, scene, method, what):
         words += ["--fit-held-out", held_out["flow"], held_out["depth"]]
         words += arguments.options({"corrected-by": held_out.get("corrected_by")})
-    if experiment.scenes[scene]["judged"] and what == "cameras":
+    judged = experiment.scenes[scene]["judged"]
+    if (judged and what == "cameras") or is_adjusted(training):
         words += ["--adjusted", layout.adjusted(scene)]
     if method in experiment.names(kinds.aligned):
         # Where the verdict says that alignment gained nothing, exports are as given.

@@ -29,9 +29,8 @@ def of_scene(experiment, name):
         unused.add("triangulate")
     if scene_keys.whole_of(scene):
         unused |= {"test_every", "perturb_px", "colmap"}
-    unused |= {key for key in ("masks", "zoom", "judged") if scene[key] is None}
-    if scene["pose_convention"] == "as_stated":
-        unused.add("pose_convention")
+    optional = ("masks", "zoom", "judged", "pose_convention")
+    unused |= {key for key in optional if scene[key] is None}
     return as_json({key: scene[key] for key in scene.keys() - unused})
 
 

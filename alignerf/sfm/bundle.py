@@ -98,7 +98,8 @@ def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None
     usual_px = np.nanmedian(wrong_px) if np.isfinite(wrong_px).any() else np.inf
     astray = ~(wrong_px <= max(ASTRAY * usual_px, MIN_ASTRAY_PX))
     groups = groups_of(given, matches.width)
-    state, placed = State(one_lens_each(given, groups), groups, ~astray), []
+    near, _ = centred(given)
+    state, placed = State(one_lens_each(near, groups), groups, ~astray), []
     everything = model_of(
         matches, state._replace(posed=np.ones_like(astray)), lens=lens
     )
@@ -115,8 +116,9 @@ def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None
             if model.num_points3D() < MIN_TRACKS:
                 raise TooFewError(f"{model.num_points3D()} tracks are too few")
             # Wrong poses bend a lens that is free before they are nearly right.
-            near = px <= NEAR_PX
-            refined = solve(model, state, free=free if near else "", near=near)
+            is_near = px <= NEAR_PX
+            own = free if is_near else ""
+            refined = solve(model, state, free=own, near=is_near)
             state, new = with_more(matches, refined, model, px, seed)
             placed += new
         model = triangulate_with(
@@ -138,7 +140,8 @@ def triangulate(matches: Matches, given: Cameras, work, *, seed, images=None):
     work.mkdir(parents=True, exist_ok=True)
     lenses = given.camtopix[:, [0, 1, 0, 1], [0, 1, 2, 2]].round(9)
     _, groups = np.unique(lenses, axis=0, return_inverse=True)
-    state = State(given, groups.ravel(), np.ones(len(groups), bool))
+    near, back = centred(given)
+    state = State(near, groups.ravel(), np.ones(len(groups), bool))
     database = write_database(work / "given.db", matches, model_of(matches, state))
     with progress.heartbeat("COLMAP: points"):
         model = triangulated(
@@ -150,7 +153,23 @@ def triangulate(matches: Matches, given: Cameras, work, *, seed, images=None):
             seed=seed,
             images=images,
         )
+    move(model, back)
     return points_of(model, matches), model
+
+
+def centred(given: Cameras):
+    """(cameras around the origin, of extent 1; the similarity that takes them back).
+
+    COLMAP's solver knows no units: it gives up among millimetres, or far from 0.
+    """
+    centres = given.camtoworlds[:, :, 3]
+    middle = centres.mean(axis=0)
+    extent = float(np.abs(centres - middle).max()) or 1.0
+    turn = np.eye(3)
+    poses = cameras.apply_similarity(
+        given.camtoworlds, 1 / extent, turn, -middle / extent
+    )
+    return given._replace(camtoworlds=poses), (extent, turn, middle)
 
 
 def turns_from(px):

@@ -49,6 +49,17 @@ def undistorted(matches: Matches, cameras: Cameras) -> Matches:
     return matches._replace(keypoints=keypoints)
 
 
+def in_views(matches: Matches, cameras: Cameras, views: prepare.PosedViews) -> Matches:
+    """The matches in px of views whose distortion by these cameras was undone."""
+    straight, to = undistorted(matches, cameras), of_views(views, matches).camtopix
+    moved = to @ cameras.pixtocams
+    keypoints = [
+        xy @ one[:2, :2].T + one[:2, 2]
+        for xy, one in zip(straight.keypoints, moved, strict=True)
+    ]
+    return straight._replace(keypoints=keypoints)
+
+
 def pinhole_points(xy, camtopix, coefficients):
     """Px [k, 2] in the pinhole view of the same `camtopix` of px in the photo."""
     if lens.is_pinhole(coefficients) or not len(xy):

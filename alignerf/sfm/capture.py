@@ -30,6 +30,8 @@ MIN_MATCHES = 100
 MAX_LEFT_PX = 3.0
 # Input cameras that are so far off, and cannot be adjusted, are of other photos.
 MAX_INPUT_PX = 20.0
+# Times that adjusting may change how far apart cameras stand: more has lost its scale.
+MAX_SCALE = 3.0
 
 
 class Checked(NamedTuple):
@@ -70,7 +72,8 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
     given = calibration.of_views(views, matched)
     photo_px = views.width / matched.width
     report = {"matches": matched.count(), "pairs": len(matched.pairs)}
-    report |= check_convention(matched, given, photo_px, where)
+    stated = config["pose_convention"]
+    report |= check_convention(matched, given, photo_px, where, stated)
     report |= stand_out(matched, given, photo_px, where)
     found, told = None, {"accepted": False, "why": "not asked for"}
     if adjusts:
@@ -82,18 +85,19 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
     return Checked(matched, given, found, report)
 
 
-def check_convention(matched, given, photo_px, where):
+def check_convention(matched, given, photo_px, where, stated):
     """The report's part on conventions; ValueError where the input's is a mistake."""
     found = conventions.find(matched, given.pixtocams, given.camtoworlds)
     own_px, own = found[conventions.NONE]
-    if len(found) > 1:
+    if len(found) > 1 and stated is None:
         name = list(found)[1]
         error_px, count = found[name]
         raise ValueError(
             f"{where}: its cameras have {conventions.describe(name)}: read that way, "
             f"{count} matches agree to {photo_px * error_px:.2f} px of the photo; read "
             f"as they are, {own} to {photo_px * own_px:.1f} px. To read them that way: "
-            f"`pose_convention: {name}` in the config, or --pose-convention {name}"
+            f"`pose_convention: {name}` in the config, or --pose-convention {name}; to "
+            f"leave them as they are, {conventions.NONE}"
         )
     return {"epipolar_px": None if np.isinf(own_px) else round(photo_px * own_px, 4)}
 
@@ -145,6 +149,11 @@ def adjust(matched, given, work, seed, photo_px, *, lens, where=""):
                 "Are they of other photos? `poses: given` trains with them anyway"
             )
         return left(why, judged.told())
+    extents = [
+        np.ptp(one.camtoworlds[:, :, 3], axis=0).max() for one in (given, found.cameras)
+    ]
+    if not extents[0] / MAX_SCALE < extents[1] < extents[0] * MAX_SCALE:
+        return left("the cameras stand too near to one place", judged.told())
     told = judged.told() | difference(matched.names, given, found, photo_px)
     log.info(
         "poses were off by %.2f px of the photo (worst view %.1f px): corrected. "
@@ -152,7 +161,12 @@ def adjust(matched, given, work, seed, photo_px, *, lens, where=""):
         *(told["pose_error_px"], told["worst_px"]),
         *(judged.before_px, judged.after_px),
     )
-    for key, what in (("placed", "placed anew"), ("carried", "moved with neighbours")):
+    told["still_off"] = still_off(matched, found.cameras, photo_px)
+    for key, what in (
+        ("placed", "placed anew"),
+        ("carried", "moved with neighbours"),
+        ("still_off", "that are still far off"),
+    ):
         if told[key]:
             log.warning("views %s: %s", what, faults.some_names(told[key]))
     return found, told
@@ -168,7 +182,10 @@ def fewest(matched, given, work, seed, photo_px, *, lens):
     best = bundle.adjust(matched, given, Path(work) / "adjust", **options)
     for free in ("focal", *["lens"] * lens):
         folder = Path(work) / f"adjust_{free}"
-        more = bundle.adjust(matched, best.cameras, folder, free=free, **options)
+        try:
+            more = bundle.adjust(matched, best.cameras, folder, free=free, **options)
+        except bundle.TooFewError:
+            break
         if acceptance.judge(matched, best.cameras, more.cameras, photo_px).accepted:
             now, points, moved = bundle.in_frame_of(
                 given, more.cameras, more.points, more.carried
@@ -179,6 +196,15 @@ def fewest(matched, given, work, seed, photo_px, *, lens):
     return best
 
 
+def still_off(matched, now, photo_px):
+    """Names of the views whose matches are far off by adjusted cameras too."""
+    straight = calibration.undistorted(matched, now)
+    views, xy = straight.places()
+    errors = epipolar.errors_px(views, xy, now.pixtocams, now.camtoworlds)
+    px = photo_px * epipolar.by_view(views, errors, len(matched.names))
+    return list(outliers.of_views(matched.names, px, now.camtoworlds))
+
+
 def difference(names, given, found, photo_px):
     """The report's part on how far the adjusted cameras are from the input's."""
     points = {
@@ -186,7 +212,7 @@ def difference(names, given, found, photo_px):
         for view in range(len(names))
         if len(found.points.seen[view]) >= bundle.MIN_TRACKS
     }
-    px = similarity.distance_px(found.cameras, given, points)
+    px = similarity.distance_px(given, found.cameras, points)
     off_px = photo_px * np.array(list(px.values()))
     lens = found.cameras.distortion[0]
     ratio = np.median(found.cameras.camtopix[:, 0, 0] / given.camtopix[:, 0, 0])

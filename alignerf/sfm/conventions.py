@@ -87,7 +87,7 @@ EVERY = (NONE, *POSES, *ORDERS)
 
 def natural(name):
     """A sorting key by which 2 comes before 10."""
-    return [int(t) if t.isdigit() else t for t in re.split(r"(\d+)", name)]
+    return [int(t) if t.isdecimal() else t for t in re.split(r"(\d+)", name)]
 
 
 def order_of(convention, names):

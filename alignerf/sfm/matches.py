@@ -160,8 +160,11 @@ def hold_out(names, size, keypoints, pairs, indices, seed) -> Matches:
         index + starts[pair] for pair, index in zip(pairs, indices, strict=True)
     ] or [np.zeros((0, 2), int)]
     first, second = np.concatenate(ends).T
+    # SIFT finds one place several times, in several directions: it is one track.
+    own, twin = np.concatenate([*map(twins, keypoints, starts)]).T
+    edges = np.concatenate([first, own]), np.concatenate([second, twin])
     graph = scipy.sparse.coo_array(
-        (np.ones(len(first), bool), (first, second)), shape=(starts[-1], starts[-1])
+        (np.ones(len(edges[0]), bool), edges), shape=(starts[-1], starts[-1])
     )
     _, track = scipy.sparse.csgraph.connected_components(graph, directed=False)
     drawn = np.random.default_rng([seed, 2]).random(track.max(initial=-1) + 1)
@@ -185,6 +188,15 @@ def hold_out(names, size, keypoints, pairs, indices, seed) -> Matches:
         ],
         draws=[draws for _, draws in kept],
     )
+
+
+def twins(keypoints, start):
+    """Pairs [k, 2] of keypoints at one place in a view, counted from `start`."""
+    if not len(keypoints):
+        return np.zeros((0, 2), int)
+    places = np.round(keypoints, 1)
+    _, first, group = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    return start + np.stack([np.arange(len(keypoints)), first[group.ravel()]], axis=1)
 
 
 def write(path, matches: Matches):

@@ -37,13 +37,15 @@ def of_views(names, errors_px, camtoworlds):
 
 def of_lenses(names, camtopix):
     """{view: why its lens stands out}; camtopix [n, 3, 3] in px of the photo."""
-    found, focal = {}, camtopix[:, 0, 0]
-    usual = np.median(focal)
+    found, focal = {}, camtopix[:, [0, 1], [0, 1]]
+    usual = np.median(focal, axis=0)
     for i, name in enumerate(names):
-        times = focal[i] / usual
-        if max(times, 1 / times) > FOCAL_TIMES:
+        times = np.abs(np.log(focal[i] / usual))
+        if times.max() > np.log(FOCAL_TIMES):
+            axis = int(times.argmax())
             found[name] = (
-                f"a focal length of {focal[i]:.0f} px, the others {usual:.0f} px"
+                f"a focal length of {focal[i, axis]:.0f} px, the others "
+                f"{usual[axis]:.0f} px"
             )
     return found
 

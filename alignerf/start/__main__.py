@@ -78,8 +78,9 @@ def say_twice(path, scenes):
 
 def config_of(scenes, args):
     """The config of scenes; the keys that it leaves out follow from the photos."""
-    if args.background:
-        scenes = {n: s | {"background": args.background} for n, s in scenes.items()}
+    for key in ("background", "pose_convention"):
+        if value := getattr(args, key):
+            scenes = {n: s | {key: value} for n, s in scenes.items()}
     methods = {"plain": {}, "aligned": {"align": {}}}
     config = {"decide": True, "scenes": scenes, "methods": methods, "windows": {}}
     if args.budget_min is not None:
@@ -100,6 +101,7 @@ def parse(argv=None):
     parser.add_argument(
         "--background", choices=sorted(photos.BACKGROUNDS), help="behind alpha"
     )
+    configs.add_pose_convention(parser)
     parser.add_argument(
         "--budget-min", type=configs.minutes, help="minutes of each training"
     )

@@ -8,6 +8,7 @@ import os
 
 import yaml
 
+from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import atomic, provenance, yaml_files
 from alignerf.start import folders
 
@@ -121,6 +122,15 @@ def count(text):
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text!r}: 1 or more were expected")
     return value
+
+
+def add_pose_convention(parser):
+    """The flag for a mistake of a file of cameras, as commands share it."""
+    parser.add_argument(
+        "--pose-convention",
+        choices=scene_keys.CONVENTIONS,
+        help="the mistake of the file of cameras, which is undone; as_stated: none",
+    )
 
 
 def name(text):

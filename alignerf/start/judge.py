@@ -66,8 +66,9 @@ def scene_of(args):
         if (value := getattr(args, key)) is not None:
             judged[key] = value
     scene = {"source": "judged", "path": str(folders.at_home(args.photos))}
-    if args.background:
-        scene["background"] = args.background
+    for key in ("background", "pose_convention"):
+        if value := getattr(args, key):
+            scene[key] = value
     return scene | {"judged": judged}
 
 
@@ -175,6 +176,7 @@ def parse(argv=None):
     parser.add_argument(
         "--background", choices=sorted(photos.BACKGROUNDS), help="behind alpha"
     )
+    configs.add_pose_convention(parser)
     parser.add_argument("--only-config", action="store_true", help="do not run it")
     return parser.parse_args(argv)
 

@@ -1,9 +1,10 @@
 """Check and adjust the cameras that came with photos: `make poses FOLDER=my_scan`.
 
 FOLDER holds photos and their cameras by an app or another program, as for `make
-photos`. Nothing is trained. Prints what is wrong with the cameras; where bundle
-adjustment makes them better, writes results/NAME/adjusted/: photos, transforms.json,
-sparse/0 with points, the kind that went in, and report.json.
+photos`. Nothing is trained. Prints what is wrong with the cameras, and writes
+results/NAME/adjusted/report.json. Where bundle adjustment makes them better, there are
+photos, transforms.json, sparse/0 with points and, of LLFF's and NeRF's scenes, their
+own files beside it.
 """
 
 import argparse
@@ -33,47 +34,55 @@ def main(argv=None):
         raise ValueError(f"FOLDER is missing: {command}")
     folder = folders.at_home(args.folder)
     scenes = folders.scenes_of(folder)
-    if args.name and len(scenes) == 1:
-        scenes = {args.name: next(iter(scenes.values()))}
-    for scene in scenes.values():
-        if "adjusted" not in scene_keys.SOURCES[scene["source"]].poses:
-            command = provenance.typed(*configs.PHOTOS).format(folder)
-            raise ValueError(
-                f"{scene['path']}: no cameras came with these photos, so there are "
-                f"none to check: `{command}` finds them by COLMAP"
-            )
+    if args.name and len(scenes) > 1:
+        raise ValueError(f"--name {args.name}: {folder} has {len(scenes)} scenes")
+    faulty = []
     for name, scene in scenes.items():
-        chosen = scene | {"poses": "adjusted"}
-        if args.background:
-            chosen["background"] = args.background
-        if args.pose_convention:
-            chosen["pose_convention"] = args.pose_convention
-        adjust(name, of_scenes.checked(chosen), args)
+        try:
+            adjust(args.name or name, config_of(scene, args, folder), args)
+        except ValueError as error:
+            # Others beside it are checked all the same.
+            faulty.append(error)
+            if len(scenes) > 1:
+                log.warning("%s", error)
+    if faulty:
+        raise faulty[0]
+
+
+def config_of(scene, args, folder):
+    """A scene's keys, complete; ValueError where no cameras came with it."""
+    if "adjusted" not in scene_keys.SOURCES[scene["source"]].poses:
+        command = provenance.typed(*configs.PHOTOS).format(folder)
+        raise ValueError(
+            f"{scene['path']}: no cameras came with these photos, so there are none to "
+            f"check: `{command}` finds them by COLMAP"
+        )
+    chosen = scene | {"poses": "adjusted"}
+    for key in ("background", "pose_convention"):
+        if value := getattr(args, key):
+            chosen[key] = value
+    return of_scenes.checked(chosen)
 
 
 def adjust(name, config, args):
     """Check one scene's cameras, print what they are like, and write better ones."""
     place = Path("results", name)
+    stated = config["pose_convention"] or conventions.NONE
     with atomic.scratch_folder(place, name="poses") as scratch:
         views, *_ = readers.READERS[config["source"]](config, scratch)
         views = prepare.sort_by_name(views)
-        poses = conventions.undone(
-            config["pose_convention"], views.names, views.camtoworlds
-        )
+        poses = conventions.undone(stated, views.names, views.camtoworlds)
         views = views._replace(camtoworlds=poses)
         prepared.check_views(config["path"], views)
         prepared.check_places(config["path"], views)
         checked = capture.check(views, scratch, config, adjusts=True, lens=True)
         print(f"{name}: {len(views.names)} photos, {summary(checked.report)}")
-        if checked.found is None:
-            changed = config["pose_convention"] != conventions.NONE
-            if not changed:
-                print(f"{name}: nothing is written")
-                return
         with atomic.replace_folder(place / NAME) as folder:
-            write(
-                folder, scratch, views, checked, config, photos_too=not args.no_photos
-            )
+            if checked.found or stated != conventions.NONE:
+                photos_too = not args.no_photos
+                write(folder, scratch, views, checked, config, photos_too=photos_too)
+            report = checked.report | {"of": str(config["path"])}
+            (folder / "report.json").write_text(json.dumps(report, indent=1) + "\n")
         print(f"{name}: {place / NAME}", flush=True)
 
 
@@ -106,16 +115,19 @@ def write(folder, scratch, views, checked, config, *, photos_too):
     arrays = photos.arrays_of(now)
     model = points.of_matches(arrays, checked, scratch, config["seed"])
     formats.write_colmap(folder, model, arrays)
-    formats.write_transforms(
+    content = formats.write_transforms(
         folder / "transforms.json",
         arrays,
         masked=masked and photos_too,
         points=(folder / formats.POINTS).is_file(),
     )
-    if now.bounds is not None:
-        formats.write_llff(folder / "poses_bounds.npy", arrays, now.bounds)
-    report = checked.report | {"of": str(config["path"])}
-    (folder / "report.json").write_text(json.dumps(report, indent=1) + "\n")
+    try:
+        if now.bounds is not None:
+            formats.write_llff(folder / "poses_bounds.npy", arrays, now.bounds)
+        if config["source"] == "blender":
+            formats.write_blender(folder, arrays, content)
+    except ValueError as error:
+        log.warning("%s: not written as it came: %s", config["path"], error)
 
 
 def parse(argv=None):
@@ -123,11 +135,7 @@ def parse(argv=None):
     parser = argparse.ArgumentParser(prog=configs.program("poses"), description=__doc__)
     parser.add_argument("folder", help="photos with cameras, or folders of such")
     parser.add_argument("--name", type=configs.name, help="of the results")
-    parser.add_argument(
-        "--pose-convention",
-        choices=scene_keys.CONVENTIONS,
-        help="the mistake of the file of cameras, which is undone",
-    )
+    configs.add_pose_convention(parser)
     parser.add_argument(
         "--background", choices=sorted(photo_files.BACKGROUNDS), help="behind alpha"
     )

@@ -129,7 +129,7 @@ def pays(e, gain):
 
     Scores on the photos as they are say nothing of moved cameras.
     """
-    if gain.matches and gain.matches["halved"]:
+    if gain.matches and gain.matches["halved"] and not gain.high < 0:
         return True
     if gain.matches and gain.matches["worse"]:
         return False

@@ -40,7 +40,7 @@ METHODS = {
     "ten_looks": "aligned on the way, ten looks",
     "joint": "cameras learnt with the scene",
     "learnt": "cameras learnt with the scene",
-    "adjusted": "cameras adjusted",
+    "adjusted_poses": "cameras adjusted",
     "both": "cameras adjusted, then aligned on the way",
 }
 # Times the plain training's steps.

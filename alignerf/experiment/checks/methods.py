@@ -46,6 +46,12 @@ def check_method(config, name):
         method["alignerf"] or method["warm_start"] or method["rounds"] != 0
     ):
         fault(f"methods.{name}.adjust", "not beside rounds, warm_start or alignerf")
+    crops = [
+        n for n, s in config["scenes"].items() if s["zoom"] and not s["zoom"]["of"]
+    ]
+    if method["adjust"] and crops:
+        what = f"scenes.{crops[0]} is of crops: give it poses: adjusted"
+        fault(f"methods.{name}.adjust", what)
     if method["align"]:
         check_align(config, name)
     shares = (method["refine"] or {}).get("coarse_to_fine")

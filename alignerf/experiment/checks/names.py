@@ -17,7 +17,7 @@ FILES = {
 FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
     *("facts", "decisions", "poses", "cameras", "config", "tradeoff", "preflight"),
-    *("masks", "colmap", "points", "bounds", "verdict", "index"),
+    *("masks", "colmap", "points", "bounds", "verdict", "index", "adjusted"),
     *("regimes", "remedies", "comparison", "scores", "trainings"),
 }
 

@@ -43,9 +43,7 @@ def check_scene(scene, *place):
         fault(f"{where}masks", f"only of source 'photos', not {scene['source']!r}")
     if scene["poses"] == "adjusted" and scene["triangulate"] is False:
         fault(f"{where}triangulate", "adjusted poses need matches")
-    if scene["poses"] not in scene_keys.INPUT and (
-        scene["pose_convention"] != "as_stated"
-    ):
+    if scene["poses"] not in scene_keys.INPUT and scene["pose_convention"]:
         fault(f"{where}pose_convention", "only of cameras that came with the photos")
     model = scene["colmap"]["camera_model"]
     if source.has_truth and model not in (None, "PINHOLE", "SIMPLE_PINHOLE"):

@@ -275,10 +275,10 @@ class Scene(Keys):
         "with the photos are adjusted (default: by bundle adjustment, where held-out "
         "matches gain by it) or given (as they came); apps have colmap too",
     )
-    pose_convention: Literal[CONVENTIONS] = key(
-        "as_stated",
-        "of input cameras: the mistake that their file makes, which is undone; the "
-        "check of the cameras names it",
+    pose_convention: Literal[CONVENTIONS] | None = key(
+        None,
+        "of input cameras: the mistake that their file makes, which is undone; null: "
+        "none, and where matches show one the run stops and names it; as_stated: none",
     )
     downscale: int | Literal["auto"] = key(
         1,

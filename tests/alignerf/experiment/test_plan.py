@@ -123,7 +123,7 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
         kinds.warm: ["warm"],
         kinds.learnt: [],
         kinds.aligned: ["aligned"],
-        kinds.adjusted: ["adjusted"],
+        kinds.adjusted: ["adjusted_poses"],
         kinds.plain: ["mipnerf360_large", "mipnerf360"],
     }
     assert {m: experiment.baseline(m) for m in experiment.methods} == {
@@ -131,7 +131,7 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
         "mipnerf360_large": "mipnerf360_large",
         "mipnerf360": "mipnerf360",
         "aligned": "mipnerf360",
-        "adjusted": "mipnerf360",
+        "adjusted_poses": "mipnerf360",
         "alignerf": "mipnerf360",
         "staged_alone": "staged_alone",
     }

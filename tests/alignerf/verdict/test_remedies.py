@@ -26,7 +26,7 @@ MOVES = {
     "staged": (ONE | {"alignerf": {}}, [""]),
     "between": (ONE | {"alignerf": {}, "changes": "cameras"}, ["c"]),
     "learnt": (ONE | {"refine": {}}, ["c"]),
-    "adjusted": (ONE | {"adjust": True}, ["c"]),
+    "adjusted_poses": (ONE | {"adjust": True}, ["c"]),
     "aligned": (ONE | {"align": {}}, ["cp"]),
     "still_photos": (ONE | {"align": {"photos_at": []}}, ["c"]),
     "still_cameras": (ONE | {"align": {"cameras_at": []}}, ["p"]),
