@@ -115,8 +115,9 @@ def test_wrong_poses_are_adjusted_and_written_in_every_format(
 
 def test_right_poses_stay(scan, photographed, tmp_path, capsys):
     poses.main([str(scan(photographed[1]["camtoworlds"]))])
-    assert "nothing is written" in capsys.readouterr().out
-    assert not list(tmp_path.glob("results/*/adjusted"))
+    assert "cameras stay as they came" in capsys.readouterr().out
+    (out,) = tmp_path.glob("results/*/adjusted")
+    assert [path.name for path in out.iterdir()] == ["report.json"]
 
 
 def test_a_mistake_of_the_file_is_named_and_undone_on_demand(
