@@ -17,6 +17,8 @@ from alignerf.tables import intervals
 MIN_GAIN_PX = 0.05
 # A correction that leaves less than this of the error is taken whatever photos say.
 FRACTION_LEFT = 0.5
+# Of the error, by which another parameter of the lens has to lessen it.
+MIN_FRACTION = 0.05
 # Views with fewer held-out matches say nothing by themselves.
 MIN_MATCHES = 5
 
@@ -39,6 +41,11 @@ class Judgement(NamedTuple):
     def accepted(self):
         """Whether the error falls by enough, and by more than chance."""
         return self.gain_px >= MIN_GAIN_PX and self.low_px > 0
+
+    @property
+    def finer(self):
+        """Whether one more parameter of the lens shows, however little it matters."""
+        return self.gain_px >= MIN_FRACTION * self.before_px and self.low_px > 0
 
     @property
     def halved(self):

@@ -186,7 +186,7 @@ def fewest(matched, given, work, seed, photo_px, *, lens):
             more = bundle.adjust(matched, best.cameras, folder, free=free, **options)
         except bundle.TooFewError:
             break
-        if acceptance.judge(matched, best.cameras, more.cameras, photo_px).accepted:
+        if acceptance.judge(matched, best.cameras, more.cameras, photo_px).finer:
             now, points, moved = bundle.in_frame_of(
                 given, more.cameras, more.points, more.carried
             )
