@@ -146,3 +146,41 @@ def test_a_similarity_by_what_is_seen(rng, scale):
     np.testing.assert_allclose(found[1], turn, atol=1e-7)
     np.testing.assert_allclose(found[2], shift, atol=1e-5 * scale)
     assert max(similarity.distance_px(moved, true, points).values()) < 1e-3
+
+
+@pytest.mark.parametrize(("scale", "away"), [(3000.0, 0.0), (1.0, 1e6), (1e-3, 0.0)])
+def test_units_and_origin_of_the_world_do_not_matter(rng, tmp_path, scale, away):
+    true = made.cameras()
+    poses = posed.apply_similarity(
+        perturbed(true, 3.0, rng).camtoworlds, scale, np.eye(3), np.full(3, away)
+    )
+    given = true._replace(camtoworlds=poses)
+    adjusted = bundle.adjust(made.matched(true, rng), given, tmp_path, seed=0)
+    assert np.nanmedian(adjusted.points.reprojection_px) < 0.3
+    assert np.median(error_px(true, adjusted.cameras, adjusted)) < 0.2
+    centres = adjusted.cameras.camtoworlds[:, :, 3]
+    np.testing.assert_allclose(
+        (centres - away) / scale, true.camtoworlds[:, :, 3], atol=0.05
+    )
+
+
+def test_cameras_at_nearly_one_place_stay(rng, tmp_path):
+    true = made.cameras()
+    poses = true.camtoworlds.copy()
+    poses[:, :, 3] = poses[0, :, 3] + 1e-3 * rng.normal(size=(12, 3))
+    found = made.matched(true, rng)
+    given = true._replace(camtoworlds=poses)
+    adjusted, told = capture.adjust(found, given, tmp_path, 0, 1.0, lens=False)
+    assert adjusted is None
+    assert told["why"]
+
+
+def test_views_that_stay_wrong_are_named(rng):
+    true = made.cameras()
+    poses = true.camtoworlds.copy()
+    turn = Rotation.from_rotvec([30 / made.FOCAL_PX, 0, 0]).as_matrix()
+    poses[6, :, :3] = poses[6, :, :3] @ turn
+    found = made.matched(true, rng)
+    now = true._replace(camtoworlds=poses)
+    assert capture.still_off(found, now, 1.0) == ["v06"]
+    assert capture.still_off(found, true, 1.0) == []

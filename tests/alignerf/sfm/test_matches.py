@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from alignerf.sfm import bundle, calibration, matches
+from alignerf.scenes import prepare
+from alignerf.sfm import bundle, calibration, epipolar, matches
 from tests.alignerf.sfm import made
 
 
@@ -86,3 +87,34 @@ def test_neighbours_grow_with_the_number_of_views(count):
     assert all(0 <= i < j < count for i, j in found)
     # Each meets the next, and none meets one that looks the other way alone.
     assert {(i, i + 1) for i in range(count - 1)} <= found
+
+
+def test_matches_follow_the_views_whose_distortion_was_undone(rng):
+    bent = made.cameras(distortion=(0.15, -0.05, 0.0, 0.0, 0.0))
+    seen = made.matched(bent, rng, noise_px=0.0)
+    photo = prepare.Photo("unread")
+    views = prepare.PosedViews(
+        names=seen.names,
+        pixtocams=bent.pixtocams,
+        camtoworlds=bent.camtoworlds,
+        width=made.WIDTH,
+        height=made.HEIGHT,
+        photos=[photo] * 12,
+    )
+    views = calibration.applied(views, bent, "here")
+    assert np.abs(views.pixtocams - bent.pixtocams).max() > 1e-5
+    moved = calibration.in_views(seen, bent, views)
+    now = calibration.of_views(views, moved)
+    errors = epipolar.errors_px(*moved.places(), now.pixtocams, now.camtoworlds)
+    assert errors.max() < 1e-3
+    as_they_were = epipolar.errors_px(*seen.places(), now.pixtocams, now.camtoworlds)
+    assert np.median(as_they_were) > 0.1
+
+
+def test_one_place_found_in_two_directions_is_one_track(rng):
+    xy = [rng.random((40, 2)) * 99 for _ in range(2)]
+    xy = [np.concatenate([one, one[:10]]) for one in xy]
+    index = np.stack([np.arange(50)] * 2, axis=1)
+    found = matches.hold_out(["a", "b"], (99, 99), xy, np.array([[0, 1]]), [index], 0)
+    for draws in found.draws:
+        np.testing.assert_array_equal(draws[:10], draws[40:])
