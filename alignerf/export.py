@@ -144,7 +144,7 @@ def pays(verdict, method):
 def is_accepted(scene):
     """Whether held-out matches have accepted adjusted cameras, by its poses.json."""
     poses = json_files.read(Path(scene) / "poses.json")
-    told = (poses.get("camera_check") or {}).get("adjustment") or {}
+    told = prepared.adjustment_of(poses)
     return told.get("accepted") is True
 
 

@@ -51,7 +51,7 @@ def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
     with atomic.scratch_folder(out) as scratch:
         full, told, scene = readers.READERS[config["source"]](config, scratch)
         told["downscale_decided"] = config["downscale"] == "auto"
-        full = stated(prepare.sort_by_name(full), config)
+        full = conventions.stated(prepare.sort_by_name(full), config)
         given = for_training(full, config)
         prepared.check_views(config["path"] or out, given)
         if not config["judged"]:
@@ -141,13 +141,6 @@ def for_training(views, config):
         config["downscale"] = prepare.factor_for(views, MOST_PIXELS, LEAST_SIDE_PX)
         log.info("downscale: %d", config["downscale"])
     return prepare.downscale(views, config["downscale"])
-
-
-def stated(views, config):
-    """The views without the mistake that `pose_convention` says they have."""
-    stated = config["pose_convention"] or conventions.NONE
-    poses = conventions.undone(stated, views.names, views.camtoworlds)
-    return views._replace(camtoworlds=poses)
 
 
 def perturbed(views, config):

@@ -74,7 +74,7 @@ def of_size(scene, arrays, chosen):
 
 def of_cameras(args, chosen, poses, *, paid):
     """A sentence on whether cameras are corrected, and why not."""
-    told = (poses.get("camera_check") or {}).get("adjustment") or {}
+    told = prepared.adjustment_of(poses)
     by_px = ""
     if told.get("accepted"):
         by_px = f"by {told['pose_error_px']:.1f} px of the photo"

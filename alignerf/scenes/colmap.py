@@ -258,6 +258,11 @@ def lens(model, params):
 
 def pose_of(image):
     """Camera-to-world [3, 4], OpenGL axes, of a registered pycolmap image."""
-    world_from_camera = image.cam_from_world().inverse().matrix()
+    return pose_from(image.cam_from_world())
+
+
+def pose_from(camera_from_world):
+    """Camera-to-world [3, 4], OpenGL axes, of a pycolmap.Rigid3d."""
+    world_from_camera = camera_from_world.inverse().matrix()
     rotation = world_from_camera[:, :3] @ cameras.OPENGL_FROM_OPENCV
     return np.concatenate([rotation, world_from_camera[:, 3:]], axis=-1)

@@ -186,6 +186,11 @@ def step_of(places):
     return float(np.spacing(largest))
 
 
+def adjustment_of(poses):
+    """What a poses.json says of adjusting its cameras; {} where it was not asked."""
+    return (poses.get("camera_check") or {}).get("adjustment") or {}
+
+
 def is_name(name):
     """Whether a text can be a view's name: a file's that lies in a folder and prints.
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.sfm import calibration, epipolar
+from alignerf.sfm import calibration
 from alignerf.sfm.calibration import Cameras
 from alignerf.sfm.matches import Matches
 from alignerf.tables import intervals
@@ -72,11 +72,11 @@ def judge(matches: Matches, before: Cameras, after: Cameras, photo_px=1.0):
 
     Both are in px of the matches; photo_px: px of the photo in one of these.
     """
-    n, errors = len(matches.names), []
-    for one in (before, after):
-        views, xy = calibration.undistorted(matches, one).places(held_out=True)
-        own = epipolar.errors_px(views, xy, one.pixtocams, one.camtoworlds)
-        errors.append(photo_px * epipolar.by_view(views, own, n))
+    n, (views, _) = len(matches.names), matches.places(held_out=True)
+    errors = [
+        photo_px * calibration.errors_of_views(matches, one, held_out=True)
+        for one in (before, after)
+    ]
     known = np.isfinite(errors[0]) & np.isfinite(errors[1])
     known &= np.bincount(views.ravel(), minlength=n) >= MIN_MATCHES
     before_px, after_px = (one[known] for one in errors)

@@ -5,7 +5,6 @@ no track holds are placed by the points, or move along with their neighbours. Wh
 comes out is in the frame and at the scale of the input: one similarity takes it back.
 """
 
-import logging
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -18,11 +17,9 @@ from alignerf.files import progress
 from alignerf.scenes import cameras, colmap
 from alignerf.scenes.capture import mapping
 from alignerf.scenes.capture import triangulate as of_given
-from alignerf.sfm import epipolar, similarity
+from alignerf.sfm import calibration, similarity
 from alignerf.sfm.calibration import Cameras
 from alignerf.sfm.matches import Matches
-
-log = logging.getLogger("alignerf")
 
 # Reprojection error in px up to which a keypoint belongs to a point: first, in units
 # of the cameras' own error, up to a bound; then half as much each time; last of all, as
@@ -86,15 +83,12 @@ def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None
     """`Adjusted` cameras by all matches that are not held out.
 
     free: what of the lens is refined too: nothing, `focal` or, with distortion, `lens`.
-    images: folder of
-    the photos at the size of the matches, for the points' colours. Writes into `work`.
-    Raises TooFewError where too few tracks are left to adjust by.
+    images: folder of the photos at the size of the matches, for the points' colours.
+    Writes into `work`. Raises TooFewError where too few tracks are left to adjust by.
     """
     work, lens = Path(work), free == "lens"
     work.mkdir(parents=True, exist_ok=True)
-    views, xy = matches.places(held_out=False)
-    errors = epipolar.errors_px(views, xy, given.pixtocams, given.camtoworlds)
-    wrong_px = epipolar.by_view(views, errors, len(matches.names))
+    wrong_px = calibration.errors_of_views(matches, given, held_out=False)
     usual_px = np.nanmedian(wrong_px) if np.isfinite(wrong_px).any() else np.inf
     astray = ~(wrong_px <= max(ASTRAY * usual_px, MIN_ASTRAY_PX))
     groups = groups_of(given, matches.width)
@@ -273,15 +267,9 @@ def model_of(matches: Matches, state: State, *, lens=False):
         )
         model.add_camera_with_trivial_rig(camera)
     for view in np.flatnonzero(state.posed):
+        number, camera_id = int(view) + 1, int(state.groups[view]) + 1
         pose = state.cameras.camtoworlds[view]
-        image = pycolmap.Image(
-            name=f"{matches.names[view]}.png",
-            camera_id=int(state.groups[view]) + 1,
-            image_id=int(view) + 1,
-        )
-        turn = (pose[:, :3] @ cameras.OPENGL_FROM_OPENCV).T
-        moved = pycolmap.Rigid3d(pycolmap.Rotation3d(turn), -turn @ pose[:, 3])
-        model.add_image_with_trivial_frame(image, moved)
+        of_given.add_image(model, matches.names[view], number, camera_id, pose)
     return model
 
 
@@ -369,9 +357,7 @@ def with_more(matches: Matches, state: State, model, px, seed):
         )
         found = pycolmap.estimate_and_refine_absolute_pose(xy, xyz, camera, options)
         if found and found["num_inliers"] >= MIN_TRACKS:
-            world = found["cam_from_world"].inverse().matrix()
-            world[:, :3] = world[:, :3] @ cameras.OPENGL_FROM_OPENCV
-            poses[view], posed[view] = world, True
+            poses[view], posed[view] = colmap.pose_from(found["cam_from_world"]), True
             new.append(int(view))
     now = state.cameras._replace(camtoworlds=poses)
     return state._replace(cameras=now, posed=posed), new

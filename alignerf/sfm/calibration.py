@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from alignerf.scenes import distortion as lens
 from alignerf.scenes import prepare
+from alignerf.sfm import epipolar
 from alignerf.sfm.matches import Matches
 
 
@@ -47,6 +48,16 @@ def undistorted(matches: Matches, cameras: Cameras) -> Matches:
         )
     ]
     return matches._replace(keypoints=keypoints)
+
+
+def errors_of_views(matches: Matches, cameras: Cameras, *, held_out=None):
+    """[n] median epipolar error of each view's matches in px; NaN without any.
+
+    held_out: of one part of the matches alone.
+    """
+    views, xy = undistorted(matches, cameras).places(held_out=held_out)
+    errors = epipolar.errors_px(views, xy, cameras.pixtocams, cameras.camtoworlds)
+    return epipolar.by_view(views, errors, len(matches.names))
 
 
 def in_views(matches: Matches, cameras: Cameras, views: prepare.PosedViews) -> Matches:

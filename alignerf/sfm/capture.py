@@ -16,7 +16,6 @@ from alignerf.sfm import (
     bundle,
     calibration,
     conventions,
-    epipolar,
     matches,
     outliers,
     similarity,
@@ -58,8 +57,8 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
 
     adjusts: whether to adjust at all; lens: whether the adjusted cameras become the
     scene's, so that they may have a distortion. matched: what is known already of the
-    photos' matches. Writes into `work`. Raises ValueError
-    where another convention explains the matches than the config's.
+    photos' matches. Writes into `work`. Raises ValueError where another convention
+    explains the matches than the config's.
     """
     started, where = time.monotonic(), config["path"] or config["source"]
     seed, work = config["seed"], Path(work)
@@ -107,9 +106,7 @@ def stand_out(matched, given, photo_px, where):
 
     Views and lenses that do are logged.
     """
-    views, xy = matched.places()
-    errors = epipolar.errors_px(views, xy, given.pixtocams, given.camtoworlds)
-    px = photo_px * epipolar.by_view(views, errors, len(matched.names))
+    px = photo_px * calibration.errors_of_views(matched, given)
     found = {
         "views": outliers.of_views(matched.names, px, given.camtoworlds),
         "lenses": outliers.of_lenses(matched.names, photo_px * given.camtopix),
@@ -198,10 +195,7 @@ def fewest(matched, given, work, seed, photo_px, *, lens):
 
 def still_off(matched, now, photo_px):
     """Names of the views whose matches are far off by adjusted cameras too."""
-    straight = calibration.undistorted(matched, now)
-    views, xy = straight.places()
-    errors = epipolar.errors_px(views, xy, now.pixtocams, now.camtoworlds)
-    px = photo_px * epipolar.by_view(views, errors, len(matched.names))
+    px = photo_px * calibration.errors_of_views(matched, now)
     return list(outliers.of_views(matched.names, px, now.camtoworlds))
 
 

@@ -110,6 +110,12 @@ def undone(convention, names, camtoworlds):
     return camtoworlds[order_of(convention, names)]
 
 
+def stated(views, config):
+    """The views without the mistake that a scene's `pose_convention` says they have."""
+    poses = undone(config["pose_convention"] or NONE, views.names, views.camtoworlds)
+    return views._replace(camtoworlds=poses)
+
+
 def describe(convention):
     """The mistake in words."""
     return ORDERS.get(convention) or POSES[convention][0]

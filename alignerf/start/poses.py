@@ -67,18 +67,16 @@ def config_of(scene, args, folder):
 def adjust(name, config, args):
     """Check one scene's cameras, print what they are like, and write better ones."""
     place = Path("results", name)
-    stated = config["pose_convention"] or conventions.NONE
     with atomic.scratch_folder(place, name="poses") as scratch:
         views, *_ = readers.READERS[config["source"]](config, scratch)
-        views = prepare.sort_by_name(views)
-        poses = conventions.undone(stated, views.names, views.camtoworlds)
-        views = views._replace(camtoworlds=poses)
+        views = conventions.stated(prepare.sort_by_name(views), config)
         prepared.check_views(config["path"], views)
         prepared.check_places(config["path"], views)
         checked = capture.check(views, scratch, config, adjusts=True, lens=True)
         print(f"{name}: {len(views.names)} photos, {summary(checked.report)}")
         with atomic.replace_folder(place / NAME) as folder:
-            if checked.found or stated != conventions.NONE:
+            as_it_came = (None, conventions.NONE)
+            if checked.found or config["pose_convention"] not in as_it_came:
                 photos_too = not args.no_photos
                 write(folder, scratch, views, checked, config, photos_too=photos_too)
             report = checked.report | {"of": str(config["path"])}

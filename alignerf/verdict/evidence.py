@@ -194,7 +194,7 @@ def of_matches(poses):
 
     Crops have the report of the photos that they are cut from.
     """
-    told = (poses.get("camera_check") or {}).get("adjustment") or {}
+    told = prepared.adjustment_of(poses)
     if told.get("before_px") is None:
         return None
     accepted = bool(told.get("accepted"))

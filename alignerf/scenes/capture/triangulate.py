@@ -76,13 +76,16 @@ def model_of(arrays) -> pycolmap.Reconstruction:
                 model="PINHOLE", params=lens, camera_id=camera_ids[lens], **size
             )
             model.add_camera_with_trivial_rig(camera)
-        image = pycolmap.Image(
-            name=f"{name}.png", camera_id=camera_ids[lens], image_id=number
-        )
-        turn = (pose[:, :3] @ cameras.OPENGL_FROM_OPENCV).T
-        moved = pycolmap.Rigid3d(pycolmap.Rotation3d(turn), -turn @ pose[:, 3])
-        model.add_image_with_trivial_frame(image, moved)
+        add_image(model, name, number, camera_ids[lens], pose)
     return model
+
+
+def add_image(model, name, number, camera_id, pose):
+    """Add a view <name>.png of a camera-to-world pose [3, 4] to COLMAP's model."""
+    image = pycolmap.Image(name=f"{name}.png", camera_id=camera_id, image_id=number)
+    turn = (pose[:, :3] @ cameras.OPENGL_FROM_OPENCV).T
+    moved = pycolmap.Rigid3d(pycolmap.Rotation3d(turn), -turn @ pose[:, 3])
+    model.add_image_with_trivial_frame(image, moved)
 
 
 def write_views(database, model):
