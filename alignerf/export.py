@@ -29,7 +29,7 @@ from alignerf.exports import (
     words,
 )
 from alignerf.files import archives, atomic, faults, json_files
-from alignerf.scenes import prepare, prepared
+from alignerf.scenes import originals, prepare, prepared
 
 log = logging.getLogger("alignerf")
 
@@ -107,6 +107,7 @@ def choose(args, config, work) -> Chosen:
     known = not args.warped or warps.are_known(names, args.valid)
     full = config is not None and not config["zoom"]
     if full and known:
+        originals.check(loaded.folder)
         (work / "photos_work").mkdir()
         views = sizes.of_photos(config, loaded.folder, work / "photos_work", path)
     else:

@@ -17,8 +17,8 @@ import numpy as np
 from alignerf.experiment import jobs
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
-from alignerf.files import atomic, faults, json_files
-from alignerf.scenes import cameras, held_out, prepare, prepared
+from alignerf.files import atomic, faults, json_files, owned
+from alignerf.scenes import cameras, held_out, originals, prepare, prepared
 from alignerf.scenes.capture import full_size, windows, windows_truth
 from alignerf.scenes.courtyard import truth
 from alignerf.scenes.judged import views as judged
@@ -83,6 +83,9 @@ def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
             )
         if config["judged"]:
             atomic.move(scratch / "pairs.json", fresh / judged.PAIRS)
+        files = [*originals.of_views(config, full), *told.pop("files", ())]
+        outer = [path for path in files if scratch not in Path(path).parents]
+        originals.write(fresh, outer)
         if (scratch / "colmap").is_dir():
             atomic.move(scratch / "colmap", fresh / "colmap")
             atomic.move(scratch / "lenses.npz", fresh / prepared.LENSES)
@@ -101,6 +104,7 @@ def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
 def of_whole(config, out, whole, cameras_path, places):
     """Make a scene of windows of another one, whose photos and cameras it has."""
     started = time.monotonic()
+    originals.check(whole)
     told = json_files.read(whole / "poses.json", prepared.POSES)
     least = config["least_train_views"] + 1
     with atomic.scratch_folder(out) as scratch:
@@ -281,11 +285,14 @@ def describe_views(views, photo_size, split, config):
 def publish(fresh, out):
     """Move what was made into the scene's folder, the report last."""
     for name in PRODUCTS:
+        owned.check(out / name)
+    for name in PRODUCTS:
         if (fresh / name).exists():
             atomic.move(fresh / name, out / name)
         elif (out / name).exists():
             # Left by another source of the same scene name, and no longer true.
             if (out / name).is_dir():
+                owned.check_replaced(out / name)
                 shutil.rmtree(out / name)
             else:
                 (out / name).unlink()

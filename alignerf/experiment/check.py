@@ -3,7 +3,15 @@
 from pathlib import Path
 
 from alignerf.experiment import schema
-from alignerf.experiment.checks import external, filled, methods, models, names, scenes
+from alignerf.experiment.checks import (
+    external,
+    filled,
+    methods,
+    models,
+    names,
+    results,
+    scenes,
+)
 from alignerf.experiment.checks.common import fault, is_there
 from alignerf.experiment.keys import config as config_keys
 from alignerf.experiment.keys import left as left_keys
@@ -45,6 +53,7 @@ def checked(config, files=()):
     names.check_published(config)
     check_flow(config["flow"], config["methods"])
     check_weights(config)
+    results.check_apart(config)
     if config["tradeoff"]:
         models.check_tradeoff(config)
     return config

@@ -5,6 +5,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import sys
 from pathlib import Path
 
@@ -164,11 +165,25 @@ def causes(snakemake_logs):
     return found
 
 
+def replaced(dag):
+    """Folders that Snakemake removes before their jobs write them anew."""
+    outputs = (file for job in dag.needrun_jobs() for file in job.output)
+    return [file for file in outputs if file.is_directory and not is_updated(file)]
+
+
+def is_updated(file):
+    """Whether a job finds its output as it is, and puts its own files into it."""
+    return bool(file.flags.get("update"))
+
+
 def tidy(scenes):
     """Remove what killed processes of earlier runs have half written, and say so.
 
     And bring times back that lie in the future.
     """
+    for name in scenes:
+        # Copies of outputs that Snakemake has put aside, and will not overwrite.
+        shutil.rmtree(f".snakemake/backups/results/{name}", ignore_errors=True)
     found = [path for name in scenes for path in atomic.sweep(f"results/{name}")]
     if found:
         few = faults.some_names([faults.one_line(str(path)) for path in found])

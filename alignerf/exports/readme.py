@@ -34,7 +34,8 @@ Files
 Programs
 --------
 
-All commands are run in this folder, or name it.
+All commands are run in this folder, or name it. What they write here stays when the
+export is made anew: .why-blurry lists what is replaced.
 
 nerfstudio (learns from train_filenames, judges by test_filenames):
 

@@ -15,6 +15,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from alignerf.files import owned
+
 # Behind a temporary name's own part: `.model.~host~123~abc.msgpack`.
 OWNER = re.compile(r"\.[^/]*~(?P<host>[^~/]*)~(?P<process>\d+)~[^/]*\Z")
 # Clocks of machines that share a folder differ by seconds.
@@ -49,8 +51,12 @@ def replace_file(path):
 
 @contextlib.contextmanager
 def replace_folder(path):
-    """Yield a temporary folder beside `path` that takes its place on success."""
+    """Yield a temporary folder beside `path` that takes its place on success.
+
+    Of one that is there a user's files stay. ValueError where all are a user's.
+    """
     path = Path(path)
+    owned.check(path)
     # It makes the folder that this one is to lie in, and takes it away again.
     with naming(path), scratch_folder(path.parent, name=path.name) as scratch:
         fresh = scratch / "new"
@@ -60,8 +66,15 @@ def replace_folder(path):
 
 
 def move(source, target):
-    """Rename a whole file or folder onto `target`, on the same file system."""
+    """Rename a whole file or folder onto `target`, on the same file system.
+
+    A folder gets its mark. Raises ValueError as `owned.check` and `owned.merge`.
+    """
     if Path(source).is_dir():
+        owned.check(target)
+        owned.seal(source)
+        if owned.others(target):
+            return owned.merge(source, target)
         # A folder cannot be renamed onto a full one: the old one steps aside first.
         with scratch_folder(Path(target).parent, name="old") as scratch:
             with contextlib.suppress(FileNotFoundError):

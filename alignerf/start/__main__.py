@@ -12,8 +12,8 @@ from pathlib import Path
 
 from alignerf.experiment import targets
 from alignerf.files import faults, machine, provenance
-from alignerf.scenes import photos
-from alignerf.start import configs, folders, workflow
+from alignerf.scenes import originals, photos
+from alignerf.start import claims, configs, folders, workflow
 
 
 def main(argv=None):
@@ -27,6 +27,12 @@ def main(argv=None):
     if args.name and len(scenes) == 1:
         scenes = {args.name: next(iter(scenes.values()))}
     scenes = folders.with_colmap(scenes)
+    with claims.held(name):
+        run(name, scenes, folder, args)
+
+
+def run(name, scenes, folder, args):
+    """Write the config of scenes, say what they are, and run it."""
     path = Path("results") / f"{name}.yaml"
     configs.say_where(path, config_of(scenes, args), folder)
     scenes = still_in(path, scenes)
@@ -40,11 +46,23 @@ def main(argv=None):
     say_twice(path, scenes)
     pages = list(map(targets.page_of, scenes))
     print(f"page, in the end: {', '.join(pages)}", flush=True)
+    if args.only_config:
+        return
     # Its files for other programs, too: cameras put right, or as given.
-    if not args.only_config and (
-        code := workflow.run(path, args.cores, "all", "export", first=pages)
-    ):
+    anew, wanted = anew_of(scenes), ("all", "export")
+    if code := workflow.run(path, args.cores, *wanted, first=pages, forced=anew):
         sys.exit(code)
+
+
+def anew_of(scenes):
+    """The poses of scenes whose photos have changed in their place, which is said."""
+    places = {name: Path("results", name) for name in scenes}
+    found = {name: originals.changed(place) for name, place in places.items()}
+    for name, files in found.items():
+        if files:
+            few = faults.some_names(files)
+            print(f"{name}: changed since poses were found, so all is made anew: {few}")
+    return [str(places[name] / "poses.json") for name, files in found.items() if files]
 
 
 def still_in(path, scenes):

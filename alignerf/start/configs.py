@@ -5,12 +5,13 @@ import hashlib
 import logging
 import math
 import os
+from pathlib import Path
 
 import yaml
 
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import atomic, provenance, yaml_files
-from alignerf.start import folders
+from alignerf.start import claims, folders
 
 log = logging.getLogger("alignerf")
 
@@ -55,18 +56,22 @@ def read(path):
 def say_where(path, config, folder, *, by="photos"):
     """Write the config, and log its path; a config that a user has changed is kept.
 
-    by: a key of OTHER_NAME. Raises ValueError where the kept config is of other folders
-    or other arguments.
+    by: a key of OTHER_NAME. Raises ValueError, before anything is written, where what
+    is there is of other inputs or another command, or lies in a user's folder.
     """
-    if path.exists():
+    other_name = provenance.typed(*OTHER_NAME[by])
+    # A run by Snakemake itself leaves its own.
+    before = [path, *(Path("results", one, "config.yaml") for one in config["scenes"])]
+    for one in filter(Path.exists, before[: 1 if path.exists() else None]):
+        check_same(one, read(one), config, f"Give another name: {other_name}")
+    if path.exists() and not is_untouched(path):
         there = read(path)
-        check_same(path, there, config, provenance.typed(*OTHER_NAME[by]))
-        if not is_untouched(path):
-            asked = {key: value for key, value in config.items() if key != "scenes"}
-            if differing := [k for k, v in asked.items() if there.get(k) != v]:
-                log.warning("%s is yours: its %s is kept", path, ", ".join(differing))
-            print(f"config: {path}, as it is there")
-            return
+        asked = {key: value for key, value in config.items() if key != "scenes"}
+        if differing := [k for k, v in asked.items() if there.get(k) != v]:
+            log.warning("%s is yours: its %s is kept", path, ", ".join(differing))
+        print(f"config: {path}, as it is there")
+        return
+    claims.check_free(config)
     text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
     command = program(by)
     head = HEAD.format(
@@ -77,23 +82,41 @@ def say_where(path, config, folder, *, by="photos"):
     print(f"config: {path}")
 
 
-def check_same(path, there, config, other_name):
-    """ValueError where a config's scenes are of other folders: results would mix.
+def check_same(path, there, config, instead):
+    """ValueError where a config's scenes are others than those of `path`, whose results
+    would be replaced, or lost from sight.
 
-    other_name: the command that gives results another name.
+    instead: what to type.
     """
-    for name, scene in config["scenes"].items():
-        before = there["scenes"].get(name)
-        own = before.get("path") if isinstance(before, dict) else None
-        if own is None:
-            continue
-        if not isinstance(own, str) or "\0" in own:
-            raise ValueError(f"{path}: scenes.{name}.path: {own!r:.60} is no path")
-        if os.path.realpath(own) != os.path.realpath(scene["path"]):
-            raise ValueError(
-                f"{path}: scene {name} is of {own}, not of {scene['path']}. Give "
-                f"another name: {other_name}"
-            )
+    for name, before in there["scenes"].items():
+        told, scene = inputs_of(path, name, before), config["scenes"].get(name)
+        if scene is None:
+            # A user may add scenes; and one of several folders may be gone.
+            if not is_untouched(path) or not os.path.exists(told.get("path", "")):
+                continue
+            fault = f"{told['path']}, which is not among those given"
+            raise ValueError(f"{path}: scene {name} is of {fault}. {instead}")
+        now = inputs_of(path, name, scene)
+        if ("renders" in told) != ("renders" in now):
+            kinds = ("renders that are judged", "photos to be trained on")
+            of, to = kinds if "renders" in told else kinds[::-1]
+            raise ValueError(f"{path}: scene {name} is of {of}, not of {to}. {instead}")
+        for key in [key for key in told if key in now]:
+            if os.path.realpath(told[key]) != os.path.realpath(now[key]):
+                fault = f"{told[key]}, not of {now[key]}"
+                raise ValueError(f"{path}: scene {name} is of {fault}. {instead}")
+
+
+def inputs_of(path, name, scene):
+    """{key: path} of what a config's scene is of; ValueError for one that is none."""
+    scene = scene if isinstance(scene, dict) else {}
+    judged = scene.get("judged")
+    found = {"path": scene.get("path")} | (judged if isinstance(judged, dict) else {})
+    found = {k: found.get(k) for k in ("path", "renders", "cameras", "depth")}
+    for key, own in found.items():
+        if own is not None and (not isinstance(own, str) or "\0" in own):
+            raise ValueError(f"{path}: scenes.{name}.{key}: {own!r:.60} is no path")
+    return {key: own for key, own in found.items() if own}
 
 
 def digest_of(text):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from alignerf.experiment import targets
 from alignerf.files import faults, machine, provenance
-from alignerf.start import configs, folders, workflow
+from alignerf.start import claims, configs, folders, workflow
 
 
 def main(argv=None):
@@ -27,7 +27,9 @@ def main(argv=None):
     print(f"config: {faults.one_line(str(path))}", flush=True)
     overrides = [f"export_width_px={args.width}"] if args.width else []
     named = None if path == targets.DEMO else path
-    if code := workflow.run(named, args.cores, "export", overrides=overrides):
+    with claims.held(path.stem):
+        code = workflow.run(named, args.cores, "export", overrides=overrides)
+    if code:
         sys.exit(code)
     for made in sorted(folder for name in scenes for folder in exports(name)):
         print(f"export: {made}/README.txt")

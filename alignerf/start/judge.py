@@ -15,9 +15,9 @@ from pathlib import Path
 from alignerf.experiment import targets
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import faults, machine, provenance
-from alignerf.scenes import photos, prepared
-from alignerf.scenes.judged import depths, lenses, pairs
-from alignerf.start import configs, folders, workflow
+from alignerf.scenes import originals, photos, prepared
+from alignerf.scenes.judged import depths, pairs
+from alignerf.start import claims, configs, folders, workflow
 
 log = logging.getLogger("alignerf")
 
@@ -38,8 +38,14 @@ def main(argv=None):
             )
             raise ValueError(f"{name.upper()} is missing: {command}")
     name = args.name or folders.name_of(folders.at_home(args.renders))
-    path = Path("results") / f"{name}.yaml"
     check_before(args.before, name)
+    with claims.held(name):
+        run(name, args)
+
+
+def run(name, args):
+    """Find the pairs, write the config, and run it."""
+    path = Path("results") / f"{name}.yaml"
     scene = scene_of(args)
     judged = pairs.find(of_scenes.checked(scene))
     splits = pairs.splits_of(judged)
@@ -124,27 +130,12 @@ def config_of(name, scene, judged):
 
 
 def forced(name, scene, judged):
-    """The rules to run anew: that of the pairs, where a file of theirs is newer.
-
-    Snakemake sees only whether a folder is.
-    """
-    made = Path("results", name, "poses.json")
-    if not made.is_file():
-        return ()
-    files = [path for pair in judged.pairs for path in (pair.photo, pair.render.path)]
-    files += lenses.files_of(scene["judged"].get("cameras"))
-    if depth := scene["judged"].get("depth"):
-        files += depths.find(depth, [pair.name for pair in judged.pairs]).values()
-    # Of folders, too: one that is taken away is in no other way noticed.
-    files += {path.parent for path in files}
-    newest = max(map(changed, files))
-    return ("poses",) if newest > made.stat().st_mtime else ()
-
-
-def changed(path):
-    """When a file was changed last, also where a copy has brought its old time along"""
-    found = path.stat()
-    return max(found.st_mtime, found.st_ctime)
+    """What is to be made anew: the pairs, where one of their files has changed."""
+    place = Path("results", name)
+    files = map(str, pairs.files_of(judged, scene["judged"]))
+    noted = originals.noted(place)
+    same = set(files) == set(noted) and not originals.changed(place)
+    return (str(place / "poses.json"),) if noted and not same else ()
 
 
 def parse(argv=None):

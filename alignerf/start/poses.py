@@ -12,15 +12,16 @@ import json
 import logging
 from pathlib import Path
 
+from alignerf.experiment.checks import results as of_results
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.exports import formats, photos, points
-from alignerf.files import atomic, faults, provenance
+from alignerf.files import atomic, faults, owned, provenance
 from alignerf.scenes import photos as photo_files
 from alignerf.scenes import prepare, prepared
 from alignerf.scenes.loading import readers
 from alignerf.sfm import calibration, capture, conventions
-from alignerf.start import configs, folders
+from alignerf.start import claims, configs, folders
 
 log = logging.getLogger("alignerf")
 
@@ -67,6 +68,14 @@ def config_of(scene, args, folder):
 def adjust(name, config, args):
     """Check one scene's cameras, print what they are like, and write better ones."""
     place = Path("results", name)
+    of_results.check_reads({f"scenes.{name}.path": config["path"]}, [place])
+    with claims.held(name):
+        owned.check(place)
+        write_adjusted(name, place, config, args)
+
+
+def write_adjusted(name, place, config, args):
+    """The same, into a folder that is this program's."""
     with atomic.scratch_folder(place, name="poses") as scratch:
         views, *_ = readers.READERS[config["source"]](config, scratch)
         views = conventions.stated(prepare.sort_by_name(views), config)
@@ -74,6 +83,7 @@ def adjust(name, config, args):
         prepared.check_places(config["path"], views)
         checked = capture.check(views, scratch, config, adjusts=True, lens=True)
         print(f"{name}: {len(views.names)} photos, {summary(checked.report)}")
+        owned.put(place)
         with atomic.replace_folder(place / NAME) as folder:
             as_it_came = (None, conventions.NONE)
             if checked.found or config["pose_convention"] not in as_it_came:

@@ -25,7 +25,8 @@ def run(path, cores, *wanted, overrides=(), forced=(), first=()):
     """Run a config for targets, and show it; returns the exit code.
 
     path: None is the demo's config. overrides: `key=value` of top-level keys. forced:
-    rules that run again. first: files that come before all others, with what they need.
+    files that are made anew. first: files that come before all others, with what they
+    need.
     """
     command = command_of(path, cores, wanted, overrides, forced, first)
     if os.environ.get("VERBOSE"):

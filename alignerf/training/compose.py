@@ -6,7 +6,7 @@ from alignerf.contributions import frequency_loss
 from alignerf.experiment import jobs
 from alignerf.experiment.keys import fields as fields_keys
 from alignerf.experiment.keys import model as model_keys
-from alignerf.files import extensions
+from alignerf.files.environment import extensions
 from alignerf.kernels import calls
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.networks import vgg19

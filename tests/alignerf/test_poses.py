@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from alignerf import poses
-from alignerf.files import images
+from alignerf.files import images, owned
 from alignerf.scenes import cameras, prepared
 from alignerf.verdict import evidence
 
@@ -79,7 +79,7 @@ def test_oracle_without_error_is_the_photo(tmp_path):
     """Nothing moves, poses are true: oracle and photo differ by rounding only."""
     config = COURTYARD | {"courtyard": COURTYARD["courtyard"] | {"motion": "none"}}
     poses.main(config, tmp_path)
-    for path in (tmp_path / "images").iterdir():
+    for path in (tmp_path / "images").glob("*.png"):
         photo = images.read(path).astype(float)
         oracle = images.read(tmp_path / "truth" / "oracle" / path.name)
         assert np.abs(photo - oracle).mean() < 0.5
@@ -154,6 +154,9 @@ def test_perturbed_poses_and_the_true_flow_that_undoes_them(tmp_path):
 def test_runs_are_identical_and_replace_what_was_there(courtyard, tmp_path):
     (tmp_path / "images").mkdir()
     (tmp_path / "images" / "old.png").write_bytes(b"")
+    with pytest.raises(ValueError, match=r"images: has files, and none is .why-blurry"):
+        poses.main(COURTYARD, tmp_path)
+    owned.seal(tmp_path / "images")
     poses.main(COURTYARD, tmp_path)
     assert not (tmp_path / "images" / "old.png").exists()
     for path in courtyard.rglob("*.*"):

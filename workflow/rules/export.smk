@@ -6,7 +6,8 @@ rule export_photos:
         poses="results/{scene}/poses.json",
         cameras="results/{scene}/cameras.npz",
     output:
-        directory("results/{scene}/{method}/export/{what}"),
+        # What users and their programs have put into it stays.
+        update(directory("results/{scene}/{method}/export/{what}")),
     log:
         "results/{scene}/{method}/logs/export_{what}.log",
     benchmark:

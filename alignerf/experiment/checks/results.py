@@ -1,20 +1,33 @@
-"""The folders that a run writes into, before the workflow engine meets them."""
+"""The folders that a run writes into, before the workflow engine meets them.
+
+A user's files are read, and never changed: no path of a config lies in or above such a
+folder, and one that is there has this program's mark.
+"""
 
 import os
 from pathlib import Path
+
+from alignerf.experiment.checks.common import fault
+from alignerf.files import owned
 
 # Folders of a scene besides those of its methods.
 INSIDE = ("images", "tables", "figures", "logs", "tradeoff", "pretrain", "testset")
 
 
 def check_folders(scenes, methods, results="results"):
-    """ValueError for a file in the place of a folder, or a link that leads nowhere."""
+    """ValueError for a file in the place of a folder, for a link that leads nowhere,
+    and for a folder of a scene, or one that a link leads to, which is a user's.
+    """
     for folder in folders_of(scenes, methods, results):
         # What is not there will be made.
         if os.path.lexists(folder) and not folder.is_dir():
             raise ValueError(
                 f"{folder}: a folder was expected there: move this file away"
             )
+    for folder in outermost(scenes, methods, results):
+        # A storage's copies come and go.
+        if ".snakemake" not in Path(os.path.realpath(folder)).parts:
+            owned.check(folder)
 
 
 def check_writable(scenes, methods, results="results"):
@@ -22,6 +35,75 @@ def check_writable(scenes, methods, results="results"):
     for folder in folders_of(scenes, methods, results):
         if folder.is_dir() and not os.access(folder, os.W_OK | os.X_OK):
             raise ValueError(f"{folder}: cannot be written to, by its permissions")
+
+
+def claim(scenes, replaced, results="results"):
+    """Put the mark into the folders of scenes, before any job begins.
+
+    replaced: folders that jobs write as a whole. ValueError for a user's file in one.
+    """
+    for folder in replaced:
+        owned.check_replaced(folder)
+    for scene in scenes:
+        owned.claim(Path(results, scene))
+
+
+def check_apart(config, results="results"):
+    """ValueError naming a key whose path lies in or above a folder that is written."""
+    written = outermost(config["scenes"], config["methods"], results)
+    check_reads(paths_of(config), [Path(results, "logs"), *written])
+
+
+def check_reads(paths, written):
+    """The same of {key: path} and folders. Real paths count, as links lead to them."""
+    for key, path in paths.items():
+        for folder in written:
+            inside = path and lies_in(path, folder)
+            if inside or (path and lies_in(folder, path)):
+                where = "lies in" if inside else "holds"
+                fault(
+                    key,
+                    f"{path} {where} {folder}, which this run writes: give results "
+                    "another name, or run it from another folder",
+                )
+
+
+def paths_of(config):
+    """{key: path} of all that a complete config reads; of a template what is fixed."""
+    found = {f"lpips.{net}": path for net, path in config["lpips"].items()}
+    found["frequency_weights"] = config["frequency_weights"]
+    for scene, keys in config["scenes"].items():
+        found |= {f"scenes.{scene}.{key}": keys[key] for key in ("path", "masks")}
+        for key in ("renders", "cameras", "depth", "before"):
+            found[f"scenes.{scene}.judged.{key}"] = (keys["judged"] or {}).get(key)
+    templates = {"flow.folder": config["flow"]["folder"]}
+    for name, method in config["methods"].items():
+        templates[f"methods.{name}.renders"] = method["renders"]
+        for key in ("renders", "depth"):
+            own = (method["external"] or {}).get(key)
+            templates[f"methods.{name}.external.{key}"] = own
+    for key, template in templates.items():
+        for scene in config["scenes"] if template else ():
+            path = template.replace("{scene}", scene).partition("{")[0]
+            found[f"{key}, {scene}"] = path
+    return found
+
+
+def lies_in(path, folder):
+    """Whether a path is a folder, or lies below it, by what links lead to."""
+    if not os.path.exists(folder):
+        return False
+    real = Path(os.path.realpath(path))
+    return any(
+        os.path.exists(one) and os.path.samefile(one, folder)
+        for one in (real, *real.parents)
+    )
+
+
+def outermost(scenes, methods, results):
+    """Folders of scenes, and those inside that links lead out of them to."""
+    every = list(folders_of(scenes, methods, results))[1:]
+    return [one for one in every if one.parent == Path(results) or one.is_symlink()]
 
 
 def folders_of(scenes, methods, results):

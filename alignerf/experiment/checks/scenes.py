@@ -1,7 +1,5 @@
 """Scenes: what a source allows, and that its folders are there."""
 
-import os
-
 from alignerf.experiment import schema
 from alignerf.experiment.checks.common import check_path_variable, fault, is_there
 from alignerf.experiment.keys import scene as scene_keys
@@ -118,6 +116,3 @@ def check_path(scene, name):
         check_path_variable(where, path or "")
         if path and not is_there(path):
             fault(where, f"{path} does not exist")
-    own = os.path.realpath(f"results/{name}/verdict.json")
-    if judged.get("before") and os.path.realpath(judged["before"]) == own:
-        fault(f"scenes.{name}.judged.before", "is the verdict that is to be written")

@@ -1,6 +1,6 @@
 """Names of the flow's estimators: several sections have a key that takes one."""
 
-from alignerf.files import extensions
+from alignerf.files.environment import extensions
 
 # What aligns on the way may use them: they take no longer than the training.
 FAST = (

@@ -6,7 +6,7 @@ import pydantic
 
 from alignerf.experiment.keys import estimators
 from alignerf.experiment.keys.key import Keys, key, learning_rates
-from alignerf.files import extensions
+from alignerf.files.environment import extensions
 
 
 class WarmStart(Keys):

@@ -8,7 +8,7 @@ from alignerf.experiment.keys.fields import PRECISION, PRECISIONS, Grid, Mlp, Ne
 from alignerf.experiment.keys.key import Keys, key, left_to_facts
 from alignerf.experiment.keys.system import System, changes
 from alignerf.experiment.keys.training import RATES, Changes
-from alignerf.files import extensions
+from alignerf.files.environment import extensions
 
 FIELD = (
     "with `kind` the defaults of that kind; without it, changes of the default field"

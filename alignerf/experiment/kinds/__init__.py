@@ -20,7 +20,7 @@ from alignerf.experiment.kinds import (
     staged,
     warm,
 )
-from alignerf.files import extensions
+from alignerf.files.environment import extensions
 
 OF_OTHERS = tuple(extensions.of_group("kinds").values())
 # A method is of the first kind that takes it. `plain` takes all.

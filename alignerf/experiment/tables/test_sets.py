@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from typing import NamedTuple
 
-from alignerf.files import extensions
+from alignerf.files.environment import extensions
 
 
 class TestSet(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 
 from alignerf.files import faults
 from alignerf.scenes import photos, prepare
-from alignerf.scenes.judged import lenses, renders
+from alignerf.scenes.judged import depths, lenses, renders
 
 log = logging.getLogger("alignerf")
 
@@ -127,6 +127,15 @@ def pair_of(name, path, render, lens, size) -> Pair:
         upright, own = True, turned
     camtopix, coefficients = lens.at(own, f"{path}")
     return Pair(name, path, upright, render, (camtopix, coefficients), own, lens.pose)
+
+
+def files_of(judged: Judged, keys):
+    """Paths of all that pairs are read from; keys: those of `judged`."""
+    found = [path for pair in judged.pairs for path in (pair.photo, pair.render.path)]
+    found += lenses.files_of(keys.get("cameras"))
+    if depth := keys.get("depth"):
+        found += depths.find(depth, [pair.name for pair in judged.pairs]).values()
+    return found
 
 
 def splits_of(judged: Judged):

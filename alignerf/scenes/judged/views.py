@@ -110,6 +110,7 @@ def load(config, scratch):
         "points": None if views.points is None else len(views.points[0]),
         "models": None,
         "judged": told,
+        "files": pairs.files_of(judged, config["judged"]),
     }
     sizes = [pair.photo_size for pair in judged.pairs]
     report["photo_size"] = list(max(set(sizes), key=sizes.count))

@@ -22,9 +22,7 @@ MOST_BY_CLOCK = 0.95
 ASK_EVERY_S, ASK_TIMES = 5.0, 100.0
 # Lines of the log that are shown where no job has failed.
 LAST_LINES = 40
-LOCKED = (
-    "error: another run is at work in this folder. If none is, one was killed, and:"
-)
+LOCKED = "another run is at work in this folder. If none is, one was killed, and:"
 NAME_WIDTH, WIDTH = 62, 94
 # Of one job.
 MOST_WARNINGS = 5
@@ -182,7 +180,7 @@ class Report:
         text = self.log.read_text(encoding="utf-8", errors="replace")
         lines = text.rstrip().splitlines()
         if "LockException" in text:
-            return LOCKED, f"  {unlocking()}"
+            return f"error: {LOCKED}", f"  {unlocking()}"
         if ours := [line for line in lines if line.startswith("error: ")]:
             return ours
         if told := [line for error in self.errors for line in error.splitlines()]:

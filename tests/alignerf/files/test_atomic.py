@@ -9,13 +9,14 @@ import time
 
 import pytest
 
-from alignerf.files import atomic
+from alignerf.files import atomic, owned
 
 
 def test_a_failure_leaves_the_old_folder_and_nothing_else(tmp_path):
     old = tmp_path / "out"
     old.mkdir()
     (old / "kept").write_text("old")
+    owned.seal(old)
 
     def fail():
         with atomic.replace_folder(old) as temporary:
@@ -25,11 +26,11 @@ def test_a_failure_leaves_the_old_folder_and_nothing_else(tmp_path):
     with pytest.raises(RuntimeError):
         fail()
     assert os.listdir(tmp_path) == ["out"]
-    assert os.listdir(old) == ["kept"]
+    assert sorted(os.listdir(old)) == [owned.MARK, "kept"]
     with atomic.replace_folder(old) as temporary:
         (temporary / "new").write_text("new")
     assert os.listdir(tmp_path) == ["out"]
-    assert os.listdir(old) == ["new"]
+    assert sorted(os.listdir(old)) == [owned.MARK, "new"]
 
 
 def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):

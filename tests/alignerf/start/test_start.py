@@ -6,6 +6,7 @@ import pytest
 import yaml
 
 from alignerf.experiment import check
+from alignerf.files import owned
 from alignerf.start import __main__ as start
 from alignerf.start import folders, workflow
 
@@ -214,6 +215,7 @@ def test_its_exit_code_is_that_of_the_run(here, monkeypatch):
     with pytest.raises(SystemExit) as stopped:
         start.main(["p"])
     assert stopped.value.code == 3
+    assert asked.pop("forced") == []
     # Files for other programs take long: nobody waits for them to see the page.
     assert asked == {"wanted": ("all", "export"), "first": ["results/p/index.html"]}
     command = workflow.command_of("p.yaml", 2, asked["wanted"], (), (), asked["first"])
@@ -251,7 +253,7 @@ def test_how_long_colmap_takes_is_said_first(here, capsys):
     said = capsys.readouterr().out
     assert "p: COLMAP places 50 photos first, in some 3 min on two cores" in said
     assert "q: COLMAP" not in said
-    (here / "results/p").mkdir()
+    owned.claim(here / "results/p")
     (here / "results/p/poses.json").write_text("{}")
     start.main([".", "--name", "both", "--only-config"])
     assert "COLMAP" not in capsys.readouterr().out

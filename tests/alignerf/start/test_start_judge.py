@@ -1,14 +1,16 @@
 """`make judge`: renders of another program in, a config and a run out."""
 
 import os
-import time
 
 import numpy as np
 import pytest
 import yaml
 
 from alignerf.experiment import check, inputs, plan, targets
-from alignerf.scenes.judged import lenses
+from alignerf.experiment.checks import scenes as of_scenes
+from alignerf.files import owned
+from alignerf.scenes import originals
+from alignerf.scenes.judged import lenses, pairs
 from alignerf.start import judge
 from tests import judged_cases as cases
 
@@ -93,27 +95,20 @@ def test_large_pairs_are_compared_faster(here, runs, monkeypatch):
     assert config["flow"] == {"estimator": "dis_fine", "blur_by": "dis_fast"}
 
 
-def test_newer_renders_are_judged_anew(here, runs):
-    """In the same folder, as after another training."""
-    made = here / "results" / "mine" / "poses.json"
-    made.parent.mkdir(parents=True)
-    made.write_text("{}")
-    judge.main(options(name="mine"))
-    assert runs[-1][2] == ()
-    render = here / "renders" / "train" / "v01.png"
-    cases.write_png(render, cases.picture(77))
-    os.utime(made, (1, 1))
-    judge.main(options(name="mine"))
-    assert runs[-1][2] == ("poses",)
+def made(config, results):
+    """Results of a config, as far as its files are noted in them."""
+    owned.claim(results)
+    (results / "images").mkdir(exist_ok=True)
+    (scene,) = yaml.safe_load(config.read_text())["scenes"].values()
+    found = pairs.find(of_scenes.checked(scene))
+    originals.write(results, pairs.files_of(found, scene["judged"]))
 
 
 @pytest.fixture
 def judged_before(here, runs):
-    """The time of a judgement: all files of `here` are older."""
+    """A judgement, and its results."""
     judge.main(options(name="mine", depth="depth"))
-    made = here / "results" / "mine" / "poses.json"
-    made.parent.mkdir(parents=True)
-    made.write_text("{}")
+    made(here / "results/mine.yaml", here / "results/mine")
     runs.clear()
     return here
 
@@ -125,39 +120,39 @@ def depth_of_all(here):
         np.save(here / "depth" / f"{name}.npy", np.ones((120, 160)))
 
 
-def rewrite(path):
-    """The same bytes, the folder's time as it was."""
-    path.write_bytes(path.read_bytes())
+ANEW = ("results/mine/poses.json",)
 
 
 @pytest.mark.parametrize(
     "changed", ["depth/v02.npy", "transforms.json", "renders/train/v02.png"]
 )
 def test_files_in_folders_are_looked_at(depth_of_all, judged_before, runs, changed):
-    """Snakemake looks at the time of a folder alone."""
-    time.sleep(0.02)
-    rewrite(judged_before / changed)
+    """Snakemake looks at the time of a folder alone; an equal copy is no change."""
+    path = judged_before / changed
+    os.utime(path)
     judge.main(options(name="mine", depth="depth"))
-    assert runs[-1][2] == ("poses",)
+    assert runs.pop()[2] == ()
+    if path.suffix == ".npy":
+        np.save(path, np.full((120, 160), 2.0))
+    elif path.suffix == ".json":
+        path.write_text(path.read_text() + " ")
+    else:
+        cases.write_png(path, cases.picture(77))
+    os.utime(path, (1, 1))
+    judge.main(options(name="mine", depth="depth"))
+    assert runs.pop()[2] == ANEW
 
 
-def test_an_older_copy_and_a_render_taken_away_are_seen(here, runs):
-    judge.main(options(name="mine"))
-    made = here / "results" / "mine" / "poses.json"
-    made.parent.mkdir(parents=True)
-    made.write_text("{}")
-    judge.main(options(name="mine"))
-    assert runs[-1][2] == ()
-    time.sleep(0.02)
-    render = here / "renders" / "train" / "v01.png"
-    os.utime(render, (1, 1))
-    judge.main(options(name="mine"))
-    assert runs[-1][2] == ("poses",)
-    made.write_text("{}")
-    time.sleep(0.02)
+def test_a_render_taken_away_or_added_is_seen(depth_of_all, judged_before, runs):
+    render = judged_before / "renders" / "train" / "v01.png"
+    content = render.read_bytes()
     render.unlink()
-    judge.main(options(name="mine"))
-    assert runs[-1][2] == ("poses",)
+    judge.main(options(name="mine", depth="depth"))
+    assert runs.pop()[2] == ANEW
+    made(judged_before / "results/mine.yaml", judged_before / "results/mine")
+    render.write_bytes(content)
+    judge.main(options(name="mine", depth="depth"))
+    assert runs.pop()[2] == ANEW
 
 
 def test_a_model_in_a_folder_is_looked_at(tmp_path):
@@ -205,12 +200,12 @@ def test_what_it_is_compared_with_is_another_judgement(here, runs, before, says)
 
 def test_a_config_cannot_compare_a_verdict_with_itself(here, runs):
     """Snakemake would take it away first."""
-    (here / "results" / "mine").mkdir(parents=True)
+    owned.claim(here / "results" / "mine")
     (here / "results" / "mine" / "verdict.json").write_text("{}")
     judge.main(options(name="mine"))
     config = yaml.safe_load((here / "results/mine.yaml").read_text())
     config["scenes"]["mine"]["judged"]["before"] = "results/mine/verdict.json"
-    with pytest.raises(ValueError, match=r"judged\.before: is the verdict that is"):
+    with pytest.raises(ValueError, match=r"judged\.before: .* lies in results/mine, "):
         check.checked(config)
 
 

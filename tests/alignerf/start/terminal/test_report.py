@@ -144,7 +144,7 @@ def test_what_failed_is_said_last_with_its_log(told, stream, tmp_path):
         ("Using profile x.\nerror: config: no\n", [], ["error: config: no"]),
         ("banner\nbanner\n", ["A:\nb is missing"], ["A:", "b is missing"]),
         ("usage: snakemake\nunknown option\n", [], ["usage: snakemake"]),
-        ("LockException:\nError: Directory", ["x"], [report.LOCKED]),
+        ("LockException:\nError: Directory", ["x"], [f"error: {report.LOCKED}"]),
     ],
 )
 def test_without_a_failed_job_the_fault_is_said(told, stream, log, errors, said):

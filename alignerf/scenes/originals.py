@@ -1,0 +1,75 @@
+"""The files that a scene was made of, and which of them have changed since.
+
+A photo that was overwritten in its place would go out with the cameras of another one:
+the workflow engine looks at the time of its folder alone.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+
+from alignerf.files import faults, json_files
+from alignerf.scenes.judged import lenses
+
+# Below a prepared scene's folder.
+FILE = "images/originals.json"
+# Poses in formats of scenes that are not judged.
+OF_POSES = ("poses_bounds.npy", "transforms_train.json", "transforms_test.json")
+
+
+def of_views(config, views):
+    """Paths of the photos, masks and cameras that the views of a scene are read from;
+    config: its keys. Frames of films, which are taken anew, have none.
+    """
+    read = [*views.photos, *(views.masks or ())]
+    found = [one.path for one in read if one.path]
+    if config["path"] and not config["judged"]:
+        found += lenses.files_of(config["path"])
+        found += [Path(config["path"], name) for name in OF_POSES]
+    return found
+
+
+def write(scene, paths):
+    """Note files as they are now, for `changed`; scene: its prepared folder."""
+    files = {str(path): described(path) for path in paths if Path(path).is_file()}
+    if files:
+        (Path(scene) / FILE).write_text(json.dumps(files, indent=1) + "\n")
+
+
+def described(path):
+    """[bytes, time of the last change in ns, digest of the content]."""
+    with open(path, "rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return [*stamp(path), digest]
+
+
+def stamp(path):
+    found = Path(path).stat()
+    return [found.st_size, found.st_mtime_ns]
+
+
+def noted(scene):
+    """{path: as of `described`} of a scene; {} of one without a note."""
+    path = Path(scene) / FILE
+    return json_files.read(path) if path.is_file() else {}
+
+
+def changed(scene):
+    """Paths of a scene's files that are gone, or have another content, since then."""
+    return [path for path, before in noted(scene).items() if is_other(path, before)]
+
+
+def is_other(path, before):
+    """Whether a file is gone, or no longer as described."""
+    if not Path(path).is_file():
+        return True
+    return stamp(path) != before[:2] and described(path)[2] != before[2]
+
+
+def check(scene):
+    """ValueError naming a file that has changed since the scene was made of it."""
+    if found := changed(scene):
+        raise ValueError(
+            f"{faults.some_names(found)}: changed since the cameras of {scene} were "
+            "found: put it back, or run the command that has made these results again"
+        )
