@@ -6,10 +6,12 @@ costs) and views.csv (every photo, and why it stands out); prints the verdict.
 
 import argparse
 import json
+from functools import partial
 
 import pandas as pd
 
 from alignerf.files import atomic, faults, json_files
+from alignerf.metrics import pairs
 from alignerf.scenes import prepared
 from alignerf.verdict import (
     advice,
@@ -27,20 +29,25 @@ from alignerf.verdict import (
 def main(argv=None):
     args = parse(argv)
     loaded = prepared.load(args.scene)
-    seen = evidence.read_views(loaded, args.base, ("train", "test"))
     poses = json_files.read(f"{args.scene}/poses.json", evidence.POSES)
+    timing = json_files.read(f"{args.base}/timing.json", evidence.TIMING)
+    look = None
+    if timing["rays_seen"] is None:
+        # Another program's: its black borders may be all of what a photo shows.
+        told = poses.get("judged")
+        look = partial(pairs.look, whole=bool(told and not told.get("transparent")))
+    seen = evidence.read_views(loaded, args.base, ("train", "test"), look)
     known = evidence.gather(
         loaded,
         seen,
         evidence.read_pattern(loaded, args.base),
         poses=poses,
-        timing=json_files.read(f"{args.base}/timing.json", evidence.TIMING),
+        timing=timing,
         overfit=args.overfit,
         windows=(args.windows, args.windows_corrected),
-        of_judged=judged.read(poses, seen.thumbs, args.before),
+        of_judged=judged.read(poses, args.before),
     )
-    findings = [judged.finding(known), *causes.find(known)]
-    findings = [finding for finding in findings if finding]
+    findings = causes.find(known)
     gains = []
     if args.misalignment:
         gains = remedies.of_table(
@@ -61,7 +68,8 @@ def main(argv=None):
         "evidence": known._asdict()
         | {"windows": known.windows and known.windows._asdict()}
         | {"judged": known.judged and known.judged._asdict()}
-        | {"matches": known.matches and known.matches._asdict()},
+        | {"matches": known.matches and known.matches._asdict()}
+        | {"pairs": known.pairs._asdict()},
         "stands_out": {v.view: v.stands_out for v in seen.rows if v.stands_out},
     }
     table = pd.DataFrame(seen.rows, columns=views.COLUMNS)

@@ -3,6 +3,7 @@
 import math
 
 from alignerf.files import provenance
+from alignerf.metrics import pairs
 from alignerf.verdict import causes, judged, remedies, shift
 
 # In dB on courtyard, over plain training of the same seconds, those of one and of two
@@ -73,6 +74,8 @@ ALIGNED = ("camera", "motion")
 
 def advise(e, findings, gains=()):
     """The remedy to try first; never one that this run has tried in vain."""
+    if e.pairs.stops:
+        return pairs.advice(e.pairs)
     if e.judged:
         return judged.advise(e, findings)
     named = {finding.cause for finding in findings}

@@ -9,6 +9,7 @@ of faults and on real captures: docs/evidence/verdict.md.
 import math
 from typing import NamedTuple
 
+from alignerf.metrics import pairs as of_pairs
 from alignerf.verdict import shift
 from alignerf.verdict import windows as of_windows
 
@@ -93,6 +94,8 @@ class Evidence(NamedTuple):
     judged: tuple | None = None
     # What matches say of the cameras; None where they were not asked.
     matches: Matches | None = None
+    # Which pairs of photo and render are none.
+    pairs: of_pairs.Checked = of_pairs.Checked(0, {})
 
 
 class Finding(NamedTuple):
@@ -105,7 +108,9 @@ class Finding(NamedTuple):
 
 def find(evidence: Evidence) -> list[Finding]:
     """The causes that apply, the gravest first; empty where nothing is wrong."""
-    tests = (few_views, unregistered, sparse, undertrained, lens_shift)
+    if evidence.pairs.stops:
+        return [pairs(evidence)]
+    tests = (pairs, few_views, unregistered, sparse, undertrained, lens_shift)
     tests = (*tests, lens_distortion, blurred, exposure, camera, motion)
     findings = [finding for test in tests if (finding := test(evidence))]
     if shift.too_short(evidence):
@@ -117,7 +122,13 @@ def find(evidence: Evidence) -> list[Finding]:
 
 
 # Causes that need no sharp render.
-PLAIN = ("few_views", "unregistered", "undertrained", "blurred", "exposure")
+PLAIN = ("pairs", "few_views", "unregistered", "undertrained", "blurred", "exposure")
+
+
+def pairs(e: Evidence):
+    """Renders of another program that are not those of their photos."""
+    share = len(e.pairs.faults) / max(e.pairs.count, 1)
+    return Finding("pairs", share, True) if share else None
 
 
 def few_views(e: Evidence):

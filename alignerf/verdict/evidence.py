@@ -12,8 +12,9 @@ import numpy as np
 
 from alignerf.cameras import exposure, lens
 from alignerf.files import archives, csv_files, json_files, machine
+from alignerf.metrics import pairs
 from alignerf.scenes import prepared
-from alignerf.verdict import causes, judged, views
+from alignerf.verdict import causes, views
 from alignerf.verdict import windows as of_windows
 
 # Poses that came with the photos, as poses.json has them.
@@ -25,40 +26,43 @@ MOST_PATTERN_VIEWS = 32
 class Seen(NamedTuple):
     """What the photos of a scene and their renders say.
 
-    rows: a `views.View` of each view whose render and flow are there. thumbs: {view:
-    (of the photo, of the render)}, see `judged.thumb`. shared_ev: standard deviation
+    rows: a `views.View` of each view whose render and flow are there. pairs: {view:
+    `pairs.Seen`}, of another program's renders. shared_ev: standard deviation
     over photos of how bright they show the same points, in stops; NaN where unknown.
     """
 
     rows: list
-    thumbs: dict
+    pairs: dict
     shared_ev: float
 
 
-def read_views(loaded: prepared.Scene, base, splits) -> Seen:
-    """`Seen` of the splits that have renders; base: the reference's round 0."""
-    rows, thumbs, sampled = [], {}, []
+def read_views(loaded: prepared.Scene, base, splits, look=None) -> Seen:
+    """`Seen` of the splits that have renders; base: the reference's round 0.
+
+    look: `pairs.look` with its options, where pairs are to be checked.
+    """
+    rows, seen, sampled = [], {}, []
     for split in splits:
         if not (Path(base) / "renders" / split).is_dir():
             continue
         parts = table(Path(base) / f"decomposition_photos_{split}.csv")
         lengths = table(Path(base) / "displacement" / f"{split}.csv")
         tables = parts.join(lengths["blur_sigma_px"])
-        read = partial(read_view, loaded, base, split, tables)
+        read = partial(read_view, loaded, base, split, tables, look)
         for row, pair, photo in machine.map_in_threads(read, loaded.views(split)):
             rows.append(row)
-            thumbs[row.view] = pair
+            seen[row.view] = pair
             sampled.append(photo)
     stops = exposure.stops(sampled)
     known = stops[np.isfinite(stops)]
     shared_ev = float(np.std(known)) if len(known) > 1 else math.nan
-    return Seen(views.named(rows), thumbs, shared_ev)
+    return Seen(views.named(rows), seen if look else {}, shared_ev)
 
 
-def read_view(loaded: prepared.Scene, base, split, tables, view):
-    """(`views.View` of one view, its thumbs, its `exposure.Sampled`).
+def read_view(loaded: prepared.Scene, base, split, tables, look, view):
+    """(`views.View` of one view, its `pairs.Seen`, its `exposure.Sampled`).
 
-    tables: of its split, by names.
+    tables: of its split, by names. look: as of `read_views`.
     """
     name = loaded.names[view]
     (photo,) = prepared.read_images(loaded, [view], loaded.folder / "images")
@@ -80,7 +84,7 @@ def read_view(loaded: prepared.Scene, base, split, tables, view):
     depth = archives.read(path, ["depth"])["depth"]
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]
     sampled = exposure.sampled(exposure.View(photo, depth, *camera, counts))
-    return measured, (judged.thumb(photo), judged.thumb(render)), sampled
+    return measured, look and look(photo, render, counts), sampled
 
 
 # What it takes from a poses.json, and from the reference's timing.json.
@@ -138,10 +142,15 @@ def gather(
     poses, timing: contents of poses.json and of the reference's timing.json. overfit:
     CSV of the flow invented between images that belong to one another, or None.
     windows: the two folders of `windows.read`. of_judged: a `judged.Judged`, of a scene
-    of another program's renders; such a scene may lack the views of a split.
+    of another program's renders; such a scene may lack the views of a split. Pairs that
+    are none are left out, unless there are too many of them.
     """
+    main = [v.view for v in seen.rows if v.split == "train"] or list(seen.pairs)
+    checked = pairs.check(seen.pairs, main)
+    bad = () if checked.stops else checked.faults
+    rows = [view for view in seen.rows if view.view not in bad]
     of_split = {
-        split: [v for v in seen.rows if v.split == split] for split in ("train", "test")
+        split: [v for v in rows if v.split == split] for split in ("train", "test")
     }
     counts = {split: int((loaded.split == split).sum()) for split in prepared.SPLITS}
     pixels = max(counts["train"], 1) * loaded.width * loaded.height
@@ -186,6 +195,7 @@ def gather(
         windows=of_windows.read(*windows),
         judged=of_judged,
         matches=of_matches(poses),
+        pairs=checked,
     )
 
 

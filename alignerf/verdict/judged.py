@@ -6,17 +6,9 @@
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
-import numpy as np
-
 from alignerf.files import json_files, provenance
-from alignerf.verdict import causes, shift
+from alignerf.verdict import shift
 
-# A render shows another photo where its picture correlates better with that one's, and
-# what is missing to 1 is at most half as much.
-THUMB_PX, LESS = 32, 0.5
-# Where that photo's own render shows it, too, what is missing has to be so much less.
-PLAINLY = 0.1
 KEYS = dict.fromkeys(("depth", "cameras", "layout", "way"), str)
 BEFORE = dict.fromkeys(("flow_train_px", "flow_test_px"), json_files.NUMBER_OR_NONE)
 BEFORE |= {"photo_px": json_files.NUMBER}
@@ -38,25 +30,22 @@ class Judged(NamedTuple):
     """How a scene that is judged was put together.
 
     depth: a key of DEPTHS; cameras: what told them, `none` where nothing did; layout:
-    how the renders lay; swapped: (view, the view whose photo its render shows); before:
-    of a judgement before this one, its name and shifts of training and held-out views
-    in px of the photo; None without one. depth_unit: what told the unit of given depth,
-    `nothing` where nothing did.
+    how the renders lay; before: of a judgement before this one, its name and shifts of
+    training and held-out views in px of the photo; None without one. depth_unit: what
+    told the unit of given depth, `nothing` where nothing did.
     """
 
     depth: str
     cameras: str
     layout: str
-    swapped: tuple = ()
     before: tuple | None = None
     depth_unit: str | None = None
 
 
-def read(poses, thumbs, before=None):
+def read(poses, before=None):
     """`Judged` by the contents of poses.json, or None of another scene.
 
-    thumbs: {view: (of the photo, of the render)}, as `thumb` makes them. before: path
-    of the verdict.json of a judgement before this one, or None.
+    before: path of the verdict.json of a judgement before this one, or None.
     """
     if (told := poses.get("judged")) is None:
         return None
@@ -65,7 +54,6 @@ def read(poses, thumbs, before=None):
         depth=told["depth"],
         cameras=told["cameras"],
         layout=told["layout"],
-        swapped=swapped(thumbs),
         before=before and read_before(Path(before)),
         depth_unit=told.get("depth_unit"),
     )
@@ -78,45 +66,6 @@ def read_before(path):
     shifts = (found["flow_train_px"], found["flow_test_px"])
     scale = found["photo_px"]
     return path.parent.name, *(px and px * scale for px in shifts)
-
-
-def thumb(image):
-    """A small picture of an image as a vector of length 1; its mean taken off."""
-    grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
-    small = cv2.resize(grey, (THUMB_PX, THUMB_PX), interpolation=cv2.INTER_AREA)
-    values = small.astype(np.float32).ravel() - small.mean()
-    return values / max(float(np.linalg.norm(values)), 1e-6)
-
-
-def swapped(thumbs):
-    """((view, another whose photo its render shows), ...); see LESS."""
-    names = list(thumbs)
-    if len(names) < 2:
-        return ()
-    photos, renders = (np.stack([thumbs[n][k] for n in names]) for k in (0, 1))
-    alike = renders @ photos.T
-    own, best = np.diag(alike), alike.argmax(axis=1)
-    most = alike[np.arange(len(names)), best]
-    found = (best != np.arange(len(names))) & (1 - most < LESS * (1 - own))
-    # Of two photos that are nearly the same one render may fit either: then the other
-    # photo has its own render, too. One that shows a photo twice is as good as it.
-    plainly = 1 - most < PLAINLY * (1 - own)
-    found &= found[best] | plainly
-    return tuple((names[i], names[best[i]]) for i in np.flatnonzero(found))
-
-
-def finding(e):
-    """Renders that show other photos than those that they are named like."""
-    if not (e.judged and e.judged.swapped):
-        return None
-    return causes.Finding("swapped", len(e.judged.swapped), True)
-
-
-def sentence(_, e):
-    first = ", ".join(f"{view} shows {other}" for view, other in e.judged.swapped[:3])
-    more = len(e.judged.swapped) - 3
-    rest = f", and {more} more" if more > 0 else ""
-    return f"Renders show other photos than they are named like: {first}{rest}."
 
 
 def lines(e):
@@ -154,7 +103,6 @@ def compared(name, train_px, test_px):
 
 # The first cause decides, as in `advice.ADVICE`.
 ADVICE = (
-    ("swapped", "give each render the name of its photo, and judge again."),
     (
         "lens_shift",
         "check pixel centres and principal point in what you gave the program: shifts "

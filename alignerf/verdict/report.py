@@ -41,9 +41,11 @@ def of(e, findings, gains, views) -> Report:
     text = advice.advise(e, findings, gains)
     return Report(
         headline=head[0].upper() + head[1:],
-        because=[words.SENTENCES[one.cause](one, e) for one in findings],
+        # What stops all others is the headline.
+        because=[words.SENTENCES[one.cause](one, e) for one in findings]
+        * (not e.pairs.stops),
         do_first=first(text),
-        tried=[tried_of(gain, e) for gain in gains],
+        tried=[tried_of(gain, e) for gain in gains] * (not e.pairs.stops),
         measured=words.measured(e, views, gains),
         causes=[gauge(one, e, findings) for one in GAUGES if one.is_told(e)],
     )
@@ -176,11 +178,11 @@ GAUGES = (
         says=lambda e: f"{number(e.passes)} passes, {shift.FEW_PASSES} are enough",
     ),
     Gauge(
-        *("swapped", "renders of the right photos", "swapped"),
-        lambda e: len(e.judged.swapped),
+        *("pairs", "renders of the right photos", "wrong"),
+        lambda e: len(e.pairs.faults),
         lambda e: 0,
-        is_told=lambda e: bool(e.judged),
-        says=lambda e: f"{len(e.judged.swapped) or 'none'} swapped",
+        is_told=lambda e: e.pairs.count > 0,
+        says=lambda e: f"{len(e.pairs.faults) or 'none'} wrong of {e.pairs.count}",
     ),
 )
 
@@ -201,7 +203,7 @@ def gauge(one: Gauge, e, findings):
     if one.cause in named:
         level = "sure" if named[one.cause].sure else "likely"
     else:
-        unknown = one.untold(e) or not math.isfinite(value)
+        unknown = one.untold(e) or not math.isfinite(value) or e.pairs.stops
         level = "untold" if unknown else "not seen"
     says = f"{number(value)} of {number(limit)} {one.unit}"
     if one.says is not None:

@@ -6,11 +6,14 @@ Lengths are in pixels of the original photo: those of the training change with
 
 import math
 
+from alignerf.metrics import pairs
 from alignerf.verdict import causes, judged, remedies, shift
 
 
 def measured(e, views, gains=()):
     """Sentences on what was measured: shifts, what could not be told, odd photos."""
+    if e.pairs.stops:
+        return poses(e)
     lines = alignment(e, gains) + (judged.lines(e) if e.judged else [])
     return [*poses(e), *lines, *photos(views)]
 
@@ -55,6 +58,8 @@ def sure(finding):
 
 def headline(e, findings):
     """One line: aligned or not, by how much, and the gravest causes."""
+    if e.pairs.stops:
+        return f"cannot be told: {pairs.sentence(e.pairs)}."
     kind, named = state(e, findings), [finding.cause for finding in findings]
     what = [
         CALLED[one.cause].format(probably=sure(one))
@@ -89,6 +94,8 @@ def headline(e, findings):
 def state(e, findings):
     """The verdict in a word: `aligned`, `misaligned` or `unclear`."""
     named = {finding.cause for finding in findings}
+    if e.pairs.stops:
+        return "unclear"
     if shift.by_windows(e):
         return "misaligned"
     few = shift.few_train(e)
@@ -111,7 +118,7 @@ CALLED = {
     "few_views": "photos are few",
     "unregistered": "photos are left out",
     "undertrained": "trained {probably}too short",
-    "swapped": "some renders show other photos",
+    "pairs": "some renders are left out",
 }
 
 
@@ -283,7 +290,7 @@ SENTENCES = {
         *(camera, motion, sparse, few_views, unregistered, lens_shift),
         *(lens_distortion, blurred, exposure, undertrained),
     )
-} | {"swapped": judged.sentence}
+} | {"pairs": lambda finding, e: f"Left out: {pairs.sentence(e.pairs)}."}
 
 
 def photos(views):

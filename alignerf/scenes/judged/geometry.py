@@ -29,8 +29,6 @@ WAYS = {
 SMALL_PX, LEAST_PX = 640, 48
 # Lengths of flow nearer than this, in px of the small pictures, are equally good.
 EQUAL_PX = 0.1
-# Photos and renders that correlate less, in pictures of this size, show other things.
-ALIKE, ALIKE_PX = 0.5, 32
 
 
 # From pixel centres at +0.5 to OpenCV's, at integers.
@@ -178,16 +176,6 @@ def choose(samples) -> tuple[str, dict]:
     best = min(mean.values())
     chosen = next(way for way in WAYS if mean.get(way, np.inf) <= best + EQUAL_PX)
     return chosen, mean
-
-
-def likeness(first, second):
-    """Correlation of two images made small: 1 of equal ones, 0 of any two."""
-    values = []
-    for image in (first, second):
-        tiny = cv2.resize(small(image), (ALIKE_PX,) * 2, interpolation=cv2.INTER_AREA)
-        tiny = tiny.astype(np.float64) - tiny.mean()
-        values.append(tiny / max(np.linalg.norm(tiny), 1e-9))
-    return float((values[0] * values[1]).sum())
 
 
 def apart_px(first, second):

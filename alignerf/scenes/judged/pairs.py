@@ -1,6 +1,7 @@
 """Which photo, render and camera of another program belong to one view."""
 
 import logging
+import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -66,6 +67,9 @@ def find(config) -> Judged:
         for name in sorted(found.renders)
         if name not in odd
     ]
+    for pair in pairs:
+        if not pair.render.is_sheet and os.path.samefile(pair.photo, pair.render.path):
+            raise ValueError(f"{pair.render.path}: this render is the photo itself")
     told = {
         "layout": found.layout,
         "cameras": cameras.kind,

@@ -65,23 +65,14 @@ def ways_of(pair: Pair, size):
 def chosen_way(judged: Judged, background):
     """(name of the way that fits, {way: px}) by some of the pairs."""
     step = max(len(judged.pairs) // SAMPLES, 1)
-    alike = []
 
     def samples():
         for pair in judged.pairs[::step][:SAMPLES]:
             photo = read_photo(pair.photo, pair.upright, background)
             render = read_render(pair.render, background)[0]
-            found = ways_of(pair, judged.size)
-            alike.append(geometry.likeness(found[0].picture(photo), render))
-            yield photo, render, found
+            yield photo, render, ways_of(pair, judged.size)
 
-    way, apart = geometry.choose(samples())
-    if np.median(alike) < geometry.ALIKE:
-        log.warning(
-            "photos and renders hardly look alike. Are they of the same photos, in the "
-            "same order?"
-        )
-    return way, apart
+    return geometry.choose(samples())
 
 
 def shown_of(pair: Pair, size, way):
@@ -100,6 +91,8 @@ def load(config, scratch):
     views = posed(judged, shown, config["background"])
     told = judged.told | {"way": way, "apart_px": apart}
     told |= {"background": config["background"]}
+    renders_of = [pair.render.path for pair in judged.pairs]
+    told["transparent"] = any(map(photos.may_be_transparent, renders_of))
     told |= depth_source.of_depth(config, judged, views, shown)
     (scratch / "pairs.json").write_text(json.dumps(pairs_json(judged, shown, told)))
     report = {

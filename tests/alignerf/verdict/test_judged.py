@@ -3,11 +3,9 @@
 import json
 import math
 
-import numpy as np
 import pytest
 
 from alignerf.verdict import advice, causes, judged
-from tests import judged_cases
 from tests.alignerf.verdict.test_causes import FAULTS, WELL, report_of
 
 OF = judged.Judged("given", "COLMAP's model", "named like the photos")
@@ -21,8 +19,7 @@ def export(monkeypatch):
 
 
 def said(e):
-    findings = [f for f in (judged.finding(e), *causes.find(e)) if f]
-    return report_of(e, findings, [], [])
+    return report_of(e, causes.find(e), [], [])
 
 
 def test_aligned_renders():
@@ -101,54 +98,10 @@ def test_without_cameras_none_can_be_corrected():
     assert any("a field of view was assumed" in line for line in lines)
 
 
-def thumbs(order):
-    """Thumbs of photos of a film, and of renders in an order."""
-    wide = judged_cases.picture(3, (400, 120))
-    photos = [wide[:, 8 * i : 8 * i + 160] for i in range(12)]
-    return {
-        f"v{i:02}": (judged.thumb(photos[i]), judged.thumb(photos[order[i]]))
-        for i in range(12)
-    }
-
-
-def test_swapped_views_are_named():
-    """Neighbours of a film, 8 px apart, are alike, and still told apart."""
-    assert judged.swapped(thumbs(range(12))) == ()
-    order = [0, 1, 3, 2, *range(4, 12)]
-    assert judged.swapped(thumbs(order)) == (("v02", "v03"), ("v03", "v02"))
-    e = THEIRS._replace(judged=OF._replace(swapped=judged.swapped(thumbs(order))))
-    lines = said(e)
-    assert "some renders show other photos" in lines[0]
-    assert "v02 shows v03, v03 shows v02" in lines[1]
-    assert "the name of its photo" in lines[-1]
-
-
-def test_two_photos_of_one_place_are_not_swapped():
-    """A film that stands still: a render may lie nearer to the other photo."""
-    wide = judged_cases.picture(3, (400, 120))
-    photos = [wide[:, x : x + 160] for x in (0, 6, 60, 120)]
-    renders = [wide[:, x : x + 160] for x in (2, 2, 60, 120)]
-    found = {
-        f"v{i}": (judged.thumb(photos[i]), judged.thumb(renders[i])) for i in range(4)
-    }
-    assert judged.swapped(found) == ()
-
-
-def test_a_render_that_is_there_twice_is_named():
-    assert judged.swapped(thumbs([0, 1, 2, 9, *range(4, 12)])) == (("v03", "v09"),)
-
-
-def test_flat_renders_are_not_swapped():
-    flat = judged.thumb(np.full((40, 40, 3), 90, np.uint8))
-    assert np.isfinite(flat).all()
-    assert judged.swapped({name: (flat, flat) for name in "ab"}) == ()
-    assert judged.swapped({}) == ()
-
-
 def test_other_scenes_have_none():
-    assert judged.read({"width": 4}, {}) is None
+    assert judged.read({"width": 4}) is None
     with pytest.raises(ValueError, match="no depth in it"):
-        judged.read({"judged": {}}, {})
+        judged.read({"judged": {}})
 
 
 def test_advice_of_judged_renders_is_judgeds():
@@ -162,7 +115,7 @@ def test_what_it_was_before_is_said(tmp_path):
     shifts = {"flow_train_px": 1.2, "flow_test_px": None, "photo_px": 2.0}
     path.write_text(json.dumps({"evidence": shifts}))
     told = {"depth": "far", "cameras": "x", "layout": "x", "way": "taken"}
-    found = judged.read({"judged": told}, {}, path)
+    found = judged.read({"judged": told}, path)
     lines = said(THEIRS._replace(judged=found))
     assert "Before, in first, it was 2.4 px on photos that were trained on." in lines
 

@@ -314,9 +314,8 @@ def test_faults_are_one_line(tmp_path, break_it, says):
     assert not (tmp_path / "scene").exists()
 
 
-def test_renders_of_other_photos_are_warned_of(tmp_path, caplog):
+def test_photos_are_no_renders_of_themselves(tmp_path):
     config = cases.project(tmp_path)
-    for i, name in enumerate(cases.NAMES):
-        cases.write_png(tmp_path / "renders" / f"{name}.png", cases.picture(50 + i))
-    views.chosen_way(pairs.find(config), None)
-    assert "hardly look alike" in caplog.text
+    config["judged"]["renders"] = config["path"]
+    with pytest.raises(ValueError, match=r"v00\.png: this render is the photo itself"):
+        pairs.find(config)

@@ -1,0 +1,254 @@
+"""Whether each pair is a photo and a render of it, told before any cause.
+
+Of another program's renders alone: ours are of the right photos. Thresholds by trained
+renders of four captures and by damaged ones: docs/evidence/verdict.md.
+
+Notation: photo and render [h, w, 3] uint8 of one size; counts [h, w], where both do.
+"""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+# Nothing is told where more than this share fails; below it those are left out.
+MOST_BAD = 0.1
+# Correlation of the finest detail: copies have 0.95 and more, also compressed little or
+# resized, renders up to 0.70.
+COPY = 0.95
+# Levels of 8 bits: a render's tile is empty below, a photo's shows something above. The
+# share of such tiles is 0 of renders.
+EMPTY, SHOWS, MOST_EMPTY, TILES = 1.0, 6.0, 0.4, 16
+# A render shows another photo, or is turned, where it correlates better with that, and
+# what is missing to 1 is at most half as much.
+THUMB_PX, LESS = 32, 0.5
+# Where that photo's own render shows it, too, what is missing has to be so much less.
+# A turned one is at least so alike.
+PLAINLY, TURNED = 0.1, 0.8
+# Correlation of small pictures: a render of another place stays below the first. Where
+# for the median render a quarter of all photos are nearer than its own, apart from what
+# all have in common, renders are of another place; unless all photos are as alike as
+# the last.
+ALIKE, FAR, SAME, FEW = 0.5, 0.25, 0.99, 5
+# Of light; a photo of 8 bits has no less than DARKEST.
+MOST_STOPS, DARKEST = 2.0, 0.001
+
+# What a render is instead, in words; {what} is what a view's fault adds.
+KINDS = {
+    "copy": "copies of their photos",
+    "flat": "of one colour",
+    "empty": "empty where their photos show something",
+    "swapped": "of other photos than they are named like",
+    "turned": "turned or mirrored",
+    "strange": "of none of these photos",
+    "bright": f"over {MOST_STOPS:g} stops brighter or darker than their photos",
+}
+ADVICE = {
+    "copy": "give the program's renders: RENDERS holds photos.",
+    "flat": "look at the renders: the training may have failed.",
+    "empty": "render whole photos; what has to stay empty gets an alpha of 0.",
+    "swapped": "give each render the name of its photo, and judge again.",
+    "turned": "turn the renders as their photos lie: EXIF may say how, or cameras.",
+    "strange": "give photos and renders of one capture.",
+    "bright": "give renders as PNG or JPEG in sRGB, as the photos are.",
+}
+
+
+class Seen(NamedTuple):
+    """What a pair looks like.
+
+    photo, render: small pictures, as `thumb` makes them. fault: of KINDS, by this pair
+    alone; None.
+    """
+
+    photo: np.ndarray
+    render: np.ndarray
+    fault: str | None
+
+
+class Checked(NamedTuple):
+    """Of all pairs: how many, and {view: (kind, what)} of those that fail."""
+
+    count: int
+    faults: dict
+
+    @property
+    def stops(self):
+        """Whether so many fail that nothing else is told."""
+        return len(self.faults) > MOST_BAD * self.count
+
+
+def look(photo, render, counts, *, whole) -> Seen:
+    """A pair; whole: whether a render's black border is no more than that."""
+    render_there = np.where(counts[..., None], render, photo)
+    return Seen(
+        thumb(photo), thumb(render_there), fault_of(photo, render, counts, whole)
+    )
+
+
+def fault_of(photo, render, counts, whole):
+    """The first fault that a pair has by itself."""
+    if (render[counts] == render[counts][:1]).all():
+        return "flat"
+    levels = [max(light(image[counts]), DARKEST) for image in (photo, render)]
+    if abs(np.log2(levels[0] / levels[1])) > MOST_STOPS:
+        return "bright"
+    shown = np.ones_like(counts) if whole else counts
+    if share_empty(photo, render, shown) > MOST_EMPTY:
+        return "empty"
+    copied = likeness(detail(photo)[counts], detail(render)[counts]) > COPY
+    return "copy" if copied else None
+
+
+def share_empty(photo, render, counts):
+    """Share of the tiles in which the photo shows something and the render nothing."""
+    shows = (spread(photo) > SHOWS) & (places(counts) > 0)
+    return (shows & (spread(render) < EMPTY)).sum() / max(shows.sum(), 1)
+
+
+def spread(image):
+    """Standard deviation in each tile of a picture's luminance."""
+    values = grey(image)
+    side = tile_px(values)
+    mean, square = (cv2.blur(v, (side, side)) for v in (values, values**2))
+    return places(np.sqrt(np.maximum(square - mean**2, 0)))
+
+
+def places(values):
+    """Values [h, w] at the middles of tiles."""
+    side = tile_px(values)
+    return values[side // 2 :: side, side // 2 :: side]
+
+
+def tile_px(values):
+    return max(max(values.shape) // TILES, 1)
+
+
+def grey(image):
+    return cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY).astype(
+        np.float32
+    )
+
+
+def detail(image):
+    """What a blur by a pixel takes from a picture's luminance [h, w]."""
+    return grey(image) - cv2.GaussianBlur(grey(image), (0, 0), 1.0)
+
+
+def light(values):
+    """Mean of sRGB values [n, 3] as light, from 0 to 1."""
+    values = values / 255.0
+    curve = ((values + 0.055) / 1.055) ** 2.4
+    return float(np.where(values < 0.04045, values / 12.92, curve).mean())
+
+
+def likeness(first, second):
+    """Correlation of two arrays; 0 where one is constant."""
+    first, second = (one - one.mean() for one in (first, second))
+    return float((first * second).sum() / max(norm(first) * norm(second), 1e-6))
+
+
+def norm(values):
+    return float(np.sqrt(np.square(values, dtype=np.float64).sum()))
+
+
+def thumb(image):
+    """A small picture [THUMB_PX, THUMB_PX] of length 1; its mean taken off."""
+    small = cv2.resize(grey(image), (THUMB_PX, THUMB_PX), interpolation=cv2.INTER_AREA)
+    values = small - small.mean()
+    return values / max(norm(values), 1e-6)
+
+
+def check(seen, main) -> Checked:
+    """What fails among pairs {view: Seen}.
+
+    main: views that renders of other places are told by: a held-out view may be bad
+    where photos are few.
+    """
+    faults = {view: (one.fault, "") for view, one in seen.items() if one.fault}
+    names = list(seen)
+    photos = np.array([one.photo.ravel() for one in seen.values()])
+    renders = np.array([one.render.ravel() for one in seen.values()])
+    for view, other in swapped(names, photos, renders).items():
+        faults.setdefault(view, ("swapped", f"shows {other}"))
+    for view, one in seen.items():
+        if how := turned(one):
+            faults.setdefault(view, ("turned", how))
+    for view in strange(names, photos, renders, main):
+        faults.setdefault(view, ("strange", ""))
+    return Checked(len(seen), {view: faults[view] for view in seen if view in faults})
+
+
+def swapped(names, photos, renders):
+    """{view: another whose photo its render shows}; photos, renders [n, pixels]."""
+    if len(names) < 2:
+        return {}
+    alike = renders @ photos.T
+    own, best = np.diag(alike), alike.argmax(axis=1)
+    most = alike[np.arange(len(names)), best]
+    found = (best != np.arange(len(names))) & (1 - most < LESS * (1 - own))
+    found &= most > ALIKE
+    # Of two photos that are nearly the same one render may fit either: then the other
+    # photo has its own render, too. One that shows a photo twice is as good as it.
+    plainly = 1 - most < PLAINLY * (1 - own)
+    found &= found[best] | plainly
+    return {names[i]: names[best[i]] for i in np.flatnonzero(found)}
+
+
+def turned(one: Seen):
+    """How a render is turned or mirrored against its photo, in words; None."""
+    own, best, how = (one.photo * one.render).sum(), TURNED, None
+    for times in range(4):
+        for mirrored in (False, True):
+            other = np.rot90(one.photo[:, ::-1] if mirrored else one.photo, times)
+            if (alike := (other * one.render).sum()) > best:
+                best, how = (
+                    alike,
+                    ", ".join(
+                        ["mirrored"] * mirrored
+                        + [f"by {90 * times} degrees"] * (times > 0)
+                    ),
+                )
+    return how if 1 - best < LESS * (1 - own) else None
+
+
+def strange(names, photos, renders, main):
+    """Views, of `main`, whose renders are of none of the photos."""
+    chosen = [i for i, name in enumerate(names) if name in main]
+    alike = renders @ photos.T
+    bad = {i for i in chosen if alike[i].max() > alike[i, i] < ALIKE}
+    if len(chosen) >= FEW and np.median(photos @ photos.T) < SAME:
+        left = nearer(apart(photos), apart(renders))[chosen]
+        if np.median(left) > FAR:
+            bad |= {i for i, share in zip(chosen, left, strict=True) if share}
+    return [names[i] for i in sorted(bad)]
+
+
+def apart(pictures):
+    """Pictures [n, pixels] without what all have in common, of length 1."""
+    left = pictures - pictures.mean(axis=0)
+    return left / np.maximum(np.linalg.norm(left, axis=1, keepdims=True), 1e-6)
+
+
+def nearer(photos, renders):
+    """Share [n] of all photos that are nearer to each render than its own."""
+    alike = renders @ photos.T
+    return (alike > np.diag(alike)[:, None]).mean(axis=1)
+
+
+def sentence(checked: Checked):
+    """What fails, with some names."""
+    parts = []
+    for kind, words in KINDS.items():
+        own = {v: what for v, (one, what) in checked.faults.items() if one == kind}
+        if own:
+            few = ", ".join(f"{v} {what}".strip() for v, what in list(own.items())[:3])
+            more = f" and {len(own) - 3} more" if len(own) > 3 else ""
+            parts.append(f"{len(own)} of {checked.count} are {words} ({few}{more})")
+    return f"renders are not those of their photos: {'; '.join(parts)}"
+
+
+def advice(checked: Checked):
+    """What to do about the fault that most have."""
+    kinds = [kind for kind, _ in checked.faults.values()]
+    return ADVICE[max(KINDS, key=kinds.count)]

@@ -1,0 +1,174 @@
+"""Whether a pair is a photo and a render of it."""
+
+import cv2
+import numpy as np
+import pytest
+
+from alignerf.metrics import pairs
+from alignerf.verdict import advice, causes, words
+from tests import judged_cases
+from tests.alignerf.verdict.test_causes import report_of
+from tests.alignerf.verdict.test_judged import THEIRS
+
+WIDE = judged_cases.picture(3, (400, 120))
+# Neighbours of a film, 8 px apart.
+PHOTOS = [WIDE[:, 8 * i : 8 * i + 160] for i in range(12)]
+OTHERS = judged_cases.picture(8, (400, 120))
+
+
+def render_of(photo):
+    """A photo as a model has it: blurred."""
+    return cv2.GaussianBlur(photo, (0, 0), 1.5)
+
+
+def seen(renders, photos=PHOTOS, counts=None, whole=True):
+    everywhere = np.ones(photos[0].shape[:2], bool) if counts is None else counts
+    return {
+        f"v{i:02}": pairs.look(photo, render, everywhere, whole=whole)
+        for i, (photo, render) in enumerate(zip(photos, renders, strict=True))
+    }
+
+
+def checked(renders, **options):
+    found = seen(renders, **options)
+    return pairs.check(found, list(found))
+
+
+def kinds(found):
+    return {kind for kind, _ in found.faults.values()}
+
+
+def half(photo, value):
+    render = render_of(photo)
+    render[:60] = value
+    return render
+
+
+def darker(photo, by):
+    return np.round(render_of(photo) / by).astype(np.uint8)
+
+
+def packed(photo, quality=97):
+    """A copy by JPEG."""
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality]
+    return cv2.imdecode(cv2.imencode(".jpg", photo, options)[1], cv2.IMREAD_COLOR)
+
+
+NONSENSE = {
+    "the photos": (lambda photo: photo, "copy"),
+    "copies": (packed, "copy"),
+    "copies made darker": (lambda photo: (photo * 0.8).astype(np.uint8), "copy"),
+    "one colour": (lambda photo: np.full_like(photo, 90), "flat"),
+    "half black": (lambda photo: half(photo, 0), "empty"),
+    "half grey": (lambda photo: half(photo, 128), "empty"),
+    "upside down": (lambda photo: render_of(photo)[::-1, ::-1], "turned"),
+    "mirrored": (lambda photo: render_of(photo)[:, ::-1], "turned"),
+    "forty times darker": (lambda photo: darker(photo, 40), "bright"),
+}
+
+
+@pytest.mark.parametrize("name", NONSENSE)
+def test_nonsense_is_named_and_stops_the_verdict(name):
+    make, kind = NONSENSE[name]
+    found = checked([make(photo) for photo in PHOTOS])
+    assert kinds(found) == {kind}
+    assert found.stops
+    e = THEIRS._replace(pairs=found)
+    findings = causes.find(e)
+    assert [finding.cause for finding in findings] == ["pairs"]
+    assert words.state(e, findings) == "unclear"
+    lines = report_of(e, findings, [], [])
+    assert lines[0].startswith("Verdict: Cannot be told: renders are not those")
+    assert f"12 of 12 are {pairs.KINDS[kind]}" in lines[0]
+    assert not any("are shifted by" in line for line in lines)
+    assert advice.advise(e, findings) == pairs.ADVICE[kind]
+
+
+def test_renders_of_another_scene():
+    """Pictures of noise have no sky above, so that none is like another."""
+    others = [OTHERS[:, 8 * i : 8 * i + 160] for i in range(12)]
+    found = checked(list(map(render_of, others)))
+    assert found.stops
+    assert "strange" in kinds(found)
+
+
+def test_two_captures_under_one_sky():
+    """All pictures are bright above: what lies nearer tells."""
+    sky = np.linspace(120, 0, 120)[:, None, None]
+    both = [
+        [judged_cases.picture(seed + i, (160, 120)) for i in range(12)]
+        for seed in (20, 40)
+    ]
+    both = [
+        [np.clip(0.5 * one + sky, 0, 255).astype(np.uint8) for one in photos]
+        for photos in both
+    ]
+    renders = list(map(render_of, both[1]))
+    assert checked(renders, photos=both[0]).stops
+    assert not checked(renders, photos=both[1]).faults
+
+
+@pytest.mark.parametrize("sigma_px", [1.0, 3.0, 6.0])
+@pytest.mark.parametrize("shift_px", [0, 3])
+@pytest.mark.parametrize("gain", [0.6, 1.0])
+def test_blurred_shifted_and_darker_renders_are_pairs(sigma_px, shift_px, gain):
+    renders = [np.roll(photo, shift_px, axis=1) for photo in PHOTOS]
+    renders = [cv2.GaussianBlur(one, (0, 0), sigma_px) * gain for one in renders]
+    assert not checked([one.astype(np.uint8) for one in renders]).faults
+
+
+def test_a_transparent_background_is_no_emptiness():
+    """Nor is what a photo's mask leaves out; a border that is all black is one."""
+    counts = np.zeros((120, 160), bool)
+    counts[70:] = True
+    renders = [np.where(counts[..., None], render_of(p), np.uint8(0)) for p in PHOTOS]
+    assert not checked(renders, counts=counts, whole=False).faults
+    assert kinds(checked(renders, counts=counts)) == {"empty"}
+
+
+def test_nothing_counts():
+    found = checked(PHOTOS, counts=np.zeros((120, 160), bool))
+    assert kinds(found) == {"flat"}
+
+
+def test_swapped_views_are_named_and_few_are_left_out():
+    """Neighbours of a film are alike, and still told apart."""
+    renders = list(map(render_of, PHOTOS))
+    assert not checked(renders).faults
+    many = [*PHOTOS, *(OTHERS[:, 8 * i : 8 * i + 160] for i in range(12))]
+    renders = list(map(render_of, many))
+    renders[2], renders[3] = renders[3], renders[2]
+    found = checked(renders, photos=many)
+    shows = {"v02": "shows v03", "v03": "shows v02"}
+    assert found.faults == {view: ("swapped", other) for view, other in shows.items()}
+    assert not found.stops
+    e = THEIRS._replace(pairs=found)
+    lines = report_of(e, causes.find(e), [], [])
+    assert "some renders are left out" in lines[0]
+    assert "2 of 24 are of other photos" in lines[1]
+    assert "(v02 shows v03, v03 shows v02)" in lines[1]
+
+
+def test_two_photos_of_one_place_are_not_swapped():
+    """A film that stands still: a render may lie nearer to the other photo."""
+    photos = [WIDE[:, x : x + 160] for x in (0, 6, 60, 120)]
+    renders = [render_of(WIDE[:, x : x + 160]) for x in (2, 2, 60, 120)]
+    assert not checked(renders, photos=photos).faults
+
+
+def test_a_render_that_is_there_twice_is_named():
+    renders = list(map(render_of, PHOTOS))
+    renders[3] = renders[9]
+    assert checked(renders).faults == {"v03": ("swapped", "shows v09")}
+
+
+def test_a_bad_held_out_render_is_not_of_another_scene():
+    found = seen([*map(render_of, PHOTOS[:11]), render_of(OTHERS[:, :160])])
+    assert not pairs.check(found, [f"v{i:02}" for i in range(11)]).faults
+    assert pairs.check(found, list(found)).faults == {"v11": ("strange", "")}
+
+
+def test_no_pairs():
+    found = pairs.check({}, [])
+    assert not found.faults
+    assert not found.stops
