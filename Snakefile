@@ -102,8 +102,8 @@ onstart:
 # run before, where only its cost is asked for.
 onsuccess:
     if "preview" not in workflow.dag_settings.targets:
-        told = export_by if targets.can_export(experiment) else ""
-        print("\n".join(targets.verdicts(experiment.captures(), export=told)))
+        told = experiment.captures(), export_by * targets.can_export(experiment)
+        print(*check.or_exit(targets.verdicts, *told), sep="\n")
 
 
 # What stopped it comes after all that Snakemake says of it.

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.experiment.checks import scenes as of_scenes
+from alignerf.experiment.checks import verdict as of_verdict
 from alignerf.exports import (
     formats,
     held_out,
@@ -32,6 +33,9 @@ from alignerf.files import archives, atomic, faults, json_files
 from alignerf.scenes import originals, prepare, prepared
 
 log = logging.getLogger("alignerf")
+
+# What it takes from each gain of a verdict.json.
+GAIN = {"method": str, "pays": bool}
 
 
 class Chosen(NamedTuple):
@@ -134,9 +138,8 @@ def choose(args, config, work) -> Chosen:
 
 def pays(verdict, method):
     """Whether verdict.json says that a method's alignment paid; logged where not."""
-    gains = json_files.read(verdict, {"gains": list})["gains"]
-    own = [gain for gain in gains if gain.get("method") == method]
-    if any(gain.get("pays") is True for gain in own):
+    gains = of_verdict.read(verdict, {"gains": list}, gains=GAIN)["gains"]
+    if any(gain["method"] == method and gain["pays"] for gain in gains):
         return True
     log.warning("%s: all goes out as given", words.DID_NOT_PAY.format(method=method))
     return False
@@ -145,8 +148,7 @@ def pays(verdict, method):
 def is_accepted(scene):
     """Whether held-out matches have accepted adjusted cameras, by its poses.json."""
     poses = json_files.read(Path(scene) / "poses.json")
-    told = prepared.adjustment_of(poses)
-    return told.get("accepted") is True
+    return prepared.adjustment_of(poses).get("accepted") is True
 
 
 def is_synthetic(scene):

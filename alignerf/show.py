@@ -40,7 +40,7 @@ def main(argv=None):
         print(f"tables   {path}, {path.with_suffix('.tex').name}")
         print(f"figures  {path.parent.parent / 'figures'}/")
     scenes = [path.parent.parent.name for path in tables]
-    print("\n".join(targets.verdicts(scenes, args.results)))
+    print("\n".join(targets.verdicts(scenes, results=args.results)))
 
 
 def fitting(table):

@@ -76,7 +76,7 @@ def write(folder, data, text):
 
 def printed(folder):
     """The verdict of a scene's folder, as the last lines of its run say it."""
-    lines = targets.verdicts([folder.name], folder.parent)
+    lines = targets.verdicts([folder.name], results=folder.parent)
     shown = [line.replace(f"{folder.parent}/", "results/") for line in lines]
     return "\n".join(shown).strip("\n") + "\n"
 

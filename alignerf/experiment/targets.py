@@ -1,7 +1,6 @@
 """What `snakemake SCENE` makes, and what it says in the end."""
 
 import atexit
-import json
 import os
 import re
 import shlex
@@ -10,6 +9,7 @@ import sys
 from pathlib import Path
 
 from alignerf.experiment import kinds
+from alignerf.experiment.checks import verdict as of_verdict
 from alignerf.experiment.cluster import slurm_errors
 from alignerf.files import atomic, faults, machine, provenance, yaml_files
 
@@ -108,7 +108,7 @@ def export_command(configs):
     return shlex.join([*words, "--configfile", *map(str, paths)])
 
 
-def verdicts(scenes, results="results", export=""):
+def verdicts(scenes, export="", results="results"):
     """Lines of the verdicts that are there, a scene's name before them.
 
     export: as of `export_command`; said last.
@@ -117,12 +117,9 @@ def verdicts(scenes, results="results", export=""):
     for scene in scenes:
         path = Path(results) / scene / "verdict.json"
         if path.is_file():
-            found = json.loads(path.read_text(encoding="utf-8"))
-            lines += [
-                "",
-                scene,
-                *(f"  {faults.one_line(line)}" for line in found["verdict"]),
-            ]
+            found = of_verdict.read(path)["verdict"]
+            said = [f"  {faults.one_line(line)}" for line in found]
+            lines += ["", scene, *said]
             if Path(page_of(scene, results)).is_file():
                 lines.append(f"  Page: {page_of(scene, results)}")
     if lines and export:

@@ -26,10 +26,10 @@ THUMB_PX, LESS = 32, 0.5
 # A turned one is at least so alike.
 PLAINLY, TURNED = 0.1, 0.8
 # Correlation of small pictures: a render of another place stays below the first. Where
-# for the median render a quarter of all photos are nearer than its own, apart from what
+# for the median render a fifth of all photos are nearer than its own, apart from what
 # all have in common, renders are of another place; unless all photos are as alike as
 # the last.
-ALIKE, FAR, SAME, FEW = 0.5, 0.25, 0.99, 5
+ALIKE, FAR, SAME, FEW = 0.5, 0.2, 0.99, 5
 # Of light; a photo of 8 bits has no less than DARKEST.
 MOST_STOPS, DARKEST = 2.0, 0.001
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import ctypes
+import functools
 import os
 import re
 import selectors
@@ -12,20 +13,23 @@ import sys
 import threading
 import time
 
+import psutil
+
 from alignerf.experiment.checks import places
 from alignerf.files import faults, provenance
 from alignerf.files.environment import switches
 
 # A command that is asked to end has so many seconds to do so.
 GRACE_S = 20.0
-# The signals that end a job; its command's whole process group gets them too.
+# The signals that end a job; all that its command has started gets them too.
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 # Of the output, so many bytes are looked through for its last line.
 TAIL_BYTES, LINE_CHARACTERS = 4096, 300
 # Colours, and moves of a terminal's cursor.
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
-# Linux: the signal that a process gets when its parent dies.
-PR_SET_PDEATHSIG = 1
+# Linux: the signal that a process gets when its parent dies; whether what its children
+# leave behind becomes its own child.
+PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 
 
 def words_of(template, values):
@@ -42,9 +46,11 @@ def run(words, *, cores=1) -> float:
     """Run a command, and copy what it prints to stdout; returns its seconds.
 
     cores: what libraries that ask OMP_NUM_THREADS take, unless that is set already.
-    Raises ValueError in one line where the program is missing or fails. A signal that
-    ends this process ends the command's process group too.
+    Raises ValueError in one line where the program is missing or fails. Nothing that
+    the command has started runs on when it has ended, or a signal ends this process.
     """
+    control(PR_SET_CHILD_SUBREAPER, 1)
+    kept = set(psutil.Process().children(recursive=True))
     print(faults.one_line(shlex.join(words)), flush=True)
     begun = time.perf_counter()
     try:
@@ -55,24 +61,24 @@ def run(words, *, cores=1) -> float:
             stderr=subprocess.STDOUT,
             env=environment(cores),
             start_new_session=True,
-            preexec_fn=end_with_parent,
+            preexec_fn=functools.partial(control, PR_SET_PDEATHSIG, signal.SIGTERM),
         )
     except (OSError, ValueError) as error:
         raise ValueError(f"{words[0]}: {reason_of(error)}") from None
-    with process, passing_on(process) as asked:
+    send = functools.partial(send_to, process.pid, kept)
+    with process, passing_on(send) as asked:
         try:
             tail = copied(process)
-            code = process.wait()
+            code, took = process.wait(), time.perf_counter() - begun
         finally:
-            # What it has left running in the background.
-            send(process, signal.SIGTERM)
+            end(send)
     if asked:
         # As the signal does where nothing handles it.
         signal.signal(asked[0], signal.SIG_DFL)
         os.kill(os.getpid(), asked[0])
     if code != 0:
         raise ValueError(f"{words[0]} {ending(code)}{said(tail)}")
-    return time.perf_counter() - begun
+    return took
 
 
 def reason_of(error):
@@ -122,22 +128,22 @@ def environment(cores=1):
     return found
 
 
-def end_with_parent():
-    """Of a new process: it ends with the one that started it, where the system can."""
+def control(option, value):
+    """Set an option of this process, where the system can."""
     with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+        ctypes.CDLL(None).prctl(option, value)
 
 
 @contextlib.contextmanager
-def passing_on(process):
-    """Pass ENDING on to a command's group; yields a list, of the signal that came."""
+def passing_on(send):
+    """Pass ENDING on to a command by `send`; yields a list, of the signal that came."""
     asked, timers = [], []
 
     def handle(number, frame):
         asked.append(number)
-        send(process, number)
+        send(number)
         if not timers:
-            timers.append(threading.Timer(GRACE_S, send, (process, signal.SIGKILL)))
+            timers.append(threading.Timer(GRACE_S, send, (signal.SIGKILL,)))
             timers[0].daemon = True
             timers[0].start()
 
@@ -151,10 +157,29 @@ def passing_on(process):
             timer.cancel()
 
 
-def send(process, number):
-    """Send a signal to a command's group, if anything of it is left."""
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, number)
+def send_to(group, kept, number) -> bool:
+    """Send a signal to all of a command that runs; whether anything does.
+
+    That is its process group and, also of other sessions, what this process has below
+    it and `kept` has not.
+    """
+    below, found = set(psutil.Process().children(recursive=True)) - kept, False
+    for one in below.union(psutil.process_iter()):
+        with contextlib.suppress(OSError, psutil.Error):
+            own = one in below or os.getpgid(one.pid) == group
+            if own and one.status() != psutil.STATUS_ZOMBIE:
+                one.send_signal(number)
+                found = True
+    return found
+
+
+def end(send):
+    """Ask what a command has left behind to end, and kill what does not."""
+    last = time.monotonic() + GRACE_S
+    send(signal.SIGTERM)
+    # What waits for a disk cannot be killed, and is not waited for.
+    while (late := time.monotonic() - last) < 1 and send(signal.SIGKILL * (late > 0)):
+        time.sleep(0.05)
 
 
 def copied(process) -> bytes:

@@ -3,6 +3,7 @@
 From verdict.json, which holds what `alignerf.verdict.report` tells.
 """
 
+from alignerf.experiment.checks import verdict as of_verdict
 from alignerf.files import json_files
 from alignerf.verdict import report
 
@@ -24,7 +25,7 @@ MARK = 0.5
 def read(folder):
     """{headline, state, because, do_first, tried, measured, gauges, evidence}."""
     path = folder / "verdict.json"
-    content = json_files.read(path, VERDICT)
+    content = of_verdict.read(path, VERDICT, do_first=FIRST, tried=TRIED, causes=CAUSE)
     try:
         check(content)
     except ValueError as error:
@@ -38,17 +39,6 @@ def read(folder):
 
 def check(content):
     """ValueError where a part of a verdict is not what is told."""
-    for line in (*content["because"], *content["measured"]):
-        if not isinstance(line, str):
-            raise ValueError("because and measured are not lines of text")
-    kinds = {"do_first": FIRST, "tried": TRIED, "causes": CAUSE}
-    for key, kind in kinds.items():
-        every = content[key] if isinstance(content[key], list) else [content[key]]
-        for one in every:
-            try:
-                json_files.check(one, kind)
-            except ValueError as error:
-                raise ValueError(f"{key}: {error}") from None
     for one in content["causes"]:
         if one["level"] not in LEVELS:
             raise ValueError(f"causes: level is {one['level']!r:.60}")

@@ -26,7 +26,8 @@ ROTATION_ERROR = 1e-2
 
 # OpenCV axes (x right, y down, z forwards) from OpenGL axes, and back.
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
-# Centres within so much of their distance from the origin are one place.
+# Centres within so much, and within so much of their distance from the origin, are one
+# place: of shorter lengths squares, as of the cameras' spread, come to nothing.
 ONE_PLACE = 1e-9
 
 
@@ -110,7 +111,7 @@ def check(where, names, pixtocams, camtoworlds, size):
         off_centre = np.abs(lenses[:, :2, 2] / across + 0.5)
     middle = (off_centre < MOST_OFF_CENTRE).all(axis=1)
     for good, fault in (
-        (finite, "camtoworlds {} is not finite"),
+        (finite, f"camtoworlds {{}} is not finite, or not below {LARGEST:g}"),
         (turned, "camtoworlds {} is not a rotation and a place"),
         (known, "pixtocams {} is not finite"),
         (plain & sees.all(axis=1), "pixtocams {}: no lens has such a focal length"),
@@ -215,7 +216,7 @@ def is_one_place(camtoworlds):
     """Whether all centres are the same, but for rounding."""
     centres = camtoworlds[:, :3, 3]
     away = np.abs(centres - centres.mean(axis=0)).max()
-    return bool(away <= ONE_PLACE * np.abs(centres).max())
+    return bool(away <= ONE_PLACE * max(1.0, np.abs(centres).max()))
 
 
 def apply_similarity(camtoworlds, scale, rotation, translation):

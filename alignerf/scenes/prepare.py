@@ -134,7 +134,9 @@ def matrix_of(value, *shapes):
 
 def nearest_rotation(matrix, *, where):
     """The rotation [3, 3] nearest to a printed one; ValueError where none is near."""
-    off = np.abs(matrix @ matrix.T - np.eye(3)).max()
+    # No entry is above 1, and what is far above has no square.
+    short = np.clip(matrix, -2, 2)
+    off = np.abs(short @ short.T - np.eye(3)).max()
     if off > cameras.ROTATION_ERROR or np.linalg.det(matrix) < 0:
         raise ValueError(f"{where} is not a rotation")
     u, _, vt = np.linalg.svd(matrix)

@@ -156,13 +156,12 @@ def centred(given: Cameras):
 
     COLMAP's solver knows no units: it gives up among millimetres, or far from 0.
     """
-    centres = given.camtoworlds[:, :, 3]
-    middle = centres.mean(axis=0)
-    extent = float(np.abs(centres - middle).max()) or 1.0
-    turn = np.eye(3)
-    poses = cameras.apply_similarity(
-        given.camtoworlds, 1 / extent, turn, -middle / extent
-    )
+    poses, turn = given.camtoworlds, np.eye(3)
+    middle = poses[:, :, 3].mean(axis=0)
+    extent = float(np.abs(poses[:, :, 3] - middle).max())
+    if cameras.is_one_place(poses):
+        extent = 1.0
+    poses = cameras.apply_similarity(poses, 1 / extent, turn, -middle / extent)
     return given._replace(camtoworlds=poses), (extent, turn, middle)
 
 

@@ -6,6 +6,7 @@
 from pathlib import Path
 from typing import NamedTuple
 
+from alignerf.experiment.checks import verdict as of_verdict
 from alignerf.files import json_files, provenance
 from alignerf.verdict import shift
 
@@ -61,8 +62,7 @@ def read(poses, before=None):
 
 def read_before(path):
     """(name, px on photos that were trained on, px on held-out ones; None unknown)."""
-    found = json_files.read(path, {"evidence": dict})["evidence"]
-    json_files.check(found, BEFORE)
+    found = of_verdict.read(path, {"evidence": dict}, evidence=BEFORE)["evidence"]
     shifts = (found["flow_train_px"], found["flow_test_px"])
     scale = found["photo_px"]
     return path.parent.name, *(px and px * scale for px in shifts)

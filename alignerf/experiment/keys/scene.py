@@ -96,6 +96,9 @@ CAMERA_MODELS = Literal[
 CONVENTIONS = ("as_stated", "opencv", "world_to_camera", "world_to_camera_opencv")
 CONVENTIONS += tuple(f"{w}_{x}" for w in ("left_handed", "mirrored") for x in "xyz")
 CONVENTIONS += ("natural_order", "name_order", "reversed_order")
+# Of the courtyard (`alignerf.scenes.courtyard.world`; a test holds both equal).
+OBJECTS = ("ground", "hedge", "hills", "sky", "wall", "posts", "wires", "plinth")
+OBJECTS += ("trunk", "tower", "case", "carton", "tin", "arm")
 # A name becomes a folder: no path escapes by it.
 NAME = r"^(?!.*\.\.)[A-Za-z0-9][A-Za-z0-9_.-]{0,99}\Z"
 
@@ -138,10 +141,8 @@ class Courtyard(Keys):
         "two states of probability 0.5 (the paper's moving arm)",
     )
     motion_m: float = key(0.02, "largest displacement in metres", least=0, most=10)
-    moving: list[str] | None = key(
-        None,
-        "names of the objects that move; null means all that can",
-        length=(0, 1000),
+    moving: list[Literal[OBJECTS]] | None = key(
+        None, "objects that move; null: all that can", length=(0, 1000)
     )
     # Leaves as much near the highest frequency as a real photo made smaller has:
     # unblurred textures lose ten times more than photos when they are resampled.

@@ -12,22 +12,8 @@ import numpy as np
 
 from alignerf.scenes.courtyard import materials, textures
 
-OBJECTS = (
-    "ground",
-    "hedge",
-    "hills",
-    "sky",
-    "wall",
-    "posts",
-    "wires",
-    "plinth",
-    "trunk",
-    "tower",
-    "case",
-    "carton",
-    "tin",
-    "arm",
-)
+OBJECTS = ("ground", "hedge", "hills", "sky", "wall", "posts", "wires", "plinth")
+OBJECTS += ("trunk", "tower", "case", "carton", "tin", "arm")
 MOVING = ("carton", "tin", "arm")
 # What stands alone, before white, where the place is an `object`.
 OF_OBJECT = ("plinth", "trunk", "tower", "case", "carton", "tin", "arm")

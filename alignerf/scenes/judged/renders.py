@@ -128,8 +128,8 @@ def sheets(folder, files, names, splits):
     # Where all views are held out, as by `--test-every 1`, those say what was learnt.
     every, renders = len(found) == len(names), {}
     for match, path in found:
-        number, split = int(match[3]), SPLITS[match[1]]
-        name = names[number] if every else at(names, splits, split, number, path)
+        split = SPLITS[match[1]]
+        name = at(names, splits, None if every else split, int(match[3]), path)
         put(renders, name, Render(path, True, splits[name] if every else split))
     return Found(
         renders, f"photo and render side by side, as gsplat writes them ({last})"
@@ -151,21 +151,24 @@ def gaussians(folder, files, names, splits):
     # Without its `--eval` it learns from all.
     every = {split for split, _ in found} == {"train"} and len(found) == len(names)
     for split, path in found:
-        if not path.stem.isdigit():
+        if not path.stem.isdecimal():
             raise ValueError(f"{path}: not a number, as render.py writes it")
-        number = int(path.stem)
-        name = names[number] if every else at(names, splits, split, number, path)
+        name = at(names, splits, None if every else split, int(path.stem), path)
         put(renders, name, Render(path, False, split))
     return Found(renders, f"numbered, as 3D Gaussian splatting writes them ({last})")
 
 
 def at(names, splits, split, number, path):
-    """The name of a split's view by its number."""
-    own = [name for name in names if splits[name] == split]
+    """The name of a view by its number in a split, or in all views where that is None.
+
+    Raises ValueError naming the render's path where there are not as many.
+    """
+    own = [name for name in names if split in (None, splits[name])]
     if number >= len(own):
+        views = f"{split} views" if split else "views"
         raise ValueError(
-            f"{path}: there are {len(own)} {split} views by the photos' names, so none "
-            f"has the number {number}"
+            f"{path}: there are {len(own)} {views} by the photos' names, so none has "
+            f"the number {number}"
         )
     return own[number]
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from alignerf.files import images, json_files
-from alignerf.scenes import photos, prepare
+from alignerf.scenes import photos, prepare, prepared
 from alignerf.scenes.judged import depth_source, geometry, pairs, renders
 from alignerf.scenes.judged.pairs import Judged, Pair
 
@@ -89,6 +89,7 @@ def load(config, scratch):
     log.info("renders show photos %s", geometry.WAYS[way])
     shown = {pair.name: shown_of(pair, judged.size, way) for pair in judged.pairs}
     views = posed(judged, shown, config["background"])
+    prepared.check_views(config["judged"]["cameras"] or config["path"], views)
     told = judged.told | {"way": way, "apart_px": apart}
     told |= {"background": config["background"]}
     renders_of = [pair.render.path for pair in judged.pairs]

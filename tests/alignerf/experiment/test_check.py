@@ -165,6 +165,11 @@ def edit(config, where, value):
         ("lpips.vgg19", "no.npz", "lpips: 'vgg19' is no key .*'vgg'"),
         ("lpips.alex", 3, "lpips.alex: 3 should be a valid string"),
         ("scenes.tradeoff@csv", {"source": "courtyard"}, "tradeoff.csv: a file of"),
+        (
+            "scenes.courtyard.courtyard.moving",
+            ["arm", "unicorn"],
+            "scenes.courtyard.courtyard.moving.1: 'unicorn' should be .*'tin' or 'arm'",
+        ),
         ("methods.tradeoff", {"model": "base", "rounds": 0}, "tradeoff: a folder"),
         ("tradeoff.scene", "yard", "tradeoff.scene: no scene 'yard'"),
         ("tradeoff.model", "huge", "tradeoff.model: no model 'huge'"),

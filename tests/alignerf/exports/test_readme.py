@@ -35,7 +35,8 @@ def test_the_readme_has_commands_files_and_what_is_held_out(made, views, tmp_pat
 
 def test_the_readme_says_why_cameras_are_as_given(made, moved, tmp_path):
     verdict = tmp_path / "verdict.json"
-    verdict.write_text(json.dumps({"gains": [{"method": "aligned", "pays": False}]}))
+    gains = [{"method": "aligned", "pays": False}]
+    verdict.write_text(json.dumps({"verdict": ["Aligned."], "gains": gains}))
     more = ("--cameras", moved, "--if-pays", verdict, "aligned")
     out = cases.exported(made, tmp_path, *more)
     text = (out / "README.txt").read_text()

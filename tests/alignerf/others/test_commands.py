@@ -18,6 +18,7 @@ RUNNER = """
 import sys
 from alignerf.files import faults
 from alignerf.others import commands
+commands.GRACE_S = 0.5
 faults.run(lambda: print(commands.run(sys.argv[1:])))
 """
 OURS = os.environ | {"PYTHONPATH": str(provenance.ROOT)}
@@ -44,17 +45,17 @@ def ran(*words, cwd=None):
     return done.stdout, done.stderr
 
 
-def started():
-    """(a process that runs PARENT as a command, numbers of PARENT and its child)."""
+def started(*words):
+    """(a process that runs a command, numbers of processes that this prints)."""
     child = subprocess.Popen(
-        [PYTHON, "-c", RUNNER, PYTHON, "-c", PARENT],
+        [PYTHON, "-c", RUNNER, *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
         env=OURS,
     )
     for line in child.stdout:
-        if re.fullmatch(r"\d+ \d+\n", line):
+        if re.fullmatch(r"[\d ]+\n", line):
             child.stdout.close()
             return child, list(map(int, line.split()))
     raise AssertionError("it has not started")
@@ -139,16 +140,49 @@ def test_what_it_leaves_in_the_background_is_ended():
     assert gone(int(said.split()[-2]))
 
 
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="orphans are not found")
+
+
+@pytest.mark.parametrize("is_stopped", [False, True])
+@pytest.mark.parametrize(
+    "left",
+    [
+        "sh -c 'trap \"\" TERM; echo $$; while :; do sleep 1; done'",
+        pytest.param("setsid sh -c 'echo $$; exec sleep 300'", marks=LINUX),
+        pytest.param(
+            "setsid sh -c 'trap \"\" TERM; echo $$; while :; do sleep 1; done'",
+            marks=LINUX,
+        ),
+    ],
+)
+def test_what_is_deaf_or_of_another_session_is_ended_too(left, is_stopped):
+    command = f"({left} &); sleep {60 if is_stopped else 0.5}"
+    child, (pid,) = started("sh", "-c", command)
+    if is_stopped:
+        child.send_signal(signal.SIGTERM)
+    assert (child.wait(10) == -signal.SIGTERM) == is_stopped
+    assert gone(pid, 0.5)
+
+
+def test_what_was_there_before_the_command_stays():
+    code = "import subprocess; own = subprocess.Popen(['sleep', '60'])"
+    code += f"{RUNNER}\nprint('own', own.poll()); own.kill()"
+    done = subprocess.run(
+        [PYTHON, "-c", code, "true"], capture_output=True, text=True, env=OURS
+    )
+    assert done.stdout.splitlines()[-1] == "own None"
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_all_of_it(number):
-    child, pids = started()
+    child, pids = started(PYTHON, "-c", PARENT)
     child.send_signal(number)
     assert child.wait(10) == -number
     assert all(map(gone, pids))
 
 
 def test_it_ends_where_we_are_killed():
-    child, pids = started()
+    child, pids = started(PYTHON, "-c", PARENT)
     child.kill()
     child.wait(10)
     assert gone(pids[0])

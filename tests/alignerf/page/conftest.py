@@ -115,6 +115,7 @@ def results(tmp_path, rng):
     write_json(
         folder / "verdict.json",
         {
+            "verdict": ["VERDICT   Aligned."],
             "headline": "Aligned.",
             "because": ["A < B & C."],
             "do_first": {"text": "Nothing.", "command": None},

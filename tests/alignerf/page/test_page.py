@@ -181,6 +181,15 @@ def test_a_photo_without_a_flow_comes_first_and_has_no_length(render, results):
     assert (first["key"], first["px"], first["level"]) == ("test/01", None, "unknown")
 
 
+def test_a_flow_without_an_end_is_refused(render, results):
+    path = results / "tables/views.csv"
+    table = pd.read_csv(path, dtype={"view": str})
+    table.loc[0, "flow_px"] = np.inf
+    table.to_csv(path, index=False)
+    with pytest.raises(ValueError, match=r"views\.csv: .*column flow_px: not finite"):
+        render()
+
+
 def test_a_photo_may_be_called_na(render, results):
     for folder in results.rglob("*/test"):
         for kept in folder.glob("01.*"):

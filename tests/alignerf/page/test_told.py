@@ -76,7 +76,9 @@ def test_a_broken_file_is_named(results, text):
 @pytest.mark.parametrize(
     ("key", "value", "fault"),
     [
-        ("because", [1], "not lines of text"),
+        ("because", [1], "because is not lines of text"),
+        ("headline", "", "headline is not lines of text"),
+        ("verdict", [], "verdict is not lines of text"),
         ("causes", [3], "causes: not an object"),
         ("do_first", {"text": "x", "command": 1}, "do_first: command is 1"),
         (

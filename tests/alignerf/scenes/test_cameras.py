@@ -169,6 +169,21 @@ def test_cameras_at_one_place_have_no_scale(views):
     assert np.isfinite(np.concatenate([np.ravel(value) for value in found])).all()
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [5e-324, 1e-200, 1e-160, 1e-100, 1e-8, 1e17])
+@pytest.mark.parametrize("other", [5e-324, 1e-200, 1.0, 1e17])
+def test_cameras_of_any_size_have_a_similarity(size, other):
+    """Squares of the smallest are 0: those cameras stand at one place."""
+    poses, target = np.stack([random_poses(np.random.default_rng(0), 5)] * 2)
+    poses[:, :, 3] *= size
+    target[:, :, 3] *= other
+    scale, rotation, translation = cameras.align_similarity(poses, target)
+    assert_allclose(rotation, np.eye(3), atol=1e-6)
+    assert_allclose(scale, other / size if min(size, other) > 1e-9 else 1, rtol=1e-6)
+    assert np.isfinite(translation).all()
+    assert np.isfinite(cameras.frame_of(poses).normalised(poses)).all()
+
+
 @pytest.mark.parametrize("perturb_px", [0.0, 0.5, 2.0])
 def test_perturbed_poses_move_the_image_by_so_many_pixels(perturb_px):
     rng = np.random.default_rng(0)

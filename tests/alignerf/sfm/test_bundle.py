@@ -115,6 +115,16 @@ def test_too_few_tracks_change_nothing(rng, tmp_path, points):
     assert "too few" in told["why"]
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [5e-324, 1e-200, 1e-155])
+def test_cameras_at_one_place_stay(rng, tmp_path, size):
+    given, found = made.cameras(), made.matched(made.cameras(), rng)
+    given.camtoworlds[:, :, 3] *= size
+    adjusted, told = capture.adjust(found, given, tmp_path, 0, 1.0, lens=True)
+    assert adjusted is None
+    assert "0 tracks" in told["why"]
+
+
 def test_moving_things_do_not_carry_the_cameras_away(rng, tmp_path):
     true = made.cameras()
     given = perturbed(true, 3.0, rng)

@@ -95,9 +95,9 @@ def test_the_command_is_that_of_the_run(here, monkeypatch):
 def test_a_run_ends_with_the_command(tmp_path):
     (tmp_path / "a").mkdir()
     (tmp_path / "a/verdict.json").write_text('{"verdict": ["Verdict: aligned."]}')
-    lines = targets.verdicts(["a"], tmp_path, export="make export SCENE=a")
+    lines = targets.verdicts(["a"], results=tmp_path, export="make export SCENE=a")
     assert lines[-1].endswith(": make export SCENE=a")
-    assert targets.verdicts([], tmp_path, export="make export SCENE=a") == []
+    assert targets.verdicts([], results=tmp_path, export="make export SCENE=a") == []
 
 
 @pytest.mark.parametrize(

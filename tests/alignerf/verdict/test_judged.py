@@ -11,6 +11,7 @@ from tests.alignerf.verdict.test_causes import FAULTS, WELL, report_of
 OF = judged.Judged("given", "COLMAP's model", "named like the photos")
 THEIRS = WELL._replace(judged=OF, passes=math.nan, reprojection_px=math.nan)
 EXPORT = "make export SCENE=theirs"
+SHIFTS = {"flow_train_px": 1.2, "flow_test_px": None, "photo_px": 2.0}
 
 
 @pytest.fixture(autouse=True)
@@ -112,12 +113,30 @@ def test_what_it_was_before_is_said(tmp_path):
     """After another training, on cameras that were put right."""
     path = tmp_path / "first" / "verdict.json"
     path.parent.mkdir()
-    shifts = {"flow_train_px": 1.2, "flow_test_px": None, "photo_px": 2.0}
-    path.write_text(json.dumps({"evidence": shifts}))
+    path.write_text(json.dumps({"verdict": ["Aligned."], "evidence": SHIFTS}))
     told = {"depth": "far", "cameras": "x", "layout": "x", "way": "taken"}
     found = judged.read({"judged": told}, path)
     lines = said(THEIRS._replace(judged=found))
     assert "Before, in first, it was 2.4 px on photos that were trained on." in lines
+
+
+@pytest.mark.parametrize(
+    ("keys", "fault"),
+    [
+        ({"verdict": ""}, "not the JSON that it should be: verdict is ''"),
+        ({"verdict": []}, "verdict is not lines of text"),
+        ({"evidence": {}}, "evidence: no flow_train_px in it"),
+        (
+            {"evidence": SHIFTS | {"flow_test_px": np.inf}},
+            "evidence: flow_test_px is inf",
+        ),
+    ],
+)
+def test_a_tampered_judgement_is_compared_with_by_nobody(tmp_path, keys, fault):
+    path = tmp_path / "verdict.json"
+    path.write_text(json.dumps({"verdict": ["Aligned."], "evidence": SHIFTS} | keys))
+    with pytest.raises(ValueError, match=rf"^{path}: {fault}"):
+        judged.read_before(path)
 
 
 @pytest.mark.parametrize(("camera_px", "named"), [(0.72, False), (1.5, True)])

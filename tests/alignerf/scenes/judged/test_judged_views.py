@@ -314,6 +314,16 @@ def test_faults_are_one_line(tmp_path, break_it, says):
     assert not (tmp_path / "scene").exists()
 
 
+def test_a_camera_out_of_all_bounds_is_named_by_its_file(tmp_path):
+    config, path = cases.project(tmp_path), tmp_path / "transforms.json"
+    content = json.loads(path.read_text())
+    content["frames"][3]["transform_matrix"][1][3] = 1e200
+    path.write_text(json.dumps(content))
+    says = r"transforms\.json: camtoworlds of view 'v03' is not .* below 1e\+18"
+    with pytest.raises(ValueError, match=says):
+        views.load(config, tmp_path)
+
+
 def test_photos_are_no_renders_of_themselves(tmp_path):
     config = cases.project(tmp_path)
     config["judged"]["renders"] = config["path"]

@@ -99,6 +99,28 @@ def test_gsplat_of_more_views_than_there_are(tmp_path):
         renders.find(tmp_path, NAMES)
 
 
+@pytest.mark.parametrize(
+    ("layout", "last"),
+    [
+        ("val_step9_{:04}.png", 11),
+        ("train/ours_7/renders/{:05}.png", 11),
+        ("train/ours_7/renders/{:05}.png", 10**30),
+    ],
+)
+def test_as_many_as_views_but_under_another_number(tmp_path, layout, last):
+    files = [layout.format(number) for number in (*range(7), last)]
+    write(tmp_path, *files)
+    says = rf"{files[-1]}: there are 8 views by the .*, so none has the number {last}$"
+    with pytest.raises(ValueError, match=says):
+        renders.find(tmp_path, NAMES)
+
+
+def test_a_render_of_gaussian_splatting_has_a_number(tmp_path):
+    write(tmp_path / "train" / "ours_7" / "renders", "00000.png", "²².png")
+    with pytest.raises(ValueError, match=r"²²\.png: not a number"):
+        renders.find(tmp_path, NAMES)
+
+
 def test_numbers_in_the_order_of_names(tmp_path):
     """As many as photos, or as there are held-out ones."""
     write(tmp_path / "all", *(f"color_{i}.png" for i in range(8, 16)))
