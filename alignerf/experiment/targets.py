@@ -1,7 +1,6 @@
 """What `snakemake SCENE` makes, and what it says in the end."""
 
 import atexit
-import json
 import os
 import re
 import shlex
@@ -10,7 +9,7 @@ from pathlib import Path
 
 from alignerf.experiment import kinds
 from alignerf.experiment.cluster import slurm_errors
-from alignerf.files import atomic, faults, machine, provenance, yaml_files
+from alignerf.files import atomic, faults, json_files, machine, provenance, yaml_files
 
 DEMO = provenance.PIPELINE / "workflow" / "config" / "demo.yaml"
 TABLES = ("misalignment", "round_times", "controls", "displacement")
@@ -116,7 +115,7 @@ def verdicts(scenes, results="results", export=""):
     for scene in scenes:
         path = Path(results) / scene / "verdict.json"
         if path.is_file():
-            found = json.loads(path.read_text(encoding="utf-8"))
+            found = json_files.read(path, {"verdict": list})
             lines += [
                 "",
                 scene,
