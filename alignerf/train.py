@@ -235,7 +235,7 @@ def weights_digest(job) -> str:
     path = job.alignerf and job.alignerf.frequency_weights
     if job.stage != "finetune" or not path:
         return ""
-    with open(path, "rb") as file:
+    with faults.opened(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

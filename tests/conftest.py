@@ -3,6 +3,7 @@
 import copy
 import os
 import pathlib
+import signal
 import subprocess
 import sys
 
@@ -68,6 +69,20 @@ def pytest_sessionfinish(session):
 def root():
     """The project's top folder."""
     return ROOT
+
+
+@pytest.fixture
+def ten_seconds():
+    """A test that takes longer, as one that waits for a pipe, fails."""
+
+    def stop(*_):
+        raise TimeoutError("over ten seconds")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(10)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
 
 
 @pytest.fixture(scope="session")

@@ -219,3 +219,90 @@ def test_the_workflow_imports_the_experiment_only():
             assert line[1].startswith(
                 ("alignerf.experiment", "snakemake", "gc", "sys")
             ), line
+
+
+# What opens a file by itself, or takes all that it holds.
+RAW = {"numpy.load", "numpy.fromfile", "numpy.loadtxt", "numpy.genfromtxt"}
+RAW |= {"cv2.imread", "cv2.imreadmulti", "cv2.imdecode", "PIL.Image.open"}
+RAW |= {"gzip.open", "zipfile.ZipFile", "json.load", "json.loads", "pandas.read_csv"}
+RAW |= {"yaml.load", "yaml.safe_load", "yaml.compose", "pickle.load", "pickle.loads"}
+# Methods of any path.
+RAW_METHODS = {"read_text", "read_bytes"}
+READERS = {
+    "alignerf.files.archives": {"gzip.open", "zipfile.ZipFile"},
+    "alignerf.files.csv_files": {"pandas.read_csv"},
+    "alignerf.files.images": {"PIL.Image.open"},
+    "alignerf.files.json_files": {"json.loads"},
+    "alignerf.files.yaml_files": {"yaml.compose"},
+    # Lines of a head that is looked at first.
+    "alignerf.scenes.judged.ply": {"numpy.loadtxt"},
+    "alignerf.networks.torch_files": {"zipfile.ZipFile"},
+    # PNGs of 16 bits, which Pillow has looked through and cuts to 8.
+    "alignerf.scenes.photos": {"cv2.imdecode", "numpy.fromfile"},
+}
+# What ships with the program.
+SHIPPED = {
+    "alignerf.experiment.sources": {"read_bytes", "read_text"},
+    "alignerf.files.extensions": {"read_bytes"},
+    "alignerf.kernels.build": {"read_bytes"},
+    "alignerf.start.folders": {"read_text"},
+    "alignerf.tables.columns": {"read_text", "yaml.safe_load"},
+}
+# What the system tells of itself; of provenance also the pins of libraries.
+SYSTEM = {
+    "alignerf.files.machine": {"read_text"},
+    "alignerf.files.provenance": {"read_bytes", "read_text"},
+    "alignerf.training.memory": {"read_text"},
+}
+# What Snakemake and its jobs have said, whatever its bytes are.
+LOGS = {
+    "alignerf.experiment.cluster.slurm_errors": {"read_text"},
+    "alignerf.experiment.targets": {"read_text"},
+    "alignerf.start.terminal.jobs": {"read_text"},
+    "alignerf.start.terminal.report": {"read_text"},
+}
+# No files: options of commands, and what processes of ours tell each other.
+TOLD = (
+    *("alignerf.experiment.cluster.work", "alignerf.experiment.inputs"),
+    *("alignerf.experiment.jobs", "alignerf.experiment.trainings"),
+    *("alignerf.exports.sizes", "alignerf.others.jobs", "alignerf.verdict.__main__"),
+    *("alignerf.preflight.__main__", "alignerf.processes.consensus"),
+    *("alignerf.start.terminal.events", "alignerf.tables.across.tradeoff"),
+    *("flow.benchmark.__main__", "flow.figures.scene"),
+)
+MAY_READ = READERS | SHIPPED | SYSTEM | LOGS | {name: {"json.loads"} for name in TOLD}
+
+
+def raw_reads(tree):
+    """What a module calls, or hands on, of the above."""
+    known = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            of = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
+            known |= {one.asname or one.name: of + one.name for one in node.names}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute | ast.Name):
+            first, dot, rest = ast.unparse(node).partition(".")
+            yield from {known.get(first, first) + dot + rest} & RAW
+        if isinstance(node, ast.Attribute) and node.attr in RAW_METHODS:
+            yield node.attr
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_files_are_read_by_the_readers_alone(name):
+    """They say what is wrong, in a line, before it takes memory or time."""
+    assert set(raw_reads(SOURCES[name])) == MAY_READ.get(name, set())
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("import numpy as np\nnp.load(path)", "numpy.load"),
+        ("import numpy\nread = numpy.load", "numpy.load"),
+        ("from json import loads as read\nread(text)", "json.loads"),
+        ("from PIL import Image\nImage.open(path)", "PIL.Image.open"),
+        ("Path(path).read_text()", "read_text"),
+    ],
+)
+def test_a_read_is_seen_whatever_it_is_called(text, found):
+    assert set(raw_reads(ast.parse(text))) == {found}

@@ -14,7 +14,7 @@ import re
 import flax.serialization
 import numpy as np
 
-from alignerf.files import json_files
+from alignerf.files import faults, json_files
 from alignerf.training import checkpoint
 
 log = logging.getLogger("alignerf")
@@ -63,7 +63,7 @@ def read(folder, *, identity, size):
             return None
         if not FILE.match(manifest["file"]):
             raise ValueError(f"file is {manifest['file']!r:.60}")
-        data = (folder / manifest["file"]).read_bytes()
+        data = faults.content(folder / manifest["file"])
         if hashlib.sha256(data).hexdigest() != manifest["sha256"]:
             raise ValueError("its arrays are damaged")
         arrays = flax.serialization.msgpack_restore(data)

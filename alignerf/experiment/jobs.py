@@ -2,7 +2,6 @@
 
 import json
 import math
-from pathlib import Path
 from typing import Literal
 
 from alignerf.experiment import schema
@@ -97,8 +96,7 @@ class Job(Keys):
 def read(text):
     """A stage's slice of the config: a JSON object, or the path of a file of one."""
     if not text.lstrip().startswith("{"):
-        faults.check_regular(text)
-        text = Path(text).read_text(encoding="utf-8")
+        text = faults.text(text)
     try:
         found = json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:

@@ -4,12 +4,10 @@ The head of an array says how large it is: it is looked at before any of its val
 """
 
 import contextlib
-import lzma
+import gzip
 import math
-import os
-import tokenize
 import zipfile
-import zlib
+from pathlib import Path
 
 import numpy as np
 
@@ -17,6 +15,8 @@ from alignerf.files import faults
 
 # Of one array: a flow of 16384 x 16384 pixels, the largest photo there may be.
 MOST_BYTES = 2**31
+# Of a map that another program has written: 8192 x 8192 pixels.
+MOST_VALUES = 2**26
 # Kinds of numbers, and sides, of the arrays that stages exchange; `n`, `h` and `w` may
 # be any. Others are checked by who reads them.
 LAYOUTS = {
@@ -35,24 +35,6 @@ LAYOUTS = {
 }
 KINDS = {"f": "floating numbers", "b": "truth values", "U": "text", "i": "integers"}
 KINDS["u"] = "unsigned integers"
-
-# What reading raises on files that are no archive, cut short, altered or encrypted.
-_BROKEN = (
-    ValueError,
-    KeyError,
-    TypeError,
-    EOFError,
-    NotImplementedError,
-    OverflowError,
-    MemoryError,
-    RecursionError,
-    RuntimeError,
-    SyntaxError,
-    tokenize.TokenError,
-    lzma.LZMAError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
 
 
 def read(path, names):
@@ -76,22 +58,25 @@ def has(path, name):
 @contextlib.contextmanager
 def _opened(path, names):
     """Open an .npz with arrays of these names; its faults are ValueErrors naming it."""
-    fault = f"{path}: not the .npz that it should be"
+    with _file(path, ".npz") as file, zipfile.ZipFile(file) as archive:
+        inside = set(archive.namelist())
+        if missing := sorted(n for n in names if f"{n}.npy" not in inside):
+            raise ValueError(f"no array {', '.join(missing)} in it")
+        yield archive
+
+
+@contextlib.contextmanager
+def _file(path, kind):
+    """Open a file of this kind; whatever is wrong with it is a ValueError naming it."""
     try:
-        faults.check_regular(path)
-        with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
-            inside = set(archive.namelist())
-            if missing := sorted(n for n in names if f"{n}.npy" not in inside):
-                raise ValueError(f"no array {', '.join(missing)} in it")
-            yield archive
-    except FileNotFoundError:
-        raise ValueError(f"{path}: not found") from None
-    except OSError as error:
-        # A decoder's, or a place before the file's beginning.
-        if error.filename is None:
-            raise ValueError(f"{fault}: {error}") from None
-        raise
-    except _BROKEN as error:
+        with faults.opened(path) as file:
+            yield file
+    # Decoders of damaged data raise a dozen types, and each means the same to the user.
+    except Exception as error:
+        # Errors of the system name the file, those of decoders do not.
+        if isinstance(error, faults.Named) or getattr(error, "filename", None):
+            raise
+        fault = f"{path}: not the {kind} that it should be"
         raise ValueError(f"{fault}: {error}") from None
 
 
@@ -131,13 +116,13 @@ def read_head(file):
     shape, _, dtype = heads[version](file)
     if dtype.hasobject:
         raise ValueError("objects, which nothing here unpickles")
+    if min(shape, default=0) < 0:
+        raise ValueError(f"a shape of {shape}")
     return shape, dtype, file.tell()
 
 
 def check_size(shape, dtype, held_bytes):
     """ValueError where an array is too large, or cut short."""
-    if min(shape, default=0) < 0:
-        raise ValueError(f"a shape of {shape}")
     size = math.prod(shape) * dtype.itemsize
     if size > MOST_BYTES:
         raise ValueError(f"{size / 2**30:.3g} GiB are more than {MOST_BYTES / 2**30:g}")
@@ -171,20 +156,36 @@ def check_together(arrays):
                 raise ValueError(f"{name} has {side} = {length}, {other} {first}")
 
 
-def read_array(path):
-    """The array of an .npy; never unpickles.
+def read_numbers(path):
+    """The numbers of an .npy, an .npy.gz or an .npz: of that `depth`, or its only ones.
 
-    Raises ValueError where the file is missing or no whole .npy of plain values.
+    Raises ValueError as `read` does, and, by the head alone, for over MOST_VALUES.
     """
-    try:
-        faults.check_regular(path)
-        with open(path, "rb") as file:
-            shape, dtype, head_bytes = read_head(file)
-            check_size(shape, dtype, os.fstat(file.fileno()).st_size - head_bytes)
-            file.seek(0)
-            return np.lib.format.read_array(file, allow_pickle=False)
-    except FileNotFoundError:
-        raise ValueError(f"{path}: not found") from None
-    # A damaged header may ask for more values than there is memory.
-    except _BROKEN as error:
-        raise ValueError(f"{path}: not the .npy that it should be: {error}") from None
+    kind = Path(path).suffix.lower()
+    with contextlib.ExitStack() as stack:
+        file = stack.enter_context(_file(path, f"{kind} of numbers"))
+        if kind == ".npz":
+            archive = stack.enter_context(zipfile.ZipFile(file))
+            names = archive.namelist()
+            if "depth.npy" not in names and len(names) != 1:
+                few = faults.some_names(names)
+                raise ValueError(f"no array depth among {len(names)}: {few}")
+            name = names[0] if len(names) == 1 else "depth.npy"
+            file = stack.enter_context(archive.open(name))
+        elif kind == ".gz":
+            file = stack.enter_context(gzip.open(file))
+        shape, dtype, _ = read_head(file)
+        if dtype.kind not in "fiu":
+            raise ValueError(f"{dtype} instead of real numbers")
+        check_count(shape)
+        file.seek(0)
+        values = np.lib.format.read_array(file, allow_pickle=False)
+        if file.read(1):
+            raise ValueError("more bytes than its head says")
+        return values
+
+
+def check_count(shape):
+    """ValueError where another program's map has too many values."""
+    if math.prod(shape) > MOST_VALUES:
+        raise ValueError(f"{list(shape)} are over {MOST_VALUES:,} values")

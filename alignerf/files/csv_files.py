@@ -3,7 +3,6 @@
 import csv
 import io
 import re
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -52,8 +51,7 @@ def read(path, *, columns=(), sep=","):
     if path is None:
         raise ValueError("no table is given")
     try:
-        faults.check_regular(path)
-        text = Path(path).read_text(encoding="utf-8")
+        text = faults.text(path)
         check_rows(text, sep)
         table = pd.read_csv(
             io.StringIO(text),
@@ -63,8 +61,8 @@ def read(path, *, columns=(), sep=","):
             na_values=[""],
         )
         check_columns(table, columns)
-    except FileNotFoundError:
-        raise ValueError(f"{path}: not found") from None
+    except faults.Named:
+        raise
     # The parser's own errors.
     except (ValueError, csv.Error) as error:
         raise ValueError(f"{path}: not the table that it should be: {error}") from None

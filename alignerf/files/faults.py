@@ -3,6 +3,7 @@
 import argparse
 import io
 import logging
+import math
 import os
 import pathlib
 import stat
@@ -13,6 +14,12 @@ log = logging.getLogger("alignerf")
 # Of a line that is printed. Of a longer one both ends are kept: files and keys are
 # named at the beginning, what to do at the end.
 MOST_CHARACTERS, HEAD = 1000, 700
+# Of a text: a transforms.json of 100,000 frames has no more.
+MOST_BYTES = 2**26
+
+
+class Named(ValueError):
+    """A fault that names its file already."""
 
 
 def stated(text):
@@ -148,11 +155,40 @@ def resolved(path):
     return pathlib.Path(os.path.realpath(path))
 
 
-def check_regular(path):
-    """ValueError for a pipe or a device: who opens one may wait for ever."""
-    kind = os.stat(path).st_mode
-    if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):
-        raise ValueError(f"{path}: not a file")
+def check_regular(path, most=math.inf):
+    """ValueError for a pipe or a device: who opens one may wait for ever.
+
+    And for a file that is missing, or of more than so many bytes.
+    """
+    try:
+        found = os.stat(path)
+    except FileNotFoundError:
+        raise Named(f"{path}: not found") from None
+    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+        raise Named(f"{path}: not a file")
+    if found.st_size > most:
+        raise Named(f"{path}: {found.st_size:,} bytes, over {most:,}")
+
+
+def opened(path, most=math.inf):
+    """A file open for reading its bytes, after `check_regular`."""
+    check_regular(path, most)
+    return open(path, "rb")
+
+
+def content(path, most=math.inf):
+    """The bytes of a file, after `check_regular`."""
+    with opened(path, most) as file:
+        return file.read()
+
+
+def text(path, most=MOST_BYTES):
+    """The UTF-8 text of a file, after `check_regular`; without a byte order mark."""
+    try:
+        with io.TextIOWrapper(opened(path, most), encoding="utf-8-sig") as file:
+            return file.read()
+    except UnicodeDecodeError as error:
+        raise Named(f"{path}: not UTF-8: {error}") from None
 
 
 def some_names(names, *, at_most=3):

@@ -1,33 +1,22 @@
 """The pipeline's own images, 8-bit RGB PNGs: one reader, one writer.
 
 Notation: images [h, w, 3] uint8 RGB; `size` is (width, height) in pixels. A user's
-photos are of many more kinds: `scenes.photos` decodes them.
+photos are of many more kinds: `scenes.photos` decodes them. `read_numbers` is for maps
+of depth that other programs write as images.
 """
 
 import contextlib
-import struct
+import warnings
 import zlib
 
 import numpy as np
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
-from alignerf.files import atomic, faults
+from alignerf.files import archives, atomic, faults
 
-# Where a PNG's head says how deep its samples are, and of what colour type.
-KIND = slice(24, 26)
-RGB_8_BIT = bytes([8, 2])
 # Photos hardly repeat themselves: runs are found faster than matches, and of the
 # courtyard's photos they make files a tenth smaller.
 WRITING = {"format": "PNG", "compress_level": 1, "compress_type": zlib.Z_RLE}
-# What Pillow raises on files that are no PNG, cut short or altered.
-_BROKEN = (
-    OSError,
-    SyntaxError,
-    EOFError,
-    struct.error,
-    zlib.error,
-    Image.DecompressionBombError,
-)
 
 
 def read(path, *, size=None) -> np.ndarray:
@@ -72,19 +61,44 @@ def write_mask(path, mask):
 
 @contextlib.contextmanager
 def _opened(path, size):
-    """A Pillow image whose pixels are yet to be read."""
+    """A Pillow image of ours whose pixels are yet to be read."""
+    with opened(path, ["PNG"]) as image:
+        # Pillow's own mode does not tell 16 bits from 8.
+        if image.tile[0].args != "RGB":
+            raise faults.Named(f"{path}: not an 8-bit RGB PNG")
+        if size is not None and image.size != tuple(size):
+            own, wanted = ("{}x{}".format(*s) for s in (image.size, size))
+            raise faults.Named(f"{path}: {own} pixels, not {wanted}")
+        yield image
+
+
+def read_numbers(path):
+    """The values [h, w] of a grey PNG of 16 bits, or of a TIFF of 16 or 32.
+
+    Raises ValueError as of `read`, and where there are over archives.MOST_VALUES.
+    """
+    with opened(path, ["PNG", "TIFF"]) as image:
+        # One of 8 bits is a picture.
+        if image.mode[0] not in "IF":
+            raise ValueError(f"mode {image.mode}, not 16 bits and one channel")
+        archives.check_count(image.size)
+        return np.array(image)
+
+
+@contextlib.contextmanager
+def opened(path, formats):
+    """A Pillow image whose pixels are yet to be read; its faults name the file."""
     try:
-        faults.check_regular(path)
-        with open(path, "rb") as file:
-            kind = file.read(KIND.stop)[KIND]
-            file.seek(0)
-            with Image.open(file, formats=["PNG"]) as image:
-                # Pillow's own mode does not tell 16 bits from 8.
-                if kind != RGB_8_BIT:
-                    raise ValueError(f"{path}: not an 8-bit RGB PNG")
-                if size is not None and image.size != tuple(size):
-                    own, wanted = ("{}x{}".format(*s) for s in (image.size, size))
-                    raise ValueError(f"{path}: {own} pixels, not {wanted}")
+        with warnings.catch_warnings(), faults.opened(path) as file:
+            # Phones take 108 megapixels; Pillow still refuses twice its warning's size.
+            # All other warnings are of EXIF that is odd.
+            warnings.simplefilter("ignore")
+            with Image.open(file, formats=formats) as image:
                 yield image
-    except _BROKEN as error:
-        raise ValueError(f"{path}: not a readable image ({error})") from None
+    except faults.Named:
+        raise
+    except UnidentifiedImageError:
+        raise ValueError(f"cannot decode {path}: no {', '.join(formats)}") from None
+    # Decoders of damaged data raise a dozen types, and each means the same to the user.
+    except Exception as error:
+        raise ValueError(f"cannot decode {path}: {error}") from None

@@ -1,11 +1,12 @@
 """Reading JSON of ours: whatever is wrong with a file is a ValueError that names it."""
 
 import json
-from pathlib import Path
 
 from alignerf.files import faults
 
 LARGEST = 1e300
+# Of a list, such as the frames of a scene, and of all that a file holds.
+MOST_ENTRIES, MOST_VALUES = 100_000, 5_000_000
 NUMBER = (int, float)
 NUMBER_OR_NONE = (int, float, type(None))
 
@@ -14,7 +15,8 @@ def read(path, kinds=None):
     """The object in a file.
 
     kinds: {key: its type, or several} of keys that it must have; numbers among them are
-    finite. Raises ValueError naming the file, and the key, for anything else.
+    finite, and lists have at most MOST_ENTRIES. Raises ValueError naming the file, and
+    the key, for anything else.
     """
     return _read(path, lambda content: check(content, kinds or {}))
 
@@ -23,8 +25,7 @@ def read_list(path):
     """The list in a file; raises as `read`."""
 
     def is_list(content):
-        if not isinstance(content, list):
-            raise ValueError("not a list")
+        check({"it": content}, {"it": list})
 
     return _read(path, is_list)
 
@@ -32,11 +33,14 @@ def read_list(path):
 def _read(path, check_it):
     """What a file holds, once it is checked."""
     try:
-        faults.check_regular(path)
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        text = faults.text(path)
+        # By its commas and brackets, before any of them takes memory.
+        if sum(map(text.count, ",[{")) > MOST_VALUES:
+            raise ValueError(f"over {MOST_VALUES:,} values")
+        content = json.loads(text)
         check_it(content)
-    except FileNotFoundError:
-        raise ValueError(f"{path}: not found") from None
+    except faults.Named:
+        raise
     except RecursionError:
         raise ValueError(f"{path}: nested too deeply") from None
     except ValueError as error:
@@ -56,6 +60,8 @@ def check(content, kinds):
         is_truth = isinstance(value, bool) and kind is not bool
         if is_truth or not isinstance(value, kind):
             raise ValueError(f"{key} is {value!r:.60}")
+        if isinstance(value, list) and len(value) > MOST_ENTRIES:
+            raise ValueError(f"{key}: {len(value):,} entries, over {MOST_ENTRIES:,}")
         # A whole number of 400 digits has no floating one.
         if isinstance(value, NUMBER) and not abs(value) < LARGEST:
             raise ValueError(f"{key} is {value!r:.60}")

@@ -14,9 +14,7 @@ import shlex
 import subprocess
 from pathlib import Path
 
-import yaml
-
-from alignerf.files import json_files
+from alignerf.files import json_files, yaml_files
 
 ROOT = Path(__file__).resolve().parents[2]
 LOCK = "requirements.lock"
@@ -57,7 +55,7 @@ def describe(rows, configs, *, seeds=(), devices=()):
     neither configs nor trainings name. Raises ValueError naming a file that is damaged.
     """
     trained_on = {one["device"] for row in rows for one in row["trainings"]}
-    contents = {str(path): config_of(path) for path in configs}
+    contents = {str(path): yaml_files.read(path) for path in configs}
     of_configs = [
         s for path, config in contents.items() for s in seeds_of(path, config)
     ]
@@ -152,15 +150,6 @@ def of_training(path):
         if not isinstance(value, str | None):
             raise ValueError(f"{path}: {key} is {value!r:.60} instead of text")
     return values
-
-
-def config_of(path):
-    """A scene's complete config: its file may be another experiment's later."""
-    try:
-        return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (ValueError, yaml.YAMLError) as error:
-        message = " ".join(str(error).split())
-        raise ValueError(f"{path}: not a scene's config: {message}") from None
 
 
 def seeds_of(path, config):

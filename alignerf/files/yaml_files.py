@@ -1,7 +1,6 @@
 """Reading YAML strictly: equal keys and endless aliases are faults."""
 
 import contextlib
-from pathlib import Path
 
 import yaml
 
@@ -9,31 +8,31 @@ from alignerf.files import faults
 
 # Values of a file with all its aliases written out: more is a mistake, or an attack.
 MOST_VALUES = 100_000
+# Of a file: PyYAML reads 12 MB of comments for minutes.
+MOST_BYTES = 2**20
 # Of a number: Python writes no longer one, not even in a message.
 MOST_DIGITS = 4300
 
 
 def read(path):
     """The content of a file, after `check`; ValueError names the file."""
-    check(path)
+    node = check(path)
     with _faults_of(path):
-        return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        return node and yaml.SafeLoader("").construct_document(node)
 
 
 def check(path):
-    """ValueError naming file and line for equal keys and for endless aliases."""
-    faults.check_regular(path)
+    """The node of a file's content, or None.
+
+    ValueError naming file and line for equal keys and for endless aliases.
+    """
+    text = faults.text(path, MOST_BYTES)
     with _faults_of(path):
-        node = yaml.compose(
-            Path(path).read_text(encoding="utf-8"), Loader=yaml.SafeLoader
-        )
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
         size = 0 if node is None else values_of(node, path, {})
     if size > MOST_VALUES:
         raise ValueError(f"{path}: its aliases stand for over {MOST_VALUES} values")
-
-
-class Fault(ValueError):
-    """A fault that names its file already."""
+    return node
 
 
 @contextlib.contextmanager
@@ -41,7 +40,7 @@ def _faults_of(path):
     """Whatever is wrong with a file is a ValueError that names it, in one line."""
     try:
         yield
-    except Fault:
+    except faults.Named:
         raise
     except RecursionError:
         raise ValueError(f"{path}: nested too deeply") from None
@@ -54,13 +53,13 @@ def values_of(node, path, known):
     if id(node) in known:
         if known[id(node)] is None:
             line = node.start_mark.line + 1
-            raise Fault(f"{path}: an alias holds itself, see line {line}")
+            raise faults.Named(f"{path}: an alias holds itself, see line {line}")
         return known[id(node)]
     known[id(node)] = None
     size = 1
     if node.tag == "tag:yaml.org,2002:int" and len(node.value) > MOST_DIGITS:
         line = node.start_mark.line + 1
-        raise Fault(f"{path}: over {MOST_DIGITS} digits, see line {line}")
+        raise faults.Named(f"{path}: over {MOST_DIGITS} digits, see line {line}")
     if isinstance(node, yaml.MappingNode):
         check_keys_once(node, path)
         size += sum(values_of(value, path, known) for _, value in node.value)
@@ -77,6 +76,8 @@ def check_keys_once(node, path):
         # `<<` may stand more than once, and keys may be lists.
         if key.value in seen and isinstance(key.value, str):
             line = key.start_mark.line + 1
-            raise Fault(f"{path}: key {key.value!r} stands twice, see line {line}")
+            raise faults.Named(
+                f"{path}: key {key.value!r} stands twice, see line {line}"
+            )
         if isinstance(key.value, str):
             seen.add(key.value)

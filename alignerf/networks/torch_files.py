@@ -13,15 +13,13 @@ import zipfile
 
 import numpy as np
 
+from alignerf.files import faults
 from alignerf.networks import state_dict_pickle as pickled
 
 MAGIC = 0x1950A86A20F9469CFC6C
 PROTOCOL = 1001
 # Of a file's pickles together, storages apart; SqueezeNet's take 10 KB.
 MOST_PICKLE_BYTES = 1 << 16
-
-# What zipfile raises on archives cut short or altered, besides ValueError.
-_BROKEN = (ValueError, EOFError, OSError, NotImplementedError, zipfile.BadZipFile)
 
 
 def read(path, shapes):
@@ -31,14 +29,15 @@ def read(path, shapes):
     lacks one of them in this shape and finite.
     """
     try:
-        with open(path, "rb") as file:
+        with faults.opened(path) as file:
             if file.read(4) == b"PK\x03\x04":
                 with zipfile.ZipFile(file) as archive:
                     return _read_zip(archive, shapes)
             return _read_legacy(file, shapes)
-    except FileNotFoundError:
-        raise ValueError(f"{path}: not found") from None
-    except _BROKEN as error:
+    except faults.Named:
+        raise
+    # Decoders of damaged data raise a dozen types, and each means the same to the user.
+    except Exception as error:
         raise ValueError(f"{path}: no state dict that fits: {error}") from None
 
 

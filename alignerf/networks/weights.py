@@ -174,7 +174,7 @@ def find(path, published, folder, any_file):
 
 def check_published(path, published):
     """ValueError where a file is not the published one."""
-    with open(path, "rb") as file:
+    with faults.opened(path) as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     if sha256 != published.sha256:
         raise ValueError(

@@ -151,10 +151,10 @@ def depth_of(path, loaded: prepared.Scene, scale) -> np.ndarray:
     size = loaded.height, loaded.width
     if path is None:
         return np.full(size, np.inf, np.float32)
-    found = read_depth(path)
+    found = archives.read_numbers(path)
     if found.ndim == 3 and found.shape[-1] == 1:
         found = found[..., 0]
-    if found.ndim != 2 or found.dtype.kind not in "fiu":
+    if found.ndim != 2:
         raise ValueError(f"{path}: {found.dtype} {list(found.shape)} is no depth map")
     if found.shape != size:
         if not nearly(found.shape, size):
@@ -164,10 +164,3 @@ def depth_of(path, loaded: prepared.Scene, scale) -> np.ndarray:
         )
     depth = (scale * found).astype(np.float32)
     return np.where(depth > 0, depth, np.float32(np.inf))
-
-
-def read_depth(path):
-    """The array of an .npy, or of an .npz the one called depth."""
-    if path.suffix.lower() == ".npy":
-        return archives.read_array(path)
-    return archives.read(path, ["depth"])["depth"]

@@ -43,13 +43,14 @@ def train(job: jobs.Job, args) -> float:
     """
     begun = args.model.with_name(BEGUN)
     digest = digest_of(job, args.data)
-    same = begun.is_file() and begun.read_text(encoding="utf-8") == digest
+    same = begun.is_file() and faults.content(begun) == digest.encode()
     if not same:
         shutil.rmtree(args.model, ignore_errors=True)
     elif args.model.is_dir() and any(args.model.iterdir()):
         log.info("{model} is that of a run that was stopped")
     args.model.mkdir(parents=True, exist_ok=True)
-    begun.write_text(digest, encoding="utf-8")
+    with atomic.replace_file(begun) as path:
+        path.write_text(digest)
     seconds = jobs.run(job.train, job, args)
     begun.unlink()
     if not any(args.model.iterdir()):

@@ -110,7 +110,7 @@ def figures(folder):
     for name, (title, note) in contents.FIGURES.items():
         path = folder / "figures" / f"{name}.png"
         if path.is_file():
-            text = base64.b64encode(path.read_bytes()).decode()
+            text = base64.b64encode(faults.content(path)).decode()
             uris.append((title, note, f"data:image/png;base64,{text}"))
     return uris
 

@@ -4,13 +4,12 @@ The tasks left are those of the scenes' `preflight.json` whose files do not exis
 Without a preflight there is no text; a damaged one never fails a run.
 """
 
-import json
 import math
 import os
 import time
 from pathlib import Path
 
-from alignerf.files import faults
+from alignerf.files import faults, json_files
 from alignerf.preflight import fit, simulate
 
 # Of the config's scenes, one a line: name, and the digest of what each has to do. Set
@@ -58,7 +57,7 @@ def plans_in(results: Path, scenes, own=None):
     plans = []
     for name, digest in digests.items():
         path = results / name / "preflight.json"
-        plan = path.is_file() and json.loads(path.read_text())
+        plan = path.is_file() and json_files.read(path)
         # What was measured for another config says nothing of this one.
         if plan and digest in ("", plan.get("work", "")):
             plans.append((path.parent, plan))

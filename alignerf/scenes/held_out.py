@@ -74,7 +74,7 @@ def repeated(values):
 
 def digest(path):
     """What a file's content is told by, without holding it."""
-    with open(path, "rb") as file:
+    with faults.opened(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from alignerf.files import archives
+from alignerf.files import archives, faults
 from alignerf.scenes import colmap, distortion, photos, prepare
 
 log = logging.getLogger(__name__)
@@ -28,6 +28,8 @@ NUMBERS = 17
 LLFF_FROM_OPENGL = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 # Both files print the focal length of one model in full: others differ by more.
 SAME_FOCAL = 1e-3
+# Of a file of one camera.
+MOST_BYTES = 2**20
 
 
 def read(folder, chosen=None) -> prepare.PosedViews:
@@ -65,11 +67,9 @@ def _read_rows(path):
 
     And [n, 2] its nearest and farthest depth.
     """
-    rows = archives.read_array(path)
+    rows = archives.read_numbers(path)
     if rows.ndim != 2 or rows.shape[1] != NUMBERS or not len(rows):
         raise ValueError(f"{path}: shape {rows.shape} instead of (n, {NUMBERS})")
-    if rows.dtype.kind not in "fiu":
-        raise ValueError(f"{path}: {rows.dtype} instead of real numbers")
     rows, bounds = np.split(rows.astype(np.float64), [15], axis=1)
     if not np.isfinite(rows).all():
         row = np.flatnonzero(~np.isfinite(rows).all(axis=1))[0]
@@ -121,7 +121,7 @@ def _cameras(cameras_bin, sizes_and_focals, where):
 
 def _read_camera(path):
     """(camtopix [3, 3], distortion [5], (width, height)) of the one COLMAP camera."""
-    content = path.read_bytes()
+    content = faults.content(path, MOST_BYTES)
     try:
         (count,) = struct.unpack_from("<Q", content)
         if count != 1:

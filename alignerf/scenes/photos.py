@@ -13,7 +13,6 @@ all photos of a camera.
 import contextlib
 import itertools
 import logging
-import warnings
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ import numpy as np
 import pillow_heif
 from PIL import ExifTags, Image
 
-from alignerf.files import faults
+from alignerf.files import faults, images
 from alignerf.scenes import prepared
 
 log = logging.getLogger(__name__)
@@ -132,14 +131,14 @@ def decode(path, background=None, *, upright=True):
     given by others mean them. Raises ValueError naming the file for what cannot be
     decoded whole or cannot be an 8-bit RGB photo without inventing something.
     """
-    with _opened(path) as opened:
+    with images.opened(path, FORMATS) as opened:
         turned_by = _turned_by(opened)
         opened.load()
         exif = _exif(opened)
         focal_35mm_mm = exif.get(TAG.FocalLengthIn35mmFilm)
         # Nothing is copied without need: a photo of 170 megapixels takes 0.7 GB.
         orientation = exif.get(TAG.Orientation, 1) if opened.format != "TIFF" else 1
-    # Outside of `_opened`: its ValueErrors name the file already.
+    # Outside: its ValueErrors name the file already.
     rgb = _to_rgb(opened, path, background)
     if upright:
         turned = UPRIGHT[orientation if orientation in UPRIGHT else 1](rgb)
@@ -163,7 +162,7 @@ def _turned_by(opened):
 
 def head(path) -> Head:
     """A photo's size and orientation, by its first bytes; ValueError as of `decode`."""
-    with _opened(path) as opened:
+    with images.opened(path, FORMATS) as opened:
         exif = _exif(opened)
         texts = [exif.get(tag) for tag in (TAG.Make, TAG.Model, TAG.LensModel)]
         camera = " ".join(str(text).strip("\0 ") for text in texts if text)
@@ -193,26 +192,8 @@ def _exif(opened):
 
 def may_be_transparent(path):
     """Whether an image has alpha, by its first bytes; ValueError as of `decode`."""
-    with _opened(path) as opened:
+    with images.opened(path, FORMATS) as opened:
         return opened.has_transparency_data
-
-
-@contextlib.contextmanager
-def _opened(path):
-    """Open a photo's file with Pillow; every fault is a ValueError naming the file."""
-    faults.check_regular(path)
-    try:
-        with warnings.catch_warnings():
-            # Phones take 108 megapixels; Pillow still refuses twice its warning's size.
-            # All other warnings are of EXIF that is odd.
-            warnings.simplefilter("ignore")
-            with Image.open(path, formats=FORMATS) as opened:
-                yield opened
-    except FileNotFoundError:
-        raise
-    # Decoders of damaged data raise a dozen types, and each means the same to the user.
-    except Exception as error:
-        raise ValueError(f"cannot decode {path}: {error}") from None
 
 
 def stored_size(names, paths, where, background=None):
@@ -264,7 +245,7 @@ def _to_rgb(image, path, background):
 
 def _is_deep(path):
     """Whether a file is a PNG of 16 bits and colours, whose lower 8 Pillow drops."""
-    with open(path, "rb") as file:
+    with faults.opened(path) as file:
         head = file.read(26)
     return head[:8] == PNG and head[24] == 16 and head[25] in (2, 6)
 

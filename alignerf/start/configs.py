@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 
 from alignerf.experiment.keys import scene as scene_keys
-from alignerf.files import atomic, provenance, yaml_files
+from alignerf.files import atomic, faults, provenance, yaml_files
 from alignerf.start import claims, folders
 
 log = logging.getLogger("alignerf")
@@ -125,8 +125,7 @@ def digest_of(text):
 
 def is_untouched(path):
     """Whether a config is as it was written here."""
-    text = path.read_text(encoding="utf-8")
-    _, mark, rest = text.partition("# as written: ")
+    _, mark, rest = faults.text(path).partition("# as written: ")
     digest, _, body = rest.partition("\n")
     return bool(mark) and digest == digest_of(body)
 

@@ -137,7 +137,7 @@ def restore(folder, template, *, identity):
         if manifest["identity"] != identity:
             log.info("%s: checkpoint of another configuration, starting anew", folder)
             return None
-        data = (folder / manifest["file"]).read_bytes()
+        data = faults.content(folder / manifest["file"])
         if hashlib.sha256(data).hexdigest() != manifest["sha256"]:
             raise ValueError("its state is damaged")
         return _from_bytes(template, data, folder), manifest
@@ -172,12 +172,7 @@ def write_params(path, params):
 
 def read_params(path, template):
     """Parameters of the template's shapes; else ValueError naming the file."""
-    try:
-        faults.check_regular(path)
-        data = pathlib.Path(path).read_bytes()
-    except FileNotFoundError:
-        raise ValueError(f"{path}: model file not found") from None
-    return _from_bytes(template, data, path)
+    return _from_bytes(template, faults.content(path), path)
 
 
 def _from_bytes(template, data, where):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.files import archives, atomic
+from alignerf.files import archives, atomic, faults
 from flow.warping import warp
 
 # Middlebury's mark for "unknown" is any component beyond this.
@@ -74,7 +74,7 @@ def read_split(path, split, *keys):
 
 def read_flo(path):
     """Read Middlebury's .flo as (flow_px, valid); unknown pixels are 0 and invalid."""
-    data = Path(path).read_bytes()
+    data = faults.content(path, archives.MOST_BYTES)
     width, height = (
         (int(side) for side in np.frombuffer(data, "<i4", 2, offset=4))
         if len(data) >= 12

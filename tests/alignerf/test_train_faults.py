@@ -76,7 +76,7 @@ def test_fine_tuning_needs_pretrained_parameters(
     assert "--initial" in cases.stops(capsys, lambda: cases.run(folder, tmp_path, job))
     missing = ("--initial", str(tmp_path / "no.msgpack"))
     line = cases.stops(capsys, lambda: cases.run(folder, tmp_path, job, *missing))
-    assert "no.msgpack: model file not found" in line
+    assert "no.msgpack: not found" in line
     wider = cases.JOB["model"] | {"field": cases.GRID | {"view_widths": [9]}}
     other = ("--initial", str(uninterrupted / "model.msgpack"))
     line = cases.stops(

@@ -215,7 +215,7 @@ def shrink_all(scene):
         (lose_photo, "photos/b c.png: no photo for render"),
         (lose_renders, "renders: no renders"),
         (lose_folder, "photos: no such folder"),
-        (cut_photo, "photos/b c.png: not a readable image"),
+        (cut_photo, "photos/b c.png: image file is truncated"),
         (resize_photo, "view b c: render and photo differ in size: 80x60"),
         (shrink_all, "view a: images of 80x20 pixels are too small"),
     ],

@@ -5,11 +5,11 @@ A job that was killed, by its limits or otherwise, asks for twice as much the ne
 """
 
 import functools
-import json
 import math
 from pathlib import Path
 
 from alignerf.experiment import layout
+from alignerf.files import json_files
 
 # Where the preflight says nothing: of a scene of phone photos.
 MEMORY_MB, MINUTES = 8000, 240
@@ -74,7 +74,7 @@ def read(path, written_ns):
     itself says what is wrong with it.
     """
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json_files.read(path)
         # By what rules call it: an output, of which the file is a part.
         tasks = {
             layout.output_of(f"results/{task['file']}"): task

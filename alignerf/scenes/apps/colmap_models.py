@@ -10,6 +10,7 @@ import logging
 import struct
 from pathlib import Path
 
+from alignerf.files import faults
 from alignerf.scenes.apps import model_texts
 
 log = logging.getLogger(__name__)
@@ -54,7 +55,8 @@ def images_in(model):
     """Number of images that a model says it has; 0 of a file that is cut short."""
     if is_text(model) and (model / "images.txt").is_file():
         return model_texts.count(model)
-    head = (model / "images.bin").read_bytes()[:8]
+    with faults.opened(model / "images.bin") as file:
+        head = file.read(8)
     return struct.unpack("<Q", head)[0] if len(head) == 8 else 0
 
 

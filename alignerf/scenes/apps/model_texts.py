@@ -5,12 +5,15 @@ leaves out every second image of a file without lines of points. Formats: COLMAP
 src/colmap/scene/reconstruction_io_text.cc.
 """
 
+import codecs
 import math
 from pathlib import Path
 
 from alignerf.files import faults
 from alignerf.scenes.capture import model_files
 
+# Of a file: COLMAP writes all points of 10,000 photos into less.
+MOST_BYTES = 2**30
 # Of a line of images.txt: id, quaternion, translation, camera, name.
 OF_IMAGE = 10
 # Numbers of a pose.
@@ -19,14 +22,17 @@ OF_POSE = 7
 
 def lines_of(path):
     """(number, text) of the lines that are no comments, from 1; empty ones too."""
-    faults.check_regular(path)
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: not a text of COLMAP's") from None
-    for number, line in enumerate(text.split("\n"), 1):
+    for number, line in enumerate(text_of(path).split("\n"), 1):
         if not line.lstrip().startswith("#"):
             yield number, line.strip()
+
+
+def text_of(path):
+    """The text of a file; ValueError for a byte order mark: COLMAP takes none."""
+    with faults.opened(path) as file:
+        if file.read(3) == codecs.BOM_UTF8:
+            raise ValueError(f"{path}: a byte order mark in it: save it without")
+    return faults.text(path, MOST_BYTES)
 
 
 def image_lines(path):
@@ -52,6 +58,8 @@ def image_lines(path):
 
 def check(folder):
     """ValueError naming the file and the line of what COLMAP would misread."""
+    for name in ("cameras.txt", "points3D.txt"):
+        text_of(Path(folder) / name)
     path = Path(folder) / "images.txt"
     for number, line in image_lines(path):
         words = line.split()

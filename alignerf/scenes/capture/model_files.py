@@ -13,6 +13,8 @@ from alignerf.files import faults
 # Numbers of parameters by the model's number.
 PARAMETERS = (3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12, 16, 4, 5, 3, 4, 6, 2)
 LENGTH_ERROR = 1e-2
+# Of a file: COLMAP's own reader takes several times as much.
+MOST_BYTES = 2**32
 OF_POINT_2D, OF_TRACK, OF_DATA, OF_POSE = 24, 8, 16, 56
 
 
@@ -99,11 +101,12 @@ ENTRIES |= {"frames": frame, "rigs": rig}
 def check(folder):
     """ValueError naming a file of a model that is shorter than its counts say."""
     for name, entry in ENTRIES.items():
-        path = Path(folder) / f"{name}.bin"
+        text, path = (Path(folder) / f"{name}{kind}" for kind in (".txt", ".bin"))
+        if text.exists():
+            faults.check_regular(text)
         if not path.exists():
             continue
-        faults.check_regular(path)
-        walk = Walk(path.read_bytes())
+        walk = Walk(faults.content(path, MOST_BYTES))
         try:
             for _ in range(walk.read("<Q")):
                 entry(walk)

@@ -232,8 +232,7 @@ def frames(path, doing, total, is_wanted):
 @contextlib.contextmanager
 def opened(path):
     """OpenCV's reader of a film; ValueError naming it where it is none."""
-    faults.check_regular(path)
-    with open(path, "rb") as file:
+    with faults.opened(path) as file:
         head = file.read(12)
     # FFmpeg would follow what a list of other files names, which may be anywhere.
     is_known = head[4:8] in OF_QUICKTIME or head[:4] in (b"RIFF", MATROSKA)

@@ -8,24 +8,19 @@ Notation: `depth` [h, w] float32 along the optical axis, in the unit of the came
 NaN or 0 where unknown, infinite where far away.
 """
 
-import gzip
-import io
-import zlib
 from pathlib import Path
 from typing import NamedTuple
 
 import cv2
 import numpy as np
-from PIL import Image
 
-from alignerf.files import faults
+from alignerf.files import archives, images
 from alignerf.scenes import cameras
 from alignerf.scenes.judged import geometry, renders
 
-SUFFIXES = (".npz", ".npy", ".npy.gz", ".tiff", ".tif", ".png")
+IMAGES = (".tiff", ".tif", ".png")
+SUFFIXES = (".npz", ".npy", ".npy.gz", *IMAGES)
 KINDS = ("depth", "distance")
-# Of one depth map: a flow of 16384 x 16384 pixels has no more.
-MOST_BYTES = 2**30
 # Ratios of depths at fewer points tell nothing.
 LEAST_POINTS = 50
 # Views that are looked at for the unit, and the side in px of a cell in which the
@@ -86,62 +81,13 @@ def rank(folder):
 
 def read(path):
     """The numbers of a file [h, w] float32; ValueError naming it where it has none."""
-    path = Path(path)
-    faults.check_regular(path)
-    if path.stat().st_size > MOST_BYTES:
-        raise ValueError(f"{path}: over {MOST_BYTES} bytes")
-    try:
-        values = READERS[path.suffix.lower()](path)
-    except (ValueError, OSError, EOFError, zlib.error, SyntaxError, KeyError) as error:
-        raise ValueError(f"{path}: not a readable depth: {error}") from None
-    values = np.squeeze(values)
-    if values.ndim != 2 or values.dtype.kind not in "fui" or 0 in values.shape:
+    is_image = Path(path).suffix.lower() in IMAGES
+    values = np.squeeze((images if is_image else archives).read_numbers(path))
+    if values.ndim != 2 or 0 in values.shape:
         raise ValueError(f"{path}: {values.dtype} {list(values.shape)} is no depth")
-    return values.astype(np.float32)
-
-
-def read_npz(path):
-    """`depth` of it, or its only array."""
-    with np.load(path, allow_pickle=False) as archive:
-        names = archive.files
-        name = "depth" if "depth" in names else names[0] if len(names) == 1 else None
-        if name is None:
-            raise ValueError(f"no array `depth` among {faults.some_names(names)}")
-        return archive[name]
-
-
-def read_gz(path):
-    """nerfstudio's .npy.gz; what it unpacks to is bounded."""
-    with gzip.open(path) as file:
-        content = file.read(MOST_BYTES + 1)
-    if len(content) > MOST_BYTES:
-        raise ValueError("it unpacks to too much")
-    return np.load(io.BytesIO(content), allow_pickle=False)
-
-
-def read_png(path):
-    """Grey of 16 bits; one of 8 bits is a picture."""
-    with Image.open(path, formats=["PNG"]) as image:
-        if not image.mode.startswith("I"):
-            raise ValueError("a PNG of depth has 16 bits and one channel")
-        return np.asarray(image)
-
-
-def read_tiff(path):
-    values = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
-    if values is None:
-        raise ValueError("no TIFF that OpenCV reads")
-    return values
-
-
-READERS = {
-    ".npz": read_npz,
-    ".npy": lambda path: np.load(path, allow_pickle=False),
-    ".gz": read_gz,
-    ".png": read_png,
-    ".tif": read_tiff,
-    ".tiff": read_tiff,
-}
+    # What float32 does not hold is far away.
+    with np.errstate(over="ignore"):
+        return values.astype(np.float32)
 
 
 def along_axis(values, kind, pixtocam):

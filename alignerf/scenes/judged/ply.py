@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.files import faults
+from alignerf.files import archives, faults
 
 log = logging.getLogger("alignerf")
 
@@ -55,10 +55,10 @@ def read(path):
 
     Colours are grey where it has none. Raises ValueError naming the file.
     """
-    faults.check_regular(path)
-    with open(path, "rb") as file:
+    with faults.opened(path) as file:
         try:
             form, count, fields = head(file)
+            check_size(file, form, count, fields)
             values = vertices(file, form, count, fields)
         except (ValueError, OverflowError, EOFError) as error:
             raise ValueError(f"{path}: not a readable .ply: {error}") from None
@@ -103,6 +103,18 @@ def head(file):
     if missing := set("xyz") - {name for name, _ in fields}:
         raise ValueError(f"vertices without {sorted(missing)[0]}")
     return form, count, fields
+
+
+def check_size(file, form, count, fields):
+    """ValueError where a file is shorter than its head says, or they take too much."""
+    each = sum(int(kind[1]) for _, kind in fields)
+    if count * each > archives.MOST_BYTES:
+        raise ValueError(f"{count} vertices of {each} bytes are too many")
+    # Of a text a number and what is behind it.
+    least = 2 * len(fields) if form == "ascii" else each
+    # The last line may have no end.
+    if count * least > os.fstat(file.fileno()).st_size - file.tell() + 1:
+        raise ValueError("it is cut short")
 
 
 def vertices(file, form, count, fields):

@@ -57,7 +57,7 @@ def test_images_of_another_kind_are_refused_by_name(tmp_path, rng, kind):
 @pytest.mark.parametrize("kind", ["JPEG", "TIFF", "GIF"])
 def test_other_files_of_that_name_are_refused(tmp_path, image, kind):
     Image.fromarray(image).save(tmp_path / "a.png", format=kind)
-    with pytest.raises(ValueError, match=r"a\.png: not a readable image"):
+    with pytest.raises(ValueError, match=r"cannot decode .*a\.png"):
         images.read(tmp_path / "a.png")
 
 
@@ -73,7 +73,7 @@ def test_another_size_is_refused(tmp_path, image):
 
 def test_files_cut_or_altered_anywhere_are_refused_by_name(tmp_path, image, rng):
     path = tmp_path / "a.png"
-    with pytest.raises(ValueError, match=r"a\.png: not a readable image"):
+    with pytest.raises(ValueError, match=r"a\.png: not found"):
         images.read(path)
     images.write(path, image)
     whole = path.read_bytes()
@@ -89,7 +89,7 @@ def test_files_cut_or_altered_anywhere_are_refused_by_name(tmp_path, image, rng)
         try:
             found = images.read(path)
         except ValueError as error:
-            assert "a.png: not a" in str(error)  # noqa: PT017
+            assert "a.png: " in str(error)  # noqa: PT017
             refused += 1
         else:
             # What ends a file is not looked at.

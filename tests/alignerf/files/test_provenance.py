@@ -125,7 +125,7 @@ def test_a_timing_that_is_none_is_named(tmp_path, text):
 def test_a_config_that_is_none_is_named(tmp_path, text):
     path = tmp_path / "config.yaml"
     path.write_text(text)
-    with pytest.raises(ValueError, match=r"config\.yaml: not a scene's config") as told:
+    with pytest.raises(ValueError, match=r"config\.yaml: ") as told:
         provenance.describe([], [path])
     assert "\n" not in str(told.value)
 

@@ -1,12 +1,13 @@
 """Tables and JSON of ours: what is wrong with a file is a line that names it."""
 
 import os
+import time
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.files import archives, csv_files, json_files
+from alignerf.files import archives, csv_files, faults, images, json_files, yaml_files
 from alignerf.tables import columns
 
 
@@ -115,8 +116,81 @@ def test_json_that_is_as_it_should_be_is_read(tmp_path):
     assert json_files.read(path, KINDS)["more"] == [1]
 
 
-@pytest.mark.parametrize("read", [csv_files.read, json_files.read, read_archive])
+TEXTS_READ = [csv_files.read, json_files.read, yaml_files.read, faults.text]
+BYTES_READ = [read_archive, archives.read_numbers, images.read, images.read_numbers]
+
+
+@pytest.mark.usefixtures("ten_seconds")
+@pytest.mark.parametrize("read", [*TEXTS_READ, *BYTES_READ, faults.content])
 def test_a_pipe_is_not_waited_for(tmp_path, read):
     os.mkfifo(tmp_path / "a")
-    with pytest.raises(ValueError, match=r"a: .*not a file"):
+    with pytest.raises(ValueError, match=r"a: not a file"):
         read(tmp_path / "a")
+
+
+@pytest.mark.parametrize("read", [*TEXTS_READ, *BYTES_READ, faults.content])
+def test_a_file_that_is_missing_is_named(tmp_path, read):
+    with pytest.raises(ValueError, match=r"a: not found"):
+        read(tmp_path / "a")
+
+
+@pytest.mark.parametrize("read", TEXTS_READ)
+@pytest.mark.parametrize("content", [b"view\n\xe4\n", "ä".encode("utf-16")])
+def test_a_text_that_is_not_utf_8_is_named(tmp_path, read, content):
+    (tmp_path / "a").write_bytes(content)
+    with pytest.raises(ValueError, match=r"a: not UTF-8: ") as told:
+        read(tmp_path / "a")
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "found"),
+    [
+        (json_files.read, '{"a": "ä"}', {"a": "ä"}),
+        (yaml_files.read, "a: ä\r\n", {"a": "ä"}),
+        (faults.text, "ä\r\n", "ä\n"),
+        (lambda path: list(csv_files.read(path)), "view,ä\r\na,1\r\n", ["view", "ä"]),
+    ],
+)
+def test_a_byte_order_mark_is_no_part_of_a_text(tmp_path, read, text, found):
+    """As editors of Windows leave it."""
+    (tmp_path / "a").write_bytes(text.encode("utf-8-sig"))
+    assert read(tmp_path / "a") == found
+
+
+@pytest.mark.parametrize("read", TEXTS_READ)
+def test_a_large_text_is_refused_by_its_size(tmp_path, read):
+    with open(tmp_path / "a", "wb") as file:
+        file.truncate(2**36)
+    with pytest.raises(ValueError, match=r"a: 68,719,476,736 bytes, over "):
+        read(tmp_path / "a")
+
+
+def test_a_config_of_a_mebibyte_is_the_largest(tmp_path):
+    (tmp_path / "a").write_text("a: 1\n#" + (2**20 - 6) * "c")
+    assert yaml_files.read(tmp_path / "a") == {"a": 1}
+    (tmp_path / "a").write_text("a: 1\n#" + (2**20 - 5) * "c")
+    with pytest.raises(ValueError, match=r"a: 1,048,577 bytes, over 1,048,576"):
+        yaml_files.check(tmp_path / "a")
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ('{"frames": [' + "0," * 100_000 + "0]}", "frames: 100,001 entries, over"),
+        ('{"frames": [' + "{}," * 2_500_000 + "{}]}", "over 5,000,000 values"),
+        ("[" * 5_000_001, "over 5,000,000 values"),
+    ],
+)
+def test_json_of_too_many_values_is_named(tmp_path, text, reason):
+    (tmp_path / "a").write_text(text)
+    started = time.perf_counter()
+    with pytest.raises(ValueError, match=rf"a: not the JSON.*{reason}"):
+        json_files.read(tmp_path / "a", {"frames": list})
+    assert time.perf_counter() - started < 2
+
+
+def test_a_list_of_too_many_entries_is_named(tmp_path):
+    (tmp_path / "a").write_text("[" + "0," * 100_000 + "0]")
+    with pytest.raises(ValueError, match=r"a: .*100,001 entries, over 100,000"):
+        json_files.read_list(tmp_path / "a")

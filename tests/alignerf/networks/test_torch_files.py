@@ -235,6 +235,13 @@ def test_no_file(tmp_path):
         torch_files.read(tmp_path / "none.pth", SHAPES)
 
 
+@pytest.mark.usefixtures("ten_seconds")
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "a.pth")
+    with pytest.raises(ValueError, match=r"a\.pth: not a file"):
+        torch_files.read(tmp_path / "a.pth", SHAPES)
+
+
 def test_altered_bytes_are_an_error_or_change_numbers_only(arrays, read, written, rng):
     content = np.frombuffer(written(torch_writer.state_dict(arrays)), np.uint8)
     refused = 0

@@ -37,6 +37,7 @@ def ran(what, made, training, external, *more):
         stderr=subprocess.STDOUT,
         text=True,
         env=os.environ | {"PYTHONPATH": str(provenance.ROOT)},
+        timeout=120,
     )
     assert "Traceback" not in done.stdout
     return done.stdout
@@ -98,6 +99,17 @@ def test_a_model_stays_until_it_is_done_or_learns_from_something_else(train, tra
     (training / "data" / "transforms.json").write_text('{"frames": []}')
     train("three", more="fail")
     assert said.read_text() == "three\n"
+
+
+@pytest.mark.parametrize("begun", [None, b"\xff\xfe"])
+def test_a_mark_that_is_none_is_replaced(train, training, begun):
+    """Nor is a pipe waited for."""
+    path = training / "model.begun"
+    os.mkfifo(path) if begun is None else path.write_bytes(begun)
+    train("one", more="fail")
+    assert path.is_file()
+    assert (training / "model" / "said").read_text() == "one\n"
+    assert "{model} is that of a run that was stopped" in train("one", more="fail")
 
 
 def test_a_failed_training_is_one_line(train):

@@ -113,7 +113,7 @@ def test_broken_files_are_refused_by_name(tmp_path, pixels):
         (tmp_path / name).write_bytes(data)
         with pytest.raises(ValueError, match=name):
             photos.decode(tmp_path / name)
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(ValueError, match=r"none\.png: not found"):
         photos.decode(tmp_path / "none.png")
 
 

@@ -407,12 +407,12 @@ def test_cameras_that_see_nothing_are_refused_with_the_file(scene, path, value, 
 
 def test_many_frames_without_an_image_take_seconds(scene):
     frame = scene[1]["frames"][0]
-    more = [frame | {"file_path": f"images/no{i}"} for i in range(100_000)]
+    more = [frame | {"file_path": f"images/no{i}"} for i in range(99_996)]
     scene[1]["frames"] += more
     started = time.perf_counter()
     views, left_out = read(scene)
     assert time.perf_counter() - started < 20
-    assert (len(views.names), len(left_out)) == (3, 100_001)
+    assert (len(views.names), len(left_out)) == (3, 99_997)
 
 
 def test_fox(shared_data):

@@ -178,6 +178,19 @@ def test_a_kept_config_of_other_renders_is_no_answer(here, runs):
     assert len(runs) == 2
 
 
+@pytest.mark.usefixtures("ten_seconds")
+@pytest.mark.parametrize("config", [None, b"seed: \xe4\n"])
+def test_a_config_that_is_no_text_is_named(here, runs, config):
+    """Nor is a pipe waited for."""
+    (here / "results").mkdir()
+    path = here / "results" / "mine.yaml"
+    os.mkfifo(path) if config is None else path.write_bytes(config)
+    says = "not UTF-8" if config else "not a file"
+    with pytest.raises(ValueError, match=rf"results/mine\.yaml: {says}"):
+        judge.main(options(name="mine"))
+    assert not runs
+
+
 def test_other_photos_of_one_name_are_told_how_to_go_on(here, runs):
     judge.main(options(name="mine"))
     (here / "photos").rename(here / "others")

@@ -215,7 +215,7 @@ def test_parameters_come_back_and_fit_or_are_refused(tmp_path, state):
     more = state.params | {"more": jnp.zeros(2)}
     with pytest.raises(ValueError, match=r"model\.msgpack: not parameters"):
         checkpoint.read_params(path, more)
-    with pytest.raises(ValueError, match=r"no\.msgpack: model file not found"):
+    with pytest.raises(ValueError, match=r"no\.msgpack: not found"):
         checkpoint.read_params(tmp_path / "no.msgpack", shapes)
 
 

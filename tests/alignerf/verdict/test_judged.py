@@ -127,7 +127,7 @@ def test_what_it_was_before_is_said(tmp_path):
         ({"verdict": []}, "verdict is not lines of text"),
         ({"evidence": {}}, "evidence: no flow_train_px in it"),
         (
-            {"evidence": SHIFTS | {"flow_test_px": np.inf}},
+            {"evidence": SHIFTS | {"flow_test_px": math.inf}},
             "evidence: flow_test_px is inf",
         ),
     ],

@@ -121,11 +121,16 @@ def test_a_text_that_colmap_would_misread_is_refused(tmp_path, given, spoil, nam
     assert "\n" not in str(raised.value)
 
 
-def test_a_text_that_is_none_is_named(tmp_path, given):
+@pytest.mark.parametrize("name", ["cameras.txt", "images.txt", "points3D.txt"])
+@pytest.mark.parametrize(
+    ("coding", "says"), [("utf-16", "not UTF-8"), ("utf-8-sig", "a byte order mark")]
+)
+def test_a_text_that_colmap_misreads_is_named(tmp_path, given, name, coding, says):
     write_model(tmp_path / "sparse/0", NAMES, given, as_text=True)
     write_photos(tmp_path / "images")
-    (tmp_path / "sparse/0/images.txt").write_bytes(b"\xff\xfe\0")
-    with pytest.raises(ValueError, match=r"images\.txt: not a text"):
+    path = tmp_path / "sparse/0" / name
+    path.write_text(path.read_text(), encoding=coding)
+    with pytest.raises(ValueError, match=rf"{name}: {says}"):
         mipnerf360.read(tmp_path)
 
 

@@ -1,5 +1,7 @@
 """COLMAP's files are walked before its own reader, which believes anything."""
 
+import os
+
 import pycolmap
 import pytest
 
@@ -28,6 +30,16 @@ def model(written, tmp_path):
 def test_what_colmap_writes_is_taken(model):
     assert sorted(FILES) == sorted(p.name for p in model.glob("*.bin"))
     model_files.check(model)
+
+
+@pytest.mark.usefixtures("ten_seconds")
+@pytest.mark.parametrize("name", [*FILES, "points3D.txt", "rigs.txt"])
+def test_a_pipe_is_not_waited_for(model, name):
+    """COLMAP's reader would."""
+    (model / name).unlink(missing_ok=True)
+    os.mkfifo(model / name)
+    with pytest.raises(ValueError, match=rf"{name}: not a file"):
+        model_files.check(model)
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -2,6 +2,11 @@
 
 import gzip
 import io
+import os
+import resource
+import struct
+import zipfile
+import zlib
 
 import cv2
 import numpy as np
@@ -80,33 +85,151 @@ def test_without_points_numbers_stay(tmp_path):
     assert depths.unit_of(found, {"a": (PIXTOCAM, POSE, SIZE, None)}, few).scale == 1
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "says"),
-    [
-        ("a.npy", b"\x93NUMPY", "not a readable depth"),
-        ("a.npz", b"PK", "not a readable depth"),
-        ("a.npy.gz", b"\x1f\x8bx", "not a readable depth"),
-        ("a.png", b"no", "not a readable depth"),
-        ("a.tiff", b"no", "not a readable depth"),
-    ],
-)
-def test_broken_files_are_named(tmp_path, name, content, says):
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(ValueError, match=rf"{name}: {says}"):
-        depths.read(tmp_path / name)
+def npy(values):
+    """The bytes of an .npy."""
+    buffer = io.BytesIO()
+    np.save(buffer, values, allow_pickle=True)
+    return buffer.getvalue()
 
 
-def test_a_picture_is_no_depth(tmp_path):
-    """Eight bits, or colours, or a list of objects."""
-    Image.fromarray(np.zeros((4, 4), np.uint8)).save(tmp_path / "a.png")
-    with pytest.raises(ValueError, match="16 bits and one channel"):
-        depths.read(tmp_path / "a.png")
-    np.save(tmp_path / "a.npy", np.zeros((4, 4, 3)))
-    with pytest.raises(ValueError, match="is no depth"):
-        depths.read(tmp_path / "a.npy")
-    np.save(tmp_path / "b.npy", np.array([{}]), allow_pickle=True)
-    with pytest.raises(ValueError, match="not a readable depth"):
-        depths.read(tmp_path / "b.npy")
+def head(shape, kind="<f4"):
+    """The bytes of an .npy whose values are left out."""
+    buffer, content = io.BytesIO(), {"descr": kind, "fortran_order": False}
+    np.lib.format.write_array_header_1_0(buffer, content | {"shape": shape})
+    return buffer.getvalue()
+
+
+def npz(**members):
+    """The bytes of an .npz of these .npy."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(f"{name}.npy", content)
+    return buffer.getvalue()
+
+
+def image(kind, values):
+    """The bytes of an image."""
+    buffer = io.BytesIO()
+    Image.fromarray(values).save(buffer, kind)
+    return buffer.getvalue()
+
+
+def png(width, height):
+    """The bytes of a grey PNG of 16 bits whose values are left out."""
+    whole = bytearray(image("PNG", np.zeros((1, 1), np.uint16)))
+    whole[16:24] = struct.pack(">II", width, height)
+    whole[29:33] = struct.pack(">I", zlib.crc32(whole[12:29]))
+    return bytes(whole)
+
+
+def tiff(width, height):
+    """The bytes of a TIFF of 32 bits whose values are left out."""
+    whole = image("TIFF", np.zeros((1, 1), np.float32))
+    for tag, side in ((256, width), (257, height), (278, height)):
+        at = whole.index(struct.pack("<HHI", tag, 4, 1)) + 8
+        whole = whole[:at] + struct.pack("<I", side) + whole[at + 4 :]
+    return whole
+
+
+def encrypted(content):
+    """The bytes of an archive, its members marked as encrypted."""
+    for mark, at in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
+        start = content.index(mark) + at
+        content = content[:start] + b"\1" + content[start + 1 :]
+    return content
+
+
+WHOLE, TIFF = npy(surface()), image("TIFF", surface())
+GREY = image("PNG", surface().astype(np.uint16))
+NUMBERS = {
+    "text": b"no depth",
+    "empty": b"",
+    "cut": WHOLE[:-4],
+    "longer": WHOLE + bytes(4),
+    "huge": head((10**6, 10**6)),
+    "larger": head((8193, 8192), "|u1") + bytes(999),
+    "endless": head((10**30, 3)),
+    "negative": head((-2, -3)) + bytes(24),
+    "without a side": head((0, 10**15)),
+    "deep": b"\x93NUMPY\1\0" + struct.pack("<H", 9999) + b"(" * 9999,
+    "objects": npy(np.array([[{}]])),
+    "complex": npy(np.ones((4, 4), complex)),
+    "words": npy(np.array([["a"]])),
+    "of fields": npy(np.zeros((4, 4), [("z", "f4")])),
+    "colours": npy(np.zeros((4, 4, 3))),
+}
+BROKEN = {
+    **{f"{name}.npy": content for name, content in NUMBERS.items()},
+    **{f"{name}.npy.gz": gzip.compress(content) for name, content in NUMBERS.items()},
+    **{f"{name}.npz": npz(depth=content) for name, content in NUMBERS.items()},
+    "none.npy.gz": WHOLE,
+    "torn.npy.gz": gzip.compress(WHOLE)[:-30],
+    "none.npz": WHOLE,
+    "torn.npz": npz(depth=WHOLE)[:-30],
+    "locked.npz": encrypted(npz(depth=WHOLE)),
+    "bare.npz": npz(),
+    "two.npz": npz(a=WHOLE, b=WHOLE),
+    "bomb.npz": npz(depth=head((2**14, 2**13)) + bytes(2**29)),
+    **{f"{n}.{kind}": NUMBERS[n] for n in ("text", "empty") for kind in ("png", "tif")},
+    "cut.png": GREY[: len(GREY) // 2],
+    "bomb.png": png(60_000, 60_000),
+    "larger.png": png(8193, 8192),
+    "without a side.png": png(0, 9),
+    "picture.png": image("PNG", np.zeros((4, 4), np.uint8)),
+    "colours.png": image("PNG", np.zeros((4, 4, 3), np.uint8)),
+    "cut.tiff": TIFF[: len(TIFF) // 2],
+    "bomb.tiff": tiff(60_000, 60_000),
+    "larger.tiff": tiff(8193, 8192),
+    "without a side.tiff": tiff(0, 9),
+    "picture.tiff": image("TIFF", np.zeros((4, 4), np.uint8)),
+    "other.tiff": GREY[:1] + TIFF[1:],
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_files_are_named_before_they_take_memory(tmp_path, name):
+    path = tmp_path / name
+    path.write_bytes(BROKEN[name])
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(ValueError, match=rf"{path}: ") as told:
+        depths.read(path)
+    assert str(told.value).isprintable()
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 2**17
+
+
+@pytest.mark.usefixtures("ten_seconds")
+@pytest.mark.parametrize("suffix", depths.SUFFIXES)
+def test_a_pipe_is_not_waited_for(tmp_path, suffix):
+    os.mkfifo(tmp_path / f"a{suffix}")
+    with pytest.raises(ValueError, match="not a file"):
+        depths.read(tmp_path / f"a{suffix}")
+
+
+@pytest.mark.parametrize("kind", ["f2", ">f4", "f8", "g", "u1", "<u2", "i8"])
+def test_numbers_of_any_kind_are_depth(tmp_path, kind):
+    values = np.arange(12).reshape(3, 4)
+    for name in ("depth", "z"):
+        np.savez(tmp_path / "a.npz", **{name: values.astype(kind)})
+        np.testing.assert_array_equal(depths.read(tmp_path / "a.npz"), values)
+    others = {"depth": values.astype(kind), "other": values + 1}
+    np.savez(tmp_path / "a.npz", **others)
+    np.testing.assert_array_equal(depths.read(tmp_path / "a.npz"), values)
+
+
+@pytest.mark.parametrize("kind", [np.uint16, np.int32, np.float32])
+@pytest.mark.parametrize("compression", [None, "tiff_lzw", "tiff_adobe_deflate"])
+def test_images_of_16_and_of_32_bits_are_depth(tmp_path, kind, compression):
+    values = np.arange(12).reshape(3, 4).astype(kind)
+    image = Image.fromarray(values)
+    image.save(tmp_path / "a.tif", compression=compression)
+    np.testing.assert_array_equal(depths.read(tmp_path / "a.tif"), values)
+
+
+def test_what_is_beyond_float32_is_far_away(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([[1e300, np.nan], [1, 2]]))
+    found = depths.read(tmp_path / "a.npy")
+    np.testing.assert_array_equal(found, [[np.inf, np.nan], [1, 2]])
 
 
 def test_exr_is_refused_in_one_line(tmp_path):

@@ -103,14 +103,21 @@ def test_points(tmp_path, form):
     assert colours.dtype == np.uint8
 
 
+MANY = ("x", "y", "z", *(f"f{i}" for i in range(2000)))
+
+
 @pytest.mark.parametrize(
     ("content", "says"),
     [
         (b"plx\n", "does not begin with"),
         (b"ply\nformat ascii 1.0\n", "no end"),
-        (ply_text("ascii", b"1 2\n3 4\n"), "too short"),
+        (ply_text("ascii", b"1.000 2\n3.000 4\n"), "too short"),
+        (ply_text("ascii", b"1 2\n3 4\n"), "cut short"),
         (ply_text("binary_little_endian", b"\0" * 8), "cut short"),
         (ply_text("ascii", b"", count=10**12), "vertices"),
+        (ply_text("ascii", b"", count=5 * 10**7), "cut short"),
+        (ply_text("binary_big_endian", b"", count=5 * 10**7), "cut short"),
+        (ply_text("ascii", b"", count=5 * 10**7, fields=MANY), "are too many"),
         (ply_text("ascii", b"", fields=("x", "y")), "without z"),
         (ply_text("zip", b""), "format 'zip'"),
     ],
