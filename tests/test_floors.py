@@ -243,7 +243,7 @@ READERS = {
 # What ships with the program.
 SHIPPED = {
     "alignerf.experiment.sources": {"read_bytes", "read_text"},
-    "alignerf.files.extensions": {"read_bytes"},
+    "alignerf.files.environment.extensions": {"read_bytes"},
     "alignerf.kernels.build": {"read_bytes"},
     "alignerf.start.folders": {"read_text"},
     "alignerf.tables.columns": {"read_text", "yaml.safe_load"},
@@ -259,6 +259,7 @@ LOGS = {
     "alignerf.experiment.cluster.slurm_errors": {"read_text"},
     "alignerf.experiment.targets": {"read_text"},
     "alignerf.start.terminal.jobs": {"read_text"},
+    "alignerf.start.claims": {"read_text"},
     "alignerf.start.terminal.report": {"read_text"},
 }
 # No files: options of commands, and what processes of ours tell each other.

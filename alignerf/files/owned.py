@@ -9,6 +9,8 @@ import json
 import os
 from pathlib import Path
 
+from alignerf.files import json_files
+
 MARK = ".why-blurry"
 # What systems and the workflow engine put into any folder.
 JUNK = {MARK, ".DS_Store", "Thumbs.db", "desktop.ini", ".snakemake_timestamp"}
@@ -43,7 +45,8 @@ def seal(folder):
 def listed(folder):
     """Relative paths of the files that a folder's mark lists."""
     try:
-        return set(json.loads((Path(folder) / MARK).read_text(encoding="utf-8")))
+        return set(json_files.read_list(Path(folder) / MARK))
+    # A mark alone is empty.
     except (OSError, ValueError, TypeError):
         return set()
 

@@ -66,8 +66,7 @@ def say_where(path, config, folder, *, by="photos"):
         check_same(one, read(one), config, f"Give another name: {other_name}")
     if path.exists() and not is_untouched(path):
         there = read(path)
-        asked = {key: value for key, value in config.items() if key != "scenes"}
-        if differing := [k for k, v in asked.items() if there.get(k) != v]:
+        if differing := sorted(kept(config, there)):
             log.warning("%s is yours: its %s is kept", path, ", ".join(differing))
         print(f"config: {path}, as it is there")
         return
@@ -80,6 +79,16 @@ def say_where(path, config, folder, *, by="photos"):
     with atomic.replace_file(path) as temporary:
         temporary.write_text(head + text, encoding="utf-8")
     print(f"config: {path}")
+
+
+def kept(asked, there):
+    """Keys of what is asked that a config has otherwise, with those above them."""
+    for key, value in asked.items():
+        own = there.get(key)
+        if isinstance(value, dict) and isinstance(own, dict):
+            yield from (f"{key}.{inner}" for inner in kept(value, own))
+        elif own != value:
+            yield key
 
 
 def check_same(path, there, config, instead):

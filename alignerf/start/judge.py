@@ -8,7 +8,6 @@ is trained. A config is written beside the results; it is yours to edit.
 
 import argparse
 import logging
-import os
 import sys
 from pathlib import Path
 
@@ -51,7 +50,6 @@ def run(name, args):
     splits = pairs.splits_of(judged)
     scene["judged"]["splits"] = [s for s in prepared.SPLITS if s in splits.values()]
     print(f"{len(judged.pairs)} pairs of photo and render, {judged.told['layout']}")
-    check_kept(path, name, scene)
     configs.say_where(path, config_of(name, scene, judged), args.renders, by="judge")
     print(f"page, in the end: {targets.page_of(name)}", flush=True)
     if args.only_config:
@@ -90,29 +88,6 @@ def check_before(before, name):
         )
     if not path.is_file():
         raise ValueError(f"--before {before}: {path} does not exist")
-
-
-def check_kept(path, name, scene):
-    """ValueError where a config that a user has changed judges other files."""
-    if not path.exists() or configs.is_untouched(path):
-        return
-    before = configs.read(path)["scenes"].get(name)
-    kept = before.get("judged") if isinstance(before, dict) else None
-    for key, value in scene["judged"].items():
-        own = kept.get(key) if isinstance(kept, dict) else None
-        if key != "splits" and own != value and not same_path(own, value):
-            raise ValueError(
-                f"{path} is yours, and its scenes.{name}.judged.{key} is {own!r:.200}, "
-                f"not {value!r:.200}: change it there, or give another name: "
-                f"{provenance.typed(*configs.OTHER_NAME['judge'])}"
-            )
-
-
-def same_path(first, second):
-    """Whether two values are texts that name one file."""
-    if not (isinstance(first, str) and isinstance(second, str)) or "\0" in first:
-        return False
-    return os.path.realpath(first) == os.path.realpath(second)
 
 
 def config_of(name, scene, judged):

@@ -165,10 +165,9 @@ def test_keys_that_act_on_nothing_are_refused(scene, key):
         of_scenes.checked(scene)
 
 
-def test_a_config_may_say_so():
-    config = {
-        "scenes": {"lego": {"source": "blender", "path": ".", "background": "white"}}
-    }
+def test_a_config_may_say_so(tmp_path):
+    lego = {"source": "blender", "path": str(tmp_path), "background": "white"}
+    config = {"scenes": {"lego": lego}}
     assert check.checked(config)["scenes"]["lego"]["poses"] == "adjusted"
 
 

@@ -46,7 +46,7 @@ def test_an_object_stands_before_white():
 def test_what_differs_between_the_states_lies_under_the_mask(arm):
     """Of a photo and the oracle, which differ in the arm's state alone."""
     moved = 0
-    for path in sorted((arm / "images").iterdir()):
+    for path in sorted((arm / "images").glob("*.png")):
         photo, oracle = (
             images.read(folder / path.name).astype(int)
             for folder in (arm / "images", arm / "truth" / "oracle")
