@@ -145,7 +145,7 @@ def test_what_a_user_changed_stays_and_is_said(here, caplog):
     path.write_text(path.read_text() + "training: {steps: 7}\n")
     start.main(["p", "--only-config", "--budget-min", "5"])
     assert yaml.safe_load(path.read_text())["training"] == {"steps": 7}
-    assert "is yours: its training is kept" in caplog.text
+    assert "is yours: its training.budget_min is kept" in caplog.text
 
 
 def test_results_of_two_folders_of_one_name_are_not_mixed(here):

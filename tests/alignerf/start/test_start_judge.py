@@ -173,7 +173,7 @@ def test_a_kept_config_of_other_renders_is_no_answer(here, runs):
     path.write_text(path.read_text() + "seed: 3\n")
     judge.main(options(name="mine"))
     (here / "renders").rename(here / "again")
-    with pytest.raises(ValueError, match="is of renders, not of again.*--name"):
+    with pytest.raises(ValueError, match=r"is of renders, not of again.*--name"):
         judge.main(options(name="mine", renders="again"))
     assert len(runs) == 2
 
