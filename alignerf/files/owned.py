@@ -18,11 +18,15 @@ JUNK = {MARK, ".DS_Store", "Thumbs.db", "desktop.ini", ".snakemake_timestamp"}
 
 def check(folder):
     """ValueError where a folder has files, and no mark."""
-    if not (Path(folder) / MARK).is_file() and next(files_of(folder), None):
+    if not is_marked(folder) and next(files_of(folder), None):
         raise ValueError(
             f"{folder}: has files, and none is {MARK}, the mark of this program: give "
             f"results another name. Where they are its own: touch {folder}/{MARK}"
         )
+
+
+def is_marked(folder):
+    return (Path(folder) / MARK).is_file()
 
 
 def claim(folder):

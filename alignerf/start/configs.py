@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 
 from alignerf.experiment.keys import scene as scene_keys
-from alignerf.files import atomic, faults, provenance, yaml_files
+from alignerf.files import atomic, faults, owned, provenance, yaml_files
 from alignerf.start import claims, folders
 
 log = logging.getLogger("alignerf")
@@ -61,8 +61,9 @@ def say_where(path, config, folder, *, by="photos"):
     """
     other_name = provenance.typed(*OTHER_NAME[by])
     # A run by Snakemake itself leaves its own.
-    before = [path, *(Path("results", one, "config.yaml") for one in config["scenes"])]
-    for one in filter(Path.exists, before[: 1 if path.exists() else None]):
+    folders_of = [Path("results", name) for name in config["scenes"]]
+    before = [one / "config.yaml" for one in folders_of if owned.is_marked(one)]
+    for one in [path] if path.exists() else filter(Path.exists, before):
         check_same(one, read(one), config, f"Give another name: {other_name}")
     if path.exists() and not is_untouched(path):
         there = read(path)

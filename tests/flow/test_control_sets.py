@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.files import images
+from alignerf.files import images, owned
 from flow import control_sets
 from flow.estimation import pairs
 from flow.warping import controls, files, lengths, warp
@@ -115,6 +115,7 @@ def test_again_gives_the_same_bits_and_nothing_stale(scene):
     out = scene / "out"
     first = {path: path.read_bytes() for path in out.glob("*/*.png")}
     (out / "overfit" / "stale.png").write_text("of an older run")
+    owned.seal(out / "overfit")
     (out / "warped").mkdir()
     assert control_sets.run(with_truth(scene)) == 0
     assert {path: path.read_bytes() for path in out.glob("*/*.png")} == first

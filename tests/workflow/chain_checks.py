@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.files import images
+from alignerf.files import images, owned
 from flow.warping import files, warp
 
 WIDTH, HEIGHT, VIEWS, EVERY = 48, 36, 10, 4
@@ -277,4 +277,6 @@ def check_logs(scene):
         # Python's own; what this program warns of begins with `warning: `.
         assert "Warning" not in path.read_text()
     marks = {path.name for path in scene.rglob(".*")}
-    assert marks <= {".snakemake_timestamp"}, "a temporary file was left behind"
+    assert marks <= {".snakemake_timestamp", owned.MARK}, (
+        "a temporary file was left behind"
+    )

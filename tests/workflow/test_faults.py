@@ -8,6 +8,8 @@ import skimage.data
 import yaml
 from PIL import Image
 
+from alignerf.files import owned
+
 NOWHERE = {"source": "photos", "path": "no where"}
 TRAIN = {"scenes": {"train": {"source": "courtyard"}}, "tradeoff": None}
 
@@ -103,7 +105,13 @@ def test_bad_photos_end_in_one_line(tmp_path, snakemake, fill, reason):
     assert output.splitlines()[-3:-1] == [line, "  in results/mine/logs/poses.log"]
     made = [path for path in (tmp_path / "results").rglob("*") if path.is_file()]
     names = {path.relative_to(tmp_path / "results") for path in made}
-    known = {"config.yaml", "logs/config.log", "logs/config.tsv", "logs/poses.log"}
+    known = {
+        owned.MARK,
+        "config.yaml",
+        "logs/config.log",
+        "logs/config.tsv",
+        "logs/poses.log",
+    }
     assert names <= {Path("mine") / name for name in known}
 
 

@@ -34,7 +34,9 @@ def jobs_of(output):
 def made(output, *endings):
     """{ending: number of files, or folders, that the jobs of a dry run make}."""
     found = re.findall(r"^    output: (.*)$", output, re.MULTILINE)
-    paths = [path for line in found for path in line.split(", ")]
+    paths = [
+        path.removesuffix(" (update)") for line in found for path in line.split(", ")
+    ]
     return {end: sum(path.endswith(end) for path in paths) for end in endings}
 
 

@@ -6,6 +6,8 @@ import re
 import pytest
 import yaml
 
+from alignerf.files import owned
+
 
 def planned(output):
     stats = output.split("Job stats:")[1].split("\n\n")[0]
@@ -88,6 +90,7 @@ def test_a_cost_older_than_the_scene_hides_no_training(options, dry_run):
         path.write_text("") if path.suffix else path.mkdir()
     scenes = sorted((folder / "results").iterdir())
     for scene in scenes:
+        owned.put(scene)
         cost = scene / "preflight.json"
         cost.write_text("{}")
         os.utime(cost, (1e9, 1e9))

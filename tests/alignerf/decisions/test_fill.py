@@ -139,11 +139,11 @@ def test_a_complete_config_decides_the_same_again():
     assert again["training"] == training
 
 
-def test_photos_are_made_as_small_as_their_number_asks():
+def test_photos_are_made_as_small_as_their_number_asks(tmp_path):
     scenes = {
         "court": {"source": "courtyard"},
-        "given": {"source": "photos", "path": "/", "downscale": 3},
-        "open": {"source": "photos", "path": "/"},
+        "given": {"source": "photos", "path": str(tmp_path), "downscale": 3},
+        "open": {"source": "photos", "path": str(tmp_path)},
     }
     found = check.checked({"decide": True, "scenes": scenes})["scenes"]
     assert [scene["downscale"] for scene in found.values()] == [1, 3, "auto"]
