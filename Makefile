@@ -119,7 +119,10 @@ lock:
 		--no-annotate --no-header --generate-hashes \
 		--constraint requirements.lock --output-file requirements-site.lock
 
+# What has the mark of this program; a user's folders in results/ stay, and configs.
 clean:
-	find results -mindepth 1 -maxdepth 1 ! -name README.md ! -name published \
-		-exec rm -rf {} +
+	for mark in results/*/.why-blurry; do rm -rf "$${mark%/.why-blurry}"; done
+	for one in results/*.provenance.json; do \
+		for end in csv tex png provenance.json; do rm -f "$${one%.provenance.json}.$$end"; done; done
+	rm -rf results/logs results/bench results/torture results/.jax_cache
 	rm -rf .snakemake .pytest_cache site

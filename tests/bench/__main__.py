@@ -17,8 +17,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 USUAL = ("speed", "quality", "grid", "job", "memory", "scale", "split", "align")
 # They take hours, or gigabytes: only where they are asked for.
 LONG = (
-    *("clusters", "decided", "judged", "kernels", "parts", "photos", "planning"),
-    *("roofline", "systems", "verdicts"),
+    *("clusters", "decided", "judged", "kernels", "pairs", "parts", "photos"),
+    *("planning", "roofline", "systems", "verdicts"),
 )
 
 

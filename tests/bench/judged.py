@@ -29,7 +29,7 @@ PLANTS = {
     "one photo blurred": None,
     "exposure": "exposure",
     "half a pixel": "lens_shift",
-    "two renders swapped": "swapped",
+    "two renders swapped": "pairs",
     "cameras off": "camera",
 }
 # Of one photo's blur, of exposure in stops, of cameras in px of the renders.
@@ -74,7 +74,7 @@ def row_of(scene, name, cause, place, expected, out):
         right = named - {"blurred"} == before - {"blurred"}
         right &= "blurred" in views[place]
     elif name == "two renders swapped":
-        right &= {view for view, _ in found["evidence"]["judged"]["swapped"]} == place
+        right &= found["evidence"]["pairs"]["faults"].keys() == place
     note = f"there: {', '.join(sorted(there)) or 'nothing'}; named: "
     note += f"{', '.join(sorted(named)) or 'nothing'}; {found['headline']}"
     return measure.Row(

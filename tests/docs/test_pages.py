@@ -231,8 +231,11 @@ def test_modules_to_run_exist(root, pages):
 
 def test_make_clean_leaves_what_is_tracked(root, tmp_path):
     shutil.copy(root / "Makefile", tmp_path)
-    kept = {"results/README.md", "results/published/means.csv"}
-    made = {"results/tradeoff.csv", "results/courtyard/a.png", "results/.jax_cache/b"}
+    kept = {"results/README.md", "results/published/means.csv", "results/my.csv"}
+    kept |= {"results/mine/photo.png", "results/mine.yaml"}
+    made = {"results/tradeoff.csv", "results/tradeoff.provenance.json"}
+    made |= {"results/courtyard/a.png", "results/courtyard/.why-blurry"}
+    made |= {"results/.jax_cache/b"}
     for name in kept | made | {".snakemake/log"}:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
