@@ -113,16 +113,18 @@ def verdicts(scenes, export="", results="results"):
 
     export: as of `export_command`; said last.
     """
-    lines = []
+    lines, useful = [], False
     for scene in scenes:
         path = Path(results) / scene / "verdict.json"
         if path.is_file():
-            found = of_verdict.read(path)["verdict"]
-            said = [f"  {faults.one_line(line)}" for line in found]
+            found = of_verdict.read(path)
+            said = [f"  {faults.one_line(line)}" for line in found["verdict"]]
             lines += ["", scene, *said]
+            pairs = found.get("evidence", {}).get("pairs", {})
+            useful |= not pairs.get("stops")
             if Path(page_of(scene, results)).is_file():
                 lines.append(f"  Page: {page_of(scene, results)}")
-    if lines and export:
+    if useful and export:
         lines += ["", f"For nerfstudio, Gaussian splatting and COLMAP: {export}"]
     return lines
 

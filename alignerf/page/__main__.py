@@ -56,6 +56,9 @@ def render(folder, *, rounds, base, others=None, windows=NOTHING, moved=NOTHING[
     folder, base = Path(folder), Path(base)
     scene, verdict = faults.resolved(folder).name, told.read(folder)
     facts, export = contents.facts(folder), provenance.export_command()
+    if (verdict["evidence"].get("pairs") or {}).get("stops"):
+        # What is taken from pairs that are none helps nobody.
+        export = None
     limit_px = pictures.limit_of(verdict["evidence"])
     decisions, taken = decided.decisions(folder)
     return template().render(

@@ -92,4 +92,4 @@ def summary(scene, told, facts, export):
             each = ", ".join(f"{g['name']} {g['numbers']}".strip() for g in named)
             lines.append(f"{level.capitalize()}: {each}")
     lines.append("; ".join(f"{name}: {text}" for name, text in facts))
-    return "\n".join([*lines, f"For other programs: {export}"])
+    return "\n".join(lines + [f"For other programs: {export}"] * (export is not None))

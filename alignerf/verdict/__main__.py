@@ -69,7 +69,7 @@ def main(argv=None):
         | {"windows": known.windows and known.windows._asdict()}
         | {"judged": known.judged and known.judged._asdict()}
         | {"matches": known.matches and known.matches._asdict()}
-        | {"pairs": known.pairs._asdict()},
+        | {"pairs": known.pairs._asdict() | {"stops": known.pairs.stops}},
         "stands_out": {v.view: v.stands_out for v in seen.rows if v.stands_out},
     }
     table = pd.DataFrame(seen.rows, columns=views.COLUMNS)
