@@ -47,12 +47,15 @@ def seal(folder):
 
 
 def listed(folder):
-    """Relative paths of the files that a folder's mark lists."""
+    """Relative paths of those files of a folder that its mark lists."""
     try:
-        return set(json_files.read_list(Path(folder) / MARK))
+        said = json_files.read_list(Path(folder) / MARK)
     # A mark alone is empty.
-    except (OSError, ValueError, TypeError):
+    except (OSError, ValueError):
         return set()
+    # It could list anything, and what is listed is removed.
+    names = {name for name in said if isinstance(name, str)}
+    return names & set(files_of(folder))
 
 
 def files_of(folder):

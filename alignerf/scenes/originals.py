@@ -6,6 +6,7 @@ the workflow engine looks at the time of its folder alone.
 
 import hashlib
 import json
+import os
 from pathlib import Path
 
 from alignerf.files import faults, json_files
@@ -31,9 +32,16 @@ def of_views(config, views):
 
 def write(scene, paths):
     """Note files as they are now, for `changed`; scene: its prepared folder."""
-    files = {str(path): described(path) for path in paths if Path(path).is_file()}
+    found = filter(os.path.isfile, paths)
+    files = {named(path): described(path) for path in found}
     if files:
         (Path(scene) / FILE).write_text(json.dumps(files, indent=1) + "\n")
+
+
+def named(path):
+    """A path from the working folder, where it is below: both may be moved together."""
+    real = os.path.relpath(os.path.realpath(path), os.path.realpath("."))
+    return os.path.abspath(path) if real.startswith(os.pardir) else real
 
 
 def described(path):

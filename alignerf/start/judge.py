@@ -107,7 +107,7 @@ def config_of(name, scene, judged):
 def forced(name, scene, judged):
     """What is to be made anew: the pairs, where one of their files has changed."""
     place = Path("results", name)
-    files = map(str, pairs.files_of(judged, scene["judged"]))
+    files = map(originals.named, pairs.files_of(judged, scene["judged"]))
     noted = originals.noted(place)
     same = set(files) == set(noted) and not originals.changed(place)
     return (str(place / "poses.json"),) if noted and not same else ()

@@ -5,6 +5,7 @@ the `clock.Clock` that says when to stop. Findings are None where this machine l
 part not be tried.
 """
 
+import contextlib
 import functools
 import math
 import random
@@ -35,6 +36,7 @@ from tests.torture import (
     numbers,
     pool,
     stages,
+    trees,
 )
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -263,6 +265,18 @@ def of_names(reference, args, clock):
         yield attacked(what, attack, cases, args, clock, among=among, workers=1)
 
 
+def of_trees(reference, args, clock):
+    """Trees of a user's folders and links, each under a command."""
+
+    def attack(number, place, rng):
+        place.mkdir(parents=True, exist_ok=True)
+        with contextlib.chdir(place):
+            return trees.attack(number, args.seed)
+
+    cases = range(args.cases)
+    yield attacked("trees of folders", attack, cases, args, clock, workers=1)
+
+
 def of_kills(reference, args, clock):
     """Chains side by side, then the two kinds of trainings, each for half the time."""
     folder, rngs = args.out / "kills", np.random.default_rng(args.seed).spawn(4)
@@ -326,6 +340,7 @@ PARTS = {
     "numbers": of_numbers,
     "configs": of_configs,
     "names": of_names,
+    "trees": of_trees,
     "captures": of_captures,
     "folders": of_folders,
     "arguments": of_arguments,
@@ -347,9 +362,10 @@ SHARES = {
     "numbers": 2,
     "configs": 2,
     "names": 1,
+    "trees": 1,
     "captures": 5,
     "folders": 5,
-    "arguments": 6,
+    "arguments": 5,
     "environments": 4,
     "stages": 8,
     "kills": 12,

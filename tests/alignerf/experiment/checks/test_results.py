@@ -1,10 +1,12 @@
 """What a run writes into is looked at before the workflow engine meets it."""
 
 import os
+import shutil
 
 import pytest
 
 from alignerf.experiment.checks import results
+from alignerf.files import owned
 
 NAMES = ({"yard": {}}, {"base": {}})
 
@@ -46,3 +48,92 @@ def test_what_cannot_be_written_to_is_named(here, path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda folder, mode: str(folder) != path)
     with pytest.raises(ValueError, match=f"^{path}: cannot be written to"):
         results.check_writable(*NAMES)
+
+
+@pytest.mark.parametrize("path", ["results/yard", "results/yard/base"])
+@pytest.mark.parametrize("links", [False, True])
+def test_a_user_s_folder_in_the_place_of_ours_is_named(here, path, links):
+    owned.claim(here / "results/yard")
+    place = here / path
+    if links:
+        (here / "mine").mkdir()
+        shutil.rmtree(place, ignore_errors=True)
+        place.symlink_to(here / "mine")
+    place.mkdir(exist_ok=True)
+    results.check_folders(*NAMES)
+    (place / owned.MARK).unlink(missing_ok=True)
+    (place / "photo.jpg").touch()
+    if path == "results/yard" or links:
+        with pytest.raises(ValueError, match=f"^{path}: has files, and none is"):
+            results.check_folders(*NAMES)
+    else:
+        # What lies in a folder of ours stays, beside what a run writes.
+        results.check_folders(*NAMES)
+
+
+# How a folder is said: itself, and by a link, and what lies in it and above it.
+INSIDE = {
+    "it": "results/yard",
+    "in it": "results/yard/deep/er",
+    "a link to it": "link",
+    "in a link to it": "link/deep",
+    "above it": ".",
+    "all results": "results",
+    "the root": "/",
+    "logs": "results/logs/mine",
+}
+KEYS = {
+    "path": lambda c, p: c["scenes"]["yard"].update(path=p),
+    "masks": lambda c, p: c["scenes"]["yard"].update(masks=p),
+    "judged.renders": lambda c, p: c["scenes"]["yard"].update(judged={"renders": p}),
+    "judged.cameras": lambda c, p: c["scenes"]["yard"].update(judged={"cameras": p}),
+    "judged.before": lambda c, p: c["scenes"]["yard"].update(judged={"before": p}),
+    "methods.base.renders": lambda c, p: c["methods"]["base"].update(renders=p),
+    "external.depth": lambda c, p: c["methods"]["base"].update(external={"depth": p}),
+    "flow.folder": lambda c, p: c["flow"].update(folder=f"{p}/{{split}}"),
+    "lpips.vgg": lambda c, p: c["lpips"].update(vgg=p),
+    "frequency_weights": lambda c, p: c.update(frequency_weights=p),
+}
+
+
+def config_of():
+    return {
+        "scenes": {"yard": dict.fromkeys(("path", "masks", "judged"))},
+        "methods": {"base": {"renders": None, "external": None}},
+        "flow": {"folder": None},
+        "lpips": {},
+        "frequency_weights": None,
+    }
+
+
+@pytest.mark.parametrize("key", KEYS)
+@pytest.mark.parametrize("where", INSIDE)
+def test_no_input_lies_in_or_above_what_is_written(here, key, where):
+    for folder in ("results/yard/deep/er", "results/logs/mine", "photos", "results/no"):
+        (here / folder).mkdir(parents=True)
+    (here / "link").symlink_to(here / "results/yard")
+    config = config_of()
+    for allowed in ("photos", "results/no", "results/new", None):
+        if allowed:
+            KEYS[key](config, allowed)
+        results.check_apart(config)
+    KEYS[key](config, INSIDE[where])
+    with pytest.raises(ValueError, match=f"{key}.* (lies in|holds) results/.*this run"):
+        results.check_apart(config)
+
+
+def test_results_that_are_elsewhere(here):
+    """By a link, as onto another disk."""
+    (here / "disk/yard").mkdir(parents=True)
+    (here / "results").symlink_to("disk")
+    config = config_of()
+    config["scenes"]["yard"]["path"] = "disk/yard/photos"
+    with pytest.raises(ValueError, match="disk/yard/photos lies in results/yard"):
+        results.check_apart(config)
+
+
+def test_a_loop_of_links_leads_nowhere(here):
+    (here / "loop").symlink_to("loop")
+    config = config_of()
+    config["scenes"]["yard"]["path"] = "loop"
+    results.check_apart(config)
