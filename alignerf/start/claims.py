@@ -3,6 +3,7 @@
 import contextlib
 import copy
 import fcntl
+import os
 from pathlib import Path
 
 from alignerf.experiment import check
@@ -21,14 +22,24 @@ def held(name):
     at too: a run may have been begun by it, or have left it.
     """
     ENGINE.mkdir(exist_ok=True)
-    with open(ENGINE / f"{name}.held", "w", encoding="utf-8") as file:
+    path = ENGINE / f"{name}.held"
+    with open(path, "w", encoding="utf-8") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # A run that ends just now removes its file.
+            if not os.path.samestat(os.stat(path), os.fstat(file.fileno())):
+                raise FileNotFoundError(path)
         except OSError:
             raise ValueError(f"results/{name}: another run is at work there") from None
-        if is_locked(name):
-            raise ValueError(f"{report.LOCKED} {report.unlocking()}")
-        yield
+        try:
+            if is_locked(name):
+                raise ValueError(f"{report.LOCKED} {report.unlocking()}")
+            yield
+        finally:
+            # Of a run that was refused nothing is left.
+            path.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                ENGINE.rmdir()
 
 
 def is_locked(name):

@@ -25,8 +25,7 @@ def check_folders(scenes, methods, results="results"):
                 f"{folder}: a folder was expected there: move this file away"
             )
     for folder in outermost(scenes, methods, results):
-        # A storage's copies come and go.
-        if ".snakemake" not in Path(os.path.realpath(folder)).parts:
+        if not is_stored(folder):
             owned.check(folder)
 
 
@@ -44,8 +43,14 @@ def claim(scenes, replaced, results="results"):
     """
     for folder in replaced:
         owned.check_replaced(folder)
-    for scene in scenes:
-        owned.claim(Path(results, scene))
+    for folder in (Path(results, scene) for scene in scenes):
+        if not is_stored(folder):
+            owned.claim(folder)
+
+
+def is_stored(folder):
+    """Whether a folder holds a storage's copies, which come and go."""
+    return ".snakemake" in Path(os.path.realpath(folder)).parts
 
 
 def check_apart(config, results="results"):
