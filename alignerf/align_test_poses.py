@@ -3,15 +3,13 @@
 A test view's camera is as wrong as the training views' were, and no model can know by
 how much. So each test camera is moved until the render fits the photo, on one half of
 the pixels, and the other half is rendered with it. The halves are the squares of a
-checkerboard. By gradient descent no pixel moves the camera that it is rendered by. By
-flow nearly none does: a flow is smooth, so the margins of the squares are left out of
-the fit, and the overfit measures what still gets across. Writes, for each way of
-fitting, a folder of <view>.png, of both halves:
+checkerboard. Nearly no pixel moves the camera that it is rendered by: a flow is smooth,
+so the margins of the squares are left out of the fit, and the overfit measures what
+still gets across. Writes folders of <view>.png, of both halves:
 
-aligned_pose                    moved by the flow from the render to the photo
-aligned_pose_gradient           moved by gradient descent on the colours
-aligned_pose_overfit            moved to fit the oracle instead of the photo: what this
-aligned_pose_gradient_overfit   gains against the oracle, the fit gains by itself
+aligned_pose            moved by the flow from the render to the photo
+aligned_pose_overfit    moved to fit the oracle instead of the photo: what this gains
+                        against the oracle, the fit gains by itself
 
 and poses.csv, with the motion that each half was rendered with, how many pixels it was
 fitted to (none: the camera stayed), and what of the flow no camera explains.
@@ -19,8 +17,6 @@ fitted to (none: the camera stayed), and what of the flow no camera explains.
 
 import argparse
 import csv
-import functools
-import logging
 from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
@@ -28,7 +24,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from alignerf.cameras import pose_fit
 from alignerf.files import archives, atomic, faults, images, machine, progress
 from alignerf.processes import devices
 from alignerf.scenes import prepared
@@ -38,24 +33,13 @@ from flow.camera import fit as camera_fit
 from flow.camera import motion as camera_motion
 from flow.warping import controls, files
 
-log = logging.getLogger("alignerf")
-
-FITS = {"flow": "aligned_pose", "gradient": "aligned_pose_gradient"}
 COLUMNS = (
     *("view", "test_set", "half", "rotation_deg", "centre", "length_px"),
     *("fitted_pixels", "noise_px"),
 )
-# Along the smaller side of an image; and the margin that a fit by flow leaves out, of a
+# Along the smaller side of an image; and the margin that the fit leaves out, of a
 # square's side.
 SQUARES, MARGIN = 4, 0.25
-
-
-class Target(NamedTuple):
-    """What the renders are to fit: its images, and the flow to them."""
-
-    suffix: str
-    images: Path
-    flow: Path | None
 
 
 class Fitted(NamedTuple):
@@ -63,7 +47,7 @@ class Fitted(NamedTuple):
 
     pose: np.ndarray
     pixels: int
-    noise_px: float | None = None
+    noise_px: float
 
 
 def main(argv=None):
@@ -71,28 +55,33 @@ def main(argv=None):
     machine.limit(args.threads)
     devices.take_accelerator()
     loaded = prepared.load(args.scene, args.cameras)
-    moving = args.gradient_steps > 0
-    method, params = renderer.read_model(args.config, args.model, loaded, moving=moving)
+    method, params = renderer.read_model(args.config, args.model, loaded)
     size = loaded.width, loaded.height
     render = renderer.make_renderer(method, params, *size)
     block_px = max(1, min(size) // SQUARES)
     halves = halves_of(loaded, block_px)
-    fitters = fitters_of(args, loaded, method, params, block_px)
-    kinds = [(fit, target) for fit in fitters for target in targets_of(args)]
-    todo = [(view, *kind) for kind in kinds for view in loaded.views("test")]
+    margin_px = int(MARGIN * block_px)
+    flows = {"aligned_pose": args.flow}
+    if args.truth_flow:
+        flows["aligned_pose_overfit"] = args.truth_flow
+    todo = [
+        (view, *target) for target in flows.items() for view in loaded.views("test")
+    ]
     rows = []
     with ExitStack() as stack:
         out = stack.enter_context(atomic.replace_folder(args.out))
-        for fit, target in kinds:
-            (out / (FITS[fit] + target.suffix)).mkdir()
+        for test_set in flows:
+            (out / test_set).mkdir()
         bar = progress.Progress("align test poses", len(todo), unit="view")
         stack.callback(bar.close)
 
         def one(work):
-            view, fit, target = work
-            fits = [fitters[fit](view, target, ~half) for half in halves]
+            view, test_set, flow = work
+            fits = [
+                fit(loaded, args.depth, margin_px, view, flow, ~half) for half in halves
+            ]
             poses = [fitted.pose for fitted in fits]
-            test_set, name = FITS[fit] + target.suffix, loaded.names[view]
+            name = loaded.names[view]
             image = render_halves(render, loaded, view, halves, poses)
             images.write(out / test_set / f"{name}.png", image)
             labels = {"view": name, "test_set": test_set}
@@ -111,14 +100,6 @@ def main(argv=None):
             table = csv.DictWriter(file, COLUMNS)
             table.writeheader()
             table.writerows(rows)
-
-
-def targets_of(args):
-    """What the renders are fitted to: the photos and, for the overfit, the oracle."""
-    targets = [Target("", Path(args.scene) / "images", args.flow)]
-    if args.truth:
-        targets.append(Target("_overfit", args.truth / "oracle", args.truth_flow))
-    return targets
 
 
 def render_halves(render, loaded: prepared.Scene, view, halves, poses):
@@ -140,21 +121,12 @@ def parse(argv=None):
         "--cameras", type=faults.stated, help="cameras.npz (default: the scene's)"
     )
     parser.add_argument("--model", required=True, help="trained parameters")
-    parser.add_argument("--flow", type=Path, help="to the photos; omit for no such fit")
+    parser.add_argument("--flow", type=Path, required=True, help="to the photos")
     parser.add_argument("--depth", type=Path, required=True, help="of the renders")
-    parser.add_argument(
-        "--truth", type=Path, help="folder of the oracle, for the overfit"
-    )
-    parser.add_argument("--truth-flow", type=Path, help="to the oracle")
-    parser.add_argument("--gradient-steps", type=int, default=0, help="0: no such fit")
+    parser.add_argument("--truth-flow", type=Path, help="to the oracle: the overfit")
     parser.add_argument("--out", type=Path, required=True, help="folder, written")
     parser.add_argument("--threads", type=int, help="at most (default: every core)")
-    args = parser.parse_args(argv)
-    if not args.flow and not args.gradient_steps:
-        parser.error("nothing to fit by: --flow or --gradient-steps")
-    if args.flow and args.truth and not args.truth_flow:
-        parser.error("--truth and --flow need --truth-flow")
-    return args
+    return parser.parse_args(argv)
 
 
 def halves_of(loaded: prepared.Scene, block_px):
@@ -165,25 +137,12 @@ def halves_of(loaded: prepared.Scene, block_px):
     return half, ~half
 
 
-def fitters_of(args, loaded: prepared.Scene, method, params, block_px):
-    """{fit: function from (view, target, mask) to `Fitted`}."""
-    fitters = {}
-    if args.flow:
-        margin_px = int(MARGIN * block_px)
-        fitters["flow"] = functools.partial(fit_by_flow, loaded, args.depth, margin_px)
-    if args.gradient_steps:
-        steps, patch_px = args.gradient_steps, min(block_px, pose_fit.PATCH_PX)
-        fit = pose_fit.make_fitter(method, params, steps=steps, patch_px=patch_px)
-        fitters["gradient"] = functools.partial(fit_by_gradient, loaded, fit)
-    return fitters
-
-
-def fit_by_flow(loaded: prepared.Scene, depth, margin_px, view, target: Target, mask):
-    """The pose fitted to the flow of the mask's pixels; unchanged by too few."""
+def fit(loaded: prepared.Scene, depth, margin_px, view, flow, mask):
+    """The pose `Fitted` to the flow of the mask's pixels; unchanged by too few."""
     name = f"{loaded.names[view]}.npz"
-    flow_px, valid = files.read_flow(target.flow / name)
+    flow_px, valid = files.read_flow(flow / name)
     if valid.shape != (loaded.height, loaded.width):
-        raise ValueError(f"{target.flow / name}: {valid.shape} is not the views' size")
+        raise ValueError(f"{flow / name}: {valid.shape} is not the views' size")
     # A lens is the scene's: no view has a focal length of its own.
     motion_fit = camera_fit.split(
         flow_px,
@@ -207,18 +166,6 @@ def within(mask, margin_px):
 
 def depth_of(folder, name):
     return archives.read(folder / name, ["depth"])["depth"]
-
-
-def fit_by_gradient(loaded: prepared.Scene, fit, view, target: Target, mask):
-    """The pose fitted to the colours of the mask's pixels; unchanged if none fits."""
-    (photo,) = prepared.read_images(loaded, [view], target.images)
-    mask = mask & prepared.read_masks(loaded, [view])[0]
-    camera = loaded.pixtocams[view], loaded.camtoworlds[view]
-    try:
-        return Fitted(fit(photo, mask, *camera, seed=int(view)), int(mask.sum()))
-    except pose_fit.NoFitError as error:
-        log.warning("view %s stays: %s", loaded.names[view], error)
-        return Fitted(camera[1], 0)
 
 
 def row(loaded: prepared.Scene, depth, view, fitted: Fitted):

@@ -15,7 +15,7 @@ from alignerf.tables import scores
 BREAKDOWN = (
     *("gain", "pixel_choice", "resampling", "overfit", "remains"),
     *("crossfit", "oracle_offset", "oracle_gain"),
-    *("pose_gain", "pose_overfit", "gradient_gain", "gradient_overfit"),
+    *("pose_gain", "pose_overfit"),
 )
 
 

@@ -98,22 +98,12 @@ def of_oracle(experiment, input, output):
 
 
 def aligned_pose_inputs(experiment, scene, folder):
-    """What moves a training's test cameras: flows, and the truth for the overfit."""
+    """What moves a training's test cameras: flows, one to the truth for the overfit."""
     path = f"results/{scene}/{folder}"
-    by_flow = experiment.config["aligned_pose"]["flow"]
-    inputs = {"flow": f"{path}/flow/test"} if by_flow else {}
-    if truth := experiment.truth_of(scene):
-        inputs["truth"] = truth
-        if by_flow:
-            inputs["truth-flow"] = f"{path}/flow_oracle/test"
+    inputs = {"flow": f"{path}/flow/test"}
+    if experiment.has_truth(scene):
+        inputs["truth-flow"] = f"{path}/flow_oracle/test"
     return inputs
-
-
-def aligned_pose_options(experiment, scene, folder):
-    """Command line of how the test cameras are moved."""
-    steps = experiment.config["aligned_pose"]["gradient_steps"]
-    inputs = aligned_pose_inputs(experiment, scene, folder)
-    return [*options(inputs), *option("gradient-steps", steps)]
 
 
 def benchmark_models(experiment, scene):

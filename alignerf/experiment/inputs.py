@@ -213,7 +213,7 @@ def held_out_of(experiment, scene, method, what):
     if judged := experiment.scenes[scene]["judged"]:
         fits = what == "cameras" and "test" in judged["splits"]
     elif targets.moves_cameras(training) and not is_adjusted(training):
-        fits = (experiment.config["aligned_pose"] or {"flow": False})["flow"]
+        fits = experiment.config["aligned_pose"]
     if not fits:
         return {}
     found = {name: f"{training.path}/{name}/test" for name in ("flow", "depth")}

@@ -176,10 +176,7 @@ def is_updated(file):
 
 
 def tidy(scenes):
-    """Remove what killed processes of earlier runs have half written, and say so.
-
-    And bring times back that lie in the future.
-    """
+    """Remove what killed processes of earlier runs have half written, and say so."""
     for name in scenes:
         # Copies of outputs that Snakemake has put aside, and will not overwrite.
         shutil.rmtree(f".snakemake/backups/results/{name}", ignore_errors=True)
@@ -187,12 +184,6 @@ def tidy(scenes):
     if found:
         few = faults.some_names([faults.one_line(str(path)) for path in found])
         print(f"removed what a killed run had half written: {few}", file=sys.stderr)
-    if count := sum(atomic.bring_back(f"results/{name}") for name in scenes):
-        print(
-            f"{count} files were from the future: their times are now (was the clock "
-            "set back?)",
-            file=sys.stderr,
-        )
 
 
 def say_in_the_end(lines):

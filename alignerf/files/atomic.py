@@ -12,15 +12,12 @@ import platform
 import re
 import shutil
 import tempfile
-import time
 from pathlib import Path
 
 from alignerf.files import owned
 
 # Behind a temporary name's own part: `.model.~host~123~abc.msgpack`.
 OWNER = re.compile(r"\.[^/]*~(?P<host>[^~/]*)~(?P<process>\d+)~[^/]*\Z")
-# Clocks of machines that share a folder differ by seconds.
-AHEAD_NS = 60 * 10**9
 # Errors of writing that do not say which file.
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
@@ -155,31 +152,6 @@ def sweep(folder):
                         path.unlink()
                 removed.append(path)
     return removed
-
-
-def bring_back(folder):
-    """Set the times of files that lie in the future to now, each in its order.
-
-    Where a clock was set back, Snakemake would take new outputs for older than their
-    inputs, and stop. Returns the number of files.
-    """
-    now_ns, late = time.time_ns(), {}
-    for parent, folders, files in os.walk(folder):
-        for name in [*folders, *files]:
-            path = os.path.join(parent, name)
-            with contextlib.suppress(OSError):
-                time_ns = os.lstat(path).st_mtime_ns
-                if time_ns > now_ns:
-                    late.setdefault(time_ns, []).append(path)
-    # All or none: those that are a little ahead may be older than the others.
-    if max(late, default=0) <= now_ns + AHEAD_NS:
-        return 0
-    for order, time_ns in enumerate(sorted(late)):
-        then_ns = now_ns - 1000 * (len(late) - order)
-        for path in late[time_ns]:
-            with contextlib.suppress(OSError):
-                os.utime(path, ns=(then_ns, then_ns), follow_symlinks=False)
-    return sum(map(len, late.values()))
 
 
 def is_left_behind(name):

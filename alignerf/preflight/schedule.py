@@ -39,9 +39,6 @@ DEPTH_BYTES, RGB_BYTES = 4, 3
 FLOW_SIDE, ALIGNED_BYTES = 48, 44
 # Images, and flows, on disk for each test view in the warped set and its control sets.
 TESTSET_IMAGES, TESTSET_FLOWS = 7, 2
-# Of a fit of a camera by gradient descent: rays a step, and the time of a ray forwards
-# and backwards over that of a rendered ray.
-FIT_RAYS, BACKWARDS = 512, 4
 
 
 class Rates(NamedTuple):
@@ -319,18 +316,14 @@ def scores(one, work, rate: Rates, flow: Flow, views: Views, *, threads):
     )
     scored = scored._replace(seconds=scored.seconds + evaluate_s(flow, views))
     # By moved cameras only a model of ours can be asked.
-    if not (fits := work["aligned_pose"]) or one.get("external"):
+    if not work["aligned_pose"] or one.get("external"):
         return [parts, scored]
-    ways = fits["flow"] + (fits["gradient_steps"] > 0)
-    # A camera is fitted twice a view: once for each half of the checkerboard.
-    rays = BACKWARDS * FIT_RAYS * fits["gradient_steps"] * 2 * views.test
-    moved_s = render_s(rate, targets * (ways * pixels + rays))
-    moved_s += SLOW_START * flow.start_s
+    moved_s = render_s(rate, targets * pixels) + SLOW_START * flow.start_s
     moved_s += decompose_s(flow, pixels * targets)
     moved = Task(
         *(f"{name}/aligned_pose", "rest", moved_s, threads, [parts.name]),
         f"{name}/metrics_aligned_pose.csv",
-        targets * ways * views.test * views.image_bytes,
+        targets * views.test * views.image_bytes,
         rate.render_peak_bytes,
     )
     return [parts, moved, scored]

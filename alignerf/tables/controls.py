@@ -26,8 +26,6 @@ QUANTITIES = {
     "oracle_gain": ("oracle", "standard"),
     "pose_gain": ("aligned_pose", "standard"),
     "pose_overfit": ("aligned_pose_overfit", "oracle"),
-    "gradient_gain": ("aligned_pose_gradient", "standard"),
-    "gradient_overfit": ("aligned_pose_gradient_overfit", "oracle"),
 }
 # What is no alignment; the rest of the gain remains as such.
 TAKEN = ("pixel_choice", "resampling", "overfit")
@@ -48,8 +46,6 @@ HEADINGS = {
     "oracle_gain": "oracle gain",
     "pose_gain": "pose gain",
     "pose_overfit": "pose overfit",
-    "gradient_gain": "gradient gain",
-    "gradient_overfit": "gradient overfit",
 }
 NOTES = (
     "PSNR in dB, mean over test views; differences paired by view, with 95 %",

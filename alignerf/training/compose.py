@@ -21,24 +21,22 @@ SYSTEMS |= {
 }
 
 
-def make_method(
-    job: jobs.Job, views=None, *, to_train=True, moving=False
-) -> methods.Method:
+def make_method(job: jobs.Job, views=None, *, to_train=True) -> methods.Method:
     """The method of a job: baseline, or AligNeRF in its fine-tuning stage.
 
     views: a function that gives the training views' cameras (`refine.Views`), called
     where cameras are learnt. to_train: False leaves out the weights file, which only
-    the loss needs. moving: the renders can be differentiated in their rays.
+    the loss needs.
     """
-    moving = moving or job.refine is not None
-    method = without_cameras(job, to_train=to_train, moving=moving)
+    method = without_cameras(job, to_train=to_train)
     if job.refine is None:
         return method
     return refine.refined(method, refine.scales_of(views(), job.refine.preconditioned))
 
 
-def without_cameras(job: jobs.Job, *, to_train, moving) -> methods.Method:
-    """`make_method` of a job whose cameras are not learnt."""
+def without_cameras(job: jobs.Job, *, to_train) -> methods.Method:
+    """The method by cameras as they are; what learns them differentiates its rays."""
+    moving = job.refine is not None
     if job.model.kind != "mipnerf360":
         return make_system(job, moving=moving)
     fine, native = job.stage == "finetune", calls.use(job.training.kernels)

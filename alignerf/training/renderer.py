@@ -27,14 +27,11 @@ CACHED_RAYS = 32
 STRIP_PIXELS = 65536
 
 
-def read_model(config, model, loaded: prepared.Scene, *, moving=False):
-    """(method, its parameters) of a job as JSON, or its file, from the model's file.
-
-    moving: renders can be differentiated in their rays.
-    """
+def read_model(config, model, loaded: prepared.Scene):
+    """(method, its parameters) of a job as JSON, or its file, from the model's file."""
     job = fill.read_job(config)
     views = functools.partial(refine.views_of, loaded)
-    method = compose.make_method(job, views, to_train=False, moving=moving)
+    method = compose.make_method(job, views, to_train=False)
     template = jax.eval_shape(method.init, jax.random.key(0))
     params = checkpoint.read_params(model, template)
     return method, jax.tree.map(jnp.asarray, params)

@@ -33,7 +33,7 @@ class Gain(NamedTuple):
 # Test sets, the fairest first. Cameras that have moved see a test view elsewhere than
 # the given one says, so of these the photos as they are count last.
 USUAL = ("oracle", "standard")
-FAIR = ("oracle", "aligned_pose", "aligned_pose_gradient", "standard")
+FAIR = ("oracle", "aligned_pose", "standard")
 OF_GAINS = ("method", "warping", "test_set", "difference_to", "total_time_s")
 OF_GAINS += ("moves_cameras", "moves_photos")
 OF_GAINS += ("difference_db", "difference_low_db", "difference_high_db")
@@ -92,7 +92,6 @@ CALLED_SETS = {
     "oracle": " against the true scene",
     "standard": " on held-out photos",
     "aligned_pose": " on held-out photos, each by a camera moved to fit it,",
-    "aligned_pose_gradient": " on held-out photos, each by a camera moved to fit it,",
 }
 
 

@@ -208,9 +208,7 @@ def test_moved_cameras_are_scored_by_their_own_renders(folder, rng):
     assert set(found.index.unique("test_set")) == {*MOVED}
     for name, kind in {
         "aligned_pose": "images",
-        "aligned_pose_gradient": "images",
         "aligned_pose_overfit": "truth/oracle",
-        "aligned_pose_gradient_overfit": "truth/oracle",
     }.items():
         target = images.read(folder / kind / "c.png")
         render = images.read(folder / "moved" / name / "c.png")

@@ -2,7 +2,7 @@
 
 Parts: inputs (a finished chain's files, folders of photos, configs and jobs), folders
 (grown from the seed), names, arguments, environments, numbers, kills, machines (disks,
-signals, clocks, memory), company, matching. Writes report.csv and findings.txt; exits
+signals, memory), company, matching. Writes report.csv and findings.txt; exits
 with 1 where anything was found. It ends within an hour on two cores: each part tries
 its cases in an order by the seed until its share of the minutes is used.
 """

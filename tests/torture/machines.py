@@ -1,4 +1,4 @@
-"""What a machine does to a run: full disks, folders one may not write, clocks, company.
+"""What a machine does to a run: full disks, folders one may not write, company.
 
 Each function returns what it found wrong, None where this machine lets it not be tried.
 """
@@ -15,7 +15,6 @@ from tests.torture import chains, interrupts, running
 
 DISK_MIB = (1, 2, 4, 6)
 NOBODY = 65534
-DAY_S = 86400.0
 # Of resident memory from a third of a training to its end.
 MOST_GROWTH = 0.05
 
@@ -118,21 +117,6 @@ def side_by_side(reference, folder):
         for chain in pair
         for name in chains.differences(reference, chain, short=True)
     ]
-
-
-def clock_set_back(reference, folder):
-    """Files that were made tomorrow: a run goes on, and ends as it should."""
-    chain = chains.make(reference.root, folder / "clock", reference)
-    child = chain.start()
-    time.sleep(20)
-    chains.kill(child, 9)
-    tomorrow = time.time() + DAY_S
-    for path in (chain.folder / "results").rglob("*"):
-        os.utime(path, (tomorrow, tomorrow), follow_symlinks=False)
-    chain.unlock()
-    chains.finish(chain, *chains.SHORT)
-    found = chains.differences(reference, chain, short=True)
-    return [f"differs: {name}" for name in found]
 
 
 def memory_growth(reference, folder):

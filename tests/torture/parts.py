@@ -310,7 +310,6 @@ def of_machines(reference, args, clock):
     every = {
         "full disks": (machines.full_disks, len(machines.DISK_MIB)),
         "SIGTERM and Ctrl-C": (functools.partial(interrupts.stopped, rng=rng), 2),
-        "files of tomorrow": (machines.clock_set_back, 1),
         "a long training's memory": (machines.memory_growth, 1),
         "a folder of another user": (machines.unwritable, 1),
     }

@@ -128,7 +128,7 @@ def test_the_rows_of_kills(begun, monkeypatch):
 
 
 def test_the_rows_of_machines(begun, monkeypatch):
-    for name in ("full_disks", "clock_set_back", "memory_growth", "unwritable"):
+    for name in ("full_disks", "memory_growth", "unwritable"):
         monkeypatch.setattr(parts.machines, name, lambda *_: None)
     monkeypatch.setattr(parts.interrupts, "stopped", lambda *_, rng: ["found"])
     rows = {row.what: row[1:] for row in parts.of_machines(*begun)}

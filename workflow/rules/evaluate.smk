@@ -9,7 +9,6 @@ rule align_test_poses:
         model="results/{scene}/{training}/model.msgpack",
         depth="results/{scene}/{training}/depth",
         learnt="results/{scene}/{training}/learnt",
-        images="results/{scene}/images",
         cameras="results/{scene}/cameras.npz",
         decisions=lambda w: inputs.decisions_of(experiment, w.scene),
     output:
@@ -27,13 +26,15 @@ rule align_test_poses:
         runtime=needs.minutes(costs, "{training}/metrics_aligned_pose.csv"),
     params:
         config=lambda w: experiment.training(w.scene, w.training).job,
-        fits=lambda w: arguments.aligned_pose_options(experiment, w.scene, w.training),
+        flows=lambda w: arguments.options(
+            arguments.aligned_pose_inputs(experiment, w.scene, w.training)
+        ),
         sources=sources_of("alignerf.align_test_poses"),
     shell:
         "python -m alignerf.align_test_poses --config {params.config:q}"
         " --scene results/{wildcards.scene:q} --model {input.model:q}"
         " --cameras {input.learnt:q}/cameras.npz --depth {input.depth:q}/test"
-        " {params.fits:q} --out {output:q} --threads {threads} 2>&1 | tee {log:q}"
+        " {params.flows:q} --out {output:q} --threads {threads} 2>&1 | tee {log:q}"
 
 
 # Metrics per test view and test set; those by moved cameras are a file of their own.

@@ -17,13 +17,7 @@ class Reference(Keys):
 class AlignedPose(Keys):
     """The test set whose cameras are moved to fit their photos, half by half."""
 
-    flow: bool = key(True, "by the flow from render to photo")
-    gradient_steps: int = key(
-        0,
-        "and by so many of gradient descent; the field takes 100",
-        least=0,
-        most=10**5,
-    )
+    flow: bool = key(True, "by the flow from render to photo; false: no such test set")
 
 
 class Lpips(Keys):

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -100,34 +99,6 @@ def test_the_longest_name_of_a_photo_can_be_written(tmp_path):
     with atomic.replace_file(path) as temporary:
         temporary.write_text("new")
     assert path.read_text() == "new"
-
-
-def test_files_of_tomorrow_are_brought_back_in_their_order(tmp_path):
-    now_ns, day_ns = time.time_ns(), 86400 * 10**9
-    times = {"a": -5, "b": 1, "c": 2, "d": 1, "e": 3}
-    for name, days in times.items():
-        (tmp_path / name).touch()
-        os.utime(tmp_path / name, ns=(now_ns, now_ns + days * day_ns))
-    assert atomic.bring_back(tmp_path) == 4
-    found = {name: os.stat(tmp_path / name).st_mtime_ns for name in times}
-    assert found["a"] == now_ns - 5 * day_ns
-    assert found["a"] < found["b"] == found["d"] < found["c"] < found["e"]
-    assert found["e"] <= time.time_ns()
-    assert atomic.bring_back(tmp_path) == 0
-
-
-def test_what_is_a_little_ahead_is_brought_back_with_the_rest(tmp_path):
-    """Else it would be newer than what was made of it."""
-    now_ns, second_ns = time.time_ns(), 10**9
-    for name, ahead_s in (("a", 30), ("b", 90)):
-        (tmp_path / name).touch()
-        os.utime(tmp_path / name, ns=(now_ns, now_ns + ahead_s * second_ns))
-    assert atomic.bring_back(tmp_path) == 2
-    first, second = (os.stat(tmp_path / name).st_mtime_ns for name in "ab")
-    assert first < second <= time.time_ns()
-    # Clocks of machines that share a folder differ by seconds.
-    os.utime(tmp_path / "a", ns=(now_ns, time.time_ns() + 30 * second_ns))
-    assert atomic.bring_back(tmp_path) == 0
 
 
 def test_a_long_name_of_long_letters_can_be_written(tmp_path):

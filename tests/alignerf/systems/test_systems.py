@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from alignerf.experiment.keys import method as method_keys
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.scenes import cameras
 from alignerf.training import compose, diagnose
@@ -308,7 +309,9 @@ def test_renders_can_be_differentiated_in_their_rays(rng, kind, place):
 @functools.cache
 def ray_gradient_of(kind):
     """(params, rays) -> the gradient of all colours by origins and directions."""
-    method = compose.make_method(cases.job_of(kind=kind, **SYSTEMS[kind]), moving=True)
+    job = cases.job_of(kind=kind, **SYSTEMS[kind])
+    job = job.model_copy(update={"refine": method_keys.Refine()})
+    method = compose.without_cameras(job, to_train=True)
 
     def total(params, origins, directions, rays):
         moved = rays._replace(origins=origins, directions=directions)

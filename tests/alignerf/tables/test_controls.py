@@ -10,10 +10,7 @@ from alignerf.tables import controls, intervals
 from tests import table_cases
 
 VIEWS = 6
-MOVED = (
-    *("aligned_pose", "aligned_pose_overfit"),
-    *("aligned_pose_gradient", "aligned_pose_gradient_overfit"),
-)
+MOVED = ("aligned_pose", "aligned_pose_overfit")
 SETS = (*sorted(controls.NEEDED), "oracle", *MOVED)
 # What each is made of: the means of two test sets, the second taken from the first.
 WANTED = {
@@ -28,8 +25,6 @@ WANTED = {
     "oracle_gain": ("oracle", "standard"),
     "pose_gain": ("aligned_pose", "standard"),
     "pose_overfit": ("aligned_pose_overfit", "oracle"),
-    "gradient_gain": ("aligned_pose_gradient", "standard"),
-    "gradient_overfit": ("aligned_pose_gradient_overfit", "oracle"),
 }
 LINES = [*itertools.product(("plain_one", "other"), ("none", "once"))]
 

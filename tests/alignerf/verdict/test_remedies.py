@@ -128,7 +128,6 @@ def test_the_most_cameras_that_a_training_moved(tmp_path, counts, most):
     ("test_sets", "db", "usual_db"),
     [
         (("standard", "warped", "aligned_pose"), 3, 1),
-        (("standard", "warped", "aligned_pose_gradient"), 3, 1),
         (("standard", "aligned_pose", "oracle"), 3, 3),
         (("standard", "warped"), 1, 1),
     ],
