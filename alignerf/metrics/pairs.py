@@ -6,6 +6,7 @@ renders of four captures and by damaged ones: docs/evidence/verdict.md.
 Notation: photo and render [h, w, 3] uint8 of one size; counts [h, w], where both do.
 """
 
+import itertools
 from typing import NamedTuple
 
 import cv2
@@ -13,9 +14,10 @@ import numpy as np
 
 # Nothing is told where more than this share fails; below it those are left out.
 MOST_BAD = 0.1
-# Correlation of the finest detail: copies have 0.95 and more, also compressed little or
-# resized, renders up to 0.70.
-COPY = 0.95
+# Correlation of the finest detail, and levels of 8 bits by which colours blurred by so
+# many px differ. Copies, also as JPEG of quality 75, have 0.85 and more, and up to 0.4;
+# of renders the one was up to 0.70, the other 1 and more.
+COPY, COPY_LEVELS, COPY_BLUR_PX = 0.8, 0.6, 8.0
 # Levels of 8 bits: a render's tile is empty below, a photo's shows something above. The
 # share of such tiles is 0 of renders.
 EMPTY, SHOWS, MOST_EMPTY, TILES = 1.0, 6.0, 0.4, 16
@@ -26,10 +28,12 @@ THUMB_PX, LESS = 32, 0.5
 # A turned one is at least so alike.
 PLAINLY, TURNED = 0.1, 0.8
 # Correlation of small pictures: a render of another place stays below the first. Where
-# for the median render a fifth of all photos are nearer than its own, apart from what
+# for the median render a tenth of all photos are nearer than its own, apart from what
 # all have in common, renders are of another place; unless all photos are as alike as
 # the last.
-ALIKE, FAR, SAME, FEW = 0.5, 0.2, 0.99, 5
+ALIKE, FAR, SAME, FEW = 0.5, 0.1, 0.99, 5
+# What a wrong lens or wrong cameras do to all renders alike: of small pictures.
+ZOOMS, SHIFTS_PX = (0.8, 0.9, 1.0, 1.1, 1.25), (-3, -2, -1, 0, 1, 2, 3)
 # Of light; a photo of 8 bits has no less than DARKEST.
 MOST_STOPS, DARKEST = 2.0, 0.001
 
@@ -79,7 +83,11 @@ class Checked(NamedTuple):
 
 
 def look(photo, render, counts, *, whole) -> Seen:
-    """A pair; whole: whether a render's black border is no more than that."""
+    """A pair; whole: emptiness is looked for outside of `counts`, too.
+
+    So it is of renders without alpha: what is black in these up to their border does
+    not count, and may be half of the picture.
+    """
     render_there = np.where(counts[..., None], render, photo)
     return Seen(
         thumb(photo), thumb(render_there), fault_of(photo, render, counts, whole)
@@ -96,8 +104,20 @@ def fault_of(photo, render, counts, whole):
     shown = np.ones_like(counts) if whole else counts
     if share_empty(photo, render, shown) > MOST_EMPTY:
         return "empty"
-    copied = likeness(detail(photo)[counts], detail(render)[counts]) > COPY
-    return "copy" if copied else None
+    if likeness(detail(photo)[counts], detail(render)[counts]) < COPY:
+        return None
+    return "copy" if apart_levels(photo, render, counts) < COPY_LEVELS else None
+
+
+def apart_levels(photo, render, counts):
+    """How far smooth colours are apart in levels, each channel made as bright."""
+    there = np.where(counts[..., None], render, photo)
+    own, other = (
+        cv2.GaussianBlur(one.astype(np.float32), (0, 0), COPY_BLUR_PX)[counts]
+        for one in (photo, there)
+    )
+    gain = (own * other).sum(axis=0) / np.maximum((other**2).sum(axis=0), 1)
+    return float(np.abs(own - gain * other).mean())
 
 
 def share_empty(photo, render, counts):
@@ -154,9 +174,8 @@ def norm(values):
 
 def thumb(image):
     """A small picture [THUMB_PX, THUMB_PX] of length 1; its mean taken off."""
-    small = cv2.resize(grey(image), (THUMB_PX, THUMB_PX), interpolation=cv2.INTER_AREA)
-    values = small - small.mean()
-    return values / max(norm(values), 1e-6)
+    size = (THUMB_PX, THUMB_PX)
+    return normal(cv2.resize(grey(image), size, interpolation=cv2.INTER_AREA))
 
 
 def check(seen, main) -> Checked:
@@ -165,26 +184,61 @@ def check(seen, main) -> Checked:
     main: views that renders of other places are told by: a held-out view may be bad
     where photos are few.
     """
+    if not seen:
+        return Checked(0, {})
     faults = {view: (one.fault, "") for view, one in seen.items() if one.fault}
     names = list(seen)
     photos = np.array([one.photo.ravel() for one in seen.values()])
     renders = np.array([one.render.ravel() for one in seen.values()])
-    for view, other in swapped(names, photos, renders).items():
+    # Cameras or a lens may be wrong for all alike: then a photo is still nearest to its
+    # render once that is undone.
+    undone = without_common(list(seen.values()))
+    for view, other in swapped(names, photos, renders, undone).items():
         faults.setdefault(view, ("swapped", f"shows {other}"))
     for view, one in seen.items():
         if how := turned(one):
             faults.setdefault(view, ("turned", how))
-    for view in strange(names, photos, renders, main):
+    for view in strange(names, photos, renders, undone, main):
         faults.setdefault(view, ("strange", ""))
     return Checked(len(seen), {view: faults[view] for view in seen if view in faults})
 
 
-def swapped(names, photos, renders):
-    """{view: another whose photo its render shows}; photos, renders [n, pixels]."""
+def without_common(seen):
+    """Renders [n, pixels] moved and zoomed, all alike, to be most like their photos."""
+    best, found, middle = -np.inf, None, (THUMB_PX - 1) / 2
+    photos = np.array([one.photo.ravel() for one in seen])
+    for zoom, x, y in itertools.product(ZOOMS, SHIFTS_PX, SHIFTS_PX):
+        at = [[zoom, 0, (1 - zoom) * middle + x], [0, zoom, (1 - zoom) * middle + y]]
+        moved = [moved_by(np.array(at), one.render).ravel() for one in seen]
+        if (alike := (np.array(moved) * photos).sum()) > best:
+            best, found = alike, np.array(moved)
+    return found
+
+
+def moved_by(matrix, picture):
+    border = cv2.BORDER_REPLICATE
+    size = (THUMB_PX, THUMB_PX)
+    return normal(cv2.warpAffine(picture, matrix, size, borderMode=border))
+
+
+def normal(picture):
+    """A picture of length 1, its mean taken off."""
+    values = picture - picture.mean()
+    return values / max(norm(values), 1e-6)
+
+
+def swapped(names, photos, renders, undone):
+    """{view: another whose photo its render shows}; see LESS.
+
+    photos, renders [n, pixels]; undone: as of `without_common`.
+    """
     if len(names) < 2:
         return {}
     alike = renders @ photos.T
-    own, best = np.diag(alike), alike.argmax(axis=1)
+    own, best = (
+        np.maximum(np.diag(alike), (undone * photos).sum(1)),
+        alike.argmax(axis=1),
+    )
     most = alike[np.arange(len(names)), best]
     found = (best != np.arange(len(names))) & (1 - most < LESS * (1 - own))
     found &= most > ALIKE
@@ -202,25 +256,25 @@ def turned(one: Seen):
         for mirrored in (False, True):
             other = np.rot90(one.photo[:, ::-1] if mirrored else one.photo, times)
             if (alike := (other * one.render).sum()) > best:
-                best, how = (
-                    alike,
-                    ", ".join(
-                        ["mirrored"] * mirrored
-                        + [f"by {90 * times} degrees"] * (times > 0)
-                    ),
+                words = ["mirrored"] * mirrored + [f"by {90 * times} degrees"] * (
+                    times > 0
                 )
+                best, how = alike, ", ".join(words)
     return how if 1 - best < LESS * (1 - own) else None
 
 
-def strange(names, photos, renders, main):
+def strange(names, photos, renders, undone, main):
     """Views, of `main`, whose renders are of none of the photos."""
     chosen = [i for i, name in enumerate(names) if name in main]
-    alike = renders @ photos.T
-    bad = {i for i in chosen if alike[i].max() > alike[i, i] < ALIKE}
+    alike, own = renders @ photos.T, (undone * photos).sum(axis=1)
+    is_single = len(names) == 1
+    bad = {
+        i for i in chosen if own[i] < ALIKE and (is_single or alike[i].max() > own[i])
+    }
     if len(chosen) >= FEW and np.median(photos @ photos.T) < SAME:
-        left = nearer(apart(photos), apart(renders))[chosen]
+        left = nearer(apart(photos), apart(renders), apart(undone))[chosen]
         if np.median(left) > FAR:
-            bad |= {i for i, share in zip(chosen, left, strict=True) if share}
+            bad = set(chosen)
     return [names[i] for i in sorted(bad)]
 
 
@@ -230,10 +284,11 @@ def apart(pictures):
     return left / np.maximum(np.linalg.norm(left, axis=1, keepdims=True), 1e-6)
 
 
-def nearer(photos, renders):
+def nearer(photos, renders, undone):
     """Share [n] of all photos that are nearer to each render than its own."""
-    alike = renders @ photos.T
-    return (alike > np.diag(alike)[:, None]).mean(axis=1)
+    own = (undone * photos).sum(axis=1, keepdims=True)
+    others = ~np.eye(len(photos), dtype=bool)
+    return ((renders @ photos.T > own) & others).mean(axis=1)
 
 
 def sentence(checked: Checked):
