@@ -124,5 +124,6 @@ clean:
 	for mark in results/*/.why-blurry; do rm -rf "$${mark%/.why-blurry}"; done
 	for one in results/*.provenance.json; do \
 		for end in csv tex png provenance.json; do rm -f "$${one%.provenance.json}.$$end"; done; done
-	rm -rf results/logs results/bench results/torture results/.jax_cache
+	rm -f results/logs/run-????????-??????-*.log
+	rm -rf results/bench results/torture results/.jax_cache
 	rm -rf .snakemake .pytest_cache site

@@ -45,7 +45,7 @@ def main(argv=None):
         now = time.perf_counter()
         timing = {"time_s": round(now - start, 3), **rendered}
         start = now
-        with atomic.replace_file(split_paths.fill(args.timing, split)) as path:
+        with split_paths.replace_file(args.timing, split) as path:
             path.write_text(json.dumps(timing))
 
 

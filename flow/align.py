@@ -11,6 +11,7 @@ With splits, `{split}` in a path stands for each in turn.
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 
 from alignerf.files import faults, split_paths
@@ -34,6 +35,7 @@ def main(*, splits, flow_out, stats_out, warped_out=None, **options):
             **{name: of_split(value) for name, value in options.items()},
             targets={kind: of_split(folder) for kind, folder in targets.items()},
             stats_out=of_split(stats_out),
+            before_end=partial(split_paths.note, stats_out, of_split(stats_out)),
         )
 
 

@@ -8,6 +8,8 @@ import re
 
 # Below a training's folder.
 OF_SPLITS = ("renders", "depth", "render", "flow", "warped", "displacement")
+# Folders of a training's that are replaced as a whole.
+FOLDERS = (*OF_SPLITS, "learnt")
 INSIDE = re.compile(
     rf"(results/.+/(?:{'|'.join(OF_SPLITS)}))/(?:train|test)(?:\.\w+)?"
     r"|(results/.+/learnt)/(?:cameras\.npz|photos|valid)"

@@ -8,7 +8,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from alignerf.experiment import kinds
+from alignerf.experiment import kinds, layout
 from alignerf.experiment.checks import verdict as of_verdict
 from alignerf.experiment.cluster import slurm_errors
 from alignerf.files import atomic, faults, machine, provenance, yaml_files
@@ -164,10 +164,18 @@ def causes(snakemake_logs):
     return found
 
 
-def replaced(dag):
-    """Folders that Snakemake removes before their jobs write them anew."""
+def replaced(experiment, dag):
+    """Folders that Snakemake removes before their jobs write them anew.
+
+    Of `rounds: auto` the later rounds are planned in the middle of a run.
+    """
     outputs = (file for job in dag.needrun_jobs() for file in job.output)
-    return [file for file in outputs if file.is_directory and not is_updated(file)]
+    found = [file for file in outputs if file.is_directory and not is_updated(file)]
+    for name, method in experiment.methods.items():
+        if method["rounds"] == "auto":
+            every = Path("results").glob(f"*/{name}/round*/*")
+            found += [one for one in every if one.name in layout.FOLDERS]
+    return found
 
 
 def is_updated(file):

@@ -15,6 +15,7 @@ from alignerf.files import faults
 
 # Of one array: a flow of 16384 x 16384 pixels, the largest photo there may be.
 MOST_BYTES = 2**31
+MOST_HEAD_BYTES = 10_000
 # Of a map that another program has written: 8192 x 8192 pixels.
 MOST_VALUES = 2**26
 # Kinds of numbers, and sides, of the arrays that stages exchange; `n`, `h` and `w` may
@@ -113,6 +114,11 @@ def read_head(file):
     }
     if version not in heads:
         raise ValueError(f"version {version} of its format")
+    # NumPy reads all of a head before it looks how long that is.
+    begins, size = file.tell(), 2 * version[0]
+    if (length := int.from_bytes(file.read(size), "little")) > MOST_HEAD_BYTES:
+        raise ValueError(f"a head of {length:,} bytes")
+    file.seek(begins)
     shape, _, dtype = heads[version](file)
     if dtype.hasobject:
         raise ValueError("objects, which nothing here unpickles")

@@ -2,14 +2,15 @@
 
 A folder with files and without a mark is a user's: nothing is written into it. The mark
 of a folder that is replaced as a whole lists its files: any other file is a user's, and
-stays.
+stays, and so is a link in the place of one. An empty mark, as `touch` makes it, takes
+all there is for the program's.
 """
 
 import json
 import os
 from pathlib import Path
 
-from alignerf.files import json_files
+from alignerf.files import faults, json_files
 
 MARK = ".why-blurry"
 # What systems and the workflow engine put into any folder.
@@ -20,8 +21,9 @@ def check(folder):
     """ValueError where a folder has files, and no mark."""
     if not is_marked(folder) and next(files_of(folder), None):
         raise ValueError(
-            f"{folder}: has files, and none is {MARK}, the mark of this program: give "
-            f"results another name. Where they are its own: touch {folder}/{MARK}"
+            f"{folder}: has files, and none is {MARK}, the mark of this program: move "
+            "it away, or give results another name (--name). Where all files are the "
+            f"program's own: touch {folder}/{MARK}"
         )
 
 
@@ -35,27 +37,37 @@ def claim(folder):
     put(folder)
 
 
-def put(folder):
-    """Make a folder with a mark, or put one into it."""
+def put(folder, names=()):
+    """Make a folder with a mark, or put one into it; `names` are files to come."""
     Path(folder).mkdir(parents=True, exist_ok=True)
-    (Path(folder) / MARK).touch()
+    if not is_marked(folder) or names:
+        write_mark(folder, listed(folder) | set(names))
 
 
 def seal(folder):
     """List a folder's files in its mark."""
-    (Path(folder) / MARK).write_text(json.dumps(sorted(files_of(folder))))
+    write_mark(folder, files_of(folder))
+
+
+def write_mark(folder, names):
+    """Whole or not at all: an empty one says another thing."""
+    fresh = Path(folder) / f"{MARK}.new"
+    fresh.write_text(json.dumps(sorted(names)))
+    os.replace(fresh, Path(folder) / MARK)
 
 
 def listed(folder):
     """Relative paths of those files of a folder that its mark lists."""
+    there, mark = set(files_of(folder)), Path(folder) / MARK
+    if is_marked(folder) and mark.stat().st_size == 0:
+        return there
     try:
-        said = json_files.read_list(Path(folder) / MARK)
-    # A mark alone is empty.
+        said = json_files.read_list(mark)
     except (OSError, ValueError):
         return set()
     # It could list anything, and what is listed is removed.
-    names = {name for name in said if isinstance(name, str)}
-    return names & set(files_of(folder))
+    names = {name for name in said if isinstance(name, str)} & there
+    return {name for name in names if not Path(folder, name).is_symlink()}
 
 
 def files_of(folder):
@@ -68,37 +80,41 @@ def files_of(folder):
 
 
 def others(folder):
-    """Relative paths of a user's files in a folder that is replaced, and below.
-
-    Each is looked up in the mark of the folder nearest to it. Without any mark all are
-    the program's, of a version before.
-    """
-    marks = [Path(root) for root, _, names in os.walk(folder) if MARK in names]
-    ours = {
-        os.path.relpath(one / name, folder) for one in marks for name in listed(one)
-    }
-    return sorted(set(files_of(folder)) - ours) if marks else []
+    """Relative paths of a user's files in a folder, by its outermost marks."""
+    if is_marked(folder):
+        return sorted(set(files_of(folder)) - listed(folder))
+    found = []
+    for one in os.scandir(folder) if os.path.isdir(folder) else ():
+        if one.is_dir(follow_symlinks=False):
+            found += [os.path.join(one.name, name) for name in others(one.path)]
+        elif one.name not in JUNK:
+            found.append(one.name)
+    return sorted(found)
 
 
 def check_replaced(folder):
-    """ValueError where a folder that is about to be removed has a user's file."""
-    if os.path.isdir(folder) and (found := others(folder)):
+    """ValueError where a folder that is about to be removed has a user's files."""
+    if found := others(folder):
         raise ValueError(
             f"{Path(folder, found[0])}: not of this program, which replaces {folder}: "
-            "move it away"
+            f"move it away ({faults.some_names(found)})"
         )
 
 
 def merge(fresh, folder):
     """Move a sealed folder's files into one that has a user's beside its own.
 
-    ValueError, before anything is moved, where one of a user's would be overwritten.
+    ValueError, before anything is moved, where one of a user's is in the way.
     """
-    new, before = listed(fresh), listed(folder)
-    if clash := sorted(new & set(others(folder))):
-        raise ValueError(f"{Path(folder, clash[0])}: not of this program: move it away")
+    new, before, theirs = listed(fresh), listed(folder), set(others(folder))
+    for name in sorted(new):
+        way = {name, *map(str, Path(name).parents)}
+        # A user's folder in the place of a file is in the way, too.
+        if (blocked := sorted(way & theirs)) or Path(folder, name).is_dir():
+            one = Path(folder, *blocked[:1] or [name])
+            raise ValueError(f"{one}: not of this program: move it away")
     # Should it be killed now, the next run knows all files that may be there.
-    (Path(folder) / MARK).write_text(json.dumps(sorted(new | before)))
+    write_mark(folder, new | before)
     for name in before - new:
         Path(folder, name).unlink(missing_ok=True)
     for name in [*sorted(new), MARK]:

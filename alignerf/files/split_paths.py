@@ -3,7 +3,10 @@
 A path of None stays None.
 """
 
+import contextlib
 from pathlib import Path
+
+from alignerf.files import atomic, owned
 
 MARK = "{split}"
 
@@ -18,3 +21,18 @@ def check(splits, paths):
 def fill(path, split):
     """The path with a split's name in place of MARK."""
     return path and Path(str(path).replace(MARK, split))
+
+
+@contextlib.contextmanager
+def replace_file(path, split):
+    """`atomic.replace_file` of a split's file; its folder's mark lists it before."""
+    filled = fill(path, split)
+    note(path, filled)
+    with atomic.replace_file(filled) as temporary:
+        yield temporary
+
+
+def note(path, filled):
+    """Put a file into the mark of its folder, where that holds a file of each split."""
+    if MARK in Path(path).name:
+        owned.put(filled.parent, [filled.name])

@@ -51,7 +51,7 @@ def main(argv=None):
             ]
             take(loaded, pairs, loaded.views(split), split, folders, args.threads)
             timing = jobs.timing_of_views(len(loaded.views(split)), 0.0)
-            with atomic.replace_file(split_paths.fill(args.time, split)) as path:
+            with split_paths.replace_file(args.time, split) as path:
                 path.write_text(json.dumps(timing))
         # Somebody else has trained it.
         timing_path.write_text(json.dumps(jobs.timing(None, 0.0), indent=1))

@@ -9,7 +9,7 @@ import argparse
 import json
 import shutil
 
-from alignerf.files import atomic, faults, split_paths
+from alignerf.files import faults, split_paths
 from alignerf.others import importing, jobs
 from alignerf.scenes import prepared
 
@@ -38,7 +38,7 @@ def main(argv=None):
     view_time_s = seconds / count
     for split in args.splits:
         timing = jobs.timing_of_views(len(loaded.views(split)), view_time_s)
-        with atomic.replace_file(split_paths.fill(args.timing, split)) as path:
+        with split_paths.replace_file(args.timing, split) as path:
             path.write_text(json.dumps(timing))
 
 

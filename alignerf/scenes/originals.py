@@ -59,7 +59,12 @@ def stamp(path):
 def noted(scene):
     """{path: as of `described`} of a scene; {} of one without a note."""
     path = Path(scene) / FILE
-    return json_files.read(path) if path.is_file() else {}
+    found = json_files.read(path) if path.is_file() else {}
+    for name, told in found.items():
+        kinds = [type(one) for one in told] if isinstance(told, list) else None
+        if kinds != [int, int, str]:
+            raise ValueError(f"{path}: {faults.name_of(name)} is {told!r:.60}")
+    return found
 
 
 def changed(scene):

@@ -27,7 +27,7 @@ def main(argv=None):
     if args.name and len(scenes) == 1:
         scenes = {args.name: next(iter(scenes.values()))}
     scenes = folders.with_colmap(scenes)
-    with claims.held(name):
+    with claims.held(name, *scenes):
         run(name, scenes, folder, args)
 
 

@@ -15,7 +15,16 @@ ENGINE = Path(".snakemake")
 
 
 @contextlib.contextmanager
-def held(name):
+def held(*names):
+    """Keep results/NAME, of each, to this process, as of `one_held`."""
+    with contextlib.ExitStack() as stack:
+        for name in sorted(set(names)):
+            stack.enter_context(one_held(name))
+        yield
+
+
+@contextlib.contextmanager
+def one_held(name):
     """Keep results/NAME to this process; ValueError where a run is at work there.
 
     The lock ends with the process, also where that is killed. Snakemake's own is looked

@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 
 from alignerf.experiment.keys import scene as scene_keys
-from alignerf.files import atomic, faults, owned, provenance, yaml_files
+from alignerf.files import atomic, faults, json_files, owned, provenance, yaml_files
 from alignerf.start import claims, folders
 
 log = logging.getLogger("alignerf")
@@ -28,11 +28,17 @@ OTHER_NAME = {
         'make photos FOLDER=... PHOTOS="--name other"',
         "why-blurry photos ... --name other",
     ),
+    "poses": (
+        'make poses FOLDER=... POSES="--name other"',
+        "why-blurry poses ... --name other",
+    ),
     "judge": (
         'make judge PHOTOS=... RENDERS=... JUDGE="--name other"',
         "why-blurry judge --photos ... --renders ... --name other",
     ),
 }
+# What `make poses` has written, and of which folder.
+ADJUSTED = "adjusted/report.json"
 # How a folder of photos is given: by make, and to the installed command.
 PHOTOS = ("make photos FOLDER={}", "why-blurry photos {}")
 
@@ -59,12 +65,7 @@ def say_where(path, config, folder, *, by="photos"):
     by: a key of OTHER_NAME. Raises ValueError, before anything is written, where what
     is there is of other inputs or another command, or lies in a user's folder.
     """
-    other_name = provenance.typed(*OTHER_NAME[by])
-    # A run by Snakemake itself leaves its own.
-    folders_of = [Path("results", name) for name in config["scenes"]]
-    before = [one / "config.yaml" for one in folders_of if owned.is_marked(one)]
-    for one in [path] if path.exists() else filter(Path.exists, before):
-        check_same(one, read(one), config, f"Give another name: {other_name}")
+    check_before(path, config, by)
     if path.exists() and not is_untouched(path):
         there = read(path)
         if differing := sorted(kept(config, there)):
@@ -80,6 +81,21 @@ def say_where(path, config, folder, *, by="photos"):
     with atomic.replace_file(path) as temporary:
         temporary.write_text(head + text, encoding="utf-8")
     print(f"config: {path}")
+
+
+def check_before(path, config, by):
+    """ValueError where results are there already, of other inputs than a config's."""
+    instead = f"Give another name: {provenance.typed(*OTHER_NAME[by])}"
+    # Runs leave what a config came to, also those by Snakemake itself.
+    places = [Path("results", name) for name in config["scenes"]]
+    before = [one / "config.yaml" for one in places if owned.is_marked(one)]
+    for one in filter(Path.exists, [path, *before]):
+        check_same(one, read(one), config, instead)
+    for name, place in zip(config["scenes"], places, strict=True):
+        report = place / ADJUSTED
+        if by == "poses" and report.is_file():
+            of = json_files.read(report).get("of")
+            check_same(report, {"scenes": {name: {"path": of}}}, config, instead)
 
 
 def kept(asked, there):
@@ -111,9 +127,9 @@ def check_same(path, there, config, instead):
             kinds = ("renders that are judged", "photos to be trained on")
             of, to = kinds if "renders" in told else kinds[::-1]
             raise ValueError(f"{path}: scene {name} is of {of}, not of {to}. {instead}")
-        for key in [key for key in told if key in now]:
-            if os.path.realpath(told[key]) != os.path.realpath(now[key]):
-                fault = f"{told[key]}, not of {now[key]}"
+        for key, own in told.items():
+            if key not in now or os.path.realpath(own) != os.path.realpath(now[key]):
+                fault = f"{own}, not of {now.get(key, f'no {key}')}"
                 raise ValueError(f"{path}: scene {name} is of {fault}. {instead}")
 
 

@@ -27,7 +27,7 @@ def main(argv=None):
     print(f"config: {faults.one_line(str(path))}", flush=True)
     overrides = [f"export_width_px={args.width}"] if args.width else []
     named = None if path == targets.DEMO else path
-    with claims.held(path.stem):
+    with claims.held(path.stem, *scenes):
         code = workflow.run(named, args.cores, "export", overrides=overrides)
     if code:
         sys.exit(code)

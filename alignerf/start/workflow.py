@@ -6,6 +6,7 @@ its jobs print.
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from alignerf.files import yaml_files
 from alignerf.start.terminal import events, report, screen
 
 LOGS, KEPT = Path("results/logs"), 10
+OURS = re.compile(r"run-\d{8}-\d{6}-\d+\.log")
 # Targets after which nobody waits for a verdict.
 WITHOUT_VERDICT = {("export",)}
 
@@ -93,7 +95,8 @@ def loud(command):
 def log_file():
     """A new file for all that a run prints; of earlier ones the last few stay."""
     LOGS.mkdir(parents=True, exist_ok=True)
-    for old in sorted(LOGS.glob("run-*.log"))[: 1 - KEPT]:
+    ours = sorted(path for path in LOGS.iterdir() if OURS.fullmatch(path.name))
+    for old in ours[: 1 - KEPT]:
         old.unlink(missing_ok=True)
     return LOGS / f"run-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.log"
 

@@ -30,6 +30,8 @@ def poses(e):
     what = "corrected before training" if m.applied else "an export corrects them"
     if not (m.applied or e.judged):
         what = "a method with adjust: true, or poses: adjusted, corrects them"
+    if e.pairs.stops:
+        what = "matches between photos say so"
     off = f"{length(m.pose_error_px)} of the photo (worst view {length(m.worst_px)})"
     verb = "were" if m.applied else "are"
     return [f"Poses {verb} off by {off}: {what}. Held-out matches: {change}."]

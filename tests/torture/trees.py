@@ -115,6 +115,9 @@ def made_before(folder, rng):
             write(folder / name, b"ours")
             if rng.random() < 0.3:
                 (folder / name / "inside.txt").write_text("mine")
+            if rng.random() < 0.1:
+                (folder / name / owned.MARK).unlink()
+                (folder / name / "v00.png").write_bytes(b"mine")
 
 
 def write(folder, content):

@@ -4,6 +4,7 @@ A user's files are read, and never changed: no path of a config lies in or above
 folder, and one that is there has this program's mark.
 """
 
+import contextlib
 import os
 from pathlib import Path
 
@@ -41,11 +42,16 @@ def claim(scenes, replaced, results="results"):
 
     replaced: folders that jobs write as a whole. ValueError for a user's file in one.
     """
-    for folder in replaced:
-        owned.check_replaced(folder)
-    for folder in (Path(results, scene) for scene in scenes):
-        if not is_stored(folder):
-            owned.claim(folder)
+    for scene in scenes:
+        folder = Path(results, scene)
+        if is_stored(folder):
+            continue
+        owned.claim(folder)
+        # What all is the program's by an empty mark may be of a version without marks.
+        if (folder / owned.MARK).stat().st_size:
+            for one in replaced:
+                if folder in Path(one).parents:
+                    owned.check_replaced(one)
 
 
 def is_stored(folder):
@@ -61,16 +67,24 @@ def check_apart(config, results="results"):
 
 def check_reads(paths, written):
     """The same of {key: path} and folders. Real paths count, as links lead to them."""
-    for key, path in paths.items():
+    every = [(k, one) for k, path in paths.items() if path for one in with_links(path)]
+    for key, path in every:
         for folder in written:
-            inside = path and lies_in(path, folder)
-            if inside or (path and lies_in(folder, path)):
+            inside = lies_in(path, folder)
+            if inside or lies_in(folder, path):
                 where = "lies in" if inside else "holds"
                 fault(
                     key,
                     f"{path} {where} {folder}, which this run writes: give results "
-                    "another name, or run it from another folder",
+                    "another name (--name), or run it from another folder",
                 )
+
+
+def with_links(path):
+    """A path, and the links in a folder: each leads to a file that is read."""
+    yield path
+    with contextlib.suppress(OSError), os.scandir(path) as inside:
+        yield from (one.path for one in inside if one.is_symlink())
 
 
 def paths_of(config):

@@ -22,7 +22,7 @@ MOST_BY_CLOCK = 0.95
 ASK_EVERY_S, ASK_TIMES = 5.0, 100.0
 # Lines of the log that are shown where no job has failed.
 LAST_LINES = 40
-LOCKED = "another run is at work in this folder. If none is, one was killed, and:"
+LOCKED = "another run is at work in this folder, or one was killed. Then type:"
 NAME_WIDTH, WIDTH = 62, 94
 # Of one job.
 MOST_WARNINGS = 5

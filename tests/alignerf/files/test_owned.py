@@ -1,6 +1,7 @@
 """Marks: whose a folder is, and which files in it are a user's."""
 
 import os
+import shutil
 
 import pytest
 
@@ -33,9 +34,12 @@ def test_a_folder_with_files_and_no_mark_is_a_user_s(tmp_path):
     with pytest.raises(ValueError, match=says):
         write(mine, a="ours")
     assert sorted(os.listdir(mine)) == [".DS_Store", "deep"]
-    # As the message says.
+    # As the message says: then all there is is ours.
     (mine / owned.MARK).touch()
     owned.claim(mine)
+    assert owned.others(mine) == []
+    write(mine, a="ours")
+    assert content(mine) == {"a": "ours"}
 
 
 def test_what_is_replaced_and_what_stays(tmp_path):
@@ -64,6 +68,72 @@ def test_a_user_s_file_under_a_new_name_is_not_overwritten(tmp_path):
     with pytest.raises(ValueError, match="out/b: not of this program: move it away"):
         write(out, a="2", b="2")
     assert content(out) == {"a": "1", "b": "mine"}
+
+
+@pytest.mark.parametrize("kind", ["file", "link", "lost link"])
+def test_what_stands_in_the_way_of_a_folder(tmp_path, kind):
+    """Nothing is written through a user's link, nor moved before that is said."""
+    out, mine = tmp_path / "out", tmp_path / "mine"
+    mine.mkdir()
+    (mine / "b").write_text("mine")
+    write(out, a="1")
+    if kind == "file":
+        (out / "deep").write_text("mine")
+    else:
+        (out / "deep").symlink_to(mine if kind == "link" else tmp_path / "gone")
+    fresh = tmp_path / "fresh"
+    (fresh / "deep").mkdir(parents=True)
+    (fresh / "deep" / "b").write_text("2")
+    with pytest.raises(ValueError, match="out/deep: not of this program"):
+        atomic.move(fresh, out)
+    assert (out / "a").read_text() == "1"
+    assert (mine / "b").read_text() == "mine"
+
+
+def test_a_folder_in_the_place_of_a_file(tmp_path):
+    out = tmp_path / "out"
+    write(out, a="1")
+    (out / "b").mkdir()
+    (out / "b" / "mine").write_text("mine")
+    with pytest.raises(ValueError, match="out/b: not of this program"):
+        write(out, a="2", b="2")
+    assert (out / "a").read_text() == "1"
+
+
+def test_a_link_in_the_place_of_our_file_is_a_user_s(tmp_path):
+    out, mine = tmp_path / "out", tmp_path / "mine"
+    mine.write_text("mine")
+    write(out, a="1", b="1")
+    (out / "a").unlink()
+    (out / "a").symlink_to(mine)
+    with pytest.raises(ValueError, match="out/a: not of this program"):
+        write(out, a="2")
+    write(out, b="2")
+    assert (out / "a").is_symlink()
+    assert mine.read_text() == "mine"
+
+
+def test_a_copied_mark_takes_nothing(tmp_path):
+    """A user has copied our folder into itself: the outermost mark counts."""
+    out = tmp_path / "out"
+    write(out, a="1")
+    shutil.copytree(out, out / "copy")
+    assert owned.others(out) == ["copy/a"]
+    write(out, a="2")
+    assert content(out / "copy") == {"a": "1"}
+
+
+def test_a_folder_without_a_mark_is_a_user_s_wherever_it_lies(tmp_path):
+    owned.claim(tmp_path / "scene")
+    images = tmp_path / "scene" / "images"
+    images.mkdir()
+    owned.check_replaced(images)
+    (images / "photo.jpg").touch()
+    with pytest.raises(ValueError, match=r"images/photo\.jpg: not of this program"):
+        owned.check_replaced(images)
+    # A file that is to come is noted first.
+    owned.put(images, ["photo.jpg"])
+    owned.check_replaced(images)
 
 
 def test_a_merge_that_was_killed_goes_on(tmp_path, monkeypatch):
@@ -116,7 +186,7 @@ def test_a_user_s_file_in_what_is_removed(tmp_path):
         owned.check_replaced(out)
 
 
-@pytest.mark.parametrize("mark", ["", "{", "[1]", "[[]]", "{}", "\udcff"])
+@pytest.mark.parametrize("mark", ["{", "[1]", "[[]]", "{}", "\udcff"])
 def test_a_broken_mark_lists_nothing(tmp_path, mark):
     write(tmp_path / "out", a="1")
     (tmp_path / "out" / owned.MARK).write_bytes(mark.encode(errors="surrogateescape"))

@@ -65,6 +65,13 @@ def test_a_change_is_named(scene, way):
     assert not (scene / "exported").exists()
 
 
+@pytest.mark.parametrize("told", ["5", "[5]", '["a", 1, "b"]', "null", "[1, 2, 3]"])
+def test_a_damaged_note_is_named(scene, told):
+    (scene / "out/images/originals.json").write_text(f'{{"a.jpg": {told}}}')
+    with pytest.raises(ValueError, match=r"originals\.json: a\.jpg is "):
+        originals.check("out")
+
+
 def test_a_scene_without_a_note_is_as_it_was(scene):
     """As one of an older version."""
     os.unlink("out/images/originals.json")

@@ -63,6 +63,40 @@ def test_other_cameras_are_other_inputs_and_more_are_not(here):
         judge.main([*JUDGE, "--cameras=other.json"])
 
 
+def test_inputs_that_are_dropped_are_others(here):
+    judge.main([*JUDGE, "--cameras=transforms.json"])
+    with pytest.raises(ValueError, match=r"is of transforms\.json, not of no cameras"):
+        judge.main(JUDGE)
+
+
+def test_adjusted_cameras_of_another_folder_stay(here):
+    owned.claim(here / "results/mine")
+    (here / "results/mine/adjusted").mkdir()
+    (here / "results/mine/adjusted/report.json").write_text('{"of": "other"}')
+    cases.transforms(here / "photos/transforms.json")
+    with pytest.raises(
+        ValueError, match=r"report\.json: scene mine is of other, .*--name"
+    ):
+        poses.main(PHOTOS)
+
+
+def test_results_of_two_configs_are_not_mixed(here):
+    """Of several scenes one may have the name of another config's."""
+    (here / "both/mine").mkdir(parents=True)
+    for name in ("mine", "more"):
+        cases.photos(here / "both" / name)
+    photos.main(["both"])
+    owned.claim(here / "results/mine")
+    scene = {"source": "photos", "path": "photos"}
+    (here / "results/mine/config.yaml").write_text(
+        yaml.safe_dump({"scenes": {"mine": scene}})
+    )
+    with pytest.raises(ValueError, match=r"mine/config\.yaml: scene mine is of photos"):
+        photos.main(["both"])
+    with claims.held("mine"), pytest.raises(ValueError, match="results/mine: another"):
+        photos.main(["both"])
+
+
 @pytest.mark.parametrize(
     ("main", "words"),
     [(photos, PHOTOS), (judge, JUDGE), (export, ["mine"]), (poses, PHOTOS)],
@@ -104,7 +138,7 @@ def test_snakemake_s_own_lock_is_looked_at(here, name):
     if name == "other":
         photos.main(PHOTOS)
         return
-    says = r"another run .* one was killed, and: snakemake"
+    says = r"another run .* one was killed. Then type: snakemake"
     with pytest.raises(ValueError, match=says):
         photos.main(PHOTOS)
     assert not (here / "results/mine.yaml").exists()

@@ -132,13 +132,14 @@ def test_who_asks_for_all_gets_all(here, capfd, monkeypatch):
 def test_few_logs_stay(here, monkeypatch):
     workflow.LOGS.mkdir()
     for i in range(workflow.KEPT + 5):
-        (workflow.LOGS / f"run-2020-{i:02d}.log").touch()
-    (workflow.LOGS / "preview.log").touch()
+        (workflow.LOGS / f"run-20200101-1200{i:02d}-7.log").touch()
+    for name in ("preview.log", "run-1.log", "run-my.log"):
+        (workflow.LOGS / name).touch()
     workflow.log_file().touch()
     names = sorted(path.name for path in workflow.LOGS.glob("*"))
-    assert len(names) == workflow.KEPT + 1
-    assert "run-2020-00.log" not in names
-    assert "preview.log" in names
+    assert len(names) == workflow.KEPT + 3
+    assert "run-20200101-120000-7.log" not in names
+    assert {"preview.log", "run-1.log", "run-my.log"} < set(names)
 
 
 def test_commands_are_those_of_the_demo_and_of_a_config():
