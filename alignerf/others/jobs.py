@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from alignerf.experiment.checks import places
-from alignerf.files import faults, provenance
+from alignerf.files import faults, owned, provenance
 from alignerf.others import commands
 
 
@@ -58,7 +58,11 @@ def run(template, job: Job, args, **more) -> float:
         "round": args.training.name.removeprefix("round"),
     }
     words = commands.words_of(template, values | more)
-    return commands.run(words, cores=args.cores)
+    seconds = commands.run(words, cores=args.cores)
+    # What it keeps beside its data, as smaller photos, is no user's.
+    if owned.is_marked(args.data):
+        owned.seal(args.data)
+    return seconds
 
 
 def timing(steps, seconds):

@@ -13,7 +13,7 @@ import logging
 import shutil
 from pathlib import Path
 
-from alignerf.files import atomic, faults
+from alignerf.files import atomic, faults, owned
 from alignerf.others import jobs
 
 log = logging.getLogger("alignerf")
@@ -62,7 +62,8 @@ def train(job: jobs.Job, args) -> float:
 def digest_of(job: jobs.Job, data: Path):
     """SHA-256 of the command, its numbers and all that it learns from."""
     found = hashlib.sha256(json.dumps([job.train, job.seed, job.steps]).encode())
-    for path in sorted(path for path in data.rglob("*") if path.is_file()):
+    names = owned.listed(data) if owned.is_marked(data) else owned.files_of(data)
+    for path in filter(Path.is_file, sorted(data / name for name in names)):
         found.update(str(path.relative_to(data)).encode())
         with open(path, "rb") as file:
             found.update(hashlib.file_digest(file, "sha256").digest())

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from alignerf.files import archives, json_files, provenance
+from alignerf.files import archives, json_files, owned, provenance
 from alignerf.others import jobs
 
 # Writes what it gets where its second word says, and fails if a third is there.
@@ -99,6 +99,18 @@ def test_a_model_stays_until_it_is_done_or_learns_from_something_else(train, tra
     (training / "data" / "transforms.json").write_text('{"frames": []}')
     train("three", more="fail")
     assert said.read_text() == "three\n"
+
+
+def test_what_a_command_keeps_beside_its_data_is_no_user_s(train, training):
+    """As nerfstudio's smaller photos: a stopped run goes on, and they are replaced."""
+    data, said = training / "data", training / "model" / "said"
+    owned.seal(data)
+    train("one", more="fail")
+    (data / "images_2").mkdir()
+    (data / "images_2" / "a.png").touch()
+    assert "{model} is that of a run that was stopped" in train("one")
+    assert said.read_text() == "one\none\n"
+    assert owned.others(data) == []
 
 
 @pytest.mark.parametrize("begun", [None, b"\xff\xfe"])
