@@ -108,8 +108,10 @@ def test_what_a_command_keeps_beside_its_data_is_no_user_s(train, training):
     train("one", more="fail")
     (data / "images_2").mkdir()
     (data / "images_2" / "a.png").touch()
-    assert "{model} is that of a run that was stopped" in train("one")
+    assert "{model} is that of a run that was stopped" in train("one", more="fail")
     assert said.read_text() == "one\none\n"
+    assert owned.others(data) == ["images_2/a.png"]
+    train("two")
     assert owned.others(data) == []
 
 
