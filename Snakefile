@@ -94,7 +94,9 @@ check.or_exit(storages.link, experiment.scenes, rules.config.output[0])
 # What cannot be written to, and what a killed run has half written.
 onstart:
     check.or_exit(results.check_writable, experiment.scenes, experiment.methods)
-    check.or_exit(results.claim, experiment.scenes, targets.replaced(experiment, workflow.dag))
+    check.or_exit(
+        results.claim, experiment.scenes, targets.replaced(experiment, workflow.dag)
+    )
     targets.tidy(experiment.scenes)
 
 
