@@ -94,10 +94,10 @@ check.or_exit(storages.link, experiment.scenes, rules.config.output[0])
 # What cannot be written to, and what a killed run has half written.
 onstart:
     check.or_exit(results.check_writable, experiment.scenes, experiment.methods)
+    targets.tidy(experiment.scenes)
     check.or_exit(
         results.claim, experiment.scenes, targets.replaced(experiment, workflow.dag)
     )
-    targets.tidy(experiment.scenes)
 
 
 # The last lines of a run: what is wrong with each scene, and what to do. Not those of a

@@ -9,15 +9,12 @@ import errno
 import functools
 import os
 import platform
-import re
 import shutil
 import tempfile
 from pathlib import Path
 
 from alignerf.files import owned
 
-# Behind a temporary name's own part: `.model.~host~123~abc.msgpack`.
-OWNER = re.compile(r"\.[^/]*~(?P<host>[^~/]*)~(?P<process>\d+)~[^/]*\Z")
 # Errors of writing that do not say which file.
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
@@ -156,7 +153,7 @@ def sweep(folder):
 
 def is_left_behind(name):
     """Whether a name is that of a temporary file whose process is no more."""
-    owner = OWNER.match(name)
+    owner = owned.TEMPORARY.match(name)
     if not owner or owner["host"] != machine():
         return False
     try:

@@ -8,12 +8,15 @@ all there is for the program's.
 
 import json
 import os
+import re
 from pathlib import Path
 
 from alignerf.files import faults, json_files
 
 MARK = ".why-blurry"
 # What systems and the workflow engine put into any folder.
+# What the program is writing, or has half written (`atomic`): `.model.~host~123~abc`.
+TEMPORARY = re.compile(r"\.[^/]*~(?P<host>[^~/]*)~(?P<process>\d+)~[^/]*\Z")
 JUNK = {MARK, ".DS_Store", "Thumbs.db", "desktop.ini", ".snakemake_timestamp"}
 
 
@@ -73,9 +76,10 @@ def listed(folder):
 def files_of(folder):
     """Relative paths of the files of a folder and below; a link counts as one."""
     for root, inner, names in os.walk(folder):
+        inner[:] = [name for name in inner if not TEMPORARY.match(name)]
         links = [name for name in inner if os.path.islink(os.path.join(root, name))]
         for name in [*names, *links]:
-            if name not in JUNK:
+            if name not in JUNK and not TEMPORARY.match(name):
                 yield os.path.relpath(os.path.join(root, name), folder)
 
 
@@ -85,6 +89,8 @@ def others(folder):
         return sorted(set(files_of(folder)) - listed(folder))
     found = []
     for one in os.scandir(folder) if os.path.isdir(folder) else ():
+        if TEMPORARY.match(one.name):
+            continue
         if one.is_dir(follow_symlinks=False):
             found += [os.path.join(one.name, name) for name in others(one.path)]
         elif one.name not in JUNK:

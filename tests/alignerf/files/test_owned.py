@@ -123,6 +123,18 @@ def test_a_copied_mark_takes_nothing(tmp_path):
     assert content(out / "copy") == {"a": "1"}
 
 
+def test_what_is_half_written_is_no_user_s(tmp_path):
+    """As a killed process leaves it, beside what is whole."""
+    renders = tmp_path / "renders"
+    write(renders / "train", a="1")
+    half = renders / atomic.temporary_prefix("test")
+    half.mkdir()
+    (half / "b").touch()
+    (renders / "train" / f"{atomic.temporary_prefix('c')}.png").touch()
+    owned.check_replaced(renders)
+    assert owned.others(renders / "train") == []
+
+
 def test_a_folder_without_a_mark_is_a_user_s_wherever_it_lies(tmp_path):
     owned.claim(tmp_path / "scene")
     images = tmp_path / "scene" / "images"
