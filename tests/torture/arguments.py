@@ -14,6 +14,7 @@ import shutil
 import sys
 from typing import NamedTuple
 
+from alignerf.files import owned
 from tests import judged_cases
 from tests.torture import running, stages
 
@@ -237,7 +238,8 @@ def of_files(case, before, after, place):
 
 
 def is_hidden(name):
-    """Whether it is a temporary file or folder, or in one; caches are none."""
+    """Whether it is a temporary file or folder, or in one; caches and marks are none."""
+    name = name.removesuffix(owned.MARK)
     found = (part for part in name.split("/") if part.startswith("."))
     return next(found, None) not in (None, ".jax_cache", ".cache", ".config")
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from alignerf.files import owned
 from tests import judged_cases
 from tests.torture import stages
 
@@ -187,5 +188,5 @@ def leftovers(chain):
     return sorted(
         path
         for path in stages.hidden(chain.folder)
-        if "snakemake_timestamp" not in path
+        if os.path.basename(path) not in owned.JUNK
     )
