@@ -238,7 +238,7 @@ def of_files(case, before, after, place):
 
 
 def is_hidden(name):
-    """Whether it is a temporary file or folder, or in one; caches and marks are none."""
+    """Whether it is a temporary file or folder, or in one; no cache and no mark."""
     name = name.removesuffix(owned.MARK)
     found = (part for part in name.split("/") if part.startswith("."))
     return next(found, None) not in (None, ".jax_cache", ".cache", ".config")
