@@ -52,10 +52,11 @@ def program(command):
 def read(path):
     """A config that is there. ValueError, naming it, where it is none."""
     content = yaml_files.read(path)
+    instead = "move it away, or give another name (--name)"
     if not isinstance(content, dict):
-        raise ValueError(f"{path}: not a config: remove it, and it is written anew")
+        raise ValueError(f"{path}: not a config: {instead}")
     if not isinstance(content.get("scenes"), dict):
-        raise ValueError(f"{path}: no scenes in it: remove it, and it is written anew")
+        raise ValueError(f"{path}: no scenes in it: {instead}")
     return content
 
 
