@@ -120,8 +120,7 @@ def verdicts(scenes, export="", results="results"):
             found = of_verdict.read(path)
             said = [f"  {faults.one_line(line)}" for line in found["verdict"]]
             lines += ["", scene, *said]
-            pairs = found.get("evidence", {}).get("pairs", {})
-            useful |= not pairs.get("stops")
+            useful |= not of_verdict.stops(found)
             if Path(page_of(scene, results)).is_file():
                 lines.append(f"  Page: {page_of(scene, results)}")
     if useful and export:
@@ -170,17 +169,13 @@ def replaced(experiment, dag):
     Of `rounds: auto` the later rounds are planned in the middle of a run.
     """
     outputs = (file for job in dag.needrun_jobs() for file in job.output)
-    found = [file for file in outputs if file.is_directory and not is_updated(file)]
+    # What is updated its job finds as it is, and puts its own files into.
+    found = [f for f in outputs if f.is_directory and not f.flags.get("update")]
     for name, method in experiment.methods.items():
         if method["rounds"] == "auto":
             every = Path("results").glob(f"*/{name}/round*/*")
             found += [one for one in every if one.name in layout.FOLDERS]
     return found
-
-
-def is_updated(file):
-    """Whether a job finds its output as it is, and puts its own files into it."""
-    return bool(file.flags.get("update"))
 
 
 def tidy(scenes):

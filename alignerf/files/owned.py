@@ -14,10 +14,13 @@ from pathlib import Path
 from alignerf.files import faults, json_files
 
 MARK = ".why-blurry"
-# What systems and the workflow engine put into any folder.
+# A mark that is being written.
+FRESH = f"{MARK}.new"
 # What the program is writing, or has half written (`atomic`): `.model.~host~123~abc`.
 TEMPORARY = re.compile(r"\.[^/]*~(?P<host>[^~/]*)~(?P<process>\d+)~[^/]*\Z")
-JUNK = {MARK, ".DS_Store", "Thumbs.db", "desktop.ini", ".snakemake_timestamp"}
+# Marks, and what systems and the workflow engine put into any folder.
+JUNK = {MARK, FRESH, ".snakemake_timestamp"}
+JUNK |= {".DS_Store", "Thumbs.db", "desktop.ini"}
 
 
 def check(folder):
@@ -54,18 +57,23 @@ def seal(folder):
 
 def write_mark(folder, names):
     """Whole or not at all: an empty one says another thing."""
-    fresh = Path(folder) / f"{MARK}.new"
+    fresh = Path(folder) / FRESH
     fresh.write_text(json.dumps(sorted(names)))
     os.replace(fresh, Path(folder) / MARK)
 
 
+def takes_all(folder):
+    """Whether an empty mark takes all there is in a folder for the program's."""
+    return is_marked(folder) and (Path(folder) / MARK).stat().st_size == 0
+
+
 def listed(folder):
     """Relative paths of those files of a folder that its mark lists."""
-    there, mark = set(files_of(folder)), Path(folder) / MARK
-    if is_marked(folder) and mark.stat().st_size == 0:
+    there = set(files_of(folder))
+    if takes_all(folder):
         return there
     try:
-        said = json_files.read_list(mark)
+        said = json_files.read_list(Path(folder) / MARK)
     except (OSError, ValueError):
         return set()
     # It could list anything, and what is listed is removed.

@@ -152,7 +152,8 @@ def grey(image):
 
 def detail(image):
     """What a blur by a pixel takes from a picture's luminance [h, w]."""
-    return grey(image) - cv2.GaussianBlur(grey(image), (0, 0), 1.0)
+    values = grey(image)
+    return values - cv2.GaussianBlur(values, (0, 0), 1.0)
 
 
 def light(values):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import jinja2
 
+from alignerf.experiment.checks import verdict as of_verdict
 from alignerf.experiment.tables import json_rows, rows
 from alignerf.files import atomic, faults, provenance
 from alignerf.page import (
@@ -56,7 +57,7 @@ def render(folder, *, rounds, base, others=None, windows=NOTHING, moved=NOTHING[
     folder, base = Path(folder), Path(base)
     scene, verdict = faults.resolved(folder).name, told.read(folder)
     facts, export = contents.facts(folder), provenance.export_command()
-    if (verdict["evidence"].get("pairs") or {}).get("stops"):
+    if of_verdict.stops(verdict):
         # What is taken from pairs that are none helps nobody.
         export = None
     limit_px = pictures.limit_of(verdict["evidence"])

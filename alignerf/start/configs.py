@@ -66,7 +66,7 @@ def say_where(path, config, folder, *, by="photos"):
     by: a key of OTHER_NAME. Raises ValueError, before anything is written, where what
     is there is of other inputs or another command, or lies in a user's folder.
     """
-    check_before(path, config, by)
+    check_there(path, config, by)
     if path.exists() and not is_untouched(path):
         there = read(path)
         if differing := sorted(kept(config, there)):
@@ -84,7 +84,7 @@ def say_where(path, config, folder, *, by="photos"):
     print(f"config: {path}")
 
 
-def check_before(path, config, by):
+def check_there(path, config, by):
     """ValueError where results are there already, of other inputs than a config's."""
     instead = f"Give another name: {provenance.typed(*OTHER_NAME[by])}"
     # Runs leave what a config came to, also those by Snakemake itself.

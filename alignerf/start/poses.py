@@ -71,7 +71,7 @@ def adjust(name, config, args):
     of_results.check_reads({f"scenes.{name}.path": config["path"]}, [place])
     with claims.held(name):
         owned.check(place)
-        configs.check_before(Path(f"{place}.yaml"), {"scenes": {name: config}}, "poses")
+        configs.check_there(Path(f"{place}.yaml"), {"scenes": {name: config}}, "poses")
         write_adjusted(name, place, config, args)
 
 

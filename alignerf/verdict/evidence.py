@@ -142,13 +142,9 @@ def gather(
     poses, timing: contents of poses.json and of the reference's timing.json. overfit:
     CSV of the flow invented between images that belong to one another, or None.
     windows: the two folders of `windows.read`. of_judged: a `judged.Judged`, of a scene
-    of another program's renders; such a scene may lack the views of a split. Pairs that
-    are none are left out, unless there are too many of them.
+    of another program's renders; such a scene may lack the views of a split.
     """
-    main = [v.view for v in seen.rows if v.split == "train"] or list(seen.pairs)
-    checked = pairs.check(seen.pairs, main)
-    bad = () if checked.stops else checked.faults
-    rows = [view for view in seen.rows if view.view not in bad]
+    checked, rows = held(seen)
     of_split = {
         split: [v for v in rows if v.split == split] for split in ("train", "test")
     }
@@ -197,6 +193,17 @@ def gather(
         matches=of_matches(poses),
         pairs=checked,
     )
+
+
+def held(seen: Seen):
+    """(`pairs.Checked`, the rows that are told by).
+
+    Pairs that are none are left out, unless there are too many of them.
+    """
+    main = [v.view for v in seen.rows if v.split == "train"] or list(seen.pairs)
+    checked = pairs.check(seen.pairs, main)
+    bad = () if checked.stops else checked.faults
+    return checked, [view for view in seen.rows if view.view not in bad]
 
 
 def of_matches(poses):

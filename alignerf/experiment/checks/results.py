@@ -47,8 +47,8 @@ def claim(scenes, replaced, results="results"):
         if is_stored(folder):
             continue
         owned.claim(folder)
-        # What all is the program's by an empty mark may be of a version without marks.
-        if (folder / owned.MARK).stat().st_size:
+        # Results of a version without marks have them nowhere inside.
+        if not owned.takes_all(folder):
             for one in replaced:
                 if folder in Path(one).parents:
                     owned.check_replaced(one)
@@ -67,7 +67,12 @@ def check_apart(config, results="results"):
 
 def check_reads(paths, written):
     """The same of {key: path} and folders. Real paths count, as links lead to them."""
-    every = [(k, one) for k, path in paths.items() if path for one in with_links(path)]
+    # Crops have the photos of their scene: each path is looked at once.
+    first = {}
+    for key, path in paths.items():
+        if path:
+            first.setdefault(path, key)
+    every = [(k, one) for path, k in first.items() for one in with_links(path)]
     for key, path in every:
         for folder in written:
             inside = lies_in(path, folder)
@@ -81,10 +86,19 @@ def check_reads(paths, written):
 
 
 def with_links(path):
-    """A path, and the links in a folder: each leads to a file that is read."""
+    """A path, and links in a folder, which lead to what is read; one for each folder.
+
+    There may be a link for each of thousands of photos.
+    """
     yield path
+    places = {}
     with contextlib.suppress(OSError), os.scandir(path) as inside:
-        yield from (one.path for one in inside if one.is_symlink())
+        for one in inside:
+            if one.is_symlink():
+                real = os.path.realpath(one.path)
+                place = real if os.path.isdir(real) else os.path.dirname(real)
+                places.setdefault(place, one.path)
+    yield from places.values()
 
 
 def paths_of(config):

@@ -26,5 +26,11 @@ def read(path, kinds=None, **parts):
     return content
 
 
+def stops(content):
+    """Whether pairs of photo and render that are none have stopped a verdict."""
+    pairs = (content.get("evidence") or {}).get("pairs") or {}
+    return bool(pairs.get("stops"))
+
+
 def listed(value):
     return value if isinstance(value, list) else [value]

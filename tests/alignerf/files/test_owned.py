@@ -131,6 +131,7 @@ def test_what_is_half_written_is_no_user_s(tmp_path):
     half.mkdir()
     (half / "b").touch()
     (renders / "train" / f"{atomic.temporary_prefix('c')}.png").touch()
+    (renders / "train" / owned.FRESH).touch()
     owned.check_replaced(renders)
     assert owned.others(renders / "train") == []
 
