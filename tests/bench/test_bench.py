@@ -7,18 +7,21 @@ import math
 import os
 import time
 
+import cv2
 import jax
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
 
-from alignerf.experiment import check, schema, sources
+from alignerf.experiment import check, jobs, schema, sources
 from alignerf.experiment.keys import model as model_keys
 from alignerf.scenes import cameras
 from alignerf.training import compose
 from tests.bench import (
     cases,
+    deepflow,
+    finer_trainings,
     job,
     measure,
     multinerf,
@@ -249,3 +252,25 @@ def test_gains_on_the_way_are_over_plain_training_of_as_many_steps():
     assert (twice["budget"], twice["remedy"]) == (2, "aligned on the way")
     assert twice["both_db"] == table.loc[(2.0, "aligned"), "equal_db"]
     assert math.isnan(twice["nothing_db"])
+
+
+def test_deepflow_of_the_main_modules_is_opencvs():
+    rng = np.random.default_rng(0)
+    grey = cv2.GaussianBlur(rng.uniform(0, 255, (60, 84)), (0, 0), 2)
+    grey = cv2.normalize(grey, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
+    pair = grey[:, 2:], grey[:, :-2]
+    found = deepflow.DeepFlow().calc(*pair, None)
+    theirs = cv2.optflow.createOptFlow_DeepFlow().calc(*pair, None)
+    assert np.median(theirs[..., 0]) == pytest.approx(2, abs=0.2)
+    np.testing.assert_allclose(found, theirs, atol=0.01)
+
+
+@pytest.mark.parametrize("method", finer_trainings.METHODS)
+def test_finer_trainings_are_the_workflows(method):
+    text = finer_trainings.job_of(method, 3, 50, 64, None)
+    trained = jobs.parse(json.loads(text))
+    assert (trained.seed, trained.steps, trained.rays_per_step) == (3, 50, 64)
+    assert bool(trained.align) == (method == "aligned")
+    assert bool(trained.refine) == (method == "learnt")
+    decided = finer_trainings.job_of(method, 3, 50, 64, "decisions.json")
+    assert json.loads(decided)["model"]["decided"]
