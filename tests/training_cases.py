@@ -119,7 +119,8 @@ def start(method, steps=50, **options):
     )
     params = jax.jit(method.init)(jax.random.key(0))
     state = train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))
-    options = {"gradient_norm": None, "seed": 0} | options
+    options = {"gradient_norm": None} | options
+    seed = options.pop("seed", 0)
     step = train_step.make_step(method, lambda schedule: optimizer, **options)
-    schedule = train_step.Schedule(jnp.int32(steps), jnp.int32(5))
+    schedule = train_step.Schedule(jnp.int32(steps), jnp.int32(5), jnp.uint32(seed))
     return state, functools.partial(step, schedule=schedule)

@@ -19,7 +19,8 @@ from alignerf.training import step as train_step
 
 log = logging.getLogger("alignerf")
 
-SCALARS = train_step.Schedule(*[jax.ShapeDtypeStruct((), jnp.int32)] * 2)
+KINDS = train_step.Schedule(jnp.int32, jnp.int32, jnp.uint32)
+SCALARS = train_step.Schedule(*(jax.ShapeDtypeStruct((), kind) for kind in KINDS))
 
 
 class Program(NamedTuple):
@@ -48,7 +49,7 @@ def build(job, method, params, views, *, micro_batches=None, to_come=0) -> Progr
     start = time.perf_counter()
     optimizer_of = functools.partial(make_optimizer, job)
     # What it keeps does not depend on how long a training is.
-    optimizer = optimizer_of(train_step.Schedule(1, 0))
+    optimizer = optimizer_of(train_step.Schedule(1, 0, 0))
     mesh = gradients.make_mesh(
         method.units, jax.devices(), all_of_them=rank.are_several()
     )
@@ -114,14 +115,16 @@ def make_optimizer(job, schedule):
         hold_share=job.training.hold_share,
         cameras=job.refine,
         native=calls.use(job.training.kernels),
-        **schedule._asdict(),
+        steps=schedule.steps,
+        warmup_steps=schedule.warmup_steps,
     )
 
 
 def schedule_of(job, mesh=None) -> train_step.Schedule:
     """The schedule of a job whose steps are known, placed as a step takes it."""
-    schedule = train_step.Schedule(job.schedule_steps, job.warmup_steps)
-    return devices.place(train_step.Schedule(*map(jnp.int32, schedule)), mesh)
+    numbers = job.schedule_steps, job.warmup_steps, job.seed
+    scalars = [kind(number) for kind, number in zip(KINDS, numbers, strict=True)]
+    return devices.place(train_step.Schedule(*scalars), mesh)
 
 
 def first_micro_batches(job, method, mesh, micro_batches=None) -> int:
@@ -163,7 +166,6 @@ def compile_step(
             method,
             optimizer_of,
             gradient_norm=job.training.gradient_norm,
-            seed=job.seed,
             micro_batches=micro_batches,
             mesh=mesh,
         )

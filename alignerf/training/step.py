@@ -24,13 +24,15 @@ class State(NamedTuple):
 
 
 class Schedule(NamedTuple):
-    """How long a training is: an input of the compiled step, int32 scalars.
+    """How long a training is, and its seed: inputs of the compiled step, scalars.
 
-    With a budget it is known only when the compiled step has been timed.
+    With a budget its length is known only when the compiled step has been timed; and
+    trainings that differ in their seed alone share a compiled program.
     """
 
-    steps: Any
+    steps: Any  # int32, as warmup_steps
     warmup_steps: Any
+    seed: Any  # uint32
 
 
 def inverse(count) -> jax.Array:
@@ -198,7 +200,7 @@ def draw(method, views, step, *, steps, seed):
     return method.draw(jax.random.key(seed), step, views), share
 
 
-def make_step(method, optimizer_of, *, gradient_norm, seed, micro_batches=1, mesh=None):
+def make_step(method, optimizer_of, *, gradient_norm, micro_batches=1, mesh=None):
     """The jitted step: (state, views, Schedule) -> (state, numbers to show).
 
     optimizer_of(Schedule) is the optimizer; what it keeps does not depend on that.
@@ -207,7 +209,8 @@ def make_step(method, optimizer_of, *, gradient_norm, seed, micro_batches=1, mes
     """
 
     def step(state, views, schedule):
-        drawn = draw(method, views, state.step, steps=schedule.steps, seed=seed)
+        length = {"steps": schedule.steps, "seed": schedule.seed}
+        drawn = draw(method, views, state.step, **length)
         (loss, shown), grads = gradients.mean(
             method.terms, state.params, *drawn, micro_batches=micro_batches, mesh=mesh
         )
