@@ -17,7 +17,7 @@ SOURCES = {
 # Lowest first. A folder imports itself and folders of lower floors, nothing else.
 FLOORS = [
     {"alignerf.files"},
-    {"alignerf.kernels"},
+    {"alignerf.kernels", "alignerf.keypoints"},
     {"alignerf.mipnerf360"},
     {"alignerf.experiment", "alignerf.processes", "alignerf.networks"},
     {

@@ -71,11 +71,15 @@ def of_matches(arrays, checked, work, seed) -> pycolmap.Reconstruction:
     else:
         _, seen = capture.triangulated(checked, work, seed)
         cameras = checked.given
-    straight = calibration.undistorted(checked.matches, cameras)
     model = triangulate.model_of(arrays)
     # Px of the matches in those of pinholes whose lens was undone.
     to_views = np.linalg.inv(arrays["pixtocams"]) @ cameras.pixtocams
-    for view, xy in enumerate(straight.keypoints):
+    lenses = zip(cameras.camtopix, cameras.distortion, strict=True)
+    for view, lens in enumerate(lenses):
+        # Those that are aligned are no longer the matches'.
+        points = seen.images[view + 1].points2D if view + 1 in seen.images else []
+        xy = np.array([point.xy for point in points]).reshape(-1, 2)
+        xy = calibration.pinhole_points(xy, *lens)
         moved = xy @ to_views[view, :2, :2].T + to_views[view, :2, 2]
         places = [pycolmap.Point2D(one) for one in moved]
         model.images[view + 1].points2D = pycolmap.Point2DList(places)

@@ -9,11 +9,13 @@ import logging
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 import pycolmap
 from jaxtyping import Float, UInt8
 
 from alignerf.files import faults
+from alignerf.keypoints import refine
 from alignerf.scenes import cameras, photos, prepare
 from alignerf.scenes.capture import canvas, ingest, mapping
 
@@ -47,6 +49,8 @@ class Reconstruction(NamedTuple):
     camera_model: str
     of_colmap: pycolmap.Reconstruction
     """COLMAP's own, of the images that it saw."""
+    keypoints: dict | None = None
+    """What is told of keypoints that were aligned; None where none were to be."""
 
     def of_size(self, scale):
         """The reconstruction of photos resized by `scale` [n, 2]: width, height."""
@@ -119,6 +123,7 @@ def pose_folder(
     where,
     background=None,
     masks=None,
+    refine_keypoints=False,
 ):
     """Posed, undistorted views of a folder of photos as they were taken.
 
@@ -146,6 +151,8 @@ def pose_folder(
         seed=seed,
         where=where,
     )
+    if refine_keypoints:
+        model = refined(model, taken, seed)
     place = {name: i for i, name in enumerate(taken.names)}
     kept = [place[name] for name in model.names]
     sizes = [taken.sizes[i] for i in kept]
@@ -159,6 +166,7 @@ def pose_folder(
         camtopix=model.camtopix,
         distortion=model.distortion,
         camera_of=np.array(model.camera_of),
+        sizes=np.array(sizes),
     )
     if model.left_out:
         log.warning("COLMAP left out %s", faults.some_names(model.left_out))
@@ -174,6 +182,27 @@ def pose_folder(
         where=where,
     )
     return views._replace(points=(model.points, model.colours)), model, taken
+
+
+def refined(model: Reconstruction, taken: ingest.Taken, seed) -> Reconstruction:
+    """The model by keypoints that are aligned in the photos at their own size."""
+    place = {name: i for i, name in enumerate(taken.names)}
+    own, photos_of, times = model.of_colmap, {}, []
+    for number, image in own.images.items():
+        i = place[image.name.removesuffix(".png")]
+        photos_of[number] = lambda i=i: cv2.cvtColor(taken.load(i), cv2.COLOR_RGB2GRAY)
+        times.append(max(taken.sizes[i]) / max(taken.copy_sizes[i]))
+    bends = any(lens(c.model.name, c.params)[1].any() for c in own.cameras.values())
+    finer, told = refine.refine(
+        own,
+        photos_of,
+        free="lens" if bends else "focal",
+        more=("centre",),
+        seed=seed,
+        photo_px=float(np.median(times)),
+    )
+    names = [*model.names, *model.left_out]
+    return convert(finer, names, models=model.models)._replace(keypoints=told)
 
 
 def write_model(model: Reconstruction, folder, sizes, files):

@@ -14,6 +14,7 @@ import pycolmap
 from jaxtyping import Float, UInt8
 
 from alignerf.files import progress
+from alignerf.keypoints import refine
 from alignerf.scenes import cameras, colmap
 from alignerf.scenes.capture import mapping
 from alignerf.scenes.capture import triangulate as of_given
@@ -77,6 +78,7 @@ class Adjusted(NamedTuple):
     placed: list[int]
     carried: list[int]
     model: pycolmap.Reconstruction
+    free: str = ""
 
 
 def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None):
@@ -125,7 +127,29 @@ def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None
         raise TooFewError(share)
     now, points, moved = in_frame_of(given, state.cameras, points, weak)
     move(model, moved)
-    return Adjusted(now, points, placed, weak, model)
+    return Adjusted(now, points, placed, weak, model, free)
+
+
+def finer(found: Adjusted, matches, given: Cameras, photos, *, lens, seed, photo_px):
+    """(`Adjusted` by keypoints that are aligned in photos, what is told of it).
+
+    photos: of each view a function that reads it, grey, at its own size. lens: whether
+    the principal point may move too. photo_px: px of the photo in one of the matches.
+    """
+    model, told = refine.refine(
+        found.model,
+        {view + 1: photo for view, photo in enumerate(photos)},
+        free=found.free,
+        more=("focal",) * (not found.free) + ("centre",) * lens,
+        seed=seed,
+        photo_px=photo_px,
+    )
+    if not told["accepted"]:
+        return found, told
+    now, points = cameras_of(model, found.cameras), points_of(model, matches)
+    now, points, moved = in_frame_of(given, now, points, found.carried)
+    move(model, moved)
+    return found._replace(cameras=now, points=points, model=model), told
 
 
 def triangulate(matches: Matches, given: Cameras, work, *, seed, images=None):
@@ -309,22 +333,31 @@ def solve(model, state: State, *, free, near) -> State:
     chosen.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
     # `pycolmap.bundle_adjustment` logs whatever the level.
     pycolmap.create_default_bundle_adjuster(options, chosen, model).solve()
-    lenses, poses = state.cameras.camtopix.copy(), state.cameras.camtoworlds.copy()
-    distortion = state.cameras.distortion.copy()
-    for image in model.images.values():
-        if image.has_pose:
-            view = image.image_id - 1
-            poses[view] = colmap.pose_of(image)
-            camera = model.cameras[image.camera_id]
-            lenses[view], distortion[view] = colmap.lens(
-                camera.model.name, camera.params
-            )
+    now = cameras_of(model, state.cameras)
     for group in np.unique(state.groups[state.posed]):
         # Views without a pose have the lens of their camera.
         own = state.groups == group
         first = np.flatnonzero(own & state.posed)[0]
-        lenses[own], distortion[own] = lenses[first], distortion[first]
-    return state._replace(cameras=Cameras(lenses, poses, distortion))
+        now.camtopix[own], now.distortion[own] = (
+            now.camtopix[first],
+            now.distortion[first],
+        )
+    return state._replace(cameras=now)
+
+
+def cameras_of(model, before: Cameras) -> Cameras:
+    """The cameras of a model whose image i + 1 is view i; others are as before."""
+    lenses, poses, distortion = (
+        getattr(before, key).copy() for key in ("camtopix", "camtoworlds", "distortion")
+    )
+    for image in model.images.values():
+        if image.has_pose:
+            view, camera = image.image_id - 1, model.cameras[image.camera_id]
+            poses[view] = colmap.pose_of(image)
+            lenses[view], distortion[view] = colmap.lens(
+                camera.model.name, camera.params
+            )
+    return Cameras(lenses, poses, distortion)
 
 
 def with_more(matches: Matches, state: State, model, px, seed):

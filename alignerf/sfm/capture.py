@@ -3,13 +3,16 @@
 Lengths in reports are px of the photo.
 """
 
+import functools
 import logging
 import time
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
+from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import faults
 from alignerf.sfm import (
     acceptance,
@@ -76,8 +79,11 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
     report |= stand_out(matched, given, photo_px, where)
     found, told = None, {"accepted": False, "why": "not asked for"}
     if adjusts:
+        photos = None
+        if scene_keys.refines_keypoints(config):
+            photos = [functools.partial(grey, photo) for photo in views.photos]
         found, told = adjust(
-            matched, given, work, seed, photo_px, lens=lens, where=where
+            matched, given, work, seed, photo_px, lens=lens, where=where, photos=photos
         )
     report["adjustment"] = told
     report["time_s"] = round(time.monotonic() - started, 1)
@@ -120,8 +126,18 @@ def stand_out(matched, given, photo_px, where):
     return {"epipolar_of_views_px": known, "stand_out": found}
 
 
-def adjust(matched, given, work, seed, photo_px, *, lens, where=""):
-    """(`bundle.Adjusted` or None, what the report says of it)."""
+def grey(photo):
+    """A prepare.Photo [h, w] uint8."""
+    return cv2.cvtColor(photo.read(), cv2.COLOR_RGB2GRAY)
+
+
+def adjust(matched, given, work, seed, photo_px, *, lens, where="", photos=None):
+    """(`bundle.Adjusted` or None, what the report says of it).
+
+    photos: of each view a function that reads it, grey, to align keypoints by; None
+    leaves these as they were found.
+    """
+    keypoints = {}
 
     def left(why, more=None):
         log.info("cameras stay as they came: %s", why)
@@ -133,6 +149,10 @@ def adjust(matched, given, work, seed, photo_px, *, lens, where=""):
         found = fewest(matched, given, work, seed, photo_px, lens=lens)
     except bundle.TooFewError as error:
         return left(str(error))
+    if photos:
+        options = {"lens": lens, "seed": seed, "photo_px": photo_px}
+        found, told = bundle.finer(found, matched, given, photos, **options)
+        keypoints["keypoints"] = told
     judged = acceptance.judge(matched, given, found.cameras, photo_px)
     if not judged.accepted:
         change = f"{judged.before_px:.2f} -> {judged.after_px:.2f} px"
@@ -151,7 +171,7 @@ def adjust(matched, given, work, seed, photo_px, *, lens, where=""):
     ]
     if not extents[0] / MAX_SCALE < extents[1] < extents[0] * MAX_SCALE:
         return left("the cameras stand too near to one place", judged.told())
-    told = judged.told() | difference(matched.names, given, found, photo_px)
+    told = judged.told() | difference(matched.names, given, found, photo_px) | keypoints
     log.info(
         "poses were off by %.2f px of the photo (worst view %.1f px): corrected. "
         "Held-out matches %.2f -> %.2f px",

@@ -9,7 +9,7 @@ from alignerf.files import archives
 from alignerf.scenes import prepare
 from alignerf.sfm import calibration, matches
 
-KEYS = ("names", "camtopix", "distortion")
+KEYS = ("names", "camtopix", "distortion", "sizes")
 
 
 def read(work, views: prepare.PosedViews, *, seed) -> matches.Matches:
@@ -28,10 +28,10 @@ def read(work, views: prepare.PosedViews, *, seed) -> matches.Matches:
     camtopix, to_pixels = np.linalg.inv(views.pixtocams), {}
     for i, name in enumerate(views.names):
         lens = lenses["camtopix"][place[name]]
-        # The lens is of the whole photo, whose principal point COLMAP leaves in the
-        # middle: keypoints are of a copy.
+        # The lens is of the whole photo; keypoints are of a copy.
         copy = sizes[found[name].camera_id]
-        scale = np.array([copy.width, copy.height]) / (2 * lens[:2, 2])
+        whole = lenses["sizes"][place[name]]
+        scale = np.array([copy.width, copy.height]) / whole
         of_copy = np.diag([*scale, 1.0]) @ lens
         to_pixels[name] = _to_view(
             of_copy, lenses["distortion"][place[name]], camtopix[i]

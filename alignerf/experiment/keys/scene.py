@@ -87,6 +87,12 @@ def wants_matches(scene):
     return poses in INPUT if wanted is None else wanted and poses != "colmap"
 
 
+def refines_keypoints(scene):
+    """Whether a scene, as a mapping, has its keypoints aligned by patches."""
+    wanted = scene["refine_keypoints"]
+    return scene["source"] != "courtyard" if wanted is None else wanted
+
+
 CAMERA_MODELS = Literal[
     "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"
 ]
@@ -280,6 +286,12 @@ class Scene(Keys):
         None,
         "of input cameras: the mistake that their file makes, which is undone; null: "
         "none, and where matches show one the run stops and names it; as_stated: none",
+    )
+    refine_keypoints: bool | None = key(
+        None,
+        "keypoints of tracks are aligned by patches of the photos at their own size, "
+        "and COLMAP's or adjusted cameras adjusted again where held-out tracks gain by "
+        "it; null: except for the courtyard, whose error is to be COLMAP's own",
     )
     downscale: int | Literal["auto"] = key(
         1,

@@ -22,6 +22,7 @@ def points(model):
         "points": len(model.points),
         "points_in_3_views": model.points_in_3_views,
         "reprojection_errors_px": errors_of(model),
+        "keypoints": model.keypoints,
     }
 
 

@@ -1,0 +1,231 @@
+"""Poses finer than SIFT's keypoints allow: aligned by patches, and adjusted again.
+
+As Lindenberger et al. (Pixel-Perfect Structure-from-Motion, ICCV 2021) with photos in
+the place of learnt features. A tenth of the tracks is aligned and has no say in the
+adjustment: they judge it.
+"""
+
+import logging
+import time
+from typing import NamedTuple
+
+import numpy as np
+import pycolmap
+
+from alignerf.files import progress
+from alignerf.keypoints import adjustment, alignment
+from alignerf.keypoints.tracks import tracks_of, views_of, warps_of
+
+log = logging.getLogger("alignerf.poses")
+
+ROUNDS = 2
+# Of the tracks, those that judge; fewer judge nothing, nor do fewer of a view.
+HELD_OUT, MIN_HELD_OUT, MIN_OF_VIEW = 0.1, 50, 5
+# Of the error, by which one more parameter of the lens has to lessen it.
+MIN_FRACTION = 0.05
+# Of the views, those that may gain nothing.
+MAX_KEPT = 0.5
+# By so many px the error of a view may grow, and by so many standard errors.
+TOLERATED_PX, SURE = 0.05, 2.0
+
+
+class Judged(NamedTuple):
+    """Reprojection error of held-out tracks by view, px: median, and how sure it is."""
+
+    px: dict
+    error: dict
+
+    def gain_over(self, before):
+        """(mean gain over views in px, its standard error) against another."""
+        gains = np.array([before.px[v] - self.px[v] for v in self.px if v in before.px])
+        if len(gains) < 2:
+            return 0.0, np.inf
+        return float(gains.mean()), float(gains.std(ddof=1) / np.sqrt(len(gains)))
+
+    def median(self):
+        return float(np.median(list(self.px.values()))) if self.px else np.nan
+
+
+def refine(model, photos, *, free, more=(), seed=0, photo_px=1.0):
+    """(COLMAP's model with finer cameras and points, what is told of it).
+
+    The model is the given one where nothing is gained. photos: {image id: function that
+    reads it, grey [h, w] uint8}, of any size. free: what of the lens is refined, and
+    more: what else, one after another, where held-out tracks ask for it; keys of
+    `adjustment.FREE`. photo_px: px of the photo in one of the model's, for the report.
+    """
+    started = time.monotonic()
+    numbers = np.array(sorted(model.points3D), int)
+    drawn = np.random.default_rng([seed, 3]).random(len(numbers))
+    held = numbers[drawn < HELD_OUT]
+    told = {"keypoints": model.compute_num_observations()}
+
+    def left(why):
+        log.info("keypoints: cameras stay as they are: %s", why)
+        return model, told | {"accepted": False, "why": why, "time_s": seconds(started)}
+
+    if len(held) < MIN_HELD_OUT:
+        return left(f"{len(held)} held-out tracks are too few to judge by")
+    now, found, placed = pycolmap.Reconstruction(model), None, []
+    sift = tracks_of(model, views_of(model)).xy
+    for turn in range(ROUNDS):
+        views = views_of(now)
+        tracks = tracks_of(now, views)
+        warps, each = warps_of(tracks, views), [photos[n] for n in views.ids]
+        found = alignment.align(tracks, views, warps, each, coarse=turn == 0)
+        xy = np.where(found.aligned[:, None], found.xy, sift)
+        finer = with_keypoints(now, tracks, views, xy, found.aligned)
+        if finer.num_points3D() < MIN_HELD_OUT / HELD_OUT:
+            return left(f"{finer.num_points3D()} tracks could be aligned")
+        with progress.heartbeat("keypoints: bundle adjustment"):
+            placed += adjustment.adjust(finer, free, without=held, seed=seed)
+        now = pycolmap.Reconstruction(model)
+        with_xy(now, tracks, views, xy)
+        adjustment.take_cameras(now, finer)
+    told |= {
+        "aligned": round(float(found.aligned.mean()), 4),
+        "moved_px": moved_px(xy, sift, found.aligned & ~tracks.is_reference, photo_px),
+    }
+    judge = only(finer, held)
+    before, after = judged(judge, model), judged(judge, finer)
+    for one in more:
+        further = pycolmap.Reconstruction(finer)
+        with progress.heartbeat("keypoints: bundle adjustment"):
+            adjustment.adjust(further, one, without=held, seed=seed)
+        better = judged(judge, further)
+        gain, error = better.gain_over(after)
+        if gain > asked_of(one, after, error):
+            finer, after, free = further, better, one
+    gain, error = after.gain_over(before)
+    told |= {
+        "held_out_px": [photo_px * one.median() for one in (before, after)],
+        "views": len(after.px),
+        "refined": free,
+    }
+    told["held_out_px"] = [round(px, 4) for px in told["held_out_px"]]
+    if not gain > SURE * error:
+        return left(f"held-out tracks {before.median():.2f} -> {after.median():.2f} px")
+    kept = without_gain(before, after, model.reg_image_ids(), set(placed))
+    if len(kept) > MAX_KEPT * model.num_reg_images():
+        return left(f"{len(kept)} views gain nothing")
+    adjustment.take_cameras(now, finer)
+    keep(now, model, kept)
+    adjustment.settle(now)
+    observations = pycolmap.ObservationManager(now)
+    observations.filter_all_points3D(adjustment.MAX_ERROR_PX, adjustment.MIN_ANGLE_DEG)
+    now.update_point_3d_errors()
+    errors = [m.compute_mean_reprojection_error() for m in (model, now)]
+    told |= {
+        "accepted": True,
+        "reprojection_px": [round(photo_px * px, 4) for px in errors],
+        "placed": names_of(model, set(placed)),
+        "kept": names_of(model, kept),
+        "time_s": seconds(started),
+    }
+    log.info(
+        "keypoints moved by %.2f px of the photo, reprojection %.2f -> %.2f px, "
+        "held-out tracks %.2f -> %.2f px, %.0f s",
+        *(told["moved_px"], *told["reprojection_px"], *told["held_out_px"]),
+        told["time_s"],
+    )
+    return now, told
+
+
+def asked_of(free, before, error):
+    """By how many px held-out tracks have to gain by one more parameter of the lens.
+
+    A focal length hides in depth where all photos are from one side. A principal point
+    that is not in the middle bends all else: it is asked for no more than a sign.
+    """
+    if free == "centre":
+        return error
+    return max(MIN_FRACTION * before.median(), SURE * error)
+
+
+def seconds(started):
+    return round(time.monotonic() - started, 1)
+
+
+def names_of(model, numbers):
+    return sorted(model.images[n].name.rpartition(".")[0] for n in numbers)
+
+
+def moved_px(xy, sift, chosen, photo_px):
+    """Median length in px of the photo by which chosen keypoints have moved."""
+    moved = np.linalg.norm((xy - sift)[chosen], axis=1)
+    return round(photo_px * float(np.median(moved)), 4) if len(moved) else 0.0
+
+
+def with_xy(model, tracks, views, xy):
+    """Set the keypoints of a model's tracks, which changes."""
+    for view, k, place in zip(tracks.view, tracks.keypoint, xy, strict=True):
+        model.images[views.ids[view]].points2D[int(k)].xy = place
+
+
+def with_keypoints(model, tracks, views, xy, aligned):
+    """A copy of the model by aligned keypoints alone."""
+    model = pycolmap.Reconstruction(model)
+    with_xy(model, tracks, views, xy)
+    for k in np.flatnonzero(~aligned):
+        number, keypoint = views.ids[tracks.view[k]], int(tracks.keypoint[k])
+        if model.images[number].points2D[keypoint].has_point3D():
+            model.delete_observation(number, keypoint)
+    return model
+
+
+def only(model, held):
+    """A copy of the model with some points alone."""
+    model, held = pycolmap.Reconstruction(model), set(held.tolist())
+    for number in list(model.points3D):
+        if number not in held:
+            model.delete_point3D(number)
+    return model
+
+
+def judged(held, cameras) -> Judged:
+    """The `Judged` error of cameras, by a model of held-out points, which are moved."""
+    model = pycolmap.Reconstruction(held)
+    adjustment.take_cameras(model, cameras)
+    adjustment.settle(model)
+    px, error = {}, {}
+    for number in model.reg_image_ids():
+        off = adjustment.errors_px(model, number)
+        if len(off) >= MIN_OF_VIEW:
+            px[number] = float(np.median(off))
+            # Of a median of what is distributed normally.
+            error[number] = 1.25 * float(np.std(off)) / np.sqrt(len(off))
+    return Judged(px, error)
+
+
+def without_gain(before, after, views, placed):
+    """Ids of views that are better as they were, or have too little to tell.
+
+    Those that were placed by other views' points are not asked: theirs disagree.
+    """
+    found = []
+    for view in sorted(set(views) - placed):
+        px, error = after.px.get(view, np.inf), after.error.get(view, 0.0)
+        more = px - before.px.get(view, -np.inf)
+        if more > max(TOLERATED_PX, SURE * error):
+            found.append(view)
+    return found
+
+
+def keep(model, before, views):
+    """Put views of the model, which changes, to where they were beside their nearest.
+
+    The frame of an adjusted model is not that of the one before.
+    """
+    others = [n for n in model.reg_image_ids() if n not in set(views)]
+    for view in views:
+        old = before.images[view].cam_from_world()
+        near = min(
+            others,
+            key=lambda n: np.linalg.norm(
+                before.images[n].projection_center()
+                - before.images[view].projection_center()
+            ),
+        )
+        moved = before.images[near].cam_from_world().inverse()
+        pose = old * moved * model.images[near].cam_from_world()
+        model.images[view].frame.set_cam_from_world(model.images[view].camera_id, pose)

@@ -1,0 +1,135 @@
+"""A textured corner of a room, photographed, and COLMAP's model of it."""
+
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pycolmap
+
+from alignerf.scenes import cameras, colmap
+from alignerf.sfm import similarity
+
+WIDTH, HEIGHT, FOCAL_PX = 320, 240, 300.0
+TEXEL = 0.01
+
+
+def texture(rng, side=700):
+    """Grey [side, side] of all frequencies, up to those of two texels."""
+    found = sum(
+        cv2.GaussianBlur(rng.normal(size=(side, side)), (0, 0), s) * s
+        for s in (1.5, 3, 6, 12)
+    )
+    return np.clip(128 + 45 * found / found.std(), 0, 255).astype(np.float32)
+
+
+def poses(count=8):
+    """World-to-camera rotations [n, 3, 3] (OpenCV's axes) and centres [n, 3]."""
+    turns, centres = [], []
+    for k in range(count):
+        angle = 0.35 + 0.85 * k / (count - 1)
+        height = 1.6 + 0.6 * np.sin(2.5 * k)
+        centre = np.array([4.2 * np.cos(angle), 4.2 * np.sin(angle), height])
+        ahead = np.array([0.7, 0.7, 0.7]) - centre
+        ahead /= np.linalg.norm(ahead)
+        right = np.cross(ahead, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        turns.append(np.stack([right, np.cross(ahead, right), ahead]))
+        centres.append(centre)
+    return np.array(turns), np.array(centres)
+
+
+def render(turn, centre, textures, *, scale=1, focal_px=FOCAL_PX, middle=None):
+    """A photo [h, w] uint8 of the planes x, y, z = 0, `scale` times as large."""
+    x, y = np.meshgrid(np.arange(WIDTH * scale), np.arange(HEIGHT * scale))
+    middle = middle or (WIDTH / 2, HEIGHT / 2)
+    x, y = (
+        ((one + 0.5) / scale - mid) / focal_px
+        for one, mid in zip((x, y), middle, strict=True)
+    )
+    ray = np.stack([x, y, np.ones_like(x)], axis=-1) @ turn
+    with np.errstate(divide="ignore"):
+        away = -centre / ray
+    away[(away <= 0) | ~np.isfinite(away)] = np.inf
+    plane = away.argmin(axis=-1)
+    places = centre + away.min(axis=-1, keepdims=True) * ray
+    photo = np.zeros(x.shape, np.float32)
+    for k in range(3):
+        u, v = (
+            np.ascontiguousarray(places[..., (k + i) % 3] / TEXEL, dtype=np.float32)
+            for i in (1, 2)
+        )
+        seen = cv2.remap(textures[k], u, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_WRAP)
+        photo[plane == k] = seen[plane == k]
+    return np.clip(np.round(photo), 0, 255).astype(np.uint8)
+
+
+def points_on(rng, count):
+    """Points [m, 3] on the three planes."""
+    xyz = rng.uniform(0.15, 2.2, size=(count, 3))
+    xyz[np.arange(count), np.arange(count) % 3] = 0
+    return xyz
+
+
+def model_of(turns, centres, xyz, rng, *, noise_px, middle=None):
+    """COLMAP's model: true poses and points, keypoints with noise. Ids from 1."""
+    middle = middle or (WIDTH / 2, HEIGHT / 2)
+    model = pycolmap.Reconstruction()
+    camera = pycolmap.Camera(
+        model="SIMPLE_PINHOLE",
+        params=[FOCAL_PX, *middle],
+        width=WIDTH,
+        height=HEIGHT,
+        camera_id=1,
+    )
+    model.add_camera_with_trivial_rig(camera)
+    seen_by = {k: [] for k in range(len(xyz))}
+    for view, (turn, centre) in enumerate(zip(turns, centres, strict=True)):
+        image = pycolmap.Image(name=f"v{view:02d}.png", camera_id=1, image_id=view + 1)
+        seen = (xyz - centre) @ turn.T
+        xy = FOCAL_PX * seen[:, :2] / seen[:, 2:] + middle
+        inside = ((xy > 12) & (xy < [WIDTH - 12, HEIGHT - 12])).all(axis=1)
+        xy += noise_px * rng.normal(size=xy.shape)
+        for number, k in enumerate(np.flatnonzero(inside)):
+            seen_by[k].append((view + 1, number))
+        places = [pycolmap.Point2D(one) for one in xy[inside]]
+        image.points2D = pycolmap.Point2DList(places)
+        pose = pycolmap.Rigid3d(pycolmap.Rotation3d(turn), -turn @ centre)
+        model.add_image_with_trivial_frame(image, pose)
+    for k, seen in seen_by.items():
+        if len(seen) > 2:
+            track = pycolmap.Track()
+            for number, keypoint in seen:
+                track.add_element(number, keypoint)
+            point = pycolmap.Point3D(xyz=xyz[k], track=track)
+            model.add_point3D_with_id(k + 1, point)
+    model.update_point_3d_errors()
+    return model
+
+
+def photos_of(turns, centres, textures, **options):
+    """{image id: a function that reads it}."""
+    each = zip(turns, centres, strict=True)
+    photos = [render(turn, centre, textures, **options) for turn, centre in each]
+    return {view + 1: lambda photo=photo: photo for view, photo in enumerate(photos)}
+
+
+def error_px(model, turns, centres, xyz):
+    """[n] pose error of each view, at the points [m, 3] in front of it."""
+    true = cameras_of(turns, centres)
+    poses = [colmap.pose_of(image) for _, image in sorted(model.images.items())]
+    lenses = [
+        image.camera.calibration_matrix() for _, image in sorted(model.images.items())
+    ]
+    now = SimpleNamespace(camtopix=np.array(lenses), camtoworlds=np.array(poses))
+    points = {view: xyz[:300] for view in range(len(turns))}
+    return np.array(list(similarity.distance_px(true, now, points).values()))
+
+
+def cameras_of(turns, centres):
+    """The true cameras, as `similarity` takes them."""
+    camtopix = [[FOCAL_PX, 0, WIDTH / 2], [0, FOCAL_PX, HEIGHT / 2], [0, 0, 1]]
+    rotations = turns.swapaxes(1, 2) @ cameras.OPENGL_FROM_OPENCV
+    return SimpleNamespace(
+        camtopix=np.tile(np.array(camtopix, float), (len(turns), 1, 1)),
+        camtoworlds=np.concatenate([rotations, centres[:, :, None]], axis=2),
+    )
