@@ -22,10 +22,11 @@ MIN_CORRELATION, MAX_DEVIATION_PX = 0.85, 0.1
 MAX_MOVE_PX, MAX_RETURN_PX = 3.0, 0.3
 # A place that is predicted further from SIFT's keypoint is not begun at.
 MAX_OFF_PX = 2.0
-# Of photos that are larger by more than this, a copy as COLMAP saw it comes first.
-LARGER = 1.5
-# Patches in memory at a time, and in a thread: half a gigabyte, and ten megabytes.
-MAX_PATCHES, CHUNK = 400_000, 3000
+# Sizes of the photos, one after another: a place further off is reached from the
+# smaller one, and stays where the photo itself is too smooth.
+LEVELS = (0.5, 1.0)
+# Observations in memory at a time, and in a thread: half a gigabyte, 20 megabytes.
+MAX_PATCHES, CHUNK = 200_000, 3000
 
 
 class Keypoints(NamedTuple):
@@ -35,11 +36,10 @@ class Keypoints(NamedTuple):
     aligned: Bool[np.ndarray, " o"]
 
 
-def align(tracks: Tracks, views: Views, warps: Warps, photos, *, coarse) -> Keypoints:
+def align(tracks: Tracks, views: Views, warps: Warps, photos) -> Keypoints:
     """The `Keypoints` of all tracks.
 
     photos: of each view a function that reads it, grey [h, w] uint8, of any size.
-    coarse: begin in copies of the model's size, where photos are larger.
     """
     usable = np.isfinite(warps.affine).all(axis=(1, 2))
     usable &= np.isfinite(warps.predicted).all(axis=1)
@@ -48,12 +48,7 @@ def align(tracks: Tracks, views: Views, warps: Warps, photos, *, coarse) -> Keyp
     start = np.where(near[:, None], warps.predicted, tracks.xy)
     found = Keypoints(start, tracks.is_reference.copy())
     for part in parts(tracks.track, MAX_PATCHES):
-        pieces, large = gather(tracks, views, found.xy, photos, part)
-        steps = [(pieces, large)]
-        if coarse and (large > LARGER).any():
-            copies = gather(tracks, views, found.xy, photos, part, copies=True)
-            steps.insert(0, copies)
-        for pieces, ratios in steps:
+        for pieces, ratios in gather(tracks, views, found.xy, photos, part):
             align_part(tracks, warps, usable, found, part, pieces, ratios)
     aligned = found.aligned
     # A reference that nothing agrees with is no more than a keypoint.
@@ -72,33 +67,39 @@ def parts(track, most):
     return [slice(a, b) for a, b in itertools.pairwise(bounds)]
 
 
-def gather(tracks, views, places, photos, part, *, copies=False):
-    """(`patches.Patches` of a part's observations, px of the photo in one [o, 2]).
+def gather(tracks, views, places, photos, part):
+    """[(`patches.Patches` of a part's observations, px of a photo in one [o, 2])].
 
-    copies: of photos as large as the model's.
+    Of each size of LEVELS; photos are read once.
     """
     view, count = tracks.view[part], part.stop - part.start
-    pixels = np.empty((count, patches.KEPT, patches.KEPT), np.uint8)
-    corners, ratios = np.empty((count, 2)), np.ones((count, 2))
+    side = patches.KEPT
+    levels = [
+        (
+            patches.Patches(
+                np.empty((count, side, side), np.uint8), np.empty((count, 2))
+            ),
+            np.ones((count, 2)),
+        )
+        for _ in LEVELS
+    ]
 
     def one(k):
         own = np.flatnonzero(view == k)
         if not len(own):
             return
-        camera = views.cameras[views.camera[k]]
-        size = camera.width, camera.height
-        grey = photos[k]()
-        if copies and grey.shape != size[::-1]:
-            grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
-        ratios[own] = np.array(grey.shape[::-1]) / size
-        cut = patches.cut(grey, places[part][own] * ratios[own])
-        pixels[own], corners[own] = cut
+        camera, grey = views.cameras[views.camera[k]], photos[k]()
+        for level, (pieces, ratios) in zip(LEVELS, levels, strict=True):
+            size = [max(1, round(level * n)) for n in grey.shape[::-1]]
+            sized = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+            ratios[own] = np.array(size) / [camera.width, camera.height]
+            cut = patches.cut(sized, places[part][own] * ratios[own])
+            pieces.pixels[own], pieces.corners[own] = cut
 
-    title = "keypoints: copies" if copies else "keypoints: photos"
     done = machine.map_in_threads(one, range(len(views.ids)))
-    for _ in progress.over(done, title, unit="photo", total=len(views.ids)):
+    for _ in progress.over(done, "keypoints", unit="photo", total=len(views.ids)):
         pass
-    return patches.Patches(pixels, corners), ratios
+    return levels
 
 
 def align_part(tracks, warps, usable, found: Keypoints, part, pieces, ratios):

@@ -68,11 +68,11 @@ def refine(model, photos, *, free, more=(), seed=0, photo_px=1.0):
         return left(f"{len(held)} held-out tracks are too few to judge by")
     now, found, placed = pycolmap.Reconstruction(model), None, []
     sift = tracks_of(model, views_of(model)).xy
-    for turn in range(ROUNDS):
+    for _ in range(ROUNDS):
         views = views_of(now)
         tracks = tracks_of(now, views)
         warps, each = warps_of(tracks, views), [photos[n] for n in views.ids]
-        found = alignment.align(tracks, views, warps, each, coarse=turn == 0)
+        found = alignment.align(tracks, views, warps, each)
         xy = np.where(found.aligned[:, None], found.xy, sift)
         finer = with_keypoints(now, tracks, views, xy, found.aligned)
         if finer.num_points3D() < MIN_HELD_OUT / HELD_OUT:
