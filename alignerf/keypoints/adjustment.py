@@ -8,10 +8,12 @@ placed anew by points that the others see.
 import numpy as np
 import pycolmap
 
-# Cells across a view's width; each has one keypoint, or more where these are few.
-CELLS, MIN_KEYPOINTS = 16, 100
-# Loss of keypoints in px, as in `sfm.bundle`: outliers hardly count.
-CAUCHY_PX, TOLERANCE = 0.25, 1e-6
+# Cells across a view's width; each has one keypoint at first, or more where these are
+# few. When all views are near, each has several.
+CELLS, MIN_KEYPOINTS, SEVERAL = 16, 100, 8
+# Loss of keypoints in px, first as in `sfm.bundle`, then as wide as aligned keypoints
+# are scattered: what moves hardly counts.
+CAUCHY_PX, FINE_PX, TOLERANCE = 0.25, 0.1, 1e-6
 # A view agrees by its keypoints that are so near; one with a smaller share of them,
 # and so much under the median view's, is placed anew.
 NEAR_PX, MIN_AGREEING, UNUSUAL = 0.5, 0.8, 0.1
@@ -38,16 +40,24 @@ def adjust(model, free, *, without=(), seed=0):
     for number in without:
         if chosen.exists_point3D(int(number)):
             chosen.delete_point3D(int(number))
+    more = pycolmap.Reconstruction(chosen)
     thin_out(chosen)
     solve(chosen, free)
-    placed = place_again(chosen, free, seed)
-    take_cameras(model, chosen)
+    odd, placed = place_again(chosen, free, seed)
+    take_cameras(more, chosen)
+    # Those whose keypoints do not agree go on with few: most would pull them back.
+    thin_out(more, {n: 1 if n in odd else SEVERAL for n in model.images})
+    solve(more, free, loss_px=FINE_PX)
+    take_cameras(model, more)
     settle(model)
     return placed
 
 
-def thin_out(model):
-    """Keep keypoints evenly over each view; others are of no point any more."""
+def thin_out(model, several=None):
+    """Keep keypoints evenly over each view; others are of no point any more.
+
+    several: {image id: keypoints of a cell}; None for one.
+    """
     view, keypoint, cell, point, length = [], [], [], [], []
     for image in model.images.values():
         side = image.camera.width / CELLS
@@ -68,10 +78,9 @@ def thin_out(model):
     order = np.lexsort([point, -length, rank, view])
     among = np.empty(len(order), int)
     among[order] = rank_in_group(view[order])
-    for number, k in zip(
-        *(c[(rank > 0) & (among >= MIN_KEYPOINTS)] for c in (view, keypoint)),
-        strict=True,
-    ):
+    most = np.array([several[n] if several else 1 for n in view.tolist()], int)
+    gone = (rank >= most) & (among >= MIN_KEYPOINTS)
+    for number, k in zip(view[gone], keypoint[gone], strict=True):
         # The second last of a point takes the last along.
         if model.images[int(number)].points2D[int(k)].has_point3D():
             model.delete_observation(int(number), int(k))
@@ -87,9 +96,9 @@ def rank_in_group(*sorted_keys):
     return np.arange(len(changes)) - np.repeat(starts, lengths)
 
 
-def solve(model, free, *, still=()):
+def solve(model, free, *, still=(), loss_px=CAUCHY_PX):
     """Bundle adjustment with a Cauchy loss; views `still` keep their poses."""
-    options = options_of(free)
+    options = options_of(free, loss_px)
     chosen = pycolmap.BundleAdjustmentConfig()
     for number in model.reg_image_ids():
         chosen.add_image(number)
@@ -101,7 +110,7 @@ def solve(model, free, *, still=()):
 
 def settle(model):
     """Adjust the points by the cameras as they are."""
-    options = options_of("")
+    options = options_of("", FINE_PX)
     options.refine_rig_from_world = False
     chosen = pycolmap.BundleAdjustmentConfig()
     for number in model.reg_image_ids():
@@ -110,7 +119,7 @@ def settle(model):
     model.update_point_3d_errors()
 
 
-def options_of(free):
+def options_of(free, loss_px):
     options = pycolmap.BundleAdjustmentOptions()
     (
         options.refine_focal_length,
@@ -118,7 +127,7 @@ def options_of(free):
         options.refine_principal_point,
     ) = FREE[free]
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-    options.ceres.loss_function_scale = CAUCHY_PX
+    options.ceres.loss_function_scale = loss_px
     options.ceres.solver_options.function_tolerance = TOLERANCE
     # Sums of several threads come in any order.
     options.ceres.solver_options.num_threads = 1
@@ -127,7 +136,7 @@ def options_of(free):
 
 
 def place_again(model, free, seed):
-    """Place views anew whose keypoints do not agree; returns their ids.
+    """Place views anew whose keypoints do not agree: (their ids, those placed).
 
     By points of the other views, cell by cell, so that a large part of the view decides
     and not a full one; then all are adjusted again.
@@ -137,7 +146,7 @@ def place_again(model, free, seed):
     odd = sorted((n for n in shares if shares[n] < least), key=shares.get)
     odd = odd[: int(MAX_PLACED * len(shares))]
     if not odd:
-        return []
+        return [], []
     rest, seen = pycolmap.Reconstruction(model), {}
     for number in odd:
         seen[number] = [
@@ -163,7 +172,7 @@ def place_again(model, free, seed):
         take_cameras(model, rest)
         settle(model)
         solve(model, free)
-    return placed
+    return odd, placed
 
 
 def agreeing(model, number):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pycolmap
 
-from alignerf.files import progress
+from alignerf.files import faults, progress
 from alignerf.keypoints import adjustment, alignment
 from alignerf.keypoints.tracks import tracks_of, views_of, warps_of
 
@@ -61,8 +61,10 @@ def refine(model, photos, *, free, more=(), seed=0, photo_px=1.0):
     told = {"keypoints": model.compute_num_observations()}
 
     def left(why):
-        log.info("keypoints: cameras stay as they are: %s", why)
-        return model, told | {"accepted": False, "why": why, "time_s": seconds(started)}
+        said = f"keypoints: cameras stay as they were: {why}"
+        log.info("%s", said)
+        more = {"accepted": False, "why": why, "said": said, "time_s": seconds(started)}
+        return model, told | more
 
     if len(held) < MIN_HELD_OUT:
         return left(f"{len(held)} held-out tracks are too few to judge by")
@@ -122,12 +124,17 @@ def refine(model, photos, *, free, more=(), seed=0, photo_px=1.0):
         "kept": names_of(model, kept),
         "time_s": seconds(started),
     }
-    log.info(
-        "keypoints moved by %.2f px of the photo, reprojection %.2f -> %.2f px, "
-        "held-out tracks %.2f -> %.2f px, %.0f s",
+    told["said"] = (
+        "keypoints moved by {:.2f} px of the photo, reprojection {:.2f} -> {:.2f} px, "
+        "held-out tracks {:.2f} -> {:.2f} px, {:.0f} s"
+    ).format(
         *(told["moved_px"], *told["reprojection_px"], *told["held_out_px"]),
         told["time_s"],
     )
+    log.info("%s", told["said"])
+    for key, what in (("placed", "placed anew"), ("kept", "that stay as they were")):
+        if told[key]:
+            log.info("keypoints: views %s: %s", what, faults.some_names(told[key]))
     return now, told
 
 
@@ -135,10 +142,11 @@ def asked_of(free, before, error):
     """By how many px held-out tracks have to gain by one more parameter of the lens.
 
     A focal length hides in depth where all photos are from one side. A principal point
-    that is not in the middle bends all else: it is asked for no more than a sign.
+    is hardly ever in the middle, and bends all else where it is held there: it is left
+    there only where held-out tracks lose without.
     """
     if free == "centre":
-        return error
+        return -error
     return max(MIN_FRACTION * before.median(), SURE * error)
 
 

@@ -188,7 +188,17 @@ def step_of(places):
 
 def adjustment_of(poses):
     """What a poses.json says of adjusting its cameras; {} where it was not asked."""
-    return (poses.get("camera_check") or {}).get("adjustment") or {}
+    return _part(_part(poses, "camera_check"), "adjustment")
+
+
+def keypoints_of(poses):
+    """What a poses.json says of aligning keypoints; {} where they were not."""
+    return _part(poses, "keypoints") or _part(adjustment_of(poses), "keypoints")
+
+
+def _part(content, key):
+    found = content.get(key)
+    return found if isinstance(found, dict) else {}
 
 
 def is_name(name):
