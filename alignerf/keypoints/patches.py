@@ -154,7 +154,8 @@ def align(templates, atlas, places, warps, track, *, fits_slopes):
     slopes = np.zeros((track.max(initial=-1) + 1, 2))
     if fits_slopes:
         along = np.einsum("oij,oj->oi", inverted(warps.affine), warps.slope)
-        along = np.nan_to_num(along, posinf=0, neginf=0).astype(np.float32)
+        # A warp that is not finite is sampled nowhere.
+        along = np.where(np.isfinite(along), along, 0).astype(np.float32)
         towards = np.einsum("ock,oc->ok", columns, along)
         bending = without_gain(towards[:, None] * OFFSETS.T, wanted)
         columns = np.concatenate([columns, bending], axis=1)

@@ -137,7 +137,6 @@ def adjust(matched, given, work, seed, photo_px, *, lens, where="", photos=None)
     photos: of each view a function that reads it, grey, to align keypoints by; None
     leaves these as they were found.
     """
-    keypoints = {}
 
     def left(why, more=None):
         log.info("cameras stay as they came: %s", why)
@@ -149,10 +148,6 @@ def adjust(matched, given, work, seed, photo_px, *, lens, where="", photos=None)
         found = fewest(matched, given, work, seed, photo_px, lens=lens)
     except bundle.TooFewError as error:
         return left(str(error))
-    if photos:
-        options = {"lens": lens, "seed": seed, "photo_px": photo_px}
-        found, told = bundle.finer(found, matched, given, photos, **options)
-        keypoints["keypoints"] = told
     judged = acceptance.judge(matched, given, found.cameras, photo_px)
     if not judged.accepted:
         change = f"{judged.before_px:.2f} -> {judged.after_px:.2f} px"
@@ -171,7 +166,16 @@ def adjust(matched, given, work, seed, photo_px, *, lens, where="", photos=None)
     ]
     if not extents[0] / MAX_SCALE < extents[1] < extents[0] * MAX_SCALE:
         return left("the cameras stand too near to one place", judged.told())
-    told = judged.told() | difference(matched.names, given, found, photo_px) | keypoints
+    keypoints = {}
+    if photos:
+        options = {"lens": lens, "seed": seed, "photo_px": photo_px}
+        finer, keypoints = bundle.finer(found, matched, given, photos, **options)
+        again = acceptance.judge(matched, given, finer.cameras, photo_px)
+        # Matches as they were found have the last word.
+        if again.accepted:
+            found, judged = finer, again
+    told = judged.told() | difference(matched.names, given, found, photo_px)
+    told["keypoints"] = keypoints or None
     log.info(
         "poses were off by %.2f px of the photo (worst view %.1f px): corrected. "
         "Held-out matches %.2f -> %.2f px",
