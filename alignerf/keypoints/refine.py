@@ -18,7 +18,6 @@ from alignerf.keypoints.tracks import tracks_of, views_of, warps_of
 
 log = logging.getLogger("alignerf.poses")
 
-ROUNDS = 2
 # Of the tracks, those that judge; fewer judge nothing, nor do fewer of a view.
 HELD_OUT, MIN_HELD_OUT, MIN_OF_VIEW = 0.1, 50, 5
 # Of the error, by which one more parameter of the lens has to lessen it.
@@ -68,38 +67,30 @@ def refine(model, photos, *, free, more=(), seed=0, photo_px=1.0):
 
     if len(held) < MIN_HELD_OUT:
         return left(f"{len(held)} held-out tracks are too few to judge by")
-    now, found, placed = pycolmap.Reconstruction(model), None, []
-    sift = tracks_of(model, views_of(model)).xy
-    for _ in range(ROUNDS):
-        views = views_of(now)
-        tracks = tracks_of(now, views)
-        warps, each = warps_of(tracks, views), [photos[n] for n in views.ids]
-        found = alignment.align(tracks, views, warps, each)
-        xy = np.where(found.aligned[:, None], found.xy, sift)
-        finer = with_keypoints(now, tracks, views, xy, found.aligned)
-        if finer.num_points3D() < MIN_HELD_OUT / HELD_OUT:
-            return left(f"{finer.num_points3D()} tracks could be aligned")
-        with progress.heartbeat("keypoints: bundle adjustment"):
-            placed += adjustment.adjust(finer, free, without=held, seed=seed)
-        now = pycolmap.Reconstruction(model)
-        with_xy(now, tracks, views, xy)
-        adjustment.take_cameras(now, finer)
+    views = views_of(model)
+    tracks = tracks_of(model, views)
+    each = [photos[number] for number in views.ids]
+    found = alignment.align(tracks, views, warps_of(tracks, views), each)
+    finer = with_keypoints(model, tracks, views, found)
+    if finer.num_points3D() < MIN_HELD_OUT / HELD_OUT:
+        return left(f"{finer.num_points3D()} tracks could be aligned")
+    with progress.heartbeat("keypoints: bundle adjustment"):
+        placed = adjustment.adjust(finer, free, without=held, seed=seed)
+        judge = only(finer, held)
+        before, after = judged(judge, model), judged(judge, finer)
+        for one in more:
+            further = pycolmap.Reconstruction(finer)
+            again = adjustment.adjust(further, one, without=held, seed=seed)
+            better = judged(judge, further)
+            gain, error = better.gain_over(after)
+            if gain > asked_of(one, after, error):
+                finer, after, free = further, better, one
+                placed += again
+    gain, error = after.gain_over(before)
+    chosen = found.aligned & ~tracks.is_reference
     told |= {
         "aligned": round(float(found.aligned.mean()), 4),
-        "moved_px": moved_px(xy, sift, found.aligned & ~tracks.is_reference, photo_px),
-    }
-    judge = only(finer, held)
-    before, after = judged(judge, model), judged(judge, finer)
-    for one in more:
-        further = pycolmap.Reconstruction(finer)
-        with progress.heartbeat("keypoints: bundle adjustment"):
-            adjustment.adjust(further, one, without=held, seed=seed)
-        better = judged(judge, further)
-        gain, error = better.gain_over(after)
-        if gain > asked_of(one, after, error):
-            finer, after, free = further, better, one
-    gain, error = after.gain_over(before)
-    told |= {
+        "moved_px": moved_px(found.xy - tracks.xy, chosen, photo_px),
         "held_out_px": [photo_px * one.median() for one in (before, after)],
         "views": len(after.px),
         "refined": free,
@@ -110,6 +101,8 @@ def refine(model, photos, *, free, more=(), seed=0, photo_px=1.0):
     kept = without_gain(before, after, model.reg_image_ids(), set(placed))
     if len(kept) > MAX_KEPT * model.num_reg_images():
         return left(f"{len(kept)} views gain nothing")
+    now = pycolmap.Reconstruction(model)
+    with_xy(now, tracks, views, found.xy)
     adjustment.take_cameras(now, finer)
     keep(now, model, kept)
     adjustment.settle(now)
@@ -158,10 +151,10 @@ def names_of(model, numbers):
     return sorted(model.images[n].name.rpartition(".")[0] for n in numbers)
 
 
-def moved_px(xy, sift, chosen, photo_px):
-    """Median length in px of the photo by which chosen keypoints have moved."""
-    moved = np.linalg.norm((xy - sift)[chosen], axis=1)
-    return round(photo_px * float(np.median(moved)), 4) if len(moved) else 0.0
+def moved_px(moved, chosen, photo_px):
+    """Median length in px of the photo of the chosen keypoints' moves [o, 2]."""
+    lengths = np.linalg.norm(moved[chosen], axis=1)
+    return round(photo_px * float(np.median(lengths)), 4) if len(lengths) else 0.0
 
 
 def with_xy(model, tracks, views, xy):
@@ -170,11 +163,11 @@ def with_xy(model, tracks, views, xy):
         model.images[views.ids[view]].points2D[int(k)].xy = place
 
 
-def with_keypoints(model, tracks, views, xy, aligned):
+def with_keypoints(model, tracks, views, found: alignment.Keypoints):
     """A copy of the model by aligned keypoints alone."""
     model = pycolmap.Reconstruction(model)
-    with_xy(model, tracks, views, xy)
-    for k in np.flatnonzero(~aligned):
+    with_xy(model, tracks, views, found.xy)
+    for k in np.flatnonzero(~found.aligned):
         number, keypoint = views.ids[tracks.view[k]], int(tracks.keypoint[k])
         if model.images[number].points2D[keypoint].has_point3D():
             model.delete_observation(number, keypoint)
