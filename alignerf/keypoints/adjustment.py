@@ -20,6 +20,8 @@ NEAR_PX, MIN_AGREEING, UNUSUAL = 0.5, 0.8, 0.1
 # Of views: more cannot be placed by the others.
 MAX_PLACED = 1 / 3
 MIN_POINTS = 12
+# A lens that fewer views tell of is not refined.
+MIN_VIEWS = 5
 # A keypoint that is further off is of no point, as in COLMAP's mapper.
 MAX_ERROR_PX, MIN_ANGLE_DEG = 4.0, 1.5
 # What of the lens is refined, by name.
@@ -53,20 +55,19 @@ def adjust(model, free, *, without=(), seed=0):
     return placed
 
 
-def thin_out(model, several=None):
+def thin_out(model, several=None, least=MIN_KEYPOINTS):
     """Keep keypoints evenly over each view; others are of no point any more.
 
-    several: {image id: keypoints of a cell}; None for one.
+    several: {image id: keypoints of a cell}; None for one. least: keypoints that a view
+    keeps whatever cells they are in.
     """
     view, keypoint, cell, point, length = [], [], [], [], []
     for image in model.images.values():
-        side = image.camera.width / CELLS
         for k, one in enumerate(image.points2D):
             if one.has_point3D():
-                x, y = (int(c // side) for c in one.xy)
                 view.append(image.image_id)
                 keypoint.append(k)
-                cell.append((y + CELLS) * 4 * CELLS + x)
+                cell.append(cell_of(one.xy, image.camera.width))
                 point.append(one.point3D_id)
                 length.append(model.points3D[one.point3D_id].track.length())
     columns = [np.array(c, int) for c in (view, keypoint, cell, point, length)]
@@ -79,11 +80,24 @@ def thin_out(model, several=None):
     among = np.empty(len(order), int)
     among[order] = rank_in_group(view[order])
     most = np.array([several[n] if several else 1 for n in view.tolist()], int)
-    gone = (rank >= most) & (among >= MIN_KEYPOINTS)
+    gone = (rank >= most) & (among >= least)
     for number, k in zip(view[gone], keypoint[gone], strict=True):
         # The second last of a point takes the last along.
         if model.images[int(number)].points2D[int(k)].has_point3D():
             model.delete_observation(int(number), int(k))
+
+
+def cell_of(xy, width):
+    """The number of the cell that a keypoint is in."""
+    x, y = (int(c // (width / CELLS)) for c in xy)
+    return (y + CELLS) * 4 * CELLS + x
+
+
+def cells_of(model, number):
+    """How many cells of a view have a keypoint of a point."""
+    image = model.images[number]
+    seen = [one.xy for one in image.points2D if one.has_point3D()]
+    return len({cell_of(xy, image.camera.width) for xy in seen})
 
 
 def rank_in_group(*sorted_keys):
@@ -104,8 +118,18 @@ def solve(model, free, *, still=(), loss_px=CAUCHY_PX):
         chosen.add_image(number)
     for number in still:
         chosen.set_constant_rig_from_world_pose(model.images[number].frame_id)
+    for number in unsure_lenses(model):
+        chosen.set_constant_cam_intrinsics(number)
     chosen.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
     pycolmap.create_default_bundle_adjuster(options, chosen, model).solve()
+
+
+def unsure_lenses(model):
+    """Ids of cameras that too few views tell of: their lens stays as it is."""
+    counts = dict.fromkeys(model.cameras, 0)
+    for number in model.reg_image_ids():
+        counts[model.images[number].camera_id] += cells_of(model, number) >= MIN_POINTS
+    return [number for number, count in counts.items() if count < MIN_VIEWS]
 
 
 def settle(model):

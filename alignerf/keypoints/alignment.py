@@ -36,10 +36,13 @@ class Keypoints(NamedTuple):
     aligned: Bool[np.ndarray, " o"]
 
 
-def align(tracks: Tracks, views: Views, warps: Warps, photos) -> Keypoints:
+def align(
+    tracks: Tracks, views: Views, warps: Warps, photos, *, threads=None
+) -> Keypoints:
     """The `Keypoints` of all tracks.
 
-    photos: of each view a function that reads it, grey [h, w] uint8, of any size.
+    photos: of each view a function that reads it, grey [h, w] uint8, of any size;
+    threads: how many are read at a time.
     """
     usable = np.isfinite(warps.affine).all(axis=(1, 2))
     usable &= np.isfinite(warps.predicted).all(axis=1)
@@ -48,7 +51,7 @@ def align(tracks: Tracks, views: Views, warps: Warps, photos) -> Keypoints:
     start = np.where(near[:, None], warps.predicted, tracks.xy)
     found = Keypoints(start, tracks.is_reference.copy())
     for part in parts(tracks.track, MAX_PATCHES):
-        for pieces, ratios in gather(tracks, views, found.xy, photos, part):
+        for pieces, ratios in gather(tracks, views, found.xy, photos, part, threads):
             align_part(tracks, warps, usable, found, part, pieces, ratios)
     aligned = found.aligned
     # A reference that nothing agrees with is no more than a keypoint.
@@ -67,7 +70,7 @@ def parts(track, most):
     return [slice(a, b) for a, b in itertools.pairwise(bounds)]
 
 
-def gather(tracks, views, places, photos, part):
+def gather(tracks, views, places, photos, part, threads):
     """[(`patches.Patches` of a part's observations, px of a photo in one [o, 2])].
 
     Of each size of LEVELS; photos are read once.
@@ -96,7 +99,7 @@ def gather(tracks, views, places, photos, part):
             cut = patches.cut(sized, places[part][own] * ratios[own])
             pieces.pixels[own], pieces.corners[own] = cut
 
-    done = machine.map_in_threads(one, range(len(views.ids)))
+    done = machine.map_in_threads(one, range(len(views.ids)), threads=threads)
     for _ in progress.over(done, "keypoints", unit="photo", total=len(views.ids)):
         pass
     return levels

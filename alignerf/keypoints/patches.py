@@ -193,7 +193,8 @@ def align(templates, atlas, places, warps, track, *, fits_slopes):
         chosen = chosen[moves]
         if not len(chosen):
             break
-    least = np.linalg.eigvalsh(matrix[:, :2, :2])[:, 0]
+    # Of an edge it is 0, or less by rounding.
+    least = np.maximum(np.linalg.eigvalsh(matrix[:, :2, :2])[:, 0], 1e-6)
     deviation = np.sqrt((variance + LEAST_VARIANCE) / (EFFECTIVE * least))
     return Aligned(places, correlation, deviation, slopes)
 

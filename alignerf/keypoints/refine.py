@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pycolmap
 
-from alignerf.files import faults, progress
+from alignerf.files import faults, machine, progress
 from alignerf.keypoints import adjustment, alignment
 from alignerf.keypoints.tracks import tracks_of, views_of, warps_of
 
@@ -26,6 +26,16 @@ MIN_FRACTION = 0.05
 MAX_KEPT = 0.5
 # By so many px the error of a view may grow, and by so many standard errors.
 TOLERATED_PX, SURE = 0.05, 2.0
+# Of the cells of a view with keypoints, those that have an aligned one: where fewer
+# have, held-out tracks do not tell of the rest.
+MIN_COVERED = 0.5
+# Pixels of photos that are decoded at a time, in a few copies each.
+MAX_DECODED = 50_000_000
+# By so much of it a focal length may change, by so much of the width a centre.
+MAX_LENS = 0.05
+# Of a normal distribution: standard deviations in a median absolute deviation, and the
+# standard error of a median in one of a mean.
+MAD, OF_MEDIAN = 1.4826, 1.2533
 
 
 class Judged(NamedTuple):
@@ -35,17 +45,38 @@ class Judged(NamedTuple):
     error: dict
 
     def gain_over(self, before):
-        """(mean gain over views in px, its standard error) against another."""
+        """(median gain over views in px, its standard error) against another.
+
+        A few views that lose do not decide over all: they stay as they were.
+        """
         gains = np.array([before.px[v] - self.px[v] for v in self.px if v in before.px])
         if len(gains) < 2:
             return 0.0, np.inf
-        return float(gains.mean()), float(gains.std(ddof=1) / np.sqrt(len(gains)))
+        gain = np.median(gains)
+        spread = MAD * np.median(np.abs(gains - gain))
+        return float(gain), float(OF_MEDIAN * spread / np.sqrt(len(gains)))
 
     def median(self):
         return float(np.median(list(self.px.values()))) if self.px else np.nan
 
 
-def refine(model, photos, *, free, more=(), seed=0, photo_px=1.0):
+def refine(model, photos, **options):
+    """`refined`; where its arithmetic fails, cameras stay as they were."""
+    started = time.monotonic()
+    try:
+        return refined(model, photos, **options)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        return model, left_alone(str(error), started)
+
+
+def left_alone(why, started):
+    """What is told where nothing changes."""
+    said = f"keypoints: cameras stay as they were: {why}"
+    log.info("%s", said)
+    return {"accepted": False, "why": why, "said": said, "time_s": seconds(started)}
+
+
+def refined(model, photos, *, free, more=(), seed=0, photo_px=1.0):
     """(COLMAP's model with finer cameras and points, what is told of it).
 
     The model is the given one where nothing is gained. photos: {image id: function that
@@ -60,17 +91,17 @@ def refine(model, photos, *, free, more=(), seed=0, photo_px=1.0):
     told = {"keypoints": model.compute_num_observations()}
 
     def left(why):
-        said = f"keypoints: cameras stay as they were: {why}"
-        log.info("%s", said)
-        more = {"accepted": False, "why": why, "said": said, "time_s": seconds(started)}
-        return model, told | more
+        return model, told | left_alone(why, started)
 
     if len(held) < MIN_HELD_OUT:
         return left(f"{len(held)} held-out tracks are too few to judge by")
     views = views_of(model)
     tracks = tracks_of(model, views)
     each = [photos[number] for number in views.ids]
-    found = alignment.align(tracks, views, warps_of(tracks, views), each)
+    warps = warps_of(tracks, views)
+    found = alignment.align(
+        tracks, views, warps, each, threads=threads_of(model, photo_px)
+    )
     finer = with_keypoints(model, tracks, views, found)
     if finer.num_points3D() < MIN_HELD_OUT / HELD_OUT:
         return left(f"{finer.num_points3D()} tracks could be aligned")
@@ -78,12 +109,14 @@ def refine(model, photos, *, free, more=(), seed=0, photo_px=1.0):
         placed = adjustment.adjust(finer, free, without=held, seed=seed)
         judge = only(finer, held)
         before, after = judged(judge, model), judged(judge, finer)
+        if len(after.px) < MAX_KEPT * model.num_reg_images():
+            return left(f"{len(after.px)} views have held-out tracks to judge by")
         for one in more:
             further = pycolmap.Reconstruction(finer)
             again = adjustment.adjust(further, one, without=held, seed=seed)
             better = judged(judge, further)
             gain, error = better.gain_over(after)
-            if gain > asked_of(one, after, error):
+            if gain > asked_of(one, after, error) and is_sane(further, model):
                 finer, after, free = further, better, one
                 placed += again
     gain, error = after.gain_over(before)
@@ -96,9 +129,15 @@ def refine(model, photos, *, free, more=(), seed=0, photo_px=1.0):
         "refined": free,
     }
     told["held_out_px"] = [round(px, 4) for px in told["held_out_px"]]
+    if not is_sane(finer, model):
+        return left("the lens would change by too much")
     if not gain > SURE * error:
         return left(f"held-out tracks {before.median():.2f} -> {after.median():.2f} px")
-    kept = without_gain(before, after, model.reg_image_ids(), set(placed))
+    kept = [
+        number
+        for number in model.reg_image_ids()
+        if loses(before, after, number) or is_uncovered(finer, model, number)
+    ]
     if len(kept) > MAX_KEPT * model.num_reg_images():
         return left(f"{len(kept)} views gain nothing")
     now = pycolmap.Reconstruction(model)
@@ -113,7 +152,7 @@ def refine(model, photos, *, free, more=(), seed=0, photo_px=1.0):
     told |= {
         "accepted": True,
         "reprojection_px": [round(photo_px * px, 4) for px in errors],
-        "placed": names_of(model, set(placed)),
+        "placed": names_of(model, set(placed) - set(kept)),
         "kept": names_of(model, kept),
         "time_s": seconds(started),
     }
@@ -141,6 +180,12 @@ def asked_of(free, before, error):
     if free == "centre":
         return -error
     return max(MIN_FRACTION * before.median(), SURE * error)
+
+
+def threads_of(model, photo_px):
+    """How many photos are read at a time: as many as memory is meant to hold."""
+    largest = max(c.width * c.height for c in model.cameras.values()) * photo_px**2
+    return int(np.clip(MAX_DECODED / largest, 1, machine.cores()))
 
 
 def seconds(started):
@@ -175,11 +220,12 @@ def with_keypoints(model, tracks, views, found: alignment.Keypoints):
 
 
 def only(model, held):
-    """A copy of the model with some points alone."""
+    """A copy of the model with some points alone, evenly over each view."""
     model, held = pycolmap.Reconstruction(model), set(held.tolist())
     for number in list(model.points3D):
         if number not in held:
             model.delete_point3D(number)
+    adjustment.thin_out(model, least=0)
     return model
 
 
@@ -193,23 +239,31 @@ def judged(held, cameras) -> Judged:
         off = adjustment.errors_px(model, number)
         if len(off) >= MIN_OF_VIEW:
             px[number] = float(np.median(off))
-            # Of a median of what is distributed normally.
-            error[number] = 1.25 * float(np.std(off)) / np.sqrt(len(off))
+            error[number] = OF_MEDIAN * float(np.std(off)) / np.sqrt(len(off))
     return Judged(px, error)
 
 
-def without_gain(before, after, views, placed):
-    """Ids of views that are better as they were, or have too little to tell.
+def loses(before, after, view):
+    """Whether a view is better as it was, or has too little to tell."""
+    px, error = after.px.get(view, np.inf), after.error.get(view, 0.0)
+    return px - before.px.get(view, -np.inf) > max(TOLERATED_PX, SURE * error)
 
-    Those that were placed by other views' points are not asked: theirs disagree.
-    """
-    found = []
-    for view in sorted(set(views) - placed):
-        px, error = after.px.get(view, np.inf), after.error.get(view, 0.0)
-        more = px - before.px.get(view, -np.inf)
-        if more > max(TOLERATED_PX, SURE * error):
-            found.append(view)
-    return found
+
+def is_uncovered(finer, model, view):
+    """Whether aligned keypoints cover too little of what keypoints cover."""
+    least = MIN_COVERED * adjustment.cells_of(model, view)
+    return adjustment.cells_of(finer, view) < least
+
+
+def is_sane(finer, model):
+    """Whether all lenses are nearly what they were."""
+    for number, camera in finer.cameras.items():
+        own, before = (c.calibration_matrix() for c in (camera, model.cameras[number]))
+        ratios = own[[0, 1], [0, 1]] / before[[0, 1], [0, 1]]
+        moved = np.abs(own[:2, 2] - before[:2, 2]) / camera.width
+        if not max(*np.abs(ratios - 1), *moved) < MAX_LENS:
+            return False
+    return True
 
 
 def keep(model, before, views):

@@ -147,9 +147,12 @@ def finer(found: Adjusted, matches, given: Cameras, photos, *, lens, seed, photo
     if not told["accepted"]:
         return found, told
     now, points = cameras_of(model, found.cameras), points_of(model, matches)
-    now, points, moved = in_frame_of(given, now, points, found.carried)
+    weak = [v for v, seen in enumerate(points.seen) if len(seen) < MIN_TRACKS]
+    if len(weak) > len(matches.names) / 2:
+        return found, told | {"accepted": False, "why": "too few tracks are left"}
+    now, points, moved = in_frame_of(given, now, points, weak)
     move(model, moved)
-    return found._replace(cameras=now, points=points, model=model), told
+    return found._replace(cameras=now, points=points, carried=weak, model=model), told
 
 
 def triangulate(matches: Matches, given: Cameras, work, *, seed, images=None):

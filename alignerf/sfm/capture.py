@@ -170,10 +170,14 @@ def adjust(matched, given, work, seed, photo_px, *, lens, where="", photos=None)
     if photos:
         options = {"lens": lens, "seed": seed, "photo_px": photo_px}
         finer, keypoints = bundle.finer(found, matched, given, photos, **options)
-        again = acceptance.judge(matched, given, finer.cameras, photo_px)
         # Matches as they were found have the last word.
-        if again.accepted:
-            found, judged = finer, again
+        again = acceptance.judge(matched, found.cameras, finer.cameras, photo_px)
+        if again.worse:
+            why = "held-out matches lose by it"
+            keypoints |= {"accepted": False, "why": why, "said": f"keypoints: {why}"}
+        else:
+            found = finer
+            judged = acceptance.judge(matched, given, found.cameras, photo_px)
     told = judged.told() | difference(matched.names, given, found, photo_px)
     told["keypoints"] = keypoints or None
     log.info(

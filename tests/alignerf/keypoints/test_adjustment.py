@@ -80,3 +80,15 @@ def test_rank_in_group():
         np.array([1, 1, 1, 2, 2]), np.array([0, 0, 5, 5, 5])
     )
     assert ranks.tolist() == [0, 1, 0, 0, 1]
+
+
+def test_a_lens_that_few_views_tell_of_stays(model, monkeypatch):
+    assert adjustment.unsure_lenses(model) == []
+    before = model.cameras[1].params.copy()
+    adjustment.adjust(model, "centre")
+    assert (model.cameras[1].params != before).all()
+    monkeypatch.setattr(adjustment, "MIN_VIEWS", len(model.images) + 1)
+    assert adjustment.unsure_lenses(model) == [1]
+    before = model.cameras[1].params.copy()
+    adjustment.adjust(model, "centre")
+    np.testing.assert_array_equal(model.cameras[1].params, before)

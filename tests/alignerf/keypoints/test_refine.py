@@ -1,5 +1,7 @@
 """Cameras by aligned keypoints: finer where photos tell, the same where they do not."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -153,3 +155,50 @@ def test_a_view_without_keypoints_that_align_moves_with_its_neighbour(corner, ph
     before, after = (errors_of(one, corner) for one in (model, finer))
     assert after[2] < before[2] + 0.25
     assert np.median(after) < 0.45 * np.median(before)
+
+
+def test_a_lens_that_would_change_much_changes_nothing(corner, photos, monkeypatch):
+    def wild(model, free, **options):
+        model.cameras[1].params = [2 * made.FOCAL_PX, made.WIDTH / 2, made.HEIGHT / 2]
+        return []
+
+    monkeypatch.setattr(adjustment, "adjust", wild)
+    model = adjusted_model(corner)
+    same, told = refine.refine(model, photos, free="focal", seed=0)
+    assert same is model
+    assert "lens" in told["why"]
+
+
+def test_what_fails_changes_nothing(corner, photos, monkeypatch):
+    def fails(*args, **options):
+        raise np.linalg.LinAlgError("singular matrix")
+
+    monkeypatch.setattr(adjustment, "adjust", fails)
+    model = adjusted_model(corner)
+    same, told = refine.refine(model, photos, free="focal", seed=0)
+    assert same is model
+    assert "singular" in told["said"]
+
+
+def test_without_views_to_judge_by_nothing_changes(corner, photos, monkeypatch):
+    monkeypatch.setattr(refine, "MIN_OF_VIEW", 10_000)
+    model = adjusted_model(corner)
+    same, told = refine.refine(model, photos, free="focal", seed=0)
+    assert same is model
+    assert "0 views" in told["why"]
+    # JSON knows no NaN.
+    json.dumps(told, allow_nan=False)
+
+
+def test_a_view_that_loses_stays_and_does_not_decide_over_all():
+    before = refine.Judged({1: 0.2, 2: 0.2, 3: 0.2, 4: 0.2}, {})
+    error = dict.fromkeys(before.px, 0.01)
+    after = refine.Judged({1: 0.1, 2: 0.1, 3: 0.9, 4: 0.11}, error)
+    gain, sure = after.gain_over(before)
+    assert gain == pytest.approx(0.095)
+    assert sure < 0.02
+    assert [refine.loses(before, after, view) for view in (1, 3, 5)] == [
+        False,
+        True,
+        True,
+    ]

@@ -194,3 +194,21 @@ def test_views_that_stay_wrong_are_named(rng):
     now = true._replace(camtoworlds=poses)
     assert capture.still_off(found, now, 1.0) == ["v06"]
     assert capture.still_off(found, true, 1.0) == []
+
+
+def test_matches_as_they_were_found_have_the_last_word(rng, tmp_path, monkeypatch):
+    """Finer cameras that they lose by are not taken, though better than the input."""
+    true = made.cameras()
+    given = perturbed(true, 6.0, rng)
+    found = made.matched(true, rng)
+
+    def worse(adjusted, *args, **options):
+        cameras = perturbed(adjusted.cameras, 2.0, rng)
+        return adjusted._replace(cameras=cameras), {"accepted": True, "said": "finer"}
+
+    monkeypatch.setattr(bundle, "finer", worse)
+    options = {"lens": True, "photos": [None]}
+    adjusted, told = capture.adjust(found, given, tmp_path, 0, 1.0, **options)
+    assert told["keypoints"]["accepted"] is False
+    assert "lose" in told["keypoints"]["said"]
+    assert np.median(error_px(true, adjusted.cameras, adjusted)) < 0.6
