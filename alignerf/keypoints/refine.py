@@ -225,7 +225,7 @@ def only(model, held):
     for number in list(model.points3D):
         if number not in held:
             model.delete_point3D(number)
-    adjustment.thin_out(model, least=0)
+    adjustment.thin_out(model, least=4 * MIN_OF_VIEW)
     return model
 
 
