@@ -12,7 +12,6 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import faults
 from alignerf.sfm import (
     acceptance,
@@ -80,7 +79,7 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
     found, told = None, {"accepted": False, "why": "not asked for"}
     if adjusts:
         photos = None
-        if scene_keys.refines_keypoints(config):
+        if config["refine_keypoints"]:
             photos = [functools.partial(grey, photo) for photo in views.photos]
         found, told = adjust(
             matched, given, work, seed, photo_px, lens=lens, where=where, photos=photos

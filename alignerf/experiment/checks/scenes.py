@@ -17,6 +17,7 @@ def checked(values):
     config = schema.filled(scene_keys.Scene, values)
     config["poses"] = scene_keys.poses_of(config)
     config["seed"] = config["seed"] or 0
+    config["refine_keypoints"] = scene_keys.refines_keypoints(config)
     check_scene(config)
     return config
 

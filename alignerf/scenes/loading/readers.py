@@ -2,7 +2,6 @@
 
 import logging
 
-from alignerf.experiment.keys import scene as scene_keys
 from alignerf.scenes import cameras, colmap
 from alignerf.scenes.apps import sources
 from alignerf.scenes.capture import full_size, report
@@ -61,7 +60,7 @@ def pose_photos(folder, scratch, config, *, camera_model, where=None):
         where=where or str(folder),
         background=config["background"],
         masks=config["masks"],
-        refine_keypoints=scene_keys.refines_keypoints(config),
+        refine_keypoints=config["refine_keypoints"],
     )
     least = config["colmap"]["least_registered"]
     report.check_registered(model, least, where or folder)

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.keypoints import adjustment, refine
 from tests.alignerf.keypoints import made
 
@@ -202,3 +203,18 @@ def test_a_view_that_loses_stays_and_does_not_decide_over_all():
         True,
         True,
     ]
+
+
+@pytest.mark.parametrize(
+    ("scene", "refines"),
+    [
+        ({"source": "photos", "path": "p"}, True),
+        ({"source": "transforms", "path": "p"}, True),
+        ({"source": "photos", "path": "p", "refine_keypoints": False}, False),
+        # Its error is to be COLMAP's own.
+        ({"source": "courtyard"}, False),
+        ({"source": "courtyard", "refine_keypoints": True}, True),
+    ],
+)
+def test_it_is_on_unless_a_key_turns_it_off(scene, refines):
+    assert of_scenes.checked(scene)["refine_keypoints"] is refines
