@@ -66,14 +66,14 @@ def refine(model, photos, **options):
     try:
         return refined(model, photos, **options)
     except (ValueError, np.linalg.LinAlgError) as error:
-        return model, left_alone(str(error), started)
+        return model, refused({"time_s": seconds(started)}, str(error))
 
 
-def left_alone(why, started):
-    """What is told where nothing changes."""
+def refused(told, why):
+    """What is told where nothing changes, which is logged."""
     said = f"keypoints: cameras stay as they were: {why}"
     log.info("%s", said)
-    return {"accepted": False, "why": why, "said": said, "time_s": seconds(started)}
+    return told | {"accepted": False, "why": why, "said": said}
 
 
 def refined(model, photos, *, free, more=(), seed=0, photo_px=1.0):
@@ -91,7 +91,7 @@ def refined(model, photos, *, free, more=(), seed=0, photo_px=1.0):
     told = {"keypoints": model.compute_num_observations()}
 
     def left(why):
-        return model, told | left_alone(why, started)
+        return model, refused(told | {"time_s": seconds(started)}, why)
 
     if len(held) < MIN_HELD_OUT:
         return left(f"{len(held)} held-out tracks are too few to judge by")
@@ -115,8 +115,7 @@ def refined(model, photos, *, free, more=(), seed=0, photo_px=1.0):
             further = pycolmap.Reconstruction(finer)
             again = adjustment.adjust(further, one, without=held, seed=seed)
             better = judged(judge, further)
-            gain, error = better.gain_over(after)
-            if gain > asked_of(one, after, error) and is_sane(further, model):
+            if asks_for(one, after, better) and is_sane(further, model):
                 finer, after, free = further, better, one
                 placed += again
     gain, error = after.gain_over(before)
@@ -140,14 +139,7 @@ def refined(model, photos, *, free, more=(), seed=0, photo_px=1.0):
     ]
     if len(kept) > MAX_KEPT * model.num_reg_images():
         return left(f"{len(kept)} views gain nothing")
-    now = pycolmap.Reconstruction(model)
-    with_xy(now, tracks, views, found.xy)
-    adjustment.take_cameras(now, finer)
-    keep(now, model, kept)
-    adjustment.settle(now)
-    observations = pycolmap.ObservationManager(now)
-    observations.filter_all_points3D(adjustment.MAX_ERROR_PX, adjustment.MIN_ANGLE_DEG)
-    now.update_point_3d_errors()
+    now = put_together(model, finer, tracks, views, found.xy, kept)
     errors = [m.compute_mean_reprojection_error() for m in (model, now)]
     told |= {
         "accepted": True,
@@ -170,16 +162,33 @@ def refined(model, photos, *, free, more=(), seed=0, photo_px=1.0):
     return now, told
 
 
-def asked_of(free, before, error):
-    """By how many px held-out tracks have to gain by one more parameter of the lens.
+def put_together(model, finer, tracks, views, xy, kept):
+    """A copy of the model, all of its tracks in it, by the finer cameras.
+
+    xy: of the tracks' keypoints. kept: ids of views that stay as they were.
+    """
+    now = pycolmap.Reconstruction(model)
+    with_xy(now, tracks, views, xy)
+    adjustment.take_cameras(now, finer)
+    keep(now, model, kept)
+    adjustment.settle(now)
+    observations = pycolmap.ObservationManager(now)
+    observations.filter_all_points3D(adjustment.MAX_ERROR_PX, adjustment.MIN_ANGLE_DEG)
+    now.update_point_3d_errors()
+    return now
+
+
+def asks_for(free, before, after):
+    """Whether held-out tracks gain enough by one more parameter of the lens.
 
     A focal length hides in depth where all photos are from one side. A principal point
     is hardly ever in the middle, and bends all else where it is held there: it is left
     there only where held-out tracks lose without.
     """
+    gain, error = after.gain_over(before)
     if free == "centre":
-        return -error
-    return max(MIN_FRACTION * before.median(), SURE * error)
+        return gain > -error
+    return gain > max(MIN_FRACTION * before.median(), SURE * error)
 
 
 def threads_of(model, photo_px):

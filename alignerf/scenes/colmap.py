@@ -15,7 +15,7 @@ import pycolmap
 from jaxtyping import Float, UInt8
 
 from alignerf.files import faults
-from alignerf.keypoints import refine
+from alignerf.keypoints import adjustment, refine
 from alignerf.scenes import cameras, photos, prepare
 from alignerf.scenes.capture import canvas, ingest, mapping
 
@@ -256,14 +256,9 @@ def convert(model, names, *, models=()) -> Reconstruction:
 
 def error_px(model, image):
     """Mean reprojection error of the points that an image sees; NaN of none."""
-    errors = [
-        np.linalg.norm(projected - point.xy)
-        for point in image.points2D
-        if point.has_point3D()
-        and (projected := image.project_point(model.points3D[point.point3D_id].xyz))
-        is not None
-    ]
-    return float(np.mean(errors)) if errors else np.nan
+    errors = adjustment.errors_px(model, image.image_id)
+    seen = errors[np.isfinite(errors)]
+    return float(np.mean(seen)) if len(seen) else np.nan
 
 
 def lens(model, params):

@@ -149,7 +149,7 @@ def finer(found: Adjusted, matches, given: Cameras, photos, *, lens, seed, photo
     now, points = cameras_of(model, found.cameras), points_of(model, matches)
     weak = [v for v, seen in enumerate(points.seen) if len(seen) < MIN_TRACKS]
     if len(weak) > len(matches.names) / 2:
-        return found, told | {"accepted": False, "why": "too few tracks are left"}
+        return found, refine.refused(told, "too few tracks are left")
     now, points, moved = in_frame_of(given, now, points, weak)
     move(model, moved)
     return found._replace(cameras=now, points=points, carried=weak, model=model), told

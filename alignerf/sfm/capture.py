@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from alignerf.files import faults
+from alignerf.keypoints import refine
 from alignerf.sfm import (
     acceptance,
     bundle,
@@ -172,8 +173,7 @@ def adjust(matched, given, work, seed, photo_px, *, lens, where="", photos=None)
         # Matches as they were found have the last word.
         again = acceptance.judge(matched, found.cameras, finer.cameras, photo_px)
         if again.worse:
-            why = "held-out matches lose by it"
-            keypoints |= {"accepted": False, "why": why, "said": f"keypoints: {why}"}
+            keypoints = refine.refused(keypoints, "held-out matches lose by it")
         else:
             found = finer
             judged = acceptance.judge(matched, given, found.cameras, photo_px)

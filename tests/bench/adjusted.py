@@ -12,6 +12,7 @@ capture by `tests.bench.surveyed`.
 
 import argparse
 import csv
+import itertools
 import os
 import tempfile
 import time
@@ -153,21 +154,26 @@ def main(argv=None):
         table_of(pd.read_csv(args.table)).to_csv(args.out, index=False)
         return
     every = captures(args.data, args.work)
+    rows = itertools.chain.from_iterable(
+        named(name, every[name], args.work)
+        if args.conventions
+        else rows_of(name, every[name], args.work, args.seeds)
+        for name in args.captures or every
+    )
+    write_rows(args.out, rows)
+
+
+def write_rows(path, rows):
+    """Write rows as they come, so that a run that is cut off keeps what it has."""
     columns = None
-    with open(args.out, "w", newline="", encoding="utf-8") as file:
-        for name in args.captures or every:
-            found = (
-                named(name, every[name], args.work)
-                if args.conventions
-                else rows_of(name, every[name], args.work, args.seeds)
-            )
-            for row in found:
-                if columns is None:
-                    columns = csv.DictWriter(file, row.keys())
-                    columns.writeheader()
-                columns.writerow(row)
-                file.flush()
-                print(row, flush=True)
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        for row in rows:
+            if columns is None:
+                columns = csv.DictWriter(file, row.keys())
+                columns.writeheader()
+            columns.writerow(row)
+            file.flush()
+            print(row, flush=True)
 
 
 def data_folder():

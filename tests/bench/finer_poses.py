@@ -10,7 +10,6 @@ Data: in the folder that ALIGNERF_DATA names (default ../shared/data).
 """
 
 import argparse
-import csv
 import tempfile
 import time
 from pathlib import Path
@@ -148,19 +147,16 @@ def main(argv=None):
     parser.add_argument("--captures", nargs="+")
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args(argv)
-    every, columns = captures(args.data, args.work), None
-    with open(args.out, "w", newline="", encoding="utf-8") as file:
-        for name in args.captures or every:
-            folder = args.work / name
-            if not (folder / "true.npz").is_file():
-                make(folder, *every[name])
-            row = row_of(name, folder)
-            if columns is None:
-                columns = csv.DictWriter(file, row.keys())
-                columns.writeheader()
-            columns.writerow(row)
-            file.flush()
-            print(row, flush=True)
+    every = captures(args.data, args.work)
+    adjusted.write_rows(args.out, rows_of(args.captures or every, every, args.work))
+
+
+def rows_of(names, every, work):
+    for name in names:
+        folder = work / name
+        if not (folder / "true.npz").is_file():
+            make(folder, *every[name])
+        yield row_of(name, folder)
 
 
 if __name__ == "__main__":
