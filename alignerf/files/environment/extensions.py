@@ -7,8 +7,10 @@ each.
 
 import functools
 import hashlib
+import importlib
 import importlib.metadata
 import importlib.util
+import pkgutil
 import sys
 from pathlib import Path
 
@@ -65,6 +67,23 @@ def check_new(group, names, taken):
         if name in seen:
             sys.exit(f"error: alignerf.{group}: {name} is a name that is taken")
         seen.add(name)
+
+
+@functools.cache
+def registered(package, group, name):
+    """All records of a registry: (those of its folder, then of other packages).
+
+    package: the registry's folder as imported, whose every module with a global `name`
+    holds one record. group: the entry points by which other packages add theirs. A new
+    file in the folder is all that a new record takes. In the order of `order`, which a
+    record may have (0 without), then of the modules' names.
+    """
+    records = []
+    for module in sorted(m.name for m in pkgutil.iter_modules(package.__path__)):
+        loaded = importlib.import_module(f"{package.__name__}.{module}")
+        records += [getattr(loaded, name)] if hasattr(loaded, name) else []
+    records.sort(key=lambda record: getattr(record, "order", 0))
+    return (*records, *of_group(group).values())
 
 
 @functools.cache
