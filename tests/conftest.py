@@ -27,7 +27,11 @@ if not os.environ.get("ALIGNERF_OPTIMISED"):
 
 import jaxtyping
 
-jaxtyping.install_import_hook(["alignerf", "flow"], "beartype.beartype")
+# Shapes are checked where arrays are computed with; elsewhere it only costs time.
+NUMERIC = [f"alignerf.{name}" for name in ("mipnerf360", "fields", "contributions")]
+NUMERIC += [f"alignerf.{name}" for name in ("cameras", "systems", "keypoints")]
+NUMERIC += ["flow.camera", "flow.warping"]
+jaxtyping.install_import_hook(NUMERIC, "beartype.beartype")
 
 import jax
 import numpy as np
