@@ -7,7 +7,8 @@
 # make test   the test suite
 # make tools  tests of what stands beside it: toys, benchmarks, torture, packaging, browser
 # make bench  measurements into results/bench/; PEER=checkout of multinerf beside ours
-# make peers PEERS=folder  ours beside the papers' released code (tests/peers.py)
+# make flow_benchmark  how right and how fast the flow estimators are
+# make peers PEERS=folder  ours beside the papers' released code (tools/peers.py)
 # make torture  the attack: damaged inputs, kills, full disks; within an hour
 # make docs   tables and figures of docs/ from the CSVs in docs/measured/
 # make site   these pages as a site with a search, in site/, with the demo's page in it
@@ -26,7 +27,7 @@ unexport FOLDER POSES SCENE WIDTH PHOTOS RENDERS CAMERAS DEPTH JUDGE PEER PEERS 
 
 # `exec`: who ends make by a signal ends the program, and not a shell around it alone.
 .DEFAULT_GOAL := help
-.PHONY: help run show photos poses judge export test tools bench peers torture docs site lint cluster lock clean
+.PHONY: help run show photos poses judge export test tools bench flow_benchmark peers torture docs site lint cluster lock clean
 
 help:
 	@sed -n 's/^# make /make /p' $(firstword $(MAKEFILE_LIST))
@@ -62,7 +63,7 @@ export: $(VENV)/.installed
 		$(if $(value WIDTH),"--width=$$EXPORT_WIDTH") -- "$$EXPORT_OF"
 
 # What others add; benchmarks, the torture and the packaging; the page in a browser.
-TOOLS := tests/extension tests/bench tests/torture tests/test_packaging.py tests/alignerf/page/test_browser.py
+TOOLS := tools tests/extension tests/test_packaging.py tests/alignerf/page/test_browser.py
 
 test: $(VENV)/.installed
 	@pytest -n 2 --dist worksteal $(TOOLS:%=--ignore=%)
@@ -71,22 +72,28 @@ tools: $(VENV)/.installed
 	@pytest -n 2 --dist worksteal $(TOOLS)
 
 bench: $(VENV)/.installed
-	@python -m tests.bench $(if $(PEER),--peer $(PEER)) $(BENCH)
+	@python -m tools.bench $(if $(PEER),--peer $(PEER)) $(BENCH)
+
+# On the demo's renders too, where `make run` has made them.
+flow_benchmark: $(VENV)/.installed
+	@python -m tools.flow_benchmark $(if $(wildcard results/courtyard/truth), \
+		--configs results/courtyard/config.yaml --scene results/courtyard \
+		--renders mipnerf360_large/round0 mipnerf360_large/round2)
 
 peers: $(VENV)/.installed
-	@python -m tests.peers "$(PEERS)"
+	@python -m tools.peers "$(PEERS)"
 
 torture: $(VENV)/.installed
-	@python -m tests.torture $(TORTURE)
+	@python -m tools.torture $(TORTURE)
 
 docs: $(VENV)/.installed
-	@python -m docs.tables
-	@python -m docs.figures
+	@python -m tools.docs.tables
+	@python -m tools.docs.figures
 
 site: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 		--require-hashes -r requirements-site.lock
-	@python -m docs.site
+	@python -m tools.docs.site
 
 lint: $(VENV)/.installed
 	ruff format --check .

@@ -7,7 +7,6 @@
 #   snakemake --cores N regimes            when each part of AligNeRF pays
 #   snakemake --cores N remedies           what to do with T minutes
 #   snakemake --cores N comparison         all systems on all scenes: Tables 2 and 3
-#   snakemake --cores N flow_benchmark     how right and how fast the flow estimators are
 #   snakemake --cores N export             cameras and photos for other programs
 #   snakemake --cores N --configfile workflow/config/own_photos.yaml
 # A target stands before --configfile, which takes all words that follow:

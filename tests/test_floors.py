@@ -32,13 +32,13 @@ FLOORS = [
         "alignerf.exports",
         *("flow.estimation", "flow.figures"),
     },
-    {"alignerf.training", "alignerf.verdict", "alignerf.others", "flow.benchmark"},
+    {"alignerf.training", "alignerf.verdict", "alignerf.others"},
     {"alignerf.alignment", "alignerf.preflight", "alignerf.page"},
     {"alignerf.start"},
     {"alignerf", "flow"},  # the stages: files directly in a package
 ]
 # Folders that hold commands besides the stages.
-COMMANDS = ("alignerf.networks", "alignerf.tables", "flow.figures", "flow.benchmark")
+COMMANDS = ("alignerf.networks", "alignerf.tables", "flow.figures")
 COMMANDS += ("alignerf.decisions", "alignerf.preflight", "alignerf.verdict")
 COMMANDS += ("alignerf.page", "alignerf.start", "alignerf.others")
 MOST_MODULES = 12
@@ -182,6 +182,13 @@ def test_a_plan_waits_for_no_jax():
     assert not loaded & {*JAX, "snakemake", "numpy", "pandas", "cv2"}
 
 
+def test_nothing_reaches_the_tests_or_the_tools():
+    """Of the product; tools and tests may import all of it."""
+    for name in MODULES:
+        tops = {full.split(".")[0] for full in imports(name)}
+        assert not tops & {"tools", "tests"}, name
+
+
 def test_the_experiment_reaches_plain_libraries_only():
     allowed = {*sys.stdlib_module_names, "pydantic", "yaml", "alignerf"}
     for name in MODULES:
@@ -299,7 +306,7 @@ TOLD = (
     *("alignerf.exports.sizes", "alignerf.others.jobs", "alignerf.verdict.__main__"),
     *("alignerf.preflight.__main__", "alignerf.processes.consensus"),
     *("alignerf.start.terminal.events", "alignerf.tables.across.tradeoff"),
-    *("flow.benchmark.__main__", "flow.figures.scene"),
+    "flow.figures.scene",
 )
 MAY_READ = READERS | SHIPPED | SYSTEM | LOGS | {name: {"json.loads"} for name in TOLD}
 

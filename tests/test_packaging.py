@@ -31,7 +31,7 @@ def wheel(root, tmp_path_factory):
     for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE", *BESIDE):
         shutil.copy(root / name, source)
     # With the folders that are not to be installed.
-    for name in ("alignerf", "flow", "tests", "docs", "workflow", PUBLISHED):
+    for name in ("alignerf", "flow", "tests", "tools", "docs", "workflow", PUBLISHED):
         unwanted = shutil.ignore_patterns("__pycache__")
         shutil.copytree(root / name, source / name, ignore=unwanted)
     pip("wheel", "--no-build-isolation", "--wheel-dir", folder, source)

@@ -104,35 +104,3 @@ def aligned_pose_inputs(experiment, scene, folder):
     if experiment.has_truth(scene):
         inputs["truth-flow"] = f"{path}/flow_oracle/test"
     return inputs
-
-
-def benchmark_models(experiment, scene):
-    """<method>/round<k> of the reference method, before and after all warping."""
-    method = experiment.config["reference"]["method"]
-    rounds = sorted({0, experiment.last_round(scene, method)})
-    found = [experiment.folder(scene, method, k) for k in rounds]
-    return [folder.removeprefix(f"results/{scene}/") for folder in found]
-
-
-def benchmark_options(experiment):
-    """Command line of the scene with a truth, the config's first; or none."""
-    return [
-        part
-        for name in experiment.with_truth()[:1]
-        for part in (
-            *("--scene", f"results/{name}"),
-            *("--renders", *benchmark_models(experiment, name)),
-        )
-    ]
-
-
-def benchmark_inputs(experiment):
-    """Photos, truth and renders of that scene."""
-    return [
-        f"results/{name}/{path}"
-        for name in experiment.with_truth()[:1]
-        for path in (
-            *("images", "truth"),
-            *(f"{model}/renders" for model in benchmark_models(experiment, name)),
-        )
-    ]

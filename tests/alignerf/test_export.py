@@ -11,7 +11,7 @@ from alignerf import export, poses
 from alignerf.files import faults
 from alignerf.scenes import cameras, colmap, llff, prepare, prepared, transforms
 from alignerf.training import batches
-from tests.bench import cases
+from tools.bench import cases
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from alignerf.tables import columns
-from docs import lists, tables
+from tools.docs import lists, tables
 
 README_LINES = 120
 LINE_WIDTH = 110
@@ -222,7 +222,7 @@ def test_make_targets_exist(root, pages):
 
 def test_modules_to_run_exist(root, pages):
     named = set(re.findall(r"python -m ([\w.]+\w)", "\n".join(pages.values())))
-    assert {"alignerf.show", "alignerf.networks.weights", "docs.tables"} <= named
+    assert {"alignerf.show", "alignerf.networks.weights", "tools.docs.tables"} <= named
     for module in named:
         path = root.joinpath(*module.split("."))
         found = path.with_suffix(".py").is_file() or (path / "__main__.py").is_file()

@@ -7,8 +7,8 @@ import shutil
 import numpy as np
 import yaml
 
-from tests.torture import damage, stages
 from tests.workflow import chain_checks as chain
+from tools.torture import damage, stages
 
 # Share of patches x patch_px^2 = 2 x batch_rays: the shares .6 and .2 of the steps
 # then see as many rays as the baseline.

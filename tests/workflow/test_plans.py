@@ -12,7 +12,7 @@ import yaml
 
 from alignerf.experiment import sources
 from alignerf.files import machine
-from tests.bench import planning
+from tools.bench import planning
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = sorted((ROOT / "workflow" / "config").glob("*.yaml"))

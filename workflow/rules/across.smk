@@ -1,4 +1,4 @@
-# Tables across scenes, of the sweep and of the flow estimators: `snakemake remedies`.
+# Tables across scenes, and of the sweep: `snakemake remedies`.
 for table in across.every(experiment):
 
     rule:
@@ -29,7 +29,6 @@ for table in across.every(experiment):
             f"results/logs/{table.name}.tsv"
         conda:
             "../../environment.yml"
-        threads: table.threads
         params:
             options=lambda w, made=table.options: made(experiment),
             beside=f"--{table.beside[0]}",

@@ -9,7 +9,7 @@ from alignerf.experiment.tables import rows
 
 # What the results' folder holds besides scenes, and a scene's besides methods.
 SUFFIXES = (".csv", ".tex", ".png", ".provenance.json")
-TABLES = ("tradeoff", "flow_benchmark", "remedies", "comparison", "comparison_ranking")
+TABLES = ("tradeoff", "remedies", "comparison", "comparison_ranking")
 FILES = {
     *("published", "logs", "bench", "torture", "README.md"),
     *(f"{name}{end}" for name in TABLES for end in SUFFIXES),

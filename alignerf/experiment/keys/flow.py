@@ -9,7 +9,7 @@ from alignerf.experiment.keys.key import Keys, key
 class Flow(Keys):
     estimator: Literal[estimators.EVERY] = key(
         "deepflow",
-        "see flow/estimation/estimators.py and `snakemake flow_benchmark`; files takes "
+        "see flow/estimation/estimators.py and `make flow_benchmark`; files takes "
         "flows made elsewhere from `folder`",
     )
     folder: str | None = key(

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from alignerf.experiment import arguments, check, sources, sweep
+from alignerf.experiment import arguments, check, sweep
 from alignerf.experiment.tables import rows, scenes
 
 
@@ -26,7 +26,6 @@ class Across(NamedTuple):
     beside: tuple[str, str] = ("figure", ".png")
     published: tuple = ()
     sources: tuple = ()
-    threads: int = 1
 
 
 def every(experiment):
@@ -50,15 +49,6 @@ def every(experiment):
             ],
             beside=("ranking", "_ranking.csv"),
             published=(published,),
-        ),
-        # Its speeds are its own, so it takes the whole machine.
-        Across(
-            *("flow_benchmark", "flow_benchmark", "flow.benchmark"),
-            arguments.benchmark_inputs,
-            arguments.benchmark_options,
-            lambda experiment: configs_of(experiment.with_truth()[:1]),
-            sources=("flow.benchmark", "flow.benchmark.large_pair"),
-            threads=sources.WHOLE_MACHINE,
         ),
     ]
 

@@ -11,7 +11,7 @@ from alignerf.experiment import jobs
 from alignerf.fields import shading
 from alignerf.networks import vgg19
 from alignerf.training import compose
-from tests.bench import cases
+from tools.bench import cases
 
 # Patch convolution
 

@@ -256,8 +256,8 @@ def test_a_change_of_code_or_of_versions_changes_a_job(tmp_path, monkeypatch):
 
 
 def test_a_package_that_runs_is_its_main(root):
-    found = {path.name for path in sources.reached("flow.benchmark")}
-    assert {"__main__.py", "__init__.py", "pairs.py", "estimators.py"} <= found
+    found = {path.name for path in sources.reached("alignerf.verdict")}
+    assert {"__main__.py", "__init__.py", "csv_files.py"} <= found
 
 
 def test_jobs_find_the_sources_and_this_python(monkeypatch, root):

@@ -298,9 +298,6 @@ def test_flows_made_elsewhere_reach_the_commands(demo, experiment_of):
     assert found[-1] == "my flows/courtyard/mipnerf360_large-2-test"
     # For images that we make ourselves it is the default estimator.
     assert "--method" not in arguments.estimator_options(experiment)
-    models = ["mipnerf360_large/round0", "mipnerf360_large/round2"]
-    found = arguments.benchmark_options(experiment)
-    assert found == ["--scene", "results/courtyard", "--renders", *models]
 
 
 def test_a_scenes_complete_config_is_a_config(demo, experiment_of):

@@ -8,7 +8,7 @@ import pytest
 
 from alignerf.files import archives
 from flow.warping import files
-from tests.torture import damage
+from tools.torture import damage
 
 READ = {
     "alignerf": lambda path: archives.read(path, ["flow_px", "valid"]),

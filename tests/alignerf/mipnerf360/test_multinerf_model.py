@@ -15,7 +15,7 @@ from alignerf.mipnerf360 import losses
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.scenes import cameras
 from tests import twins
-from tests.bench import theirs
+from tools.bench import theirs
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 RAYS = 300

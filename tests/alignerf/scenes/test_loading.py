@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 
-from tests.bench import memory
+from tools.bench import memory
 
 COUNT, WIDTH, HEIGHT = 60, 800, 600
 SCRIPT = """

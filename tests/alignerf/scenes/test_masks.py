@@ -11,7 +11,7 @@ from alignerf.files import images
 from alignerf.scenes import distortion, prepare, prepared, transforms
 from alignerf.training import batches
 from alignerf.verdict import views as verdict_views
-from tests.bench import cases
+from tools.bench import cases
 
 WIDTH, HEIGHT = 48, 32
 HIDDEN = 12

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from alignerf.scenes import cameras, prepared
 from alignerf.sfm import pose_error
-from tests.bench import cases
+from tools.bench import cases
 
 
 @pytest.fixture

@@ -1,0 +1,161 @@
+"""Shape checks on every typed function, and what the tests share."""
+
+import copy
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent
+
+# Before JAX is imported: tests run on the CPU.
+os.environ["JAX_PLATFORMS"] = "cpu"
+# Compiled programs are kept for the next run of the tests, and for the processes that
+# these start: with them `make test` takes a quarter less. `make clean` removes them.
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(ROOT / ".pytest_cache" / "jax"))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+# Most of a test is compiling what runs for a moment. Without the optimisations of the
+# machine code, and with the older of XLA's two ways to write it, that takes a third of
+# the time; the program that it is made from is the same. Users' runs have both, and so
+# has this:
+#   ALIGNERF_OPTIMISED=1 make test
+QUICKLY = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+if not os.environ.get("ALIGNERF_OPTIMISED"):
+    given = os.environ.get("XLA_FLAGS", "")
+    os.environ["XLA_FLAGS"] = f"{given} {QUICKLY}".strip()
+
+import jaxtyping
+
+# Shapes are checked where arrays are computed with; elsewhere it only costs time.
+NUMERIC = [f"alignerf.{name}" for name in ("mipnerf360", "fields", "contributions")]
+NUMERIC += [f"alignerf.{name}" for name in ("cameras", "systems", "keypoints")]
+NUMERIC += ["flow.camera", "flow.warping"]
+jaxtyping.install_import_hook(NUMERIC, "beartype.beartype")
+
+import jax
+import numpy as np
+import pytest
+import yaml
+
+from tests import dry_runs, ratchet
+
+# One device in this process, whatever stage it calls first (see processes/devices.py).
+jax.devices()
+# Arrays of other ranks meet by name, [:, None], or not at all.
+jax.config.update("jax_numpy_rank_promotion", "raise")
+
+# Files whose single tests or fixtures take minutes.
+LONGEST = ("test_chain.py", "test_bench.py")
+
+
+def pytest_collection_modifyitems(items):
+    """The longest first: begun last, one of them keeps a core idle for minutes."""
+    items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
+def pytest_sessionfinish(session):
+    """Tell whose tests took more than the seconds of tests/ratchet.yaml.
+
+    A busy machine takes any time: only `ALIGNERF_TIME_BUDGETS=1 make test` fails.
+    """
+    # Only the process that reports has one; it has the reports of all workers.
+    if reporter := session.config.pluginmanager.get_plugin("terminalreporter"):
+        found = list(ratchet.slow(ratchet.seconds(reporter.stats)))
+        reporter.ensure_newline()
+        for line in found:
+            reporter.write_line(f"slow: {line}", yellow=True)
+        if found and os.environ.get("ALIGNERF_TIME_BUDGETS") == "1":
+            session.exitstatus = session.exitstatus or pytest.ExitCode.TESTS_FAILED
+
+
+@pytest.fixture(scope="session")
+def root():
+    """The project's top folder."""
+    return ROOT
+
+
+@pytest.fixture
+def ten_seconds():
+    """A test that takes longer, as one that waits for a pipe, fails."""
+
+    def stop(*_):
+        raise TimeoutError("over ten seconds")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(10)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.fixture(scope="session")
+def shared_data():
+    """Real scenes, flow ground truth and weights; ALIGNERF_DATA says where."""
+    folder = pathlib.Path(os.environ.get("ALIGNERF_DATA", ROOT / "../shared/data"))
+    if not folder.is_dir():
+        pytest.skip(f"real data not found at {folder} (set ALIGNERF_DATA)")
+    return folder.resolve()
+
+
+@pytest.fixture(scope="session")
+def peer():
+    """The modules of google-research/multinerf; ALIGNERF_MULTINERF says where."""
+    if not (path := os.environ.get("ALIGNERF_MULTINERF")):
+        pytest.skip("no checkout of multinerf (set ALIGNERF_MULTINERF)")
+    from tools.bench import multinerf
+
+    return multinerf.load(path)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+@pytest.fixture
+def demo():
+    """The default config, as it stands in its file."""
+    return yaml.safe_load((ROOT / "workflow/config/demo.yaml").read_text())
+
+
+@pytest.fixture(scope="session")
+def experiment_of():
+    """config -> the experiment that it means; no round has been decided on."""
+    from alignerf.experiment import check, plan
+
+    def make(config, decided=None):
+        return plan.Experiment(check.checked(copy.deepcopy(config)), decided)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def snakemake():
+    """Run Snakemake: (folder, *arguments) -> (exit code, all that it printed).
+
+    root: of the project; more: variables of its environment.
+    """
+    here = str(pathlib.Path(sys.executable).parent)
+    environment = os.environ | {"PATH": os.pathsep.join([here, os.environ["PATH"]])}
+
+    def run(folder, *arguments, root=ROOT, more=None):
+        command = [sys.executable, "-m", "snakemake", "--directory", folder]
+        done = subprocess.run(
+            [*command, "--snakefile", root / "Snakefile", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=environment | (more or {}),
+        )
+        return done.returncode, done.stdout
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def dry_run():
+    """Plan, as `snakemake` with -n would, in half the time: see tests/dry_runs.py."""
+    planner = dry_runs.Planner()
+    yield planner.plan
+    planner.close()

@@ -1,0 +1,110 @@
+"""What the paper's Tables 2 and 3 cost on a cluster: hours of accelerators, money.
+
+Trainings and their lengths are those of outdoor_high.yaml and outdoor_low.yaml, as the
+preflight is told of them. What a ray takes is what the compiler counts of a step of
+each system at its published size. Renders of the test views cost a third of a ray's
+step: no gradient, no Adam.
+
+Nothing here was measured on an accelerator: hours follow from the arithmetic and from
+TFLOPS, which you should replace by yours. A hash grid waits for memory instead, so that
+its hours are too few.
+"""
+
+import json
+import os
+import tempfile
+from pathlib import Path
+from unittest import mock
+
+import yaml
+
+from alignerf.experiment import check, jobs, plan
+from alignerf.experiment.cluster import work
+from tools.bench import cases, measure, ours
+
+ROOT = Path(__file__).resolve().parents[2]
+TABLES = {2: "outdoor_high", 3: "outdoor_low"}
+# Test views of the five scenes, index % 8 == 0, and their size by table.
+TEST_VIEWS = 25 + 22 + 24 + 16 + 18
+PIXELS = {2: 2560 * 1680, 3: 1280 * 840}
+RENDERING = 1 / 3
+# Assumptions: what a rented accelerator reaches in such networks, a
+# quarter of its peak in bfloat16; and prices of an hour, in US dollars.
+TFLOPS, GPU_USD = 75.0, 2.5
+# Rays of a step; fine-tuning takes a patch.
+RAYS = 64
+
+
+def run(options):
+    """Rows: the arithmetic of each system's rays in a table; the rest in its note."""
+    found = [row for table in TABLES for row in trainings_of(table)]
+    if options.quick:
+        found = found[:1]
+    programs = {key: job for _, _, key, job, _ in found}
+    flop = {key: of_ray(job, options) for key, job in programs.items()}
+    return [
+        measure.Row(
+            what=f"Table {table}: {name}",
+            unit="GFLOP a ray",
+            ours=measure.one(flop[key] / 1e9),
+            note=note(rays, flop[key]),
+        )
+        for table, name, key, _, rays in found
+    ]
+
+
+def trainings_of(table):
+    """(table, system, its program, a job of it, rays of all scenes and lengths)."""
+    experiment = experiment_of(ROOT / f"workflow/config/{TABLES[table]}.yaml")
+    found = {}
+    for scene in experiment.scenes:
+        for one in work.of_scene(experiment, scene)["trainings"]:
+            job = jobs.parse(one["job"])
+            name = one["name"].removesuffix("/round0")
+            rays = job.steps * job.rays_per_step
+            if job.stage != "pretrain":
+                rays += RENDERING * PIXELS[table] * TEST_VIEWS / 5
+            key, before = program(one["job"]), found.get(name, (None, None, 0))[2]
+            found[name] = (key, one["job"], before + rays)
+    return [(table, name, *rest) for name, rest in found.items()]
+
+
+def experiment_of(path):
+    """The experiment of a config whose photos and weights need not be there."""
+    with tempfile.TemporaryDirectory() as data:
+        config = yaml.safe_load(path.read_text())
+        config |= {"frequency_weights": None, "lpips": {}}
+        for scene in config["scenes"]:
+            (Path(data) / "360_v2" / scene).mkdir(parents=True)
+        with mock.patch.dict(os.environ, ALIGNERF_DATA=data):
+            return plan.Experiment(check.checked(config, [str(path)]), None)
+
+
+def program(job):
+    """What of a job decides a ray's cost."""
+    return json.dumps([job["model"], job["stage"], job["alignerf"]], sort_keys=True)
+
+
+def of_ray(job, options):
+    """Floating-point operations of a ray of a job's training."""
+    parsed = small(job, RAYS, options)
+    training = ours.Training(parsed, cases.orbit())
+    return training.flop / parsed.rays_per_step
+
+
+def small(job, rays, options):
+    """A job with so few rays a step, or with one patch."""
+    job = json.loads(json.dumps(job))
+    job["training"]["batch_rays"] = rays
+    if job["stage"] == "finetune":
+        job["alignerf"]["patches"] = 1
+        job["alignerf"] |= {"radius_px": job["alignerf"]["radius_px"] or 8}
+    if options.quick:
+        job["model"] = {**cases.TINY, "kind": "mipnerf360", "training": {}}
+    return jobs.parse(job)
+
+
+def note(rays, flop):
+    """Rays of all trainings, and an accelerator's hours and money for them."""
+    hours = rays * flop / TFLOPS / 1e12 / 3600
+    return f"{rays / 1e9:.1f} G rays, {hours:.0f} h, {hours * GPU_USD:.0f} USD"

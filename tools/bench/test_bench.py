@@ -1,0 +1,276 @@
+"""The benchmarks run, and their figures mean what they say."""
+
+import csv
+import importlib
+import json
+import math
+import os
+import time
+
+import cv2
+import jax
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from alignerf.experiment import check, jobs, schema, sources
+from alignerf.experiment.keys import model as model_keys
+from alignerf.scenes import cameras
+from alignerf.training import compose
+from tools.bench import (
+    cases,
+    deepflow,
+    finer_trainings,
+    job,
+    measure,
+    multinerf,
+    on_the_way_tables,
+    ours,
+    quality,
+    report,
+    roofline,
+    speed,
+    theirs,
+)
+
+BENCHMARKS = ["speed", "quality", "grid", "job", "memory", "scale", "split", "align"]
+
+
+@pytest.fixture(scope="module")
+def quick(run_quick, tmp_path_factory):
+    """Folder of all that `--quick` writes, and what it prints."""
+    folder = tmp_path_factory.mktemp("bench")
+    return folder, run_quick(folder, BENCHMARKS, "--repeats", "1")
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_each_benchmark_writes_finite_figures_with_the_hardware(quick, name):
+    folder, printed = quick
+    found = json.loads((folder / f"{name}.json").read_text())
+    assert found["hardware"]["cores"] >= 1
+    assert found["hardware"]["jax"] == jax.__version__
+    table = list(csv.DictReader((folder / f"{name}.csv").read_text().splitlines()))
+    assert [row["what"] for row in table] == [row["what"] for row in found["rows"]]
+    assert len(table) > 0
+    for row in found["rows"]:
+        assert row["what"] in printed
+        # Ways of the search stand beside training's.
+        compared = row["what"].startswith("search, ")
+        assert (row["peer"] is None) == (row["ratio"] is None) == (not compared)
+        # The target of the time to quality is out of a quick run's reach.
+        assert (row["ours"] is None) == (name == "quality")
+        for value in (row["ours"] or {}).values():
+            assert math.isfinite(value)
+            assert value > 0 or "rest" in row["what"]
+
+
+def test_a_quality_that_is_not_reached_says_how_far_it_came(quick):
+    found = json.loads((quick[0] / "quality.json").read_text())
+    assert "not reached: " in found["rows"][0]["note"]
+    assert " dB after " in found["rows"][0]["note"]
+
+
+def test_arms_take_turns_after_a_first_call_of_each():
+    calls = []
+    arms = {name: lambda name=name: calls.append(name) for name in "ab"}
+    times = measure.interleave(arms, 3)
+    assert "".join(calls) == "ab" + "ababab"
+    assert {name: len(found) for name, found in times.items()} == {"a": 3, "b": 3}
+
+
+def test_ratios_come_from_pairs_and_goals_from_medians():
+    # The machine was ten times slower at the second pair: ratios do not see it.
+    times = {"ours": [1.0, 10.0, 1.0], "peer": [3.0, 30.0, 4.0]}
+    row = measure.rates("x", times, 12, goal=measure.Goal("ratio", ">=", 3.0))
+    assert row.ratio == measure.Spread(3.0, 3.0, 4.0, 3)
+    assert row.ours == measure.Spread(12.0, 1.2, 12.0, 3)
+    assert row.goal.met(row) is True
+    assert measure.Goal("ratio", ">=", 3.1).met(row) is False
+    assert measure.Goal("ours", "<=", 12.0).met(row) is True
+    alone = measure.rates("x", {"ours": [1.0]}, 12, goal=row.goal)
+    assert row.goal.met(alone) is None
+    assert "not measured" in report.show("x", [alone])
+
+
+class Climber:
+    """A training that gains 1 dB a step of 10 ms; looking takes 20 ms."""
+
+    batch_rays, compile_s = 1, 5.0
+
+    def __init__(self):
+        self.steps = self.looks = 0
+
+    def next_step(self):
+        def step():
+            time.sleep(0.01)
+            self.steps += 1
+
+        return step
+
+    def psnr_db(self):
+        time.sleep(0.02)
+        self.looks += 1
+        return quality.TARGET_DB - 150 + self.steps
+
+
+def test_the_clock_of_the_time_to_quality_stands_while_views_are_looked_at():
+    climber = Climber()
+    start = time.perf_counter()
+    found = quality.climb(climber, limit_s=20.0)
+    all_s = time.perf_counter() - start
+    assert climber.steps >= 150
+    looked_s = 0.02 * climber.looks
+    assert 0.01 * climber.steps <= found.seconds(False) <= all_s - looked_s
+    assert found.seconds(True) == found.seconds(False) + 5.0
+    assert climber.looks < 10
+    late = quality.climb(Climber(), limit_s=0.1)
+    assert late.seconds(True) is None
+    assert "not reached: " in late.told
+
+
+def test_psnr_is_of_8_bit_colours_and_a_mean_over_views():
+    photos = np.full((2, 5, 3), 128.0)
+    colours = np.stack([photos[0] / 255 + 0.001, photos[1] / 255 + 0.1])
+    with np.errstate(divide="ignore"):
+        assert quality.mean_psnr_db(colours, photos) == np.inf
+    colours[0] += 0.01
+    expected = [20 * np.log10(255 / difference) for difference in (3, 26)]
+    assert abs(quality.mean_psnr_db(colours, photos) - np.mean(expected)) < 1e-6
+
+
+def test_flops_of_a_training_step_are_those_the_compiler_counts():
+    model = cases.mlp_model(
+        width=256, depth=6, proposal_width=64, proposal_depth=2, samples=[8, 8]
+    )
+    training = cases.make_job(model, batch_rays=32)
+    method = compose.make_method(training)
+    params = jax.eval_shape(method.init, jax.random.key(0))
+
+    def gradient(params, batch):
+        def loss(params):
+            terms, _ = method.terms(params, batch, 0.5)
+            return sum(terms.values())
+
+        return jax.grad(loss)(params)
+
+    views = ours.as_views(cases.orbit(2, 8, 8))
+    batch = jax.eval_shape(method.draw, jax.random.key(0), 0, views)
+    counted = jax.jit(gradient).lower(params, batch).cost_analysis()["flops"]
+    products = 32 * speed.training_flops(params, model["samples"])
+    assert 0.9 * counted < products < counted
+
+
+def test_jobs_compile_as_the_workflow_does_and_run_the_default_model(root, monkeypatch):
+    for name in (*job.CACHE, "JAX_COMPILATION_CACHE_DIR", "PATH", "PYTHONPATH"):
+        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name)
+    sources.set_environment()
+    assert {name: os.environ[name] for name in job.CACHE} == job.CACHE
+    demo = yaml.safe_load((root / "workflow/config/demo.yaml").read_text())
+    found = check.checked(demo)["models"]["base"]
+    assert schema.filled(model_keys.Model, cases.GRID) == found
+
+
+def test_a_listing_tells_what_an_operation_moves_and_computes():
+    listing = """
+  %a = f32[64,6144]{1,0} parameter(0)
+  %b.1 = f32[16,6144]{1,0} parameter(1)
+  %dot = f32[16,64]{1,0} dot(%b.1, %a), metadata={op_name="jvp(Model)/dot_general"}
+  %c = (f32[8,2]{1,0}, pred[8]{0}) custom-call(%dot), custom_call_target="alignerf_adam"
+  ROOT %r = (f32[8,2]{1,0}) tuple(%c)
+"""
+    moved = 4 * (16 * 64 + 16 * 6144 + 64 * 6144)
+    assert roofline.operations_of(listing) == {
+        "dot": ("matrix products", moved, 2 * 16 * 64 * 6144),
+        "c": ("Adam", 4 * 8 * 2 + 8 + 4 * 16 * 64, 0),
+    }
+
+
+def test_a_missing_peer_is_named(tmp_path):
+    with pytest.raises(ValueError, match=f"{tmp_path}: not a checkout"):
+        multinerf.load(tmp_path)
+
+
+@pytest.mark.parametrize("model", [cases.SMALL, cases.PUBLISHED])
+def test_the_peer_has_as_many_parameters(peer, model):
+    made = theirs.make(peer, name="count", **model, batch_rays=16, steps=10)
+    count = lambda tree: sum(leaf.size for leaf in jax.tree.leaves(tree))  # noqa: E731
+    key = jax.random.PRNGKey(0)
+    method = compose.make_method(cases.make_job(model, batch_rays=16))
+    mine = jax.eval_shape(method.init, jax.random.key(0))
+    assert count(jax.eval_shape(made.init, key)) == count(mine)
+
+
+def test_the_peer_sees_the_same_rays_and_colours(peer):
+    photos = cases.orbit(3, 12, 8)
+    made = theirs.make(peer, name="rays", **cases.TINY, batch_rays=16, steps=10)
+    found = theirs.make_dataset(made, photos, split="test").generate_ray_batch(1)
+    y, x = np.mgrid[:8, :12]
+    camera = photos.pixtocams[1], photos.camtoworlds[1]
+    rays = cameras.pixels_to_rays(
+        x.ravel(), y.ravel(), *(part.astype(np.float32) for part in camera)
+    )
+    for name in ("origins", "directions", "viewdirs", "radii"):
+        theirs_flat = getattr(found.rays, name).reshape(96, -1)
+        np.testing.assert_allclose(getattr(rays, name), theirs_flat, atol=1e-6)
+    assert (np.round(found.rgb * 255) == photos.images[1]).all()
+
+
+def test_every_benchmark_is_importable(root):
+    """Those that take hours are run by nobody else."""
+    for path in sorted((root / "tools/bench").glob("*.py")):
+        if path.stem not in ("__init__", "conftest"):
+            importlib.import_module(f"tools.bench.{path.stem}")
+
+
+def test_gains_on_the_way_are_over_plain_training_of_as_many_steps():
+    """Twice the steps take twice the time and bring 2 dB; alignment takes half more."""
+    scores = {"plain": (20.0, 22.0), "aligned": (25.0, 27.0)}
+    rows = [
+        {"scene": "a", "seed": seed, "share": share, "method": method, "view": view}
+        | dict.fromkeys(("oracle_db", "fitted_db", "standard_db"), db + seed + 0.1 * n)
+        | {"fair_db": math.nan, "detail": 1.0, "align_s": 0.0}
+        | {"train_s": 10 * share * (1.5 if method == "aligned" else 1.0)}
+        | {"given_px": 1.5, "after_px": 0.5}
+        for method, both in scores.items()
+        for share, db in zip((1.0, 2.0), both, strict=True)
+        for seed in (0, 2)
+        for n, view in enumerate("abcdef")
+    ]
+    table = on_the_way_tables.table_of(pd.DataFrame(rows)).set_index(
+        ["share", "method"]
+    )
+    assert table.loc[(1.0, "aligned"), "gain_db"] == pytest.approx(5)
+    assert table.loc[(1.0, "aligned"), "fitted_db"] == pytest.approx(5)
+    assert table.loc[(2.0, "aligned"), "time_ratio"] == pytest.approx(1.5)
+    # In 20 s a plain training of twice the steps has 22 dB, an aligned one is between.
+    assert 3 < table.loc[(2.0, "aligned"), "equal_db"] < 5
+    assert math.isnan(table.loc[(1.0, "plain"), "gain_db"])
+    named = pd.DataFrame(rows).replace({"scene": {"a": "both_wrong"}})
+    (twice,) = on_the_way_tables.answer_of(named).to_dict("records")
+    assert (twice["budget"], twice["remedy"]) == (2, "aligned on the way")
+    assert twice["both_db"] == table.loc[(2.0, "aligned"), "equal_db"]
+    assert math.isnan(twice["nothing_db"])
+
+
+def test_deepflow_of_the_main_modules_is_opencvs():
+    rng = np.random.default_rng(0)
+    grey = cv2.GaussianBlur(rng.uniform(0, 255, (60, 84)), (0, 0), 2)
+    grey = cv2.normalize(grey, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
+    pair = grey[:, 2:], grey[:, :-2]
+    found = deepflow.DeepFlow().calc(*pair, None)
+    theirs = cv2.optflow.createOptFlow_DeepFlow().calc(*pair, None)
+    assert np.median(theirs[..., 0]) == pytest.approx(2, abs=0.2)
+    np.testing.assert_allclose(found, theirs, atol=0.01)
+
+
+@pytest.mark.parametrize("method", finer_trainings.METHODS)
+def test_finer_trainings_are_the_workflows(method):
+    text = finer_trainings.job_of(method, 3, 50, 64, None)
+    trained = jobs.parse(json.loads(text))
+    assert (trained.seed, trained.steps, trained.rays_per_step) == (3, 50, 64)
+    assert bool(trained.align) == (method == "aligned")
+    assert bool(trained.refine) == (method == "learnt")
+    decided = finer_trainings.job_of(method, 3, 50, 64, "decisions.json")
+    assert json.loads(decided)["model"]["decided"]

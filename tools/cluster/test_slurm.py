@@ -1,0 +1,254 @@
+"""A tiny chain through a real Slurm, of this host alone (see one_host.py)."""
+
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import yaml
+
+from tools.cluster import one_host
+
+pytest.importorskip("snakemake_executor_plugin_slurm", reason="make cluster")
+if reason := one_host.missing():
+    pytest.skip(reason, allow_module_level=True)
+
+CONFIG = {
+    "scenes": {
+        "tiny": {
+            "source": "courtyard",
+            "poses": "truth",
+            "test_every": 4,
+            "courtyard": {
+                "views": 8,
+                "width": 64,
+                "height": 48,
+                "supersample": 1,
+                "lens_sigma_px": 0.0,
+            },
+        }
+    },
+    "models": {
+        "base": {
+            "samples": [16, 8],
+            "proposal": {
+                "kind": "grid",
+                "levels": 4,
+                "log2_entries": 10,
+                "finest": 64,
+                "width": 8,
+            },
+            "field": {
+                "kind": "grid",
+                "levels": 4,
+                "log2_entries": 10,
+                "finest": 64,
+                "width": 8,
+                "view_widths": [8],
+            },
+        }
+    },
+    "methods": {"mipnerf360": {}},
+    "training": {"steps": 60, "batch_rays": 128},
+}
+PREFLIGHT = "results/tiny/preflight.json"
+TRAINED = "results/tiny/mipnerf360/round0/timing.json"
+CHECKPOINTS = "results/tiny/mipnerf360/round0/checkpoints"
+LOG = "results/tiny/mipnerf360/round0/logs/train.log"
+# A process started in the background ignores SIGINT, and so do those that it starts.
+INTERRUPTIBLE = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+# Of every job, in columns of so many letters.
+WIDTH = 200
+COLUMNS = ("Comment", "NumCPUs", "MinMemory", "TimeLimit", "tres-per-job", "State")
+
+
+@pytest.fixture(scope="module")
+def slurm():
+    with one_host.cluster() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def begun(root, slurm, tmp_path_factory):
+    """A folder in which the chain has come as far as its preflight, by Slurm."""
+    folder = tmp_path_factory.mktemp("chain")
+    (folder / "tiny.yaml").write_text(yaml.safe_dump(CONFIG))
+    done = run(root, slurm, folder, PREFLIGHT)
+    assert done.returncode == 0, done.stdout
+    return folder
+
+
+def command(root, *more):
+    return [
+        *(sys.executable, "-m", "snakemake", *more, "--configfile", "tiny.yaml"),
+        *("--snakefile", str(root / "Snakefile"), "--latency-wait", "5"),
+        *("--workflow-profile", str(root / "workflow/profiles/slurm")),
+        # As there is no accounting database; and soon, since jobs are short.
+        *("--slurm-status-command", "squeue"),
+        *("--slurm-init-seconds-before-status-checks", "2"),
+    ]
+
+
+def run(root, slurm, folder, *more, **environ):
+    return subprocess.run(
+        command(root, *more),
+        cwd=folder,
+        env=slurm.environ | environ,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=500,
+    )
+
+
+def jobs_of(slurm, rule):
+    """(cores, memory, minutes, accelerators, state) of each of a rule's jobs."""
+    columns = ",".join(f"{name}:{WIDTH}" for name in COLUMNS)
+    said = slurm.says(
+        *("squeue", "--states=all", "--noheader", "--sort=i", f"--Format={columns}")
+    )
+    lines = [
+        [line[at : at + WIDTH].strip() for at in range(0, len(line), WIDTH)]
+        for line in said.splitlines()
+    ]
+    return [line[1:] for line in lines if re.match(rf"rule_{rule}(_|$)", line[0])]
+
+
+def retrain(folder, *, peak_bytes=None, steps=60):
+    """Let the training run again, with another preflight and length."""
+    (folder / TRAINED).unlink(missing_ok=True)
+    shutil.rmtree(folder / CHECKPOINTS, ignore_errors=True)
+    plan = json.loads((folder / PREFLIGHT).read_text())
+    for task in plan["tasks"]:
+        if TRAINED.endswith(task["file"]) and peak_bytes:
+            task["peak_bytes"] = peak_bytes
+    (folder / PREFLIGHT).write_text(json.dumps(plan))
+    config = CONFIG | {"training": CONFIG["training"] | {"steps": steps}}
+    (folder / "tiny.yaml").write_text(yaml.safe_dump(config))
+
+
+def test_jobs_have_what_they_ask_for(root, slurm, begun):
+    """Memory and minutes of the preflight's, the profile's cores, accelerators."""
+    done = run(root, slurm, begun, TRAINED, "--set-resources", "train:gpu=1")
+    assert done.returncode == 0, done.stdout
+    plan = json.loads((begun / PREFLIGHT).read_text())
+    (task,) = [t for t in plan["tasks"] if TRAINED.endswith(t["file"])]
+    (job,) = jobs_of(slurm, "train")
+    cores, memory, minutes, held, state = job
+    assert (cores, state) == ("4", "COMPLETED")
+    assert held == "gres:gpu:1"
+    asked_mb = int(memory.removesuffix("M"))
+    assert 1.25 * task["peak_bytes"] < 1e6 * asked_mb < 1.5 * task["peak_bytes"] + 6e8
+    assert re.fullmatch(r"1\d:00", minutes)
+    assert jobs_of(slurm, "poses_courtyard")[0][:2] == ["8", "8000M"]
+
+
+def test_a_job_of_too_much_memory_gets_more(root, slurm, begun):
+    retrain(begun, peak_bytes=1)
+    before = len(jobs_of(slurm, "train"))
+    done = run(root, slurm, begun, TRAINED, "--forcerun", "train")
+    assert done.returncode == 0, done.stdout
+    found = [(memory, state) for _, memory, *_, state in jobs_of(slurm, "train")]
+    first, *_, last = found[before:]
+    assert first[0] == "501M"
+    assert first[1] in ("OUT_OF_MEMORY", "FAILED")
+    assert (last[1], int(last[0][:-1]) >= 1002) == ("COMPLETED", True)
+
+
+def test_a_job_of_too_much_time_gets_more_and_goes_on(root, slurm, begun):
+    """The second attempt begins at the first one's checkpoint."""
+    retrain(begun, peak_bytes=10**9, steps=40_000)
+    before = len(jobs_of(slurm, "train"))
+    limit = ["--set-resources", "train:runtime=attempt"]
+    done = run(root, slurm, begun, TRAINED, *limit)
+    found = [(line[2], line[-1]) for line in jobs_of(slurm, "train")[before:]]
+    assert found[0] == ("1:00", "TIMEOUT")
+    assert found[1][0] == "2:00"
+    assert "resuming at step" in (begun / LOG).read_text()
+    assert (done.returncode == 0) == (found[-1][1] == "COMPLETED")
+
+
+def test_a_dead_node_and_a_cancelled_run_cost_a_minute_of_training(root, slurm, begun):
+    """What was trained until the last checkpoint is there for the next node."""
+    retrain(begun, peak_bytes=10**9, steps=1_000_000)
+    process = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTIBLE, *command(root, TRAINED)],
+        cwd=begun,
+        env=slurm.environ,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    manifest = begun / CHECKPOINTS / "manifest.json"
+    try:
+        first = wait_for_step(manifest, above=0)
+        (node,) = slurm.says(
+            "squeue", "--noheader", "--states=R", "--format=%N"
+        ).split()
+        slurm.kill_node(node)
+        wait_for_step(manifest, above=first)
+        # As Ctrl-C does; SIGTERM would let running jobs end first.
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=90)
+    finally:
+        process.kill()
+    running = ("squeue", "--noheader", "--states=R,CG")
+    until = time.monotonic() + 60
+    while slurm.says(*running) and time.monotonic() < until:
+        time.sleep(1)
+    assert not slurm.says(*running)
+    slurm.start_node(node)
+    words = re.findall(r"resuming at step (\d+)", (begun / LOG).read_text())
+    assert int(words[-1]) >= first
+
+
+def wait_for_step(manifest, *, above, most_s=420):
+    """The step of a checkpoint that is younger than another."""
+    until = time.monotonic() + most_s
+    while time.monotonic() < until:
+        time.sleep(1)
+        if manifest.exists():
+            step = int(re.findall(r"state-(\d+)", manifest.read_text())[0])
+            if step > above:
+                return step
+    raise AssertionError("no checkpoint")
+
+
+def test_two_nodes_train_one_model(root, slurm, begun):
+    retrain(begun, peak_bytes=10**9)
+    srun = "srun --nodes=2 --ntasks=2 --cpus-per-task=1 --kill-on-bad-exit=1"
+    (port,) = one_host.free_ports(1)
+    done = run(
+        *(root, slurm, begun, TRAINED, "--set-resources"),
+        *("train:mpi=srun", "train:tasks=2", "train:nodes=2"),
+        *(f"train:launcher={srun}", "--set-threads", "train=1"),
+        # Nodes have names that this host cannot look up.
+        JAX_COORDINATOR_ADDRESS=f"127.0.0.1:{port}",
+    )
+    assert done.returncode == 0, done.stdout
+    assert json.loads((begun / TRAINED).read_text())["processes"] == 2
+
+
+def test_more_accelerators_than_there_are_is_said(root, slurm, begun):
+    retrain(begun)
+    more = ["--set-resources", "train:gpu=64", "--retries", "0"]
+    done = run(root, slurm, begun, TRAINED, *more)
+    assert done.returncode != 0
+    said = "error: Slurm refused a job: Batch job submission failed: Requested node"
+    assert said in done.stdout
+
+
+def test_a_limit_that_ends_a_run_is_said(root, slurm, begun):
+    retrain(begun, peak_bytes=1)
+    done = run(root, slurm, begun, TRAINED, "--retries", "0")
+    assert done.returncode != 0
+    said = re.findall(r"^error: Slurm's job \d+ (.*)", done.stdout, re.MULTILINE)
+    assert said == ["took more memory than it had asked for (OUT_OF_MEMORY)"]

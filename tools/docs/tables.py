@@ -1,0 +1,195 @@
+"""Make the tables of the pages: `python -m tools.docs.tables [--check]`.
+
+A page says `<!-- table: NAME -->`, and `<!-- end -->` below it. What is between them is
+written anew from docs/measured/NAME.csv, as NAME says in docs/measured/tables.yaml.
+`<!-- columns: NAME -->` lists the columns of one of the program's own tables;
+`keys`, `options`, `make` and `targets` are lists of tools/docs/lists.py, and `output`
+is what docs/outputs/NAME.txt holds, a text that the program has printed.
+--check writes nothing: it names each page and table that differ, and exits with 1.
+"""
+
+import argparse
+import functools
+import re
+import string
+import sys
+import textwrap
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+from alignerf.experiment.tables import test_sets
+from alignerf.tables import columns
+from tools.docs import lists
+
+MEASURED = "docs/measured"
+KINDS = "table|columns|keys|options|make|targets|output"
+MARK = re.compile(rf"(<!-- ({KINDS}): ([\w.]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+# Of a quoted line, in characters.
+WIDTH = 106
+# What each CSV says of itself, in this order, before its columns.
+HEADER = ("commit", "lock", "machine", "command", "measured")
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--root", default=".", type=Path, help="the project's folder")
+    parser.add_argument("--check", action="store_true", help="compare, write nothing")
+    args = parser.parse_args(argv)
+    different = False
+    for page in pages(args.root):
+        text = page.read_text()
+        made, changed = filled(text, args.root)
+        for name in changed if args.check else ():
+            print(f"{page.relative_to(args.root)}: table {name} is not as its CSV says")
+        different |= bool(changed)
+        if changed and not args.check:
+            page.write_text(made)
+    return int(args.check and different)
+
+
+def pages(root):
+    """The files that may hold tables: README.md and all pages below docs/."""
+    return [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
+
+
+def filled(text, root):
+    """(text with its tables made anew, names of the tables that changed)."""
+    changed = []
+
+    def replace(match):
+        start, kind, name, old, end = match.groups()
+        new = made(kind, name, root)
+        if new != old:
+            changed.append(name)
+        return start + new + end
+
+    return MARK.sub(replace, text), changed
+
+
+def made(kind, name, root):
+    """What stands between two marks."""
+    if kind == "table":
+        return of_csv(name, root)
+    if kind == "columns":
+        if name not in {**columns.TABLES, "test_sets": None}:
+            raise ValueError(f"columns.yaml: no table {name}")
+        return test_sets.markdown() if name == "test_sets" else columns.markdown(name)
+    if kind == "output":
+        return quoted((root / "docs/outputs" / f"{name}.txt").read_text())
+    if kind in ("make", "targets"):
+        return getattr(lists, kind)(root / name)
+    return getattr(lists, kind)(name)
+
+
+def quoted(text):
+    """A text as a block of code, its lines no wider than a page's."""
+    lines = []
+    for line in text.splitlines():
+        indent = " " * (len(line) - len(line.lstrip()) + 2)
+        lines += textwrap.wrap(line, WIDTH, subsequent_indent=indent) or [""]
+    return "".join(f"{'    ' + line}".rstrip() + "\n" for line in ["", *lines, ""])
+
+
+parsed = functools.cache(yaml.safe_load)
+
+
+def of_csv(name, root):
+    specs = parsed((root / MEASURED / "tables.yaml").read_text())
+    if name not in specs:
+        raise ValueError(f"{MEASURED}/tables.yaml: no table {name}")
+    cells = dict(specs[name])
+    return table(root / MEASURED / f"{cells.pop('csv', name)}.csv", cells)
+
+
+def table(path, columns):
+    """A Markdown table of a CSV; columns: heading -> template or list of templates."""
+    rows = pd.read_csv(path, comment="#", dtype=str, keep_default_na=False)
+    lines = [list(columns), ["---"] * len(columns)]
+    for row in rows.to_dict("records"):
+        try:
+            lines.append([cell(templates, row) for templates in columns.values()])
+        except (KeyError, ValueError) as error:
+            raise ValueError(f"{path}: {error}") from error
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def cell(templates, row):
+    """The templates filled with a row and joined; those with an empty cell left out."""
+    if isinstance(templates, str):
+        templates = [templates]
+    return ", ".join(t for t in templates if complete(t, row)).format_map(Row(row))
+
+
+def complete(template, row):
+    names = [name for _, name, _, _ in string.Formatter().parse(template) if name]
+    return all(row[name] != "" for name in names)
+
+
+class Row(dict):
+    """A CSV's row whose values know their name, for formats that need the interval."""
+
+    def __getitem__(self, name):
+        return Value(self, name)
+
+
+class Value:
+    """One cell: as it stands in the CSV without a format, else as the format says."""
+
+    def __init__(self, row, name):
+        self.row, self.name = row, name
+
+    def __format__(self, spec):
+        kind, _, number = spec.rpartition(" ")
+        text = self.row.get(self.name)
+        if not spec:
+            return text
+        if number == "duration":
+            return duration(float(text))
+        if not kind:
+            return format(float(text), number)
+        return INTERVALS[kind](float(text), *self.ends(), number)
+
+    def ends(self):
+        """Least and largest; of `a_db` they stand in `a_low_db` and `a_high_db`."""
+        first, _, unit = self.name.partition("_")
+        names = ("_".join(filter(None, (first, end, unit))) for end in ("low", "high"))
+        found = [self.row.get(name) for name in names]
+        return [float(end) for end in found] if all(found) else [None, None]
+
+
+def difference(value, low, high, number):
+    """`**+0.37** [+0.14, +0.60]`: bold where the interval does not hold 0."""
+    text = format(value, f"+{number}")
+    if low > 0 or high < 0:
+        text = f"**{text}**"
+    return f"{text} [{low:+{number}}, {high:+{number}}]"
+
+
+def interval(value, low, high, number):
+    return f"{value:{number}} [{low:{number}}, {high:{number}}]"
+
+
+def value_range(value, low, high, number):
+    """`177 (174 to 177)`, or `177` where only the median is known."""
+    ends = "" if low is None else f" ({low:{number}} to {high:{number}})"
+    return f"{value:{number}}{ends}"
+
+
+INTERVALS = {"difference": difference, "interval": interval, "range": value_range}
+
+
+def duration(seconds):
+    """`9 min 58 s`; below five minutes `60 s`."""
+    if seconds < 300:
+        return f"{seconds:g} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if rest else f"{minutes} min"
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except (ValueError, OSError) as error:
+        sys.exit(f"error: {error}")

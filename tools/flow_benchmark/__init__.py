@@ -1,0 +1,1 @@
+"""How right and how fast the flow estimators are: `python -m tools.flow_benchmark`."""

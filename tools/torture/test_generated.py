@@ -1,0 +1,130 @@
+"""Grown folders in the suite: a few of each source, and that the oracles can find."""
+
+import json
+import shutil
+
+import pytest
+
+from alignerf.scenes import held_out
+from alignerf.scenes.capture import ingest
+from tools.torture import generated, grown
+
+CASES = 3
+# Found once, and mended since: (mutation, seed) each.
+KEPT = [
+    generated.Case(
+        "polycam", 678984460, (("a hard link", 50073065), ("damaged", 973030337))
+    ),
+    generated.Case("record3d", 343466353, (("renamed", 1518921069),)),
+    generated.Case("judged", 53377575, (("emptied", 1329920441),)),
+    generated.Case(
+        "judged", 160306786, (("renamed", 976953646), ("damaged", 410638645))
+    ),
+]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def watched():
+    """Which files are opened: a hook stays until the process ends."""
+    generated.sys.addaudithook(generated.note_opened)
+
+
+@pytest.mark.parametrize("source", grown.SOURCES)
+def test_folders_are_taken_as_they_grow(source, tmp_path):
+    found, _ = generated.finding_of(generated.Case(source, 5), tmp_path / "place")
+    assert found is None
+    case = generated.Case(source, 5)
+    shutil.rmtree(tmp_path / "place")
+    keys, _ = generated.build(case, tmp_path / "place/in")
+    assert generated.run(case, keys, tmp_path / "place/out").fault is None
+
+
+@pytest.mark.parametrize("source", grown.SOURCES)
+def test_spoilt_folders_are_refused_or_right(source, tmp_path):
+    for case in generated.cases_of(source, 0, CASES):
+        found, done = generated.finding_of(case, tmp_path / "place")
+        assert found is None, done
+
+
+@pytest.mark.parametrize("case", KEPT, ids=lambda case: case.source)
+def test_what_was_found_is_mended(case, tmp_path):
+    found, done = generated.finding_of(case, tmp_path / "place")
+    assert found is None, done
+
+
+def with_test_photo(folder):
+    """Let a frame of a blender scene show its test photo in training."""
+    test = json.loads((folder / "transforms_test.json").read_text())["frames"][0]
+    path = folder / "transforms_train.json"
+    content = json.loads(path.read_text())
+    content["frames"][1]["file_path"] = test["file_path"]
+    path.write_text(json.dumps(content))
+
+
+def test_the_oracle_knows_a_test_photo_in_training(tmp_path, monkeypatch):
+    """By what comes out: the check itself is taken away."""
+    monkeypatch.setattr(held_out, "check", lambda *arguments: None)
+    case = generated.Case("blender", 3)
+    keys, _ = generated.build(case, tmp_path / "in")
+    assert (
+        generated.judge(case, generated.run(case, keys, tmp_path / "out"), tmp_path)
+        is None
+    )
+    shutil.rmtree(tmp_path / "out")
+    with_test_photo(tmp_path / "in")
+    found = generated.judge(case, generated.run(case, keys, tmp_path / "out"), tmp_path)
+    assert "show one photo" in found
+
+
+def test_the_oracle_knows_a_file_that_is_lost(tmp_path, monkeypatch):
+    whole = ingest.photos.find_images
+    monkeypatch.setattr(
+        ingest.photos,
+        "find_images",
+        lambda folder, others=(): whole(folder, others)[1:],
+    )
+    found, _ = generated.finding_of(generated.Case("photos", 4), tmp_path / "place")
+    assert "neither used nor named" in found
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        ("x" * 2000, "a message of 2000 letters"),
+        ("/place: a\nb", "does not print"),
+        ("no pixel", "names nothing"),
+    ],
+)
+def test_the_oracle_knows_a_bad_message(tmp_path, message, reason):
+    assert reason in generated.of_refusal(message, tmp_path)
+
+
+def test_a_fault_of_the_program_is_minimised(tmp_path, monkeypatch):
+    """Of three mutations the one that it needs is left."""
+
+    def broken(path, *arguments):
+        content = json.loads((path / "transforms.json").read_text())
+        return 1 / (len(content["frames"]) - 7)
+
+    monkeypatch.setattr(
+        generated, "take", lambda case, keys, work: broken(tmp_path / "place/in")
+    )
+    spoil = {
+        "less": lambda folder, rng: with_frames(folder, 7),
+        "nothing": lambda folder, rng: "nothing",
+    }
+    monkeypatch.setattr(generated.mutations, "MUTATIONS", spoil)
+    steps = (("nothing", 1), ("less", 2), ("nothing", 3))
+    case = generated.Case("transforms", 1, steps)
+    found, _ = generated.finding_of(case, tmp_path / "place")
+    assert found.startswith("ZeroDivisionError")
+    least = generated.minimised(case, found, tmp_path / "place")
+    assert least.steps == (("less", 2),)
+
+
+def with_frames(folder, count):
+    path = folder / "transforms.json"
+    content = json.loads(path.read_text())
+    content["frames"] = content["frames"][:count]
+    path.write_text(json.dumps(content))
+    return "frames"

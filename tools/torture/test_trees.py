@@ -1,0 +1,62 @@
+"""Nothing of a user's is touched: trees of folders and links, and every command."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from alignerf.files import images, provenance
+from tests import judged_cases as cases
+from tools.torture import trees
+
+
+@pytest.mark.parametrize("first", range(0, 300, 50))
+def test_nothing_of_a_user_changes(first, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = [trees.attack(number, 20261126) for number in range(first, first + 50)]
+    assert [one for one in found if one] == []
+
+
+def test_an_export_keeps_what_is_a_user_s(tmp_path):
+    """With Snakemake itself, of renders that are judged."""
+    cases.project(tmp_path)
+    run(tmp_path, "judge", *JUDGE, "--name=mine")
+    run(tmp_path, "export", "mine")
+    scene = tmp_path / "results/mine"
+    place = scene / "theirs/export/cameras"
+    for name in ("outputs/splat.ply", "images/notes.txt", "images_2/v00.png"):
+        (place / name).parent.mkdir(exist_ok=True)
+        (place / name).write_text(name)
+    photo = tmp_path / "photos/v03.png"
+    cases.write_png(photo, cases.picture(60))
+    # An export of other photos than the cameras were found by is refused.
+    run(tmp_path, "export", "mine", "--width=100", fails="v03.png: changed since")
+    run(tmp_path, "judge", *JUDGE, "--name=mine")
+    run(tmp_path, "export", "mine", "--width=100")
+    for name in ("outputs/splat.ply", "images/notes.txt", "images_2/v00.png"):
+        assert (place / name).read_text() == name
+    assert images.read(place / "images/v03.png").shape[1] == 100
+    # What Snakemake removes before its job stays by its refusal.
+    (scene / "images/notes.txt").write_text("mine")
+    cases.write_png(photo, cases.picture(61))
+    run(tmp_path, "judge", *JUDGE, "--name=mine", fails="images/notes.txt: not of this")
+    assert (scene / "images/notes.txt").read_text() == "mine"
+
+
+JUDGE = ("--photos=photos", "--renders=renders", "--cameras=transforms.json")
+
+
+def run(folder, command, *words, fails=None):
+    """A command, by Snakemake itself."""
+    module = f"alignerf.start.{command}"
+    done = subprocess.run(
+        [sys.executable, "-m", module, "--cores=2", *words],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(provenance.ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    said = done.stdout + done.stderr
+    assert bool(fails) == bool(done.returncode), said
+    assert not fails or fails in said
