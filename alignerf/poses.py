@@ -23,7 +23,7 @@ from alignerf.scenes.capture import full_size, windows, windows_truth
 from alignerf.scenes.courtyard import truth
 from alignerf.scenes.judged import views as judged
 from alignerf.scenes.loading import readers, zoom
-from alignerf.sfm import calibration, capture, conventions, matches, of_colmap
+from alignerf.sfm import calibration, capture, matches, mistakes
 
 log = logging.getLogger("alignerf.poses")
 
@@ -51,7 +51,7 @@ def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
     with atomic.scratch_folder(out) as scratch:
         full, told, scene = readers.READERS[config["source"]](config, scratch)
         told["downscale_decided"] = config["downscale"] == "auto"
-        full = conventions.stated(prepare.sort_by_name(full), config)
+        full = mistakes.stated(prepare.sort_by_name(full), config)
         given = for_training(full, config)
         prepared.check_views(config["path"] or out, given)
         if not config["judged"]:
@@ -164,7 +164,7 @@ def check_cameras(full, scratch, config, adjust):
     own, matched = config["poses"] == "adjusted", None
     adjusts = own or adjust or bool(config["judged"])
     if (scratch / "database.db").is_file():
-        matched = of_colmap.read(scratch, full, seed=config["seed"])
+        matched = capture.matches_of_colmap(scratch, full, seed=config["seed"])
     return capture.check(
         full, scratch, config, adjusts=adjusts, lens=own, matched=matched
     )

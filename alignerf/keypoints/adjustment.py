@@ -111,16 +111,29 @@ def rank_in_group(*sorted_keys):
 
 
 def solve(model, free, *, still=(), loss_px=CAUCHY_PX):
-    """Bundle adjustment with a Cauchy loss; views `still` keep their poses."""
+    """Bundle adjustment with a Cauchy loss; views `still` keep their poses.
+
+    Sums of several threads come in any order: one is taken.
+    """
     options = options_of(free, loss_px)
+    options.ceres.solver_options.num_threads = 1
+    run(model, options, still=still, lenses_still=unsure_lenses(model))
+
+
+def run(model, options, *, still=(), lenses_still=()):
+    """COLMAP's bundle adjustment of all views of the model, which changes.
+
+    `pycolmap.bundle_adjustment` logs whatever the level.
+    """
     chosen = pycolmap.BundleAdjustmentConfig()
     for number in model.reg_image_ids():
         chosen.add_image(number)
     for number in still:
         chosen.set_constant_rig_from_world_pose(model.images[number].frame_id)
-    for number in unsure_lenses(model):
+    for number in lenses_still:
         chosen.set_constant_cam_intrinsics(number)
-    chosen.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+    if options.refine_rig_from_world:
+        chosen.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
     pycolmap.create_default_bundle_adjuster(options, chosen, model).solve()
 
 
@@ -135,26 +148,24 @@ def unsure_lenses(model):
 def settle(model):
     """Adjust the points by the cameras as they are."""
     options = options_of("", FINE_PX)
+    options.ceres.solver_options.num_threads = 1
     options.refine_rig_from_world = False
-    chosen = pycolmap.BundleAdjustmentConfig()
-    for number in model.reg_image_ids():
-        chosen.add_image(number)
-    pycolmap.create_default_bundle_adjuster(options, chosen, model).solve()
+    run(model, options)
     model.update_point_3d_errors()
 
 
-def options_of(free, loss_px):
+def options_of(free, loss_px, loss="CAUCHY"):
+    """COLMAP's options; free: a key of FREE, what of the lens is refined."""
     options = pycolmap.BundleAdjustmentOptions()
     (
         options.refine_focal_length,
         options.refine_extra_params,
         options.refine_principal_point,
     ) = FREE[free]
-    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+    options.ceres.loss_function_type = getattr(pycolmap.LossFunctionType, loss)
     options.ceres.loss_function_scale = loss_px
+    # COLMAP's own goes on for 100 iterations; poses then move by less than 1e-3 px.
     options.ceres.solver_options.function_tolerance = TOLERANCE
-    # Sums of several threads come in any order.
-    options.ceres.solver_options.num_threads = 1
     options.print_summary = False
     return options
 

@@ -14,11 +14,11 @@ import pycolmap
 from jaxtyping import Float, UInt8
 
 from alignerf.files import progress
-from alignerf.keypoints import refine
+from alignerf.keypoints import adjustment, refine
 from alignerf.scenes import cameras, colmap
 from alignerf.scenes.capture import mapping
 from alignerf.scenes.capture import triangulate as of_given
-from alignerf.sfm import calibration, similarity
+from alignerf.sfm import calibration, pose_error
 from alignerf.sfm.calibration import Cameras
 from alignerf.sfm.matches import Matches
 
@@ -31,8 +31,6 @@ START, MAX_START_PX, NEAR_PX, LAST_PX = 6.0, 96.0, 6.0, 4.0
 SOFT_PX, CAUCHY_PX = 1.0, 0.25
 # Matches that are enough to adjust by: more take longer, and move no camera.
 MAX_MATCHES = 120_000
-# Of the cost, from which on a bundle adjustment has converged.
-TOLERANCE = 1e-6
 # A view with fewer keypoints on points is held by none of them.
 MIN_TRACKS = 12
 # A pose this many times as wrong as the median one, and by so many px, is not begun
@@ -120,14 +118,9 @@ def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None
         model = triangulate_with(
             every_match, state=state, px=LAST_PX, lens=lens, images=images
         )
-    points = points_of(model, matches)
-    weak = [v for v, seen in enumerate(points.seen) if len(seen) < MIN_TRACKS]
-    if len(weak) > len(matches.names) / 2:
-        share = f"{len(weak)} of {len(matches.names)} views share no points"
-        raise TooFewError(share)
-    now, points, moved = in_frame_of(given, state.cameras, points, weak)
-    move(model, moved)
-    return Adjusted(now, points, placed, weak, model, free)
+    return in_frame(model, matches, given, state.cameras)._replace(
+        placed=placed, free=free
+    )
 
 
 def finer(found: Adjusted, matches, given: Cameras, photos, *, lens, seed, photo_px):
@@ -146,13 +139,26 @@ def finer(found: Adjusted, matches, given: Cameras, photos, *, lens, seed, photo
     )
     if not told["accepted"]:
         return found, told
-    now, points = cameras_of(model, found.cameras), points_of(model, matches)
+    try:
+        now = in_frame(model, matches, given, cameras_of(model, found.cameras))
+    except TooFewError as error:
+        return found, refine.refused(told, str(error))
+    return now._replace(placed=found.placed, free=found.free), told
+
+
+def in_frame(model, matches, given, now) -> Adjusted:
+    """The cameras and the model, which changes, in the input's frame, and its points.
+
+    Raises TooFewError where most views share no points.
+    """
+    points = points_of(model, matches)
     weak = [v for v, seen in enumerate(points.seen) if len(seen) < MIN_TRACKS]
     if len(weak) > len(matches.names) / 2:
-        return found, refine.refused(told, "too few tracks are left")
+        share = f"{len(weak)} of {len(matches.names)} views share no points"
+        raise TooFewError(share)
     now, points, moved = in_frame_of(given, now, points, weak)
     move(model, moved)
-    return found._replace(cameras=now, points=points, carried=weak, model=model), told
+    return Adjusted(now, points, [], weak, model)
 
 
 def triangulate(matches: Matches, given: Cameras, work, *, seed, images=None):
@@ -319,23 +325,9 @@ def triangulated(database, *, matches, state, work, px, seed, lens=False, images
 
 def solve(model, state: State, *, free, near) -> State:
     """The state after a bundle adjustment of the model, which changes."""
-    options = pycolmap.BundleAdjustmentOptions()
-    options.refine_focal_length = bool(free)
-    options.refine_extra_params = free == "lens"
-    # Alone it hides in the poses.
-    options.refine_principal_point = False
-    loss = pycolmap.LossFunctionType
-    options.ceres.loss_function_type = loss.CAUCHY if near else loss.SOFT_L1
-    options.ceres.loss_function_scale = CAUCHY_PX if near else SOFT_PX
-    # COLMAP's own goes on for 100 iterations; poses then move by less than 1e-3 px.
-    options.ceres.solver_options.function_tolerance = TOLERANCE
-    options.print_summary = False
-    chosen = pycolmap.BundleAdjustmentConfig()
-    for number in model.reg_image_ids():
-        chosen.add_image(number)
-    chosen.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-    # `pycolmap.bundle_adjustment` logs whatever the level.
-    pycolmap.create_default_bundle_adjuster(options, chosen, model).solve()
+    # A principal point that is free hides in the poses.
+    loss = (CAUCHY_PX, "CAUCHY") if near else (SOFT_PX, "SOFT_L1")
+    adjustment.run(model, adjustment.options_of(free, *loss))
     now = cameras_of(model, state.cameras)
     for group in np.unique(state.groups[state.posed]):
         # Views without a pose have the lens of their camera.
@@ -443,7 +435,7 @@ def in_frame_of(given: Cameras, now: Cameras, points: Points, weak):
     Weak views move as their nearest neighbour that is not.
     """
     strong = [v for v in range(len(points.seen)) if v not in set(weak)]
-    found = similarity.fit(given, now, {view: points.of_view(view) for view in strong})
+    found = pose_error.fit(given, now, {view: points.of_view(view) for view in strong})
     poses = cameras.apply_similarity(now.camtoworlds, *found)
     for view in weak:
         away = np.linalg.norm(

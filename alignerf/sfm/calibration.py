@@ -1,15 +1,24 @@
-"""Cameras of n views with their lenses, and keypoints freed of distortion."""
+"""Cameras of n views with their lenses, and what matches say of them.
+
+Notation: m matches; `views` [m, 2] indices of the views; `xy` [m, 2, 2] their
+keypoints in px. A match's error is the mean distance in px of its two keypoints from
+each other's epipolar line (Hartley & Zisserman 2004, section 11.4). It is blind to
+errors along the line, and the same for all right cameras: 0.2 to 0.5 px of SIFT.
+"""
 
 from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
+from alignerf.scenes import cameras as scene_cameras
 from alignerf.scenes import distortion as lens
 from alignerf.scenes import prepare
-from alignerf.sfm import epipolar
 from alignerf.sfm.matches import Matches
+
+# Centres within so much of the cameras' extent have no epipolar lines between them.
+ONE_PLACE = 1e-7
 
 
 class Cameras(NamedTuple):
@@ -56,8 +65,8 @@ def errors_of_views(matches: Matches, cameras: Cameras, *, held_out=None):
     held_out: of one part of the matches alone.
     """
     views, xy = undistorted(matches, cameras).places(held_out=held_out)
-    errors = epipolar.errors_px(views, xy, cameras.pixtocams, cameras.camtoworlds)
-    return epipolar.by_view(views, errors, len(matches.names))
+    errors = errors_px(views, xy, cameras.pixtocams, cameras.camtoworlds)
+    return by_view(views, errors, len(matches.names))
 
 
 def in_views(matches: Matches, cameras: Cameras, views: prepare.PosedViews) -> Matches:
@@ -101,3 +110,74 @@ def applied(views: prepare.PosedViews, cameras: Cameras, where) -> prepare.Posed
     if cameras.distortion.any():
         kept["lens"] = {k: getattr(cameras, k) for k in ("camtopix", "distortion")}
     return found._replace(**kept)
+
+
+class Geometry(NamedTuple):
+    """The two cameras of each match, in the world's frame, with OpenCV axes."""
+
+    rays: Float[np.ndarray, "m 2 3"]
+    """Through the keypoints, of depth 1 along the optical axis."""
+    centres: Float[np.ndarray, "m 2 3"]
+
+
+def geometry(views, xy, pixtocams, camtoworlds) -> Geometry:
+    """The rays of matches, and where they start."""
+    turns = camtoworlds[:, :, :3] @ scene_cameras.OPENGL_FROM_OPENCV @ pixtocams
+    homogeneous = np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=-1)
+    rays = np.einsum("mvij,mvj->mvi", turns[views], homogeneous)
+    return Geometry(rays, camtoworlds[:, :, 3][views])
+
+
+def errors_px(
+    views: Int[np.ndarray, "m 2"],
+    xy: Float[np.ndarray, "m 2 2"],
+    pixtocams: Float[np.ndarray, "n 3 3"],
+    camtoworlds: Float[np.ndarray, "n 3 4"],
+) -> Float[np.ndarray, " m"]:
+    """Error of each match; between cameras at one place, of the turned ray instead."""
+    extent = np.ptp(camtoworlds[:, :, 3], axis=0).max(initial=0)
+    rays, centres = geometry(views, xy, pixtocams, camtoworlds)
+    base = centres[:, 1] - centres[:, 0]
+    length = np.linalg.norm(base, axis=-1)
+    apart = length > ONE_PLACE * max(extent, 1e-300)
+    base = base / np.where(apart, length, 1)[:, None]
+    # World to homogeneous px of each end.
+    inverse = np.linalg.inv(
+        camtoworlds[:, :, :3] @ scene_cameras.OPENGL_FROM_OPENCV @ pixtocams
+    )
+    total = np.zeros(len(views))
+    for own, other in ((0, 1), (1, 0)):
+        to_px = inverse[views[:, own]]
+        here, seen = xy[:, own], np.einsum("mij,mj->mi", to_px, rays[:, other])
+        pole = np.einsum("mij,mj->mi", to_px, base)
+        line = np.cross(pole, seen)
+        norm = np.linalg.norm(line[:, :2], axis=-1)
+        off = np.abs((line[:, :2] * here).sum(-1) + line[:, 2])
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            by_line = off / norm
+            by_turn = np.linalg.norm(seen[:, :2] / seen[:, 2:] - here, axis=-1)
+        total += np.where(apart & (norm > 0), by_line, by_turn)
+    return total / 2
+
+
+def in_front(views, xy, pixtocams, camtoworlds):
+    """[m] whether a match's rays meet in front of both cameras."""
+    rays, centres = geometry(views, xy, pixtocams, camtoworlds)
+    (a, b), base = rays.swapaxes(0, 1), centres[:, 1] - centres[:, 0]
+    aa, ab, bb = (a * a).sum(-1), (a * b).sum(-1), (b * b).sum(-1)
+    at, bt = (a * base).sum(-1), (b * base).sum(-1)
+    # Depths of the nearest points, times a determinant that is not negative.
+    return (bb * at - ab * bt > 0) & (ab * at - aa * bt > 0)
+
+
+def by_view(views, errors, n):
+    """[n] median error of each view's matches; NaN of a view without any."""
+    ends, values = views.T.ravel(), np.concatenate([errors, errors])
+    order = np.lexsort([values, ends])
+    counts = np.bincount(ends, minlength=n)
+    first = np.cumsum(counts) - counts
+    ordered, found = values[order], np.full(n, np.nan)
+    some = counts > 0
+    low, high = (first + (counts - 1) // 2)[some], (first + counts // 2)[some]
+    found[some] = (ordered[low] + ordered[high]) / 2
+    return found

@@ -11,17 +11,18 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+import pycolmap
 
-from alignerf.files import faults
+from alignerf.files import archives, faults
 from alignerf.keypoints import refine
+from alignerf.scenes import prepare
 from alignerf.sfm import (
     acceptance,
     bundle,
     calibration,
-    conventions,
     matches,
-    outliers,
-    similarity,
+    mistakes,
+    pose_error,
 )
 
 log = logging.getLogger("alignerf.poses")
@@ -34,6 +35,8 @@ MAX_LEFT_PX = 3.0
 MAX_INPUT_PX = 20.0
 # Times that adjusting may change how far apart cameras stand: more has lost its scale.
 MAX_SCALE = 3.0
+# Of COLMAP's own run: whose lens it has found.
+LENSES = ("names", "camtopix", "distortion", "sizes")
 
 
 class Checked(NamedTuple):
@@ -66,7 +69,7 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
     started, where = time.monotonic(), config["path"] or config["source"]
     seed, work = config["seed"], Path(work)
     size = views.width, views.height
-    outliers.check_principal_points(np.linalg.inv(views.pixtocams), size, where)
+    mistakes.check_principal_points(np.linalg.inv(views.pixtocams), size, where)
     if matched is None:
         log.info("%s: matching %d photos", where, len(views.names))
         size_px = config["colmap"]["max_size_px"]
@@ -92,17 +95,17 @@ def check(views, work, config, *, adjusts, lens, matched=None) -> Checked:
 
 def check_convention(matched, given, photo_px, where, stated):
     """The report's part on conventions; ValueError where the input's is a mistake."""
-    found = conventions.find(matched, given.pixtocams, given.camtoworlds)
-    own_px, own = found[conventions.NONE]
+    found = mistakes.find(matched, given.pixtocams, given.camtoworlds)
+    own_px, own = found[mistakes.NONE]
     if len(found) > 1 and stated is None:
         name = list(found)[1]
         error_px, count = found[name]
         raise ValueError(
-            f"{where}: its cameras have {conventions.describe(name)}: read that way, "
+            f"{where}: its cameras have {mistakes.describe(name)}: read that way, "
             f"{count} matches agree to {photo_px * error_px:.2f} px of the photo; read "
             f"as they are, {own} to {photo_px * own_px:.1f} px. To read them that way: "
             f"`pose_convention: {name}` in the config, or --pose-convention {name}; to "
-            f"leave them as they are, {conventions.NONE}"
+            f"leave them as they are, {mistakes.NONE}"
         )
     return {"epipolar_px": None if np.isinf(own_px) else round(photo_px * own_px, 4)}
 
@@ -114,8 +117,8 @@ def stand_out(matched, given, photo_px, where):
     """
     px = photo_px * calibration.errors_of_views(matched, given)
     found = {
-        "views": outliers.of_views(matched.names, px, given.camtoworlds),
-        "lenses": outliers.of_lenses(matched.names, photo_px * given.camtopix),
+        "views": mistakes.of_views(matched.names, px, given.camtoworlds),
+        "lenses": mistakes.of_lenses(matched.names, photo_px * given.camtopix),
     }
     for kind, odd in found.items():
         if odd:
@@ -223,7 +226,7 @@ def fewest(matched, given, work, seed, photo_px, *, lens):
 def still_off(matched, now, photo_px):
     """Names of the views whose matches are far off by adjusted cameras too."""
     px = photo_px * calibration.errors_of_views(matched, now)
-    return list(outliers.of_views(matched.names, px, now.camtoworlds))
+    return list(mistakes.of_views(matched.names, px, now.camtoworlds))
 
 
 def difference(names, given, found, photo_px):
@@ -233,7 +236,7 @@ def difference(names, given, found, photo_px):
         for view in range(len(names))
         if len(found.points.seen[view]) >= bundle.MIN_TRACKS
     }
-    px = similarity.distance_px(given, found.cameras, points)
+    px = pose_error.distance_px(given, found.cameras, points)
     off_px = photo_px * np.array(list(px.values()))
     lens = found.cameras.distortion[0]
     ratio = np.median(found.cameras.camtopix[:, 0, 0] / given.camtopix[:, 0, 0])
@@ -279,3 +282,45 @@ def points_told(points: bundle.Points, views, matched):
             for name, px in zip(views.names, errors, strict=True)
         },
     }
+
+
+def matches_of_colmap(work, views: prepare.PosedViews, *, seed) -> matches.Matches:
+    """The matches of views, in px of theirs, as COLMAP has left them in `work`.
+
+    Its keypoints are of copies of the photos as taken: the lens that it found is undone
+    by the same arithmetic as in the photos.
+    """
+    lenses = archives.read(Path(work) / "lenses.npz", LENSES)
+    place = {name: i for i, name in enumerate(lenses["names"].tolist())}
+    with pycolmap.Database.open(Path(work) / "database.db") as file:
+        found = {
+            image.name.removesuffix(".png"): image for image in file.read_all_images()
+        }
+        sizes = {camera.camera_id: camera for camera in file.read_all_cameras()}
+    camtopix, to_pixels = np.linalg.inv(views.pixtocams), {}
+    for i, name in enumerate(views.names):
+        lens = lenses["camtopix"][place[name]]
+        # The lens is of the whole photo; keypoints are of a copy.
+        copy = sizes[found[name].camera_id]
+        whole = lenses["sizes"][place[name]]
+        scale = np.array([copy.width, copy.height]) / whole
+        of_copy = np.diag([*scale, 1.0]) @ lens
+        to_pixels[name] = to_view(
+            of_copy, lenses["distortion"][place[name]], camtopix[i]
+        )
+    ids = {name: found[name].image_id for name in views.names}
+    size = views.width, views.height
+    return matches.read(
+        Path(work) / "database.db", ids, size, seed=seed, to_pixels=to_pixels
+    )
+
+
+def to_view(of_copy, distortion, camtopix):
+    """A function: keypoints of a copy -> px of the pinhole view."""
+    from_copy = camtopix @ np.linalg.inv(of_copy)
+
+    def move(xy):
+        straight = calibration.pinhole_points(xy, of_copy, distortion)
+        return straight @ from_copy[:2, :2].T + from_copy[:2, 2]
+
+    return move

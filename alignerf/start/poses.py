@@ -20,7 +20,7 @@ from alignerf.files import atomic, faults, owned, provenance
 from alignerf.scenes import photos as photo_files
 from alignerf.scenes import prepare, prepared
 from alignerf.scenes.loading import readers
-from alignerf.sfm import calibration, capture, conventions
+from alignerf.sfm import calibration, capture, mistakes
 from alignerf.start import claims, configs, folders
 
 log = logging.getLogger("alignerf")
@@ -79,14 +79,14 @@ def write_adjusted(name, place, config, args):
     """The same, into a folder that is this program's."""
     with atomic.scratch_folder(place, name="poses") as scratch:
         views, *_ = readers.READERS[config["source"]](config, scratch)
-        views = conventions.stated(prepare.sort_by_name(views), config)
+        views = mistakes.stated(prepare.sort_by_name(views), config)
         prepared.check_views(config["path"], views)
         prepared.check_places(config["path"], views)
         checked = capture.check(views, scratch, config, adjusts=True, lens=True)
         print(f"{name}: {len(views.names)} photos, {summary(checked.report)}")
         owned.put(place)
         with atomic.replace_folder(place / NAME) as folder:
-            as_it_came = (None, conventions.NONE)
+            as_it_came = (None, mistakes.NONE)
             if checked.found or config["pose_convention"] not in as_it_came:
                 photos_too = not args.no_photos
                 write(folder, scratch, views, checked, config, photos_too=photos_too)

@@ -24,7 +24,7 @@ import pandas as pd
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.scenes import cameras, prepare
 from alignerf.scenes.loading import readers
-from alignerf.sfm import bundle, calibration, capture, conventions, matches, similarity
+from alignerf.sfm import bundle, calibration, capture, matches, mistakes, pose_error
 from tools.bench import surveyed
 
 PERTURBED_PX = (0.0, 0.5, 1.5, 3.0, 6.0, 12.0)
@@ -62,7 +62,7 @@ def load(scene, folder):
 
 def error_px(true, now, points):
     """(median, worst) over views."""
-    px = np.array(list(similarity.distance_px(true, now, points).values()))
+    px = np.array(list(pose_error.distance_px(true, now, points).values()))
     return float(np.median(px)), float(px.max())
 
 
@@ -106,21 +106,19 @@ def named(name, scene, work):
     planted = {"as_stated": true.camtoworlds}
     # Each undoes itself, but for these.
     planted |= {
-        "world_to_camera_opencv": conventions.inverted(
-            conventions.turned(true.camtoworlds)
-        )
+        "world_to_camera_opencv": mistakes.inverted(mistakes.turned(true.camtoworlds))
     }
-    for one in (*conventions.POSES, "reversed_order"):
-        undone = conventions.undone(one, found.names, true.camtoworlds)
+    for one in (*mistakes.POSES, "reversed_order"):
+        undone = mistakes.undone(one, found.names, true.camtoworlds)
         planted.setdefault(one, undone)
     for one, poses in planted.items():
-        told = conventions.find(found, true.pixtocams, poses)
-        called = list(told)[-1] if len(told) > 1 else conventions.NONE
+        told = mistakes.find(found, true.pixtocams, poses)
+        called = list(told)[-1] if len(told) > 1 else mistakes.NONE
         yield {
             "capture": name,
             "planted": one,
             "named": called,
-            "as_it_came_px": round(told[conventions.NONE][0], 2),
+            "as_it_came_px": round(told[mistakes.NONE][0], 2),
             "undone_px": round(told[called][0], 2),
         }
 

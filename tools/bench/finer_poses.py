@@ -24,7 +24,7 @@ from alignerf.keypoints import adjustment, refine, tracks
 from alignerf.scenes import colmap, prepare
 from alignerf.scenes.capture import ingest
 from alignerf.scenes.loading import readers
-from alignerf.sfm import calibration, similarity
+from alignerf.sfm import calibration, pose_error
 from tools.bench import adjusted, surveyed
 
 CASTLE_SIZES = (1, 2, 4)
@@ -103,7 +103,7 @@ def errors_px(model, folder):
         ]
         if len(seen) >= MIN_POINTS:
             points[view] = np.array(seen)[:: max(1, len(seen) // 300)]
-    found = similarity.distance_px(true, now, points)
+    found = pose_error.distance_px(true, now, points)
     return np.array([found[view] for view in sorted(found)])
 
 

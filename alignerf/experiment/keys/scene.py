@@ -98,7 +98,7 @@ CAMERA_MODELS = Literal[
 ]
 
 
-# Mistakes of files of cameras (`alignerf.sfm.conventions`; a test holds both equal).
+# Mistakes of files of cameras (`alignerf.sfm.mistakes`; a test holds both equal).
 CONVENTIONS = ("as_stated", "opencv", "world_to_camera", "world_to_camera_opencv")
 CONVENTIONS += tuple(f"{w}_{x}" for w in ("left_handed", "mirrored") for x in "xyz")
 CONVENTIONS += ("natural_order", "name_order", "reversed_order")

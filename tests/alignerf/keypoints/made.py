@@ -7,7 +7,7 @@ import numpy as np
 import pycolmap
 
 from alignerf.scenes import cameras, colmap
-from alignerf.sfm import similarity
+from alignerf.sfm import pose_error
 
 WIDTH, HEIGHT, FOCAL_PX = 320, 240, 300.0
 TEXEL = 0.01
@@ -122,7 +122,7 @@ def error_px(model, turns, centres, xyz):
     ]
     now = SimpleNamespace(camtopix=np.array(lenses), camtoworlds=np.array(poses))
     points = {view: xyz[:300] for view in range(len(turns))}
-    return np.array(list(similarity.distance_px(true, now, points).values()))
+    return np.array(list(pose_error.distance_px(true, now, points).values()))
 
 
 def cameras_of(turns, centres):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from alignerf.scenes import cameras as posed
-from alignerf.sfm import acceptance, outliers
+from alignerf.sfm import acceptance, mistakes
 from tests.alignerf.sfm import made
 
 
@@ -54,19 +54,19 @@ def test_views_and_lenses_that_stand_out_are_named():
     names = [f"v{k}" for k in range(9)]
     poses = made.orbit(9)
     px = np.full(9, 0.4)
-    assert outliers.of_views(names, px, poses) == {}
+    assert mistakes.of_views(names, px, poses) == {}
     px[3] = 9.0
     poses[[5, 6]] = np.eye(4)[:3]
     poses[8] = poses[0]
-    found = outliers.of_views(names, px, poses)
+    found = mistakes.of_views(names, px, poses)
     assert set(found) == {"v0", "v3", "v5", "v6", "v8"}
     assert "9.0 px off" in found["v3"]
     assert "identity" in found["v5"]
     assert found["v8"] == "the pose of v0"
     lenses = made.cameras(9).camtopix
-    assert outliers.of_lenses(names, lenses) == {}
+    assert mistakes.of_lenses(names, lenses) == {}
     lenses[2, :2] *= 3
-    assert set(outliers.of_lenses(names, lenses)) == {"v2"}
+    assert set(mistakes.of_lenses(names, lenses)) == {"v2"}
 
 
 @pytest.mark.parametrize("times", [2, 4, 8])
@@ -74,5 +74,5 @@ def test_numbers_of_a_larger_photo_are_named(times):
     lenses = made.cameras(3).camtopix
     size = made.WIDTH // times, made.HEIGHT // times
     with pytest.raises(ValueError, match=f"photo {times} times as large"):
-        outliers.check_principal_points(lenses, size, "here")
-    outliers.check_principal_points(lenses, (made.WIDTH, made.HEIGHT), "here")
+        mistakes.check_principal_points(lenses, size, "here")
+    mistakes.check_principal_points(lenses, (made.WIDTH, made.HEIGHT), "here")

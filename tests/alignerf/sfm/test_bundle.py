@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from alignerf.scenes import cameras as posed
-from alignerf.sfm import acceptance, bundle, capture, similarity
+from alignerf.sfm import acceptance, bundle, capture, pose_error
 from tests.alignerf.sfm import made
 
 
@@ -20,7 +20,7 @@ def error_px(true, now, adjusted):
         for view in range(len(true.camtopix))
         if len(adjusted.points.seen[view])
     }
-    return np.array(list(similarity.distance_px(true, now, points).values()))
+    return np.array(list(pose_error.distance_px(true, now, points).values()))
 
 
 @pytest.mark.parametrize("px", [1.5, 6.0, 30.0])
@@ -151,11 +151,11 @@ def test_a_similarity_by_what_is_seen(rng, scale):
         camtoworlds=posed.apply_similarity(true.camtoworlds, scale, turn, shift)
     )
     points = {view: rng.normal(size=(40, 3)) * 0.8 for view in range(12)}
-    found = similarity.fit(moved, true, points)
+    found = pose_error.fit(moved, true, points)
     assert found[0] == pytest.approx(scale, rel=1e-6)
     np.testing.assert_allclose(found[1], turn, atol=1e-7)
     np.testing.assert_allclose(found[2], shift, atol=1e-5 * scale)
-    assert max(similarity.distance_px(moved, true, points).values()) < 1e-3
+    assert max(pose_error.distance_px(moved, true, points).values()) < 1e-3
 
 
 @pytest.mark.parametrize(("scale", "away"), [(3000.0, 0.0), (1.0, 1e6), (1e-3, 0.0)])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from alignerf.scenes import prepare
-from alignerf.sfm import bundle, calibration, epipolar, matches
+from alignerf.sfm import bundle, calibration, matches
 from tests.alignerf.sfm import made
 
 
@@ -105,9 +105,9 @@ def test_matches_follow_the_views_whose_distortion_was_undone(rng):
     assert np.abs(views.pixtocams - bent.pixtocams).max() > 1e-5
     moved = calibration.in_views(seen, bent, views)
     now = calibration.of_views(views, moved)
-    errors = epipolar.errors_px(*moved.places(), now.pixtocams, now.camtoworlds)
+    errors = calibration.errors_px(*moved.places(), now.pixtocams, now.camtoworlds)
     assert errors.max() < 1e-3
-    as_they_were = epipolar.errors_px(*seen.places(), now.pixtocams, now.camtoworlds)
+    as_they_were = calibration.errors_px(*seen.places(), now.pixtocams, now.camtoworlds)
     assert np.median(as_they_were) > 0.1
 
 

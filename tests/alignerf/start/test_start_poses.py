@@ -13,7 +13,7 @@ from alignerf.exports import formats
 from alignerf.files import faults, images
 from alignerf.scenes import cameras, mipnerf360, transforms
 from alignerf.scenes.courtyard import scene as courtyard
-from alignerf.sfm import conventions
+from alignerf.sfm import mistakes
 from alignerf.start import poses
 
 WIDTH, HEIGHT, VIEWS, PERTURBED_PX = 320, 240, 10, 3.0
@@ -123,7 +123,7 @@ def test_right_poses_stay(scan, photographed, tmp_path, capsys):
 def test_a_mistake_of_the_file_is_named_and_undone_on_demand(
     scan, photographed, tmp_path, capsys
 ):
-    folder = scan(conventions.turned(perturbed(photographed[1])))
+    folder = scan(mistakes.turned(perturbed(photographed[1])))
     assert faults.exit_code(poses.main, [str(folder)]) == 1
     said = capsys.readouterr().err.splitlines()[-1]
     assert said.startswith("error: ")

@@ -5,13 +5,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from alignerf.scenes import cameras as posed
-from alignerf.sfm import epipolar
+from alignerf.sfm import calibration
 from tests.alignerf.sfm import made
 
 
 def errors_of(found, cameras, held_out=None):
     places = found.places(held_out=held_out)
-    return places, epipolar.errors_px(*places, cameras.pixtocams, cameras.camtoworlds)
+    return places, calibration.errors_px(
+        *places, cameras.pixtocams, cameras.camtoworlds
+    )
 
 
 def by_fundamental_matrix(x, other, i, j, cameras):
@@ -62,7 +64,7 @@ def test_right_cameras_have_none_in_any_frame(rng):
         _, errors = errors_of(found, moved)
         assert errors.max() < 1e-5
         places = found.places()
-        assert epipolar.in_front(*places, moved.pixtocams, poses).all()
+        assert calibration.in_front(*places, moved.pixtocams, poses).all()
 
 
 def test_a_turn_is_seen_as_the_pixels_that_it_moves(rng):
@@ -72,7 +74,7 @@ def test_a_turn_is_seen_as_the_pixels_that_it_moves(rng):
     turn = Rotation.from_rotvec([5.0 / made.FOCAL_PX, 0, 0]).as_matrix()
     poses[4, :, :3] = poses[4, :, :3] @ turn
     (views, _), errors = errors_of(found, true._replace(camtoworlds=poses))
-    px = epipolar.by_view(views, errors, 12)
+    px = calibration.by_view(views, errors, 12)
     assert px.argmax() == 4
     assert px[4] == pytest.approx(5, rel=0.2)
 
@@ -84,8 +86,8 @@ def test_cameras_at_one_place_are_compared_by_their_turns(rng):
     xy = np.array([[[320.0, 240.0], [320.0, 240.0]]])
     views = np.array([[0, 1]])
     same = np.stack([poses[0], poses[0]])
-    assert epipolar.errors_px(views, xy, true.pixtocams, same) == pytest.approx(0)
-    turned = epipolar.errors_px(views, xy, true.pixtocams, poses)
+    assert calibration.errors_px(views, xy, true.pixtocams, same) == pytest.approx(0)
+    turned = calibration.errors_px(views, xy, true.pixtocams, poses)
     angle = 2.0 / 2
     assert turned == pytest.approx(made.FOCAL_PX * np.tan(angle), rel=0.1)
 
@@ -97,13 +99,13 @@ def test_points_behind_do_not_meet(rng):
     # Positions through the middle: each pair's lines stay, and rays run apart.
     away[:, :, 3] = -away[:, :, 3]
     views, xy = found.places()
-    assert not epipolar.in_front(views, xy, true.pixtocams, away).any()
+    assert not calibration.in_front(views, xy, true.pixtocams, away).any()
 
 
 def test_a_view_without_matches_has_no_error():
     views = np.array([[0, 1], [0, 1]])
-    px = epipolar.by_view(views, np.array([1.0, 3.0]), 3)
+    px = calibration.by_view(views, np.array([1.0, 3.0]), 3)
     np.testing.assert_allclose(px[:2], 2.0)
     assert np.isnan(px[2])
-    none = epipolar.by_view(np.zeros((0, 2), int), np.zeros(0), 2)
+    none = calibration.by_view(np.zeros((0, 2), int), np.zeros(0), 2)
     assert np.isnan(none).all()
