@@ -1,7 +1,7 @@
 """AligNeRF (CVPR 2023) and its baseline mip-NeRF 360 in JAX.
 
 The files here are the stages, commands that one rule of the workflow or several run:
-`config`, `poses`, `facts`, `shrink`, `train`, `render_views`, `correct_poses`,
+`config`, `poses`, `facts`, `train`, `render_views`, `correct_poses`,
 `align_test_poses`, `evaluate`, `tabulate`, `export`; and one for users, `show`.
 
 The paper's parts -> folders:

@@ -101,9 +101,6 @@ def parse(argv=None):
         "that it has warped, written",
     )
     parser.add_argument(
-        "--seen-by", help="cameras.npz of the renders, if not --cameras"
-    )
-    parser.add_argument(
         "--truth",
         type=faults.stated,
         help="the truth's folder, to compare cameras with",
@@ -207,7 +204,7 @@ def write_learnt(job, moved, aligner, views, args):
         elif job.refine:
             prepared.write_cameras(path, moved, args.cameras)
         else:
-            original = args.seen_by or args.cameras or f"{args.scene}/cameras.npz"
+            original = args.cameras or f"{args.scene}/cameras.npz"
             shutil.copyfile(original, path)
 
 

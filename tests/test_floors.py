@@ -305,7 +305,7 @@ TOLD = (
     *("alignerf.experiment.jobs", "alignerf.experiment.trainings"),
     *("alignerf.exports.sizes", "alignerf.others.jobs", "alignerf.verdict.__main__"),
     *("alignerf.preflight.__main__", "alignerf.processes.consensus"),
-    *("alignerf.start.terminal.events", "alignerf.tables.across.tradeoff"),
+    "alignerf.start.terminal.events",
     "flow.figures.scene",
 )
 MAY_READ = READERS | SHIPPED | SYSTEM | LOGS | {name: {"json.loads"} for name in TOLD}

@@ -54,8 +54,6 @@ def checked(config, files=()):
     check_flow(config["flow"], config["methods"])
     check_weights(config)
     results.check_apart(config)
-    if config["tradeoff"]:
-        models.check_tradeoff(config)
     return config
 
 
@@ -69,9 +67,6 @@ def check_given(config):
             fault(f"scenes.{name}.test_every", "blender's files say what is held out")
         if scene.get("seed") is not None and (config.get("vary") or {}).get("seeds"):
             fault(f"scenes.{name}.seed", "not beside vary.seeds")
-    variants = (config.get("tradeoff") or {}).get("variants", {})
-    for name, variant in variants.items():
-        training_keys.check_length(variant, f"tradeoff.variants.{name}")
     for name, method in (config.get("methods") or {}).items():
         # Its default stands in every complete config.
         default = method_keys.Method.default("most_rounds")

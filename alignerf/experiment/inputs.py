@@ -100,20 +100,15 @@ def of_training(experiment, scene, folder):
     needed |= {
         "decisions": decisions_of(experiment, scene),
         "given": f"results/{scene}/cameras.npz",
-        "images": f"{training.prepared}/images",
+        "images": f"results/{scene}/images",
     }
-    if not training.alone:
-        needed["preflight"] = f"results/{scene}/preflight.json"
-    return needed
+    return needed | {"preflight": f"results/{scene}/preflight.json"}
 
 
 def training_options(experiment, scene, folder):
     """Options of `alignerf.train` that name the photos, cameras and other inputs."""
     training = experiment.training(scene, folder)
-    words = arguments.options({"scene": training.prepared} | training.inputs())
-    if training.prepared != f"results/{scene}":
-        words += arguments.option("seen-by", f"results/{scene}/cameras.npz")
-    return words
+    return arguments.options({"scene": f"results/{scene}"} | training.inputs())
 
 
 def of_external(experiment, scene, folder):
@@ -152,12 +147,6 @@ def weights_of(experiment, scene, folder):
     finetuning = json.loads(experiment.training(scene, folder).job)["alignerf"]
     weights = finetuning and finetuning["frequency_weights"]
     return [weights] if weights else []
-
-
-def threads_of(experiment, scene, folder):
-    """Threads of a training and its rendering."""
-    alone = experiment.training(scene, folder).alone
-    return sources.WHOLE_MACHINE if alone else sources.OF_TRAINING
 
 
 def threads_of_views(experiment, scene):
@@ -248,20 +237,15 @@ def export_options(experiment, scene, method, what):
     return words
 
 
-def testset_of(scene, folder, moved):
-    """The folder of the warped test set, or None where renders are not scored on it.
-
-    Trainings of the sweep, and renders by moved cameras, are scored on the photos
-    alone.
-    """
-    by_photos = moved or folder.startswith("tradeoff/")
-    return None if by_photos else f"results/{scene}/testset"
+def testset_of(scene, moved):
+    """The folder of the warped test set; None for renders by moved cameras."""
+    return None if moved else f"results/{scene}/testset"
 
 
 def of_scores(experiment, scene, folder, moved):
     """{name: path} of inputs of rule `evaluate` besides renders: truth, test sets."""
     inputs = truth_of(experiment, scene)
-    if testset := testset_of(scene, folder, moved):
+    if testset := testset_of(scene, moved):
         sets = ("flow", "warped", *arguments.CONTROL_SETS)
         inputs |= {name: f"{testset}/{name}" for name in sets}
     return inputs
@@ -274,6 +258,6 @@ def scores_options(experiment, scene, folder, moved):
     """
     renders = renders_of(experiment, scene, folder, moved)
     chosen = {"aligned-pose" if moved else "renders": renders}
-    chosen["testset"] = testset_of(scene, folder, moved)
+    chosen["testset"] = testset_of(scene, moved)
     words = arguments.options(chosen | truth_of(experiment, scene))
     return words + ([] if moved else arguments.lpips_options(experiment))

@@ -8,7 +8,7 @@ import functools
 import itertools
 import re
 
-from alignerf.experiment import kinds, layout, slices, sweep, trainings
+from alignerf.experiment import kinds, layout, slices, trainings
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import json_files
 
@@ -128,10 +128,9 @@ class Experiment:
     def trainings(self, scene):
         """{folder: training} of a scene, in an order in which trainings can run.
 
-        All rounds that there may be, and the trainings of the sweep, are included.
+        All rounds that there may be are included.
         """
         chains = [self.rounds_of(scene, method) for method in self.methods]
-        chains.append(sweep.trainings(self, scene))
         needed = (one for t in itertools.chain(*chains) for one in trainings.needs(t))
         return {training.folder: training for training in needed}
 
@@ -266,20 +265,15 @@ def goes_on(path):
 
 
 def folders(experiment):
-    """Regular expression of all folders below a scene's that are trained or scored.
-
-    All scenes have the same folders; the sweep's scene has the sweep's folders too.
-    """
-    scenes = {next(iter(experiment.scenes)), *sweep.scene_of(experiment)}
-    names = {name for scene in scenes for name in experiment.trainings(scene)}
+    """Regular expression of all folders below a scene's that are trained or scored."""
+    names = set(experiment.trainings(next(iter(experiment.scenes))))
     names |= {f"{name}/round0" for name in experiment.names(kinds.given)}
     return one_of(names)
 
 
 def trained_by(experiment, *, external):
     """Regular expression of the folders that others train (external), or that we do."""
-    scenes = {next(iter(experiment.scenes)), *sweep.scene_of(experiment)}
-    every = [t for scene in scenes for t in experiment.trainings(scene).values()]
+    every = experiment.trainings(next(iter(experiment.scenes))).values()
     return one_of({t.folder for t in every if bool(t.external) == external})
 
 

@@ -40,8 +40,6 @@ def complete(experiment, name):
     names = [whole, *experiment.windows(whole)]
     found = {one: experiment.scenes[one] for one in names}
     found = experiment.config | {"scenes": found}
-    if found["tradeoff"] and found["tradeoff"]["scene"] != name:
-        found["tradeoff"] = None
     # The order of models and methods has a meaning: tables and defaults follow it.
     return json.dumps(found)
 
@@ -93,15 +91,6 @@ def of_commands(method):
     """The commands of an external method, or the folders that stand for them."""
     asked = ("gpu", "mem_mb")
     return {key: v for key, v in method["external"].items() if key not in asked}
-
-
-def of_variant(experiment, name):
-    """What the training of a point of the sweep, and its renders, depend on."""
-    found = variant_of(experiment.config, name)
-    del found["downscale"]
-    scene = experiment.config["tradeoff"]["scene"]
-    found["decisions"] = decisions_of(experiment.config, scene)
-    return found | {"stage": "full", "alignerf": None}
 
 
 def job(experiment, scene, method, stage):
@@ -166,33 +155,3 @@ def part_of(training, share):
         "budget_min": share * training["budget_min"],
         "warmup_steps": warmup_steps and round(share * warmup_steps),
     }
-
-
-def variant_of(config, name):
-    """A point of the sweep: seed, downscale, model and training.
-
-    `base` or a variant. A field of a kind is whole, one without changes keys of the
-    base's field; the base's warm-up keeps its share of the steps.
-    """
-    sweep = config["tradeoff"]
-    change = {} if name == "base" else dict(sweep["variants"][name])
-    model = config["models"][sweep["model"]]
-    training = training_of(config, sweep["scene"])
-    for key in ("proposal", "field"):
-        if key in change and "kind" not in change[key]:
-            change[key] = model[key] | change[key]
-    length = change.get("steps"), change.get("budget_min")
-    if any(length):
-        change = retimed(training, *length) | change
-    found = {"seed": config["scenes"][sweep["scene"]]["seed"], "downscale": 1}
-    found = {key: change.pop(key, value) for key, value in found.items()}
-    training |= model["training"]
-    model = model_of(model, config["scenes"][sweep["scene"]])
-    if any(length) or "warmup_steps" in change:
-        training["decided"] = []
-    of_training = {key: change.pop(key) for key in set(change) & set(training)}
-    model |= change
-    if "field" in change:
-        # The point says its field whole, or what is to be seen of it.
-        model["decided"] = [name for name in model["decided"] if name != "finest"]
-    return found | {"model": model, "training": training | of_training}

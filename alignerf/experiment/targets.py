@@ -255,5 +255,5 @@ def exports(experiment):
 
 def moves_cameras(training):
     """Whether a training's renders are seen by other cameras than those given."""
-    given = f"{training.prepared}/cameras.npz"
+    given = f"results/{training.scene}/cameras.npz"
     return training.cameras != given or training.moves

@@ -23,9 +23,7 @@ class Training(NamedTuple):
     None: all do. initial: the parameters that it goes on from. displacement: the CSV
     that its search radius comes from. truth: the folder that its cameras are compared
     with. after: the trainings that lead to it, whose costs are its own too. flows: the
-    trainings whose training views are rendered and aligned for it. prepared: folder of
-    the scene at the size that it learns at. alone: it takes the whole machine, so that
-    its seconds are its own.
+    trainings whose training views are rendered and aligned for it.
     """
 
     scene: str
@@ -33,14 +31,12 @@ class Training(NamedTuple):
     job: str
     photos: str
     cameras: str
-    prepared: str
     valid: str | None = None
     initial: str | None = None
     displacement: str | None = None
     truth: str | None = None
     after: tuple["Training", ...] = ()
     flows: tuple["Training", ...] = ()
-    alone: bool = False
 
     def __hash__(self):
         """Of the fields that differ most: `after` and `flows` are long ways down."""
@@ -53,7 +49,7 @@ class Training(NamedTuple):
 
     @property
     def owner(self):
-        """The method that it has its name from; `pretrain`, `tradeoff` are none."""
+        """The method that it has its name from; `pretrain` is none."""
         return self.folder.partition("/")[0]
 
     @property
@@ -113,7 +109,7 @@ def from_photos(scene, folder, job, **more):
     whole = f"results/{scene}"
     cameras = more.pop("cameras", f"{whole}/cameras.npz")
     text = slices.as_json(job)
-    return Training(scene, folder, text, f"{whole}/images", cameras, whole, **more)
+    return Training(scene, folder, text, f"{whole}/images", cameras, **more)
 
 
 def corrected(training):

@@ -79,7 +79,7 @@ def text_of(plans, timing: Path, share):
         return ""
     left_s, whole_s = seconds(plans, share_of)
     if not found:
-        # Another plan's job, as the sweep's are.
+        # Another plan's job.
         return ""
     return f"all: {fit.minutes(left_s)} left of {fit.minutes(whole_s)}"
 

@@ -11,7 +11,7 @@ from PIL import Image
 from alignerf.files import owned
 
 NOWHERE = {"source": "photos", "path": "no where"}
-TRAIN = {"scenes": {"train": {"source": "courtyard"}}, "tradeoff": None}
+TRAIN = {"scenes": {"train": {"source": "courtyard"}}}
 
 
 def write(folder, config):
@@ -24,10 +24,7 @@ def write(folder, config):
     ("change", "reason"),
     [
         ({"training": {"stpes": 5}}, "'stpes'"),
-        (
-            {"scenes": {"train": {"source": "courtyard"}}, "tradeoff": None},
-            "a rule has",
-        ),
+        (TRAIN, "a rule has"),
         (
             {"scenes": {"mine": {"source": "photos", "path": "no where"}}},
             "no where does",
@@ -56,12 +53,12 @@ def test_a_key_that_stands_twice_is_named(tmp_path, demo, dry_run):
 
 
 def test_a_target_that_the_config_has_not_is_named(tmp_path, demo, dry_run):
-    del demo["tradeoff"]
+    del demo["methods"]["alignerf"]
     options = (tmp_path, "--configfile", write(tmp_path, demo), "-n")
     assert dry_run(*options)[0] == 0
-    code, output = dry_run(*options, "tradeoff")
+    code, output = dry_run(*options, "regimes")
     assert code == 1
-    assert output.splitlines()[-1].startswith("error: config: tradeoff: not there")
+    assert output.splitlines()[-1].startswith("error: config: methods: regimes need")
 
 
 def no_photos(folder):

@@ -42,7 +42,6 @@ def run(options):
     if options.quick:
         chosen = {"both": CASES["both"]}
         demo["models"]["base"] = cases.TINY
-        del demo["tradeoff"]  # of grids
         demo["training"] |= {"steps": 40, "warmup_steps": 4, "batch_rays": 128}
     demo = check.checked(demo)
     rows = []

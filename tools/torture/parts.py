@@ -168,8 +168,8 @@ def of_source(source, args, limit_s):
 def of_configs(reference, args, clock):
     """Every key of a config and of a job, with every hostile value."""
     config = configs.complete(yaml.safe_load(chains.CONFIG))
-    sweep = yaml.safe_load((ROOT / "workflow/config/demo.yaml").read_text())
-    every = [case for c in (config, check.checked(sweep)) for case in places_of(c)]
+    demo = yaml.safe_load((ROOT / "workflow/config/demo.yaml").read_text())
+    every = [case for c in (config, check.checked(demo)) for case in places_of(c)]
 
     def attack(case, place, rng, taken):
         whole, at, value, change = case

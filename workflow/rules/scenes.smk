@@ -92,27 +92,3 @@ rule config:
     shell:
         "python -m alignerf.config --config {params.config:q} --out {output:q}"
         " 2>&1 | tee {log:q}"
-
-
-# Photos made smaller, for a point of the sweep (`snakemake tradeoff`).
-rule shrink:
-    input:
-        images="results/{scene}/images",
-        cameras="results/{scene}/cameras.npz",
-    output:
-        images=directory("results/{scene}/tradeoff/downscale-{factor}/images"),
-        cameras="results/{scene}/tradeoff/downscale-{factor}/cameras.npz",
-    log:
-        "results/{scene}/tradeoff/logs/shrink-{factor}.log",
-    benchmark:
-        "results/{scene}/tradeoff/logs/shrink-{factor}.tsv"
-    wildcard_constraints:
-        factor=r"[\d.]+",
-    conda:
-        "../../environment.yml"
-    params:
-        out=subpath(output.cameras, parent=True),
-        sources=sources_of("alignerf.shrink"),
-    shell:
-        "python -m alignerf.shrink --scene results/{wildcards.scene:q}"
-        " --factor {wildcards.factor:q} --out {params.out:q} 2>&1 | tee {log:q}"

@@ -17,7 +17,7 @@ rule train:
         training=plan.trained_by(experiment, external=False),
     conda:
         "../../environment.yml"
-    threads: lambda w: inputs.threads_of(experiment, w.scene, w.training)
+    threads: sources.OF_TRAINING
     resources:
         gpu=sources.ACCELERATORS,
         launcher="",
@@ -54,7 +54,7 @@ rule render:
         training=plan.trained_by(experiment, external=False),
     conda:
         "../../environment.yml"
-    threads: lambda w: inputs.threads_of(experiment, w.scene, w.training)
+    threads: sources.OF_TRAINING
     resources:
         gpu=sources.ACCELERATORS,
         mem_mb=needs.memory_mb(costs, "{training}/render"),

@@ -44,9 +44,6 @@ def completed(config):
     scratch = [n for n, m in config["methods"].items() if not is_derived(m)]
     reference = config["reference"]
     reference["method"] = reference["method"] or first([*scratch, *config["methods"]])
-    if sweep := config["tradeoff"]:
-        sweep["scene"] = sweep["scene"] or first(config["scenes"])
-        sweep["model"] = sweep["model"] or first(config["models"])
     return config
 
 

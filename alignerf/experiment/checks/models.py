@@ -1,11 +1,9 @@
-"""A model, and the sweep that varies one."""
+"""A model."""
 
 import math
 
-from alignerf.experiment import schema, slices
 from alignerf.experiment.checks.common import fault
 from alignerf.experiment.keys import model as model_keys
-from alignerf.experiment.keys import training as training_keys
 
 # What no machine is asked for: parameters and all of their training.
 MOST_BYTES = 2**38
@@ -52,22 +50,3 @@ def check_model(model, *place):
         if 16 * values > MOST_BYTES:
             size = f"{16 * values / 2**30:.0f} GiB to train are more than"
             fault(f"{where}.{key}", f"{size} {MOST_BYTES / 2**30:g} GiB")
-
-
-def check_tradeoff(config):
-    """The names that a sweep refers to, and each variant's model and training."""
-    sweep = config["tradeoff"]
-    for key, section in (("scene", "scenes"), ("model", "models")):
-        if sweep[key] not in config[section]:
-            fault(f"tradeoff.{key}", f"no {key} {sweep[key]!r}")
-    kind = config["models"][sweep["model"]]["kind"]
-    if kind != "mipnerf360":
-        fault("tradeoff.model", f"a sweep varies mipnerf360, not {kind}")
-    if "base" in sweep["variants"]:
-        fault("tradeoff.variants.base", "the model itself has this name")
-    for name in sweep["variants"]:
-        found = slices.variant_of(config, name)
-        place = ("tradeoff", "variants", name)
-        schema.check(training_keys.Training, found["training"], *place)
-        model = schema.filled(model_keys.Model, found["model"], *place)
-        check_model(model, *place)

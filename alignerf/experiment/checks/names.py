@@ -16,7 +16,7 @@ FILES = {
 }
 FOLDERS = {
     *("images", "truth", "pretrain", "testset", "tables", "figures", "logs"),
-    *("facts", "decisions", "poses", "cameras", "config", "tradeoff", "preflight"),
+    *("facts", "decisions", "poses", "cameras", "config", "preflight"),
     *("masks", "colmap", "points", "bounds", "verdict", "index", "adjusted"),
     *("regimes", "remedies", "comparison", "scores", "trainings"),
 }
@@ -37,10 +37,6 @@ def check_names(config):
         "methods": (FOLDERS, "a folder of every scene"),
         "models": (set(), ""),
     }
-    variants = config.get("tradeoff")
-    if isinstance(variants, dict):
-        config = config | {"tradeoff.variants": variants.get("variants")}
-        taken["tradeoff.variants"] = (set(), "")
     for section, (names, what) in taken.items():
         entries = config.get(section)
         for name in entries if isinstance(entries, dict) else ():

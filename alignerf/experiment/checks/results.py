@@ -12,7 +12,7 @@ from alignerf.experiment.checks.common import fault
 from alignerf.files import owned
 
 # Folders of a scene besides those of its methods.
-INSIDE = ("images", "tables", "figures", "logs", "tradeoff", "pretrain", "testset")
+INSIDE = ("images", "tables", "figures", "logs", "pretrain", "testset")
 
 
 def check_folders(scenes, methods, results="results"):

@@ -62,7 +62,6 @@ def task_of(costs, wildcards, file) -> dict:
     digest, tasks = read(path, path.stat().st_mtime_ns)
     if digest is None or digest != costs[wildcards.scene]:
         return {}
-    # Of a point of the sweep it knows nothing.
     return tasks.get(f"results/{file.format(**wildcards)}", {})
 
 

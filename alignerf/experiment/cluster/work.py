@@ -30,7 +30,7 @@ def of_scene(experiment, scene):
     return {
         "reference": longest.reference_folder(scene).removeprefix(root),
         "verdict": longest.reference_folder(scene, 0).removeprefix(root),
-        "trainings": entries(longest, [t for t in every if not t.alone]),
+        "trainings": entries(longest, every),
         "given": len(longest.names(kinds.given)),
         "aligned_pose": experiment.config["aligned_pose"],
         "truth": experiment.has_truth(scene),

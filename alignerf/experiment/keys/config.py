@@ -1,71 +1,12 @@
-"""A config as a whole, its sweep and its variations."""
-
-import pydantic
+"""A config as a whole, and its variations."""
 
 from alignerf.experiment.keys.flow import Flow
-from alignerf.experiment.keys.key import UNSAID, Keys, budget, given, key, named, some
+from alignerf.experiment.keys.key import Keys, key, named
 from alignerf.experiment.keys.method import Method
-from alignerf.experiment.keys.model import Model, Models
+from alignerf.experiment.keys.model import Models
 from alignerf.experiment.keys.scene import NAME, Scene
 from alignerf.experiment.keys.scored import AlignedPose, Lpips, Reference
 from alignerf.experiment.keys.training import Training
-
-# What a point of the sweep may change, of the model and of the training.
-OF_MODEL = ("samples", "proposal", "field")
-OF_TRAINING = (
-    *("warmup_steps", "batch_rays", "learning_rates", "hold_share"),
-    *("adam_betas", "adam_eps", "gradient_norm", "proposal_share"),
-)
-VARIED = pydantic.create_model(
-    "Varied",
-    __base__=Keys,
-    **some(Model, *OF_MODEL),
-    **some(Training, *OF_TRAINING),
-)
-
-
-class Variant(VARIED):
-    """The keys in which a point of the sweep differs from the base; at least one."""
-
-    model_config = pydantic.ConfigDict(json_schema_extra={"minProperties": 1})
-
-    # A change to null says nothing.
-    steps: int = key(UNSAID, "of its training", least=1, most=10**8)
-    budget_min: float = budget("minutes of its training", UNSAID)
-    seed: int = key(UNSAID, "of its training", least=0, most=2**32 - 1)
-    downscale: float = key(
-        UNSAID,
-        "training photos are made smaller by this factor, by area averaging; renders "
-        "and scores keep the scene's size",
-        above=1,
-        most=64,
-    )
-
-    @pydantic.field_validator("proposal", "field", mode="wrap")
-    @classmethod
-    def on_base(cls, value, validate):
-        """Without a kind, changes of the base's field: it is checked with them."""
-        if not isinstance(value, dict) or "kind" in value:
-            return validate(value)
-        if any(isinstance(entry, dict) for entry in value.values()):
-            raise ValueError("no key of a field is a mapping")
-        return value
-
-    @pydantic.model_validator(mode="after")
-    def check_any(self):
-        if not self.model_fields_set:
-            raise ValueError("{} should say a key in which it differs from the base")
-        return self
-
-
-class Tradeoff(Keys):
-    scene: str | None = key(None, "a key of scenes; null takes the first")
-    model: str | None = key(
-        None, "a key of models, the row `base`; null takes the first"
-    )
-    variants: named(given(Variant)) = key(
-        what="name -> the keys in which it differs from the base"
-    )
 
 
 class Vary(Keys):
@@ -167,9 +108,6 @@ class Config(Keys):
         "null, and what would enlarge them, keeps the size that they came in",
         least=32,
         most=32766,
-    )
-    tradeoff: Tradeoff | None = key(
-        None, "what `snakemake tradeoff` compares; needed by nothing else"
     )
     published_table: int | None = key(
         None,

@@ -8,7 +8,7 @@ from typing import Annotated
 import pydantic
 
 # Of a key that every config has to give; of one that is there only where it is given.
-REQUIRED, UNSAID = object(), object()
+REQUIRED = object()
 # Of models, methods and variants: they become folders, and columns of tables.
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_]{0,99}\Z"
 MOST_NAMES = 10000
@@ -109,9 +109,7 @@ def key(default=REQUIRED, what="", *, length=None, **bounds):
     limits = {BOUNDS[k]: bounds.pop(k) for k in BOUNDS.keys() & bounds.keys()}
     if length:
         bounds["min_length"], bounds["max_length"] = length
-    if default is UNSAID:
-        bounds["default_factory"] = nothing
-    elif isinstance(default, type):
+    if isinstance(default, type):
         bounds["default_factory"] = default
     elif default is not REQUIRED:
         bounds["default"] = default
@@ -160,8 +158,8 @@ def learning_rates(first, last):
     return key([first, last], what, above=0, most=10, length=(2, 2))
 
 
-def budget(what, default=None):
-    return key(default, what, above=0, most=14400)
+def budget(what):
+    return key(None, what, above=0, most=14400)
 
 
 def left_to_facts(*names):

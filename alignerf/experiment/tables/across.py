@@ -1,9 +1,9 @@
-"""Tables across scenes, or of a sweep: each is a rule and a target of its name."""
+"""Tables across scenes: each is a rule and a target of its name."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
-from alignerf.experiment import arguments, check, sweep
+from alignerf.experiment import arguments, check
 from alignerf.experiment.tables import rows, scenes
 
 
@@ -41,7 +41,7 @@ def every(experiment):
             "regimes", scenes.regimes, beside=("testset/displacement.csv",)
         )._replace(stem=experiment.config["regimes"]),
         of_scenes("remedies", scenes.remedies, beside=("facts.json",)),
-        of_sweep(),
+        of_scenes("tradeoff", scenes.compared, of="comparison"),
         comparison._replace(
             options=lambda experiment: [
                 *comparison.options(experiment),
@@ -53,11 +53,12 @@ def every(experiment):
     ]
 
 
-def of_scenes(name, scenes_of, beside=()):
+def of_scenes(name, scenes_of, beside=(), of=None):
     """A table of `alignerf.tables` whose command reads the rows of several scenes.
 
     scenes_of: function of the experiment, to `Scene`s; ValueError for a config of which
-    there is no such table. beside: files of each scene that it reads besides.
+    there is no such table. beside: files of each scene that it reads besides. of: the
+    table whose rows it has, if not its own.
     """
 
     def checked(experiment):
@@ -68,7 +69,7 @@ def of_scenes(name, scenes_of, beside=()):
             path
             for scene in checked(experiment)
             for path in (
-                *scenes.files(scene.scene, name),
+                *scenes.files(scene.scene, of or name),
                 *(f"results/{scene.scene}/{path}" for path in beside),
             )
         ]
@@ -79,26 +80,6 @@ def of_scenes(name, scenes_of, beside=()):
         inputs=inputs,
         options=lambda experiment: ["--scenes", rows.as_json(checked(experiment))],
         configs=lambda experiment: configs_of(experiment.captures()),
-        sources=(module,),
-    )
-
-
-def of_sweep():
-    """The table of the sweep, of its scene."""
-
-    def scene_of(experiment):
-        return check.or_exit(sweep.variants, experiment)[0]
-
-    def options(experiment):
-        scene, changes = check.or_exit(sweep.variants, experiment)
-        return ["--scene", f"results/{scene}", "--changes", rows.as_json(changes)]
-
-    module = "alignerf.tables.across.tradeoff"
-    return Across(
-        *("tradeoff", "tradeoff", module),
-        inputs=lambda experiment: scenes.files(scene_of(experiment), "tradeoff"),
-        options=options,
-        configs=lambda experiment: configs_of([scene_of(experiment)]),
         sources=(module,),
     )
 

@@ -3,10 +3,10 @@
 import hashlib
 from typing import NamedTuple
 
-from alignerf.experiment import kinds, slices, sweep
+from alignerf.experiment import kinds, slices
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.tables import rows
-from alignerf.experiment.trainings import DISPLACED, RENDERED
+from alignerf.experiment.trainings import DISPLACED
 
 
 class Scene(NamedTuple):
@@ -181,24 +181,6 @@ def in_remedies(experiment, scene):
     return list(dict.fromkeys([(remedy_base(experiment), 0), *last]))
 
 
-def of_sweep(experiment, scene):
-    """A `Row` for each training of the sweep, base first; `method` is the variant."""
-    return [
-        rows.Row(
-            *(training.folder, [training.folder], [], []),
-            {
-                "scores": f"{training.path}/metrics.csv",
-                "timing": f"{training.path}/{rows.TIMING}",
-                "render_test": rows.report(training.path, RENDERED, "test"),
-            },
-            method=training.folder.partition("/")[2],
-            round=0,
-            base="tradeoff/base",
-        )
-        for training in sweep.trainings(experiment, scene)
-    ]
-
-
 def rows_of(experiment, scene, table):
     """The `Row`s of a table, and of the trainings that lead to them.
 
@@ -237,7 +219,6 @@ OF_TABLES = {
     "regimes": of_regimes,
     "remedies": of_remedies,
     "comparison": of_comparison,
-    "tradeoff": of_sweep,
 }
 
 

@@ -39,7 +39,6 @@ NAMES = {
     "page": "page",
     "export_photos": "{}: files for other programs",
     "export_cameras": "{}: files for other programs",
-    "shrink": "smaller photos",
 }
 # What two jobs of one training differ in besides.
 BESIDES = {"split": "{} photos", "what": "{}", "factor": "by {}"}

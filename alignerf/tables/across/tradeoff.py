@@ -1,87 +1,80 @@
-"""What settings cost and what they bring: `python -m alignerf.tables.across.tradeoff`.
+"""What each method costs and brings: `python -m alignerf.tables.across.tradeoff`.
 
-Of a model and its variants; writes CSV, LaTeX and a figure. Scores are means over test
-views with 95 % intervals over views, and `base` is the variant that the others are set
-against, view by view.
+A line has a capture, a length of training and a method after its last warping; scenes
+that differ in seed only are pooled. Scores are means over views against the oracle
+where it is known, else against the photos. Differences are to the reference method's
+round 0, trained as long as the config says; 95 % intervals are over views and, where
+there are several, seeds. Writes CSV, LaTeX and a figure.
 """
-
-import json
-import logging
 
 import numpy as np
 import pandas as pd
 
 from alignerf.files import atomic, faults
-from alignerf.tables import columns, latex, results, scores
+from alignerf.tables import columns, latex, scores
 from alignerf.tables import files as table_files
-from alignerf.tables.plots import tradeoff as tradeoff_plot
+from alignerf.tables.plots import costs as costs_plot
 
-log = logging.getLogger("alignerf")
-
-BASE = "base"
+NOTES = (
+    "PSNR in dB and its difference to the reference's training of length 1, paired by",
+    "view; 95 % intervals. Bold: on the Pareto front of total seconds and PSNR.",
+)
 
 
 def main(argv=None):
-    parser = table_files.parser(__doc__)
-    parser.add_argument("--scene", required=True, help="folder of its results")
-    parser.add_argument("--changes", required=True, help="JSON: keys of each variant")
+    parser = table_files.across(__doc__)
     parser.add_argument("--figure", required=True, help="PNG, written")
     args = parser.parse_args(argv)
-    changes = json.loads(args.changes)
-    rows = results.read(args.scene, "tradeoff")
-    table = make_table(rows, changes)
-    seeds = [keys["seed"] for keys in changes.values() if "seed" in keys]
+    scenes = table_files.read(args, "comparison")
+    table = make_table(scenes)
     with atomic.replace_file(args.figure) as path:
-        kinds = table["variant"].map(changes).map(kind_of)
-        tradeoff_plot.draw(table.assign(kind=kinds), path)
-        places = table_files.places(args)
-        table_files.write(table, to_latex, rows=rows, seeds=seeds, **places)
-    front = table[table["pareto"]].sort_values("train_time_s")
-    log.info("Pareto front: %s", ", ".join(front["variant"]))
+        costs_plot.draw(table, path)
+        table_files.write_across(table, to_latex, scenes, args)
 
 
-def make_table(rows, changes):
-    """A line per `results.Row`, which is called as its variant.
-
-    changes: {variant: keys and values that differ from the base's}.
-    """
-    # Where the truth is known, the photos are not what a model should show.
-    test_set = "oracle" if "oracle" in rows[0].base else "standard"
-    lines = [
-        {"variant": row.method, "changes": describe(changes[row.method])}
-        | costs_of(row.own)
-        | {"test_set": test_set}
-        | scores_of(row.views, row.base, test_set)
-        for row in rows
-    ]
-    table = pd.DataFrame(lines)
-    # Another seed shows the spread between runs: it is nothing to choose.
-    is_seed = [kind_of(changes[row.method]) == "seed" for row in rows]
-    choices = table["train_time_s"].mask(is_seed)
-    table["pareto"] = pareto_front(choices, table["psnr_db"])
-    return table[columns.names("tradeoff")]
+def make_table(scenes):
+    """Lines of `files.Scored`s, capture by capture, from short to long."""
+    captures = {}
+    for one in sorted(scenes, key=lambda one: one.scene.share):
+        lengths = captures.setdefault(one.scene.alike, {})
+        lengths.setdefault(one.scene.share, []).append(one)
+    lines = [line for lengths in captures.values() for line in lines_of(lengths)]
+    return pd.DataFrame(lines, columns=columns.names("tradeoff"))
 
 
-def costs_of(own):
-    """What a variant is and takes; rendering in seconds a view."""
-    keys = ("params", "steps", "rays_seen", "train_time_s", "compile_time_s", "device")
-    return {key: own[key] for key in keys} | {
-        "rays_per_s": own["rays_seen"] / own["train_time_s"],
-        "render_time_s": own["view_time_s"],
-    }
-
-
-def scores_of(score, base, test_set):
-    """Means over views with their intervals; one view without a metric leaves none."""
-    psnr_db = score[test_set, "psnr_db"]
-    # Of the same views: what makes a view hard for both is no part of the interval.
-    difference_db = psnr_db - base[test_set, "psnr_db"]
-    return {
-        **scores.mean_and_interval(psnr_db, "psnr_"),
-        **scores.mean_and_interval(difference_db, "difference_"),
-        "ssim": score[test_set, "ssim"].mean(skipna=False),
-        "standard_psnr_db": score["standard", "psnr_db"].mean(skipna=False),
-    }
+def lines_of(lengths):
+    """Lines of one capture: {length: its scenes, of a seed each}."""
+    whole = lengths.get(1) or next(iter(lengths.values()))
+    reference = whole[0].scene.reference
+    base = {one.scene.seed: one.row((reference, 0)).psnr_db() for one in whole}
+    sets = [views for one in base.values() for views in one]
+    test_set = "oracle" if sets.count("oracle") == len(base) else "standard"
+    lines = []
+    for length, group in lengths.items():
+        for key in table_files.shared_rows(group):
+            rows = [one.row(key) for one in group]
+            if not rows[0].costs or any(test_set not in row.views for row in rows):
+                continue
+            own = [row.psnr_db()[test_set] for row in rows]
+            gains = [
+                (psnr_db - base[one.scene.seed][test_set]).to_numpy()
+                for one, psnr_db in zip(group, own, strict=True)
+                if one.scene.seed in base
+            ]
+            line = {"condition": whole[0].scene.scene, "length": length}
+            line |= {"method": rows[0].method, "warping": rows[0].warping}
+            line |= {"field": rows[0].description, "test_set": test_set}
+            for cost in ("params", "rays_seen", "train_time_s", "total_time_s"):
+                line[cost] = np.mean([row.costs[cost] for row in rows])
+            line |= scores.pooled_mean_and_interval(
+                [one.to_numpy() for one in own], "psnr_"
+            )
+            line |= scores.pooled_mean_and_interval(gains, "difference_")
+            line |= {"seeds": len(rows), "views": sum(map(len, own))}
+            lines.append(line)
+    found = pd.DataFrame(lines)
+    found["pareto"] = pareto_front(found["total_time_s"], found["psnr_db"])
+    return found.to_dict("records")
 
 
 def pareto_front(costs, scores):
@@ -96,67 +89,41 @@ def pareto_front(costs, scores):
     return known & ~(no_worse & better & known[:, None]).any(axis=0)
 
 
-def leaves(changes, prefix=""):
-    """(dotted key, value) of every change."""
-    for key, value in changes.items():
-        if isinstance(value, dict):
-            yield from leaves(value, f"{prefix}{key}.")
-        else:
-            yield prefix + key, value
-
-
-def describe(changes):
-    """The changes in words: `field.log2_entries 13, steps 500`."""
-    found = ((key, json.dumps(value).strip('"')) for key, value in leaves(changes))
-    return ", ".join(f"{key} {value}" for key, value in found)
-
-
-def kind_of(changes):
-    """The one key that a variant turns; `kind`, `several`, or the base."""
-    keys = {key.split(".")[-1] for key, _ in leaves(changes)}
-    if "kind" in keys:
-        return "kind"
-    if len(keys) > 1:
-        return "several"
-    return keys.pop() if keys else BASE
-
-
 def to_latex(table):
-    """A row per variant; what is on the Pareto front is bold."""
+    """A row per capture, method and length."""
     heads = [
-        "Variant",
-        "Changes",
+        "Method",
+        "Length",
+        "Total (s)",
         "Params (M)",
-        "Train (s)",
-        "Rays (k/s)",
-        "Render (s)",
+        "PSNR (dB)",
+        "Difference (dB)",
     ]
-    heads += [columns.latex("psnr_db"), r"Difference (dB) $\uparrow$"]
-    heads.append(columns.latex("ssim"))
-    rows = []
-    for line in table.itertuples():
-        name = latex.name(line.variant)
-        psnr_db = (line.psnr_db, line.psnr_low_db, line.psnr_high_db)
-        gain_db = (line.difference_db, line.difference_low_db, line.difference_high_db)
-        rows.append(
-            [
-                rf"\textbf{{{name}}}" if line.pareto else name,
-                latex.name(line.changes),
-                scores.shown(line.params / 1e6, ".2f"),
-                scores.shown(line.train_time_s, ".1f"),
-                scores.shown(line.rays_per_s / 1e3, ".1f"),
-                scores.shown(line.render_time_s, ".2f"),
-                scores.with_interval(*psnr_db),
-                scores.with_interval(*gain_db, sign="+"),
-                scores.shown(line.ssim, ".3f"),
-            ]
-        )
-    notes = (
-        f"PSNR and SSIM: {table['test_set'][0]} test set, mean over its views and",
-        "95 % bootstrap interval; differences to the base are paired by view.",
-        "Bold: on the Pareto front of training seconds and PSNR. Render: a view.",
-    )
-    return latex.table("lp{45mm}rrrrllr", [heads], rows, notes)
+    blocks = []
+    for condition, lines in table.groupby("condition", sort=False):
+        block = [[latex.Span(rf"\emph{{{latex.name(condition)}}}", len(heads), "l")]]
+        names = scores.short_names(lines["method"], lines["warping"])
+        for name, line in zip(names, lines.itertuples(), strict=True):
+            text = latex.name(name)
+            difference = (
+                line.difference_db,
+                line.difference_low_db,
+                line.difference_high_db,
+            )
+            block.append(
+                [
+                    rf"\textbf{{{text}}}" if line.pareto else text,
+                    f"{line.length:g}x",
+                    scores.shown(line.total_time_s, ".1f"),
+                    scores.shown(line.params / 1e6, ".2f"),
+                    scores.with_interval(
+                        line.psnr_db, line.psnr_low_db, line.psnr_high_db
+                    ),
+                    latex.difference(*difference),
+                ]
+            )
+        blocks.append(block)
+    return latex.table("lrrrll", [heads], latex.blocks(blocks), NOTES)
 
 
 if __name__ == "__main__":

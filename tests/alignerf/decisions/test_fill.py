@@ -195,24 +195,6 @@ def test_a_field_of_points_has_neither_cells_nor_contraction():
     assert check.checked(config)["models"]["m"]["decided"] == ["near"]
 
 
-@pytest.mark.parametrize(
-    ("change", "finest", "steps"),
-    [
-        ({"seed": 1}, 512, 6000),
-        ({"field": {"finest": 99}}, 99, 6000),
-        ({"field": {"kind": "mlp"}}, None, 6000),
-        ({"steps": 300}, 512, 300),
-        ({"budget_min": 2}, 512, None),
-    ],
-)
-def test_a_point_of_the_sweep_says_its_own(folder, change, finest, steps):
-    config = {"decide": True, "tradeoff": {"variants": {"v": change}}}
-    config = check.checked({"scenes": SCENE} | config)
-    job = fill.read_job(plan.Experiment(config, None).training("s", "tradeoff/v").job)
-    assert getattr(job.model.field, "finest", None) == finest
-    assert (job.training.steps, job.model.near) == (steps, 3.0)
-
-
 def test_near_stays_before_a_far_that_the_config_says(folder):
     config = {"decide": True, "models": {"m": {"far": 4.0}}}
     assert fill.read_job(job_of(config)).model.near == 2.0

@@ -71,11 +71,6 @@ def edit(config, where, value):
             "models.base.far: field nerf sees",
         ),
         (
-            "tradeoff.variants.nerf",
-            {"field": {"kind": "nerf"}},
-            "tradeoff.variants.nerf.far: field nerf sees no farther",
-        ),
-        (
             "methods.aligned",
             {"model": "base", "align": {}, "rounds": 1},
             "methods.aligned.align: not beside rounds",
@@ -170,39 +165,7 @@ def edit(config, where, value):
             ["arm", "unicorn"],
             "scenes.courtyard.courtyard.moving.1: 'unicorn' should be .*'tin' or 'arm'",
         ),
-        ("methods.tradeoff", {"model": "base", "rounds": 0}, "tradeoff: a folder"),
-        ("tradeoff.scene", "yard", "tradeoff.scene: no scene 'yard'"),
-        ("tradeoff.model", "huge", "tradeoff.model: no model 'huge'"),
-        ("tradeoff.variants", {}, "tradeoff.variants: {} .*at least 1 item"),
-        ("tradeoff.variants.fast", {}, "tradeoff.variants.fast: {} should say a"),
-        ("tradeoff.variants.base", {"steps": 5}, "variants.base: the model itself"),
-        (
-            "tradeoff.variants.a/b",
-            {"steps": 5},
-            "tradeoff.variants: 'a/b' should match",
-        ),
-        (
-            "tradeoff.variants.a",
-            {"stpes": 5},
-            "variants.a: 'stpes' is no key .*'steps'",
-        ),
-        ("tradeoff.variants.a", {"steps": 0}, "variants.a.steps: 0 should be greater"),
-        (
-            "tradeoff.variants.a",
-            {"downscale": 1},
-            "variants.a.downscale: 1 should be greater than 1",
-        ),
-        (
-            "tradeoff.variants.a",
-            {"samples": []},
-            r"variants.a.samples: \[\] should have",
-        ),
-        ("tradeoff.variants.a", {"steps": None}, "variants.a.steps: None should be"),
-        (
-            "tradeoff.variants.a",
-            {"steps": 5, "budget_min": 1},
-            "tradeoff.variants.a.budget_min: not beside steps",
-        ),
+        ("methods.comparison", {"model": "base", "rounds": 0}, "comparison: a folder"),
         ("training.budget_min", 2, "training.budget_min: not beside steps, choose one"),
         (
             "scenes.mine",
@@ -222,17 +185,6 @@ def edit(config, where, value):
         ),
         ("training", {"steps": None}, "training.steps: null is only for a budget_min"),
         ("scenes.courtyard.budget_min", -1, "courtyard.budget_min: -1 should be"),
-        (
-            "tradeoff.variants.a",
-            {"field": {"levles": 2}},
-            "variants.a.field: 'levles' is no key",
-        ),
-        (
-            "tradeoff.variants.a",
-            {"field": {"kind": "gird"}},
-            "a.field.kind: 'gird' should",
-        ),
-        ("tradeoff.variants.a", {"field": {"levels": 0}}, "a.field.levels: 0 should"),
     ],
 )
 def test_a_bad_config_is_named(demo, where, value, reason):
@@ -303,7 +255,6 @@ def test_the_folder_of_flows_knows_four_names(demo, folder):
 def test_flows_of_several_rounds_know_their_round(demo, rounds, good):
     """Or a second round would correct by what the first one's renders show, again."""
     demo["methods"] = {"mipnerf360": {"rounds": rounds, "changes": "cameras"}}
-    demo.pop("tradeoff", None)
     demo["flow"] = {"estimator": "files", "folder": "flows/{scene}/{method}/{split}"}
     if good:
         assert check.checked(demo)
@@ -367,10 +318,6 @@ BY_HAND = {"point": [0, 0, 0]}
         ({"training": 10**4200}, "training: 10+.*0+ should be a mapping"),
         ({"seed": 16**5000}, "seed: int of too many digits should be less"),
         ({"seed": deep({})}, "seed: .* should be a valid integer"),
-        (
-            {"tradeoff": {"variants": {"a": {"field": {"levels": deep({})}}}}},
-            "tradeoff.variants.a.field: no key of a field is a mapping",
-        ),
         (
             {"models": {"m": {"field": {"degrees": 4}}}},
             "models.m.field: 'degrees' is no key",

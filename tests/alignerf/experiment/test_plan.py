@@ -177,13 +177,13 @@ def test_folders_of_trainings_become_a_pattern(demo, experiment_of):
     for folder in experiment.trainings("courtyard"):
         assert pattern.fullmatch(f"results/courtyard/{folder}/timing.json")[1] == folder
     for folder in (
-        *("warped/round11", "pretrain/base", "tradeoff/base"),
+        *("warped/round11", "pretrain/base"),
         *("aligned/round0", "alignerf/round0"),
     ):
         assert folder in experiment.trainings("courtyard")
     for folder in (
         *("other/round7", "warped/round01", "warped/round", "warped", "pretrain/none"),
-        *("tradeoff/none", "x/warped/round0", "warped/round0/corrected"),
+        *("x/warped/round0", "warped/round0/corrected"),
     ):
         assert not pattern.fullmatch(f"results/courtyard/{folder}/timing.json")
 

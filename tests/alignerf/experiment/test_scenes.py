@@ -109,35 +109,19 @@ def test_a_round_begins_with_the_flow_of_the_one_before(demo, experiment_of):
         assert not row.files.keys() & {"parts", *processes}
 
 
-def test_a_sweeps_rows_are_called_as_its_variants(demo, experiment_of):
-    experiment = experiment_of(demo)
-    base, *variants = scenes.rows_of(experiment, "courtyard", "tradeoff/")
-    assert (base.method, base.base) == ("base", "tradeoff/base")
-    names = list(demo["tradeoff"]["variants"])
-    assert [row.method for row in variants] == names
-    assert {row.base for row in variants} == {"tradeoff/base"}
-    folder = f"results/courtyard/tradeoff/{names[0]}"
-    assert variants[0].files == {
-        "scores": f"{folder}/metrics.csv",
-        "timing": f"{folder}/timing.json",
-        "render_test": f"{folder}/render/test.json",
-    }
-
-
 @pytest.mark.parametrize("table", ["regimes", "remedies", "comparison", "tradeoff"])
 def test_a_table_across_scenes_waits_for_their_rows(demo, experiment_of, table):
     demo["methods"]["mipnerf360_large"]["model"] = "base"
     experiment = experiment_of(demo)
     (made,) = (one for one in across.every(experiment) if one.name == table)
-    files = scenes.files("courtyard", table)
-    folder = f"results/courtyard/{table}"
+    of = "comparison" if table == "tradeoff" else table
+    files = scenes.files("courtyard", of)
+    folder = f"results/courtyard/{of}"
     assert files == [f"{folder}/scores.csv", f"{folder}/trainings.csv"]
     more = {"regimes": ["testset/displacement.csv"], "remedies": ["facts.json"]}
     beside = [f"results/courtyard/{path}" for path in more.get(table, [])]
     assert made.inputs(experiment) == [*files, *beside]
-    options = made.options(experiment)
-    first = "--scene" if table == "tradeoff" else "--scenes"
-    assert options[0] == first
+    assert made.options(experiment)[0] == "--scenes"
     assert made.configs(experiment) == ["results/courtyard/config.yaml"]
 
 

@@ -1,6 +1,5 @@
 """What each job depends on: no more, and no less."""
 
-import copy
 import json
 
 import pytest
@@ -12,8 +11,6 @@ from alignerf.experiment import (
     inputs,
     jobs,
     slices,
-    sources,
-    sweep,
     trainings,
 )
 from alignerf.experiment.checks import scenes as of_scenes
@@ -74,7 +71,7 @@ def test_the_poses_stage_finds_points_where_the_config_wants_them(
     if source != "courtyard":
         scene["path"] = str(tmp_path)
         (tmp_path / "transforms.json").write_text("{}")
-    demo |= {"scenes": {"a": scene}, "tradeoff": None}
+    demo |= {"scenes": {"a": scene}}
     experiment = experiment_of(demo)
     told = of_scenes.checked(json.loads(slices.of_scene(experiment, "a")))
     wanted = scene_keys.wants_matches(experiment.scenes["a"])
@@ -83,20 +80,14 @@ def test_the_poses_stage_finds_points_where_the_config_wants_them(
 
 def test_a_scene_has_its_own_seed_and_steps(demo, experiment_of):
     demo["scenes"]["other"] = demo["scenes"]["courtyard"] | {"seed": 5, "steps": 70}
-    demo["tradeoff"]["scene"] = "other"
     experiment = experiment_of(demo)
     poses = json.loads(slices.of_scene(experiment, "other"))
     assert poses["seed"] == 5
     # How long it is trained is nothing to its poses.
     assert "steps" not in poses
     every = experiment.trainings("other")
-    assert every.keys() > {"pretrain/base", "tradeoff/base", "alignerf/round0"}
-    parsed = [
-        jobs.parse(json.loads(training.job))
-        for folder, training in every.items()
-        # Variants have lengths of their own.
-        if folder == "tradeoff/base" or not training.alone
-    ]
+    assert every.keys() > {"pretrain/base", "alignerf/round0"}
+    parsed = [jobs.parse(json.loads(training.job)) for training in every.values()]
     for job in parsed:
         found = job.training.steps, job.training.warmup_steps
         assert (job.seed, found) == (5, (70, 7))
@@ -111,7 +102,6 @@ def test_minutes_reach_the_jobs_instead_of_steps(demo, experiment_of):
         "neither": courtyard,
     }
     demo["methods"]["warm"] = {"model": "base", "rounds": 1, "warm_start": WARM}
-    demo["tradeoff"]["variants"] = {"b": {"budget_min": 5}, "s": {"steps": 50}}
     demo["training"] = {"budget_min": 2.0, "warmup_steps": 40}
     experiment = experiment_of(demo)
 
@@ -128,9 +118,6 @@ def test_minutes_reach_the_jobs_instead_of_steps(demo, experiment_of):
     assert of("minutes", "warm") == (None, pytest.approx(0.9), 12)
     assert of("steps", "warm") == (21, None, 12)
     assert length(slices.pretraining(experiment, "minutes", "alignerf"))[1] == 3.0
-    assert length(slices.of_variant(experiment, "base")) == of("minutes")
-    assert length(slices.of_variant(experiment, "b")) == (None, 5.0, 40)
-    assert length(slices.of_variant(experiment, "s")) == (50, None, 40)
     poses = [slices.of_scene(experiment, scene) for scene in experiment.scenes]
     assert len(set(poses)) == 1
     # As it stands beside the results, it means the same.
@@ -206,71 +193,6 @@ def test_a_warm_start_goes_on_from_the_round_before(demo, experiment_of):
     assert before["before-flow"] == f"{folder}/mipnerf360/round0/flow/train"
 
 
-def test_without_a_sweep_in_the_config_it_says_so(demo, experiment_of):
-    del demo["tradeoff"]
-    experiment = experiment_of(demo)
-    assert sweep.names(experiment) == []
-    with pytest.raises(ValueError, match="config: tradeoff: not there"):
-        sweep.variants(experiment)
-
-
-def test_a_sweep_trains_on_photos_made_smaller(demo, experiment_of):
-    demo["tradeoff"]["variants"] = {"small": {"downscale": 1.5}}
-    experiment = experiment_of(demo)
-    folder = "results/courtyard"
-    base, small = sweep.trainings(experiment, "courtyard")
-    assert (base.prepared, base.photos) == (folder, f"{folder}/images")
-    assert base.cameras == f"{folder}/cameras.npz"
-    smaller = f"{folder}/tradeoff/downscale-1.5"
-    assert (small.prepared, small.photos) == (smaller, f"{smaller}/images")
-    assert small.cameras == f"{smaller}/cameras.npz"
-    # Its renders are as large as the others'.
-    options = inputs.training_options(experiment, "courtyard", "tradeoff/small")
-    assert options[-2:] == ["--seen-by", f"{folder}/cameras.npz"]
-    options = inputs.training_options(experiment, "courtyard", "tradeoff/base")
-    assert "--seen-by" not in options
-    # Its seconds are its own, and no preflight has foreseen them.
-    for name in ("tradeoff/base", "tradeoff/small"):
-        needed = inputs.of_training(experiment, "courtyard", name)
-        assert "preflight" not in needed
-        threads = inputs.threads_of(experiment, "courtyard", name)
-        assert threads == sources.WHOLE_MACHINE
-    needed = inputs.of_training(experiment, "courtyard", "mipnerf360/round0")
-    assert needed["preflight"] == f"{folder}/preflight.json"
-    threads = inputs.threads_of(experiment, "courtyard", "mipnerf360/round0")
-    assert threads == sources.OF_TRAINING
-
-
-def test_a_variant_is_the_base_with_its_keys(demo):
-    mlp = {"kind": "mlp", "width": 32}
-    demo["training"]["warmup_steps"] = 200
-    demo["tradeoff"]["variants"] = variants = {
-        "steps": {"steps": 50},
-        "warm": {"steps": 50, "warmup_steps": 7},
-        "small": {"downscale": 2, "seed": 5},
-        "table": {"field": {"log2_entries": 9}, "samples": [4, 2]},
-        "mlp": {"field": mlp, "learning_rates": [0.1, 0.01]},
-    }
-    demo = check.checked(demo)
-    before = copy.deepcopy(demo)
-    base = slices.variant_of(demo, "base")
-    model, training = demo["models"]["base"], demo["training"]
-    wanted = {"seed": 0, "downscale": 1, "model": model, "training": training}
-    assert base == wanted
-    found = {name: slices.variant_of(demo, name) for name in variants}
-    # The warm-up keeps its share of the steps: 200 of 2000.
-    shorter = {"training": training | {"steps": 50, "warmup_steps": 5}}
-    assert found["steps"] == base | shorter
-    assert found["warm"]["training"]["warmup_steps"] == 7
-    assert found["small"] == base | {"downscale": 2, "seed": 5}
-    field = model["field"] | {"log2_entries": 9}
-    changed = {"model": model | {"field": field, "samples": [4, 2]}}
-    assert found["table"] == base | changed
-    assert found["mlp"]["model"] == model | {"field": mlp}
-    assert found["mlp"]["training"] == training | {"learning_rates": [0.1, 0.01]}
-    assert demo == before
-
-
 def test_the_weights_of_lpips_reach_the_command(demo, tmp_path, experiment_of):
     (tmp_path / "my weights.npz").touch()
     path = str(tmp_path / "my weights.npz")
@@ -315,5 +237,3 @@ def test_a_scenes_complete_config_is_a_config(demo, experiment_of):
     assert again.all_rounds("again") == experiment.all_rounds("again")
     table = rows.as_json(rows.of_scene(experiment, "again"))
     assert rows.as_json(rows.of_scene(again, "again")) == table
-    assert alone["tradeoff"] is None
-    assert json.loads(slices.complete(experiment, "courtyard"))["tradeoff"]

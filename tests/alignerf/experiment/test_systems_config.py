@@ -118,13 +118,6 @@ def test_what_is_made_for_the_baseline_is_refused(demo, stage):
         check.checked(demo)
 
 
-def test_a_sweep_is_of_the_baseline(demo):
-    demo = system(demo, kind="nerf")
-    demo["tradeoff"]["model"] = "other"
-    with pytest.raises(ValueError, match=r"tradeoff.model: a sweep varies mipnerf360"):
-        check.checked(demo)
-
-
 @pytest.fixture
 def with_renders(demo, tmp_path):
     (tmp_path / "courtyard").mkdir()

@@ -141,7 +141,7 @@ def test_none_of_a_scenes_trainings_stands_before_what_it_needs(experiment):
         assert experiment.training("courtyard", folder) is training
         known.append(training)
         assert {*trainings.needs(training)} <= {*known}
-    assert {"pretrain/base", "tradeoff/base", "warm/round2"} <= {*folders(known)}
+    assert {"pretrain/base", "warm/round2"} <= {*folders(known)}
 
 
 def test_what_a_training_took_is_told_by_the_way_to_it(experiment):
@@ -177,7 +177,6 @@ def test_training_views_are_rendered_where_they_are_looked_at(demo, experiment_o
         assert splits(folder) == ["test"], folder
     # Of a pre-training, those that cameras are put right by, and no test view.
     assert splits("pretrain/base") == ["train"]
-    assert splits("tradeoff/base") == ["test"]
     methods = {name: METHODS[name] for name in ("plain", "staged")}
     experiment = experiment_of(
         demo | {"methods": methods, "reference": {"method": "plain"}}

@@ -249,8 +249,8 @@ def test_what_is_left_of_all_scenes(tmp_path, monkeypatch):
     # a then b on one core, c on the other.
     assert left() == "all: 30 min left of 30 min"
     assert left(share=0.5) == "all: 22 min left of 30 min"
-    # The sweep's jobs are of another plan.
-    assert eta.Left(yard, yard / "tradeoff" / "a.json").words() == ""
+    # Another plan's job.
+    assert eta.Left(yard, yard / "other" / "a.json").words() == ""
     (yard / "a.json").touch()
     (yard / "c.json").touch()
     assert left(share=1.0) == "all: 15 min left of 30 min"
@@ -327,7 +327,7 @@ def test_of_another_program_only_what_we_do_ourselves_is_counted(demo, experimen
     work = work_of.of_scene(experiment, "courtyard")
     # They are not parsed as a job of ours.
     assert command.decided(work)["trainings"][0] == work["trainings"][0]
-    # In the order of the work: the sweep's are not in it.
+    # In the order of the work.
     rates = [
         schedule.UNKNOWN if one.get("external") else RATES for one in work["trainings"]
     ]

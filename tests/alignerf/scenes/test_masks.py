@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf import evaluate, export, facts, shrink
+from alignerf import evaluate, export, facts
 from alignerf.files import images
 from alignerf.scenes import distortion, prepare, prepared, transforms
 from alignerf.training import batches
@@ -135,15 +135,6 @@ def test_a_mask_that_hides_all_is_refused_by_name(tmp_path):
     )
     with pytest.raises(ValueError, match="a: it leaves no pixel of the view a"):
         prepare.write_views(tmp_path / "new", views, split=np.array(["train"]))
-
-
-def test_smaller_photos_of_a_sweep_have_smaller_masks(scene, tmp_path):
-    arguments = ["--scene", str(scene), "--factor", "1", "--out"]
-    shrink.main([*arguments, str(tmp_path / "small")])
-    small = prepared.load(tmp_path / "small")
-    masks = prepared.read_masks(small, range(len(small.names)))
-    assert not masks[:, :, :HIDDEN].any()
-    assert masks[:, :, HIDDEN:].all()
 
 
 def test_what_is_hidden_does_not_come_through_an_undistorted_edge():

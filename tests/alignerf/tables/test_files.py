@@ -8,21 +8,19 @@ import pytest
 from alignerf import tabulate
 from alignerf.files import provenance
 from alignerf.tables import columns, controls
-from alignerf.tables.across import tradeoff
 from tests import table_cases
 
 SETS = (*sorted(controls.NEEDED), "oracle")
-MODULES = tabulate.TABLES | {"tradeoff": tradeoff}
+MODULES = tabulate.TABLES
 
 
 @pytest.fixture
 def scene(tmp_path):
-    """A scene's folder with two rows, for tables within it and for that of a sweep."""
+    """A scene's folder with two rows."""
     scene = tmp_path / "yard"
     db = {name: [20.0, 21.0] for name in SETS}
     rows = [table_cases.written(scene, db, m, base="base") for m in ("base", "z_a")]
-    for table in ("", "tradeoff"):
-        table_cases.collect(scene, rows, table)
+    table_cases.collect(scene, rows)
     return scene
 
 
@@ -30,14 +28,8 @@ def make(scene, *names, configs=()):
     """Write tables; returns their folder."""
     out = scene / "out"
     more = ["--configs", *map(str, configs)]
-    if names == ("tradeoff",):
-        files = {key: f"{out}/tradeoff.{key}" for key in ("csv", "tex")}
-        files |= {"figure": f"{scene}/t.png", "scene": str(scene)}
-        files["changes"] = json.dumps({"base": {}, "z_a": {"seed": 8}})
-        tradeoff.main([f"--{key}={value}" for key, value in files.items()] + more)
-    else:
-        options = ["--scene", str(scene), "--tables", *names, "--out", str(out)]
-        tabulate.main([*options, *more])
+    options = ["--scene", str(scene), "--tables", *names, "--out", str(out)]
+    tabulate.main([*options, *more])
     return out
 
 
@@ -57,8 +49,7 @@ def test_a_table_lies_beside_its_latex_and_where_it_comes_from(scene, name):
     tex = (out / f"{name}.tex").read_text()
     assert tex.count(r"\begin{tabular}") == tex.count(r"\end{tabular}") == 1
     told = json.loads((out / f"{name}.provenance.json").read_text())
-    # The seed of a variant is told too.
-    assert told["seeds"] == ([3, 8] if name == "tradeoff" else [3])
+    assert told["seeds"] == [3]
     assert (list(told["configs"]), told["device"]) == ([str(config)], ["cpu"])
     assert [(row["scene"], row["method"], row["round"]) for row in told["rows"]] == [
         *(("yard", "base", 0), ("yard", "z_a", 0)),
@@ -81,8 +72,7 @@ def test_one_process_makes_all_of_a_scene(scene):
 @pytest.mark.parametrize("name", MODULES)
 @pytest.mark.parametrize("file", ["scores", "trainings"])
 def test_an_empty_file_is_named(scene, name, file):
-    table = "tradeoff" if name == "tradeoff" else ""
-    path = scene / table / f"{file}.csv"
+    path = scene / f"{file}.csv"
     head = path.read_text().splitlines(keepends=True)[0]
     for text in ("", head):
         path.write_text(text)
@@ -105,7 +95,6 @@ def test_a_table_without_what_lies_beside_it_is_not_left(scene, name, monkeypatc
     with pytest.raises(ValueError, match="no LaTeX"):
         make(scene, name)
     assert not [path for path in scene.glob("out/*") if path.is_file()]
-    assert not (scene / "t.png").exists()
 
 
 def test_a_table_that_fails_leaves_none_of_the_others(scene):

@@ -1,133 +1,91 @@
-"""The sweep's table and figure, and the Pareto front, from hand-made scores."""
+"""The table and figure of costs, and the Pareto front, from hand-made scores."""
 
 import itertools
-import re
 
-import matplotlib.figure
 import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.tables import intervals
+from alignerf.tables import scores
 from alignerf.tables.across import tradeoff
-from alignerf.tables.plots import tradeoff as tradeoff_plot
+from alignerf.tables.plots import costs as costs_plot
 from tests import table_cases
 
 VIEWS = 6
-CHANGES = {
-    "base": {},
-    "steps_9": {"steps": 9},
-    "table_4": {"field": {"log2_entries": 4}},
-    "other_seed": {"seed": 1},
-    "mlp": {"field": {"kind": "mlp", "width": 8}, "steps": 9},
-    "fast": {"samples": [8, 4], "steps": 9},
-}
+METHODS = ("plain", "large", "warped")
 
 
-def make_rows(rng, sets=("standard", "oracle")):
-    """A row per variant, the base first."""
-    rows = []
-    for name in CHANGES:
-        db = {test_set: rng.uniform(15, 25, VIEWS) for test_set in sets}
-        own = {"train_time_s": rng.uniform(1, 100), "view_time_s": 0.25}
-        base = rows[0] if rows else None
-        rows.append(table_cases.row(db, name, base=base, own=own))
-    return rows
-
-
-@pytest.fixture
-def rows(rng):
-    return make_rows(rng)
+def make_scenes(rng, sets=("standard", "oracle"), lengths=(0.5, 1, 2), seeds=(0, 1)):
+    """Scenes of one capture, for each length and seed."""
+    scenes = []
+    for length in lengths:
+        for seed in seeds:
+            rows = []
+            for name in METHODS:
+                db = {test_set: rng.uniform(15, 25, VIEWS) for test_set in sets}
+                seconds = {"total_time_s": length * rng.uniform(1, 100)}
+                base = rows[0] if rows else None
+                rows.append(table_cases.row(db, name, base=base, costs=seconds))
+            fields = {"alike": "yard", "share": length, "seed": seed}
+            name = f"yard_seed{seed}_x{length}"
+            scenes.append(table_cases.scored(name, rows, **fields))
+    return scenes
 
 
 @pytest.fixture
-def table(rows):
-    return tradeoff.make_table(rows, CHANGES)
+def scenes(rng):
+    return make_scenes(rng)
 
 
-def test_a_row_per_variant_with_its_costs_and_paired_differences(rows, table):
-    assert list(table["variant"]) == list(CHANGES)
-    for row, line in zip(rows, table.itertuples(), strict=True):
-        assert line.train_time_s == row.own["train_time_s"]
-        assert line.rays_per_s == pytest.approx(50 / line.train_time_s)
-        assert (line.compile_time_s, line.render_time_s) == (5.0, 0.25)
-        assert (line.params, line.steps, line.rays_seen) == (7, 5, 50)
-        assert (line.test_set, line.device) == ("oracle", "cpu")
-        oracle, base = row.psnr_db()["oracle"], rows[0].psnr_db()["oracle"]
-        assert line.psnr_db == pytest.approx(oracle.mean())
-        bounds = (line.psnr_low_db, line.psnr_high_db)
-        assert bounds == pytest.approx(intervals.mean_interval(oracle))
-        assert line.difference_db == pytest.approx((oracle - base).mean())
-        bounds = (line.difference_low_db, line.difference_high_db)
-        assert bounds == pytest.approx(intervals.mean_interval(oracle - base))
-        standard = row.psnr_db()["standard"].mean()
-        assert line.standard_psnr_db == pytest.approx(standard)
-        assert line.ssim == 0.5
-
-
-def test_changes_in_words(table):
-    assert dict(zip(table["variant"], table["changes"], strict=True)) == {
-        "base": "",
-        "steps_9": "steps 9",
-        "table_4": "field.log2_entries 4",
-        "other_seed": "seed 1",
-        "mlp": "field.kind mlp, field.width 8, steps 9",
-        "fast": "samples [8, 4], steps 9",
-    }
-
-
-def test_what_a_variant_turns():
-    assert {name: tradeoff.kind_of(keys) for name, keys in CHANGES.items()} == {
-        "base": "base",
-        "steps_9": "steps",
-        "table_4": "log2_entries",
-        "other_seed": "seed",
-        "mlp": "kind",
-        "fast": "several",
-    }
-    both = {"proposal": {"precision": "bfloat16"}, "field": {"precision": "bfloat16"}}
-    assert tradeoff.kind_of(both) == "precision"
+def test_a_row_per_length_and_method_and_differences_to_the_whole(scenes):
+    table = tradeoff.make_table(scenes)
+    assert list(table["length"]) == [0.5] * 3 + [1] * 3 + [2] * 3
+    assert list(table["method"]) == 3 * list(METHODS)
+    assert set(table["condition"]) == {"yard_seed0_x1"}
+    assert set(table["seeds"]) == {2}
+    assert set(table["views"]) == {2 * VIEWS}
+    for line in table.itertuples():
+        group = [one for one in scenes if one.scene.share == line.length]
+        whole = [one for one in scenes if one.scene.share == 1]
+        own = [one.row((line.method, 0)).psnr_db()["oracle"] for one in group]
+        base = [one.row(("plain", 0)).psnr_db()["oracle"] for one in whole]
+        gains = [(a - b).to_numpy() for a, b in zip(own, base, strict=True)]
+        wanted = scores.pooled_mean_and_interval(gains, "difference_")
+        assert {key: getattr(line, key) for key in wanted} == pytest.approx(wanted)
+        assert line.psnr_db == pytest.approx(np.mean(own))
+        costs = [one.row((line.method, 0)).costs["total_time_s"] for one in group]
+        assert line.total_time_s == pytest.approx(np.mean(costs))
+    front = tradeoff.pareto_front(table["total_time_s"], table["psnr_db"])
+    assert table["pareto"].tolist() == front.tolist()
+    cells = table_cases.cells(tradeoff.to_latex(table))
+    assert len(cells) == len(table)
+    assert ["textbf" in row[0] for row in cells] == table["pareto"].tolist()
 
 
 def test_without_a_truth_the_photos_are_the_measure(rng):
-    table = tradeoff.make_table(make_rows(rng, sets=("standard",)), CHANGES)
+    table = tradeoff.make_table(make_scenes(rng, sets=("standard",)))
     assert set(table["test_set"]) == {"standard"}
-    assert list(table["psnr_db"]) == list(table["standard_psnr_db"])
-    assert r"standard test set" in tradeoff.to_latex(table)
 
 
-def test_a_view_without_a_metric_leaves_row_and_front(rows, tmp_path):
-    rows[1].views.loc["v1", ("oracle", "psnr_db")] = np.nan
-    table = tradeoff.make_table(rows, CHANGES)
-    row = table.iloc[1]
-    empty = ["psnr_db", "psnr_low_db", "difference_db"]
-    assert np.isnan(row[empty].astype(float)).all()
+def test_a_view_without_a_metric_leaves_row_and_front(scenes, tmp_path):
+    scenes[-1].rows[-1].views.loc["v1", ("oracle", "psnr_db")] = np.nan
+    table = tradeoff.make_table(scenes)
+    row = table.iloc[-1]
+    assert np.isnan(
+        row[["psnr_db", "psnr_low_db", "difference_db"]].astype(float)
+    ).all()
     assert not row["pareto"]
-    assert row["train_time_s"] > 0
-    assert table_cases.cells(tradeoff.to_latex(table))[1][6:8] == ["--", "--"]
-    tradeoff_plot.draw(table.assign(kind="steps"), tmp_path / "figure.png")
+    assert row["total_time_s"] > 0
+    assert table_cases.cells(tradeoff.to_latex(table))[-1][-2:] == ["--", "--"]
 
 
-def test_without_any_score_there_is_no_figure(table, tmp_path):
-    nothing = table.assign(psnr_db=np.nan, kind="steps")
-    with pytest.raises(ValueError, match="figure: no variant has a PSNR"):
-        tradeoff_plot.draw(nothing, tmp_path / "figure.png")
-
-
-@pytest.mark.parametrize("count", [1, 2, len(CHANGES)])
-def test_few_variants_make_a_figure_and_many(rows, tmp_path, count):
-    table = tradeoff.make_table(rows[:count], CHANGES)
-    tradeoff_plot.draw(table.assign(kind="base"), tmp_path / "figure.png")
+@pytest.mark.parametrize("lengths", [(1,), (0.25, 0.5, 1, 2)])
+def test_one_length_makes_a_figure_and_many(rng, tmp_path, lengths):
+    table = tradeoff.make_table(make_scenes(rng, lengths=lengths, seeds=(0,)))
+    costs_plot.draw(table, tmp_path / "figure.png")
     with Image.open(tmp_path / "figure.png") as image:
         assert min(image.size) > 500
         assert np.asarray(image.convert("L")).std() > 10
-
-
-def test_another_seed_is_nothing_to_choose(rows):
-    rows[3].own["train_time_s"] = 1e-3
-    table = tradeoff.make_table(rows, CHANGES).set_index("variant")
-    assert not table["pareto"]["other_seed"]
-    assert table["pareto"][table["train_time_s"].drop("other_seed").idxmin()]
 
 
 def dominated(i, costs, scores):
@@ -162,35 +120,3 @@ def test_the_front_at_its_extremes():
     unknown = [np.nan, 1.0, np.nan], [99.0, 20.0, np.nan]
     assert tradeoff.pareto_front(*unknown).tolist() == [False, True, False]
     assert tradeoff.pareto_front([], []).tolist() == []
-
-
-def test_the_table_of_latex_is_whole(table):
-    tex = tradeoff.to_latex(table)
-    body = table_cases.cells(tex)
-    assert len(body) == len(CHANGES)
-    align = re.search(r"begin\{tabular\}\{(.+)\}\n", tex)[1]
-    assert {len(row) for row in body} == {len(re.sub(r"\{\w+\}", "", align))}
-    for row, line in zip(body, table.itertuples(), strict=True):
-        assert line.variant.replace("_", r"\_") in row[0]
-        assert ("textbf" in row[0]) == line.pareto
-        start = f"{line.psnr_db:.2f} [{line.psnr_low_db:.2f}, "
-        assert row[6].startswith(start)
-    assert body[0][7] == "+0.00 [+0.00, +0.00]"
-    assert body[2][1] == r"field.log2\_entries 4"
-
-
-def test_each_number_stands_at_its_point_and_at_its_name(table):
-    table = table.assign(kind="steps").sort_values("psnr_db", ascending=False)
-    table = table.assign(number=range(1, len(table) + 1))
-    left, right = matplotlib.figure.Figure().subplots(1, 2)
-    tradeoff_plot.number_points(left, table)
-    places = {text.get_text(): tuple(text.xy) for text in left.texts}
-    styles = {"steps": ("black", "o")}
-    tradeoff_plot.draw_differences(right, table, styles)
-    names = [label.get_text() for label in right.get_yticklabels()]
-    # The best on top.
-    assert [int(name.split()[-1]) for name in names] == list(range(len(table), 0, -1))
-    for row in table.itertuples():
-        assert places[str(row.number)] == (row.train_time_s, row.psnr_db)
-        name = row.variant.replace("_", " ")
-        assert f"{name}   {row.number:2d}" in names

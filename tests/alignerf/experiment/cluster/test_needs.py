@@ -81,8 +81,7 @@ def test_without_figures_a_job_asks_for_the_usual(preflight, text):
 def test_no_file_and_no_such_training_are_the_usual_too(preflight):
     assert needs.memory_mb(COSTS, FILE)(HERE, 1) == needs.MEMORY_MB
     preflight(of())
-    # A point of the sweep, which no preflight foresees.
-    point = Wildcards(scene="s", training="tradeoff/v")
+    point = Wildcards(scene="s", training="other/v")
     assert needs.minutes(COSTS, FILE)(point, 1) == needs.MINUTES
 
 

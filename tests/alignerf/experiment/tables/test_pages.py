@@ -15,7 +15,6 @@ def of_demo(demo, methods, **more):
         | {
             "methods": methods,
             "reference": {"method": next(iter(methods)), "round": 0},
-            "tradeoff": None,
         }
         | more
     )
