@@ -25,7 +25,7 @@ from alignerf.experiment import jobs
 from alignerf.files import archives, atomic, faults, machine
 from alignerf.kernels import calls
 from alignerf.preflight import eta
-from alignerf.processes import consensus, devices, rank, rendezvous
+from alignerf.processes import consensus, devices
 from alignerf.scenes import prepared
 from alignerf.sfm import pose_error
 from alignerf.training import (
@@ -43,7 +43,7 @@ log = logging.getLogger("alignerf")
 def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
-    with rendezvous.together():
+    with consensus.together():
         devices.take_accelerator()
         run(args)
 
@@ -55,12 +55,15 @@ def run(args):
         # Else it is said after the training, which is hours.
         if Path(path).is_dir():
             raise ValueError(f"{path}: a folder, where a file is to be written")
+    if program.hashed(job.model):
+        # An MLP gains little by it, and each device holds all its parameters.
+        devices.use_as_devices()
     with contextlib.ExitStack() as stack:
-        if rank.is_first():
+        if consensus.is_first():
             # Before all that takes time: a second trainer is refused at once.
             stack.enter_context(checkpoint.lock(args.checkpoints))
         params, timing = train(job, args)
-    if not rank.is_first():
+    if not consensus.is_first():
         return
     if job.stage == "finetune":
         timing["radius_px"] = job.alignerf.radius_px
@@ -111,9 +114,6 @@ def parse(argv=None):
 
 def train(job, args):
     """(parameters, timing) of the job, from its checkpoint or from the beginning."""
-    if program.hashed(job.model):
-        # An MLP gains little by it, and each device holds all its parameters.
-        devices.use_as_devices()
     consensus.check_same(
         checkpoint.fingerprint(jobs.as_dict(job), args.sources), "config"
     )
@@ -150,7 +150,7 @@ def train(job, args):
         moved = aligner.now
     elif job.refine:
         moved = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
-    if rank.is_first():
+    if consensus.is_first():
         write_learnt(job, moved, aligner, views, args)
     if compared:
         own = prepared.load(args.scene)

@@ -1,4 +1,4 @@
-"""One of several processes that train: run by test_rendezvous, with its number set.
+"""One of several processes that train: run by test_consensus, with its number set.
 
 Writes the loss of each step as JSON lines. What is to befall it is said by name.
 """
@@ -6,14 +6,13 @@ Writes the loss of each step as JSON lines. What is to befall it is said by name
 import argparse
 import json
 import os
-import signal
 import sys
 import types
 
 from alignerf import train
 from alignerf.files import faults
-from alignerf.processes import rank, rendezvous
-from alignerf.training import checkpoint, loop, run
+from alignerf.processes import consensus
+from alignerf.training import checkpoint, loop
 from tests import kept_steps
 
 
@@ -22,20 +21,17 @@ def main():
     parser.add_argument("--scene", required=True)
     parser.add_argument("--out", required=True)
     parser.add_argument("--config", required=True)
-    # The first process ends after this step, or the last one freezes before it.
+    # The first process ends after this step.
     parser.add_argument("--dies-at", type=int)
-    parser.add_argument("--freezes-at", type=int)
-    parser.add_argument("--silent-s", type=int, default=rendezvous.SILENT_S)
     # Trained once more, from the beginning, in another folder.
     parser.add_argument("--again")
     args = parser.parse_args()
-    rendezvous.SILENT_S, rendezvous.HOLD_S = args.silent_s, 0.0
     loop.FETCH_EVERY, loop.CHECKPOINT_EVERY_S = 1, 0.0
     todo = [out for out in (args.out, args.again) if out]
     let_happen(args, todo)
     # The second training has the first one's program.
     kept_steps.use(types.SimpleNamespace(setattr=setattr))
-    with rendezvous.together():
+    with consensus.together():
         while todo:
             train.run(train.parse(arguments(args, todo.pop(0))))
 
@@ -51,7 +47,7 @@ def arguments(args, out):
 
 def let_happen(args, todo):
     """Each step's loss is said; in the last training what is asked for happens."""
-    save, check = checkpoint.save, run.check_finite
+    save = checkpoint.save
 
     def save_and_say(folder, state, *, final, **facts):
         save(folder, state, final=final, **facts)
@@ -59,14 +55,7 @@ def let_happen(args, todo):
         if not todo and int(state.step) == args.dies_at:
             os._exit(9)
 
-    def check_and_freeze(state):
-        check(state)
-        here = rank.here()
-        is_last = here.number == here.count - 1
-        if not todo and is_last and int(state.step) == args.freezes_at:
-            os.kill(os.getpid(), signal.SIGSTOP)
-
-    checkpoint.save, run.check_finite = save_and_say, check_and_freeze
+    checkpoint.save = save_and_say
 
 
 if __name__ == "__main__":

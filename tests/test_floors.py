@@ -204,7 +204,10 @@ def test_there_are_no_cycles():
 
 
 def test_nothing_is_unpickled_evaluated_or_repaired_in_silence():
-    assert not [name for name in MODULES if tops(name) & FORBIDDEN]
+    # Its unpickler imports nothing: tests/alignerf/networks/test_torch_files.py.
+    unpickles = [name for name in MODULES if tops(name) & FORBIDDEN]
+    assert unpickles == ["alignerf.networks.torch_files"]
+    assert tops(unpickles[0]) & FORBIDDEN == {"pickle"}
     found = [
         (name, node.lineno, fault)
         for name in MODULES

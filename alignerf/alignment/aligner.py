@@ -13,7 +13,7 @@ import numpy as np
 
 from alignerf.alignment import cameras, look, looker, outputs, photos, store, words
 from alignerf.experiment import jobs
-from alignerf.processes import consensus, devices, rank
+from alignerf.processes import consensus, devices
 from alignerf.training import compose, memory
 from flow.camera import correct
 from flow.estimation import estimators
@@ -70,7 +70,7 @@ class Aligner:
         An alignment that was made before this very step is not repeated.
         """
         stored = None
-        if rank.is_first():
+        if consensus.is_first():
             stored = store.read(self.folder, identity=self.identity, size=self.sizes())
         aligned = consensus.on(stored and stored[1]["step"])
         last = max((at for at in self.places if at < step), default=None)
@@ -87,7 +87,7 @@ class Aligner:
         begun, compiled_s = time.perf_counter(), self.compile_time_s
         kinds = self.places[step]
         arrays, row = None, {}
-        if rank.is_first():
+        if consensus.is_first():
             params = devices.on_first(params)
             views, seen, corrections = self.seen(params, step)
             row = {"step": step, "corrects": kinds, "shrink": self.k}
@@ -104,7 +104,7 @@ class Aligner:
         self.take(shared(arrays))
         took_s = time.perf_counter() - begun - (self.compile_time_s - compiled_s)
         self.report.append(consensus.on(row | {"time_s": round(took_s, 3)}))
-        if rank.is_first():
+        if consensus.is_first():
             store.write(
                 self.folder,
                 arrays,
@@ -271,7 +271,7 @@ class Aligner:
 
 def shared(arrays):
     """The first process's arrays {name: array}, to the bit, in all of them."""
-    if not rank.are_several():
+    if not consensus.are_several():
         return arrays
     packed = flax.serialization.msgpack_serialize(arrays) if arrays else b""
     return flax.serialization.msgpack_restore(consensus.on_bytes(packed))

@@ -3,8 +3,8 @@
     w ||F(G_i) - F(R)||^2 / (C W H),  w = 0.05
 
 Notation: F maps an RGB patch [..., h, w, 3] in [0, 1] to C feature maps. F is
-VGG-19 up to relu1_2, before its max-pool (`networks.vgg19`); without weights for it, a
-fixed bank of oriented derivative filters, which the tables then name.
+VGG-19 up to relu1_2, before its max-pool (`networks.convnet`); without weights for it
+a fixed bank of oriented derivative filters, which the tables then name.
 """
 
 from collections.abc import Callable

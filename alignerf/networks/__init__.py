@@ -1,5 +1,5 @@
 """Published networks with fixed weights, without PyTorch.
 
-`vgg19` and the `backbones` of LPIPS are built of `convnet`; `weights` makes their .npz
-from the published files, which `torch_files` reads.
+VGG-19's first block is in `convnet`, of which the `backbones` of LPIPS are built;
+`weights` makes their .npz from the published files, which `torch_files` reads.
 """

@@ -1,7 +1,11 @@
-"""What the fixed convolutional networks (VGG-19, LPIPS backbones) share.
+"""Fixed convolutional networks: what they share, and the first block of VGG-19.
 
-Notation: images [n, h, w, c], kernels [kh, kw, c, out] (HWIO).
+VGG-19 (arXiv 1409.1556), before its max-pool, is for the high-frequency loss. Notation:
+images [n, h, w, c], kernels [kh, kw, c, out] (HWIO); a layer is (kernel's side,
+channels in, channels out).
 """
+
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +13,7 @@ import numpy as np
 
 from alignerf.files import archives
 
+VGG19 = {"conv1_1": (3, 3, 64), "conv1_2": (3, 64, 64)}
 # GPUs would round products to ten bits by default: 1e-3 of a metric's value.
 PRECISION = jax.lax.Precision.HIGHEST
 
@@ -67,3 +72,22 @@ def read_weights(path, shapes):
         if array.dtype.kind != "f" or not np.isfinite(arrays[name]).all():
             raise ValueError(f"{path}: array {name} is not of finite numbers")
     return {name: jnp.asarray(array) for name, array in arrays.items()}
+
+
+def vgg19_shapes():
+    """{array: shape} of the weights of `vgg19_features`."""
+    return layer_shapes(VGG19) | {"mean": (3,), "std": (3,)}
+
+
+def vgg19_features(path) -> Callable:
+    """F = relu1_2 of VGG-19 of images in [0, 1]; `path` an .npz of `vgg19_shapes`."""
+    weights = read_weights(path, vgg19_shapes())
+
+    def relu1_2(rgb):
+        mean, std = (weights[key][None, None, None] for key in ("mean", "std"))
+        x = (rgb - mean) / std
+        for name in VGG19:
+            x = layer(x, weights, name, padding=1)
+        return x
+
+    return relu1_2

@@ -13,7 +13,6 @@ by path, whose tensors have the same names and shapes.
 """
 
 import argparse
-import contextlib
 import hashlib
 import http.client
 import pathlib
@@ -23,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.files import atomic, faults, progress
-from alignerf.networks import backbones, torch_files, vgg19
+from alignerf.networks import backbones, convnet, torch_files
 
 BLOCK_BYTES = 1 << 20
 TIMEOUT_S = 60
@@ -134,7 +133,7 @@ def main(argv=None):
 def layers_of(what, path):
     """{array: kernel (HWIO) or bias} of torchvision's backbone in a .pth."""
     net = what.removeprefix("lpips_")
-    layers = backbones.NETS[net].layers if net in backbones.NETS else vgg19.LAYERS
+    layers = backbones.NETS[net].layers if net in backbones.NETS else convnet.VGG19
     places = {
         name: f"features.{place}"
         for name, place in zip(layers, PLACES[what], strict=True)
@@ -186,30 +185,20 @@ def check_published(path, published):
 def fetch(published, folder):
     """Path of the published file, fetched into a folder and checked."""
     path = folder / published.url.rsplit("/", 1)[1]
-    digest, size = hashlib.sha256(), 0
-    megabytes = -(-published.size // BLOCK_BYTES)
-    bar = progress.Progress(path.name, megabytes, unit="MB")
+    # A block more than there should be is enough to know.
+    blocks = range(1 + published.size // BLOCK_BYTES)
     try:
         with (
-            contextlib.closing(bar),
             urllib.request.urlopen(published.url, timeout=TIMEOUT_S) as answer,
             open(path, "wb") as file,
         ):
-            # One byte more than there should be is enough to know.
-            while size <= published.size and (block := answer.read(BLOCK_BYTES)):
-                file.write(block)
-                digest.update(block)
-                size += len(block)
-                bar.advance()
+            for _ in progress.over(blocks, path.name, unit="MB"):
+                file.write(answer.read(BLOCK_BYTES))
     except (OSError, http.client.HTTPException) as error:
         raise ValueError(
             f"{published.url}: {error}: fetch it by other means and give its path"
         ) from None
-    if digest.hexdigest() != published.sha256:
-        raise ValueError(
-            f"{published.url}: the {size} bytes that came have the SHA-256 "
-            f"{digest.hexdigest()} instead of {published.sha256}"
-        )
+    check_published(path, published)
     return path
 
 

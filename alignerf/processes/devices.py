@@ -19,7 +19,7 @@ import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec, SingleDeviceSharding
 
 from alignerf.files import machine
-from alignerf.processes import rank as processes
+from alignerf.processes import consensus
 
 log = logging.getLogger("alignerf")
 
@@ -65,7 +65,7 @@ def take_accelerator(device_files=Path("/dev"), locks=None):
     )
     if len(numbers) < 2 or "CUDA_VISIBLE_DEVICES" in os.environ:
         return
-    if processes.are_several():
+    if consensus.are_several():
         # Each takes the one of its number on its host.
         return
     folder = Path(locks or tempfile.gettempdir())
@@ -137,4 +137,4 @@ def on_first(tree):
 
 def local(tree):
     """`on_first` where there are several processes; else the tree as it is."""
-    return on_first(tree) if processes.are_several() else tree
+    return on_first(tree) if consensus.are_several() else tree

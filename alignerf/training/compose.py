@@ -9,7 +9,7 @@ from alignerf.experiment.keys import model as model_keys
 from alignerf.files.environment import extensions
 from alignerf.kernels import calls
 from alignerf.mipnerf360 import model as mipnerf360
-from alignerf.networks import vgg19
+from alignerf.networks import convnet
 from alignerf.systems import instant_ngp, mipnerf, nerf, nerfpp, rendering
 from alignerf.training import methods
 
@@ -123,7 +123,7 @@ def frequency_features(chosen: jobs.Finetuning):
         return None
     if chosen.frequency_weights is None:
         return frequency_loss.bank_features
-    return vgg19.features(chosen.frequency_weights)
+    return convnet.vgg19_features(chosen.frequency_weights)
 
 
 def make_field(

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from alignerf.experiment import jobs
 from alignerf.files import progress, provenance
 from alignerf.kernels import calls
-from alignerf.processes import consensus, devices, rank
+from alignerf.processes import consensus, devices
 from alignerf.training import checkpoint, memory, program
 from alignerf.training import run as train_run
 
@@ -114,7 +114,7 @@ def in_budget(job, method, built, params, views, checkpoints, data):
         # A new training begins in the usual micro-batches.
         built = program.refitted(built, None, job, method, params, views)
         budget = time_budget(job, built, params, views)
-        if rank.is_first():
+        if consensus.is_first():
             checkpoint.save_budget(checkpoints, identity=identity, **budget)
     minutes, job = job.budget_min, jobs.with_steps(job, budget["steps"])
     speed_text = f"{budget['steps_per_s']:.3g} steps/s"
@@ -163,7 +163,7 @@ def resume(checkpoints, fresh: Resumed, identity, steps, aligner) -> Resumed:
     it. A state whose alignments are lost is of no use.
     """
     restored = None
-    if rank.is_first():
+    if consensus.is_first():
         restored = checkpoint.restore(checkpoints, fresh.state, identity=identity)
     manifest = consensus.on(restored and restored[1])
     if manifest is None:
@@ -185,7 +185,7 @@ def describe(job, params):
         "rays_seen": job.steps * job.rays_per_step,
         "params": sum(leaf.size for leaf in jax.tree.leaves(params)),
         "device": jax.devices()[0].device_kind,
-        "processes": rank.here().count,
+        "processes": consensus.count(),
         "kernels": calls.name_of(job.training.kernels),
         **provenance.facts(),
     }
@@ -205,7 +205,7 @@ def run_steps(run, note):
     schedule = program.schedule_of(run.job, run.program.mesh)
     done, pending = int(run.state.step), []
     saved = fetched = time.perf_counter()
-    options = {"done": done, "note": note, "silent": not rank.is_first()}
+    options = {"done": done, "note": note, "silent": not consensus.is_first()}
     bar = progress.Progress(run.job.stage, steps, **options)
     with contextlib.closing(bar):
         while done < steps:

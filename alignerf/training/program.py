@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from alignerf.kernels import calls
-from alignerf.processes import consensus, devices, rank
+from alignerf.processes import consensus, devices
 from alignerf.training import gradients, memory
 from alignerf.training import step as train_step
 
@@ -51,7 +51,7 @@ def build(job, method, params, views, *, micro_batches=None, to_come=0) -> Progr
     # What it keeps does not depend on how long a training is.
     optimizer = optimizer_of(train_step.Schedule(1, 0, 0))
     mesh = gradients.make_mesh(
-        method.units, jax.devices(), all_of_them=rank.are_several()
+        method.units, jax.devices(), all_of_them=consensus.are_several()
     )
     shapes = jax.tree.map(
         lambda leaf: jax.ShapeDtypeStruct(

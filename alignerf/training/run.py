@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 from alignerf.experiment import jobs
-from alignerf.processes import consensus, devices, rank
+from alignerf.processes import consensus, devices
 from alignerf.training import checkpoint, diagnose, program
 
 
@@ -46,7 +46,7 @@ class Run:
         check_finite(state)
         facts = {"identity": self.identity, "time_s": self.time_s()}
         facts |= {"micro_batches": self.program.micro_batches, "final": self.numbers}
-        if rank.is_first():
+        if consensus.is_first():
             checkpoint.save(self.checkpoints, state, **facts)
 
     def align(self):
@@ -54,7 +54,7 @@ class Run:
         params = devices.local(self.state.params)
         self.aligner.align(params, int(self.state.step))
         views = self.aligner.views(self.unaligned)
-        if rank.are_several():
+        if consensus.are_several():
             consensus.check_same(checkpoint.digest(views), "views after an alignment")
         self.views = devices.place(views, self.program.mesh)
 

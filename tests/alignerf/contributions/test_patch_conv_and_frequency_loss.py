@@ -9,7 +9,7 @@ from scipy import ndimage
 from alignerf.contributions import frequency_loss, patch_conv
 from alignerf.experiment import jobs
 from alignerf.fields import shading
-from alignerf.networks import vgg19
+from alignerf.networks import convnet
 from alignerf.training import compose
 from tools.bench import cases
 
@@ -165,7 +165,7 @@ def test_vgg_features_equal_a_float64_twin(shared_data, rng):
         windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), axis=(0, 1))
         x = np.einsum("hwcij,ijco->hwo", windows, w[f"{layer}_w"]) + w[f"{layer}_b"]
         x = np.maximum(x, 0)
-    found = vgg19.features(path)(jnp.asarray(rgb, jnp.float32))
+    found = convnet.vgg19_features(path)(jnp.asarray(rgb, jnp.float32))
     np.testing.assert_allclose(found[0], x, rtol=1e-4, atol=1e-4)
 
 
@@ -177,4 +177,4 @@ def test_bad_weights_are_named(tmp_path, content):
     elif content:
         np.savez(path, something=np.zeros(3))
     with pytest.raises(ValueError, match=r"vgg\.npz"):
-        vgg19.features(path)
+        convnet.vgg19_features(path)
