@@ -7,13 +7,11 @@ import argparse
 import json
 import os
 import sys
-import types
 
 from alignerf import train
 from alignerf.files import faults
 from alignerf.processes import consensus
 from alignerf.training import checkpoint, loop
-from tests import kept_steps
 
 
 def main():
@@ -29,8 +27,6 @@ def main():
     loop.FETCH_EVERY, loop.CHECKPOINT_EVERY_S = 1, 0.0
     todo = [out for out in (args.out, args.again) if out]
     let_happen(args, todo)
-    # The second training has the first one's program.
-    kept_steps.use(types.SimpleNamespace(setattr=setattr))
     with consensus.together():
         while todo:
             train.run(train.parse(arguments(args, todo.pop(0))))

@@ -14,7 +14,7 @@ from alignerf.scenes import cameras
 from alignerf.training import batches, methods
 from alignerf.training import step as train_step
 
-WEIGHTS = {"interlevel": 1.0, "distortion": 0.01}
+WEIGHTS = methods.LossWeights(interlevel=1.0, distortion=0.01)
 HEIGHT, WIDTH, FOCAL_PX = 36, 40, 30.0
 
 
@@ -110,17 +110,12 @@ def make_views(count=3, height=HEIGHT, width=WIDTH, valid_share=0.7):
 
 def start(method, steps=50, **options):
     """(fresh state, step of the state and the views) of a method."""
-    optimizer = train_step.make_optimizer(
-        learning_rates=(1e-2, 1e-3),
-        betas=(0.9, 0.999),
-        eps=1e-15,
-        steps=steps,
-        warmup_steps=5,
-    )
+    adam = train_step.Adam((1e-2, 1e-3), (0.9, 0.999), 1e-15)
+    optimizer = adam(train_step.Schedule(steps, 5, 0))
     params = jax.jit(method.init)(jax.random.key(0))
     state = train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))
     options = {"gradient_norm": None} | options
     seed = options.pop("seed", 0)
-    step = train_step.make_step(method, lambda schedule: optimizer, **options)
+    step = train_step.make_step(method, adam, **options)
     schedule = train_step.Schedule(jnp.int32(steps), jnp.int32(5), jnp.uint32(seed))
     return state, functools.partial(step, schedule=schedule)

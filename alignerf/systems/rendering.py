@@ -4,6 +4,7 @@ A loss is a function (rendering, photo [rays, 3], weight [rays]) -> mean over th
 a weight of zero leaves a ray out.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -32,6 +33,7 @@ def depth_of(weights: Float[Array, "rays n"], t: Float[Array, "rays n"]):
     return jnp.take_along_axis(t, index[..., None], axis=-1)[..., 0]
 
 
+@functools.cache
 def squared(*, coarse=0.0):
     """The squared error, and `coarse` times that of each earlier look."""
 

@@ -60,10 +60,10 @@ def without_cameras(job: jobs.Job, *, to_train) -> methods.Method:
     )
     squares = model_keys.squares_errors(job.model.model_dump())
     shared = {
-        "loss_weights": {
-            "interlevel": job.training.interlevel_weight,
-            "distortion": 0.0 if squares else job.training.distortion_weight,
-        },
+        "loss_weights": methods.LossWeights(
+            job.training.interlevel_weight,
+            0.0 if squares else job.training.distortion_weight,
+        ),
         "proposal_share": job.training.proposal_share,
     }
     if not fine:
@@ -72,7 +72,7 @@ def without_cameras(job: jobs.Job, *, to_train) -> methods.Method:
             model,
             batch_rays=job.training.batch_rays,
             annealed=job.stage != "warm",
-            coarse_to_fine=job.refine and job.refine.coarse_to_fine,
+            coarse_to_fine=tuple((job.refine and job.refine.coarse_to_fine) or ()),
             **shared,
             **own_loss,
         )
@@ -98,7 +98,7 @@ def make_system(job: jobs.Job, *, moving) -> methods.Method:
             batch_rays=training.batch_rays,
             annealed=job.stage != "warm",
             data_loss=loss,
-            loss_weights={"interlevel": training.interlevel_weight, "distortion": 0.0},
+            loss_weights=methods.LossWeights(training.interlevel_weight, 0.0),
             proposal_share=training.proposal_share,
         )
     model, loss = SYSTEMS[job.model.kind].make(job.model)

@@ -1,7 +1,8 @@
 """Methods as compositions of a model, a way to draw rays, a head and losses.
 
 A method is five functions and two sizes; training and rendering know nothing else
-of it.
+of it. Methods of equal arguments are one object, so that JAX, which knows functions by
+their identity, traces each program once in a process.
 Notation: params a tree of parameters, one subtree a network; views the training
 photos on the device; share in [0, 1] the part of the training that has passed.
 """
@@ -41,6 +42,13 @@ class Method(NamedTuple):
     halo: int = 0  # pixels around one that its colour depends on
 
 
+class LossWeights(NamedTuple):
+    """Weights of the terms besides the data's."""
+
+    interlevel: float
+    distortion: float
+
+
 def _some_rays():
     """Two rays to initialise a model's shapes with."""
     ones = jnp.ones((2, 3))
@@ -50,8 +58,8 @@ def _some_rays():
 def _regularisers(histograms, weights, native):
     interlevel = losses.interlevel(histograms, native=native)
     return {
-        "interlevel": weights["interlevel"] * interlevel,
-        "distortion": weights["distortion"] * losses.distortion(histograms),
+        "interlevel": weights.interlevel * interlevel,
+        "distortion": weights.distortion * losses.distortion(histograms),
     }
 
 
@@ -60,15 +68,16 @@ def charbonnier(rendering, photo, weight):
     return losses.charbonnier(rendering.values, photo, weight)
 
 
+@functools.cache
 def mipnerf360(
     model,
     *,
     batch_rays,
-    loss_weights,
+    loss_weights: LossWeights,
     data_loss=charbonnier,
     proposal_share=1.0,
     annealed=True,
-    coarse_to_fine=None,
+    coarse_to_fine=(),
 ) -> Method:
     """The baseline: single rays, Charbonnier loss (arXiv 2111.12077).
 
@@ -99,6 +108,7 @@ def mipnerf360(
     )
 
 
+@functools.cache
 def single_rays(
     model, data_loss, *, batch_rays, regularisers=lambda _: {}, of_share=lambda _: {}
 ) -> Method:
@@ -198,6 +208,7 @@ def match_pixels(rgb, photo, exists, penalty):
     return matches.patch, jnp.mean(matches.loss) / rgb.shape[-1], length_px
 
 
+@functools.cache
 def alignerf(
     model,
     *,
@@ -205,7 +216,7 @@ def alignerf(
     patch_px,
     convolution,
     loss: Loss,
-    loss_weights,
+    loss_weights: LossWeights,
     proposal_share=1.0,
 ) -> Method:
     """AligNeRF: patches of rays, patch convolution, aligned and frequency losses.

@@ -3,7 +3,6 @@
 Micro-batches and devices change the rounding of a step alone (see gradients.py).
 """
 
-import functools
 import logging
 import statistics
 import time
@@ -47,7 +46,7 @@ def build(job, method, params, views, *, micro_batches=None, to_come=0) -> Progr
     micro_batches: those of the training that is resumed; None for the device's own.
     """
     start = time.perf_counter()
-    optimizer_of = functools.partial(make_optimizer, job)
+    optimizer_of = adam_of(job)
     # What it keeps does not depend on how long a training is.
     optimizer = optimizer_of(train_step.Schedule(1, 0, 0))
     mesh = gradients.make_mesh(
@@ -106,17 +105,15 @@ def fresh_state(optimizer, params):
     return train_step.State(jnp.zeros((), jnp.int32), params, optimizer.init(params))
 
 
-def make_optimizer(job, schedule):
+def adam_of(job) -> train_step.Adam:
     """Adam on the learning rates of the job's stage."""
-    return train_step.make_optimizer(
-        learning_rates=job.learning_rates,
-        betas=job.training.adam_betas,
+    return train_step.Adam(
+        learning_rates=tuple(job.learning_rates),
+        betas=tuple(job.training.adam_betas),
         eps=job.training.adam_eps,
         hold_share=job.training.hold_share,
         cameras=job.refine,
         native=calls.use(job.training.kernels),
-        steps=schedule.steps,
-        warmup_steps=schedule.warmup_steps,
     )
 
 

@@ -43,7 +43,10 @@ def make_renderer(method, params, width, height):
 
 
 class Renderer:
-    """A method's images of one size: one program for all parameters and cameras."""
+    """A method's images of one size: one program for all parameters and cameras.
+
+    Renderers of one method and width share it.
+    """
 
     def __init__(self, method, width, height):
         memory.keep_freed()
@@ -53,8 +56,8 @@ class Renderer:
         self.strip = min(height, -(-STRIP_PIXELS // width))
         on_cpu = jax.local_devices()[0].platform == "cpu"
         at_once = CACHED_RAYS if on_cpu else self.chunk
-        self._render = jax.jit(functools.partial(render_pixels, method, width, at_once))
-        self._colours = jax.jit(functools.partial(clipped_colours, method))
+        self._render = functools.partial(render_pixels, method.render, width, at_once)
+        self._colours = functools.partial(clipped_colours, method.colours)
 
     def __call__(self, params, pixtocam, camtoworld, wanted=None):
         """(image [h, w, 3] uint8, depth [h, w] float32) as a camera sees it.
@@ -113,20 +116,22 @@ class Renderer:
         return np.round(rgb * 255.0).astype(np.uint8)
 
 
-def render_pixels(method, width, at_once, params, pixels, pixtocam, camtoworld):
+@functools.partial(jax.jit, static_argnums=(0, 1, 2))
+def render_pixels(render_rays, width, at_once, params, pixels, pixtocam, camtoworld):
     """(values [n, c], depth [n]) of pixel indices [n], `at_once` rays after others."""
 
     def render(pixels):
         rays = cameras.pixels_to_rays(
             pixels % width, pixels // width, pixtocam, camtoworld
         )
-        rendering = method.render(params, rays)
+        rendering = render_rays(params, rays)
         return rendering.values, rendering.depth
 
     values, depth = jax.lax.map(render, pixels.reshape(-1, at_once))
     return jnp.concatenate(values), depth.ravel()
 
 
-def clipped_colours(method, params, values):
+@functools.partial(jax.jit, static_argnums=0)
+def clipped_colours(colours, params, values):
     """Colours in [0, 1] of values."""
-    return jnp.clip(method.colours(params, values), 0.0, 1.0)
+    return jnp.clip(colours(params, values), 0.0, 1.0)

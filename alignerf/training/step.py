@@ -4,6 +4,7 @@ Notation: params {network: tree}; `step` counts from 0; the learning rate falls
 log-linearly after a sine warm-up (arXiv 2111.12077, appendix; mip-NeRF's jaxnerf).
 """
 
+import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -57,6 +58,21 @@ def learning_rate(
     warmed = jnp.clip(step * inverse(jnp.maximum(warmup_steps, 1)), 0.0, 1.0)
     ramp = warmup_share + (1 - warmup_share) * jnp.sin(0.5 * jnp.pi * warmed)
     return rate * jnp.where(warmup_steps == 0, 1.0, ramp)
+
+
+class Adam(NamedTuple):
+    """The settings of `make_optimizer`, equal by value; called, its optimizer."""
+
+    learning_rates: tuple
+    betas: tuple
+    eps: float
+    hold_share: float = 0.0
+    cameras: Any = None
+    native: bool = False
+
+    def __call__(self, schedule: Schedule):
+        length = {"steps": schedule.steps, "warmup_steps": schedule.warmup_steps}
+        return make_optimizer(**self._asdict(), **length)
 
 
 def make_optimizer(
@@ -200,10 +216,13 @@ def draw(method, views, step, *, steps, seed):
     return method.draw(jax.random.key(seed), step, views), share
 
 
+@functools.cache
 def make_step(method, optimizer_of, *, gradient_norm, micro_batches=1, mesh=None):
     """The jitted step: (state, views, Schedule) -> (state, numbers to show).
 
-    optimizer_of(Schedule) is the optimizer; what it keeps does not depend on that.
+    The steps of equal arguments are one, traced once in a process.
+    optimizer_of(Schedule) is the optimizer, as an `Adam` gives it; what it keeps does
+    not depend on that.
     Where the loss or the gradient is not finite, the state stays as it was, so that
     whoever looks at the numbers later still holds what failed.
     """

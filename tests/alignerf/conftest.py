@@ -3,7 +3,6 @@
 import pytest
 
 from tests import job_cases as cases
-from tests import kept_steps
 
 
 @pytest.fixture(scope="module")
@@ -16,11 +15,3 @@ def uninterrupted(folder, tmp_path_factory):
     out = tmp_path_factory.mktemp("uninterrupted")
     cases.run(folder, out)
     return out
-
-
-@pytest.fixture(scope="module")
-def keeps_steps():
-    """The trainings of a module compile each job once: see tests/kept_steps.py."""
-    with pytest.MonkeyPatch.context() as patched:
-        kept_steps.use(patched)
-        yield

@@ -8,8 +8,6 @@ import pytest
 from alignerf.training import loop, program
 from tests import job_cases as cases
 
-pytestmark = pytest.mark.usefixtures("keeps_steps")
-
 STEP_TIME_S = 0.1
 BUDGET_MIN = cases.STEPS * STEP_TIME_S / 60
 

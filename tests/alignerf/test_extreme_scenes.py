@@ -28,7 +28,7 @@ def baseline(kind, precision="float32"):
         near=0.2,
         far=1e6,
     )
-    weights = {"interlevel": 1.0, "distortion": 0.01}
+    weights = methods.LossWeights(interlevel=1.0, distortion=0.01)
     return methods.mipnerf360(model, batch_rays=64, loss_weights=weights)
 
 

@@ -3,14 +3,12 @@
 import json
 import shutil
 
+import jax
 import pytest
 from PIL import Image
 
 from alignerf.training import loop, memory
 from tests import job_cases as cases
-from tests import kept_steps
-
-pytestmark = pytest.mark.usefixtures("keeps_steps")
 
 
 @pytest.mark.parametrize("at_step", [4, 12])
@@ -24,7 +22,7 @@ def test_resumes_bit_for_bit(
     assert not (tmp_path / "model.msgpack").exists()
     caplog.set_level("INFO", "alignerf")
     if at_step == 12:
-        kept_steps.forget()
+        jax.clear_caches()
     resumed = cases.run(folder, tmp_path)
     assert f"resuming at step {at_step} of {cases.STEPS}" in caplog.text
     assert resumed == (uninterrupted / "model.msgpack").read_bytes()

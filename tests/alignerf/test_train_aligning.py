@@ -3,6 +3,7 @@
 import json
 
 import cv2
+import jax
 import numpy as np
 import pytest
 from PIL import Image
@@ -11,9 +12,6 @@ from alignerf.alignment import look, looker, store
 from alignerf.scenes import cameras, prepared
 from alignerf.training import loop, memory
 from tests import job_cases as cases
-from tests import kept_steps
-
-pytestmark = pytest.mark.usefixtures("keeps_steps")
 
 # The flow needs 32 px a side: renders are half as large, and a row and a column over.
 WIDTH, HEIGHT, COUNT = 81, 67, 6
@@ -140,7 +138,7 @@ def test_killed_before_or_after_it_resumes_bit_for_bit(
     monkeypatch.setattr(loop, "FETCH_EVERY", 2)
     killed(monkeypatch, scene, tmp_path, lambda p: cases.kill_after_save(p, at_step, 2))
     if at_step == 2:
-        kept_steps.forget()
+        jax.clear_caches()
     caplog.set_level("INFO", "alignerf")
     assert run(scene, tmp_path) == whole[1]
     assert f"resuming at step {at_step} of" in caplog.text

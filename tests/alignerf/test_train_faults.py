@@ -15,8 +15,6 @@ from alignerf.scenes import prepared
 from alignerf.training import compose, loop, memory, program
 from tests import job_cases as cases
 
-pytestmark = pytest.mark.usefixtures("keeps_steps")
-
 
 def test_photos_that_do_not_fit_are_one_line(folder, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(memory, "free_bytes", lambda device: 5_000)

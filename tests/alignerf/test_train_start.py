@@ -14,9 +14,6 @@ from alignerf.scenes import cameras, prepared
 from alignerf.training import checkpoint, compose, loop
 from tests import job_cases as cases
 
-pytestmark = pytest.mark.usefixtures("keeps_steps")
-
-
 MODELS = {
     "grid": cases.JOB["model"],
     "mlp": cases.JOB["model"] | {"field": {"kind": "mlp", "width": 16, "depth": 2}},

@@ -44,6 +44,10 @@ class Keys(pydantic.BaseModel):
         """A key's default, also of a class that needs other keys."""
         return cls.model_fields[name].get_default(call_default_factory=True)
 
+    def __hash__(self):
+        """By value, as they are equal."""
+        return hash(self.model_dump_json())
+
     @pydantic.model_validator(mode="before")
     @classmethod
     def check_known(cls, values):
