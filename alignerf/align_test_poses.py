@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
+from alignerf import testsets
 from alignerf.files import archives, atomic, faults, images, machine, progress
 from alignerf.processes import devices
 from alignerf.scenes import prepared
@@ -61,9 +62,9 @@ def main(argv=None):
     block_px = max(1, min(size) // SQUARES)
     halves = halves_of(loaded, block_px)
     margin_px = int(MARGIN * block_px)
-    flows = {"aligned_pose": args.flow}
-    if args.truth_flow:
-        flows["aligned_pose_overfit"] = args.truth_flow
+    by_needs = {"": args.flow, "truth": args.truth_flow}
+    moved = [one for one in testsets.every() if one.moved and by_needs[one.needs]]
+    flows = {one.name: by_needs[one.needs] for one in moved}
     todo = [
         (view, *target) for target in flows.items() for view in loaded.views("test")
     ]

@@ -1,7 +1,7 @@
 """Score the renders of one trained method: `python -m alignerf.evaluate`.
 
 One row per test view and test set. What each is compared with, and on which pixels,
-`alignerf.experiment.tables.test_sets` says. Those that need a warped test set, or the
+`alignerf.testsets` says. Those that need a warped test set, or the
 truth, are scored where that is given; renders by moved cameras in a run of their own,
 with --aligned-pose. Only sets on the same pixels compare. A metric that cannot be had
 is empty, and `note` says why; LPIPS needs weights, for each network.
@@ -14,8 +14,8 @@ import pathlib
 import numpy as np
 import pandas as pd
 
+from alignerf import testsets
 from alignerf.experiment.keys import scored as scored_keys
-from alignerf.experiment.tables import test_sets
 from alignerf.files import archives, atomic, faults
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
@@ -148,7 +148,7 @@ class View:
 def targets_of(view):
     """{test set: (image, mask of its pixels)} of all that a view has."""
     targets = {}
-    for one in test_sets.every():
+    for one in testsets.every():
         if one.needs in view.has and not one.moved:
             image, mask = one.make(view)
             if image.shape != view.photo.shape or mask.shape != image.shape[:2]:
@@ -162,7 +162,7 @@ def targets_of(view):
 def moved_renders(view, folder):
     """{test set: (image, render, mask)} of one view rendered by moved cameras."""
     renders = {}
-    for one in test_sets.every():
+    for one in testsets.every():
         path = pathlib.Path(folder) / one.name
         if one.moved and one.needs in view.has and path.is_dir():
             image, mask = one.make(view)

@@ -7,6 +7,7 @@ import sys
 
 import pandas as pd
 
+from alignerf import testsets
 from alignerf.experiment import targets
 from alignerf.files import csv_files, faults, yaml_files
 from alignerf.tables import scores
@@ -79,7 +80,7 @@ def below_baseline(table, staged):
 
     Scores are those against the oracle; without a truth, those on the standard set.
     """
-    test_set = "oracle" if "oracle" in set(table["test_set"]) else "standard"
+    test_set = testsets.fairest(set(table["test_set"]))
     others = table[table["method"].isin(staged) & (table["test_set"] == test_set)]
     for row in others.itertuples():
         if row.difference_high_db < 0:

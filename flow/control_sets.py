@@ -1,20 +1,14 @@
 """Write the control sets of a warped test set: they measure the gain without alignment.
 
-Beside the warped photos, for each view:
-
-control        the photo warped by the flow and back: only interpolation acts
-placebo        the photo warped by a random smooth flow of at most half a pixel
-crossfit       the photo warped by a flow that has not seen the pixel it warps
-aligned        an image that belongs where the render is: the oracle, or a copy of
-               the render made as sharp and as different as the photo
-overfit        that image warped by the flow invented between it and the render
-overfit_crossfit
-               that image warped by a held-out flow: what is displaced in truth
-
-overfit_flow holds the invented flow, and overfit.csv its lengths.
+They are the test sets of `alignerf.testsets` that have a `draw`, a folder each beside
+the warped photos. overfit_flow holds the flow that the estimator invents between a
+render and an image that belongs there, and overfit.csv its lengths.
 
     python -m flow.control_sets --renders DIR --photos DIR --flow DIR --out DIR
         [--truth DIR]
+
+With --lengths CSV instead of --out only these lengths are written, of some views; the
+image that belongs there is then made by the given flow, which has seen each pixel.
 """
 
 import argparse
@@ -24,111 +18,168 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+from alignerf import testsets
 from alignerf.files import atomic, faults, images, machine, progress
 from flow.estimation import arguments as arguments_of_flow
 from flow.estimation import estimate, pairs
 from flow.warping import controls, files, lengths, warp
 
-IMAGES = ("control", "placebo", "crossfit", "aligned", "overfit", "overfit_crossfit")
+# Views with --lengths, from the first by name to the last.
+MOST_VIEWS = 8
+# Written by this command for the invented flow; all other folders hold images.
+INVENTED = "overfit_flow"
 
 
-def main(renders, photos, flow, out, *, truth=None, masks=None, **options):
-    """Write all control sets into the folder `out`; returns the rows of overfit.csv.
+def main(
+    renders,
+    photos,
+    flow,
+    *,
+    out=None,
+    lengths=None,
+    truth=None,
+    masks=None,
+    threads=None,
+    **options,
+):
+    """Write all control sets into the folder `out`, or `lengths`; returns the rows.
 
     renders, photos: folders of <view>.png; flow: of <view>.npz, as the warped set
     has it; truth: a folder whose `oracle` holds an aligned image for each view;
-    masks: as of `files.masked_photo`.
-    options: those of `write_view`. Sets appear together or not at all. Raises
-    ValueError or OSError.
+    masks: as of `files.masked_photo`. options: those of `View`. Sets appear together or
+    not at all. Raises ValueError or OSError.
     """
     views = pairs.find_pairs(Path(renders), Path(photos))
     flows = {path.stem for path in Path(flow).glob("*.npz")}
-    if missing := flows - {view for view, *_ in views}:
+    if (missing := flows - {view for view, *_ in views}) and out:
         raise ValueError(f"{renders}: no render of view {min(missing)}")
+    if lengths:
+        count = min(MOST_VIEWS, len(views))
+        views = [views[i * (len(views) - 1) // max(count - 1, 1)] for i in range(count)]
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
-        table = stack.enter_context(atomic.replace_file(Path(out) / "overfit.csv"))
-        folders = {}
-        for kind in (*IMAGES, "overfit_flow"):
-            place = atomic.replace_folder(Path(out) / kind)
-            folders[kind] = stack.enter_context(place)
+        csv = lengths or Path(out) / "overfit.csv"
+        table = stack.enter_context(atomic.replace_file(csv))
+        folders = {
+            name: stack.enter_context(atomic.replace_folder(Path(out) / name))
+            for name in testsets.image_folders()
+            if not lengths
+        }
 
         def row_of(one):
-            view, *paths = one
+            name, *paths = one
             started = time.perf_counter()
             render, photo = map(images.read, paths)
-            photo, _ = files.masked_photo(view, render, photo, masks)
-            flow_px, _ = files.read_flow(Path(flow) / f"{view}.npz")
-            oracle = None
-            if truth is not None:
-                oracle = images.read(Path(truth) / "oracle" / f"{view}.png")
+            photo, _ = files.masked_photo(name, render, photo, masks)
+            flow_px, _ = files.read_flow(Path(flow) / f"{name}.npz")
+            oracle = truth and images.read(Path(truth) / "oracle" / f"{name}.png")
+            view = View(name, render, photo, flow_px, oracle, **options)
             try:
-                row = write_view(
-                    view, render, photo, flow_px, folders, oracle=oracle, **options
-                )
+                if lengths:
+                    view.crossfit_px = flow_px
+                else:
+                    view.write(folders)
+                row = view.row()
             except ValueError as error:
-                raise ValueError(f"view {view}: {error}") from error
+                raise ValueError(f"view {name}: {error}") from error
             return row | {"time_s": round(time.perf_counter() - started, 4)}
 
-        made = machine.map_in_threads(row_of, views)
+        made = machine.map_in_threads(row_of, views, threads=threads)
         rows = list(progress.over(made, "controls", total=len(views)))
         files.write_rows(table, controls.COLUMNS, rows)
     return rows
 
 
-def write_view(
-    view,
-    render,
-    photo,
-    flow_px,
-    folders,
-    *,
-    oracle=None,
-    kernel="lanczos",
-    tolerance_px=1.0,
-    **options,
-):
-    """Write one view's control sets; returns the statistics of the invented flow.
+class View:
+    """A view, and the flows and images that its control sets are drawn from.
 
-    options: method, match_blur, blur_by, of both flows; tolerance_px: of what is valid.
+    Images are [h, w, 3] uint8, flows [h, w, 2] from render to photo in pixels.
+    kernel: of warps; tolerance_px: of what is valid; options: method, match_blur,
+    blur_by, of all flows.
     """
-    crossfit_px = crossfit_flow(render, photo, **options)
-    if (aligned := oracle) is None:
-        aligned = controls.resharpened(render, photo, crossfit_px)
-    overfit_px, valid, sigma_px = pairs.flow_and_validity(
-        render, aligned, tolerance_px=tolerance_px, **options
-    )
-    warped = functools.partial(warp.warp, kernel=kernel)
-    made = {
-        "control": warp.round_trip(photo, flow_px, kernel=kernel),
-        "placebo": warped(photo, controls.placebo_flow(*render.shape[:2], view=view)),
-        "crossfit": warped(photo, crossfit_px),
-        "aligned": aligned,
-        "overfit": warped(aligned, overfit_px),
-        "overfit_crossfit": warped(aligned, crossfit_flow(render, aligned, **options)),
-    }
-    for kind, image in made.items():
-        images.write(folders[kind] / f"{view}.png", image)
-    files.write_flow(folders["overfit_flow"] / f"{view}.npz", overfit_px, valid)
-    return {
-        "view": view,
-        "aligned": "resharpened" if oracle is None else "oracle",
-        **lengths.statistics(overfit_px, valid, view=view),
-        "blur_sigma_px": sigma_px,
-    }
 
+    def __init__(
+        self,
+        name,
+        render,
+        photo,
+        flow_px,
+        oracle=None,
+        *,
+        kernel="lanczos",
+        tolerance_px=1.0,
+        **options,
+    ):
+        self.name, self.render, self.photo, self.flow_px = name, render, photo, flow_px
+        self.oracle, self.kernel, self.tolerance_px = oracle, kernel, tolerance_px
+        self.options = options
 
-def crossfit_flow(
-    render, photo, *, method=estimate.DEFAULT, match_blur=True, blur_by=None
-):
-    """`controls.crossfit_flow` with the estimator and blur that the warped set has.
+    def warp(self, image, flow_px):
+        """An image warped by a flow."""
+        return warp.warp(image, flow_px, kernel=self.kernel)
 
-    One blur for the whole image: it is a single number, and says nothing of a pixel.
-    """
-    if match_blur:
-        photo, _ = estimate.blur_match(photo, render, method=method, blur_by=blur_by)
-    flow_of = functools.partial(estimate.estimate, method=method)
-    return controls.crossfit_flow(render, photo, flow_of=flow_of)
+    def round_trip(self):
+        """The photo warped by its flow, and back by the flow's inverse."""
+        return warp.round_trip(self.photo, self.flow_px, kernel=self.kernel)
+
+    def placebo_px(self):
+        """A flow that aligns nothing."""
+        return controls.placebo_flow(*self.render.shape[:2], view=self.name)
+
+    @functools.cached_property
+    def crossfit_px(self):
+        """The flow to the photo that at no pixel has seen the render there."""
+        return self.held_out_px(self.photo)
+
+    @functools.cached_property
+    def aligned(self):
+        """The image that belongs where the render is."""
+        if self.oracle is not None:
+            return self.oracle
+        return controls.resharpened(self.render, self.photo, self.crossfit_px)
+
+    @functools.cached_property
+    def invented(self):
+        """(flow, valid [h, w], blur in px) that an estimator finds to that image."""
+        return pairs.flow_and_validity(
+            self.render, self.aligned, tolerance_px=self.tolerance_px, **self.options
+        )
+
+    @property
+    def invented_px(self):
+        """That flow."""
+        return self.invented[0]
+
+    def held_out_px(self, image):
+        """`controls.crossfit_flow` with the estimator and blur of the warped set.
+
+        One blur for the whole image: it is a single number, and says nothing of a
+        pixel.
+        """
+        method = self.options.get("method", estimate.DEFAULT)
+        if self.options.get("match_blur", True):
+            by = self.options.get("blur_by")
+            image, _ = estimate.blur_match(
+                image, self.render, method=method, blur_by=by
+            )
+        flow_of = functools.partial(estimate.estimate, method=method)
+        return controls.crossfit_flow(self.render, image, flow_of=flow_of)
+
+    def write(self, folders):
+        """Write its control sets."""
+        for one in testsets.drawn():
+            images.write(folders[one.name] / f"{self.name}.png", one.draw(self))
+        files.write_flow(folders[INVENTED] / f"{self.name}.npz", *self.invented[:2])
+
+    def row(self):
+        """The statistics of the invented flow."""
+        flow_px, valid, sigma_px = self.invented
+        return {
+            "view": self.name,
+            "aligned": "resharpened" if self.oracle is None else "oracle",
+            **lengths.statistics(flow_px, valid, view=self.name),
+            "blur_sigma_px": sigma_px,
+        }
 
 
 def parse(arguments=None):
@@ -138,10 +189,14 @@ def parse(arguments=None):
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    for name in ("renders", "photos", "flow", "out"):
+    for name in ("renders", "photos", "flow"):
         parser.add_argument(f"--{name}", type=Path, required=True)
+    written = parser.add_mutually_exclusive_group(required=True)
+    written.add_argument("--out", type=Path, help="folder, written into")
+    written.add_argument("--lengths", type=Path, help="CSV, written alone")
     parser.add_argument("--truth", type=Path, help="folder with the oracle's images")
     parser.add_argument("--masks", type=Path, help="where photos count, if it is there")
+    parser.add_argument("--threads", type=int, help="views at once")
     arguments_of_flow.add(parser)
     return parser.parse_args(arguments)
 

@@ -3,12 +3,6 @@
 from alignerf.experiment import trainings
 from alignerf.files import split_paths
 
-# Folders of flow.control_sets beside the warped test set.
-CONTROL_SETS = (
-    *("control", "placebo", "crossfit"),
-    *("aligned", "overfit", "overfit_flow", "overfit_crossfit"),
-)
-
 
 def option(name, value):
     """`--name value` for a shell line, nothing where there is no value."""

@@ -2,6 +2,7 @@
 
 import json
 
+from alignerf import testsets
 from alignerf.experiment import (
     arguments,
     kinds,
@@ -246,7 +247,7 @@ def of_scores(experiment, scene, folder, moved):
     """{name: path} of inputs of rule `evaluate` besides renders: truth, test sets."""
     inputs = truth_of(experiment, scene)
     if testset := testset_of(scene, moved):
-        sets = ("flow", "warped", *arguments.CONTROL_SETS)
+        sets = ("flow", "warped", *testsets.image_folders())
         inputs |= {name: f"{testset}/{name}" for name in sets}
     return inputs
 

@@ -104,7 +104,12 @@ BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
 @functools.cache
 def imports(path):
     """Names of the modules that a file imports, and of what it takes from them."""
-    modules, todo = [], [ast.parse(path.read_text())]
+    text = path.read_text()
+    modules, todo = [], [ast.parse(text)]
+    # A registry imports all modules of its folder.
+    if path.name == "__init__.py" and "extensions.registered(" in text:
+        package = ".".join(path.parent.relative_to(ROOT).parts)
+        modules += [f"{package}.{one.stem}" for one in path.parent.glob("*.py")]
     while todo:
         node = todo.pop()
         if isinstance(node, ast.Import):

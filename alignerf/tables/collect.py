@@ -22,7 +22,8 @@ import math
 
 import pandas as pd
 
-from alignerf.experiment.tables import json_rows, test_sets
+from alignerf import testsets
+from alignerf.experiment.tables import json_rows
 from alignerf.experiment.tables import rows as table_rows
 from alignerf.files import atomic, csv_files, faults, json_files, provenance
 from alignerf.tables import columns
@@ -81,7 +82,7 @@ def views_of(path):
         raise ValueError(f"{path}: not the scores of views: {error}") from None
     if table.duplicated(["view", "test_set"]).any():
         raise ValueError(f"{path}: not the scores of views: one stands twice")
-    known = {one.name for one in test_sets.every()}
+    known = {one.name for one in testsets.every()}
     if unknown := set(table["test_set"]) - known:
         raise ValueError(f"{path}: no test set is called {min(unknown)!r:.80}")
     metrics = [name for name in columns.METRICS if name in table]

@@ -4,49 +4,17 @@ All are means over test views of differences in PSNR, paired by view, both sides
 same pixels but for the gain, of which `pixel_choice` says how much that is. `remains`
 adds up terms on three sets of pixels (all, valid, and valid for the invented flow).
 `crossfit`, on the valid ones alone, is the measure of alignment, and `remains` its
-check.
+check. Each test set says what its score, and its difference to another, tells.
 """
 
 import pandas as pd
 
+from alignerf import testsets
 from alignerf.tables import columns, latex, scores
+from alignerf.testsets.base import Quantity
 
-# What is measured, and the two test sets whose difference it is (or one's score).
-QUANTITIES = {
-    "standard": ("standard", None),
-    "warped": ("warped", None),
-    "gain": ("warped", "standard"),
-    "pixel_choice": ("standard_valid", "standard"),
-    "resampling": ("control", "standard"),
-    "placebo": ("placebo", "standard"),
-    "overfit": ("overfit", "overfit_crossfit"),
-    "oracle_offset": ("overfit_crossfit", "aligned"),
-    "crossfit": ("crossfit", "standard_valid"),
-    "oracle": ("oracle", None),
-    "oracle_gain": ("oracle", "standard"),
-    "pose_gain": ("aligned_pose", "standard"),
-    "pose_overfit": ("aligned_pose_overfit", "oracle"),
-}
-# What is no alignment; the rest of the gain remains as such.
-TAKEN = ("pixel_choice", "resampling", "overfit")
-NEEDED = {"standard", "standard_valid", "warped", "control", "placebo", "crossfit"}
-NEEDED |= {"aligned", "overfit", "overfit_crossfit"}
-HEADINGS = {
-    "standard": "standard",
-    "warped": "warped",
-    "gain": "gain",
-    "pixel_choice": "pixels",
-    "resampling": "resampling",
-    "placebo": "(placebo)",
-    "overfit": "overfit",
-    "remains": "remains",
-    "crossfit": "crossfit",
-    "oracle_offset": "oracle offset",
-    "oracle": "oracle",
-    "oracle_gain": "oracle gain",
-    "pose_gain": "pose gain",
-    "pose_overfit": "pose overfit",
-}
+# Of the gain, what is left without all that is no alignment.
+REMAINS = Quantity("remains", 70)
 NOTES = (
     "PSNR in dB, mean over test views; differences paired by view, with 95 %",
     "bootstrap intervals; bold: the interval does not hold 0.",
@@ -55,47 +23,65 @@ NOTES = (
 )
 
 
+def needed():
+    """Names of the test sets that each row has to have."""
+    return [
+        one.name
+        for one in testsets.every()
+        if "controls" in one.tables and one.needs in ("", "testset") and not one.moved
+    ]
+
+
 def make_table(rows):
     """A line per `results.Row` and quantity."""
     lines = []
     for row in rows:
         labels = {"method": row.method, "warping": row.warping}
-        for quantity, values in quantities_of(row.psnr_db(sorted(NEEDED))).items():
-            named = labels | {"quantity": quantity, "views": len(values)}
+        for quantity, values in quantities_of(row.psnr_db(needed())).items():
+            named = labels | {"quantity": quantity.name, "views": len(values)}
             lines.append(named | scores.mean_and_interval(values))
     return pd.DataFrame(lines, columns=columns.names("controls"))
 
 
 def quantities_of(psnr_db):
-    """{quantity: dB of each view}, in the order of the headings."""
-    of_views = {}
-    for quantity, (above, below) in QUANTITIES.items():
-        if above in psnr_db:
-            of_views[quantity] = psnr_db[above] - (psnr_db[below] if below else 0.0)
-    taken = sum(of_views[quantity] for quantity in TAKEN)
-    of_views["remains"] = of_views["gain"] - taken
-    return {name: of_views[name] for name in HEADINGS if name in of_views}
+    """{`Quantity`: dB of each view}, in their order."""
+    found = {}
+    for one in testsets.every():
+        if "controls" in one.tables and one.name in psnr_db:
+            if one.score:
+                found[one.score] = psnr_db[one.name]
+            if one.difference:
+                found[one.difference] = psnr_db[one.name] - psnr_db[one.control_of]
+    gain = found[testsets.named("warped").difference]
+    found[REMAINS] = gain - sum(v for k, v in found.items() if k.is_no_alignment)
+    return {key: found[key] for key in sorted(found, key=lambda key: key.order)}
+
+
+def shown():
+    """(name, heading, whether it is a difference) of every quantity, in their order."""
+    every = [(REMAINS, True)]
+    for one in testsets.every():
+        every += [(one.score, False)] * bool(one.score)
+        every += [(one.difference, True)] * bool(one.difference)
+    every.sort(key=lambda pair: pair[0].order)
+    return [(q.name, q.heading or q.name, differs) for q, differs in every]
 
 
 def to_latex(table):
     """A row per method and warping, a column a quantity."""
-    quantities = [name for name in HEADINGS if name in set(table["quantity"])]
+    known = set(table["quantity"])
+    chosen = [one for one in shown() if one[0] in known]
     rows = []
     for (method, warping), own in table.groupby(["method", "warping"], sort=False):
-        texts = {
-            line.quantity: cell(line.quantity, line.db, line.low_db, line.high_db)
-            for line in own.itertuples()
-        }
-        cells = [texts.get(quantity, "--") for quantity in quantities]
+        lines = own.set_index("quantity")
+        cells = [
+            latex.difference(*lines.loc[name, ["db", "low_db", "high_db"]])
+            if differs
+            else scores.shown(lines.loc[name, "db"], ".2f")
+            for name, _, differs in chosen
+        ]
         rows.append([latex.name(method), warping, *cells])
     names, *others = zip(*rows, strict=True)
     rows = latex.rows_of([latex.once(names), *others])
-    heads = ["Method", "Warping", *(HEADINGS[quantity] for quantity in quantities)]
-    return latex.table("ll" + "r" * len(quantities), [heads], rows, NOTES)
-
-
-def cell(quantity, mean, low, high):
-    """A score plainly, a difference with its interval."""
-    if QUANTITIES.get(quantity, ("", ""))[1] is None:
-        return scores.with_interval(mean, float("nan"), float("nan"))
-    return latex.difference(mean, low, high)
+    heads = ["Method", "Warping", *(heading for _, heading, _ in chosen)]
+    return latex.table("ll" + "r" * len(chosen), [heads], rows, NOTES)

@@ -8,12 +8,12 @@ nothing.
 
 import pandas as pd
 
-from alignerf.experiment.tables import test_sets
+from alignerf import testsets
 from alignerf.files import csv_files
 from alignerf.tables import columns, latex, scores
 from alignerf.tables.columns import METRICS, PRINTED_ONLY
 
-TEST_SETS = test_sets.shown_in("misalignment")
+TEST_SETS = testsets.shown_in("misalignment")
 # Not every view has pixels for it: the mean is of those that do.
 PARTIAL = ("oracle_moving",)
 PRINTED = ("psnr_db", "ssim", PRINTED_ONLY)

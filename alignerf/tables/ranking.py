@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 import scipy.stats
 
-from alignerf.experiment.tables import test_sets
+from alignerf import testsets
 from alignerf.tables import columns, intervals, latex, scores
 
-TEST_SETS = test_sets.shown_in("ranking")
+TEST_SETS = testsets.shown_in("ranking")
 # Ranked where all rows have it.
 OPTIONAL = "aligned_pose"
 # Each draw ranks all rows for each test set: 0.2 ms a piece.

@@ -2,9 +2,9 @@
 
 from typing import NamedTuple
 
-import numpy as np
 import pandas as pd
 
+from alignerf import testsets
 from alignerf.files import csv_files, json_files
 from alignerf.tables import scores
 from alignerf.verdict import shift
@@ -30,10 +30,6 @@ class Gain(NamedTuple):
     matches: dict | None = None
 
 
-# Test sets, the fairest first. Cameras that have moved see a test view elsewhere than
-# the given one says, so of these the photos as they are count last.
-USUAL = ("oracle", "standard")
-FAIR = ("oracle", "aligned_pose", "standard")
 OF_GAINS = ("method", "warping", "test_set", "difference_to", "total_time_s")
 OF_GAINS += ("moves_cameras", "moves_photos")
 OF_GAINS += ("difference_db", "difference_low_db", "difference_high_db")
@@ -55,11 +51,12 @@ def of_table(path, timings, judgements=()):
     table = csv_files.read(path, columns=OF_GAINS)
     known = set(table["test_set"])
     # Of published rows it is not known.
-    moved = table["moves_cameras"].eq(True)
-    usual, fair = (
-        next((name for name in names if name in known), None) for names in (USUAL, FAIR)
-    )
-    chosen = table[table["test_set"] == np.where(moved, fair, usual)]
+    moves = [
+        {name for name in ("cameras", "photos") if row[f"moves_{name}"] is True}
+        for row in table.to_dict("records")
+    ]
+    fair = [testsets.fairest(known, moved) for moved in moves]
+    chosen = table[table["test_set"] == fair]
     gains = []
     for row in chosen.itertuples():
         own = row.method == row.difference_to and row.warping == scores.warping(0)

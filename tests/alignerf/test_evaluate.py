@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from alignerf import evaluate
-from alignerf.experiment.tables import test_sets
+from alignerf import evaluate, testsets
 from alignerf.files import images
 from alignerf.metrics import image as image_metrics
 from alignerf.metrics import lpips
@@ -192,7 +191,7 @@ def test_the_oracle_where_the_truth_is_known(folder):
     assert found.loc["a", "oracle"]["psnr_db"] == pytest.approx(wanted)
 
 
-MOVED = [one.name for one in test_sets.EVERY if one.moved]
+MOVED = [one.name for one in testsets.every() if one.moved]
 
 
 def test_moved_cameras_are_scored_by_their_own_renders(folder, rng):

@@ -2,7 +2,7 @@
 
 import cv2
 
-from alignerf.experiment.tables.test_sets import TestSet
+from alignerf.testsets.base import TestSet
 
 SIGMA_PX = 1.0
 

@@ -193,9 +193,9 @@ def commands(out, folder, scene, splits):
             *("--stats-out", base / f"decomposition_photos_{name}.csv"),
         )
     yield (
-        *("flow.overfit", "--renders", base / "renders" / splits[0]),
+        *("flow.control_sets", "--renders", base / "renders" / splits[0]),
         *("--photos", photos, "--masks", masks, "--flow", base / "flow" / splits[0]),
-        *("--out", base / "overfit.csv"),
+        *("--lengths", base / "overfit.csv"),
     )
     yield (
         *("alignerf.verdict", "--scene", folder, "--base", base),

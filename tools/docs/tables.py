@@ -19,7 +19,7 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from alignerf.experiment.tables import test_sets
+from alignerf import testsets
 from alignerf.tables import columns
 from tools.docs import lists
 
@@ -75,7 +75,7 @@ def made(kind, name, root):
     if kind == "columns":
         if name not in {**columns.TABLES, "test_sets": None}:
             raise ValueError(f"columns.yaml: no table {name}")
-        return test_sets.markdown() if name == "test_sets" else columns.markdown(name)
+        return testsets.markdown() if name == "test_sets" else columns.markdown(name)
     if kind == "output":
         return quoted((root / "docs/outputs" / f"{name}.txt").read_text())
     if kind in ("make", "targets"):

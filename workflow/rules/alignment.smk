@@ -66,7 +66,7 @@ rule control_sets:
     output:
         [
             directory(f"results/{{scene}}/testset/{name}")
-            for name in arguments.CONTROL_SETS
+            for name in inputs.testsets.image_folders()
         ],
         lengths="results/{scene}/testset/overfit.csv",
     log:

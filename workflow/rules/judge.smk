@@ -50,9 +50,9 @@ rule overfit:
     params:
         flow=arguments.estimator_options(experiment),
         split=lambda w: experiment.splits(w.scene, w.training)[0],
-        sources=sources_of("flow.overfit"),
+        sources=sources_of("flow.control_sets"),
     shell:
-        "python -m flow.overfit {params.flow:q} --threads {threads}"
+        "python -m flow.control_sets {params.flow:q} --threads {threads}"
         " --renders {input.renders:q}/{params.split}"
         " --photos {input.photos:q} --masks {input.photos:q}/masks"
-        " --flow {input.flow:q}/{params.split} --out {output:q} 2>&1 | tee {log:q}"
+        " --flow {input.flow:q}/{params.split} --lengths {output:q} 2>&1 | tee {log:q}"

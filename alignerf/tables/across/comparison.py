@@ -14,13 +14,13 @@ import itertools
 import numpy as np
 import pandas as pd
 
-from alignerf.experiment.tables import test_sets
+from alignerf import testsets
 from alignerf.files import atomic, csv_files, faults
 from alignerf.tables import columns, latex, misalignment, ranking, scores
 from alignerf.tables import files as table_files
 from alignerf.tables.columns import METRICS, PRINTED_ONLY
 
-TEST_SETS = test_sets.shown_in("comparison")
+TEST_SETS = testsets.shown_in("comparison")
 # Of these the LaTeX table shows what the paper's does.
 PRINTED_SETS = ("standard", "warped")
 PRINTED = misalignment.PRINTED

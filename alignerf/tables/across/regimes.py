@@ -16,7 +16,7 @@ import logging
 import numpy as np
 import pandas as pd
 
-from alignerf.experiment.tables import test_sets
+from alignerf import testsets
 from alignerf.files import atomic, csv_files, faults
 from alignerf.tables import columns, latex, scores
 from alignerf.tables import files as table_files
@@ -26,7 +26,7 @@ log = logging.getLogger("alignerf")
 
 # How far photos are from the reference's renders, below a scene's folder.
 FLOW = "testset/displacement.csv"
-TEST_SETS = test_sets.shown_in("regimes")
+TEST_SETS = testsets.shown_in("regimes")
 METRICS = ("psnr_db", "ssim")
 COSTS = ("train_time_s", "data_time_s", "total_time_s", "rays_seen")
 REGIME = ("scene", "perturb_px", "motion_m")

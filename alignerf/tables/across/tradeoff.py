@@ -10,6 +10,7 @@ there are several, seeds. Writes CSV, LaTeX and a figure.
 import numpy as np
 import pandas as pd
 
+from alignerf import testsets
 from alignerf.files import atomic, faults
 from alignerf.tables import columns, latex, scores
 from alignerf.tables import files as table_files
@@ -47,8 +48,7 @@ def lines_of(lengths):
     whole = lengths.get(1) or next(iter(lengths.values()))
     reference = whole[0].scene.reference
     base = {one.scene.seed: one.row((reference, 0)).psnr_db() for one in whole}
-    sets = [views for one in base.values() for views in one]
-    test_set = "oracle" if sets.count("oracle") == len(base) else "standard"
+    test_set = testsets.fairest(set.intersection(*(set(one) for one in base.values())))
     lines = []
     for length, group in lengths.items():
         for key in table_files.shared_rows(group):

@@ -14,7 +14,7 @@ from alignerf.tables.across import comparison
 from alignerf.verdict import views
 from tests import table_cases
 
-SETS = (*sorted(controls.NEEDED), "oracle")
+SETS = (*sorted(controls.needed()), "oracle")
 ROWS = [
     table_cases.row(dict.fromkeys(SETS, db), name)
     for db, name in (

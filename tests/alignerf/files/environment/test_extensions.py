@@ -94,7 +94,7 @@ def test_what_cannot_be_taken_is_one_line(tmp_path, root, group, point, code, re
 def test_two_packages_with_one_name(tmp_path, root):
     for name in ("one", "two"):
         package(tmp_path, name, "test_sets", f"same = {name}", TEST_SET)
-    read = "from alignerf.experiment.tables import test_sets; test_sets.every()"
+    read = "from alignerf import testsets; testsets.every()"
     exit_code, (line,) = run(root, tmp_path, read)
     assert exit_code == 1
     assert line.endswith("another package has the same name")

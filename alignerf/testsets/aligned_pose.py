@@ -1,0 +1,38 @@
+"""Renders by cameras that were moved to fit the photo, or the oracle, by the flow.
+
+Moved cameras of a method see a test view elsewhere than its given camera says. A camera
+that is fitted to the view on one half of its pixels scores the other half fairly.
+"""
+
+from alignerf.testsets.base import Quantity, TestSet, oracle, photo
+
+TEST_SETS = [
+    TestSet(
+        name="aligned_pose",
+        pixels="all",
+        meaning="the photo. The render's camera is moved to fit it by the flow, see "
+        "below",
+        needs="",
+        make=photo,
+        tables=("misalignment", "comparison", "remedies", "controls"),
+        moved=True,
+        order=120,
+        control_of="standard",
+        difference=Quantity("pose_gain", 120, "pose gain"),
+        fair_for=frozenset({"cameras", "photos"}),
+        preference=30,
+    ),
+    TestSet(
+        name="aligned_pose_overfit",
+        pixels="all",
+        meaning="courtyard only: the oracle. The render's camera is moved to fit the "
+        "oracle",
+        needs="truth",
+        make=oracle,
+        tables=("controls",),
+        moved=True,
+        order=130,
+        control_of="oracle",
+        difference=Quantity("pose_overfit", 130, "pose overfit"),
+    ),
+]

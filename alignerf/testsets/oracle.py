@@ -1,0 +1,41 @@
+"""The true scene, where that is known: all of it, what is still, and what moves."""
+
+from alignerf.testsets.base import QUALITY, Quantity, TestSet, oracle
+
+TEST_SETS = [
+    TestSet(
+        name="oracle",
+        pixels="all",
+        meaning="courtyard only: the undisplaced scene at the pose that training was "
+        "given, so what a method should have shown",
+        needs="truth",
+        make=oracle,
+        tables=(*QUALITY, "remedies", "controls"),
+        order=90,
+        control_of="standard",
+        score=Quantity("oracle", 100),
+        difference=Quantity("oracle_gain", 110, "oracle gain"),
+        fair_for=frozenset({"cameras", "photos"}),
+        preference=10,
+    ),
+    TestSet(
+        name="oracle_still",
+        pixels="others",
+        meaning="courtyard with `motion: two_states`: the oracle, where no moving "
+        "object is seen in either state",
+        needs="moving",
+        make=lambda view: (view.oracle, ~view.moving),
+        tables=("misalignment",),
+        order=100,
+    ),
+    TestSet(
+        name="oracle_moving",
+        pixels="moving",
+        meaning="the same where one is seen, and 3 px around it",
+        needs="moving",
+        make=lambda view: (view.oracle, view.moving),
+        tables=("misalignment",),
+        partial=True,
+        order=110,
+    ),
+]
