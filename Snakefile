@@ -18,7 +18,7 @@ sys.path.insert(0, workflow.basedir)
 
 from snakemake.utils import min_version
 
-from alignerf.experiment import arguments, check, inputs, layout, plan, slices
+from alignerf.experiment import arguments, check, inputs, layout, plan
 from alignerf.experiment import sources, targets
 from alignerf.experiment.checks import results
 from alignerf.experiment.cluster import needs, storages, work

@@ -13,6 +13,7 @@ import numpy as np
 
 from alignerf.alignment import cameras, look, looker, outputs, photos, store, words
 from alignerf.experiment import jobs
+from alignerf.methods import align
 from alignerf.processes import consensus, devices
 from alignerf.training import compose, memory
 from flow.camera import correct
@@ -62,7 +63,7 @@ class Aligner:
     def begin(self, steps, identity):
         """Fix the places of a training of so many steps; identity: its fingerprint."""
         self.identity, self.steps = identity, steps
-        self.places = jobs.places(self.settings, steps)
+        self.places = align.places(self.settings, steps)
 
     def restore(self, step) -> bool:
         """Load the alignments made before a step; returns whether they are on disk.

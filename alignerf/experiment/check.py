@@ -2,20 +2,12 @@
 
 from pathlib import Path
 
+from alignerf import methods
 from alignerf.experiment import schema
-from alignerf.experiment.checks import (
-    external,
-    filled,
-    methods,
-    models,
-    names,
-    results,
-    scenes,
-)
+from alignerf.experiment.checks import filled, models, names, results, scenes
 from alignerf.experiment.checks.common import fault, is_there
 from alignerf.experiment.keys import config as config_keys
 from alignerf.experiment.keys import left as left_keys
-from alignerf.experiment.keys import method as method_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.files import faults, yaml_files
 
@@ -42,14 +34,12 @@ def checked(config, files=()):
     for name, model in config["models"].items():
         models.check_model(model, "models", name)
     for name in config["methods"]:
-        methods.check_method(config, name)
-    methods.check_pretraining(config)
-    methods.check_reference(config)
+        methods.check(config, name)
+    check_reference(config)
     for name, scene in config["scenes"].items():
         scenes.check_scene(scene, "scenes", name)
         scenes.check_path(scene, name)
     scenes.check_windows(config)
-    external.check_windows(config)
     names.check_published(config)
     check_flow(config["flow"], config["methods"])
     check_weights(config)
@@ -67,12 +57,20 @@ def check_given(config):
             fault(f"scenes.{name}.test_every", "blender's files say what is held out")
         if scene.get("seed") is not None and (config.get("vary") or {}).get("seeds"):
             fault(f"scenes.{name}.seed", "not beside vary.seeds")
-    for name, method in (config.get("methods") or {}).items():
-        # Its default stands in every complete config.
-        default = method_keys.Method.default("most_rounds")
-        given = method.get("most_rounds", default)
-        if given != default and method.get("rounds") != "auto":
-            fault(f"methods.{name}.most_rounds", "only with `rounds: auto`")
+
+
+def check_reference(config):
+    """The reference's round is one that is trained, whatever the flow does."""
+    name, round = config["reference"]["method"], config["reference"]["round"]
+    if name not in config["methods"]:
+        fault("reference.method", f"no method {name!r}")
+    rounds = config["methods"][name]["rounds"]
+    if round == "last":
+        return
+    if rounds == "auto" and round > 1:
+        fault("reference.round", "with rounds: auto it must be 0, 1 or last")
+    if rounds != "auto" and round > rounds:
+        fault("reference.round", f"{name} has fewer rounds")
 
 
 def check_flow(flow, methods):

@@ -2,22 +2,21 @@
 
 import json
 
-from alignerf import testsets
+from alignerf import methods, testsets
 from alignerf.experiment import (
     arguments,
-    kinds,
     layout,
-    slices,
+    plan,
     sources,
     targets,
     trainings,
 )
-from alignerf.experiment.kinds import rounds
+from alignerf.methods import rounds
 
 
 def is_given(experiment, folder):
     """Whether a folder below results/SCENE/ is of a method whose renders are given."""
-    return folder.partition("/")[0] in experiment.names(kinds.given)
+    return folder.partition("/")[0] in experiment.names("trains", False)
 
 
 def renders_of(experiment, scene, folder, moved=""):
@@ -34,7 +33,7 @@ def renders_of(experiment, scene, folder, moved=""):
 
 def decisions_of(experiment, scene):
     """The path of decisions.json, or [] where the config leaves no setting open."""
-    return slices.decisions_of(experiment.config, scene) or []
+    return trainings.decisions_of(experiment.config, scene) or []
 
 
 def of_poses(experiment, scene, local):
@@ -85,7 +84,9 @@ def poses_options(experiment, scene):
 
 def adjusts(experiment, scene):
     """Whether a method of a scene begins with adjusted cameras that are not its own."""
-    return any(experiment.input_cameras(scene, name) for name in experiment.methods)
+    return any(
+        methods.input_cameras(experiment, scene, name) for name in experiment.methods
+    )
 
 
 def truth_of(experiment, scene):
@@ -145,7 +146,7 @@ def external_keys(experiment, folder):
 
 def weights_of(experiment, scene, folder):
     """[file] of the VGG-19 weights of a fine-tuning's frequency loss; [] without."""
-    finetuning = json.loads(experiment.training(scene, folder).job)["alignerf"]
+    finetuning = json.loads(experiment.training(scene, folder).job).get("alignerf")
     weights = finetuning and finetuning["frequency_weights"]
     return [weights] if weights else []
 
@@ -167,7 +168,7 @@ def of_export(experiment, scene, method, what):
     """
     cameras, warped = exported(experiment, scene, method, what)
     inputs = {"learnt": cameras} | held_out_of(experiment, scene, method, what) | warped
-    if method in experiment.names(kinds.aligned):
+    if method in experiment.names("in_loop"):
         inputs["verdict"] = f"results/{scene}/verdict.json"
     return layout.outputs_of(inputs)
 
@@ -216,7 +217,7 @@ def export_options(experiment, scene, method, what):
     training = last_training(experiment, scene, method)
     cameras, warped = exported(experiment, scene, method, what)
     chosen = {
-        "config": slices.of_scene(experiment, scene),
+        "config": plan.scene_config(experiment, scene),
         "width": experiment.config["export_width_px"],
         "cameras": cameras,
     }
@@ -232,7 +233,7 @@ def export_options(experiment, scene, method, what):
     judged = experiment.scenes[scene]["judged"]
     if (judged and what == "cameras") or is_adjusted(training):
         words += ["--adjusted", layout.adjusted(scene)]
-    if method in experiment.names(kinds.aligned):
+    if method in experiment.names("in_loop"):
         # Where the verdict says that alignment gained nothing, exports are as given.
         words += ["--if-pays", f"results/{scene}/verdict.json", training.owner]
     return words

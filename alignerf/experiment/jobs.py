@@ -5,18 +5,20 @@ import math
 from typing import Literal
 
 from alignerf.experiment import schema
-from alignerf.experiment.keys import method as method_keys
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.experiment.keys.key import Keys, key
 from alignerf.files import faults
+from alignerf.methods.align import Align
+from alignerf.methods.refine import Refine
+from alignerf.methods.staged import AligNeRF
 
 STAGES = ("full", "warm", "pretrain", "finetune")
 # Of a stage with a budget, however small that is; of a whole training, however large.
 LEAST_STEPS, MOST_STEPS = 10, 10**8
 
 
-class Finetuning(method_keys.AligNeRF):
+class Finetuning(AligNeRF):
     """The settings of one method, with the file that its loss looks through."""
 
     radius_px: int | None = key(
@@ -41,8 +43,8 @@ class Job(Keys):
     pretrain_share: float | None = key(
         None, "of a pre-training: its share of the length", above=0, most=1
     )
-    refine: method_keys.Refine | None = key(None, "learns cameras too")
-    align: method_keys.Align | None = key(None, "aligns itself on the way")
+    refine: Refine | None = key(None, "learns cameras too")
+    align: Align | None = key(None, "aligns itself on the way")
     decisions: str | None = key(
         None,
         "file of what the scene's facts decided; `alignerf.decisions.fill` takes it",
@@ -149,29 +151,6 @@ def check_stage(job: Job):
 def in_stage(job: Job, stage) -> Job:
     """The same job in another stage."""
     return job.model_copy(update={"stage": stage})
-
-
-def places(align: method_keys.Align, steps, where="align") -> dict:
-    """{step: what is put right before it} of a training that aligns itself.
-
-    Steps count from 0; cameras come before photos. Raises ValueError, with the key as
-    `where` begins it, where two shares of one list fall on one step, or one on the
-    first or beyond the last.
-    """
-    found = {}
-    for what in ("cameras", "photos"):
-        key = f"{what}_at"
-        for share in sorted(getattr(align, key)):
-            step = round(share * steps)
-            kinds = found.setdefault(step, [])
-            outside = {0: "the first", steps: "beyond the last"}
-            if what in kinds or step in outside:
-                which = outside.get(step, f"number {step}, as another is")
-                raise ValueError(
-                    f"config: {where}.{key}: {share:g} of {steps} steps is {which}"
-                )
-            kinds.append(what)
-    return dict(sorted(found.items()))
 
 
 def steps_in(job: Job, step_time_s) -> int:

@@ -6,9 +6,11 @@ that the flow of round k - 1 warped, or with cameras that this flow corrected.
 
 import functools
 import itertools
+import json
 import re
 
-from alignerf.experiment import kinds, layout, slices, trainings
+from alignerf import methods
+from alignerf.experiment import trainings
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import json_files
 
@@ -49,9 +51,10 @@ class Experiment:
         self.making = set()
 
     @kept
-    def names(self, kind):
-        """Methods of a kind, one of `kinds.EVERY`, in the config's order."""
-        return [name for name, m in self.methods.items() if kinds.of_method(m) is kind]
+    def names(self, what, known=True):
+        """Methods whose record has an attribute (or not), in the config's order."""
+        of = methods.of_method
+        return [n for n, m in self.methods.items() if getattr(of(m), what) == known]
 
     @kept
     def in_order(self):
@@ -59,45 +62,17 @@ class Experiment:
 
         A training that several methods share is named after the first of them.
         """
-        plain = self.names(kinds.plain)
-        return [*plain, *(name for name in self.methods if name not in plain)]
+        return self.names("from_scratch") + self.names("from_scratch", False)
 
     @kept
     def trained(self):
         """Methods that train something: all but another program's renders."""
-        return [m for m in self.methods if m not in self.names(kinds.given)]
+        return self.names("trains")
 
     @kept
     def baseline(self, method):
-        """The method whose round 0 is the baseline of a method in tables.
-
-        Of a warm method: the method in `warm_start.from`. Of given renders: the
-        reference's method. Of an external method: the first with the same commands. Of
-        others: the first plain method with the same model, or
-        the method itself where no plain method has this model.
-        """
-        chosen = self.methods[method]
-        if method in self.names(kinds.warm):
-            return chosen["warm_start"]["from"]
-        if method in self.names(kinds.given):
-            return self.config["reference"]["method"]
-        if (external := self.names(kinds.external)) and method in external:
-            jobs = {name: slices.of_commands(self.methods[name]) for name in external}
-            return next(name for name in external if jobs[name] == jobs[method])
-        plain, model = self.names(kinds.plain), chosen["model"]
-        same = (name for name in plain if self.methods[name]["model"] == model)
-        return next(same, method)
-
-    def input_cameras(self, scene, method):
-        """{"cameras": path} of those that a method begins with, if not the scene's.
-
-        Crops have the cameras of their scene, and adjusted poses are adjusted already.
-        """
-        chosen = self.scenes[scene]
-        if not self.methods[method]["adjust"] or chosen["zoom"]:
-            return {}
-        adjusted = chosen["poses"] == "adjusted"
-        return {} if adjusted else {"cameras": layout.adjusted(scene, "train.npz")}
+        """The method whose round 0 is the baseline of a method in tables."""
+        return methods.of_method(self.methods[method]).baseline(self, method)
 
     @kept
     def rounds_of(self, scene, method):
@@ -115,12 +90,12 @@ class Experiment:
             return equal.setdefault(training.value, training)
 
         if method in self.making:
-            what = "its kind sets it against a plain method of its model: there is none"
+            what = "it sets itself against a plain method of its model: there is none"
             raise ValueError(f"config: methods.{method}: {what}")
         self.making.add(method)
         try:
-            kind = kinds.of_method(self.methods[method])
-            return kind.trainings(self, scene, method, once)
+            record = methods.of_method(self.methods[method])
+            return record.trainings(self, scene, method, once)
         finally:
             self.making.discard(method)
 
@@ -147,7 +122,7 @@ class Experiment:
 
         A shared training lies in the folder of another method.
         """
-        if method in self.names(kinds.given):
+        if method not in self.trained():
             return f"results/{scene}/{method}/round0"
         return self.at(scene, method, round).path
 
@@ -173,8 +148,8 @@ class Experiment:
         every = self.trainings(scene).values()
         folders = {before.folder for training in every for before in training.flows}
         judged = self.whole(scene) != scene or self.windows(scene)
-        external = self.config["reference"]["method"] in self.names(kinds.external)
-        if judged or external or self.names(kinds.aligned):
+        others = self.config["reference"]["method"] not in self.names("ours")
+        if judged or others or self.names("in_loop"):
             folders.add(self.judged_folder(scene).removeprefix(f"results/{scene}/"))
         return folders
 
@@ -202,7 +177,7 @@ class Experiment:
 
     def scored(self, scene):
         """(method, round) of all that is scored: trainings, then given renders."""
-        given = self.names(kinds.given)
+        given = self.names("trains", False)
         return [*self.all_rounds(scene), *((name, 0) for name in given)]
 
     def reference_round(self, scene):
@@ -259,6 +234,35 @@ class Experiment:
         return f"results/{scene}/truth" if self.has_truth(scene) else None
 
 
+def scene_config(experiment, name):
+    """What the poses of a scene depend on: not how long it is trained."""
+    scene = experiment.scenes[name]
+    unused = {"steps", "budget_min"}
+    if not scene_keys.SOURCES[scene["source"]].has_truth:
+        unused.add("courtyard")
+    if scene["poses"] == "truth" and not scene["triangulate"]:
+        unused.add("colmap")
+    # Where a `false` changes what is done, the stage has to be told.
+    undecided = scene | {"triangulate": None}
+    if not (scene_keys.wants_matches(scene) or scene_keys.wants_matches(undecided)):
+        unused.add("triangulate")
+    if scene_keys.whole_of(scene):
+        unused |= {"test_every", "perturb_px", "colmap"}
+    optional = ("masks", "zoom", "judged", "pose_convention")
+    unused |= {key for key in optional if scene[key] is None}
+    return json_files.canonical({key: scene[key] for key in scene.keys() - unused})
+
+
+def complete_config(experiment, name):
+    """The whole config of a scene, as it could be run alone."""
+    whole = experiment.whole(name)
+    names = [whole, *experiment.windows(whole)]
+    found = {one: experiment.scenes[one] for one in names}
+    found = experiment.config | {"scenes": found}
+    # The order of models and methods has a meaning: tables and defaults follow it.
+    return json.dumps(found)
+
+
 def goes_on(path):
     """What `flow.rounds` decided, from its file."""
     return json_files.read(path, {"go_on": bool})["go_on"]
@@ -267,7 +271,7 @@ def goes_on(path):
 def folders(experiment):
     """Regular expression of all folders below a scene's that are trained or scored."""
     names = set(experiment.trainings(next(iter(experiment.scenes))))
-    names |= {f"{name}/round0" for name in experiment.names(kinds.given)}
+    names |= {f"{name}/round0" for name in experiment.names("trains", False)}
     return one_of(names)
 
 

@@ -30,7 +30,10 @@ def message(errors, values, place):
     inner = place_of(error, values)
     where = ".".join(map(str, (*place, *inner))) or "top level"
     if error["type"] == "value_error":
-        return f"config: {where}: {error['ctx']['error']}"
+        # What begins with a key of the section continues its place.
+        text = str(error["ctx"]["error"])
+        inside = text.partition(": ")[0].isidentifier() and where != "top level"
+        return f"config: {where}{'.' if inside else ': '}{text}"
     if error["type"] == "missing":
         return f"config: {where}: {error['loc'][-1]!r} is missing"
     value = error["input"]

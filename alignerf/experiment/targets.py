@@ -8,7 +8,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from alignerf.experiment import kinds, layout
+from alignerf.experiment import layout
 from alignerf.experiment.checks import verdict as of_verdict
 from alignerf.experiment.cluster import slurm_errors
 from alignerf.files import atomic, faults, machine, provenance, yaml_files
@@ -44,7 +44,7 @@ def beside(known):
 
 def figures(experiment):
     """Only staged methods have something to be compared with side by side."""
-    return (*FIGURES, "crops") if experiment.names(kinds.staged) else FIGURES
+    return (*FIGURES, "crops") if experiment.names("in_crops") else FIGURES
 
 
 def of_scene(experiment, scene):

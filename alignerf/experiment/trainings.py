@@ -7,7 +7,7 @@ over `Training.after`.
 import json
 from typing import NamedTuple
 
-from alignerf.experiment import slices
+from alignerf.files import json_files
 
 # Reports below a training's folder: of its renders, their flow, and the correction of
 # its cameras by that flow.
@@ -108,7 +108,7 @@ def from_photos(scene, folder, job, **more):
     """A training on the photos as taken, with the cameras as given."""
     whole = f"results/{scene}"
     cameras = more.pop("cameras", f"{whole}/cameras.npz")
-    text = slices.as_json(job)
+    text = json_files.canonical(job)
     return Training(scene, folder, text, f"{whole}/images", cameras, **more)
 
 
@@ -155,3 +155,60 @@ def moved_for(training):
     """Those of them whose cameras are then put right by their flow."""
     learnt_with = {one.cameras for one in lead_to(training)}
     return [one for one in rendered_for(training) if corrected(one) in learnt_with]
+
+
+def full(experiment, scene, method):
+    """The job of a training in one go: seed, stage, model and training."""
+    config = experiment.config
+    model = config["models"][experiment.methods[method]["model"]]
+    return {
+        "seed": experiment.scenes[scene]["seed"],
+        "stage": "full",
+        "model": model_of(model, experiment.scenes[scene]),
+        "training": training_of(config, scene) | model["training"],
+        "decisions": decisions_of(config, scene),
+    }
+
+
+def model_of(model, scene):
+    """A model as a job has it: its training is the job's, its background a scene's.
+
+    Transparent pixels stand on the scene's background, so a model that leaves its own
+    open knows it.
+    """
+    found = model | {"training": {}}
+    if found.get("background", "") is None:
+        found["background"] = scene["background"]
+    return found
+
+
+def decisions_of(config, scene):
+    """The file that says what a scene's facts decided; null where nothing is left."""
+    open_keys = [config["training"]["decided"]]
+    open_keys += [model.get("decided") for model in config["models"].values()]
+    return f"results/{scene}/decisions.json" if any(open_keys) else None
+
+
+def training_of(config, scene):
+    """The config's training, as long as the scene asks for."""
+    found, chosen = config["training"], config["scenes"][scene]
+    return found | retimed(found, chosen["steps"], chosen["budget_min"])
+
+
+def retimed(training, steps, budget_min=None):
+    """Another length; a given warm-up keeps its share of the steps, where known."""
+    warmup_steps = training["warmup_steps"]
+    if warmup_steps and steps and training["steps"]:
+        warmup_steps = round(warmup_steps / training["steps"] * steps)
+    return {"steps": steps, "budget_min": budget_min, "warmup_steps": warmup_steps}
+
+
+def part_of(training, share):
+    """A share of the length, and of a given warm-up."""
+    if training["budget_min"] is None:
+        return retimed(training, max(1, round(share * training["steps"])))
+    warmup_steps = training["warmup_steps"]
+    return {
+        "budget_min": share * training["budget_min"],
+        "warmup_steps": warmup_steps and round(share * warmup_steps),
+    }

@@ -11,6 +11,11 @@ NUMBER = (int, float)
 NUMBER_OR_NONE = (int, float, type(None))
 
 
+def canonical(value):
+    """Text of a value: equal values are equal text."""
+    return json.dumps(value, sort_keys=True)
+
+
 def read(path, kinds=None):
     """The object in a file.
 

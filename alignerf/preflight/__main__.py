@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 
 from alignerf.decisions import fill
-from alignerf.experiment import check, plan, slices
+from alignerf.experiment import check, plan
 from alignerf.experiment.cluster import work
 from alignerf.files import atomic, faults, json_files, yaml_files
 from alignerf.preflight import fit, flow, schedule, simulate
@@ -178,7 +178,7 @@ def views_of(loaded: prepared.Scene) -> schedule.Views:
 def calibrated(scene, loaded: prepared.Scene, todo, threads, at_once):
     """(rates of each training, the flow's), measured `at_once` at a time."""
     ours = [t["job"] for t in todo["trainings"] if not t.get("external")]
-    jobs = {slices.as_json(schedule.program_of(job)): job for job in ours}
+    jobs = {json_files.canonical(schedule.program_of(job)): job for job in ours}
     pairs = [(key, what) for what in ("train", "render") for key in jobs]
     measure = functools.partial(calibrate, scene, threads)
     pool = concurrent.futures.ThreadPoolExecutor(max(1, min(at_once, len(jobs))))
@@ -198,7 +198,7 @@ def calibrated(scene, loaded: prepared.Scene, todo, threads, at_once):
     return [
         schedule.UNKNOWN
         if one.get("external")
-        else rates[slices.as_json(schedule.program_of(one["job"]))]
+        else rates[json_files.canonical(schedule.program_of(one["job"]))]
         for one in todo["trainings"]
     ], of_flow
 

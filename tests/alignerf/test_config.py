@@ -6,13 +6,13 @@ import pytest
 import yaml
 
 from alignerf import config
-from alignerf.experiment import slices
+from alignerf.experiment import plan
 from alignerf.files import faults
 
 
 def test_a_complete_config_is_written_in_its_order(demo, experiment_of, tmp_path):
     experiment = experiment_of(demo)
-    text = slices.complete(experiment, "courtyard")
+    text = plan.complete_config(experiment, "courtyard")
     config.main(["--config", text, "--out", str(tmp_path / "config.yaml")])
     found = yaml.safe_load((tmp_path / "config.yaml").read_text())
     assert found == json.loads(text)

@@ -65,7 +65,7 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
-def test_a_kind_of_method_is_trained_costed_and_exported(scene):
+def test_a_method_is_trained_costed_and_exported(scene):
     timing = json.loads((scene / "twice/round0/timing.json").read_text())
     assert (timing["stage"], timing["steps"]) == ("warm", 15)
     table = rows_of(scene / "tables/misalignment.csv")
@@ -134,7 +134,7 @@ def test_an_estimator_is_what_flows_come_from(scene):
     [
         (
             {"plain": {"goes_on": {}}},
-            "config: methods.plain: its kind sets it against a plain method",
+            "config: methods.plain: it sets itself against a plain method",
         ),
         (
             {"twice": {"goes_on": {}, "align": {}}},
@@ -142,7 +142,7 @@ def test_an_estimator_is_what_flows_come_from(scene):
         ),
         (
             {"twice": {"goes_on": {}, "rounds": 1}},
-            "config: methods.twice.goes_on: not beside rounds",
+            "config: methods.twice.rounds: not beside goes_on",
         ),
         (
             {"twice": {"goes_on": {"share": 2}}},

@@ -15,7 +15,8 @@ import yaml
 
 from alignerf import evaluate
 from alignerf.decisions import __main__ as decisions
-from alignerf.experiment import check, plan, slices
+from alignerf.experiment import check, plan
+from alignerf.experiment.trainings import full
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
 from tools.bench import measure, split
@@ -70,7 +71,7 @@ def trainings(name, scene, steps, options):
     experiment = plan.Experiment(check.checked(config_of(scene)), None)
     if not (folder / "poses.json").exists():
         split.stage(
-            "alignerf.poses", config=slices.of_scene(experiment, "s"), out=folder
+            "alignerf.poses", config=plan.scene_config(experiment, "s"), out=folder
         )
     facts = folder / "facts.json"
     split.stage("alignerf.facts", scene=folder, facts=facts)
@@ -82,7 +83,7 @@ def trainings(name, scene, steps, options):
     settings |= {f"{count} steps": {"training": {"steps": count}} for count in steps}
     for setting, config in settings.items():
         experiment = plan.Experiment(check.checked(config_of(scene) | config), None)
-        job = slices.full(experiment, "s", "mipnerf360")
+        job = full(experiment, "s", "mipnerf360")
         if job["decisions"]:
             job["decisions"] = str(out)
         yield setting, train(job, folder, test_set)

@@ -7,7 +7,7 @@ import copy
 import json
 import time
 
-from alignerf.experiment import check, jobs, kinds, plan, targets
+from alignerf.experiment import check, jobs, plan, targets
 from tools.torture import damage
 
 HOSTILE = (
@@ -115,7 +115,7 @@ def line_fault(text, place):
 def job_of(config):
     """A fine-tuning's job of a complete config, as its rule would be given it."""
     experiment = plan.Experiment(config, lambda **place: False)
-    (staged, *_) = experiment.names(kinds.staged)
+    (staged, *_) = experiment.names("in_crops")
     return json.loads(experiment.at(next(iter(experiment.scenes)), staged, 0).job)
 
 

@@ -23,9 +23,7 @@ rule preflight:
         mem_mb=needs.usual_mb,
         of_training=sources.OF_TRAINING,
     params:
-        work=lambda w: sources.Unnoted(
-            slices.as_json(work.of_scene(experiment, w.scene))
-        ),
+        work=lambda w: sources.Unnoted(work.as_json(experiment, w.scene)),
     shell:
         "python -m alignerf.preflight --scene results/{wildcards.scene:q}"
         " --work {params.work:q} --cores {threads} --threads {resources.of_training}"

@@ -19,7 +19,7 @@ rule poses:
     resources:
         mem_mb=needs.usual_mb,
     params:
-        config=lambda w: slices.of_scene(experiment, w.scene),
+        config=lambda w: plan.scene_config(experiment, w.scene),
         options=lambda w: inputs.poses_options(experiment, w.scene),
         sources=sources_of("alignerf.poses"),
     shell:
@@ -87,7 +87,7 @@ rule config:
     conda:
         "../../environment.yml"
     params:
-        config=lambda w: slices.complete(experiment, w.scene),
+        config=lambda w: plan.complete_config(experiment, w.scene),
         sources=sources_of("alignerf.config"),
     shell:
         "python -m alignerf.config --config {params.config:q} --out {output:q}"

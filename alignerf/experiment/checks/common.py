@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-from alignerf.experiment import kinds
-
 # What Snakemake puts a path in place of.
 PATH_VARIABLE = re.compile(r"<[a-z][a-z0-9_]*>")
 
@@ -31,6 +29,16 @@ def first(names):
     return next(iter(names))
 
 
-def is_derived(method):
-    """Whether a method is no training from scratch that others may be set against."""
-    return kinds.of_method(method) is not kinds.plain
+def check_folder(config, template, where):
+    """ValueError where a folder is not there for each scene; {scene} stands for one."""
+    if template is None:
+        return
+    if set(template.replace("{scene}", "")) & set("{}"):
+        fault(where, f"{template}: in braces only scene has a meaning")
+    check_path_variable(where, template)
+    for scene, chosen in config["scenes"].items():
+        path = template.replace("{scene}", scene)
+        # Crops of another scene have no renders of their own.
+        crops = (chosen["zoom"] or {}).get("of")
+        if not (crops or is_there(path, of_kind=Path.is_dir)):
+            fault(where, f"{path} does not exist")

@@ -6,8 +6,9 @@ import os
 import re
 from pathlib import Path
 
+from alignerf import methods
 from alignerf.experiment import schema
-from alignerf.experiment.checks.common import fault, first, is_derived
+from alignerf.experiment.checks.common import fault, first
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys import training as training_keys
 
@@ -36,12 +37,12 @@ def completed(config):
     config["scenes"] |= windows_of(config)
     config["windows"] = None
     for method in config["methods"].values():
-        method["renders"] = home(method["renders"])
-        if external := method["external"]:
-            external |= {key: home(external[key]) for key in ("renders", "depth")}
-        if not (method["renders"] or external):
+        for _, mapping, key in methods.named_folders(method):
+            mapping[key] = home(mapping[key])
+        if methods.of_method(method).ours:
             method["model"] = method["model"] or first(config["models"])
-    scratch = [n for n, m in config["methods"].items() if not is_derived(m)]
+    of = methods.of_method
+    scratch = [n for n, m in config["methods"].items() if of(m).from_scratch]
     reference = config["reference"]
     reference["method"] = reference["method"] or first([*scratch, *config["methods"]])
     return config
@@ -77,7 +78,8 @@ def windows_of(config):
     asked, found = config["windows"], {}
     if not asked:
         return found
-    aligned = [name for name, one in config["methods"].items() if one["align"]]
+    of = methods.of_method
+    aligned = [name for name, one in config["methods"].items() if of(one).in_loop]
     length = {"steps": asked["steps"], "budget_min": None}
     for name, scene in config["scenes"].items():
         if scene["zoom"]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from alignerf.experiment.checks.common import fault
 from alignerf.files import owned
+from alignerf.methods import named_folders
 
 # Folders of a scene besides those of its methods.
 INSIDE = ("images", "tables", "figures", "logs", "pretrain", "testset")
@@ -111,10 +112,8 @@ def paths_of(config):
             found[f"scenes.{scene}.judged.{key}"] = (keys["judged"] or {}).get(key)
     templates = {"flow.folder": config["flow"]["folder"]}
     for name, method in config["methods"].items():
-        templates[f"methods.{name}.renders"] = method["renders"]
-        for key in ("renders", "depth"):
-            own = (method["external"] or {}).get(key)
-            templates[f"methods.{name}.external.{key}"] = own
+        for place, mapping, key in named_folders(method):
+            templates[f"methods.{name}.{place}"] = mapping.get(key)
     for key, template in templates.items():
         for scene in config["scenes"] if template else ():
             path = template.replace("{scene}", scene).partition("{")[0]

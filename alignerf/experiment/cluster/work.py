@@ -4,7 +4,8 @@ import hashlib
 import json
 from pathlib import Path
 
-from alignerf.experiment import arguments, kinds, plan, slices, trainings
+from alignerf.experiment import arguments, plan, trainings
+from alignerf.files import json_files
 
 
 def of_scene(experiment, scene):
@@ -31,11 +32,16 @@ def of_scene(experiment, scene):
         "reference": longest.reference_folder(scene).removeprefix(root),
         "verdict": longest.reference_folder(scene, 0).removeprefix(root),
         "trainings": entries(longest, every),
-        "given": len(longest.names(kinds.given)),
+        "given": len(longest.names("trains", False)),
         "aligned_pose": experiment.config["aligned_pose"],
         "truth": experiment.has_truth(scene),
         "flow": arguments.estimator_options(experiment),
     } | of_windows(experiment, scene)
+
+
+def as_json(experiment, scene):
+    """The same as text."""
+    return json_files.canonical(of_scene(experiment, scene))
 
 
 def of_windows(experiment, scene):
@@ -87,7 +93,7 @@ def one_of_work(experiment, training, *, new):
 
 def digest(found) -> str:
     """SHA-256 of what there is to do; what was measured for other work is old."""
-    return hashlib.sha256(slices.as_json(found).encode()).hexdigest()
+    return hashlib.sha256(json_files.canonical(found).encode()).hexdigest()
 
 
 class Digests:

@@ -1,12 +1,15 @@
 """A config as a whole, and its variations."""
 
+from alignerf import methods
 from alignerf.experiment.keys.flow import Flow
 from alignerf.experiment.keys.key import Keys, key, named
-from alignerf.experiment.keys.method import Method
 from alignerf.experiment.keys.model import Models
 from alignerf.experiment.keys.scene import NAME, Scene
 from alignerf.experiment.keys.scored import AlignedPose, Lpips, Reference
 from alignerf.experiment.keys.training import Training
+from alignerf.methods import base
+
+Method = methods.keys_class(base.Common, base.PUBLISHED)
 
 
 class Vary(Keys):

@@ -1,6 +1,7 @@
 """What the page of a scene is made from, besides the scene's tables."""
 
-from alignerf.experiment import arguments, inputs, kinds, layout, targets
+from alignerf import methods
+from alignerf.experiment import arguments, inputs, layout, targets
 from alignerf.experiment.tables import rows
 
 
@@ -46,11 +47,10 @@ def moved_cameras(experiment, scene):
         if not (judged["cameras"] and "train" in judged["splits"]):
             return None
         return "flow", inputs.exported(experiment, scene, reference, "cameras")[0]
-    every = (kinds.aligned, kinds.learnt, kinds.adjusted)
-    moving = [name for kind in every for name in experiment.names(kind)]
-    for name in (*moving, reference):
-        if name in experiment.names(kinds.given):
-            continue
+    chosen = {n: experiment.methods[n] for n in experiment.trained()}
+    moving = [n for n, m in chosen.items() if "cameras" in methods.moves(m, 0)]
+    moving.sort(key=lambda name: -methods.of_method(chosen[name]).order)
+    for name in (*moving, *[reference] * (reference in chosen)):
         training = inputs.last_training(experiment, scene, name)
         if targets.moves_cameras(training):
             return name, f"{training.learnt}/cameras.npz"

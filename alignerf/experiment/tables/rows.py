@@ -4,7 +4,8 @@ import csv
 import json
 from typing import NamedTuple
 
-from alignerf.experiment import arguments, kinds, layout, sources, trainings
+from alignerf import methods
+from alignerf.experiment import arguments, layout, sources, trainings
 from alignerf.experiment.tables import json_rows
 
 # Rules write rows and wait for their files; commands read rows.
@@ -18,7 +19,7 @@ class Row(NamedTuple):
 
     folder: below the scene's. method, round: as tables call it; None for a training
     that only leads to others. description: field and kind of the method, in words.
-    moves_cameras, moves_photos: whether it has changed them by then (`kinds.moves`).
+    moves_cameras, moves_photos: whether it has changed them by then (`methods.moves`).
     baseline, base: the method whose round 0 it is set against, and that one's folder.
     published: what papers call it. way: the folders of all trainings that lead to it,
     its own last. flows: those of them whose training views were rendered and aligned.
@@ -58,23 +59,6 @@ def files_of(rows):
 def shown_in(rows):
     """The outputs of rules that rows of `Renders` are."""
     return layout.outputs_of([path for row in rows for path in row[:2]])
-
-
-def describe_method(experiment, method):
-    """How a table calls a method: its field, and what else the method is."""
-    if method in experiment.names(kinds.given):
-        return "renders given"
-    if method in experiment.names(kinds.external):
-        chosen = experiment.methods[method]
-        words = kinds.external.words(experiment, method)
-        return ", ".join([kinds.external.program(chosen), *words])
-    model = experiment.config["models"][experiment.methods[method]["model"]]
-    field = model.get("field", model)
-    hashed = "log2_entries" in field
-    size = f"2^{field['log2_entries']}" if hashed else field.get("width", "")
-    aliased = [] if field.get("anti_aliased", True) else ["aliased"]
-    words = kinds.words(experiment, method)
-    return ", ".join([f"{field['kind']} {size}".strip(), *aliased, *words])
 
 
 def of_scene(experiment, scene):
@@ -124,12 +108,12 @@ def scored(experiment, scene, method, round, aligned_pose):
     root = f"results/{scene}/"
     baseline = experiment.baseline(method)
     base = experiment.folder(scene, baseline, 0).removeprefix(root)
-    moved = kinds.moves(experiment.methods[method], round)
+    moved = methods.moves(experiment.methods[method], round)
     row = Row(
         *(path.removeprefix(root), [], [], [], {"scores": f"{path}/metrics.csv"}),
         method=method,
         round=round,
-        description=describe_method(experiment, method),
+        description=methods.label(experiment, method),
         baseline=baseline,
         base=base,
         # Of the method as it is; no table has one of its rounds.
@@ -137,7 +121,7 @@ def scored(experiment, scene, method, round, aligned_pose):
         moves_cameras="cameras" in moved,
         moves_photos="photos" in moved,
     )
-    if method in experiment.names(kinds.given):
+    if method not in experiment.trained():
         return row
     training = experiment.at(scene, method, round)
     files = row.files | costs_of(path)
@@ -146,7 +130,7 @@ def scored(experiment, scene, method, round, aligned_pose):
     if aligned_pose and moves:
         files["aligned_pose"] = f"{path}/metrics_aligned_pose.csv"
     corrected = [one.folder for one in trainings.moved_for(training)]
-    if experiment.input_cameras(scene, method):
+    if methods.input_cameras(experiment, scene, method):
         corrected.append(training.folder)
         files["corrections"] = layout.adjusted(scene, "report.json")
     return row._replace(
@@ -195,7 +179,7 @@ def verdict_options(experiment, scene):
     }
     aligned = {
         name: f"{experiment.folder(scene, name, 0)}/{TIMING}"
-        for name in experiment.names(kinds.aligned)
+        for name in experiment.names("in_loop")
     }
     told = compared(experiment, scene)
     if aligned and "misalignment" in told:
@@ -212,7 +196,7 @@ def corrections(experiment, scene):
     return {
         name: f"{experiment.folder(scene, name, 0)}/learnt/cameras.npz"
         for name in experiment.trained()
-        if "cameras" in kinds.moves(experiment.methods[name], 0)
+        if "cameras" in methods.moves(experiment.methods[name], 0)
     }
 
 
@@ -262,14 +246,14 @@ def figure_rounds(experiment, scene):
     ]
     shown = [(folder, None) for folder in folders]
     # And beside them what aligns itself on the way, by its name.
-    for name in experiment.names(kinds.aligned):
+    for name in experiment.names("in_loop"):
         shown.append((experiment.folder(scene, name, 0), name))
     return [Renders(f"{f}/renders/test", f"{f}/flow/test", m) for f, m in shown]
 
 
 def crops(experiment, scene):
     """Staged methods and, before them, what each is set against: round 0 of all."""
-    staged = experiment.names(kinds.staged)
+    staged = experiment.names("in_crops")
     bases = [experiment.baseline(method) for method in staged]
     rows = []
     for method in dict.fromkeys([*bases, *staged]):

@@ -3,10 +3,10 @@
 import hashlib
 from typing import NamedTuple
 
-from alignerf.experiment import kinds, slices
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.tables import rows
 from alignerf.experiment.trainings import DISPLACED
+from alignerf.files import json_files
 
 
 class Scene(NamedTuple):
@@ -69,7 +69,9 @@ def without(scene, *keys):
 
     A digest: the settings of a hundred scenes are too long for a command line.
     """
-    settings = slices.as_json({key: scene[key] for key in scene if key not in keys})
+    settings = json_files.canonical(
+        {key: scene[key] for key in scene if key not in keys}
+    )
     return hashlib.sha256(settings.encode()).hexdigest()[:16]
 
 
@@ -118,7 +120,7 @@ def regimes(experiment):
 
 def regime_base(experiment):
     """The name of the method that is the baseline of all staged methods."""
-    staged = experiment.names(kinds.staged)
+    staged = experiment.names("in_crops")
     base = {experiment.baseline(method) for method in staged}
     if len(base) != 1 or base & set(staged):
         raise ValueError(
@@ -134,10 +136,10 @@ def in_regimes(experiment, scene):
     baseline. Staged methods should reach the scores of warping rounds at less cost.
     """
     base = regime_base(experiment)
-    warm = experiment.names(kinds.warm)
+    warm = experiment.names("goes_on")
     going_on = [method for method in warm if experiment.baseline(method) == base]
     return [
-        *((method, 0) for method in (base, *experiment.names(kinds.staged))),
+        *((method, 0) for method in (base, *experiment.names("in_crops"))),
         *(
             (method, round)
             for method in (base, *going_on)

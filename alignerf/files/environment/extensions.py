@@ -1,6 +1,6 @@
 """What other packages add to the program: Python's entry points, by group.
 
-A package names its objects under `alignerf.kinds`, `alignerf.test_sets`,
+A package names its objects under `alignerf.methods`, `alignerf.test_sets`,
 `alignerf.systems` or `alignerf.estimators`; docs/develop/extending.md shows one of
 each.
 """
@@ -16,7 +16,7 @@ from pathlib import Path
 
 # {group: what its objects must have}.
 NEEDED = {
-    "kinds": ("KEY", "Keys", "takes", "trainings", "words"),
+    "methods": ("key", "annotation", "field", "trainings", "words", "moves"),
     "test_sets": ("name", "pixels", "meaning", "needs", "make", "tables"),
     "systems": ("make", "Keys.kind", "Keys.near", "Keys.samples", "Keys.training"),
     "estimators": ("calculate", "min_side_px"),

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from alignerf import fields
 from alignerf.cameras import refine
-from alignerf.experiment.keys import method as method_keys
 from alignerf.fields import grid, shading
+from alignerf.methods.refine import Refine
 from alignerf.mipnerf360 import coord
 from alignerf.scenes import cameras, prepared
 from alignerf.training import methods
@@ -209,7 +209,7 @@ def without_the_finest(kind, params, count):
 
 
 def test_cameras_wait_and_have_their_own_rates():
-    chosen = method_keys.Refine(learning_rates=[0.01, 0.001], delay_share=0.5)
+    chosen = Refine(learning_rates=[0.01, 0.001], delay_share=0.5)
     optimizer = train_step.make_optimizer(
         learning_rates=[0.1, 0.1],
         betas=[0.9, 0.99],

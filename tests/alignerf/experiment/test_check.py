@@ -50,7 +50,7 @@ def edit(config, where, value):
         ("flow.estimator", "files", "flow: 'folder' is a required"),
         ("flow.folder", "flows", "flow.folder: estimator 'deepflow' reads none"),
         ("methods.mipnerf360.model", "huge", r"methods.mipnerf360.model: no model 'hu"),
-        ("methods.alignerf.rounds", 1, "methods.alignerf.rounds: 0 was expected"),
+        ("methods.alignerf.rounds", 1, "methods.alignerf.rounds: not beside alignerf"),
         ("methods.pretrain", {"model": "base", "rounds": 0}, "methods.pretrain: a fo"),
         (
             "methods.alignerf.alignerf.matching",
@@ -73,12 +73,12 @@ def edit(config, where, value):
         (
             "methods.aligned",
             {"model": "base", "align": {}, "rounds": 1},
-            "methods.aligned.align: not beside rounds",
+            "methods.aligned.rounds: not beside align",
         ),
         (
             "methods.aligned",
             {"model": "base", "align": {}, "refine": {}},
-            "methods.aligned.align: not beside refine",
+            "methods.aligned.refine: not beside align",
         ),
         (
             "methods.aligned",
@@ -125,7 +125,11 @@ def edit(config, where, value):
             "mipnerf360.rounds: 'all' should be .* 'auto'",
         ),
         ("methods.mipnerf360.warm_start", WARM, "warm_start.from: no method 'mipnerf3"),
-        ("methods.alignerf.warm_start", WARM, "alignerf.warm_start: not for a staged"),
+        (
+            "methods.alignerf.warm_start",
+            WARM,
+            "alignerf.warm_start: not beside alignerf",
+        ),
         (
             "methods.warm",
             {"model": "large", "rounds": 1, "warm_start": WARM},
@@ -205,7 +209,7 @@ def test_staged_methods_agree_about_their_pretraining(demo):
     demo["methods"]["other"] = {"model": "base", "alignerf": {"patches": 1}}
     check.checked(demo)
     demo["methods"]["other"]["alignerf"]["pretrain_share"] = 0.5
-    reason = "methods alignerf, other: they disagree about base's pretraining"
+    reason = "methods.alignerf.alignerf.pretrain_share: methods.other has another"
     with pytest.raises(ValueError, match=reason):
         check.checked(demo)
 

@@ -5,7 +5,8 @@ import re
 
 import pytest
 
-from alignerf.experiment import check, inputs, kinds, plan, targets, trainings
+from alignerf import methods
+from alignerf.experiment import check, inputs, plan, targets, trainings
 from alignerf.experiment.cluster import work
 from alignerf.experiment.tables import rows
 
@@ -41,7 +42,7 @@ def alone(experiment_of):
 
 
 def test_trainings_are_as_those_of_a_plain_method(alone):
-    assert alone.names(kinds.external) == ["moved", "warped", "other"]
+    assert alone.names("ours", False) == ["moved", "warped", "other"]
     folders = ["moved/round0", "moved/round1", "moved/round2", "warped/round1"]
     assert list(alone.trainings("yard")) == [*folders, "other/round0"]
     moved, warped = (alone.at("yard", name, 1) for name in ("moved", "warped"))
@@ -127,7 +128,7 @@ def test_finished_renders(tmp_path, experiment_of):
     method = {"external": {"renders": f"{tmp_path}/of {{scene}}"}}
     experiment = experiment_of(config_of({"theirs": method}))
     assert inputs.external_data(experiment, "yard", "theirs/round0") == []
-    assert rows.describe_method(experiment, "theirs") == "finished renders"
+    assert methods.label(experiment, "theirs") == "finished renders"
 
 
 EXTERNAL = "config: methods.theirs.external"

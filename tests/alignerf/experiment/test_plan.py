@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from alignerf.experiment import inputs, kinds, plan, slices, sources, targets, trainings
+from alignerf import methods
+from alignerf.experiment import inputs, plan, sources, targets, trainings
 from alignerf.experiment.tables import rows
 
 WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
@@ -77,7 +78,7 @@ def test_a_staged_training_may_put_cameras_right_between_its_stages(
     }
     experiment = experiment_of(demo)
     folder = "results/courtyard/pretrain/base"
-    staged = experiment.names(kinds.staged)
+    staged = experiment.names("in_crops")
     found = {m: experiment.at("courtyard", m, 0) for m in staged}
     assert {m: training.cameras for m, training in found.items()} == {
         "alignerf": "results/courtyard/cameras.npz",
@@ -96,8 +97,8 @@ def test_a_staged_training_may_put_cameras_right_between_its_stages(
         "align": f"{folder}/displacement/train.csv",
         "corrections": f"{folder}/corrected/poses_corrected.json",
     }
-    assert "cameras put right" in rows.describe_method(experiment, "corrected")
-    assert "cameras put right" not in rows.describe_method(experiment, "alignerf")
+    assert "cameras put right" in methods.label(experiment, "corrected")
+    assert "cameras put right" not in methods.label(experiment, "alignerf")
     assert targets.exports(experiment) == ["results/courtyard/corrected/export/cameras"]
 
 
@@ -116,15 +117,15 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
     # Wherever it stands: what another starts from is no base of a staged method.
     demo["methods"] = {"warm": warm} | demo["methods"]
     experiment = experiment_of(demo)
-    assert {kind: experiment.names(kind) for kind in kinds.EVERY} == {
-        kinds.given: [],
-        kinds.external: [],
-        kinds.staged: ["alignerf", "staged_alone"],
-        kinds.warm: ["warm"],
-        kinds.learnt: [],
-        kinds.aligned: ["aligned"],
-        kinds.adjusted: ["adjusted_poses"],
-        kinds.plain: ["mipnerf360_large", "mipnerf360"],
+    found = {m: methods.of_method(one).key for m, one in experiment.methods.items()}
+    assert found == {
+        "warm": "warm_start",
+        "mipnerf360_large": None,
+        "mipnerf360": None,
+        "adjusted_poses": "adjust",
+        "aligned": "align",
+        "alignerf": "alignerf",
+        "staged_alone": "alignerf",
     }
     assert {m: experiment.baseline(m) for m in experiment.methods} == {
         "warm": "mipnerf360",
@@ -327,7 +328,7 @@ def test_what_is_asked_of_each_scene_is_found_once(demo, experiment_of):
     one, many = found(1), found(40)
     of_scenes = {key for key in one if "scene_0" in key}
     # What is of no scene is the same; of each scene there is as much as of one.
-    assert one.keys() - of_scenes >= {("trained",), ("names", kinds.warm)}
+    assert one.keys() - of_scenes >= {("trained",), ("names", "trains")}
     assert all(many[key] == one[key] for key in one.keys() - of_scenes)
     assert len(many) - len(one) == 39 * len(of_scenes)
 
@@ -388,11 +389,11 @@ def windows_of(experiment, scene):
 def test_a_complete_config_has_the_same_windows(demo, experiment_of):
     """As results/SCENE/config.yaml has it: windows are scenes there."""
     experiment = experiment_of(with_windows(demo))
-    again = experiment_of(json.loads(slices.complete(experiment, "courtyard")))
+    again = experiment_of(json.loads(plan.complete_config(experiment, "courtyard")))
     assert again.scenes == experiment.scenes
     for name in experiment.scenes:
-        own = slices.full(experiment, name, "plain")
-        assert slices.full(again, name, "plain") == own
+        own = trainings.full(experiment, name, "plain")
+        assert trainings.full(again, name, "plain") == own
 
 
 def test_windows_are_told_apart_by_their_cameras(demo, experiment_of):
@@ -410,7 +411,7 @@ def test_windows_are_told_apart_by_their_cameras(demo, experiment_of):
         *("--windows-corrected", "results/fixed/plain/round0"),
         *("--windows", "results/as_given/plain/round0"),
     ]
-    again = experiment_of(json.loads(slices.complete(experiment, "fixed")))
+    again = experiment_of(json.loads(plan.complete_config(experiment, "fixed")))
     assert set(again.scenes) == set(experiment.scenes)
 
 

@@ -11,7 +11,7 @@ import pytest
 from alignerf.experiment import sources
 from alignerf.experiment.tables import across
 
-JOB = {"fields", "method", "model", "training"}
+JOB = {"fields", "model", "training"}
 TABLES = ("regimes", "remedies", "tradeoff", "comparison")
 # No sections: what several of them have in common.
 SHARED = {"__init__", "estimators", "key", "system"}

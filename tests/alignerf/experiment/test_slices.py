@@ -10,12 +10,14 @@ from alignerf.experiment import (
     check,
     inputs,
     jobs,
-    slices,
+    plan,
     trainings,
 )
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.tables import rows, scenes
+from alignerf.files import json_files
+from alignerf.methods import staged
 
 WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
 
@@ -55,10 +57,11 @@ def test_ablations_share_the_pretraining(demo, experiment_of):
     (pretrained,) = own[0].after
     assert pretrained.folder == "pretrain/base"
     for name in ("alignerf", "ablation"):
-        job = slices.pretraining(experiment, "courtyard", name)
-        assert slices.as_json(job) == pretrained.job
+        job = staged.METHOD.pretraining(experiment, "courtyard", name)
+        assert json_files.canonical(job) == pretrained.job
         # Nothing of the fine-tuning is in it, so that this makes none anew.
-        assert (job["alignerf"], job["pretrain_share"]) == (None, 0.6)
+        assert "alignerf" not in job
+        assert job["pretrain_share"] == 0.6
     assert own[0].job != own[1].job
 
 
@@ -73,7 +76,7 @@ def test_the_poses_stage_finds_points_where_the_config_wants_them(
         (tmp_path / "transforms.json").write_text("{}")
     demo |= {"scenes": {"a": scene}}
     experiment = experiment_of(demo)
-    told = of_scenes.checked(json.loads(slices.of_scene(experiment, "a")))
+    told = of_scenes.checked(json.loads(plan.scene_config(experiment, "a")))
     wanted = scene_keys.wants_matches(experiment.scenes["a"])
     assert bool(scene_keys.wants_matches(told)) == bool(wanted)
 
@@ -81,7 +84,7 @@ def test_the_poses_stage_finds_points_where_the_config_wants_them(
 def test_a_scene_has_its_own_seed_and_steps(demo, experiment_of):
     demo["scenes"]["other"] = demo["scenes"]["courtyard"] | {"seed": 5, "steps": 70}
     experiment = experiment_of(demo)
-    poses = json.loads(slices.of_scene(experiment, "other"))
+    poses = json.loads(plan.scene_config(experiment, "other"))
     assert poses["seed"] == 5
     # How long it is trained is nothing to its poses.
     assert "steps" not in poses
@@ -117,11 +120,12 @@ def test_minutes_reach_the_jobs_instead_of_steps(demo, experiment_of):
     assert of("steps") == (70, None, 40)
     assert of("minutes", "warm") == (None, pytest.approx(0.9), 12)
     assert of("steps", "warm") == (21, None, 12)
-    assert length(slices.pretraining(experiment, "minutes", "alignerf"))[1] == 3.0
-    poses = [slices.of_scene(experiment, scene) for scene in experiment.scenes]
+    pretrained = staged.METHOD.pretraining(experiment, "minutes", "alignerf")
+    assert length(pretrained)[1] == 3.0
+    poses = [plan.scene_config(experiment, scene) for scene in experiment.scenes]
     assert len(set(poses)) == 1
     # As it stands beside the results, it means the same.
-    alone = experiment_of(json.loads(slices.complete(experiment, "minutes")))
+    alone = experiment_of(json.loads(plan.complete_config(experiment, "minutes")))
     again = alone.at("minutes", "warm", 1)
     assert again == experiment.at("minutes", "warm", 1)
 
@@ -140,7 +144,7 @@ def test_a_scene_depends_on_its_own_source_only(demo, tmp_path, experiment_of):
     demo["scenes"]["true"] = {"source": "courtyard", "poses": "truth"}
     experiment = experiment_of(demo)
     keys = {
-        name: json.loads(slices.of_scene(experiment, name)).keys()
+        name: json.loads(plan.scene_config(experiment, name)).keys()
         for name in experiment.scenes
     }
     assert keys["courtyard"] >= {"courtyard", "colmap"}
@@ -225,14 +229,14 @@ def test_flows_made_elsewhere_reach_the_commands(demo, experiment_of):
 def test_a_scenes_complete_config_is_a_config(demo, experiment_of):
     demo["scenes"]["again"] = demo["scenes"]["courtyard"] | {"seed": 1}
     experiment = experiment_of(demo)
-    alone = json.loads(slices.complete(experiment, "again"))
+    alone = json.loads(plan.complete_config(experiment, "again"))
     assert alone["scenes"].keys() == {"again"}
     again = experiment_of(alone)
     for method in experiment.methods:
         found = experiment.rounds_of("again", method)
         assert again.rounds_of("again", method) == found
-    poses = slices.of_scene(experiment, "again")
-    assert slices.of_scene(again, "again") == poses
+    poses = plan.scene_config(experiment, "again")
+    assert plan.scene_config(again, "again") == poses
     # Tables follow the config's order, and what a method is set against.
     assert again.all_rounds("again") == experiment.all_rounds("again")
     table = rows.as_json(rows.of_scene(experiment, "again"))

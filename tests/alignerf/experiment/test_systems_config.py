@@ -6,10 +6,11 @@ import pytest
 import yaml
 
 from alignerf import config as config_command
+from alignerf import methods
 from alignerf.experiment import check, inputs, jobs, targets
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
-from alignerf.experiment.tables import rows, scenes
+from alignerf.experiment.tables import scenes
 
 
 def system(demo, **model):
@@ -32,7 +33,7 @@ def test_a_system_needs_its_kind_alone(demo, experiment_of, kind):
     assert tuple(parsed.training.learning_rates) == training_keys.RATES[kind]
     # A pinned training says what the slice says.
     assert jobs.parse(jobs.as_dict(parsed)) == parsed
-    assert rows.describe_method(experiment, "other").startswith(kind)
+    assert methods.label(experiment, "other").startswith(kind)
 
 
 def test_without_a_kind_a_model_is_a_mipnerf360():

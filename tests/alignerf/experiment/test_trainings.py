@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from alignerf.experiment import jobs, kinds, layout, plan, targets, trainings
+from alignerf.experiment import jobs, layout, plan, targets, trainings
 from alignerf.experiment.cluster import work
 
 HERE = "results/courtyard"
@@ -23,8 +23,6 @@ METHODS = {
     "staged": {"model": "base", "alignerf": {"radius_px": "auto"}},
     "between": {"model": "base", "alignerf": {}, "changes": "cameras"},
 }
-KINDS = {name: getattr(kinds, name, kinds.plain) for name in METHODS}
-KINDS["between"] = kinds.staged
 
 
 @pytest.fixture
@@ -36,10 +34,8 @@ def folders(found):
     return [training.folder for training in found]
 
 
-def test_every_kind_makes_trainings_whose_jobs_are_right(experiment):
+def test_every_method_makes_trainings_whose_jobs_are_right(experiment):
     for name, method in experiment.methods.items():
-        assert kinds.of_method(method) is KINDS[name]
-        assert name in experiment.names(KINDS[name])
         rounds = experiment.rounds_of("courtyard", name)
         assert len(rounds) == method["rounds"] + 1
         for training in rounds:

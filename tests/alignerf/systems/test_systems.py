@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from alignerf.experiment.keys import method as method_keys
+from alignerf.methods.refine import Refine
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.scenes import cameras
 from alignerf.training import compose, diagnose
@@ -310,7 +310,7 @@ def test_renders_can_be_differentiated_in_their_rays(rng, kind, place):
 def ray_gradient_of(kind):
     """(params, rays) -> the gradient of all colours by origins and directions."""
     job = cases.job_of(kind=kind, **SYSTEMS[kind])
-    job = job.model_copy(update={"refine": method_keys.Refine()})
+    job = job.model_copy(update={"refine": Refine()})
     method = compose.without_cameras(job, to_train=True)
 
     def total(params, origins, directions, rays):

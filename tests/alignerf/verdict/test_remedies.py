@@ -5,7 +5,8 @@ import json
 import pandas as pd
 import pytest
 
-from alignerf.experiment import kinds, targets
+from alignerf import methods
+from alignerf.experiment import targets
 from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import misalignment, scores
 from alignerf.verdict import advice, remedies
@@ -67,8 +68,8 @@ def experiment(demo, experiment_of, tmp_path):
 
 
 def test_every_kind_says_what_the_plan_moves(experiment):
-    found = {kinds.of_method(method) for method in experiment.methods.values()}
-    assert found == {*kinds.EVERY} - {*kinds.OF_OTHERS}
+    found = {methods.of_method(method) for method in experiment.methods.values()}
+    assert found == {*methods.every()}
     rows = {
         (r.method, r.round): r for r in table_rows.of_scene(experiment, "courtyard")
     }
@@ -76,7 +77,7 @@ def test_every_kind_says_what_the_plan_moves(experiment):
         method = experiment.methods[name]
         for round, letters in enumerate(moves):
             flags = ("c" in letters, "p" in letters)
-            moved = kinds.moves(method, round)
+            moved = methods.moves(method, round)
             assert ("cameras" in moved, "photos" in moved) == flags, (name, round)
             if row := rows.get((name, round)):
                 assert (row.moves_cameras, row.moves_photos) == flags
@@ -84,7 +85,7 @@ def test_every_kind_says_what_the_plan_moves(experiment):
                 training = experiment.at("courtyard", name, round)
                 planned = (targets.moves_cameras(training), bool(training.warped))
                 assert planned == flags, (name, round)
-        assert kinds.moves(method) == moved
+        assert methods.moves(method) == moved
 
 
 @pytest.mark.parametrize("has_oracle", [False, True])

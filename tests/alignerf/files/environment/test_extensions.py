@@ -10,7 +10,7 @@ READ = "from alignerf.experiment import check"
 
 
 TEST_SET = "name = pixels = meaning = needs = tables = ''; make = moved = None\n"
-KIND = "KEY = {!r}\nKeys = takes = trainings = words = None\n"
+METHOD = "key = {!r}\nannotation = field = trainings = words = moves = None\n"
 SYSTEM = """
 from typing import Literal
 
@@ -53,26 +53,36 @@ def run(root, folder, code=READ):
     ("group", "point", "code", "reason"),
     [
         (
-            "kinds",
+            "methods",
             "k = one:NONE",
             "",
-            "k = one:NONE of alignerf.kinds of one: AttributeError",
+            "k = one:NONE of alignerf.methods of one: AttributeError",
         ),
         (
-            "kinds",
+            "methods",
             "k = nowhere",
             "",
-            "alignerf.kinds of one: ModuleNotFoundError: No module",
+            "alignerf.methods of one: ModuleNotFoundError: No module",
         ),
-        ("kinds", "k = one", "KEY = 'x'\n", "alignerf.kinds of one: it has no Keys"),
-        ("kinds", "k = one", KIND.format("copy"), "alignerf.kinds: copy is a name"),
-        ("systems", "s = one", "make = 1\n", "of one: it has no Keys.kind"),
-        ("kinds", "k = one", "1 / 0\n", "alignerf.kinds of one: ZeroDivisionError"),
         (
-            "kinds",
+            "methods",
             "k = one",
-            KIND.format("align"),
-            "alignerf.kinds: align is a name that",
+            "key = 'x'\n",
+            "one: it has no annotation",
+        ),
+        (
+            "methods",
+            "k = one",
+            METHOD.format("copy"),
+            "alignerf.methods: copy is a name",
+        ),
+        ("systems", "s = one", "make = 1\n", "of one: it has no Keys.kind"),
+        ("methods", "k = one", "1 / 0\n", "of one: ZeroDivisionError"),
+        (
+            "methods",
+            "k = one",
+            METHOD.format("align"),
+            "alignerf.methods: align is a name that",
         ),
         (
             "systems",

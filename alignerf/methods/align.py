@@ -1,0 +1,120 @@
+"""Align: the training puts its cameras and photos right while it runs."""
+
+from typing import Literal
+
+import pydantic
+
+from alignerf import methods
+from alignerf.experiment.checks.common import fault
+from alignerf.experiment.keys import estimators
+from alignerf.experiment.keys import scene as scene_keys
+from alignerf.experiment.keys.key import Keys, key
+from alignerf.methods import base
+
+CHANGED = ("cameras", "photos")
+
+
+class Align(Keys):
+    """Alignment on the way: where one training stops, and what it puts right there."""
+
+    cameras_at: list[float] = key(
+        [0.15, 0.35],
+        "shares of the steps at which the cameras of the training views are put right",
+        above=0,
+        most=0.99,
+        length=(0, 16),
+    )
+    photos_at: list[float] = key(
+        [0.35],
+        "shares of the steps at which photos are warped, after the cameras if both",
+        above=0,
+        most=0.99,
+        length=(0, 16),
+    )
+    photos: Literal["moving", "whole"] = key(
+        "moving",
+        "what a photo is warped by: what no moved camera explains of its flow, or all",
+    )
+    shrink: int = key(
+        3,
+        "renders and photos are made smaller by at most this factor for the flow; less "
+        "where the estimator would have too few pixels a side",
+        least=1,
+        most=16,
+    )
+    least_move_px: float = key(
+        0.12,
+        "where the median camera would move by less, in px of the small renders, that "
+        "is the flow's own error and all stay; more early in the training, less once "
+        "cameras were seen to be wrong",
+        least=0,
+        most=100,
+    )
+    estimator: Literal[estimators.FAST] = key(
+        "deepflow", "of the flow, see `flow.estimator`"
+    )
+    match_blur: bool = key(
+        False, "blur the photo like the render, for the estimate only"
+    )
+
+    @pydantic.model_validator(mode="after")
+    def check_any(self):
+        if not (self.cameras_at or self.photos_at):
+            raise ValueError(
+                "cameras_at or photos_at: it needs a share at which to align"
+            )
+        return self
+
+
+def places(align: Align, steps, where="align") -> dict:
+    """{step: what is put right before it} of a training that aligns itself.
+
+    Steps count from 0; cameras come before photos. Raises ValueError, with the key as
+    `where` begins it, where two shares of one list fall on one step, or one on the
+    first or beyond the last.
+    """
+    found = {}
+    for what in CHANGED:
+        key = f"{what}_at"
+        for share in sorted(getattr(align, key)):
+            step = round(share * steps)
+            changed = found.setdefault(step, [])
+            outside = {0: "the first", steps: "beyond the last"}
+            if what in changed or step in outside:
+                which = outside.get(step, f"number {step}, as another is")
+                raise ValueError(
+                    f"config: {where}.{key}: {share:g} of {steps} steps is {which}"
+                )
+            changed.append(what)
+    return dict(sorted(found.items()))
+
+
+class Aligned(base.Method):
+    """A method with `align`."""
+
+    key, Keys, order = "align", Align, 5
+    what = "alignment on the way: the training puts right what it learns from"
+    beside = (*base.Method.beside, "adjust")
+    in_loop = True
+
+    def check(self, config, name):
+        """A plain method says what it brought; its places are steps of their own."""
+        method, where = config["methods"][name], f"methods.{name}.align"
+        model, others = method["model"], config["methods"].values()
+        if not methods.has_scratch(others, model):
+            what = f"another method of model {model!r} without align"
+            fault(where, f"it needs {what}, to say what it brought")
+        chosen = Align.model_validate(method["align"])
+        whole = [s for s in config["scenes"].values() if not scene_keys.whole_of(s)]
+        for steps in {scene["steps"] for scene in whole if scene["steps"]}:
+            places(chosen, steps, where)
+
+    def moves(self, method, round):
+        return frozenset(key for key in CHANGED if method["align"][f"{key}_at"])
+
+    def words(self, experiment, name):
+        moved = self.moves(experiment.methods[name], 0)
+        return [f"{' and '.join(sorted(moved))} aligned on the way"]
+
+
+METHOD = Aligned()

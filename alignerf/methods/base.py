@@ -1,0 +1,143 @@
+"""What a method's record has: defaults of all that the program asks of a method."""
+
+from typing import Literal
+
+import pydantic
+
+from alignerf import methods
+from alignerf.experiment import trainings
+from alignerf.experiment.checks.common import fault
+from alignerf.experiment.keys.key import Keys, key
+
+
+class Common(Keys):
+    """Keys of every method, which stand before those of the records."""
+
+    model: str | None = key(None, "a key of models; null takes the first")
+    rounds: int | Literal["auto"] = key(
+        0,
+        "warping rounds after the first training; auto goes on until the flow from "
+        "renders to the photos they were learnt from falls by less than a tenth, see "
+        "flow/rounds.py; decision.json of each round before most_rounds says why",
+        least=0,
+        most=16,
+    )
+    most_rounds: int = key(
+        4, "where `rounds: auto` ends, whatever the flow does", least=1, most=16
+    )
+    changes: Literal["photos", "cameras", "cameras_then_photos"] = key(
+        "photos",
+        "what a round changes by the flow: photos are warped, as in the paper, or the "
+        "training views' cameras are put right; cameras_then_photos warps photos in "
+        "the last round only; with alignerf, cameras are put right before fine-tuning",
+    )
+
+    @pydantic.model_validator(mode="after")
+    def check_most_rounds(self):
+        if self.rounds != "auto" and self.most_rounds != self.default("most_rounds"):
+            raise ValueError("most_rounds: only with `rounds: auto`")
+        return self
+
+
+PUBLISHED = key(
+    None,
+    "what results/published calls the method; `snakemake comparison` shows what is "
+    "printed for it",
+    pattern=r"\S",
+)
+
+
+class Method:
+    """A method's record: an instance of a class of its own, called METHOD in its file.
+
+    key: the key of a method in the config by which it is of this record. Keys: the
+    class of what stands there; annotation, field: its type and meaning, if it is of no
+    class. order: of the keys in a config. beside: the keys of a method that may stand
+    beside its own. systems: the kinds of model that it trains; None: all.
+    """
+
+    key = None
+    Keys = None
+    what = ""
+    order = 0
+    beside = ("model", "published")
+    systems = None
+    # Places of keys that name folders, with {scene} in them.
+    folders = ()
+    # Whether it trains anything, by our code, from scratch so that others are set
+    # against it.
+    trains = ours = True
+    from_scratch = False
+    # Whether it aligns itself while it trains, which the verdict then judges.
+    in_loop = False
+    # Whether its crops are shown beside its baseline's.
+    in_crops = False
+    # Whether its rounds go on from another method's.
+    goes_on = False
+
+    @property
+    def annotation(self):
+        return self.Keys | None
+
+    @property
+    def field(self):
+        first_line = (self.Keys.__doc__ or self.key).split("\n")[0]
+        return key(None, self.what or first_line)
+
+    def check_beside(self, config, name):
+        """ValueError for a key that means nothing beside the record's own."""
+        method, common = config["methods"][name], Common()
+        for other, value in method.items():
+            may = other in (self.key, *self.beside)
+            if not may and value and value != getattr(common, other, None):
+                fault(f"methods.{name}.{other}", f"not beside {self.key}")
+        if not self.ours:
+            return
+        if method["model"] not in config["models"]:
+            fault(f"methods.{name}.model", f"no model {method['model']!r}")
+        kind = config["models"][method["model"]]["kind"]
+        if self.systems and kind not in self.systems:
+            fault(f"methods.{name}.{self.key}", f"not of a model of kind {kind}")
+
+    def check(self, config, name):
+        """ValueError for what it cannot have in a complete config."""
+
+    def trainings(self, experiment, scene, name, once):
+        """The trainings of its rounds, round 0 first; here one in one go.
+
+        once: gives the equal training that another method has made already.
+        """
+        job = trainings.full(experiment, scene, name)
+        if self.Keys:
+            job |= {self.key: experiment.methods[name][self.key]}
+        own = methods.input_cameras(experiment, scene, name)
+        own |= {"truth": experiment.truth_of(scene)}
+        return [once(trainings.from_photos(scene, f"{name}/round0", job, **own))]
+
+    def cameras(self, experiment, scene):
+        """{"cameras": path} that its training begins with, if not the scene's."""
+        return {}
+
+    def baseline(self, experiment, name):
+        """The method whose round 0 it is set against; itself where there is none."""
+        model = experiment.methods[name]["model"]
+        plain = experiment.names("from_scratch")
+        same = (n for n in plain if experiment.methods[n]["model"] == model)
+        return next(same, name)
+
+    def moves(self, method, round):
+        """What it has changed by a round: `cameras`, `photos`; None: by its last."""
+        return frozenset()
+
+    def subject(self, experiment, name):
+        """What tables say first: the field that it trains."""
+        model = experiment.config["models"][experiment.methods[name]["model"]]
+        field = model.get("field", model)
+        hashed = "log2_entries" in field
+        size = f"2^{field['log2_entries']}" if hashed else field.get("width", "")
+        aliased = [] if field.get("anti_aliased", True) else ["aliased"]
+        return [f"{field['kind']} {size}".strip(), *aliased]
+
+    def words(self, experiment, name):
+        """What tables say of it besides."""
+        return []

@@ -1,0 +1,157 @@
+"""Staged: AligNeRF pre-trains as a plain method does, then fine-tunes by patches.
+
+Methods of a model share the pre-training. Between the stages cameras may be put right.
+"""
+
+import copy
+from typing import Literal
+
+import pydantic
+
+from alignerf import methods
+from alignerf.experiment import trainings
+from alignerf.experiment.checks.common import fault
+from alignerf.experiment.keys.key import Keys, key, learning_rates
+from alignerf.methods import base
+
+
+class AligNeRF(Keys):
+    """The three contributions and the two stages' shares of the steps."""
+
+    pretrain_share: float = key(
+        0.6, "of training.steps, as the baseline", above=0, most=1
+    )
+    finetune_share: float = key(0.2, "of training.steps, on patches", above=0, most=1)
+    learning_rates: list[float] = learning_rates(0.003, 0.0003)
+    patches: int = key(4, "patches a step", least=1, most=4096)
+    patch_px: int = key(16, "side of a patch", least=8, most=512)
+    convolution: bool = key(
+        True, "contribution 1, patch convolution; false shows the model's colours"
+    )
+    features: int = key(16, "N of the patch convolution", least=3, most=1024)
+    matching: Literal["patch", "pixel"] = key(
+        "patch",
+        "contribution 2, what moves over the photo: a whole patch (Eq. 4), or every "
+        "pixel on its own (contextual loss, which the paper compares with)",
+    )
+    error: Literal["squared", "charbonnier"] = key(
+        "squared",
+        "of the render and what it was matched with: squared (as printed), or "
+        "charbonnier (the baseline's)",
+    )
+    radius_px: int | Literal["auto"] = key(
+        8,
+        "largest offset searched; 0 searches none; auto takes it from the displacement "
+        "of the training views after the baseline's first round",
+        least=0,
+        most=64,
+    )
+    align_penalty: float = key(
+        0.01,
+        "weight of the offset's length in px: lambda of Eq. 4 against the error summed "
+        "over a patch; of a pixel against its mean squared error",
+        least=0,
+        most=1e6,
+    )
+    frequency_weight: float = key(
+        0.05,
+        "contribution 3, w of the high-frequency loss; 0 has none",
+        least=0,
+        most=1e6,
+    )
+
+    @pydantic.model_validator(mode="after")
+    def check_radius(self):
+        if self.matching == "pixel" and self.radius_px == 0:
+            raise ValueError("radius_px: matching pixel needs 1 or more")
+        return self
+
+
+class Staged(base.Method):
+    """A method with `alignerf`."""
+
+    key, Keys, order = "alignerf", AligNeRF, 2
+    what = "staged training with the three contributions"
+    beside = (*base.Method.beside, "changes")
+    systems = ("mipnerf360",)
+    in_crops = True
+
+    def check(self, config, name):
+        """It has no rounds, and shares its pre-training with others of its model."""
+        method, where = config["methods"][name], f"methods.{name}"
+        settings, model = method["alignerf"], method["model"]
+        if method["changes"] == "cameras_then_photos":
+            fault(f"{where}.changes", "a staged training has no round to warp photos")
+        if settings["radius_px"] == "auto":
+            if self.moves(method, None):
+                what = "radius_px auto is measured before cameras are put right"
+                fault(f"{where}.changes", what)
+            if not methods.has_scratch(config["methods"].values(), model):
+                what = f"auto needs a method of model {model!r} without alignerf"
+                fault(f"{where}.alignerf.radius_px", what)
+        for other, chosen in config["methods"].items():
+            theirs = chosen["model"] == model and chosen["alignerf"]
+            if theirs and theirs["pretrain_share"] != settings["pretrain_share"]:
+                what = f"methods.{other} has another, and {model} is pre-trained once"
+                fault(f"{where}.alignerf.pretrain_share", what)
+
+    def trainings(self, experiment, scene, name, once):
+        """The fine-tuning, which the pre-training leads to."""
+        method = experiment.methods[name]
+        job = self.pretraining(experiment, scene, name)
+        folder = f"pretrain/{method['model']}"
+        pretrained = once(trainings.from_photos(scene, folder, job))
+        more, flows = {}, []
+        if self.moves(method, None):
+            more["cameras"] = trainings.corrected(pretrained)
+            flows.append(pretrained)
+        if method["alignerf"]["radius_px"] == "auto":
+            measured = experiment.at(scene, experiment.baseline(name), 0)
+            lengths = trainings.DISPLACED.format(split="train")
+            more["displacement"] = f"{measured.path}/{lengths}"
+            flows.append(measured)
+        job = self.finetuning(experiment, scene, name)
+        more |= {"initial": pretrained.model, "after": (pretrained,)}
+        more["flows"] = tuple(flows)
+        return [once(trainings.from_photos(scene, f"{name}/round0", job, **more))]
+
+    def pretraining(self, experiment, scene, name):
+        """What methods share that differ in their fine-tuning."""
+        share = experiment.methods[name]["alignerf"]["pretrain_share"]
+        job = trainings.full(experiment, scene, name)
+        return job | {"stage": "pretrain", "pretrain_share": share}
+
+    def finetuning(self, experiment, scene, name):
+        """All that AligNeRF adds, and the file that its loss looks through."""
+        chosen = copy.deepcopy(experiment.methods[name]["alignerf"])
+        weighs = chosen["frequency_weight"] > 0
+        weights = experiment.config["frequency_weights"] if weighs else None
+        chosen["frequency_weights"] = weights
+        if chosen["radius_px"] == "auto":
+            chosen["radius_px"] = None
+        job = trainings.full(experiment, scene, name)
+        return job | {"stage": "finetune", "alignerf": chosen}
+
+    def moves(self, method, round):
+        """Cameras may be put right between the stages."""
+        return frozenset(["cameras"] * (method["changes"] != "photos"))
+
+    def words(self, experiment, name):
+        """The contributions that the method has."""
+        method = experiment.methods[name]
+        settings = method["alignerf"]
+        parts = ["cameras put right"] if self.moves(method, None) else []
+        if settings["convolution"]:
+            parts.append(f"{settings['features']} features")
+        if settings["radius_px"] != 0:
+            matched = settings["matching"] == "patch"
+            parts.append("aligned" if matched else "contextual")
+        if settings["error"] != "squared":
+            parts.append(settings["error"])
+        if settings["frequency_weight"] > 0:
+            weights = experiment.config["frequency_weights"]
+            parts.append("VGG-19" if weights else "derivative bank")
+        return parts
+
+
+METHOD = Staged()
