@@ -14,15 +14,22 @@ from pathlib import Path
 
 import numpy as np
 
+from alignerf.captures import base
 from alignerf.experiment import jobs
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import atomic, faults, json_files, owned
-from alignerf.scenes import cameras, held_out, originals, prepare, prepared
-from alignerf.scenes.capture import full_size, windows, windows_truth
+from alignerf.scenes import (
+    cameras,
+    held_out,
+    loading,
+    originals,
+    prepare,
+    prepared,
+    zoom,
+)
+from alignerf.scenes.capture import windows, windows_truth
 from alignerf.scenes.courtyard import truth
 from alignerf.scenes.judged import views as judged
-from alignerf.scenes.loading import readers, zoom
 from alignerf.sfm import calibration, capture, matches, mistakes
 
 log = logging.getLogger("alignerf.poses")
@@ -45,11 +52,11 @@ def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
     they have; places, the folder of windows that they lie at the same places as.
     """
     config, out = of_scenes.checked(config), Path(out)
-    if scene_keys.whole_of(config):
+    if base.parent_of(config):
         return of_whole(config, out, Path(whole), cameras_path, places and Path(places))
     started = time.monotonic()
     with atomic.scratch_folder(out) as scratch:
-        full, told, scene = readers.READERS[config["source"]](config, scratch)
+        full, told, scene = base.of(config).read(config, scratch)
         told["downscale_decided"] = config["downscale"] == "auto"
         full = mistakes.stated(prepare.sort_by_name(full), config)
         given = for_training(full, config)
@@ -58,7 +65,7 @@ def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
             prepared.check_places(config["path"] or out, given)
         full = full._replace(camtoworlds=perturbed(given, config))
         checked = None
-        if scene_keys.wants_matches(config) or adjust:
+        if base.of(config).wants_matches(config) or adjust:
             checked = check_cameras(full, scratch, config, adjust)
             full, told = with_checked(full, told, checked, scratch, config)
         views = for_training(full, config)
@@ -108,7 +115,7 @@ def of_whole(config, out, whole, cameras_path, places):
     told = json_files.read(whole / "poses.json", prepared.POSES)
     least = config["least_train_views"] + 1
     with atomic.scratch_folder(out) as scratch:
-        views = full_size.read(config, whole, scratch, cameras_path)
+        views = loading.read(config, whole, scratch, cameras_path)
         try:
             views, found, px = zoom.placed(views, config, places)
             found, each = zoom.around(views, found, px, least=1 if places else least)
@@ -235,7 +242,7 @@ def write_truth(folder, scene, whole, cut, split, perturb_px):
 def split_of(views, config):
     """Split [n] of the views: by their files, else every `test_every`-th is test."""
     if views.split is None:
-        every = scene_keys.every_of(config, len(views.names))
+        every = base.of(config).every_of(config, len(views.names))
         return prepare.split_views(len(views.names), test_every=every)
     if config["test_every"] is not None:
         log.warning("test_every: the given file itself says what is held out")

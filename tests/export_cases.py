@@ -8,7 +8,8 @@ from PIL import Image
 
 from alignerf import export
 from alignerf.files import faults
-from alignerf.scenes import cameras, colmap, transforms
+from alignerf.scenes import cameras, colmap
+from alignerf.scenes.formats import transforms
 
 WIDTH, HEIGHT = 192, 144
 OF_COURTYARD = {

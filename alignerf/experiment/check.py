@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from alignerf import methods
+from alignerf.captures import base
 from alignerf.experiment import schema
 from alignerf.experiment.checks import filled, models, names, results, scenes
 from alignerf.experiment.checks.common import fault, is_there
@@ -53,8 +54,9 @@ def check_given(config):
     for name, scene in config["scenes"].items():
         training_keys.check_length(scene, f"scenes.{name}")
         given = scene.get("test_every") is not None
-        if given and scene["source"] == "blender":
-            fault(f"scenes.{name}.test_every", "blender's files say what is held out")
+        if given and base.of(scene).says_split:
+            said = f"{scene['source']}'s files say what is held out"
+            fault(f"scenes.{name}.test_every", said)
         if scene.get("seed") is not None and (config.get("vary") or {}).get("seeds"):
             fault(f"scenes.{name}.seed", "not beside vary.seeds")
 

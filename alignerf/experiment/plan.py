@@ -10,8 +10,8 @@ import json
 import re
 
 from alignerf import methods
+from alignerf.captures import base
 from alignerf.experiment import trainings
-from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import json_files
 
 
@@ -193,6 +193,10 @@ class Experiment:
             round = self.reference_round(scene)
         return self.folder(scene, self.config["reference"]["method"], round)
 
+    def capture(self, scene):
+        """The record of a scene's source."""
+        return base.of(self.scenes[scene])
+
     def captures(self):
         """Scenes that stand for themselves: all but windows of another scene."""
         return [name for name in self.scenes if self.whole(name) == name]
@@ -203,7 +207,7 @@ class Experiment:
 
     def whole(self, scene):
         """The scene that a scene's windows are of, or the scene itself."""
-        return scene_keys.whole_of(self.scenes[scene]) or scene
+        return base.parent_of(self.scenes[scene]) or scene
 
     def windows(self, scene):
         """The scenes of windows by which a scene is judged, as given first."""
@@ -225,9 +229,7 @@ class Experiment:
 
     def has_truth(self, scene):
         """Whether a scene's truth is known; windows of another scene have none."""
-        chosen = self.scenes[scene]
-        has_truth = scene_keys.SOURCES[chosen["source"]].has_truth
-        return has_truth and not scene_keys.whole_of(chosen)
+        return self.capture(scene).has_truth and self.whole(scene) == scene
 
     def truth_of(self, scene):
         """The folder of a scene's truth, where that is known."""
@@ -237,16 +239,15 @@ class Experiment:
 def scene_config(experiment, name):
     """What the poses of a scene depend on: not how long it is trained."""
     scene = experiment.scenes[name]
-    unused = {"steps", "budget_min"}
-    if not scene_keys.SOURCES[scene["source"]].has_truth:
-        unused.add("courtyard")
+    capture = experiment.capture(name)
+    unused = {"steps", "budget_min"} | ({"courtyard"} - {*capture.keys})
     if scene["poses"] == "truth" and not scene["triangulate"]:
         unused.add("colmap")
     # Where a `false` changes what is done, the stage has to be told.
     undecided = scene | {"triangulate": None}
-    if not (scene_keys.wants_matches(scene) or scene_keys.wants_matches(undecided)):
+    if not (capture.wants_matches(scene) or capture.wants_matches(undecided)):
         unused.add("triangulate")
-    if scene_keys.whole_of(scene):
+    if base.parent_of(scene):
         unused |= {"test_every", "perturb_px", "colmap"}
     optional = ("masks", "zoom", "judged", "pose_convention")
     unused |= {key for key in optional if scene[key] is None}

@@ -29,6 +29,10 @@ ACCELERATORS = int(machine.has_accelerator())
 # alignerf/processes/devices.py).
 OF_TRAINING = WHOLE_MACHINE if ACCELERATORS else min(max(WHOLE_MACHINE // 2, 1), 4)
 
+# {module: registry}: who imports the module runs the registry's records, which are
+# imported by name.
+RECORDS = {"alignerf.scenes.loading": "alignerf.captures"}
+
 # Compiled JAX programs.
 CACHE = Path("results/.jax_cache")
 # What commands read of their own package besides code.
@@ -77,9 +81,16 @@ def reached(module):
         if path is None or path in seen:
             continue
         seen.add(path)
+        todo += modules_of(RECORDS[name]) if name in RECORDS else []
         # Importing a module runs the packages that it lies in.
         todo += [*imports(path), *([name.rpartition(".")[0]] if "." in name else [])]
     return seen
+
+
+def modules_of(package):
+    """Names of the modules in a package's folder."""
+    inside = sorted(file_of(package).parent.glob("*.py"))
+    return [f"{package}.{path.stem}" for path in inside]
 
 
 def data_beside(path):

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.scenes import cameras, llff
+from alignerf.scenes import cameras
+from alignerf.scenes.formats import llff
 
 # Beside transforms.json, for programs that begin with points.
 POINTS = "points.ply"

@@ -9,8 +9,7 @@ import logging
 from pathlib import Path
 
 from alignerf.files import faults, images, yaml_files
-from alignerf.scenes import prepare, prepared
-from alignerf.scenes.capture import full_size
+from alignerf.scenes import loading, prepare, prepared
 
 log = logging.getLogger("alignerf")
 
@@ -40,14 +39,14 @@ def config_of(text, folder):
 
 
 def of_photos(config, folder, work_folder, cameras_path) -> prepare.PosedViews:
-    """The views at the size of their photos; arguments: as of `full_size.read`.
+    """The views at the size of their photos; arguments: as of `loading.read`.
 
     Raises ValueError where the photos are gone.
     """
     path = config["path"]
     if path and not Path(path).exists():
         raise ValueError(f"{path}: the photos of {folder} are gone")
-    return full_size.read(config, folder, work_folder, cameras_path)
+    return loading.read(config, folder, work_folder, cameras_path)
 
 
 def as_trained(loaded: prepared.Scene, cameras_path) -> prepare.PosedViews:
@@ -68,7 +67,7 @@ def as_trained(loaded: prepared.Scene, cameras_path) -> prepare.PosedViews:
             prepare.Photo(loaded.folder / "images" / f"{name}.png", (read,))
             for name in loaded.names
         ],
-        points=full_size.points_of(loaded.folder),
+        points=loading.points_of(loaded.folder),
         split=arrays["split"],
         masks=masks,
     )

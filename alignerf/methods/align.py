@@ -5,9 +5,9 @@ from typing import Literal
 import pydantic
 
 from alignerf import methods
+from alignerf.captures import base as captures
 from alignerf.experiment.checks.common import fault
 from alignerf.experiment.keys import estimators
-from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys.key import Keys, key
 from alignerf.methods import base
 
@@ -105,7 +105,7 @@ class Aligned(base.Method):
             what = f"another method of model {model!r} without align"
             fault(where, f"it needs {what}, to say what it brought")
         chosen = Align.model_validate(method["align"])
-        whole = [s for s in config["scenes"].values() if not scene_keys.whole_of(s)]
+        whole = [s for s in config["scenes"].values() if not captures.parent_of(s)]
         for steps in {scene["steps"] for scene in whole if scene["steps"]}:
             places(chosen, steps, where)
 

@@ -8,9 +8,9 @@ import shlex
 
 import pydantic
 
+from alignerf.captures import base as captures
 from alignerf.experiment.checks import places
 from alignerf.experiment.checks.common import fault
-from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys.key import Keys, key
 from alignerf.methods import rounds
 
@@ -103,7 +103,7 @@ class Other(rounds.Rounds):
         for what in OF_COMMAND if unknown else ():
             if "steps" in places.names(chosen[what] or ""):
                 fault(f"{where}.external.{what}", "{steps} needs training.steps")
-        windows = any(scene_keys.whole_of(one) for one in config["scenes"].values())
+        windows = any(captures.parent_of(one) for one in config["scenes"].values())
         if windows and config["reference"]["method"] == name:
             what = "not with an external reference: its program trains no windows"
             fault("windows", what)

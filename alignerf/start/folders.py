@@ -12,24 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
+from alignerf.captures import base
+from alignerf.captures import photos as of_photos
 from alignerf.experiment import sources, targets
 from alignerf.experiment.checks import names
 from alignerf.files import faults
 from alignerf.scenes import photos
-from alignerf.scenes.apps import colmap_models
-from alignerf.scenes.apps import sources as apps
 from alignerf.scenes.capture import video
 
 log = logging.getLogger("alignerf")
 
-# Files that say which cameras took the photos, and the source that reads them; in this
-# order, as some come together.
-CAMERAS = (
-    ("transforms_train.json", "blender"),
-    ("transforms.json", "transforms"),
-    ("sparse/0", "mipnerf360"),
-    ("poses_bounds.npy", "llff"),
-)
 RULE = re.compile(r"^\s*(?:rule|checkpoint|use rule \w+ as) (\w+)", re.MULTILINE)
 
 
@@ -67,29 +59,13 @@ def scenes_of(folder):
 
 
 def scene_of(path):
-    """{source, path} of one scene; None where there is none.
-
-    Raises ValueError where a folder is nearly an app's or COLMAP's, and says what is
-    missing.
-    """
-    if path.is_dir():
-        if (source := given_by(path)) is not None:
-            # A transforms.json names them itself.
-            if (path / "masks").is_dir() and source != "transforms":
-                log.warning("%s/masks: not used where cameras are given", path)
-            return {"source": source, "path": str(path)}
-        if not any(is_taken(p) for p in path.iterdir()):
-            # As other programs lay it out.
-            path = path / "images"
-            if not (path.is_dir() and any(is_taken(p) for p in path.iterdir())):
-                return None
-        masks = [p for p in (path / "masks", path.parent / "masks") if p.is_dir()]
-        inner = masks and (masks[0].parent == path or path.name == "images")
-        return {"source": "photos", "path": str(path)} | (
-            {"masks": str(masks[0])} if inner else {}
-        )
-    film = path.is_file() and path.suffix.lower() in video.SUFFIXES
-    return {"source": "photos", "path": str(path)} if film else None
+    """The keys of one scene; None where there is none. ValueError as of `detected`."""
+    capture = base.detected(path)
+    if capture is None:
+        return None
+    if (path / "masks").is_dir() and not {"masks", "own_masks"} & {*capture.keys}:
+        log.warning("%s/masks: not used where cameras are given", path)
+    return capture.scene(path)
 
 
 def check_enough(scenes):
@@ -110,9 +86,9 @@ def count_of(scene):
     they are long. A Live Photo's film, called like a photo, is none.
     """
     path = Path(scene["path"])
-    if scene["source"] != "photos" or not path.is_dir():
+    if base.of(scene).poses[0] != BY_COLMAP or not path.is_dir():
         return None
-    taken = [p for p in path.iterdir() if is_taken(p) and p.is_file()]
+    taken = [p for p in path.iterdir() if of_photos.is_taken(p) and p.is_file()]
     stems = {p.stem for p in taken if p.suffix.lower() in photos.SUFFIXES}
     films = [p for p in taken if p.suffix.lower() in video.SUFFIXES]
     if any(film.stem not in stems for film in films):
@@ -127,33 +103,6 @@ def colmap_min(count):
     return found * max(count / max(COLMAP_MIN), 1)
 
 
-def given_by(path):
-    """The source that reads the cameras of a folder; None where it has only photos."""
-    for name, source in CAMERAS:
-        if (path / name).exists():
-            return source
-    if (app := apps.like(path)) is not None:
-        apps.APPS[app].check(path)
-        return app
-    if not has_photos(path):
-        return None
-    if colmap_models.find(path):
-        return "mipnerf360"
-    if lacking := colmap_models.missing(path):
-        photos_at = path / "images" if (path / "images").is_dir() else path
-        raise ValueError(
-            f"{lacking}. Without it COLMAP runs on the photos: move it away, or give "
-            f"{photos_at} as the folder"
-        )
-    return None
-
-
-def has_photos(path):
-    """Whether a folder has photos, beside it or in `images` or `images_<n>`."""
-    named = (p for p in path.glob("images*") if p.is_dir())
-    return any(is_taken(p) for inner in (path, *named) for p in inner.iterdir())
-
-
 def with_colmap(scenes):
     """The scenes, and beside each with a phone's own poses NAME_colmap.
 
@@ -162,17 +111,11 @@ def with_colmap(scenes):
     found = {}
     for name, scene in scenes.items():
         found[name] = scene
-        if apps.said_of(scene["source"], scene["path"]) == apps.OF_PHONE:
+        if base.of(scene).tracked_by_phone(scene["path"]):
             if (again := f"{name}_{BY_COLMAP}") in scenes:
                 raise ValueError(f"{scene['path']}: another scene is called {again}")
             found[again] = scene | {"poses": BY_COLMAP}
     return found
-
-
-def is_taken(path):
-    """Whether a file is a photo or a film, by its name."""
-    suffixes = photos.SUFFIXES | video.SUFFIXES
-    return path.suffix.lower() in suffixes and not path.name.startswith(".")
 
 
 def at_home(path):

@@ -12,14 +12,13 @@ import json
 import logging
 from pathlib import Path
 
+from alignerf.captures import base
 from alignerf.experiment.checks import results as of_results
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.experiment.keys import scene as scene_keys
 from alignerf.exports import formats, photos, points
 from alignerf.files import atomic, faults, owned, provenance
 from alignerf.scenes import photos as photo_files
 from alignerf.scenes import prepare, prepared
-from alignerf.scenes.loading import readers
 from alignerf.sfm import calibration, capture, mistakes
 from alignerf.start import claims, configs, folders
 
@@ -52,7 +51,7 @@ def main(argv=None):
 
 def config_of(scene, args, folder):
     """A scene's keys, complete; ValueError where no cameras came with it."""
-    if "adjusted" not in scene_keys.SOURCES[scene["source"]].poses:
+    if "adjusted" not in base.of(scene).poses:
         command = provenance.typed(*configs.PHOTOS).format(folder)
         raise ValueError(
             f"{scene['path']}: no cameras came with these photos, so there are none to "
@@ -78,7 +77,7 @@ def adjust(name, config, args):
 def write_adjusted(name, place, config, args):
     """The same, into a folder that is this program's."""
     with atomic.scratch_folder(place, name="poses") as scratch:
-        views, *_ = readers.READERS[config["source"]](config, scratch)
+        views, *_ = base.of(config).read(config, scratch)
         views = mistakes.stated(prepare.sort_by_name(views), config)
         prepared.check_views(config["path"], views)
         prepared.check_places(config["path"], views)
@@ -113,7 +112,7 @@ def write(folder, scratch, views, checked, config, *, photos_too):
     """Write an export of the views by the cameras that the check has found."""
     split = views.split
     if split is None:
-        every = scene_keys.every_of(config, len(views.names))
+        every = base.of(config).every_of(config, len(views.names))
         split = prepare.split_views(len(views.names), test_every=every)
     now = views._replace(split=split)
     if checked.found:

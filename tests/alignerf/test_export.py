@@ -9,7 +9,8 @@ from PIL import Image
 
 from alignerf import export, poses
 from alignerf.files import faults
-from alignerf.scenes import cameras, colmap, llff, prepare, prepared, transforms
+from alignerf.scenes import cameras, colmap, prepare, prepared
+from alignerf.scenes.formats import llff, transforms
 from alignerf.training import batches
 from tools.bench import cases
 

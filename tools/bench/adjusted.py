@@ -21,9 +21,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from alignerf.captures import base
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.scenes import cameras, prepare
-from alignerf.scenes.loading import readers
 from alignerf.sfm import bundle, calibration, capture, matches, mistakes, pose_error
 from tools.bench import surveyed
 
@@ -52,7 +52,7 @@ def load(scene, folder):
     path = folder / "matches.npz"
     # Photos of the courtyard lie there.
     scratch = tempfile.mkdtemp(dir=folder)
-    views, *_ = readers.READERS[config["source"]](config, Path(scratch))
+    views, *_ = base.of(config).read(config, Path(scratch))
     views = prepare.sort_by_name(views)
     if not path.is_file():
         found = matches.find(views, folder, max_size_px=1600, seed=0)

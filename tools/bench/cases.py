@@ -10,7 +10,8 @@ import pathlib
 import numpy as np
 
 from alignerf.experiment import jobs
-from alignerf.scenes import cameras, prepare, prepared, transforms
+from alignerf.scenes import cameras, prepare, prepared
+from alignerf.scenes.formats import transforms
 
 NEAR, FAR = 0.2, 1e6
 SAMPLES = [64, 64, 32]

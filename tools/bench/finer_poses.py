@@ -18,12 +18,12 @@ import cv2
 import numpy as np
 import pycolmap
 
+from alignerf.captures import base
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import archives
 from alignerf.keypoints import adjustment, refine, tracks
 from alignerf.scenes import colmap, prepare
 from alignerf.scenes.capture import ingest
-from alignerf.scenes.loading import readers
 from alignerf.sfm import calibration, pose_error
 from tools.bench import adjusted, surveyed
 
@@ -57,7 +57,7 @@ def make(folder, scene, downscale, camera_model):
     folder.mkdir(parents=True, exist_ok=True)
     config = of_scenes.checked(scene)
     scratch = Path(tempfile.mkdtemp(dir=folder))
-    views, *_ = readers.READERS[config["source"]](config, scratch)
+    views, *_ = base.of(config).read(config, scratch)
     views = prepare.downscale(prepare.sort_by_name(views), downscale)
     prepare.write_photos(folder / "images", views)
     size = views.width, views.height

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from alignerf import methods
+from alignerf.captures import base
 from alignerf.experiment import schema
 from alignerf.experiment.checks.common import fault, first
 from alignerf.experiment.keys import scene as scene_keys
@@ -27,7 +28,7 @@ def completed(config):
     training |= training_keys.length(training)
     for scene in config["scenes"].values():
         scene |= {key: home(scene[key]) for key in ("path", "masks")}
-        scene["poses"] = scene_keys.poses_of(scene)
+        scene["poses"] = base.of(scene).poses_of(scene)
         if scene["seed"] is None:
             scene["seed"] = config["seed"]
         if not (scene["steps"] or scene["budget_min"]):

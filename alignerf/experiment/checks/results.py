@@ -8,6 +8,7 @@ import contextlib
 import os
 from pathlib import Path
 
+from alignerf.captures import base
 from alignerf.experiment.checks.common import fault
 from alignerf.files import owned
 from alignerf.methods import named_folders
@@ -107,9 +108,8 @@ def paths_of(config):
     found = {f"lpips.{net}": path for net, path in config["lpips"].items()}
     found["frequency_weights"] = config["frequency_weights"]
     for scene, keys in config["scenes"].items():
-        found |= {f"scenes.{scene}.{key}": keys[key] for key in ("path", "masks")}
-        for key in ("renders", "cameras", "depth", "before"):
-            found[f"scenes.{scene}.judged.{key}"] = (keys["judged"] or {}).get(key)
+        own = base.of(keys).paths(keys).items()
+        found |= {f"scenes.{scene}.{key}": path for key, path in own}
     templates = {"flow.folder": config["flow"]["folder"]}
     for name, method in config["methods"].items():
         for place, mapping, key in named_folders(method):

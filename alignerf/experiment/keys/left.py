@@ -1,8 +1,8 @@
 """What a config with `decide` leaves to the scenes' facts."""
 
+from alignerf.captures import base
 from alignerf.experiment.keys.fields import Grid, Nerf
 from alignerf.experiment.keys.model import OPEN_OF_MODEL, Model
-from alignerf.experiment.keys.scene import SOURCES
 from alignerf.experiment.keys.training import OPEN_OF_TRAINING, Training
 
 
@@ -21,8 +21,7 @@ def leave_open(config):
     training, scenes = config.get("training") or {}, config["scenes"]
     if asked:
         scenes = {
-            name: ({"downscale": "auto"} if SOURCES[scene["source"]].has_path else {})
-            | scene
+            name: ({"downscale": "auto"} if base.of(scene).has_path else {}) | scene
             for name, scene in scenes.items()
         }
     whole = [one for one in scenes.values() if not (one.get("zoom") or {}).get("of")]

@@ -1,96 +1,16 @@
 """Keys of `scenes`: where images and cameras come from, how long each is trained."""
 
-import typing
 from typing import Literal
 
+from alignerf.captures import base
 from alignerf.experiment.keys.key import Keys, budget, key
 
-
-class Source(typing.NamedTuple):
-    """Where images and cameras come from; `alignerf.scenes` reads them."""
-
-    poses: tuple  # the ways in which it can have poses, the default first
-    has_truth: bool = False
-    has_path: bool = True
-    # The published scores of its scenes are of every eighth view, however few that are.
-    every_eighth: bool = False
-    # An app's folder: its poses, or COLMAP's from the same photos.
-    is_app: bool = False
+SOURCES = base.every()
 
 
-SOURCES = {
-    "courtyard": Source(("colmap", "truth"), has_truth=True, has_path=False),
-    "photos": Source(("colmap",)),
-    "transforms": Source(("adjusted", "given")),
-    "llff": Source(("adjusted", "given"), every_eighth=True),
-    "mipnerf360": Source(("adjusted", "given"), every_eighth=True),
-    "blender": Source(("adjusted", "given")),
-    # Its renders were seen by the cameras as they are; an export has adjusted ones.
-    "judged": Source(("given",)),
-    "polycam": Source(("adjusted", "given", "colmap"), is_app=True),
-    "scanner3d": Source(("adjusted", "given", "colmap"), is_app=True),
-    "record3d": Source(("adjusted", "given", "colmap"), is_app=True),
-}
-# Ways of having poses that came with the photos.
-INPUT = ("adjusted", "given")
-
-
-def poses_of(scene):
-    """The way in which a scene, as a mapping, has poses: its own or its source's.
-
-    Without features no camera can be adjusted.
-    """
-    usual = SOURCES[scene["source"]].poses
-    if scene["triangulate"] is False and "given" in usual:
-        usual = ("given",)
-    return scene["poses"] or usual[0]
-
-
-def whole_of(scene):
-    """The name of the scene that a scene's windows are of, or None."""
-    return scene["zoom"]["of"] if scene["zoom"] else None
-
-
-# What is held out at most, unless a number says more; fewer than LEAST_TEST_VIEWS give
-# no interval (`verdict.shift`; a test holds both equal).
-SELDOM, OFTEN, LEAST_TEST_VIEWS = 8, 4, 5
-
-
-def every_of(scene, views):
-    """The n of a scene, as a mapping, whose every n-th view of `views` is held out.
-
-    `auto`: 8, or the largest n from 4 on with LEAST_TEST_VIEWS held out. Under 17 views
-    no such n leaves 12 to learn from: it stays 8, as no interval can be had anyway.
-    """
-    every = scene["test_every"]
-    if every is None:
-        every = SELDOM if SOURCES[scene["source"]].every_eighth else "auto"
-    if every != "auto":
-        return every
-    enough = (
-        n for n in range(SELDOM, OFTEN - 1, -1) if -(-views // n) >= LEAST_TEST_VIEWS
-    )
-    return next(enough, SELDOM)
-
-
-def wants_matches(scene):
-    """Whether a scene's cameras are checked by matches, which find its points too.
-
-    Input cameras are unless it says no, the courtyard's true ones where it says so.
-    Crops have their points from the whole photos. COLMAP's poses have both already.
-    """
-    poses, wanted = poses_of(scene), scene["triangulate"]
-    if scene["zoom"]:
-        return poses != "colmap" and not scene["zoom"].get("of")
-    if scene["judged"] and not scene["judged"]["cameras"]:
-        return False
-    return poses in INPUT if wanted is None else wanted and poses != "colmap"
-
-
-def refines_keypoints(scene):
-    """Whether a scene, as a mapping, has its keypoints aligned by patches."""
-    wanted = scene["refine_keypoints"]
-    return scene["source"] != "courtyard" if wanted is None else wanted
+def having(key):
+    """Names of the sources that have a key of their own."""
+    return ", ".join(name for name, one in SOURCES.items() if key in one.keys)
 
 
 CAMERA_MODELS = Literal[
@@ -249,11 +169,7 @@ class Zoom(Keys):
 
 class Scene(Keys):
     source: Literal[tuple(SOURCES)] = key(
-        what="embedded scene, folder of photos, transforms.json, LLFF's "
-        "poses_bounds.npy, a scene of mip-NeRF 360 (360_v2) or another COLMAP model, "
-        "one of NeRF's synthetic scenes, what an app exports (Polycam's raw data, "
-        "3d Scanner App's All Data, Record3D's EXR + JPG), or photos beside renders of "
-        "another program"
+        what="; ".join(f"{name}: {one.what}" for name, one in SOURCES.items())
     )
     path: str | None = key(
         None,
@@ -263,13 +179,15 @@ class Scene(Keys):
     )
     images: int | None = key(
         None,
-        "of mipnerf360 and transforms: the n of the folder images_<n>, 1 for images; "
-        "null takes the largest photos there are",
+        f"of {having('images')}: the n of the folder images_<n>, 1 for images; null "
+        "takes the largest photos there are",
         least=1,
         most=64,
     )
     background: Literal["black", "white"] | None = key(
-        None, "what transparent pixels stand on; null refuses them"
+        None,
+        f"of {having('background')}: what transparent pixels stand on; null refuses "
+        "them",
     )
     masks: str | None = key(
         None,

@@ -3,7 +3,7 @@
 import hashlib
 from typing import NamedTuple
 
-from alignerf.experiment.keys import scene as scene_keys
+from alignerf.captures import base
 from alignerf.experiment.tables import rows
 from alignerf.experiment.trainings import DISPLACED
 from alignerf.files import json_files
@@ -46,7 +46,7 @@ def of_scene(experiment, name):
     """The `Scene` of one scene; motion_m is known for a synthetic scene only."""
     scene = experiment.scenes[name]
     motion_m = None
-    if scene_keys.SOURCES[scene["source"]].has_truth:
+    if base.of(scene).has_truth:
         motion = scene["courtyard"]
         motion_m = (motion["motion"] != "none") * motion["motion_m"]
     reference = experiment.config["reference"]["method"]

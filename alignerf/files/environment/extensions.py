@@ -1,8 +1,8 @@
 """What other packages add to the program: Python's entry points, by group.
 
-A package names its objects under `alignerf.methods`, `alignerf.test_sets`,
-`alignerf.systems` or `alignerf.estimators`; docs/develop/extending.md shows one of
-each.
+A package names its objects under `alignerf.captures`, `alignerf.methods`,
+`alignerf.test_sets`, `alignerf.systems` or `alignerf.estimators`;
+docs/develop/extending.md shows one of each.
 """
 
 import functools
@@ -16,6 +16,7 @@ from pathlib import Path
 
 # {group: what its objects must have}.
 NEEDED = {
+    "captures": ("name", "what", "poses", "detect", "read"),
     "methods": ("key", "annotation", "field", "trainings", "words", "moves"),
     "test_sets": ("name", "pixels", "meaning", "needs", "make", "tables"),
     "systems": ("make", "Keys.kind", "Keys.near", "Keys.samples", "Keys.training"),

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.files import faults, json_files
-from alignerf.scenes import mipnerf360, prepare, transforms
-from alignerf.scenes.apps import project_files
+from alignerf.scenes import prepare
+from alignerf.scenes.formats import colmap_models, transforms
 from alignerf.scenes.judged import ply
 
 # The horizontal field of view that is assumed where nothing is known: of a phone's main
@@ -162,12 +162,12 @@ def stem_of(file_path):
     """A view's name by its photo's path; only suffixes of photos are taken off."""
     name = file_path.replace("\\", "/").rpartition("/")[2]
     stem, dot, suffix = name.rpartition(".")
-    return stem if dot and f".{suffix}" in project_files.SUFFIXES else name
+    return stem if dot and f".{suffix}" in transforms.SUFFIXES else name
 
 
 def of_model(path) -> Cameras:
     """Those of a COLMAP model, with its points."""
-    views, points = mipnerf360.read_model(path)
+    views, points = colmap_models.read(path)
     lenses = {
         name: Lens(camtopix, distortion, size, pose)
         for name, (camtopix, distortion, size, pose) in views.items()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from alignerf import poses
+from alignerf.captures import base
 from alignerf.experiment import check, schema
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.scenes import prepare
@@ -13,7 +14,7 @@ from alignerf.verdict import shift
 def every(views, source="photos", **given):
     """The n of a scene that says what is given."""
     scene = {"source": source, "path": "somewhere", **given}
-    return scene_keys.every_of(schema.filled(scene_keys.Scene, scene), views)
+    return base.of(scene).every_of(schema.filled(scene_keys.Scene, scene), views)
 
 
 @pytest.mark.parametrize("views", range(3, 61))
@@ -47,12 +48,12 @@ def test_published_scenes_keep_every_eighth_unless_auto_is_asked_for(source):
 
 @pytest.mark.parametrize("n", [2, 5, 8, 100])
 def test_a_number_holds(n):
-    for source in scene_keys.SOURCES:
+    for source in base.every():
         assert every(24, source, test_every=n) == n
 
 
 def test_enough_is_what_the_verdict_calls_enough():
-    assert scene_keys.LEAST_TEST_VIEWS == shift.FEW_TEST_VIEWS
+    assert base.LEAST_TEST_VIEWS == shift.FEW_TEST_VIEWS
 
 
 def test_what_a_file_says_itself_is_kept_and_a_number_beside_it_is_told(caplog):

@@ -10,14 +10,13 @@ import yaml
 
 from alignerf import config as config_command
 from alignerf import fields
+from alignerf.captures import base
 from alignerf.experiment import check, schema
 from alignerf.experiment.keys import config as config_keys
 from alignerf.experiment.keys import fields as fields_keys
 from alignerf.experiment.keys import key
-from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.scenes.courtyard import scene as courtyard
-from alignerf.scenes.loading import readers
 from flow.estimation import estimate, external
 from flow.warping import warp
 
@@ -169,10 +168,8 @@ def test_the_flow_and_the_sources_have_the_choices_of_their_modules(editors):
     assert flow["kernel"]["enum"] == list(warp.KERNELS)
     assert flow["estimator"]["default"] == estimate.DEFAULT
     scene = defs["Scene"]["properties"]
-    assert (
-        set(scene["source"]["enum"]) == set(scene_keys.SOURCES) == set(readers.READERS)
-    )
-    ways = {way for source in scene_keys.SOURCES.values() for way in source.poses}
+    assert scene["source"]["enum"] == list(base.every())
+    ways = {way for source in base.every().values() for way in source.poses}
     assert set(choices(scene["poses"])) == ways
     for motion in defs["Courtyard"]["properties"]["motion"]["enum"]:
         courtyard.draw_displacements(views=2, motion=motion)

@@ -12,7 +12,6 @@ from alignerf.experiment import sources
 from alignerf.experiment.tables import across
 
 JOB = {"fields", "model", "training"}
-TABLES = ("regimes", "remedies", "tradeoff", "comparison")
 # No sections: what several of them have in common.
 SHARED = {"__init__", "estimators", "key", "system"}
 EVERY = JOB | {"config", "flow", "left", "scene", "scored"}
@@ -26,11 +25,8 @@ REACHED = {
     "alignerf.poses": JOB | {"scene"},
     # The page says what the preflight says.
     "alignerf.page": JOB | {"scene"},
-    "alignerf.tables.collect": {"scene"},
-    "alignerf.tabulate": {"scene"},
     # It reads the photos of a scene once more.
     "alignerf.export": {"scene"},
-    **{f"alignerf.tables.across.{name}": {"scene"} for name in TABLES},
     "alignerf.evaluate": {"scored"},
     "alignerf.config": EVERY,
     "alignerf.preflight": EVERY,
@@ -54,6 +50,13 @@ def test_a_stage_reaches_its_sections_alone(stages):
         keys = [p for p in sources.reached(stage) if p.parent.name == "keys"]
         sections = {path.stem for path in keys} - SHARED
         assert sections == REACHED.get(stage, set()), stage
+
+
+def test_what_reads_photos_alone_depends_on_the_readers(stages):
+    readers = {"alignerf.poses", "alignerf.export", "alignerf.others.data"}
+    for stage in stages:
+        reads = any(p.stem == "polycam" for p in sources.reached(stage))
+        assert reads == (stage in readers), stage
 
 
 @pytest.mark.parametrize("stage", ["flow.align", "alignerf.facts", "alignerf.verdict"])

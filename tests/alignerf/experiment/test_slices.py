@@ -14,7 +14,6 @@ from alignerf.experiment import (
     trainings,
 )
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.tables import rows, scenes
 from alignerf.files import json_files
 from alignerf.methods import staged
@@ -77,8 +76,9 @@ def test_the_poses_stage_finds_points_where_the_config_wants_them(
     demo |= {"scenes": {"a": scene}}
     experiment = experiment_of(demo)
     told = of_scenes.checked(json.loads(plan.scene_config(experiment, "a")))
-    wanted = scene_keys.wants_matches(experiment.scenes["a"])
-    assert bool(scene_keys.wants_matches(told)) == bool(wanted)
+    capture = experiment.capture("a")
+    wanted = capture.wants_matches(experiment.scenes["a"])
+    assert bool(capture.wants_matches(told)) == bool(wanted)
 
 
 def test_a_scene_has_its_own_seed_and_steps(demo, experiment_of):

@@ -6,8 +6,7 @@ import pytest
 from alignerf import poses
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import images
-from alignerf.scenes import prepared
-from alignerf.scenes.capture import full_size
+from alignerf.scenes import loading, prepared
 from alignerf.scenes.courtyard import scene as courtyard
 from tests import export_cases as cases
 
@@ -24,7 +23,7 @@ def made(tmp_path_factory):
 def views(made, tmp_path_factory):
     """Its views at full size, whose photos can be read."""
     config = of_scenes.checked(cases.OF_COURTYARD)
-    return full_size.read(config, made, tmp_path_factory.mktemp("work"))
+    return loading.read(config, made, tmp_path_factory.mktemp("work"))
 
 
 @pytest.fixture(scope="session")
@@ -56,7 +55,7 @@ def taken(photos, tmp_path_factory):
     return (
         config,
         folder / "scene",
-        full_size.read(whole, folder / "scene", folder / "work"),
+        loading.read(whole, folder / "scene", folder / "work"),
     )
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from alignerf import export, poses
 from alignerf.files import images
-from alignerf.scenes import cameras, prepare, prepared, transforms
+from alignerf.scenes import cameras, prepare, prepared
+from alignerf.scenes.formats import transforms
 from tests import export_cases as cases
 
 

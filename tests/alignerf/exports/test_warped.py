@@ -5,7 +5,8 @@ import pytest
 
 from alignerf.exports import formats, warps
 from alignerf.files import images
-from alignerf.scenes import prepared, transforms
+from alignerf.scenes import prepared
+from alignerf.scenes.formats import transforms
 from flow.warping import small, warp
 from tests import export_cases as cases
 

@@ -8,12 +8,19 @@ import pytest
 from PIL import Image
 
 from alignerf import export, poses
+from alignerf.captures import blender
 from alignerf.experiment import check
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.scenes import blender, photos, prepared, transforms
+from alignerf.scenes import photos, prepared
+from alignerf.scenes.formats import transforms
 
 SIZE, ANGLE = 40, 0.7
 COLOUR, ALPHA = np.array([200, 100, 0]), np.array([0, 64, 255])
+
+
+def read(folder, background):
+    scene = {"path": folder, "background": background}
+    return blender.CAPTURE.read_given(scene)
 
 
 def write_photo(path):
@@ -41,7 +48,7 @@ def scene(tmp_path):
 
 
 def test_views_have_the_split_of_their_file(scene, tmp_path):
-    views, left_out = blender.read(scene, "white")
+    views, left_out = read(scene, "white")
     assert left_out == []
     assert views.names == [
         "train_r_0",
@@ -75,8 +82,8 @@ def test_an_exported_scene_is_one_of_its_kind(scene, tmp_path):
         assert image.mode == "RGBA"
     paths = [frame["file_path"] for frame in found["frames"]]
     assert paths == ["images/test_r_0", "images/test_r_1"]
-    first, _ = blender.read(scene, "white")
-    again, _ = blender.read(folder, None)
+    first, _ = read(scene, "white")
+    again, _ = read(folder, None)
     assert again.names == first.names
     np.testing.assert_array_equal(again.split, first.split)
     np.testing.assert_allclose(again.pixtocams, first.pixtocams, atol=1e-6)
@@ -113,7 +120,7 @@ def test_masks_and_names_come_along(scene):
     content["frames"][1]["mask_path"] = "train/mask.png"
     content |= {"train_filenames": ["train/r_0"], "test_filenames": ["train/r_1"]}
     path.write_text(json.dumps(content))
-    views, _ = blender.read(scene, "white")
+    views, _ = read(scene, "white")
     assert len(views.names) == 5
     shown = [views.masks[view].read().max() for view in range(5)]
     assert shown == [255, 0, 255, 255, 255]
@@ -125,7 +132,7 @@ def test_masks_and_names_come_along(scene):
 
 @pytest.mark.parametrize(("background", "level"), [("white", 255), ("black", 0)])
 def test_transparent_pixels_stand_on_the_background(scene, background, level):
-    image = blender.read(scene, background)[0].photos[4].read()
+    image = read(scene, background)[0].photos[4].read()
     share = ALPHA[:, None] / 255
     wanted = np.round(share * COLOUR + (1 - share) * level)
     np.testing.assert_array_equal(image[0, [0, 15, 39]], wanted)
@@ -135,7 +142,7 @@ def test_without_a_background_they_are_refused_by_name(scene):
     with pytest.raises(
         ValueError, match=r"r_0\.png has transparent pixels.*background"
     ):
-        blender.read(scene, None)
+        read(scene, None)
 
 
 def test_transforms_and_photos_take_a_background(scene):
@@ -149,7 +156,7 @@ def test_splits_of_two_sizes_are_refused(scene):
     for path in (scene / "test").iterdir():
         Image.new("RGB", (32, 32)).save(path)
     with pytest.raises(ValueError, match="differ in size"):
-        blender.read(scene, "white")
+        read(scene, "white")
 
 
 @pytest.mark.parametrize(
@@ -173,12 +180,12 @@ def test_a_config_may_say_so(tmp_path):
 
 def test_frames_without_a_photo_are_named(scene):
     (scene / "train" / "r_1.png").unlink()
-    views, left_out = blender.read(scene, "white")
+    views, left_out = read(scene, "white")
     assert left_out == ["train_r_1"]
     assert len(views.names) == 4
     (scene / "test" / "r_0.png").unlink()
     with pytest.raises(ValueError, match=r"transforms_test.json: no image of r_0"):
-        blender.read(scene, "white")
+        read(scene, "white")
 
 
 def test_its_files_say_what_is_held_out():

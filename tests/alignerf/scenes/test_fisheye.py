@@ -7,7 +7,8 @@ import numpy as np
 import pycolmap
 import pytest
 
-from alignerf.scenes import colmap, distortion, transforms
+from alignerf.scenes import colmap, distortion
+from alignerf.scenes.formats import transforms
 from tests import app_cases
 
 WIDTH, HEIGHT = 96, 64

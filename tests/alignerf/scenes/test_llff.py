@@ -11,7 +11,8 @@ from PIL import Image
 
 from alignerf import poses
 from alignerf.files import images
-from alignerf.scenes import distortion, llff
+from alignerf.scenes import distortion
+from alignerf.scenes.formats import llff
 
 FULL = 192, 128
 SIMPLE_RADIAL, OPENCV_FISHEYE = 2, 5

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.scenes import cameras, llff, prepare
+from alignerf.scenes import cameras, prepare
+from alignerf.scenes.formats import llff
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,8 @@ from PIL import Image
 
 from alignerf import evaluate, export, facts
 from alignerf.files import images
-from alignerf.scenes import distortion, prepare, prepared, transforms
+from alignerf.scenes import distortion, prepare, prepared
+from alignerf.scenes.formats import transforms
 from alignerf.training import batches
 from alignerf.verdict import views as verdict_views
 from tools.bench import cases

@@ -6,7 +6,8 @@ import pytest
 from PIL import Image
 
 from alignerf import poses
-from alignerf.scenes import cameras, mipnerf360, prepare
+from alignerf.scenes import cameras, prepare
+from alignerf.scenes.formats import mipnerf360
 
 # images_4 of photos of 383x254 are rounded to 96x64: not a quarter on either side.
 FULL, SMALL = (383, 254), (96, 64)

@@ -11,7 +11,8 @@ from PIL import Image
 
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import images
-from alignerf.scenes import distortion, prepare, prepared, transforms
+from alignerf.scenes import distortion, prepare, prepared
+from alignerf.scenes.formats import transforms
 from tests import camera_twins
 
 LENSES = [

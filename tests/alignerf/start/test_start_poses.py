@@ -11,8 +11,9 @@ import pytest
 
 from alignerf.exports import formats
 from alignerf.files import faults, images
-from alignerf.scenes import cameras, mipnerf360, transforms
+from alignerf.scenes import cameras
 from alignerf.scenes.courtyard import scene as courtyard
+from alignerf.scenes.formats import colmap_models, transforms
 from alignerf.sfm import mistakes
 from alignerf.start import poses
 
@@ -100,7 +101,7 @@ def test_wrong_poses_are_adjusted_and_written_in_every_format(
     assert f"poses off by {told['pose_error_px']:.2f} px" in capsys.readouterr().out
     # nerfstudio's file and COLMAP's model have one set of cameras.
     views, _ = transforms.read(out)
-    own, points = mipnerf360.read_model(out / "sparse" / "0")
+    own, points = colmap_models.read(out / "sparse" / "0")
     in_model = np.stack([own[name][3] for name in views.names])
     np.testing.assert_allclose(in_model, views.camtoworlds, atol=1e-6)
     true = arrays["camtoworlds"]

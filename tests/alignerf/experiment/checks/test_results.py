@@ -11,6 +11,11 @@ from alignerf.files import owned
 NAMES = ({"yard": {}}, {"base": {}})
 
 
+def judged(**paths):
+    """Keys of a scene with paths of renders that are judged."""
+    return {"source": "judged", "judged": paths}
+
+
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -85,9 +90,9 @@ INSIDE = {
 KEYS = {
     "path": lambda c, p: c["scenes"]["yard"].update(path=p),
     "masks": lambda c, p: c["scenes"]["yard"].update(masks=p),
-    "judged.renders": lambda c, p: c["scenes"]["yard"].update(judged={"renders": p}),
-    "judged.cameras": lambda c, p: c["scenes"]["yard"].update(judged={"cameras": p}),
-    "judged.before": lambda c, p: c["scenes"]["yard"].update(judged={"before": p}),
+    "judged.renders": lambda c, p: c["scenes"]["yard"].update(judged(renders=p)),
+    "judged.cameras": lambda c, p: c["scenes"]["yard"].update(judged(cameras=p)),
+    "judged.before": lambda c, p: c["scenes"]["yard"].update(judged(before=p)),
     "methods.base.renders": lambda c, p: c["methods"]["base"].update(renders=p),
     "external.depth": lambda c, p: c["methods"]["base"].update(external={"depth": p}),
     "flow.folder": lambda c, p: c["flow"].update(folder=f"{p}/{{split}}"),
@@ -98,7 +103,7 @@ KEYS = {
 
 def config_of():
     return {
-        "scenes": {"yard": dict.fromkeys(("path", "masks", "judged"))},
+        "scenes": {"yard": {"source": "photos", "path": None, "masks": None}},
         "methods": {"base": {"renders": None, "external": None}},
         "flow": {"folder": None},
         "lpips": {},

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from alignerf import poses
+from alignerf.captures import base, polycam, record3d
 from alignerf.scenes import cameras, colmap, prepared
-from alignerf.scenes.apps import phone, polycam, record3d, scanner3d, sources
-from alignerf.scenes.capture import full_size
+from alignerf.scenes.formats import shots
 from tests import app_cases as cases
 
-APPS = {"polycam": polycam, "scanner3d": scanner3d, "record3d": record3d}
+APPS = ("polycam", "scanner3d", "record3d")
 # ARKit's pixels begin in the middle of the first: half a pixel from its corner.
 CENTRES_PX = {"polycam": 0.0, "scanner3d": 0.5, "record3d": 0.0}
 # As ours have them.
@@ -22,6 +22,11 @@ NAMES = {
 }
 
 
+def read(app, folder):
+    """(views, names of photos left out) by an app's own poses."""
+    return base.every()[app].read_given({"path": folder})
+
+
 @pytest.fixture
 def given(rng):
     return cases.camtoworlds(rng, 3)
@@ -30,7 +35,7 @@ def given(rng):
 @pytest.mark.parametrize("app", APPS)
 def test_a_point_is_seen_where_the_phone_saw_it(tmp_path, given, rng, app):
     getattr(cases, app)(tmp_path, given)
-    views, left_out = APPS[app].read(tmp_path)
+    views, left_out = read(app, tmp_path)
     assert (views.names, left_out) == (NAMES[app], [])
     assert (views.width, views.height) == cases.SIZE
     np.testing.assert_allclose(views.camtoworlds, given, atol=1e-9)
@@ -72,7 +77,7 @@ def test_a_real_frame_is_projected_as_the_app_projects_it(tmp_path, rng):
     """By its projectionMatrix, which has a photo's borders, not its pixels."""
     cases.write_photo(tmp_path / "frame_00000.jpg", size=(1920, 1440))
     cases.write_json(tmp_path / "frame_00000.json", FRAME)
-    views, _ = scanner3d.read(tmp_path)
+    views, _ = read("scanner3d", tmp_path)
     pose = np.array(FRAME["cameraPoseARFrame"]).reshape(4, 4)
     local = np.append(rng.uniform(-1, 1, (50, 2)), -rng.uniform(2, 5, (50, 1)), axis=1)
     clip = np.append(local, np.ones((50, 1)), axis=1) @ (
@@ -88,13 +93,14 @@ def test_a_real_frame_is_projected_as_the_app_projects_it(tmp_path, rng):
 
 def test_optimised_poses_of_polycam_are_taken_and_borders_cut_off(tmp_path, rng, given):
     cases.polycam(tmp_path, cases.camtoworlds(rng, 3))
-    assert sources.said_of("polycam", tmp_path) == sources.OF_PHONE
+    record = base.every()["polycam"]
+    assert record.tracked_by_phone(tmp_path)
     # Larger photos than the cameras are of: twice.
     cases.polycam(tmp_path, given, kinds=polycam.CORRECTED)
     for path in (tmp_path / "keyframes/corrected_images").iterdir():
         cases.write_photo(path, size=(128, 96))
-    views, _ = polycam.read(tmp_path)
-    assert sources.said_of("polycam", tmp_path) == sources.OF_APP
+    views, _ = read("polycam", tmp_path)
+    assert not record.tracked_by_phone(tmp_path)
     np.testing.assert_allclose(views.camtoworlds, given, atol=1e-12)
     assert (views.width, views.height) == (98, 66)
     assert views.photos[0].read().shape == (66, 98, 3)
@@ -102,17 +108,17 @@ def test_optimised_poses_of_polycam_are_taken_and_borders_cut_off(tmp_path, rng,
     wanted = [[2 * fx, 0, 2 * cx - 15], [0, 2 * fy, 2 * cy - 15], [0, 0, 1]]
     np.testing.assert_allclose(np.linalg.inv(views.pixtocams[0]), wanted, atol=1e-9)
     # The folder keyframes itself will do.
-    assert polycam.read(tmp_path / "keyframes")[0].names == views.names
+    assert read("polycam", tmp_path / "keyframes")[0].names == views.names
 
 
 def test_each_frame_of_record3d_has_its_own_lens(tmp_path, given):
     lenses = [[60.0 + i, 61.0 + i, 31.0, 25.0] for i in range(3)]
     cases.record3d(tmp_path, given, perFrameIntrinsicCoeffs=lenses)
-    focal = np.linalg.inv(record3d.read(tmp_path)[0].pixtocams)[:, 0, 0]
+    focal = np.linalg.inv(read("record3d", tmp_path)[0].pixtocams)[:, 0, 0]
     np.testing.assert_allclose(focal, [60, 61, 62])
     # Of another film.
     cases.record3d(tmp_path, given, perFrameIntrinsicCoeffs=lenses[:2])
-    focal = np.linalg.inv(record3d.read(tmp_path)[0].pixtocams)[:, 0, 0]
+    focal = np.linalg.inv(read("record3d", tmp_path)[0].pixtocams)[:, 0, 0]
     np.testing.assert_allclose(focal, [60, 60, 60])
 
 
@@ -120,7 +126,9 @@ def test_an_unpacked_r3d_is_read_too(tmp_path, given):
     cases.record3d(tmp_path, given)
     (tmp_path / "metadata.json").rename(tmp_path / "metadata")
     (tmp_path / "rgb").rename(tmp_path / "rgbd")
-    np.testing.assert_allclose(record3d.read(tmp_path)[0].camtoworlds, given, atol=1e-9)
+    np.testing.assert_allclose(
+        read("record3d", tmp_path)[0].camtoworlds, given, atol=1e-9
+    )
 
 
 def test_of_a_long_film_some_frames_are_taken_by_their_number(
@@ -128,7 +136,7 @@ def test_of_a_long_film_some_frames_are_taken_by_their_number(
 ):
     monkeypatch.setattr(record3d, "MOST_FRAMES", 4)
     given = cases.camtoworlds(rng, 13)
-    views, _ = record3d.read(cases.record3d(tmp_path, given))
+    views, _ = read("record3d", cases.record3d(tmp_path, given))
     # Not 0, 10, 11, 12, ...: names of files are no order.
     assert views.names == ["000000", "000004", "000008", "000012"]
     np.testing.assert_allclose(views.camtoworlds, given[::4], atol=1e-9)
@@ -143,7 +151,7 @@ def test_photos_without_a_camera_are_left_out_by_name(tmp_path, given, app, capl
     else:
         (path,) = tmp_path.rglob(f"{NAMES[app][2]}.json")
         path.unlink()
-    views, left_out = APPS[app].read(tmp_path)
+    views, left_out = read(app, tmp_path)
     assert (views.names, left_out) == (NAMES[app][:2], NAMES[app][2:])
     assert NAMES[app][2] in caplog.text
 
@@ -204,7 +212,7 @@ def test_a_bad_number_is_named_with_its_file(tmp_path, given, app, keys, named):
     path = first_json(tmp_path, app)
     cases.change(path, **keys)
     with pytest.raises(ValueError, match=named) as raised:
-        APPS[app].read(tmp_path)
+        read(app, tmp_path)
     assert "\n" not in str(raised.value)
     assert str(tmp_path) in str(raised.value)
 
@@ -224,10 +232,10 @@ def test_names_that_are_none_or_twice(tmp_path, given, app, name, named):
     getattr(cases, app)(tmp_path, given)
     cases.write_photo(tmp_path / name)
     if named is None:
-        assert len(APPS[app].read(tmp_path)[0].names) == 3
+        assert len(read(app, tmp_path)[0].names) == 3
         return
     with pytest.raises(ValueError, match=named):
-        APPS[app].read(tmp_path)
+        read(app, tmp_path)
 
 
 def test_a_broken_photo_and_one_of_another_size_are_named(tmp_path, given):
@@ -235,15 +243,15 @@ def test_a_broken_photo_and_one_of_another_size_are_named(tmp_path, given):
     path = tmp_path / "frame_00003.jpg"
     cases.write_photo(path, size=(60, 48))
     with pytest.raises(ValueError, match="frame_00003"):
-        scanner3d.read(tmp_path)
+        read("scanner3d", tmp_path)
     path.write_bytes(path.read_bytes()[:200])
     with pytest.raises(ValueError, match=r"frame_00003\.jpg"):
-        scanner3d.read(tmp_path)
+        read("scanner3d", tmp_path)
 
 
 def test_quaternions_of_a_thousand_rotations(rng):
     for pose in cases.camtoworlds(rng, 1000):
-        found = phone.rotation_of(np.array(cases.quaternion(pose[:, :3])), where="q")
+        found = shots.rotation_of(np.array(cases.quaternion(pose[:, :3])), where="q")
         np.testing.assert_allclose(found, pose[:, :3], atol=1e-9)
 
 
@@ -299,7 +307,7 @@ def test_photos_of_a_prepared_scene_are_found_once_more(tmp_path, given, app):
     )
     config = {"source": app, "path": str(tmp_path / "in"), "poses": "colmap"}
     config |= {"background": None, "masks": None}
-    views = full_size.photos_of(config, tmp_path / "scene", tmp_path / "work")
+    views = base.of(config).at_full_size(config, tmp_path / "scene", tmp_path / "work")
     assert views.names == NAMES[app]
     assert abs(int(views.photos[2].read().mean()) - 20) <= 2
 
@@ -310,7 +318,7 @@ def test_a_frame_of_an_odd_name_is_named_in_letters_that_print(tmp_path, rng, na
     folder = cases.record3d(tmp_path / "in", cases.camtoworlds(rng, 4))
     (folder / "rgb/3.jpg").rename(folder / f"rgb/{name}.jpg")
     with pytest.raises(ValueError, match=r"its name is no frame's|rename") as found:
-        record3d.read(folder)
+        read("record3d", folder)
     assert str(found.value).isprintable()
 
 
@@ -320,6 +328,6 @@ def test_a_link_to_nothing_among_the_photos_is_named(tmp_path, rng, caplog):
     first = min((folder / "keyframes/images").iterdir())
     first.unlink()
     first.symlink_to("nowhere")
-    views, _ = polycam.read(folder)
+    views, _ = read("polycam", folder)
     assert len(views.names) == 3
     assert f"ignored {first.name}: no files" in caplog.text

@@ -6,8 +6,8 @@ import numpy as np
 import pycolmap
 import pytest
 
-from alignerf.scenes import cameras, mipnerf360
-from alignerf.scenes.apps import colmap_models, model_texts
+from alignerf.scenes import cameras
+from alignerf.scenes.formats import colmap_models, mipnerf360
 from tests import app_cases as cases
 
 NAMES = [f"p{i}" for i in range(4)]
@@ -170,7 +170,9 @@ SENSOR = "1 2 CAMERA 1 CAMERA 2 1 {} 0 0 0 0 0 0"
 )
 def test_a_texts_frames_and_rigs_are_looked_through(tmp_path, name, line, wrong):
     path = tmp_path / f"{name}.txt"
-    check = {"frames": model_texts.check_frames, "rigs": model_texts.check_rigs}[name]
+    check = {"frames": colmap_models.check_frames, "rigs": colmap_models.check_rigs}[
+        name
+    ]
     for length in ("0", "nan", "x", "0.5"):
         path.write_text(f"# A comment\n{line.format(length)}\n")
         with pytest.raises(ValueError, match=rf"{name}\.txt: line 2: {wrong}"):
@@ -192,7 +194,7 @@ def test_counts_are_those_of_the_files(tmp_path, given):
     write_model(tmp_path / "a", NAMES[:3], given[:3])
     write_model(tmp_path / "b", NAMES, given, as_text=True)
     assert colmap_models.images_in(tmp_path / "a") == 3
-    assert model_texts.count(tmp_path / "b") == 4
+    assert colmap_models.count_images(tmp_path / "b") == 4
     assert colmap_models.find(tmp_path) == []
     shutil.rmtree(tmp_path / "a")
     assert colmap_models.largest(tmp_path) is None

@@ -6,8 +6,7 @@ import pytest
 from alignerf import poses
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import images
-from alignerf.scenes import prepare, prepared
-from alignerf.scenes.capture import full_size
+from alignerf.scenes import loading, prepare, prepared
 from alignerf.scenes.courtyard import scene as courtyard
 
 OF_COURTYARD = {
@@ -24,7 +23,7 @@ def same(config, out, work):
     """The views at full size, which made smaller are the prepared ones to the bit."""
     config = of_scenes.checked(config)
     poses.main(config, out)
-    views = full_size.read(config, out, work)
+    views = loading.read(config, out, work)
     small = prepare.downscale(views, config["downscale"])
     arrays = prepared.read_cameras(out / "cameras.npz")
     assert views.names == arrays["names"].tolist()
@@ -50,7 +49,7 @@ def test_other_cameras_of_the_same_views(tmp_path):
     arrays["camtoworlds"][:, :, 3] += 0.25
     np.savez(tmp_path / "moved.npz", **arrays)
     config = of_scenes.checked(OF_COURTYARD)
-    views = full_size.read(
+    views = loading.read(
         config, tmp_path / "out", tmp_path / "work", tmp_path / "moved.npz"
     )
     np.testing.assert_array_equal(views.camtoworlds, arrays["camtoworlds"])
@@ -90,4 +89,4 @@ def test_of_photos_by_the_lenses_that_colmap_found(photos, tmp_path):
     config = of_scenes.checked(config)
     (photos / "view 9.png").rename(tmp_path / "gone.png")
     with pytest.raises(ValueError, match="the photo 'view 9' is gone"):
-        full_size.read(config, tmp_path / "out", tmp_path / "work")
+        loading.read(config, tmp_path / "out", tmp_path / "work")

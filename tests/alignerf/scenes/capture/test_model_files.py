@@ -5,9 +5,9 @@ import os
 import pycolmap
 import pytest
 
-from alignerf.scenes.capture import model_files
+from alignerf.scenes.formats import colmap_models
 
-FILES = [f"{name}.bin" for name in model_files.ENTRIES]
+FILES = [f"{name}.bin" for name in colmap_models.ENTRIES]
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def model(written, tmp_path):
 
 def test_what_colmap_writes_is_taken(model):
     assert sorted(FILES) == sorted(p.name for p in model.glob("*.bin"))
-    model_files.check(model)
+    colmap_models.check_binaries(model)
 
 
 @pytest.mark.usefixtures("ten_seconds")
@@ -39,7 +39,7 @@ def test_a_pipe_is_not_waited_for(model, name):
     (model / name).unlink(missing_ok=True)
     os.mkfifo(model / name)
     with pytest.raises(ValueError, match=rf"{name}: not a file"):
-        model_files.check(model)
+        colmap_models.check_binaries(model)
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -50,7 +50,7 @@ def test_a_file_that_was_cut_is_named(model, name, kept):
     size = kept if isinstance(kept, int) else int(kept * len(content))
     path.write_bytes(content[:size])
     with pytest.raises(ValueError, match=rf"{name}: truncated or damaged"):
-        model_files.check(model)
+        colmap_models.check_binaries(model)
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -65,11 +65,11 @@ def test_a_file_that_says_another_size_is_named(model, name, how):
     }[how]
     (model / name).write_bytes(changed)
     with pytest.raises(ValueError, match=rf"{name}: truncated or damaged"):
-        model_files.check(model)
+        colmap_models.check_binaries(model)
 
 
 def test_every_camera_model_of_colmap_is_known():
     for name, number in pycolmap.CameraModelId.__members__.items():
         if name != "INVALID":
             camera = pycolmap.Camera.create_from_model_id(1, number, 100.0, 10, 10)
-            assert model_files.PARAMETERS[int(number)] == len(camera.params), name
+            assert colmap_models.PARAMETERS[int(number)] == len(camera.params), name

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alignerf import facts, poses
-from alignerf.experiment.keys import scene as scene_keys
+from alignerf.captures import base
 from alignerf.exports import formats
 from alignerf.files import images
 from alignerf.scenes import cameras, prepared
@@ -160,12 +160,12 @@ def test_points_can_be_left_out_and_may_be_missing(scene, tmp_path, caplog):
 def test_points_are_found_where_they_are_missing(has, asked, wanted):
     scene = {"source": "courtyard", "poses": has, "triangulate": asked, "zoom": None}
     scene["judged"] = None
-    assert scene_keys.wants_matches(scene) is wanted
+    assert base.of(scene).wants_matches(scene) is wanted
     # Windows have them from the whole photos.
     # Crops lie around points.
     crops = scene | {"zoom": {"px": 256}}
-    assert scene_keys.wants_matches(crops) is (scene["poses"] != "colmap")
-    assert not scene_keys.wants_matches(scene | {"zoom": {"of": "other"}})
+    assert base.of(scene).wants_matches(crops) is (scene["poses"] != "colmap")
+    assert not base.of(scene).wants_matches(scene | {"zoom": {"of": "other"}})
 
 
 def test_a_full_disk_is_told_as_the_system_tells_it():

@@ -1,46 +1,42 @@
-"""The photos of a prepared scene once more, at their own size.
+"""Views of captures at their photos' own size: posed by COLMAP, or read once more.
 
-What `alignerf.poses` found is taken from the scene's folder, so COLMAP does not run:
-the lenses from `prepared.LENSES`, the cameras from cameras.npz or from another file of
-the same views.
+What `alignerf.poses` found is taken from the scene's folder, so COLMAP does not run a
+second time: the lenses from `prepared.LENSES`, the cameras from cameras.npz or from
+another file of the same views.
 """
 
 from pathlib import Path
 
 import numpy as np
 
-from alignerf.files import archives, faults, images
-from alignerf.scenes import (
-    blender,
-    cameras,
-    distortion,
-    llff,
-    mipnerf360,
-    prepare,
-    prepared,
-    transforms,
-)
-from alignerf.scenes.apps import polycam, record3d, scanner3d, sources
-from alignerf.scenes.capture import canvas, ingest
-from alignerf.scenes.courtyard import scene as courtyard
-from alignerf.scenes.courtyard import truth
-from alignerf.scenes.judged import views as judged
+from alignerf.captures import base
+from alignerf.files import archives, faults
+from alignerf.scenes import cameras, colmap, distortion, prepare, prepared
+from alignerf.scenes.capture import canvas, ingest, report
 
-# Sources whose files give the poses -> (views, names of photos without a pose).
-GIVEN = {
-    "transforms": lambda config: transforms.read(
-        config["path"], config["background"], images=config["images"]
-    ),
-    "llff": lambda config: (llff.read(config["path"]), []),
-    "mipnerf360": lambda config: mipnerf360.read(config["path"], config["images"]),
-    "blender": lambda config: blender.read(config["path"], config["background"]),
-    "judged": judged.at_full_size,
-    "polycam": lambda config: polycam.read(config["path"]),
-    "scanner3d": lambda config: scanner3d.read(config["path"]),
-    "record3d": lambda config: record3d.read(config["path"]),
-}
+registration = report.registration
 OF_LENS = ("camtopix", "distortion")
 OF_LENSES = ("names", "camtopix", "distortion", "camera_of")
+
+
+def by_colmap(folder, scratch, config, *, camera_model="OPENCV", where=None):
+    """(views at full size, the report so far, no truth) of photos posed by COLMAP."""
+    views, model, taken = colmap.pose_folder(
+        folder,
+        scratch,
+        camera_model=config["colmap"]["camera_model"] or camera_model,
+        max_size_px=config["colmap"]["max_size_px"],
+        seed=config["seed"],
+        where=where or str(folder),
+        background=config["background"],
+        masks=config["masks"],
+        refine_keypoints=config["refine_keypoints"],
+    )
+    least = config["colmap"]["least_registered"]
+    report.check_registered(model, least, where or folder)
+    told = registration(model.names, model.left_out)
+    told |= report.points(model) | report.photos(model, taken)
+    return views, told | {"models": model.models}, None
 
 
 def read(config, folder, work_folder, cameras_path=None) -> prepare.PosedViews:
@@ -54,7 +50,7 @@ def read(config, folder, work_folder, cameras_path=None) -> prepare.PosedViews:
     """
     folder = Path(folder)
     arrays = prepared.read_cameras(cameras_path or folder / "cameras.npz")
-    views = photos_of(config, folder, Path(work_folder))
+    views = base.of(config).at_full_size(config, folder, Path(work_folder))
     place = {name: i for i, name in enumerate(views.names)}
     names = arrays["names"].tolist()
     if gone := [name for name in names if name not in place]:
@@ -101,26 +97,12 @@ def points_of(folder):
     return arrays["points"], arrays["colours"]
 
 
-def photos_of(config, folder, work_folder):
-    """The views of a scene's source; their cameras are those of the source."""
-    if config["source"] in sources.APPS and config["poses"] == "colmap":
-        links = sources.link_photos(config["source"], config["path"], work_folder)
-        return of_photos(config | {"path": str(links)}, folder, work_folder)
-    if config["source"] in GIVEN:
-        return GIVEN[config["source"]](config)[0]
-    if config["source"] == "photos":
-        return of_photos(config, folder, work_folder)
-    rendered = work_folder / "photos"
-    rendered.mkdir()
-    return of_courtyard(config, rendered)[0]
-
-
-def of_photos(config, folder, work_folder):
-    """Photos that COLMAP posed, undistorted by the lenses that it found."""
+def once_more(photos, config, folder, work_folder):
+    """A folder of photos that COLMAP posed, undistorted by the lenses that it found."""
     path = folder / prepared.LENSES
     lenses = archives.read(path, OF_LENSES)
     taken = ingest.once_more(
-        config["path"],
+        photos,
         work_folder,
         background=config["background"],
         masks=config["masks"],
@@ -128,7 +110,7 @@ def of_photos(config, folder, work_folder):
     place = {name: i for i, name in enumerate(taken.names)}
     names = lenses["names"].tolist()
     if gone := [name for name in names if name not in place]:
-        raise ValueError(f"{config['path']}: the photo {faults.shown(gone[0])} is gone")
+        raise ValueError(f"{photos}: the photo {faults.shown(gone[0])} is gone")
     kept = [place[name] for name in names]
     return canvas.views_of(
         names,
@@ -138,26 +120,5 @@ def of_photos(config, folder, work_folder):
         camera_of=lenses["camera_of"].tolist(),
         photos=[prepare.Photo(i, (taken.load,)) for i in kept],
         masks=config["masks"] and [prepare.Photo(i, (taken.load_mask,)) for i in kept],
-        where=config["path"],
+        where=photos,
     )
-
-
-def of_courtyard(config, folder):
-    """(views with true cameras, the scene): its photos are rendered into a folder."""
-    made = config["courtyard"]
-    if made["moving"] is None:
-        made = made | {"moving": list(courtyard.MOVING)}
-    scene = truth.build_courtyard(**made, seed=config["seed"])
-    truth.write_photos(folder, scene)
-    views = prepare.PosedViews(
-        names=scene.names,
-        pixtocams=scene.pixtocams,
-        camtoworlds=scene.camtoworlds,
-        width=scene.width,
-        height=scene.height,
-        photos=[
-            prepare.Photo(folder / f"{name}.png", (images.read,))
-            for name in scene.names
-        ],
-    )
-    return views, scene

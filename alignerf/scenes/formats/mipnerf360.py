@@ -2,7 +2,7 @@
 
 A folder has `images` and the same photos made smaller in `images_2`, `images_4` and
 `images_8`; `sparse/0` is a COLMAP model of the largest. Others lay the model elsewhere,
-write it as text, or have several (`apps.colmap_models`); photos may lie beside the
+write it as text, or have several (`colmap_models`); photos may lie beside the
 model's files. Distortion is undone; 360_v2 has none. Smaller photos have rounded sizes,
 so that intrinsics are scaled by the true sizes, not by n. Without a model, LLFF's
 poses_bounds.npy is read.
@@ -12,12 +12,10 @@ import logging
 from pathlib import Path
 
 import numpy as np
-import pycolmap
 
 from alignerf.files import faults
-from alignerf.scenes import colmap, distortion, llff, photos, prepare
-from alignerf.scenes.apps import colmap_models, model_texts, phone
-from alignerf.scenes.capture import model_files
+from alignerf.scenes import distortion, photos, prepare
+from alignerf.scenes.formats import colmap_models, llff, shots
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +33,7 @@ def read(folder, images=None):
         log.warning("%s/sparse/0 not found: poses of poses_bounds.npy", folder)
         return llff.read(folder, chosen), []
     paths = {path.stem: path for path in photos.find_images(chosen)}
-    (model_views, points), posed = read_model(model), {}
+    (model_views, points), posed = colmap_models.read(model), {}
     for name, view in model_views.items():
         if name not in paths:
             named = faults.name_of(name)
@@ -73,7 +71,7 @@ def images_of(folder, number):
     """
     if number is None:
         named = (folder / "images").is_dir() or any(folder.glob("images_*"))
-        if not named and phone.photos_in(folder):
+        if not named and shots.photos_in(folder):
             return folder
         return llff.images_of(folder)
     chosen = folder / ("images" if number == 1 else f"images_{number}")
@@ -94,40 +92,3 @@ def model_of(folder):
         lacking = colmap_models.missing(folder)
         raise ValueError(lacking or f"{folder}: neither sparse/0 nor poses_bounds.npy")
     return None
-
-
-def read_model(path):
-    """{view name: (camtopix, distortion, (width, height), camera-to-world)}.
-
-    And its points, None where it has none: positions and colours (uint8), both [m, 3].
-    """
-    model_files.check(path)
-    if colmap_models.is_text(path) and (path / "images.txt").is_file():
-        model_texts.check(path)
-    try:
-        model = pycolmap.Reconstruction(path)
-    # Whatever COLMAP's reader finds wrong is the file's fault.
-    except Exception as error:
-        first = " ".join(str(error).splitlines()[:1])
-        reason = f"a file is missing, truncated or damaged ({first})"
-        raise ValueError(f"{path}: not a COLMAP model: {reason}") from None
-    views = {}
-    for image in model.images.values():
-        if not image.has_pose:
-            continue
-        name, camera = Path(image.name).stem, model.cameras[image.camera_id]
-        if name in views:
-            told = faults.shown(name)
-            raise ValueError(f"{path}: two images have the view name {told}")
-        try:
-            lens = colmap.lens(camera.model.name, camera.params)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
-        views[name] = (*lens, (camera.width, camera.height), colmap.pose_of(image))
-    if not views:
-        raise ValueError(f"{path}: no image has a pose")
-    points = list(model.points3D.values())
-    if not points:
-        return views, None
-    positions = np.array([point.xyz for point in points])
-    return views, (positions, np.array([point.color for point in points], np.uint8))

@@ -113,6 +113,7 @@ def pinhole(path, values, *, where, centre_px=0.0):
 
 def pose(matrix, *, where):
     """Camera-to-world [3, 4] of a printed one; ValueError where it is no rotation."""
+    matrix = np.array(matrix, np.float64)
     rotation = prepare.nearest_rotation(matrix[:3, :3], where=where)
     return np.concatenate([rotation, matrix[:3, 3:]], axis=-1)
 

@@ -16,13 +16,15 @@ import collections
 import functools
 import logging
 import math
+import os
+import re
+import sys
 from pathlib import Path
 
 import numpy as np
 
 from alignerf.files import faults, json_files
 from alignerf.scenes import cameras, distortion, photos, prepare
-from alignerf.scenes.apps import project_files
 from alignerf.scenes.capture import ingest
 
 log = logging.getLogger(__name__)
@@ -33,6 +35,11 @@ CAMERA_MODELS = dict.fromkeys(
     ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"), POLYNOMIAL
 ) | {"OPENCV_FISHEYE": FISHEYE}
 DISTORTION_KEYS = (*POLYNOMIAL, "k4", "k5", "k6")
+# Whether names that differ in case alone are those of two files.
+TELLS_APART = sys.platform == "linux"
+# instant-ngp's synthetic scenes leave the suffix away.
+SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
+SMALLER = re.compile(r"images_([1-9][0-9]?)")
 # Of any number in the file.
 LARGEST = 1e30
 
@@ -53,7 +60,7 @@ def read(path, background=None, *, images=None, split_by_lists=True):
     scene = json_files.read(path, {"frames": list})
     if not (frames := scene["frames"]):
         raise ValueError(f"{path}: 'frames' must be a list that is not empty")
-    files = project_files.Images(path, images)
+    files = Images(path, images)
     kept, left_out, files = _frames_with_image(files, frames)
     splits = _splits(files, scene, kept) if split_by_lists else {}
     if splits:
@@ -141,7 +148,7 @@ def _splits(images, scene, kept):
 def _frames_with_image(images, frames):
     """[(frame, image path)], the names of frames without one, and where photos are.
 
-    images: a `project_files.Images`; another one comes back where only smaller photos
+    images: a `Images`; another one comes back where only smaller photos
     are there.
     """
     path, kept, missing = images.path, [], []
@@ -154,13 +161,13 @@ def _frames_with_image(images, frames):
         else:
             kept.append((frame, image))
     if not kept:
-        number = project_files.least_number(path.parent)
+        number = least_number(path.parent)
         if images.suffix or number in (None, 1):
             where = f" in folders {images.suffix}" if images.suffix else ""
             none = f"none of its {len(frames)} frames has an image{where}"
             raise ValueError(f"{path}: {none}")
         log.info("%s: photos from images_%d", path, number)
-        return _frames_with_image(project_files.Images(path, number), frames)
+        return _frames_with_image(Images(path, number), frames)
     if missing:
         log.warning(
             "%s: dropped %d of %d frames, which have no image: %s",
@@ -274,3 +281,51 @@ def pose(path, frame):
     if len(matrix) == 4 and not np.allclose(matrix[3], [0, 0, 0, 1]):
         raise ValueError(f"{where}: its last row is not 0 0 0 1")
     return np.concatenate([rotation, matrix[:3, 3:]], axis=-1)
+
+
+def least_number(folder):
+    """The least n of the folders images_<n>, the largest photos; None without any."""
+    found = [SMALLER.fullmatch(path.name) for path in Path(folder).glob("images_*")]
+    return min((int(one[1]) for one in found if one), default=None)
+
+
+class Images:
+    """The files beside a json, each folder listed once: there may be 100,000 frames.
+
+    number: photos are those of <folder>_<number>, as `images_4` beside `images`, where
+    nerfstudio has made them smaller; None for the folders that the json names.
+    """
+
+    def __init__(self, path, number=None):
+        self.path, self.folder = path, os.path.abspath(path.parent)
+        self.times_smaller = number or 1
+        self.suffix = "" if self.times_smaller == 1 else f"_{number}"
+        self.listed = functools.cache(self.names_in)
+
+    def find(self, file_path):
+        """The image a frame names, or None; ValueError where it lies outside."""
+        # By name, not resolved: a link inside the folder is the user's own decision.
+        place = os.path.normpath(os.path.join(self.folder, file_path))
+        if not place.startswith(self.folder.rstrip(os.sep) + os.sep):
+            raise ValueError(
+                f"{self.path}: {faults.shown(file_path)} leads out of its folder"
+            )
+        folder, name = os.path.split(place)
+        if self.suffix and folder != self.folder:
+            folder += self.suffix
+        for suffix in SUFFIXES:
+            # Where case or accents do not tell names apart, the disk is asked itself.
+            if not TELLS_APART or name + suffix in self.listed(folder):
+                image = Path(folder, name + suffix)
+                if image.is_file():
+                    return image
+        return None
+
+    @staticmethod
+    def names_in(folder):
+        """Names of all that lies in a folder; none where there is no such folder."""
+        try:
+            return frozenset(os.listdir(folder))
+        # A name may be too long, or hold a zero, for any file.
+        except (OSError, ValueError):
+            return frozenset()

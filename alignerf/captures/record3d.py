@@ -14,10 +14,8 @@ have no poses.
 import logging
 from pathlib import Path
 
-import numpy as np
-
+from alignerf.captures import posed
 from alignerf.files import faults, json_files
-from alignerf.scenes.apps import phone
 
 log = logging.getLogger(__name__)
 
@@ -27,23 +25,54 @@ DEPTH = ("depth",)
 MOST_FRAMES = 120
 
 
+class Record3d(posed.App):
+    name = "record3d"
+    order = 7
+    what = "Record3D's EXR + JPG"
+
+    def detect(self, folder):
+        # Other programs have a folder rgb, and metadata, too: two of three will do.
+        parts = [first_of(folder, names) for names in (METADATA, PHOTOS, DEPTH)]
+        return sum(part is not None for part in parts) >= 2
+
+    def check(self, folder):
+        numbered_photos(folder)
+        metadata_of(folder)
+
+    def photos_of(self, folder):
+        return {name_of(number): path for number, path in chosen(folder).items()}
+
+    def read_given(self, scene):
+        from alignerf.scenes.formats import shots
+
+        folder = scene["path"]
+        frames, path = chosen(folder), metadata_of(folder)
+        content = json_files.read(path, {"poses": list})
+        poses, size = content["poses"], size_of(path, content)
+        left_out = [name_of(number) for number in frames if number >= len(poses)]
+        if len(left_out) == len(frames):
+            raise ValueError(f"{path}: poses: {len(poses)}, none of a photo")
+        if left_out:
+            log.warning("%s: no pose of %s", path, faults.some_names(left_out))
+        found = [
+            shots.Shot(
+                name=name_of(number),
+                photo=photo,
+                camtopix=lens_of(path, content, number),
+                size=size,
+                camtoworld=pose_of(path, poses[number], number),
+            )
+            for number, photo in frames.items()
+            if number < len(poses)
+        ]
+        shots.check_apart(found, path)
+        return shots.views_of(found, folder), left_out
+
+
 def first_of(folder, names):
     """The first of these names that is there, else None."""
     paths = [Path(folder) / name for name in names]
     return next((path for path in paths if path.exists()), None)
-
-
-def is_like(folder):
-    """Whether a folder is meant to be Record3D's, complete or not."""
-    # Other programs have a folder rgb, and metadata, too: two of three will do.
-    parts = [first_of(folder, names) for names in (METADATA, PHOTOS, DEPTH)]
-    return sum(part is not None for part in parts) >= 2
-
-
-def check(folder):
-    """ValueError naming what a folder that is meant to be Record3D's lacks."""
-    numbered_photos(folder)
-    metadata_of(folder)
 
 
 def metadata_of(folder):
@@ -62,8 +91,10 @@ def numbered_photos(folder):
     inner = first_of(folder, PHOTOS)
     if inner is None:
         raise ValueError(f"{folder}: no rgb/<n>.jpg beside Record3D's metadata")
+    from alignerf.scenes.formats import shots
+
     found = {}
-    for stem, path in phone.photos_in(inner).items():
+    for stem, path in shots.photos_in(inner).items():
         if not (stem.isascii() and stem.isdecimal() and len(stem) < 10):
             named = faults.name_of(path.name)
             raise ValueError(f"{inner}: {named}: its name is no frame's number")
@@ -77,6 +108,8 @@ def numbered_photos(folder):
 
 def chosen(folder):
     """{number: path} of the frames that are taken, at most MOST_FRAMES, evenly."""
+    import numpy as np
+
     found = numbered_photos(folder)
     if len(found) <= MOST_FRAMES:
         return found
@@ -91,64 +124,44 @@ def name_of(number):
     return f"{number:06d}"
 
 
-def photos_of(folder):
-    """{view name: path} of the photos that are taken."""
-    return {name_of(number): path for number, path in chosen(folder).items()}
-
-
-def read(folder):
-    """(prepare.PosedViews, names of the frames without a pose).
-
-    Raises ValueError with one line that names the file and the key.
-    """
-    frames, path = chosen(folder), metadata_of(folder)
-    content = json_files.read(path, {"poses": list})
-    poses, size = content["poses"], size_of(path, content)
-    left_out = [name_of(number) for number in frames if number >= len(poses)]
-    if len(left_out) == len(frames):
-        raise ValueError(f"{path}: poses: {len(poses)}, none of a photo")
-    if left_out:
-        log.warning("%s: no pose of %s", path, faults.some_names(left_out))
-    shots = [
-        phone.Shot(
-            name=name_of(number),
-            photo=photo,
-            camtopix=lens_of(path, content, number),
-            size=size,
-            camtoworld=pose_of(path, poses[number], number),
-        )
-        for number, photo in frames.items()
-        if number < len(poses)
-    ]
-    phone.check_apart(shots, path)
-    return phone.views_of(shots, folder), left_out
-
-
 def size_of(path, content):
     """(width, height) that the intrinsics are of, or None: that of the photos."""
+    from alignerf.scenes.formats import shots
+
     if "w" not in content and "h" not in content:
         return None
-    values = phone.as_numbers(path, [content.get("w"), content.get("h")], "w and h", 2)
+    values = shots.as_numbers(path, [content.get("w"), content.get("h")], "w and h", 2)
     return float(values[0]), float(values[1])
 
 
 def lens_of(path, content, number):
     """Intrinsics [3, 3] of a frame: its own, else those of all."""
+    import numpy as np
+
+    from alignerf.scenes.formats import shots
+
     own = content.get("perFrameIntrinsicCoeffs")
     # Of another number of frames they are none of these.
     if isinstance(own, list) and len(own) == len(content["poses"]):
         where = f"perFrameIntrinsicCoeffs[{number}]"
-        values = phone.as_numbers(path, own[number], where, 4)
-        return phone.pinhole(path, values, where=where)
-    columns = phone.numbers(path, content, "K", 9).reshape(3, 3)
+        values = shots.as_numbers(path, own[number], where, 4)
+        return shots.pinhole(path, values, where=where)
+    columns = shots.numbers(path, content, "K", 9).reshape(3, 3)
     if not np.allclose(columns[[0, 1, 0, 1, 2], [1, 0, 2, 2, 2]], [0, 0, 0, 0, 1]):
         raise ValueError(f"{path}: K is not fx 0 0, 0 fy 0, cx cy 1")
-    return phone.pinhole(path, columns[[0, 1, 2, 2], [0, 1, 0, 1]], where="K")
+    return shots.pinhole(path, columns[[0, 1, 2, 2], [0, 1, 0, 1]], where="K")
 
 
 def pose_of(path, values, number):
     """Camera-to-world [3, 4] of a frame's seven numbers."""
+    import numpy as np
+
+    from alignerf.scenes.formats import shots
+
     where = f"poses[{number}]"
-    values = phone.as_numbers(path, values, where, 7)
-    rotation = phone.rotation_of(values[:4], where=f"{path}: {where}")
+    values = shots.as_numbers(path, values, where, 7)
+    rotation = shots.rotation_of(values[:4], where=f"{path}: {where}")
     return np.concatenate([rotation, values[4:, None]], axis=-1)
+
+
+CAPTURE = Record3d()

@@ -5,8 +5,8 @@ import logging
 import numpy as np
 
 from alignerf.files import json_files
-from alignerf.scenes import cameras
-from alignerf.scenes.capture import full_size, windows
+from alignerf.scenes import cameras, loading
+from alignerf.scenes.capture import windows
 
 log = logging.getLogger("alignerf.poses")
 
@@ -32,7 +32,7 @@ def zoomed(views, config):
 def placed(views, config, places):
     """(views with their points, places [k, 3], px) of the windows of a whole scene."""
     if places:
-        views = views._replace(points=full_size.points_of(places))
+        views = views._replace(points=loading.points_of(places))
         there = json_files.read(places / "poses.json", {"zoom": dict})["zoom"]
         return views, np.array(there["points"]), there["px"]
     views = with_focus(views)

@@ -1,0 +1,141 @@
+"""A capture: where photos and cameras come from, and all that others ask of it.
+
+`scene` is the mapping of a scene's keys, complete; `views` are `prepare.PosedViews`.
+"""
+
+from alignerf import captures
+from alignerf.files.environment import extensions
+
+# Ways of having poses that came with the photos.
+INPUT = ("adjusted", "given")
+# What is held out at most, unless a number says more; fewer than LEAST_TEST_VIEWS give
+# no interval (`verdict.shift`; a test holds both equal).
+SELDOM, OFTEN, LEAST_TEST_VIEWS = 8, 4, 5
+
+
+class Capture:
+    """A source of photos and cameras."""
+
+    name: str
+    # Folders are recognised in this order.
+    order = 0
+    # A few words for the key `source`.
+    what: str
+    # Ways of having poses, the usual one first.
+    poses = INPUT
+    # Of the keys of a scene that not every source has, those that this one has.
+    keys = ()
+    has_truth = False
+    has_path = True
+    # Renders that another program has made are judged, and nothing is trained.
+    trains = True
+    # The published scores of its scenes are of every eighth view, however few that are.
+    every_eighth = False
+    # Its own files say which views are held out.
+    says_split = False
+    # Whose frame and unit of length its own cameras have, for an export.
+    frame = "that of the files that they came in"
+
+    def detect(self, folder):
+        """Whether a folder is meant to be of this source, complete or not."""
+        return False
+
+    def detect_late(self, folder):
+        """The same, where no source has detected the folder by its own files."""
+        return False
+
+    def check(self, folder):
+        """ValueError naming what a folder lacks that is meant to be of this source."""
+
+    def scene(self, folder):
+        """The keys of a scene of a folder that was detected."""
+        return {"source": self.name, "path": str(folder)}
+
+    def tracked_by_phone(self, folder):
+        """Whether a phone itself has found the poses, as it was moved."""
+        return False
+
+    def read(self, scene, scratch):
+        """(views at full size, the report of them so far, the truth or None).
+
+        scratch: a folder that files may be written into, which the views need.
+        """
+        raise NotImplementedError
+
+    def at_full_size(self, scene, folder, scratch):
+        """The views of a prepared scene once more, with cameras of the source.
+
+        folder: the prepared scene's. scratch: as of `read`.
+        """
+        raise NotImplementedError
+
+    def poses_of(self, scene):
+        """The way of having poses; without features no camera can be adjusted."""
+        usual = self.poses
+        if scene["triangulate"] is False and "given" in usual:
+            usual = ("given",)
+        return scene["poses"] or usual[0]
+
+    def every_of(self, scene, views):
+        """The n of a scene whose every n-th view of `views` is held out.
+
+        `auto`: 8, or the largest n from 4 on with LEAST_TEST_VIEWS held out. Under 17
+        views no such n leaves 12 to learn from: it stays 8, as no interval can be had
+        anyway.
+        """
+        every = scene["test_every"] or (SELDOM if self.every_eighth else "auto")
+        if every != "auto":
+            return every
+        some = range(SELDOM, OFTEN - 1, -1)
+        enough = (n for n in some if -(-views // n) >= LEAST_TEST_VIEWS)
+        return next(enough, SELDOM)
+
+    def wants_matches(self, scene):
+        """Whether cameras are checked by matches, which find the scene's points too.
+
+        Input cameras are unless the scene says no, the courtyard's true ones where it
+        says so. COLMAP's poses have both already.
+        """
+        poses, wanted = self.poses_of(scene), scene["triangulate"]
+        if scene["zoom"]:
+            # Those of another scene have its points.
+            return poses != "colmap" and not scene["zoom"].get("of")
+        return poses in INPUT if wanted is None else wanted and poses != "colmap"
+
+    def paths(self, scene):
+        """{key: path or None} of the files and folders that a scene is made of."""
+        return {key: scene[key] for key in ("path", "masks")}
+
+    def faults(self, scene):
+        """(key, fault) of what a scene's keys ask of each other, besides the usual."""
+        return ()
+
+
+def every():
+    """{name: record} of all sources, in the order in which folders are recognised."""
+    found = extensions.registered(captures, "captures", "CAPTURE")
+    return {record.name: record for record in found}
+
+
+def of(scene):
+    """The record of a scene's source."""
+    return every()[scene["source"]]
+
+
+def parent_of(scene):
+    """The name of the scene that a scene's crops are of, or None."""
+    return scene["zoom"]["of"] if scene["zoom"] else None
+
+
+def detected(folder):
+    """The record that a folder is of; None where there is none.
+
+    Raises ValueError where a folder is nearly an app's or COLMAP's, and says what is
+    missing.
+    """
+    for way in ("detect", "detect_late"):
+        for record in every().values():
+            if getattr(record, way)(folder):
+                record.check(folder)
+                return record
+    return None

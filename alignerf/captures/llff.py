@@ -1,0 +1,21 @@
+"""A scene of LLFF: poses_bounds.npy beside images or images_<n>."""
+
+from alignerf.captures import posed
+
+
+class Llff(posed.Posed):
+    name = "llff"
+    order = 4
+    what = "LLFF's poses_bounds.npy"
+    every_eighth = True
+
+    def detect(self, folder):
+        return (folder / "poses_bounds.npy").exists()
+
+    def read_given(self, scene):
+        from alignerf.scenes.formats import llff
+
+        return llff.read(scene["path"]), []
+
+
+CAPTURE = Llff()

@@ -1,0 +1,40 @@
+"""A scene of mip-NeRF 360 (360_v2), or another project with a model of COLMAP."""
+
+from alignerf.captures import photos, posed
+
+
+class MipNerf360(posed.Posed):
+    name = "mipnerf360"
+    order = 3
+    what = "a scene of mip-NeRF 360 (360_v2) or another COLMAP model"
+    keys = ("images",)
+    every_eighth = True
+
+    def detect(self, folder):
+        return (folder / "sparse/0").exists()
+
+    def detect_late(self, folder):
+        """A model lies elsewhere; ValueError where a part of it is missing."""
+        from alignerf.scenes.formats import colmap_models
+
+        named = (path for path in folder.glob("images*") if path.is_dir())
+        places = (folder, *named) if folder.is_dir() else ()
+        if not any(photos.is_taken(p) for inner in places for p in inner.iterdir()):
+            return False
+        if colmap_models.find(folder):
+            return True
+        if lacking := colmap_models.missing(folder):
+            inner = folder / "images"
+            raise ValueError(
+                f"{lacking}. Without it COLMAP runs on the photos: move it away, or "
+                f"give {inner if inner.is_dir() else folder} as the folder"
+            )
+        return False
+
+    def read_given(self, scene):
+        from alignerf.scenes.formats import mipnerf360
+
+        return mipnerf360.read(scene["path"], scene["images"])
+
+
+CAPTURE = MipNerf360()

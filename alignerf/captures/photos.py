@@ -1,0 +1,58 @@
+"""A folder of photos and films, or one film: COLMAP finds the poses."""
+
+from alignerf.captures import base
+
+
+class Photos(base.Capture):
+    name = "photos"
+    order = 9
+    what = "folder of photos and films"
+    poses = ("colmap",)
+    keys = ("background", "masks")
+    frame = "COLMAP's: its unit of length is arbitrary"
+
+    def detect_late(self, folder):
+        return inner_of(folder) is not None
+
+    def scene(self, folder):
+        inner = inner_of(folder)
+        found = {"source": self.name, "path": str(inner)}
+        masks = [p for p in (inner / "masks", inner.parent / "masks") if p.is_dir()]
+        if masks and (masks[0].parent == inner or inner.name == "images"):
+            found["masks"] = str(masks[0])
+        return found
+
+    def read(self, scene, scratch):
+        from alignerf.scenes import loading
+
+        return loading.by_colmap(scene["path"], scratch, scene)
+
+    def at_full_size(self, scene, folder, scratch):
+        from alignerf.scenes import loading
+
+        return loading.once_more(scene["path"], scene, folder, scratch)
+
+
+def inner_of(folder):
+    """The folder with the photos, which programs call `images`, or a film; or None."""
+    if not folder.is_dir():
+        from alignerf.scenes.capture import video
+
+        is_film = folder.is_file() and folder.suffix.lower() in video.SUFFIXES
+        return folder if is_film else None
+    for inner in (folder, folder / "images"):
+        if inner.is_dir() and any(is_taken(path) for path in inner.iterdir()):
+            return inner
+    return None
+
+
+def is_taken(path):
+    """Whether a file is a photo or a film, by its name."""
+    from alignerf.scenes import photos
+    from alignerf.scenes.capture import video
+
+    suffixes = photos.SUFFIXES | video.SUFFIXES
+    return path.suffix.lower() in suffixes and not path.name.startswith(".")
+
+
+CAPTURE = Photos()

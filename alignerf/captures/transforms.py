@@ -1,0 +1,23 @@
+"""The transforms.json of instant-ngp and nerfstudio, beside its photos."""
+
+from alignerf.captures import posed
+
+
+class Transforms(posed.Posed):
+    name = "transforms"
+    order = 2
+    what = "transforms.json"
+    # It names masks itself.
+    keys = ("background", "images", "own_masks")
+
+    def detect(self, folder):
+        return (folder / "transforms.json").exists()
+
+    def read_given(self, scene):
+        from alignerf.scenes.formats import transforms
+
+        keys = (scene["path"], scene["background"])
+        return transforms.read(*keys, images=scene["images"])
+
+
+CAPTURE = Transforms()

@@ -1,0 +1,1 @@
+"""Files of cameras and photos as programs and apps write them, read into views."""

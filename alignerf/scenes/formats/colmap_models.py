@@ -1,0 +1,333 @@
+"""COLMAP's models: where they lie in a project, what is wrong with them, their views.
+
+Places, the first that has one counts: sparse/, colmap/sparse/ (nerfstudio), the folder
+itself. In each a model lies in a folder of its number, or at once. A model is three
+files, .bin or .txt. COLMAP writes several where photos do not hang together: they share
+no frame, so the one with most images is taken, and the others are named.
+
+Files are looked through before COLMAP's own reader sees them. It trusts a binary file's
+counts: on one that was cut short it takes minutes and 15 GB. Of texts it takes a
+quaternion of 0 for no turn, cuts a name at its first space, and leaves out every second
+image of a file without lines of points. Formats: COLMAP's
+src/colmap/scene/reconstruction_io_binary.cc and reconstruction_io_text.cc.
+"""
+
+import codecs
+import logging
+import math
+import struct
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+
+from alignerf.files import faults
+from alignerf.scenes import colmap
+
+log = logging.getLogger(__name__)
+
+PLACES = ("sparse", "colmap/sparse", ".")
+SUFFIXES = (".bin", ".txt")
+PARTS = ("cameras", "images", "points3D")
+# Of a file: COLMAP writes all points of 10,000 photos into less.
+MOST_TEXT_BYTES = 2**30
+# Of a line of images.txt: id, quaternion, translation, camera, name.
+OF_IMAGE = 10
+# Numbers of parameters by the model's number.
+PARAMETERS = (3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12, 16, 4, 5, 3, 4, 6, 2)
+LENGTH_ERROR = 1e-2
+# Of a file: COLMAP's own reader takes several times as much.
+MOST_BYTES = 2**32
+OF_POINT_2D, OF_TRACK, OF_DATA, OF_POSE = 24, 8, 16, 56
+
+
+def find(folder):
+    """Paths of all models of the first place that has any, by number; may be empty."""
+    for place in PLACES:
+        here = Path(folder) / place
+        inner = [p for p in here.glob("[0-9]*") if p.name.isdecimal() and p.is_dir()]
+        models = [path for path in sorted(inner, key=number_of) if is_model(path)]
+        if models:
+            return models
+        if is_model(here):
+            return [here]
+    return []
+
+
+def number_of(path):
+    return int(path.name)
+
+
+def is_model(folder):
+    """Whether a folder has the files of a model, whatever they hold."""
+    return any(
+        (folder / f"cameras{suffix}").is_file()
+        and (folder / f"images{suffix}").is_file()
+        for suffix in SUFFIXES
+    )
+
+
+def is_text(folder):
+    """Whether COLMAP would read a model's texts; with both kinds it reads the other."""
+    return not all((folder / f"{part}.bin").exists() for part in PARTS)
+
+
+def images_in(model):
+    """Number of images that a model says it has; 0 of a file that is cut short."""
+    if is_text(model) and (model / "images.txt").is_file():
+        return count_images(model)
+    with faults.opened(model / "images.bin") as file:
+        head = file.read(8)
+    return struct.unpack("<Q", head)[0] if len(head) == 8 else 0
+
+
+def largest(folder):
+    """The path of the model with most images; None where there is no model."""
+    models = find(folder)
+    if len(models) < 2:
+        return models[0] if models else None
+    counts = {model: images_in(model) for model in models}
+    chosen = max(models, key=counts.get)
+    others = [f"{m.name} of {counts[m]}" for m in models if m != chosen]
+    log.warning(
+        "%s: %d models: the largest is taken, %s of %d images; left: %s",
+        *(chosen.parent, len(models), chosen.name, counts[chosen], ", ".join(others)),
+    )
+    return chosen
+
+
+def missing(folder):
+    """What a folder that is nearly a project lacks, in words; None of others."""
+    for place in PLACES:
+        for here in (Path(folder) / place / "0", Path(folder) / place):
+            for suffix in SUFFIXES:
+                there = [p for p in PARTS if (here / f"{p}{suffix}").is_file()]
+                lacks = [p for p in PARTS[:2] if p not in there]
+                if there and lacks:
+                    names = " and ".join(f"{part}{suffix}" for part in lacks)
+                    return f"{here}: a COLMAP model without {names}"
+    return None
+
+
+def read(path):
+    """{view name: (camtopix, distortion, (width, height), camera-to-world)}.
+
+    And its points, None where it has none: positions and colours (uint8), both [m, 3].
+    """
+    check_binaries(path)
+    if is_text(path) and (path / "images.txt").is_file():
+        check_texts(path)
+    try:
+        model = pycolmap.Reconstruction(path)
+    # Whatever COLMAP's reader finds wrong is the file's fault.
+    except Exception as error:
+        first = " ".join(str(error).splitlines()[:1])
+        reason = f"a file is missing, truncated or damaged ({first})"
+        raise ValueError(f"{path}: not a COLMAP model: {reason}") from None
+    views = {}
+    for image in model.images.values():
+        if not image.has_pose:
+            continue
+        name, camera = Path(image.name).stem, model.cameras[image.camera_id]
+        if name in views:
+            told = faults.shown(name)
+            raise ValueError(f"{path}: two images have the view name {told}")
+        try:
+            lens = colmap.lens(camera.model.name, camera.params)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+        views[name] = (*lens, (camera.width, camera.height), colmap.pose_of(image))
+    if not views:
+        raise ValueError(f"{path}: no image has a pose")
+    points = list(model.points3D.values())
+    if not points:
+        return views, None
+    positions = np.array([point.xyz for point in points])
+    return views, (positions, np.array([point.color for point in points], np.uint8))
+
+
+class Walk:
+    """A position in a file's bytes that moves forwards; ValueError beyond the end."""
+
+    def __init__(self, content):
+        self.content, self.place = content, 0
+
+    def skip(self, size):
+        self.place += size
+        if self.place > len(self.content):
+            raise ValueError("it is cut short")
+
+    def read(self, form):
+        start = self.place
+        self.skip(struct.calcsize(form))
+        (value,) = struct.unpack_from(form, self.content, start)
+        return value
+
+    def skip_text(self):
+        end = self.content.find(b"\0", self.place)
+        self.skip(len(self.content) - self.place + 1 if end < 0 else 0)
+        self.place = end + 1
+
+
+def camera(walk):
+    walk.skip(4)
+    number = walk.read("<i")
+    if not 0 <= number < len(PARAMETERS):
+        raise ValueError(f"camera model {number}")
+    walk.skip(16 + 8 * PARAMETERS[number])
+
+
+def is_rotation(quaternion):
+    """Whether four numbers have length 1, as files print them.
+
+    COLMAP's reader would take one of length 0 for no turn.
+    """
+    return len(quaternion) == 4 and abs(math.hypot(*quaternion) - 1) < LENGTH_ERROR
+
+
+def pose(walk):
+    """A quaternion and a place."""
+    if not is_rotation([walk.read("<d") for _ in range(4)]):
+        raise ValueError("a quaternion is not of length 1")
+    walk.skip(OF_POSE - 32)
+
+
+def image(walk):
+    walk.skip(4)
+    pose(walk)
+    walk.skip(4)
+    walk.skip_text()
+    walk.skip(OF_POINT_2D * walk.read("<Q"))
+
+
+def point(walk):
+    walk.skip(8 + 24 + 3 + 8)
+    walk.skip(OF_TRACK * walk.read("<Q"))
+
+
+def frame(walk):
+    walk.skip(8)
+    pose(walk)
+    walk.skip(OF_DATA * walk.read("<I"))
+
+
+def rig(walk):
+    walk.skip(4)
+    sensors = walk.read("<I")
+    if sensors:
+        walk.skip(8)
+    for _ in range(sensors - 1):
+        walk.skip(8)
+        if walk.read("<B"):
+            pose(walk)
+
+
+ENTRIES = {"cameras": camera, "images": image, "points3D": point}
+ENTRIES |= {"frames": frame, "rigs": rig}
+
+
+def check_binaries(folder):
+    """ValueError naming a file of a model that is shorter than its counts say."""
+    for name, entry in ENTRIES.items():
+        text, path = (Path(folder) / f"{name}{kind}" for kind in (".txt", ".bin"))
+        if text.exists():
+            faults.check_regular(text)
+        if not path.exists():
+            continue
+        walk = Walk(faults.content(path, MOST_BYTES))
+        try:
+            for _ in range(walk.read("<Q")):
+                entry(walk)
+            if walk.place != len(walk.content):
+                raise ValueError(f"{len(walk.content) - walk.place} bytes too many")
+        except ValueError as error:
+            raise ValueError(f"{path}: truncated or damaged: {error}") from None
+
+
+def lines_of(path):
+    """(number, text) of the lines that are no comments, from 1; empty ones too."""
+    for number, line in enumerate(text_of(path).split("\n"), 1):
+        if not line.lstrip().startswith("#"):
+            yield number, line.strip()
+
+
+def text_of(path):
+    """The text of a file; ValueError for a byte order mark: COLMAP takes none."""
+    with faults.opened(path) as file:
+        if file.read(3) == codecs.BOM_UTF8:
+            raise ValueError(f"{path}: a byte order mark in it: save it without")
+    return faults.text(path, MOST_TEXT_BYTES)
+
+
+def image_lines(path):
+    """(number, text) of the lines of images.txt that name an image.
+
+    After each comes a line of its points, which may be empty. Raises ValueError where
+    that is something else.
+    """
+    is_points = False
+    for number, line in lines_of(path):
+        if is_points:
+            words = line.split()
+            if len(words) % 3:
+                raise ValueError(
+                    f"{path}: line {number}: not the points of the image above it, "
+                    "which is a line of its own, empty where there are none"
+                )
+            is_points = False
+        elif line:
+            yield number, line
+            is_points = True
+
+
+def check_texts(folder):
+    """ValueError naming the file and the line of what COLMAP would misread."""
+    for name in ("cameras.txt", "points3D.txt"):
+        text_of(Path(folder) / name)
+    path = Path(folder) / "images.txt"
+    for number, line in image_lines(path):
+        words = line.split()
+        if len(words) != OF_IMAGE:
+            what = "a name with spaces?" if len(words) > OF_IMAGE else "cut short?"
+            raise ValueError(f"{path}: line {number} has {len(words)} words: {what}")
+        if not is_pose(words[1:8]):
+            raise ValueError(
+                f"{path}: line {number}: {faults.name_of(words[9])} has no pose"
+            )
+
+    check_frames(Path(folder) / "frames.txt")
+    check_rigs(Path(folder) / "rigs.txt")
+
+
+def check_frames(path):
+    """`check_texts` of frames.txt, from which COLMAP takes poses where it is there."""
+    for number, line in lines_of(path) if path.is_file() else ():
+        if line and not is_pose(line.split()[2:9]):
+            raise ValueError(f"{path}: line {number}: a frame without a pose")
+
+
+def check_rigs(path):
+    """`check_texts` of rigs.txt: where each further sensor of a rig is."""
+    for number, line in lines_of(path) if path.is_file() else ():
+        # Of a sensor: its kind, its number, and whether a pose follows.
+        words = line.split()[4:]
+        while words:
+            has_pose = words[2:3] == ["1"]
+            if has_pose and not is_pose(words[3:10]):
+                raise ValueError(f"{path}: line {number}: a sensor without a pose")
+            words = words[10 if has_pose else 3 :]
+
+
+def is_pose(words):
+    """Whether seven words are a quaternion of length 1 and a place."""
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        return False
+    finite = len(values) == 7 and all(map(math.isfinite, values))
+    return finite and is_rotation(values[:4])
+
+
+def count_images(folder):
+    """Number of the images in a model in text."""
+    return sum(1 for _ in image_lines(Path(folder) / "images.txt"))
