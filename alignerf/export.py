@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.experiment.checks import verdict as of_verdict
 from alignerf.exports import (
     formats,
     held_out,
@@ -33,9 +32,6 @@ from alignerf.files import archives, atomic, faults, json_files
 from alignerf.scenes import originals, prepare, prepared
 
 log = logging.getLogger("alignerf")
-
-# What it takes from each gain of a verdict.json.
-GAIN = {"method": str, "pays": bool}
 
 
 class Chosen(NamedTuple):
@@ -138,7 +134,7 @@ def choose(args, config, work) -> Chosen:
 
 def pays(verdict, method):
     """Whether verdict.json says that a method's alignment paid; logged where not."""
-    gains = of_verdict.read(verdict, {"gains": list}, gains=GAIN)["gains"]
+    gains = json_files.read(verdict, {"gains": list})["gains"]
     if any(gain["method"] == method and gain["pays"] for gain in gains):
         return True
     log.warning("%s: all goes out as given", words.DID_NOT_PAY.format(method=method))

@@ -33,6 +33,7 @@ FLOORS = [
     {"alignerf.sfm"},
     {
         *("alignerf.contributions", "alignerf.systems", "alignerf.cameras"),
+        "alignerf.causes",
         "alignerf.exports",
         *("flow.estimation", "flow.figures"),
     },

@@ -9,9 +9,15 @@ import sys
 from pathlib import Path
 
 from alignerf.experiment import layout
-from alignerf.experiment.checks import verdict as of_verdict
 from alignerf.experiment.cluster import slurm_errors
-from alignerf.files import atomic, faults, machine, provenance, yaml_files
+from alignerf.files import (
+    atomic,
+    faults,
+    json_files,
+    machine,
+    provenance,
+    yaml_files,
+)
 
 DEMO = provenance.PIPELINE / "workflow" / "config" / "demo.yaml"
 TABLES = ("misalignment", "round_times", "controls", "displacement")
@@ -117,10 +123,11 @@ def verdicts(scenes, export="", results="results"):
     for scene in scenes:
         path = Path(results) / scene / "verdict.json"
         if path.is_file():
-            found = of_verdict.read(path)
+            found = json_files.read(path, {"verdict": list})
             said = [f"  {faults.one_line(line)}" for line in found["verdict"]]
             lines += ["", scene, *said]
-            useful |= not of_verdict.stops(found)
+            pairs = found.get("evidence", {}).get("pairs", {})
+            useful |= not pairs.get("stops")
             if Path(page_of(scene, results)).is_file():
                 lines.append(f"  Page: {page_of(scene, results)}")
     if useful and export:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import jinja2
 
-from alignerf.experiment.checks import verdict as of_verdict
 from alignerf.experiment.tables import json_rows, rows
 from alignerf.files import atomic, faults, provenance
 from alignerf.page import (
@@ -57,7 +56,7 @@ def render(folder, *, rounds, base, others=None, windows=NOTHING, moved=NOTHING[
     folder, base = Path(folder), Path(base)
     scene, verdict = faults.resolved(folder).name, told.read(folder)
     facts, export = contents.facts(folder), provenance.export_command()
-    if of_verdict.stops(verdict):
+    if verdict["evidence"]["pairs"]["stops"]:
         # What is taken from pairs that are none helps nobody.
         export = None
     limit_px = pictures.limit_of(verdict["evidence"])

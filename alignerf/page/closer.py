@@ -1,7 +1,7 @@
 """Windows of the photos at their own size: photo, render before, render after.
 
-Folders are those of trainings on windows (`alignerf.verdict.windows`): views are called
-<photo>_w0, <photo>_w1.
+Folders are those of trainings on windows (`alignerf.verdict.evidence`): views are
+called <photo>_w0, <photo>_w1.
 """
 
 from pathlib import Path

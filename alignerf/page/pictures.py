@@ -9,8 +9,8 @@ import io
 import numpy as np
 from PIL import Image
 
+from alignerf.causes import shift
 from alignerf.files import machine
-from alignerf.verdict import shift
 
 # The page stays under 15 MB. Base64 adds a third to these.
 MOST_BYTES = 6_000_000

@@ -14,8 +14,7 @@ from alignerf.testsets.base import NEEDS, TABLES, TestSet
 @functools.cache
 def every():
     """All of them in the tables' order, those of other packages last."""
-    found = extensions.registered(sys.modules[__name__], "test_sets", "TEST_SETS")
-    sets = [one for own in found for one in (own if isinstance(own, list) else [own])]
+    sets = extensions.registered(sys.modules[__name__], "test_sets", "TEST_SETS")
     extensions.check_new("test_sets", [one.name for one in sets], ())
     for one in sets:
         wrong = [one.needs] * (one.needs not in NEEDS) + sorted({*one.tables} - TABLES)

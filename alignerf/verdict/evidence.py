@@ -11,16 +11,28 @@ from typing import NamedTuple
 import numpy as np
 
 from alignerf.cameras import exposure, lens
+from alignerf.causes import base as causes
+from alignerf.causes import blur, motion
 from alignerf.files import archives, csv_files, json_files, machine
 from alignerf.metrics import pairs
 from alignerf.scenes import prepared
-from alignerf.verdict import causes, views
-from alignerf.verdict import windows as of_windows
+from alignerf.tables import intervals
+from alignerf.verdict import views
 
+# What it takes from a poses.json, and from a training's timing.json; from what
+# poses.json says of windows, and of another program's renders.
+POSES = prepared.POSES | {"poses": str, "perturb_px": json_files.NUMBER}
+TIMING = {"rays_seen": json_files.NUMBER_OR_NONE}
+ZOOM = {"of": str, "px": int, "points": list}
+JUDGED = dict.fromkeys(("depth", "cameras", "layout", "way"), str)
+# And from the evidence of a judgement before.
+BEFORE = dict.fromkeys(("flow_train_px", "flow_test_px"), json_files.NUMBER_OR_NONE)
+BEFORE |= {"photo_px": json_files.NUMBER}
 # Poses that came with the photos, as poses.json has them.
 INPUT = ("given", "adjusted")
 # Flows of so many training views tell what all have in common.
 MOST_PATTERN_VIEWS = 32
+DRAWS = 2000
 
 
 class Seen(NamedTuple):
@@ -43,10 +55,10 @@ def read_views(loaded: prepared.Scene, base, splits, look=None) -> Seen:
     """
     rows, seen, sampled = [], {}, []
     for split in splits:
-        if not (Path(base) / "renders" / split).is_dir():
+        if not (base / "renders" / split).is_dir():
             continue
-        parts = table(Path(base) / f"decomposition_photos_{split}.csv")
-        lengths = table(Path(base) / "displacement" / f"{split}.csv")
+        parts = table(base / f"decomposition_photos_{split}.csv")
+        lengths = table(base / "displacement" / f"{split}.csv")
         tables = parts.join(lengths["blur_sigma_px"])
         read = partial(read_view, loaded, base, split, tables, look)
         for row, pair, photo in machine.map_in_threads(read, loaded.views(split)):
@@ -66,7 +78,7 @@ def read_view(loaded: prepared.Scene, base, split, tables, look, view):
     """
     name = loaded.names[view]
     (photo,) = prepared.read_images(loaded, [view], loaded.folder / "images")
-    (render,) = prepared.read_images(loaded, [view], Path(base) / "renders" / split)
+    (render,) = prepared.read_images(loaded, [view], base / "renders" / split)
     _, valid = read_flow(base, split, name)
     (counts,) = prepared.read_masks(loaded, [view])
     row = tables.loc[name]
@@ -80,16 +92,10 @@ def read_view(loaded: prepared.Scene, base, split, tables, look, view):
         blur_sigma_px=row["blur_sigma_px"],
         **views.measured(photo, render, valid, counts),
     )
-    path = Path(base) / "depth" / split / f"{name}.npz"
-    depth = archives.read(path, ["depth"])["depth"]
+    depth = archives.read(base / "depth" / split / f"{name}.npz", ["depth"])["depth"]
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]
     sampled = exposure.sampled(exposure.View(photo, depth, *camera, counts))
     return measured, look and look(photo, render, counts), sampled
-
-
-# What it takes from a poses.json, and from the reference's timing.json.
-POSES = prepared.POSES | {"poses": str, "perturb_px": json_files.NUMBER}
-TIMING = {"rays_seen": json_files.NUMBER_OR_NONE}
 
 
 def table(path):
@@ -99,15 +105,14 @@ def table(path):
 
 def read_flow(base, split, name):
     """(flow_px [h, w, 2], valid [h, w]) of a view."""
-    path = Path(base) / "flow" / split / f"{name}.npz"
-    data = archives.read(path, ("flow_px", "valid"))
+    data = archives.read(base / "flow" / split / f"{name}.npz", ("flow_px", "valid"))
     return data["flow_px"], data["valid"]
 
 
 def moved_share(base, split, name, camera_px):
     """Share of a view's valid pixels that moved on their own, by a visible length."""
-    least_px = max(causes.MOVED_PX, causes.MOVED_OF_CAMERA * camera_px)
-    path = Path(base) / "parts_photos" / split / f"{name}.npz"
+    least_px = max(motion.MOVED_PX, motion.MOVED_OF_CAMERA * camera_px)
+    path = base / "parts_photos" / split / f"{name}.npz"
     data = archives.read(path, ("remainder_px", "moved", "valid"))
     far = np.linalg.norm(data["remainder_px"], axis=-1) > least_px
     valid = data["valid"]
@@ -116,7 +121,7 @@ def moved_share(base, split, name, camera_px):
 
 def read_pattern(loaded: prepared.Scene, base) -> lens.Pattern:
     """The pattern of the training views' flows; of the test views' without these."""
-    split = "train" if (Path(base) / "flow" / "train").is_dir() else "test"
+    split = "train" if (base / "flow" / "train").is_dir() else "test"
     chosen = loaded.views(split)
     places = np.linspace(0, len(chosen) - 1, min(MOST_PATTERN_VIEWS, len(chosen)))
     flows = []
@@ -133,27 +138,29 @@ def gather(
     *,
     poses,
     timing,
-    overfit,
+    overfit=None,
     windows=(None, None),
-    of_judged=None,
-):
-    """`causes.Evidence` of a scene's views.
+    before=None,
+) -> causes.Evidence:
+    """The evidence of a scene's views.
 
     poses, timing: contents of poses.json and of the reference's timing.json. overfit:
     CSV of the flow invented between images that belong to one another, or None.
-    windows: the two folders of `windows.read`. of_judged: a `judged.Judged`, of a scene
-    of another program's renders; such a scene may lack the views of a split.
+    windows: the two folders of `read_windows`. before: verdict.json of a judgement
+    before this one, or None. Renders of another program may lack the views of a split.
     """
     checked, rows = held(seen)
     of_split = {
-        split: [v for v in rows if v.split == split] for split in ("train", "test")
+        split: [v for v in rows if v.split == split] for split in prepared.SPLITS
     }
+    train, test = of_split["train"], of_split["test"]
     counts = {split: int((loaded.split == split).sum()) for split in prepared.SPLITS}
     pixels = max(counts["train"], 1) * loaded.width * loaded.height
     photo_px = poses["photo_width"] / poses["width"]
     # Where training views were not rendered, test views have to tell.
-    main = of_split["train"] or of_split["test"]
+    main = train or test
     ratios = np.array([view.detail_ratio for view in main])
+    blurred = ratios < blur.BLURRED_DETAIL * np.median(ratios)
     shift, error = np.array(shared.shift_px), np.array(shared.shift_error_px)
     return causes.Evidence(
         train_views=counts["train"],
@@ -163,21 +170,21 @@ def gather(
         total=poses["total"] if poses["poses"] == "colmap" else poses["registered"],
         photo_px=photo_px,
         reprojection_px=number(poses["mean_reprojection_error_px"]) / photo_px,
-        flow_train_px=median(of_split["train"], "flow_px"),
-        flow_test_px=median(of_split["test"], "flow_px"),
-        camera_px=median(main, "camera_px"),
-        remainder_px=median(main, "remainder_px"),
-        moved_share=median(main, "moved_share"),
-        psnr_train_db=mean(of_split["train"], "even_psnr_db"),
-        psnr_test_db=mean(of_split["test"], "even_psnr_db"),
+        flow_train_px=median(v.flow_px for v in train),
+        flow_test_px=median(v.flow_px for v in test),
+        camera_px=median(v.camera_px for v in main),
+        remainder_px=median(v.remainder_px for v in main),
+        moved_share=median(v.moved_share for v in main),
+        psnr_train_db=mean(v.even_psnr_db for v in train),
+        psnr_test_db=mean(v.even_psnr_db for v in test),
         overfit_px=float(table(overfit)["median_px"].median()) if overfit else math.nan,
         passes=number(timing["rays_seen"]) / pixels,
         detail_median=float(np.median(ratios)),
-        blurred_share=float(
-            np.mean(ratios < causes.BLURRED_DETAIL * np.median(ratios))
-        ),
+        blurred_share=float(np.mean(blurred)),
         # Renders of training views have learnt some of their photos' brightness.
-        exposure_ev=max(spread(own, "exposure_ev") for own in of_split.values() if own),
+        exposure_ev=max(
+            float(np.std([v.exposure_ev for v in own])) for own in (train, test) if own
+        ),
         shared_ev=seen.shared_ev,
         shift_px=float(np.hypot(*shift)),
         shift_errors=float(np.max(np.abs(shift) / np.maximum(error, 1e-3))),
@@ -188,8 +195,8 @@ def gather(
         photo_width_px=float(poses.get("photo_size", [poses["photo_width"]])[0]),
         poses_given=poses["poses"] in INPUT,
         perturb_px=float(poses["perturb_px"]),
-        windows=of_windows.read(*windows),
-        judged=of_judged,
+        windows=read_windows(*windows),
+        judged=read_judged(poses, before),
         matches=of_matches(poses),
         pairs=checked,
     )
@@ -207,7 +214,7 @@ def held(seen: Seen):
 
 
 def of_matches(poses):
-    """`causes.Matches` by the contents of poses.json; None where none were sought.
+    """`Matches` by the contents of poses.json; None where none were sought.
 
     Crops have the report of the photos that they are cut from.
     """
@@ -225,23 +232,98 @@ def of_matches(poses):
     )
 
 
+def read_judged(poses, before=None):
+    """`Judged` by the contents of poses.json, or None of another scene.
+
+    before: path of the verdict.json of a judgement before this one, or None.
+    """
+    if (told := poses.get("judged")) is None:
+        return None
+    json_files.check(told, JUDGED)
+    kept = {key: told[key] for key in ("depth", "cameras", "layout")}
+    return causes.Judged(
+        **kept, before=before and read_before(before), depth_unit=told.get("depth_unit")
+    )
+
+
+def read_before(path):
+    """(name, px on photos that were trained on, px on held-out ones; None unknown)."""
+    found = json_files.read(path, {"evidence": dict})["evidence"]
+    try:
+        json_files.check(found, BEFORE)
+    except ValueError as error:
+        raise ValueError(f"{path}: evidence: {error}") from None
+    shifts = (found["flow_train_px"], found["flow_test_px"])
+    return Path(path).parent.name, *(px and px * found["photo_px"] for px in shifts)
+
+
+def read_windows(given, corrected=None):
+    """`Windows` of folders results/SCENE/METHOD/roundK; None where there are none.
+
+    given: of the cameras as given; corrected: of cameras that were put right, or None.
+    Their scenes are cut from another: `windows` of the config, `zoom.of` of a scene.
+    """
+    if not given:
+        return None
+    base = Path(given)
+    scene = base.parents[1]
+    zoom = json_files.read(scene / "poses.json", {"zoom": dict})["zoom"]
+    json_files.check(zoom, ZOOM)
+    loaded = prepared.load(scene)
+    pixels = len(loaded.views("train")) * loaded.width * loaded.height
+    flows, of_test = (of_photos(base, split, "flow") for split in ("train", "test"))
+    low, high = interval_of_median(flows)
+    return causes.Windows(
+        places=len(zoom["points"]),
+        px=zoom["px"],
+        photos=len(flows),
+        test_photos=len(of_test),
+        flow_px=median(flows),
+        low_px=low,
+        high_px=high,
+        flow_test_px=median(of_test),
+        camera_px=median(of_photos(base, "train", "camera")),
+        remainder_px=median(of_photos(base, "train", "remainder")),
+        passes=json_files.read(base / "timing.json", TIMING)["rays_seen"] / pixels,
+        corrected_px=median(of_photos(Path(corrected), "train", "flow"))
+        if corrected
+        else math.nan,
+    )
+
+
+def of_photos(base, split, what):
+    """A length [n] of each photo of a split: the median over its windows.
+
+    Photos without a valid flow are left out.
+    """
+    column = f"{what}_median_px"
+    found = csv_files.read(
+        base / f"decomposition_photos_{split}.csv", columns=["view", column]
+    )
+    photo = found["view"].str.rpartition("_w")[0]
+    return found.groupby(photo)[column].median().dropna().to_numpy(np.float64)
+
+
+def interval_of_median(values):
+    """95 % interval (low, high) of the median of values [n] over photos drawn anew."""
+    if len(values) < 2:
+        return math.nan, math.nan
+    drawn = values[intervals.resamples(len(values), draws=DRAWS)]
+    return intervals.from_draws(np.median(drawn, axis=1), len(values))
+
+
 def number(value):
     """A number, or NaN for null."""
     return math.nan if value is None else float(value)
 
 
-def median(rows, key):
-    """Over views; NaN without views."""
-    values = np.array([getattr(v, key) for v in rows], float)
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else math.nan
+def median(values):
+    """Of those that are known; NaN of none."""
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.median(known)) if known else math.nan
 
 
-def spread(rows, key):
-    """Standard deviation over views."""
-    return float(np.std([getattr(v, key) for v in rows]))
-
-
-def mean(rows, key):
-    """Over views; NaN without views."""
-    return float(np.mean([getattr(v, key) for v in rows])) if rows else math.nan
+def mean(values):
+    """NaN of none."""
+    values = list(values)
+    return float(np.mean(values)) if values else math.nan

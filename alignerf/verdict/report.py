@@ -8,56 +8,214 @@ in pixels of the original photo.
 import math
 import re
 import textwrap
-from typing import NamedTuple
 
-from alignerf.verdict import advice, causes, remedies, shift, words
+from alignerf import causes
+from alignerf.causes import camera, coverage, motion, remedies, shift
+from alignerf.causes.base import length, number
+from alignerf.files import provenance
+from alignerf.metrics import pairs
+from alignerf.verdict import measured
 
 # Of the terminal: where texts begin, and where they end.
 INDENT, WIDTH = 10, 100
 # A command in a text.
 COMMAND = re.compile(r"`((?:make|snakemake|why-blurry|ns-|python) ?[^`]*)`")
+# Where alignment cannot be told: without windows; with them; with too few of them.
+UNSEEN = "add `windows: {}` to the config, or make photos less small (downscale)."
+LARGER = "make photos less small (downscale), or train windows longer (windows.steps)."
+WIDER = (
+    "cut more windows of each photo, `windows: { count: 4 }` in the config, until five "
+    "held-out photos have one; or make photos less small (downscale)."
+)
+# What a gain is measured against, by test set.
+AGAINST = {
+    "oracle": " against the true scene",
+    "standard": " on held-out photos",
+    "aligned_pose": " on held-out photos, each by a camera moved to fit it,",
+}
 
 
-class Report(NamedTuple):
-    """What is told of a scene.
+def of(e, findings, gains, views):
+    """What is told of a scene: {key: text, or what is in it}.
 
-    headline: one sentence. because: a sentence for each cause that is named. do_first:
-    {text, command}, the command may be None. tried: a mapping for each remedy of this
-    run, see `tried_of`. measured: sentences. causes: a mapping for each cause that is
-    looked for, also where it is fine, see `gauge`.
+    gains: of `gains.of_table`; views: of `evidence.read_views`. state: `aligned`,
+    `misaligned` or `unclear`. headline: one sentence. because: a sentence for each
+    cause that is named. do_first: {text, command}, the command may be None. tried: of
+    each remedy of this run. measured: sentences. causes: of each cause that is looked
+    for, also where it is fine, see `gauge`.
     """
-
-    headline: str
-    because: list
-    do_first: dict
-    tried: list
-    measured: list
-    causes: list
-
-
-def of(e, findings, gains, views) -> Report:
-    """The report. gains: of `remedies.of_table`; views: of `evidence.read_views`."""
-    head = words.headline(e, findings)
-    text = advice.advise(e, findings, gains)
-    return Report(
-        headline=head[0].upper() + head[1:],
+    head = headline(e, findings)
+    text = advise(e, findings, gains)
+    command = COMMAND.search(text)
+    told = not e.pairs.stops
+    return {
+        "state": state(e, findings),
+        "headline": head[0].upper() + head[1:],
         # What stops all others is the headline.
-        because=[words.SENTENCES[one.cause](one, e) for one in findings]
-        * (not e.pairs.stops),
-        do_first=first(text),
-        tried=[tried_of(gain, e) for gain in gains] * (not e.pairs.stops),
-        measured=words.measured(e, views, gains),
-        causes=[gauge(one, e, findings) for one in GAUGES if one.is_told(e)],
+        "because": [finding.sentence(e) for finding in findings] * told,
+        "do_first": {
+            "text": text[0].upper() + text[1:],
+            "command": command and command[1],
+        },
+        "tried": [tried(gain, e) for gain in gains] * told,
+        "measured": measured.sentences(e, views, gains),
+        "causes": [
+            gauge(cause, e, findings) for cause in causes.every() if cause.looked_for(e)
+        ],
+    }
+
+
+def state(e, findings):
+    """The verdict in a word: `aligned`, `misaligned` or `unclear`."""
+    if e.pairs.stops:
+        return "unclear"
+    if shift.by_windows(e):
+        return "misaligned"
+    if is_sparse(findings) or shift.few_train(e) or not shift.is_sharp(e):
+        return "unclear"
+    if shift.misaligned(e) and not shift.too_short(e):
+        return "misaligned"
+    return "aligned" if shift.tells(e) else "unclear"
+
+
+def is_sparse(findings, *, surely=False):
+    """Whether photos are named as too few, or too far apart, to fix a shape."""
+    return any(f.cause is coverage.SPARSE and f.sure >= surely for f in findings)
+
+
+def headline(e, findings):
+    """One line: aligned or not, by how much, and the gravest causes."""
+    if e.pairs.stops:
+        return f"cannot be told: {pairs.sentence(e.pairs)}."
+    kind, called = state(e, findings), ", ".join(one.called for one in findings)
+    if kind == "misaligned":
+        by = f"misaligned by {length(shift.shift_px(e))}"
+        return f"{by}{called and ': ' + called}."
+    if kind == "aligned":
+        far = f"aligned, as far as {length(shift.limit_px(e))} can show"
+        return f"{far}{called and '; but ' + called}."
+    if is_sparse(findings):
+        for one in findings:
+            if one.cause.seen_by_points:
+                return f"{one.called}, and photos are too few or too far apart."
+        return "too few photos, or too far apart: aligning is no help."
+    if shift.few_train(e):
+        return "too few photos to say much."
+    if shift.too_short(e):
+        return "trained too short to tell how well photos are aligned."
+    also = called and f" But {called}."
+    if not math.isfinite(shift.flow_px(e)):
+        return f"cannot be told: no flow from renders to photos is valid.{also}"
+    if shift.of_windows_say(e) == "unconfirmed":
+        px = length(e.windows.flow_px)
+        return f"cannot be told for sure: windows are {px} apart.{also}"
+    seen = f"a shift under {length(shift.limit_px(e))} would not be seen"
+    return f"cannot be told at this size: {seen}.{also}"
+
+
+def advise(e, findings, gains=()):
+    """The remedy to try first; never one that this run has tried in vain."""
+    if e.pairs.stops:
+        return pairs.advice(e.pairs)
+    if is_sparse(findings, surely=True) and not e.judged:
+        # What is only probable then is seen by bad renders; poses are by points, too.
+        findings = [one for one in findings if one.sure or one.cause.seen_by_points]
+    for cause in sorted((f.cause for f in findings), key=lambda one: one.cure):
+        text = with_export(e, cause.advice_external) if e.judged else cause.advice
+        if said := text(e, gains) if callable(text) else text:
+            return said
+    if e.judged:
+        return of_judged_alignment(e)
+    if remedies.warped_in_vain(e, gains):
+        return (
+            "leave the photos as they are: this run warped them, and that brought no "
+            "more than chance."
+        )
+    misaligned = shift.misaligned(e)
+    if tried := remedies.advise(e, gains, only_paying=not misaligned):
+        return tried
+    if misaligned:
+        return f"{camera.text(e)} The cause is not known: look at what remains."
+    if not shift.tells(e):
+        return {None: UNSEEN, "few": WIDER}.get(shift.of_windows_say(e), LARGER)
+    return "nothing about alignment. For sharper renders take more steps."
+
+
+def of_judged_alignment(e):
+    """What to do about renders of another program of which no cause is named."""
+    if shift.misaligned(e):
+        return with_export(e, motion.CAUSE.advice_external)
+    if not shift.tells(e):
+        return "render larger pictures: at this size a shift is too small to be seen."
+    return (
+        "nothing about alignment. For sharper renders train longer, or a larger model."
     )
 
 
-def first(text):
-    """{text, command}: a command that stands in the text is taken out of it."""
-    found = COMMAND.search(text)
-    whole = text[0].upper() + text[1:]
-    if found is None:
-        return {"text": whole, "command": None}
-    return {"text": whole, "command": found[1]}
+def with_export(e, text):
+    """An advice with the command that exports, or with what an export wants first."""
+    if "{export}" not in text:
+        return text
+    if e.judged.cameras == "none":
+        return "give the cameras, too (CAMERAS=...): then they can be corrected."
+    if not e.train_views:
+        return (
+            "render the photos that the program has learnt from, too, and judge again: "
+            "only those can be put right."
+        )
+    return text.format(export=provenance.export_command())
+
+
+def tried(gain, e):
+    """What a remedy brought: its sentence claims nothing from few views."""
+    took = f"{gain.minutes:.0f} min" if gain.minutes >= 1 else "under a minute"
+    against = AGAINST.get(gain.test_set, "")
+    if gain.test_set == "standard" and gain.on_the_way:
+        against += " by cameras that were left as given: true gains are larger,"
+    interval = f"[{gain.low:+.2f}, {gain.high:+.2f}]"
+    text = f"{gain.name}: {gain.db:+.2f} dB {interval}{against} in {took}"
+    if gain.matches and gain.matches["accepted"]:
+        change = "{before_px:.2f} -> {after_px:.2f} px".format(**gain.matches)
+        text += f", held-out matches {change}"
+    if gain.cameras_moved == 0:
+        text += ", without moving a camera"
+    if e.test_views < shift.FEW_TEST_VIEWS:
+        text += f"; {e.test_views} held-out photos are too few to be sure"
+    elif not (gain.low > 0 or gain.high < 0):
+        text += ": not more than chance"
+    kept = ("db", "low", "high", "minutes", "test_set", "method")
+    numbers = {key: getattr(gain, key) for key in kept}
+    return {"text": f"{text}.", "pays": remedies.pays(e, gain)} | numbers
+
+
+def gauge(cause, e, findings):
+    """{cause, name, level, value, limit, unit, text} of a cause.
+
+    level: `sure` or `likely` where it is named, `not seen`, or `untold` where this run
+    cannot tell.
+    """
+    scale = cause.scale(e)
+    value, limit = float(scale * cause.value(e)), float(scale * cause.limit(e))
+    sure = {finding.cause: finding.sure for finding in findings}
+    if cause in sure:
+        level = "sure" if sure[cause] else "likely"
+    else:
+        unknown = not (cause.is_detectable(e) and math.isfinite(value))
+        level = "untold" if unknown or e.pairs.stops else "not seen"
+    says = f"{number(value)} of {number(limit)} {cause.unit}"
+    if cause.says:
+        says = cause.says(e)
+    elif level == "not seen" and value > limit:
+        says = f"{number(value)} {cause.unit}, within its error"
+    return {
+        "cause": cause.name,
+        "name": cause.label,
+        "level": level,
+        "value": value,
+        "limit": limit,
+        "unit": cause.unit,
+        "text": f"{cause.label} ({says})",
+    }
 
 
 def without_command(do_first):
@@ -65,188 +223,20 @@ def without_command(do_first):
     return do_first["text"].replace(f"`{do_first['command']}`", "the command below")
 
 
-def tried_of(gain, e):
-    """{text, pays, db, low, high, minutes, test_set, method} of a remedy."""
-    kept = ("db", "low", "high", "minutes", "test_set", "method")
-    found = {key: getattr(gain, key) for key in kept}
-    return {"text": remedies.line(gain, e), "pays": advice.pays(e, gain)} | found
-
-
-class Gauge(NamedTuple):
-    """A cause that is looked for.
-
-    name: as people call it. value: a function of the evidence, in `unit`; NaN where it
-    is unknown. limit: of the evidence too; beyond it the cause is named. untold: of the
-    evidence, whether this run cannot tell the cause. is_told: whether it is looked for
-    at all. says: what stands behind the name, of the evidence; None: value and limit.
-    """
-
-    cause: str
-    name: str
-    unit: str
-    value: object
-    limit: object
-    untold: object = lambda e: False
-    is_told: object = lambda e: True
-    says: object = None
-
-
-def of_alignment(e):
-    """Whether renders are too blurred by a short training to tell a shift."""
-    return shift.too_short(e) and not shift.known_windows(e)
-
-
-def camera_value(e):
-    """What shows that poses are off, in px of the photo."""
-    if shift.known_windows(e):
-        return e.windows.camera_px
-    if causes.source_of_camera(e) == "matches":
-        return e.matches.pose_error_px
-    if causes.source_of_camera(e) == "points":
-        return e.photo_px * e.reprojection_px
-    return e.photo_px * e.camera_px
-
-
-def camera_limit(e):
-    if shift.known_windows(e):
-        return shift.WINDOW_PX
-    if causes.source_of_camera(e) == "points":
-        return e.photo_px * causes.REPROJECTION_PX
-    return e.photo_px * causes.PART_PX
-
-
-def cannot_tell(e):
-    if e.matches:
-        return False
-    return of_alignment(e) or not (shift.tells(e) or shift.misaligned(e))
-
-
-GAUGES = (
-    Gauge("camera", "camera poses", "px", camera_value, camera_limit, cannot_tell),
-    Gauge(
-        *("motion", "things that moved", "%"),
-        lambda e: 100 * e.moved_share,
-        lambda e: 100 * causes.MOVED_SHARE,
-        of_alignment,
-    ),
-    Gauge(
-        *("lens_shift", "principal point", "px"),
-        lambda e: e.photo_px * e.shift_px,
-        lambda e: e.photo_px * causes.SHIFT_PX,
-        of_alignment,
-    ),
-    Gauge(
-        *("lens_distortion", "lens distortion", "px"),
-        lambda e: e.photo_px * e.distortion_px,
-        lambda e: e.photo_px * causes.BEND_PX,
-        of_alignment,
-    ),
-    Gauge(
-        *("blurred", "blurred photos", "%"),
-        lambda e: 100 * e.blurred_share,
-        lambda e: 100 * causes.BLURRED_VIEWS,
-    ),
-    Gauge(
-        *("exposure", "exposure", "stops"),
-        lambda e: causes.exposure_of(e)[0],
-        lambda e: causes.exposure_of(e)[1],
-    ),
-    Gauge(
-        *("sparse", "held-out photos worse than learnt ones", "dB"),
-        lambda e: e.psnr_train_db - e.psnr_test_db,
-        lambda e: causes.GAP_DB,
-        of_alignment,
-    ),
-    Gauge(
-        *("few_views", "number of photos", "too few"),
-        lambda e: max(shift.FEW_TRAIN_VIEWS - most_views(e), 0),
-        lambda e: 0,
-        says=lambda e: f"{most_views(e)}, {shift.FEW_TRAIN_VIEWS} are enough",
-    ),
-    Gauge(
-        *("unregistered", "photos placed by COLMAP", "% left out"),
-        lambda e: 100 * (1 - e.registered / max(e.total, 1)),
-        lambda e: 100 * (1 - causes.REGISTERED),
-        is_told=lambda e: not (e.poses_given or e.judged),
-        says=lambda e: f"{e.registered} of {e.total}",
-    ),
-    Gauge(
-        *("undertrained", "length of training", "passes"),
-        lambda e: e.passes,
-        lambda e: shift.FEW_PASSES,
-        is_told=lambda e: not e.judged,
-        says=lambda e: f"{number(e.passes)} passes, {shift.FEW_PASSES} are enough",
-    ),
-    Gauge(
-        *("pairs", "renders of the right photos", "wrong"),
-        lambda e: len(e.pairs.faults),
-        lambda e: 0,
-        is_told=lambda e: e.pairs.count > 0,
-        says=lambda e: f"{len(e.pairs.faults) or 'none'} wrong of {e.pairs.count}",
-    ),
-)
-
-
-def most_views(e):
-    """Photos to learn from; of renders that are judged, those of the larger split."""
-    return max(e.train_views, e.test_views) if e.judged else e.train_views
-
-
-def gauge(one: Gauge, e, findings):
-    """{cause, name, level, value, limit, unit, text} of a cause.
-
-    level: `sure` or `likely` where it is named, `not seen`, or `untold` where this run
-    cannot tell.
-    """
-    named = {finding.cause: finding for finding in findings}
-    value, limit = float(one.value(e)), float(one.limit(e))
-    if one.cause in named:
-        level = "sure" if named[one.cause].sure else "likely"
-    else:
-        unknown = one.untold(e) or not math.isfinite(value) or e.pairs.stops
-        level = "untold" if unknown else "not seen"
-    says = f"{number(value)} of {number(limit)} {one.unit}"
-    if one.says is not None:
-        says = one.says(e)
-    elif level == "not seen" and value > limit:
-        says = f"{number(value)} {one.unit}, within its error"
-    return {
-        "cause": one.cause,
-        "name": one.name,
-        "level": level,
-        "value": value,
-        "limit": limit,
-        "unit": one.unit,
-        "text": f"{one.name} ({says})",
-    }
-
-
-def number(value):
-    """Two digits that count; a whole number as it is."""
-    if not math.isfinite(value):
-        return "unknown"
-    return (
-        f"{value:.0f}" if abs(value) >= 9.5 or value == int(value) else f"{value:.2g}"
+def terminal(told):
+    """Lines of what `of` tells, folded for a terminal."""
+    do_first, command = told["do_first"], told["do_first"]["command"]
+    fine, untold = (
+        ", ".join(one[key] for one in told["causes"] if one["level"] == level)
+        for level, key in (("not seen", "text"), ("untold", "name"))
     )
-
-
-def terminal(report: Report):
-    """Lines of the report, folded for a terminal."""
-    do_first = [without_command(report.do_first)]
-    if command := report.do_first["command"]:
-        do_first.append(f"    {command}")
-    by_level = {level: [] for level in ("not seen", "untold")}
-    for one in report.causes:
-        by_level.get(one["level"], []).append(one["text"])
-    fine = [f"{', '.join(by_level['not seen'])}."] if by_level["not seen"] else []
-    names = [one["name"] for one in report.causes if one["level"] == "untold"]
     parts = {
-        "VERDICT": [report.headline, *report.because],
-        "DO FIRST": do_first,
-        "TRIED": [one["text"] for one in report.tried],
-        "MEASURED": report.measured,
-        "FINE": fine,
-        "NOT TOLD": [f"{', '.join(names)}."] if names else [],
+        "VERDICT": [told["headline"], *told["because"]],
+        "DO FIRST": [without_command(do_first), *[f"    {command}"] * bool(command)],
+        "TRIED": [one["text"] for one in told["tried"]],
+        "MEASURED": told["measured"],
+        "FINE": [f"{fine}."] * bool(fine),
+        "NOT TOLD": [f"{untold}."] * bool(untold),
     }
     return [line for title, texts in parts.items() for line in folded(title, texts)]
 
@@ -256,9 +246,8 @@ def folded(title, texts):
     lines = []
     for text in texts:
         # A command has to stay in one piece.
-        if text.startswith("    "):
-            lines.append(text)
-        else:
-            lines += textwrap.wrap(text, WIDTH - INDENT, break_on_hyphens=False)
+        is_command = text.startswith("    ")
+        wrapped = textwrap.wrap(text, WIDTH - INDENT, break_on_hyphens=False)
+        lines += [text] if is_command else wrapped
     heads = [title, *[""] * len(lines)]
     return [f"{h:<{INDENT}}{line}" for h, line in zip(heads, lines, strict=False)]

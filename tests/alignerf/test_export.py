@@ -207,21 +207,6 @@ def test_masks_of_warped_photos_come_back_with_a_training(scene, rng, tmp_path):
     np.testing.assert_array_equal(first.valid, second.valid)
 
 
-@pytest.mark.parametrize(
-    ("keys", "fault"),
-    [
-        ({"verdict": []}, "verdict is not lines of text"),
-        ({"gains": [1]}, "gains: not an object"),
-        ({"gains": [{"method": "aligned", "pays": "no"}]}, "gains: pays is 'no'"),
-    ],
-)
-def test_a_tampered_verdict_decides_nothing(tmp_path, keys, fault):
-    path = tmp_path / "verdict.json"
-    path.write_text(json.dumps({"verdict": ["Aligned."], "gains": []} | keys))
-    with pytest.raises(ValueError, match=rf"^{path}: {fault}"):
-        export.pays(path, "aligned")
-
-
 @pytest.mark.parametrize("pays", [True, False])
 def test_cameras_that_brought_nothing_are_not_handed_on(scene, moved, pays, caplog):
     """A run's verdict decides; another method's gain is nothing to this one's."""

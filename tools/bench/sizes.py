@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from alignerf.causes import base, shift
 from alignerf.files import json_files, yaml_files
-from alignerf.verdict import causes, shift, windows
 
 SCENE = re.compile(r"(?P<capture>[a-z]+)_(?P<width>\d+)(?P<off>_off)?\Z")
 MANIFEST = {"evidence": dict, "state": str}
@@ -74,14 +74,14 @@ def row_of(scene, verdict):
 
 
 def evidence_of(stored):
-    """`causes.Evidence` of a verdict's file, where null stands for NaN."""
+    """`base.Evidence` of a verdict's file, where null stands for NaN."""
 
     def known(values):
         return {k: math.nan if v is None else v for k, v in values.items()}
 
-    windows_of = windows.Windows(**known(stored["windows"]))
+    windows_of = base.Windows(**known(stored["windows"]))
     more = {"windows": windows_of, "judged": None}
-    return causes.Evidence(**known(stored) | more)
+    return base.Evidence(**known(stored) | more)
 
 
 if __name__ == "__main__":

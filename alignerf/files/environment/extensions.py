@@ -1,7 +1,7 @@
 """What other packages add to the program: Python's entry points, by group.
 
 A package names its objects under `alignerf.captures`, `alignerf.methods`,
-`alignerf.test_sets`, `alignerf.systems` or `alignerf.estimators`;
+`alignerf.causes`, `alignerf.test_sets`, `alignerf.systems` or `alignerf.estimators`;
 docs/develop/extending.md shows one of each.
 """
 
@@ -18,6 +18,7 @@ from pathlib import Path
 NEEDED = {
     "captures": ("name", "what", "poses", "detect", "read"),
     "methods": ("key", "annotation", "field", "trainings", "words", "moves"),
+    "causes": ("name", "label", "unit", "value", "limit", "find"),
     "test_sets": ("name", "pixels", "meaning", "needs", "make", "tables"),
     "systems": ("make", "Keys.kind", "Keys.near", "Keys.samples", "Keys.training"),
     "estimators": ("calculate", "min_side_px"),
@@ -75,14 +76,16 @@ def registered(package, group, name):
     """All records of a registry: (those of its folder, then of other packages).
 
     package: the registry's folder as imported, whose every module with a global `name`
-    holds one record. group: the entry points by which other packages add theirs. A new
-    file in the folder is all that a new record takes. In the order of `order`, which a
-    record may have (0 without), then of the modules' names.
+    holds one record, or a list of them. group: the entry points by which other packages
+    add theirs. A new file in the folder is all that a new record takes. In the order of
+    `order`, which a record may have (0 without), then of the modules' names.
     """
     records = []
     for module in sorted(m.name for m in pkgutil.iter_modules(package.__path__)):
-        loaded = importlib.import_module(f"{package.__name__}.{module}")
-        records += [getattr(loaded, name)] if hasattr(loaded, name) else []
+        found = getattr(
+            importlib.import_module(f"{package.__name__}.{module}"), name, []
+        )
+        records += found if isinstance(found, list) else [found]
     records.sort(key=lambda record: getattr(record, "order", 0))
     return (*records, *of_group(group).values())
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from alignerf import facts as facts_module
+from alignerf.causes import shift
 from alignerf.decisions import __main__ as command
 from alignerf.decisions import rules
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.mipnerf360 import coord
-from alignerf.verdict import shift
 
 FACTS = {
     "nearest": 0.5,

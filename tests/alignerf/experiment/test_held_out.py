@@ -5,10 +5,10 @@ import pytest
 
 from alignerf import poses
 from alignerf.captures import base
+from alignerf.causes import shift
 from alignerf.experiment import check, schema
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.scenes import prepare
-from alignerf.verdict import shift
 
 
 def every(views, source="photos", **given):

@@ -258,7 +258,8 @@ def test_a_change_of_code_or_of_versions_changes_a_job(tmp_path, monkeypatch):
 
 def test_a_package_that_runs_is_its_main(root):
     found = {path.name for path in sources.reached("alignerf.verdict")}
-    assert {"__main__.py", "__init__.py", "csv_files.py"} <= found
+    # And that of a registry, all that is registered there.
+    assert {"__main__.py", "__init__.py", "csv_files.py", "blur.py"} <= found
 
 
 def test_jobs_find_the_sources_and_this_python(monkeypatch, root):

@@ -18,13 +18,6 @@ def write(folder, content):
         ({}, "not the JSON that it should be: no verdict in it"),
         ([], "not the JSON that it should be: not an object"),
         ({"verdict": ""}, "not the JSON that it should be: verdict is ''"),
-        ({"verdict": []}, "verdict is not lines of text"),
-        ({"verdict": ["Aligned.", 3]}, "verdict is not lines of text"),
-        ({"verdict": [" "]}, "verdict is not lines of text"),
-        (
-            {"verdict": ["Aligned."], "headline": 1},
-            r"headline is not lines of text: \[1\]",
-        ),
     ],
 )
 def test_what_says_nothing_is_named(tmp_path, content, fault):

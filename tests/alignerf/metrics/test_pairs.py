@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
+from alignerf import causes
 from alignerf.metrics import pairs
-from alignerf.verdict import advice, causes, words
+from alignerf.verdict import report
 from tests import judged_cases
-from tests.alignerf.verdict.test_causes import report_of
-from tests.alignerf.verdict.test_judged import THEIRS
+from tests.alignerf.causes.cases import THEIRS
 
 WIDE = judged_cases.picture(3, (400, 120))
 # Neighbours of a film, 8 px apart.
@@ -77,13 +77,12 @@ def test_nonsense_is_named_and_stops_the_verdict(name):
     assert found.stops
     e = THEIRS._replace(pairs=found)
     findings = causes.find(e)
-    assert [finding.cause for finding in findings] == ["pairs"]
-    assert words.state(e, findings) == "unclear"
-    lines = report_of(e, findings, [], [])
-    assert lines[0].startswith("Verdict: Cannot be told: renders are not those")
-    assert f"12 of 12 are {pairs.KINDS[kind]}" in lines[0]
-    assert not any("are shifted by" in line for line in lines)
-    assert advice.advise(e, findings) == pairs.ADVICE[kind]
+    assert [finding.cause.name for finding in findings] == ["pairs"]
+    told = report.of(e, findings, [], [])
+    assert told["state"] == "unclear"
+    assert f"12 of 12 are {pairs.KINDS[kind]}" in told["headline"]
+    assert not told["because"] + told["measured"]
+    assert report.advise(e, findings) == pairs.ADVICE[kind]
 
 
 def test_renders_of_another_scene():
@@ -174,10 +173,10 @@ def test_swapped_views_are_named_and_few_are_left_out():
     assert found.faults == {view: ("swapped", other) for view, other in shows.items()}
     assert not found.stops
     e = THEIRS._replace(pairs=found)
-    lines = report_of(e, causes.find(e), [], [])
-    assert "some renders are left out" in lines[0]
-    assert "2 of 24 are of other photos" in lines[1]
-    assert "(v02 shows v03, v03 shows v02)" in lines[1]
+    told = report.of(e, causes.find(e), [], [])
+    assert "some renders are left out" in told["headline"]
+    assert "2 of 24 are of other photos" in told["because"][0]
+    assert "(v02 shows v03, v03 shows v02)" in told["because"][0]
 
 
 def test_two_photos_of_one_place_are_not_swapped():

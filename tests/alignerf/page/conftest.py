@@ -123,7 +123,7 @@ def results(tmp_path, rng):
             "measured": [],
             "causes": [],
             "state": "aligned",
-            "evidence": {"overfit_px": None},
+            "evidence": {"overfit_px": None, "pairs": {"stops": False}},
         },
     )
     poses = {"registered": 5, "total": 6, "test_views": 3, "width": WIDTH}

@@ -15,7 +15,7 @@ GONE = object()
 VALUES = [None, True, 0, -1, 10**12, 10**400, 1.5, float("nan"), float("inf"), "x", ""]
 VALUES += [[], [1], ["x"], {}, {"x": 1}, {"01": 10**12}, {"01": None}, GONE]
 CELLS = ["", "x", "nan", "inf", "-1", "1e300", "1e999", "9" * 400, "True", "2.5", GONE]
-JSONS = ["verdict.json", "poses.json", "judged.json", "preflight.json"]
+JSONS = ["poses.json", "judged.json", "preflight.json"]
 JSONS += ["decisions.json", "config.yaml"]
 # Of each file; the torture tries all.
 CASES = 40

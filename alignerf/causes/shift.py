@@ -1,6 +1,6 @@
 """How far photos and renders are apart, and whether a run can tell.
 
-`e` is a `causes.Evidence`. Lengths are in pixels of the training size; those of
+`e` is a `base.Evidence`. Lengths are in pixels of the training size; those of
 windows, `limit_px` and `shift_px` are in pixels of the photo. The page takes its limit
 from here, too. How the thresholds were chosen: docs/evidence/verdict.md.
 """
@@ -41,6 +41,11 @@ def told_px(overfit_px):
 def too_short(e):
     """Whether training was too short for its renders to tell anything of alignment."""
     return e.passes < FEW_PASSES / 2
+
+
+def is_sharp(e):
+    """Whether flows tell of alignment: by windows where the training was too short."""
+    return not too_short(e) or known_windows(e)
 
 
 def misaligned(e):

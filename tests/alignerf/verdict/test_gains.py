@@ -1,4 +1,4 @@
-"""What a run's remedies brought: which score counts, and in which words."""
+"""What a run's remedies brought: which score counts."""
 
 import json
 
@@ -9,9 +9,8 @@ from alignerf import methods
 from alignerf.experiment import targets
 from alignerf.experiment.tables import rows as table_rows
 from alignerf.tables import misalignment, scores
-from alignerf.verdict import advice, remedies
+from alignerf.verdict import gains
 from tests import table_cases
-from tests.alignerf.verdict.test_causes import WELL, gain
 
 ONE = {"model": "base"}
 WARM = {"from": "plain", "learning_rates": [0.005, 0.001]}
@@ -100,12 +99,12 @@ def test_the_verdict_takes_the_test_set_that_is_fair_to_each_kind(
     ]
     table = misalignment.make_table(table_cases.collect(tmp_path, rows))
     table.to_csv(tmp_path / "misalignment.csv", index=False)
-    gains = remedies.of_table(tmp_path / "misalignment.csv", {})
-    assert {gain.method for gain in gains} == {*MOVES}
+    found = gains.of_table(tmp_path / "misalignment.csv", {})
+    assert {gain.method for gain in found} == {*MOVES}
     named = {
         scores.row_name(row.method, scores.warping(row.round or 0)): row for row in rows
     }
-    for one in gains:
+    for one in found:
         row = named[one.name]
         assert (one.on_the_way, one.warped) == (row.moves_cameras, row.moves_photos)
         fair = "aligned_pose" if row.moves_cameras else "standard"
@@ -120,9 +119,9 @@ def test_the_most_cameras_that_a_training_moved(tmp_path, counts, most):
     stops = [{} if n is None else {"cameras_moved": n} for n in counts]
     path = tmp_path / "timing.json"
     path.write_text(json.dumps({"alignments": stops}))
-    assert remedies.cameras_moved(path) == most
+    assert gains.cameras_moved(path) == most
     path.write_text("{}")
-    assert remedies.cameras_moved(path) is None
+    assert gains.cameras_moved(path) is None
 
 
 @pytest.mark.parametrize(
@@ -140,32 +139,9 @@ def test_gains_of_moved_cameras_are_by_the_fairest_test_set(
     timing = tmp_path / "timing.json"
     timing.write_text("{}")
     table = table_of(tmp_path / "table.csv", test_sets)
-    found, other = remedies.of_table(table, {"ours": timing})
+    found, other = gains.of_table(table, {"ours": timing})
     assert (found.db, other.db) == (db, usual_db)
     assert (other.name, other.on_the_way) == ("rival", False)
     assert found.test_set == test_sets[db - 1]
     assert (found.method, found.on_the_way, found.minutes) == ("ours", True, 2.0)
     assert found.name == "ours, aligned on the way"
-
-
-def test_gains_from_few_views_are_no_gains():
-    gain = remedies.Gain("once", 1.5, 1.2, 1.8, 4.0)
-    assert remedies.line(gain, WELL).endswith("in 4 min.")
-    few = WELL._replace(test_views=3)
-    assert "too few to be sure" in remedies.line(gain, few)
-    chance = remedies.Gain("once", 0.02, -0.05, 0.06, 4.0)
-    assert "not more than chance" in remedies.line(chance, WELL)
-
-
-def test_a_gain_says_what_it_is_measured_against():
-    for test_set, said in remedies.CALLED_SETS.items():
-        line = remedies.line(gain(test_set=test_set), WELL)
-        assert said in line
-
-
-def test_gains_by_cameras_that_stayed_are_not_called_a_loss():
-    """Of another program no view can be asked for by another camera."""
-    gain = remedies.Gain("mine, once", -0.4, -0.6, -0.2, 3.0, "mine", True, "standard")
-    text = remedies.line(gain, WELL)
-    assert "cameras that were left as given: true gains are larger" in text
-    assert not advice.pays(WELL, gain._replace(low=0.1))

@@ -1,0 +1,173 @@
+"""Poses are off: a moved camera explains the flow, or shared points disagree."""
+
+import math
+
+from alignerf.causes import base, coverage, lens, remedies, shift
+
+# Of the flow's parts, one that is at least so long is named.
+PART_PX = 0.2
+# Of points that photos share: right cameras see them 0.2 px from where they are found,
+# given poses of real captures up to 0.6 px, cameras that are off by 2 px 1.3 px.
+REPROJECTION_PX = 0.8
+# In dB on courtyard, where poses are off by 1.5 px and objects move, over plain
+# training of the same seconds, those of one and of two (docs/measured/on_the_way.csv).
+ALIGNED_DB, ALIGNED_TWICE_DB = 1.0, 1.8
+ALIGN = (
+    "align on the way (a method with align: {}): one training that puts its "
+    f"cameras right as it goes. On the demo's scene it brought {ALIGNED_DB} dB in "
+    f"the seconds of one training, {ALIGNED_TWICE_DB} dB in those of two."
+)
+# Where another program was trained: `align` is a method of ours.
+OF_OTHERS = (
+    "put its cameras right in a round: rounds: 1 and changes: cameras of this method, "
+    "or take those of one training of ours (a method with align: {})."
+)
+# Where the poses came with the photos, COLMAP finds others: on a phone's capture they
+# were 0.9 to 3.5 dB better than the phone's own (docs/measured/on_the_way_real.csv).
+ANEW = (
+    "let COLMAP find the poses anew, from a folder of the photos alone: "
+    '`make photos FOLDER=photos_alone PHOTOS="--name another"`.'
+)
+# Where matches between photos say how cameras have to move.
+ADJUSTED = (
+    "adjust the cameras before training: `poses: adjusted` in the config, or a method "
+    "with adjust: true. Half a minute of bundle adjustment, without a training."
+)
+
+
+def by_matches(e):
+    """Whether matches say that the cameras in use are off."""
+    return bool(e.matches and e.matches.accepted and not e.matches.applied)
+
+
+def source(e):
+    """What shows that poses are off: `windows`, `flow`, `matches`, `points`; or None.
+
+    The first that says so. From too few photos
+    a wrong pose is learnt as geometry, so that training views fit: then the points that
+    photos share tell.
+    """
+    if shift.by_windows(e) and e.windows.camera_px > e.windows.remainder_px:
+        return "windows"
+    if shift.misaligned(e) and not shift.too_short(e) and e.camera_px > PART_PX:
+        return "flow"
+    if by_matches(e):
+        return "matches"
+    if coverage.sparse(e) and e.reprojection_px > REPROJECTION_PX:
+        return "points"
+    return None
+
+
+def is_shared(e):
+    """Whether the shift that all renders of another program share is all of it.
+
+    A shift of the picture looks like a turn of the camera, the same in all views. Our
+    own trainings absorb nearly all of such a shift.
+    """
+    if not (e.judged and lens.SHIFT.decide(e)):
+        return False
+    return e.camera_px**2 - e.shift_px**2 < PART_PX**2
+
+
+def decide(e):
+    """(size in px of the training, whether it is sure); None where poses are right."""
+    if shift.too_short(e) and not (shift.by_windows(e) or by_matches(e)):
+        return None
+    # Matches that find nothing to correct are the witness that denies it.
+    denied = e.judged and e.matches and not e.matches.accepted
+    shown = source(e)
+    if shown == "flow" and is_shared(e):
+        shown = "matches" if by_matches(e) else None
+    if shown == "windows":
+        sure = e.windows.low_px > shift.WINDOW_PX
+        return e.windows.camera_px / e.photo_px, sure and not denied
+    if shown == "flow":
+        sure = e.camera_px > 2 * PART_PX or by_matches(e)
+        return e.camera_px, sure and not denied
+    if shown == "matches":
+        return e.matches.pose_error_px / e.photo_px, False
+    if shown == "points":
+        return e.reprojection_px, e.reprojection_px > 2 * REPROJECTION_PX
+    return None
+
+
+def size_px(e, of):
+    """How far poses are off by a source, in px of the photo."""
+    if of == "windows":
+        return e.windows.camera_px
+    if of == "matches":
+        return e.matches.pose_error_px
+    return e.photo_px * (e.reprojection_px if of == "points" else e.camera_px)
+
+
+def shown(e):
+    """(what the gauge shows, its limit), in px of the photo."""
+    of = "windows" if shift.known_windows(e) else source(e)
+    limits = {"windows": shift.WINDOW_PX, "points": e.photo_px * REPROJECTION_PX}
+    return size_px(e, of), limits.get(of, e.photo_px * PART_PX)
+
+
+def is_detectable(e):
+    """Whether matches say something of the poses, or a shift would be seen."""
+    seen = shift.is_sharp(e) and (shift.tells(e) or shift.misaligned(e))
+    return bool(e.matches) or seen
+
+
+def sentence(e, probably):
+    """What shows it, and how much."""
+    of = source(e)
+    px, lead = base.length(size_px(e, of)), f"Poses are {probably}off:"
+    if of == "matches":
+        return f"{lead} bundle adjustment of matches between photos moves them by {px}."
+    if of == "points":
+        where = "points that several photos show lie"
+        return f"{lead} {where} {px} from where the cameras expect them."
+    where = "in the windows " * (of == "windows")
+    said = f"{lead} {where}a moved camera explains {px} of the shift."
+    if e.perturb_px:
+        put = base.length(e.photo_px * e.perturb_px)
+        said += (
+            f" An error of {put} was put in on purpose (perturb_px) after the poses "
+            "were found, so that their reprojection error does not show it."
+        )
+    return said
+
+
+def text(e):
+    """Advice where nothing was tried; only other programs do not say what they saw."""
+    return OF_OTHERS if math.isnan(e.passes) else ALIGN
+
+
+def advise(e, gains):
+    """What to do, by what this run has tried."""
+    own = remedies.advise(e, gains)
+    if by_matches(e) and not own:
+        said = ADJUSTED
+    elif not e.poses_given:
+        said = own or text(e)
+    elif any(remedies.pays(e, gain) for gain in gains if gain.on_the_way):
+        said = f"{ANEW} Until then {own}"
+    else:
+        # What was tried in vain is not offered beside it.
+        said = ANEW if own else f"{ANEW} Or {text(e)}"
+    more = " And take more photos between those you have."
+    return said + more * (coverage.SPARSE.find(e) is not None)
+
+
+CAUSE = base.Cause(
+    name="camera",
+    order=1,
+    gravity=10,
+    cure=6,
+    label="camera poses",
+    unit="px",
+    value=lambda e: shown(e)[0],
+    limit=lambda e: shown(e)[1],
+    decide=decide,
+    detectable=is_detectable,
+    seen_by_points=True,
+    called="poses are {probably}off",
+    sentence=sentence,
+    advice=advise,
+    advice_external="train again with the corrected cameras: `{export}` writes them.",
+)

@@ -1,0 +1,110 @@
+"""Photos are too few, too far apart, or in no model."""
+
+from alignerf.causes import base, shift
+
+# Training views fit their renders, test views do not: geometry that photos do not fix.
+# A gap in PSNR says so alone, a smaller one beside flows of this ratio.
+GAP_DB, SMALL_GAP_DB, TEST_OVER_TRAIN = 4.0, 2.5, 2.5
+# Share of the photos that COLMAP has placed.
+REGISTERED = 0.9
+
+
+def gap_db(e):
+    """By how much held-out photos are matched worse than those learnt from."""
+    return e.psnr_train_db - e.psnr_test_db
+
+
+def sparse(e):
+    """Training views fit and test views do not."""
+    gap, ratio = gap_db(e), e.flow_test_px / max(e.flow_train_px, 0.05)
+    by_flow = ratio > TEST_OVER_TRAIN and gap > SMALL_GAP_DB
+    if not (gap > GAP_DB or by_flow):
+        return None
+    return gap, ratio > TEST_OVER_TRAIN and gap > GAP_DB
+
+
+SPARSE = base.Cause(
+    name="sparse",
+    order=7,
+    gravity=4,
+    cure=8,
+    label="held-out photos worse than learnt ones",
+    unit="dB",
+    value=gap_db,
+    limit=lambda e: GAP_DB,
+    decide=sparse,
+    by_flow=True,
+    called="photos are {probably}too few or too far apart",
+    sentence="Photos are {probably}too few or too far apart: those learnt from are "
+    "matched to {e.psnr_train_db:.1f} dB, held-out ones to {e.psnr_test_db:.1f}.",
+    advice="take more photos between those you have. Warping would not help.",
+    advice_external="take more photos between those you have. Warping would not help.",
+)
+
+
+def views(e):
+    """Photos to learn from; of renders that are judged, those of the larger split."""
+    return max(e.train_views, e.test_views) if e.judged else e.train_views
+
+
+def few_views(e):
+    """Too few photos to learn or to judge from."""
+    few_test = e.test_views < shift.FEW_TEST_VIEWS and not e.judged
+    return (
+        (e.train_views + e.test_views, True) if shift.few_train(e) or few_test else None
+    )
+
+
+def counted(e, probably):
+    """A sentence on how many photos there are."""
+    if e.judged:
+        return f"{views(e)} renders are few: {shift.FEW_TRAIN_VIEWS} are the least."
+    return (
+        f"{e.train_views} photos to learn from and {e.test_views} to judge by are few: "
+        f"{shift.FEW_TRAIN_VIEWS} and {shift.FEW_TEST_VIEWS} are the least."
+    )
+
+
+FEW_VIEWS = base.Cause(
+    name="few_views",
+    order=8,
+    gravity=2,
+    cure=10,
+    label="number of photos",
+    unit="too few",
+    value=lambda e: max(shift.FEW_TRAIN_VIEWS - views(e), 0),
+    limit=lambda e: 0,
+    decide=few_views,
+    says=lambda e: f"{views(e)}, {shift.FEW_TRAIN_VIEWS} are enough",
+    called="photos are few",
+    sentence=counted,
+    advice="take more photos: 20 or more that overlap.",
+    advice_external="take more photos: 20 or more that overlap.",
+)
+
+
+def unregistered(e):
+    """Photos that are in no model, or in another one."""
+    share = e.registered / max(e.total, 1)
+    return (share, True) if share < REGISTERED else None
+
+
+UNREGISTERED = base.Cause(
+    name="unregistered",
+    order=9,
+    gravity=3,
+    cure=9,
+    label="photos placed by COLMAP",
+    unit="% left out",
+    scale=base.percent,
+    value=lambda e: 1 - e.registered / max(e.total, 1),
+    limit=lambda e: 1 - REGISTERED,
+    decide=unregistered,
+    looked_for=lambda e: not (e.poses_given or e.judged),
+    says=lambda e: f"{e.registered} of {e.total}",
+    called="photos are left out",
+    sentence="COLMAP placed {e.registered} of {e.total} photos: the others do not "
+    "overlap with them, or show another place.",
+    advice="take photos between those that are left out and the others.",
+)
+CAUSE = [SPARSE, FEW_VIEWS, UNREGISTERED]

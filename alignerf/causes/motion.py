@@ -1,0 +1,42 @@
+"""The scene moved between photos: pixels that do not move with their camera."""
+
+from alignerf.causes import base, coverage, remedies
+
+# Pixels that do not move with their camera: by so much at least, and by so much of what
+# it moves, since a model that averages wrong poses is bent; and their share. That is up
+# to 0.044 where nothing moves and poses are off, 0.061 and more where objects move.
+MOVED_PX, MOVED_OF_CAMERA, MOVED_SHARE, MOVED_SURELY = 0.5, 0.7, 0.05, 0.08
+# In dB on courtyard where objects alone move, over plain training of the same seconds
+# (docs/measured/remedies.csv) and of as many steps (remedies_steps.csv).
+WARPED_MOTION_DB, WARPED_MOTION_TWICE_DB = 0.2, -1.8
+
+
+def advise(e, gains):
+    """Nothing where photos fix no shape, or were warped in vain."""
+    if coverage.SPARSE.find(e) or remedies.warped_in_vain(e, gains):
+        return None
+    return remedies.advise(e, gains) or (
+        "train longer, then warp the photos once (rounds: 1). Where only objects move "
+        f"in the demo's scene, warping brought {WARPED_MOTION_DB} dB at as many steps, "
+        f"and lost {-WARPED_MOTION_TWICE_DB} dB to a training as long as both."
+    )
+
+
+CAUSE = base.Cause(
+    name="motion",
+    order=2,
+    gravity=11,
+    cure=7,
+    label="things that moved",
+    unit="%",
+    scale=base.percent,
+    value=lambda e: e.moved_share,
+    limit=lambda e: MOVED_SHARE,
+    sure_limit=MOVED_SURELY,
+    by_flow=True,
+    called="the scene {probably}moved",
+    sentence="The scene {probably}moved between photos: {value:.0f} % of a photo moves "
+    "by itself, apart from the camera.",
+    advice=advise,
+    advice_external="train again on the warped photos: `{export}` writes them.",
+)

@@ -1,0 +1,26 @@
+"""Renders of another program that are not those of their photos."""
+
+from alignerf.causes import base
+from alignerf.metrics import pairs
+
+
+def share(e):
+    """Of all pairs, those that are none."""
+    return len(e.pairs.faults) / max(e.pairs.count, 1)
+
+
+CAUSE = base.Cause(
+    name="pairs",
+    order=11,
+    gravity=1,
+    label="renders of the right photos",
+    unit="wrong",
+    value=lambda e: len(e.pairs.faults),
+    limit=lambda e: 0,
+    decide=lambda e: (share(e), True) if e.pairs.faults else None,
+    looked_for=lambda e: e.pairs.count > 0,
+    says=lambda e: f"{len(e.pairs.faults) or 'none'} wrong of {e.pairs.count}",
+    called="some renders are left out",
+    sentence=lambda e, probably: f"Left out: {pairs.sentence(e.pairs)}.",
+    advice="",
+)

@@ -1,0 +1,74 @@
+"""What a run's remedies brought, and what follows from it."""
+
+from typing import NamedTuple
+
+from alignerf.causes import shift
+from alignerf.files import provenance
+
+
+class Gain(NamedTuple):
+    """A remedy's gain in this run, in dB with its interval, and its minutes."""
+
+    name: str
+    db: float
+    low: float
+    high: float
+    minutes: float
+    method: str = ""
+    # Whether it has moved its cameras: on the way, or between rounds.
+    on_the_way: bool = False
+    test_set: str = ""
+    # Of a training that aligned itself: how many cameras it has moved at the most.
+    cameras_moved: int | None = None
+    # Whether it has warped its photos, by either.
+    warped: bool = False
+    # What held-out matches say of its cameras (`acceptance.Judgement.told`).
+    matches: dict | None = None
+
+
+def pays(e, gain):
+    """Whether a remedy's gain is significant, on enough held-out photos.
+
+    Thousands of matches that a correction has not seen come before a few photos: where
+    they are twice as near it pays, where they are further off it does not. Scores on
+    the photos as they are say nothing of moved cameras.
+    """
+    if gain.matches and gain.matches["halved"] and not gain.high < 0:
+        return True
+    if gain.matches and gain.matches["worse"]:
+        return False
+    fair = not (gain.on_the_way and gain.test_set == "standard")
+    return fair and e.test_views >= shift.FEW_TEST_VIEWS and gain.low > 0
+
+
+def advise(e, gains, *, only_paying=False):
+    """Advice where this run has moved cameras, else nothing."""
+    tried = [gain for gain in gains if gain.on_the_way]
+    if not tried:
+        return ""
+    best = max(tried, key=lambda gain: (pays(e, gain), gain.db))
+    if best.cameras_moved == 0:
+        # Nothing is gained by cameras that are those given.
+        return (
+            f"leave the cameras as given: {best.method} looked at them, and moved none."
+        )
+    if pays(e, best):
+        return (
+            f"take the cameras of {best.method}, which this run has put right: "
+            f"`{provenance.export_command()}`."
+        )
+    if only_paying or e.test_views < shift.FEW_TEST_VIEWS:
+        return ""
+    return (
+        f"leave cameras and photos as given: {best.method} put right what it saw, and "
+        "that brought no more than chance. Train longer."
+    )
+
+
+def warped_in_vain(e, gains):
+    """Whether this run warped photos without a gain, by enough views.
+
+    A remedy that also moves cameras is for `advise` to judge.
+    """
+    lows = [gain.low for gain in gains if gain.warped and not gain.on_the_way]
+    return bool(lows) and e.test_views >= shift.FEW_TEST_VIEWS and max(lows) <= 0

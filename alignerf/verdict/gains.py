@@ -1,0 +1,100 @@
+"""The gains of a run's remedies over its plain training, read from its tables."""
+
+from pathlib import Path
+
+import numpy as np
+
+from alignerf import testsets
+from alignerf.causes.remedies import Gain
+from alignerf.files import csv_files, json_files
+from alignerf.scenes import prepared
+from alignerf.sfm import acceptance, calibration, matches
+from alignerf.tables import scores
+
+COLUMNS = ("method", "warping", "test_set", "difference_to", "total_time_s")
+COLUMNS += ("moves_cameras", "moves_photos")
+COLUMNS += ("difference_db", "difference_low_db", "difference_high_db")
+
+
+def of_table(path, timings, judgements=()):
+    """The `Gain` of each remedy in a table over the baseline, the model without one.
+
+    timings: {method: timing.json} of trainings that aligned themselves. Scores are
+    those against the oracle where it is known, else those on held-out photos; where
+    cameras were put right, with held-out ones moved to fit their photos. judgements:
+    {method: acceptance.Judgement} of cameras that have moved.
+    """
+    table = csv_files.read(path, columns=COLUMNS)
+    known = set(table["test_set"])
+    # Of published rows it is not known.
+    moves = [
+        {name for name in ("cameras", "photos") if row[f"moves_{name}"] is True}
+        for row in table.to_dict("records")
+    ]
+    fair = [testsets.fairest(known, moved) for moved in moves]
+    own = (table["method"] == table["difference_to"]) & (
+        table["warping"] == scores.warping(0)
+    )
+    chosen = (table["test_set"] == fair) & ~own & table["difference_db"].notna()
+    gains = []
+    for row in table[chosen].itertuples():
+        name, timing = scores.row_name(row.method, row.warping), timings.get(row.method)
+        if timing and not row.method.startswith("aligned"):
+            name = f"{name}, aligned on the way"
+        judgement = dict(judgements).get(row.method)
+        gains.append(
+            Gain(
+                name=name,
+                db=row.difference_db,
+                low=row.difference_low_db,
+                high=row.difference_high_db,
+                minutes=row.total_time_s / 60,
+                method=row.method,
+                on_the_way=row.moves_cameras,
+                test_set=row.test_set,
+                cameras_moved=cameras_moved(timing) if timing else None,
+                warped=row.moves_photos,
+                matches=judgement and judgement.told(),
+            )
+        )
+    return gains
+
+
+def cameras_moved(timing):
+    """How many cameras a training has moved at one stop at the most; None: unknown."""
+    stops = json_files.read(timing, {}).get("alignments") or []
+    counts = [stop.get("cameras_moved") for stop in stops]
+    return max((n for n in counts if n is not None), default=None)
+
+
+def judgements(scene, paths):
+    """{method: acceptance.Judgement} of corrected cameras, by matches unseen by them.
+
+    scene: its folder; paths: {method: cameras.npz}. Empty where the scene has no
+    matches. A view that a method has left where it was says nothing of it, so that
+    matches count between two that it learnt from.
+    """
+    path = Path(scene) / matches.FILE
+    if not (paths and path.is_file()):
+        return {}
+    found = matches.load(path)
+    own = prepared.read_cameras(Path(scene) / "cameras.npz")
+    poses = json_files.read(Path(scene) / "poses.json", prepared.POSES)
+    if own["names"].tolist() != found.names:
+        raise ValueError(f"{path}: not the matches of the views of {scene}")
+    learnt = found.between(own["split"] == "train")
+    photo_px = poses["photo_width"] / found.width
+    before = cameras_of(own, found)
+    return {
+        name: acceptance.judge(
+            learnt, before, cameras_of(prepared.read_cameras(cameras), found), photo_px
+        )
+        for name, cameras in paths.items()
+    }
+
+
+def cameras_of(arrays, found) -> calibration.Cameras:
+    """The pinhole cameras of a cameras.npz, in px of matches."""
+    ratios = found.width / arrays["width"], found.height / arrays["height"]
+    lenses, none = np.linalg.inv(arrays["pixtocams"]), np.zeros((len(found.names), 5))
+    return calibration.Cameras(lenses, arrays["camtoworlds"], none).scaled(ratios)

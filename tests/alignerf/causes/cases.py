@@ -1,0 +1,89 @@
+"""Evidence of scenes with and without faults, and what a run has tried."""
+
+import math
+
+from alignerf import causes
+from alignerf.causes import base, remedies
+
+# A scene in which nothing is wrong, as measured on courtyard.
+WELL = base.Evidence(
+    train_views=42,
+    test_views=6,
+    registered=48,
+    total=48,
+    photo_px=2.0,
+    reprojection_px=0.2,
+    flow_train_px=0.07,
+    flow_test_px=0.09,
+    camera_px=0.06,
+    remainder_px=0.03,
+    moved_share=0.0,
+    psnr_train_db=28.7,
+    psnr_test_db=27.2,
+    overfit_px=0.09,
+    passes=0.8,
+    detail_median=1.2,
+    blurred_share=0.0,
+    exposure_ev=0.005,
+    shared_ev=0.04,
+    shift_px=0.02,
+    shift_errors=4.1,
+    distortion_px=0.02,
+    distortion_errors=1.3,
+    photo_width_px=400.0,
+)
+FAULTS = {
+    "camera": {"flow_train_px": 1.2, "camera_px": 1.2},
+    "motion": {"moved_share": 0.1},
+    "sparse": {"flow_test_px": 2.0, "psnr_test_db": 17.0},
+    "few_views": {"test_views": 2},
+    "lens_shift": {"shift_px": 0.5, "shift_errors": 20.0},
+    "lens_distortion": {"distortion_px": 0.8, "distortion_errors": 9.0},
+    "blurred": {"blurred_share": 0.2},
+    "exposure": {"exposure_ev": 0.2},
+    "undertrained": {"passes": 0.2499},
+    "unregistered": {"registered": 20, "total": 45},
+}
+# What a training that is too short does not tell.
+BY_FLOW = {"camera", "motion", "sparse", "lens_shift", "lens_distortion"}
+# Windows of a capture whose poses are wrong, at the photos' own size; and are right.
+APART = base.Windows(
+    places=2,
+    px=160,
+    photos=18,
+    test_photos=6,
+    flow_px=0.72,
+    low_px=0.6,
+    high_px=0.9,
+    flow_test_px=1.64,
+    camera_px=0.68,
+    remainder_px=0.17,
+    passes=1.1,
+)
+TOGETHER = APART._replace(
+    flow_px=0.2, low_px=0.15, high_px=0.25, flow_test_px=0.4, camera_px=0.1
+)
+THUMBNAIL = {"photo_px": 15.0, "photo_width_px": 4000.0}
+JUDGED = base.Judged("given", "COLMAP's model", "named like the photos")
+THEIRS = WELL._replace(judged=JUDGED, passes=math.nan, reprojection_px=math.nan)
+GAIN = remedies.Gain(
+    name="aligned",
+    db=0.6,
+    low=0.3,
+    high=0.9,
+    minutes=4.0,
+    method="aligned",
+    on_the_way=True,
+)
+
+
+def with_faults(*names, e=WELL, **changes):
+    """Evidence with the faults of these names, and other changes."""
+    for name in names:
+        e = e._replace(**FAULTS[name])
+    return e._replace(**changes)
+
+
+def named(e):
+    """The names of the causes, the gravest first."""
+    return [finding.cause.name for finding in causes.find(e)]

@@ -1,0 +1,163 @@
+"""The verdict's decision: each cause alone and in pairs, none where all is well."""
+
+import itertools
+import math
+
+import pytest
+
+from alignerf import causes, poses
+from alignerf.causes import base, camera, shift
+from alignerf.page import pictures
+from tests.alignerf.causes import cases
+from tests.alignerf.causes.cases import APART, FAULTS, JUDGED, THEIRS, WELL
+
+EVERY = {cause.name: cause for cause in causes.every()}
+SPARSE = FAULTS["sparse"]
+ACCEPTED = base.Matches(
+    accepted=True,
+    applied=False,
+    before_px=1.3,
+    after_px=0.5,
+    pose_error_px=1.5,
+    worst_px=4.0,
+)
+DENIED = ACCEPTED._replace(accepted=False)
+# Half a pixel in x and y, by a wrong origin of pixels.
+ORIGIN = {"shift_px": 0.7, "shift_errors": 20.0}
+
+
+def test_every_cause_is_a_record_of_its_own():
+    assert {*FAULTS, "pairs"} == {*EVERY}
+    for key in ("name", "label", "order", "gravity", "cure"):
+        assert len({getattr(cause, key) for cause in EVERY.values()}) == len(EVERY), key
+
+
+@pytest.mark.parametrize("cause", FAULTS)
+def test_each_cause_is_named_alone_and_surely_and_said_with_its_number(cause):
+    e = cases.with_faults(cause)
+    (found,) = [one for one in causes.find(e) if one.cause.name == cause]
+    assert found.sure
+    assert cases.named(e) == [cause]
+    for sure in (True, False):
+        one = found._replace(sure=sure)
+        # Heading and sentence are equally sure.
+        probably = one.called != one.called.replace("probably", "")
+        assert probably == ("{probably}" in one.cause.called and not sure)
+        assert not {*"{}"} & {*one.sentence(e)}
+        assert any(letter.isdigit() for letter in one.sentence(e))
+        assert "nan" not in one.sentence(e)
+
+
+def test_two_causes_are_both_named_if_training_was_long_enough():
+    for pair in itertools.combinations(FAULTS, 2):
+        hidden = cases.BY_FLOW if "undertrained" in pair else set()
+        found = cases.named(cases.with_faults(*pair))
+        assert set(found) == {*pair} - hidden
+        assert found == sorted(found, key=lambda name: EVERY[name].gravity)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({}, []),
+        # A slow drift of exposure is named where depth can be trusted.
+        ({"shared_ev": 0.3}, ["exposure"]),
+        ({"shared_ev": 0.1}, []),
+        ({"shared_ev": math.nan}, []),
+        ({"shared_ev": 0.3, "passes": 0.1}, ["undertrained"]),
+        # A shift within its error is none.
+        ({"shift_px": 0.5, "shift_errors": 2.0}, []),
+        ({"shift_px": 0.5, "shift_errors": math.nan}, []),
+        # More flow on test views alone is no misalignment.
+        (SPARSE | {"camera_px": 1.65}, ["sparse"]),
+        # Renders of the training views fit, and the points say what they hide.
+        (SPARSE | {"reprojection_px": 1.3}, ["sparse", "camera"]),
+        (SPARSE | {"reprojection_px": 0.7}, ["sparse"]),
+        (SPARSE | {"reprojection_px": math.nan}, ["sparse"]),
+        # Where photos suffice, the flow tells.
+        ({"reprojection_px": 1.3}, []),
+        # Without training renders test views tell.
+        ({"flow_train_px": math.nan, "psnr_train_db": math.nan}, []),
+        (
+            {"flow_train_px": math.nan, "flow_test_px": 1.0, "camera_px": 0.9},
+            ["camera"],
+        ),
+        # Of another program nobody knows whether it was trained too short.
+        (FAULTS["camera"] | {"passes": math.nan}, ["camera"]),
+        ({"matches": ACCEPTED}, ["camera"]),
+        ({"matches": ACCEPTED, "passes": 0.1}, ["undertrained", "camera"]),
+        ({"matches": ACCEPTED._replace(applied=True)}, []),
+        ({"matches": DENIED}, []),
+        ({"windows": APART, "passes": 0.1}, ["undertrained", "camera"]),
+        ({"windows": APART._replace(camera_px=0.1)}, []),
+    ],
+)
+def test_what_is_named(changes, named):
+    assert cases.named(WELL._replace(**changes)) == named
+
+
+@pytest.mark.parametrize(
+    ("changes", "cause", "size", "sure"),
+    [
+        ({"shared_ev": 0.3, "exposure_ev": 0.07}, "exposure", 0.3, False),
+        ({"moved_share": 0.06}, "motion", 0.06, False),
+        ({"passes": 0.4}, "undertrained", 0.4, False),
+        ({"flow_train_px": 0.4, "camera_px": 0.3}, "camera", 0.3, False),
+        ({"windows": APART}, "camera", 0.34, True),
+        ({"windows": APART._replace(low_px=0.4)}, "camera", 0.34, False),
+        ({"matches": ACCEPTED}, "camera", 0.75, False),
+        (SPARSE | {"reprojection_px": 1.7}, "camera", 1.7, True),
+        (
+            FAULTS["camera"] | {"judged": JUDGED, "matches": DENIED},
+            "camera",
+            1.2,
+            False,
+        ),
+    ],
+)
+def test_how_large_and_how_sure_it_is(changes, cause, size, sure):
+    found = next(
+        one
+        for one in causes.find(WELL._replace(**changes))
+        if one.cause is EVERY[cause]
+    )
+    assert (found.size, found.sure) == (pytest.approx(size), sure)
+
+
+@pytest.mark.parametrize(("camera_px", "is_named"), [(0.72, False), (1.5, True)])
+def test_a_shift_that_all_share_is_no_error_of_each_camera(camera_px, is_named):
+    e = THEIRS._replace(flow_train_px=camera_px, camera_px=camera_px, **ORIGIN)
+    assert cases.named(e) == ["lens_shift", *["camera"] * is_named]
+    # Our own trainings absorb nearly all of such a shift.
+    assert cases.named(e._replace(judged=None)) == ["lens_shift", "camera"]
+
+
+def test_what_the_camera_s_sentence_is_of():
+    """The same number as the headline's, in px of the photo."""
+    for changes, px in (
+        (FAULTS["camera"], "2.4 px"),
+        (FAULTS["camera"] | {"perturb_px": 1.5}, "3.0 px"),
+        (FAULTS["camera"] | {"windows": APART}, "0.68 px"),
+        (SPARSE | {"reprojection_px": 1.7}, "3.4 px"),
+        ({"matches": ACCEPTED}, "1.5 px"),
+    ):
+        assert px in camera.sentence(WELL._replace(**changes), "")
+
+
+@pytest.mark.parametrize(
+    ("overfit_px", "wanted"),
+    [(None, 0.25), (math.nan, 0.25), (0.1, 0.25), (0.49, 0.49)],
+)
+def test_a_shift_is_told_from_what_the_estimator_invents(overfit_px, wanted):
+    assert shift.told_px(overfit_px) == wanted
+    assert pictures.limit_of({"overfit_px": overfit_px}) == wanted
+    e = WELL._replace(overfit_px=overfit_px)
+    if overfit_px:
+        for px, misaligned in ((0.99, False), (1.01, True)):
+            e = e._replace(flow_train_px=px * wanted)
+            assert shift.misaligned(e) is misaligned
+
+
+def test_what_the_poses_warn_of_is_what_the_verdict_says():
+    assert poses.FEW_TRAIN_VIEWS == shift.FEW_TRAIN_VIEWS
+    assert poses.FEW_TEST_VIEWS == shift.FEW_TEST_VIEWS
