@@ -18,10 +18,11 @@ sys.path.insert(0, workflow.basedir)
 
 from snakemake.utils import min_version
 
+from alignerf.costs import plan as costs
+from alignerf.costs import requests
 from alignerf.experiment import arguments, check, inputs, layout, plan
-from alignerf.experiment import sources, targets
+from alignerf.experiment import cluster, sources, targets
 from alignerf.experiment.checks import results
-from alignerf.experiment.cluster import needs, storages, work
 from alignerf.experiment.tables import across, pages, rows, scenes
 
 sources_of = sources.sources_of
@@ -43,13 +44,12 @@ config = check.or_exit(check.checked, config, workflow.configfiles)
 experiment = plan.Experiment(
     config,
     lambda **place: plan.goes_on(
-        storages.here(checkpoints.decide.get(**place).output[0])
+        cluster.here(checkpoints.decide.get(**place).output[0])
     ),
 )
 check.or_exit(plan.check_equal, experiment)
-costs = work.Digests(experiment)
 export_by = targets.export_command(workflow.overwrite_configfiles)
-sources.set_environment(costs.of_measured(), export_by)
+sources.set_environment(experiment.captures(), export_by)
 
 
 report: "workflow/report/workflow.rst"
@@ -87,7 +87,7 @@ rule all:
 check.or_exit(check.check_free, experiment.scenes, [r.name for r in workflow.rules])
 check.or_exit(results.check_folders, experiment.scenes, experiment.methods)
 # Snakemake has a rule's output where its storage keeps it, if it is told of one.
-check.or_exit(storages.link, experiment.scenes, rules.config.output[0])
+check.or_exit(cluster.link, experiment.scenes, rules.config.output[0])
 
 
 # What cannot be written to, and what a killed run has half written.

@@ -14,11 +14,12 @@ import contextlib
 import json
 import logging
 import time
+from pathlib import Path
 
 import numpy as np
 
+from alignerf.costs import summary
 from alignerf.files import atomic, faults, images, machine, progress, split_paths
-from alignerf.preflight import eta
 from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.training import renderer
@@ -30,8 +31,7 @@ def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
     devices.take_accelerator()
-    ends_with = split_paths.fill(args.timing, args.splits[-1])
-    if left := eta.Left(args.scene, ends_with).words():
+    if left := summary.Left(args.scene, Path(args.timing).parent).words():
         log.info(left)
     split_paths.check(args.splits, (args.renders, args.depth, args.timing))
     start = time.perf_counter()

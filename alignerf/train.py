@@ -20,11 +20,11 @@ import jax
 
 from alignerf.cameras import refine
 from alignerf.contributions import patch_conv, search_radius
+from alignerf.costs import summary
 from alignerf.decisions import fill
 from alignerf.experiment import jobs
 from alignerf.files import archives, atomic, faults, machine
 from alignerf.kernels import calls
-from alignerf.preflight import eta
 from alignerf.processes import consensus, devices
 from alignerf.scenes import prepared
 from alignerf.sfm import pose_error
@@ -129,7 +129,7 @@ def train(job, args):
     shapes = batches.view_shapes(loaded, chosen)
     aligner = make_aligner(job, loaded, chosen, photos, args)
     to_come = checked_bytes(shapes, aligner, photos)
-    left = eta.Left(args.scene, args.timing)
+    left = summary.Left(args.scene, args.timing)
     if text := left.words():
         log.info(text)
     # Whether the checkpoint is this job's shows when the photos are there.

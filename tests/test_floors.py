@@ -38,7 +38,7 @@ FLOORS = [
         *("flow.estimation", "flow.figures"),
     },
     {"alignerf.training", "alignerf.verdict", "alignerf.others"},
-    {"alignerf.alignment", "alignerf.preflight", "alignerf.page"},
+    {"alignerf.alignment", "alignerf.costs", "alignerf.page"},
     {"alignerf.start"},
     {"alignerf", "flow"},  # the stages: files directly in a package
 ]
@@ -46,7 +46,7 @@ FLOORS = [
 TIED = {"alignerf.experiment", "alignerf.methods"}
 # Folders that hold commands besides the stages.
 COMMANDS = ("alignerf.networks", "alignerf.tables", "flow.figures")
-COMMANDS += ("alignerf.decisions", "alignerf.preflight", "alignerf.verdict")
+COMMANDS += ("alignerf.decisions", "alignerf.costs", "alignerf.verdict")
 COMMANDS += ("alignerf.page", "alignerf.start", "alignerf.others")
 MOST_MODULES = 12
 FORBIDDEN = {"snakemake", "pickle", "dill", "joblib", "marshal", "shelve"}
@@ -264,7 +264,7 @@ def test_a_silent_repair_is_seen(text):
     assert [fault for node in ast.walk(ast.parse(text)) if (fault := silent(node))]
 
 
-def test_the_workflow_imports_the_experiment_only():
+def test_the_workflow_imports_the_experiment_and_its_costs_only():
     """And the Snakefile alone: rules are forms, whose commands `test_plans` runs."""
     for path in [ROOT / "Snakefile", *ROOT.glob("workflow/rules/*.smk")]:
         words = [line.split() for line in path.read_text().splitlines()]
@@ -273,9 +273,8 @@ def test_the_workflow_imports_the_experiment_only():
         ]
         assert not heads or path.name == "Snakefile", path
         for line in heads:
-            assert line[1].startswith(
-                ("alignerf.experiment", "snakemake", "gc", "sys")
-            ), line
+            known = ("alignerf.experiment", "alignerf.costs", "snakemake", "gc", "sys")
+            assert line[1].startswith(known), line
 
 
 # What opens a file by itself, or takes all that it holds.
@@ -313,7 +312,7 @@ SYSTEM = {
 }
 # What Snakemake and its jobs have said, whatever its bytes are.
 LOGS = {
-    "alignerf.experiment.cluster.slurm_errors": {"read_text"},
+    "alignerf.experiment.cluster": {"read_text"},
     "alignerf.experiment.targets": {"read_text"},
     "alignerf.start.terminal.jobs": {"read_text"},
     "alignerf.start.claims": {"read_text"},
@@ -321,10 +320,10 @@ LOGS = {
 }
 # No files: options of commands, and what processes of ours tell each other.
 TOLD = (
-    *("alignerf.experiment.cluster.work", "alignerf.experiment.inputs"),
+    *("alignerf.costs.plan", "alignerf.experiment.inputs"),
     *("alignerf.experiment.jobs", "alignerf.experiment.trainings"),
     *("alignerf.exports.sizes", "alignerf.others.jobs", "alignerf.verdict.__main__"),
-    *("alignerf.preflight.__main__", "alignerf.processes.consensus"),
+    *("alignerf.costs.__main__", "alignerf.processes.consensus"),
     "alignerf.start.terminal.events",
     "flow.figures.scene",
 )

@@ -104,7 +104,7 @@ def of_training(experiment, scene, folder):
         "given": f"results/{scene}/cameras.npz",
         "images": f"results/{scene}/images",
     }
-    return needed | {"preflight": f"results/{scene}/preflight.json"}
+    return needed
 
 
 def training_options(experiment, scene, folder):

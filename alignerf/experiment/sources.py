@@ -39,21 +39,6 @@ CACHE = Path("results/.jax_cache")
 DATA = (".html", ".css", ".js", ".yaml", ".cc", ".h")
 
 
-class Unnoted(str):
-    """A text among a rule's params whose change makes nothing again.
-
-    Snakemake notes what repr() says of a param. For the preflight: what a plan costs is
-    no reason to train again. Trainings do not take it as `ancient` for that: when the
-    preflight itself is to be made again, Snakemake (9.27, its issue 4166) skips each
-    job that has it as an ancient input, even one without output, and exits with 0.
-    """
-
-    __slots__ = ()
-
-    def __repr__(self):
-        return "''"
-
-
 @functools.cache
 def sources_of(*modules):
     """SHA-256 of all that `python -m module` runs, for each of the modules.
@@ -136,17 +121,16 @@ def imports(path):
     return modules
 
 
-def set_environment(scenes=None, export=""):
+def set_environment(scenes=(), export=""):
     """Let jobs find these sources, wherever the results go, and our Python.
 
     That is the Python that runs Snakemake, also where its environment is not
-    activated. Compiled JAX programs are kept between jobs and runs. scenes: {name:
-    digest of what it has to do, or nothing} of all that the run has, for the time that
-    is left (`alignerf.preflight.eta`). export: as of `targets.export_command`.
+    activated. Compiled JAX programs are kept between jobs and runs. scenes: names of
+    all that the run has, for the time that is left (`alignerf.costs.summary`). export:
+    as of `targets.export_command`.
     """
-    lines = (f"{name} {digest}" for name, digest in (scenes or {}).items())
     os.environ[provenance.EXPORT] = export
-    os.environ["ALIGNERF_SCENES"] = "\n".join(lines)
+    os.environ["ALIGNERF_SCENES"] = "\n".join(scenes)
     # Programs for one kind of processor can end the process on another: each kind has a
     # folder, also where the machine that submits jobs has named that of its own.
     if Path(os.environ.get("JAX_COMPILATION_CACHE_DIR", CACHE / "any")).parent == CACHE:

@@ -8,8 +8,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from alignerf.experiment import layout
-from alignerf.experiment.cluster import slurm_errors
+from alignerf.experiment import cluster, layout
 from alignerf.files import (
     atomic,
     faults,
@@ -86,9 +85,13 @@ def of_page(experiment, scene):
 
 
 def preflight_of(experiment, scene):
-    """What a run was to cost, where something is trained."""
-    judged = experiment.scenes[scene]["judged"]
-    return [] if judged else f"results/{scene}/preflight.json"
+    """What a run was to cost, where something is trained, and that is asked for.
+
+    Of crops of a scene it is the scene's.
+    """
+    own = experiment.whole(scene) == scene and not experiment.scenes[scene]["judged"]
+    file = f"results/{scene}/preflight.json"
+    return [file] if own and experiment.config["preflight"] else []
 
 
 def demo_scenes():
@@ -161,8 +164,8 @@ def causes(snakemake_logs):
         named = [found for one in FAILED_LOGS for found in one.findall(text)]
         # The second quotes a name with spaces.
         of_jobs = [log.strip("'") for names in named for log in names.split(", ")]
-        ended += slurm_errors.lines(text, of_jobs)
-        logs += [log for log in of_jobs if not slurm_errors.is_slurms(log)]
+        ended += cluster.slurm_errors(text, of_jobs)
+        logs += [log for log in of_jobs if not cluster.is_slurms(log)]
     paths = map(Path, dict.fromkeys(logs))
     found = ended + [line for path in paths for line in cause(path)]
     if found:

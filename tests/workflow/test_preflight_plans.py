@@ -1,12 +1,9 @@
-"""What waits for a scene's cost, and that `preview` trains nothing."""
+"""What asks for a scene's cost, and that `preview` trains nothing."""
 
-import os
 import re
 
 import pytest
 import yaml
-
-from alignerf.files import owned
 
 
 def planned(output):
@@ -30,21 +27,14 @@ def options(tmp_path, demo):
     return tmp_path, "--configfile", path, "-n"
 
 
-def test_every_training_waits_for_its_scenes_cost(options, dry_run):
+def test_no_training_has_its_scenes_cost_as_an_input(options, dry_run):
+    """Measured anew it makes nothing again; the page says it."""
     code, output = dry_run(*options)
     assert code == 0, output
     assert planned(output)["preflight"] == 2
     jobs = re.split(r"\n(?=(?:rule|localrule|checkpoint) )", output)
-    trained = set()
-    for job in (job for job in jobs if job.startswith("rule train:")):
-        scene, folder = re.search(r"output: results/(\w+)/(\w+/\w+)/", job).groups()
-        assert f"results/{scene}/preflight.json" in job, job
-        trained.add((scene, folder))
-    # Of every kind.
-    folders = {"mipnerf360/round0", "warm/round1", "joint/round0", "on_the_way/round0"}
-    folders |= {"pretrain/base", "alignerf/round0"}
-    scenes = ("courtyard", "other")
-    assert trained >= {(scene, folder) for scene in scenes for folder in folders}
+    asking = [x.split(":")[0] for x in jobs if re.search(r"input: .*preflight", x)]
+    assert asking == ["rule page"] * 2
 
 
 def test_a_preview_trains_nothing_also_where_rounds_are_to_be_decided(options, dry_run):
@@ -55,48 +45,18 @@ def test_a_preview_trains_nothing_also_where_rounds_are_to_be_decided(options, d
     code, output = dry_run(*options, "preview")
     assert code == 0, output
     assert planned(output) == {
-        "config": 2,
         "poses_courtyard": 2,
         "facts": 2,
         "decisions": 2,
         "preflight": 2,
         "preview": 1,
-        "total": 11,
+        "total": 9,
     }
 
 
 def test_without_it_nothing_is_measured(options, dry_run):
-    """The file stays an input: a training is not made again for the switch."""
     config = yaml.safe_load(options[2].read_text())
     options[2].write_text(yaml.safe_dump(config | {"preflight": False}))
-    code, output = dry_run(*options, "-p", "preview")
+    code, output = dry_run(*options, "preview")
     assert code == 0, output
-    assert planned(output)["preflight"] == 2
-    assert output.count("--work null") == 2
-
-
-def test_a_cost_older_than_the_scene_hides_no_training(options, dry_run):
-    """As after a run that was stopped between the poses and the preflight.
-
-    Of jobs whose `ancient` input is made again Snakemake plans none, and exits with 0.
-    """
-    folder, *arguments = options
-    arguments += ["--rerun-triggers", "mtime"]
-    _, before = dry_run(folder, *arguments)
-    made = re.findall(r"rule poses_courtyard:\n +output: (.*)", before)
-    for path in (folder / name for names in made for name in names.split(", ")):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("") if path.suffix else path.mkdir()
-    scenes = sorted((folder / "results").iterdir())
-    for scene in scenes:
-        owned.put(scene)
-        cost = scene / "preflight.json"
-        cost.write_text("{}")
-        os.utime(cost, (1e9, 1e9))
-    code, output = dry_run(folder, *arguments)
-    assert code == 0, output
-    assert len(scenes) == 2
-    wanted = planned(before)
-    wanted["total"] -= wanted.pop("poses_courtyard")
-    assert planned(output) == wanted
-    assert wanted["train"] > 2
+    assert "preflight" not in planned(output)

@@ -1,7 +1,7 @@
 """What the paper's Tables 2 and 3 cost on a cluster: hours of accelerators, money.
 
 Trainings and their lengths are those of outdoor_high.yaml and outdoor_low.yaml, as the
-preflight is told of them. What a ray takes is what the compiler counts of a step of
+experiment has them. What a ray takes is what the compiler counts of a step of
 each system at its published size. Renders of the test views cost a third of a ray's
 step: no gradient, no Adam.
 
@@ -19,7 +19,6 @@ from unittest import mock
 import yaml
 
 from alignerf.experiment import check, jobs, plan
-from alignerf.experiment.cluster import work
 from tools.bench import cases, measure, ours
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -58,14 +57,14 @@ def trainings_of(table):
     experiment = experiment_of(ROOT / f"workflow/config/{TABLES[table]}.yaml")
     found = {}
     for scene in experiment.scenes:
-        for one in work.of_scene(experiment, scene)["trainings"]:
-            job = jobs.parse(one["job"])
-            name = one["name"].removesuffix("/round0")
+        for one in experiment.trainings(scene).values():
+            values = json.loads(one.job)
+            job, name = jobs.parse(values), one.folder.removesuffix("/round0")
             rays = job.steps * job.rays_per_step
             if job.stage != "pretrain":
                 rays += RENDERING * PIXELS[table] * TEST_VIEWS / 5
-            key, before = program(one["job"]), found.get(name, (None, None, 0))[2]
-            found[name] = (key, one["job"], before + rays)
+            key, before = program(values), found.get(name, (None, None, 0))[2]
+            found[name] = (key, values, before + rays)
     return [(table, name, *rest) for name, rest in found.items()]
 
 

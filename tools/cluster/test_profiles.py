@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 ON_ACCELERATORS = {"train", "render", "align_test_poses"}
-MEASURING = {"preflight", "preview"}
+MEASURING = {"preflight"}
 # They take as many accelerators as their method asks for.
 EXTERNAL = {"external_data", "external_train", "external_render"}
 

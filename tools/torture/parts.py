@@ -41,7 +41,7 @@ from tools.torture import (
 
 ROOT = Path(__file__).resolve().parents[2]
 # It measures this machine, for half a minute each time.
-NOT_ATTACKED = ("alignerf.preflight",)
+NOT_ATTACKED = ("alignerf.costs",)
 # Of a chain after the last kill, to the end; of a training, and of one without kills.
 LAST_RUN_S, LAST_TRAINING_S = 120.0, 90.0
 

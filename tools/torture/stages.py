@@ -20,7 +20,7 @@ from tools.torture import damage, running
 INPUT = re.compile(r"results/[\w/.{}-]+")
 SPLITS = ("test", "train")
 # Stages that are given a scene's folder and read its reports too.
-OF_REPORTS = ("alignerf.verdict", "alignerf.page", "alignerf.preflight")
+OF_REPORTS = ("alignerf.verdict", "alignerf.page", "alignerf.costs")
 REPORTS = ("facts.json", "decisions.json", "poses.json", "preflight.json")
 # What tables are made of, in a scene's folder or in one of the table's name.
 ROWS = ("scores.csv", "trainings.csv")

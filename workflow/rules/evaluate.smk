@@ -22,8 +22,8 @@ rule align_test_poses:
     threads: sources.OF_TRAINING
     resources:
         gpu=sources.ACCELERATORS,
-        mem_mb=needs.memory_mb(costs, "{training}/render"),
-        runtime=needs.minutes(costs, "{training}/metrics_aligned_pose.csv"),
+        mem_mb=requests.memory_mb("{training}/render"),
+        runtime=requests.minutes("{training}/metrics_aligned_pose.csv"),
     params:
         config=lambda w: experiment.training(w.scene, w.training).job,
         flows=lambda w: arguments.options(

@@ -30,7 +30,6 @@ rule external_train:
         cameras=lambda w: layout.output_of(
             experiment.training(w.scene, w.training).cameras
         ),
-        preflight="results/{scene}/preflight.json",
     output:
         timing="results/{scene}/{training}/timing.json",
         learnt=directory("results/{scene}/{training}/learnt"),
@@ -48,9 +47,9 @@ rule external_train:
         gpu=lambda w: inputs.external_keys(experiment, w.training)["gpu"],
         mem_mb=lambda w, attempt: (
             inputs.external_keys(experiment, w.training)["mem_mb"]
-            or needs.usual_mb(w, attempt)
+            or requests.usual_mb(w, attempt)
         ),
-        runtime=needs.minutes(costs, "{training}/timing.json"),
+        runtime=requests.minutes("{training}/timing.json"),
     params:
         config=lambda w: experiment.training(w.scene, w.training).job,
         cameras=lambda w: experiment.training(w.scene, w.training).cameras,
@@ -91,9 +90,9 @@ rule external_render:
         gpu=lambda w: inputs.external_keys(experiment, w.training)["gpu"],
         mem_mb=lambda w, attempt: (
             inputs.external_keys(experiment, w.training)["mem_mb"]
-            or needs.usual_mb(w, attempt)
+            or requests.usual_mb(w, attempt)
         ),
-        runtime=needs.minutes(costs, "{training}/render"),
+        runtime=requests.minutes("{training}/render"),
     params:
         config=lambda w: experiment.training(w.scene, w.training).job,
         splits=lambda w: experiment.splits(w.scene, w.training),

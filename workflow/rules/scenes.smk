@@ -17,7 +17,7 @@ rule poses:
         "../../environment.yml"
     threads: sources.WHOLE_MACHINE
     resources:
-        mem_mb=needs.usual_mb,
+        mem_mb=requests.usual_mb,
     params:
         config=lambda w: plan.scene_config(experiment, w.scene),
         options=lambda w: inputs.poses_options(experiment, w.scene),

@@ -21,8 +21,8 @@ rule train:
     resources:
         gpu=sources.ACCELERATORS,
         launcher="",
-        mem_mb=needs.memory_mb(costs, "{training}/timing.json"),
-        runtime=needs.minutes(costs, "{training}/timing.json"),
+        mem_mb=requests.memory_mb("{training}/timing.json"),
+        runtime=requests.minutes("{training}/timing.json"),
     params:
         config=lambda w: experiment.training(w.scene, w.training).job,
         options=lambda w: inputs.training_options(experiment, w.scene, w.training),
@@ -57,8 +57,8 @@ rule render:
     threads: sources.OF_TRAINING
     resources:
         gpu=sources.ACCELERATORS,
-        mem_mb=needs.memory_mb(costs, "{training}/render"),
-        runtime=needs.minutes(costs, "{training}/render"),
+        mem_mb=requests.memory_mb("{training}/render"),
+        runtime=requests.minutes("{training}/render"),
     params:
         config=lambda w: experiment.training(w.scene, w.training).job,
         splits=lambda w: experiment.splits(w.scene, w.training),

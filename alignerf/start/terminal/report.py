@@ -9,17 +9,17 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+from alignerf.costs import summary
 from alignerf.experiment import sources, targets
 from alignerf.files import faults
-from alignerf.preflight import eta, fit
 from alignerf.start.terminal import jobs, screen
 
 # Rules whose own lines are shown, as a user decides by them.
 TELLING = ("preflight",)
 # Of a job without a share of its own: the rest is for what takes longer than planned.
 MOST_BY_CLOCK = 0.95
-# The plans are asked again after so many seconds, or times what asking took.
-ASK_EVERY_S, ASK_TIMES = 5.0, 100.0
+# The plans are asked again after so many seconds.
+ASK_EVERY_S = 5.0
 # Lines of the log that are shown where no job has failed.
 LAST_LINES = 40
 LOCKED = "another run is at work in this folder, or one was killed. Then type:"
@@ -119,7 +119,7 @@ class Report:
         if (left := self.time_left(shown)) is not None:
             left_s, whole_s = left
             share = 1 - left_s / max(whole_s, left_s, 1.0)
-            about = f"about {fit.minutes(left_s)} left"
+            about = f"about {summary.minutes(left_s)} left"
             text += f", {about if left_s > SOON_S else 'nearly done'}"
         elif len(now) == 1 and (only := shown[now[0].name]) and only.left_s is not None:
             text += f", {screen.clock(only.left_s)} left of this one"
@@ -133,14 +133,11 @@ class Report:
         """
         now_s = time.monotonic()
         if now_s >= self.ask_s:
-            try:
-                plans = eta.plans_in(self.results, self.plans)
-                share_of = functools.partial(self.share, shown)
-                self.left = (*eta.seconds(plans, share_of), now_s) if plans else None
-            except eta.NO_PLAN:
-                self.left = None
-            took_s = time.monotonic() - now_s
-            self.ask_s = now_s + max(ASK_EVERY_S, ASK_TIMES * took_s)
+            share_of = functools.partial(self.share, shown)
+            scenes = self.plans.split("\n")
+            left = summary.seconds_left(self.results, scenes, share_of)
+            self.left = left and (*left, now_s)
+            self.ask_s = now_s + ASK_EVERY_S
         if self.left is None:
             return None
         left_s, whole_s, asked_s = self.left

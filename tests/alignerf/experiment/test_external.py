@@ -7,7 +7,6 @@ import pytest
 
 from alignerf import methods
 from alignerf.experiment import check, inputs, plan, targets, trainings
-from alignerf.experiment.cluster import work
 from alignerf.experiment.tables import rows
 
 COMMANDS = {
@@ -99,17 +98,6 @@ def test_rules_share_the_folders_among_them(experiment_of):
     found = inputs.of_external(experiment, "yard", "theirs/round1")
     assert found["photos"] == "results/yard/theirs/round0/warped"
     assert found["given"] == "results/yard/cameras.npz"
-
-
-def test_the_plan_knows_that_it_does_not_know_their_cost(alone):
-    found = work.of_scene(alone, "yard")["trainings"]
-    assert [entry["name"] for entry in found if entry["external"]] == list(
-        alone.trainings("yard")
-    )
-    assert [entry["name"] for entry in found if entry["corrects"]] == [
-        "moved/round1",
-        "moved/round2",
-    ]
 
 
 def test_the_number_of_steps_is_part_of_it_where_it_asks(experiment_of):

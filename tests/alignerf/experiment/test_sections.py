@@ -29,7 +29,7 @@ REACHED = {
     "alignerf.export": {"scene"},
     "alignerf.evaluate": {"scored"},
     "alignerf.config": EVERY,
-    "alignerf.preflight": EVERY,
+    "alignerf.costs": JOB | {"scene"},
 }
 
 

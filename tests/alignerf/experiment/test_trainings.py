@@ -9,7 +9,6 @@ import re
 import pytest
 
 from alignerf.experiment import jobs, layout, plan, targets, trainings
-from alignerf.experiment.cluster import work
 
 HERE = "results/courtyard"
 WARM = {"from": "plain", "learning_rates": [0.005, 0.001]}
@@ -285,19 +284,3 @@ def test_only_what_a_plan_has_is_a_folder_of_it(demo, experiment_of):
     # Trained under another method's name, or not at all.
     for folder in ("twice/round0", "mipnerf360/round3", "pretrain/large", "twice"):
         assert not pattern.fullmatch(folder), folder
-
-
-def test_cameras_that_two_learn_with_are_corrected_once(demo, experiment_of):
-    demo["preflight"] = True
-    demo["methods"] = {
-        "moved": {"model": "base", "rounds": 1, "changes": "cameras"},
-        "warm": {
-            "model": "base",
-            "rounds": 1,
-            "changes": "cameras",
-            "warm_start": {"from": "moved"},
-        },
-    }
-    entries = work.of_scene(experiment_of(demo), "courtyard")["trainings"]
-    corrected = [entry["name"] for entry in entries if entry["corrects"]]
-    assert corrected == ["moved/round1"]

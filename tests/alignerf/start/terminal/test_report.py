@@ -5,6 +5,7 @@ import json
 
 import pytest
 
+from alignerf.costs import summary
 from alignerf.start.terminal import report, screen
 
 
@@ -68,16 +69,12 @@ def test_what_a_run_costs_is_shown(told, stream, tmp_path):
     assert "      chair: about 12 min on 2 cores\n" in stream.getvalue()
 
 
-def plan(folder, *tasks, work="w"):
-    """preflight.json of tasks (name, seconds, file), one after the other."""
+def plan(folder, *tasks):
+    """preflight.json of tasks (seconds, file), one after the other."""
     folder.mkdir(parents=True, exist_ok=True)
-    keys = ("name", "kind", "seconds", "threads", "after", "file")
-    every, before = [], []
-    for name, seconds, file in tasks:
-        values = (name, "train", seconds, 1, before, file)
-        every.append(dict(zip(keys, values, strict=True)))
-        before = [name]
-    content = {"scene": folder.name, "cores": 2, "work": work, "tasks": every}
+    every = [{"kind": "rest", "seconds": s, "file": file} for s, file in tasks]
+    content = dict.fromkeys(summary.NUMBERS, 1) | {"tasks": every, "external": []}
+    content |= {"scene": folder.name, "wall_s": sum(seconds for seconds, _ in tasks)}
     (folder / "preflight.json").write_text(json.dumps(content))
 
 
@@ -85,16 +82,16 @@ def test_the_time_left_is_that_of_the_plan(told, tmp_path):
     scene = tmp_path / "results" / "chair"
     plan(
         scene,
-        ("first", 300, "a/round0/timing.json"),
-        ("second", 300, "b/round0/timing.json"),
-        ("third", 600, "b/round0/render/test.json"),
+        (300, "a/round0/timing.json"),
+        (300, "b/round0/timing.json"),
+        (600, "b/round0/render"),
         # Of windows, beside the scene.
-        ("fourth", 600, "../chair_windows/a/round0/timing.json"),
+        (600, "../chair_windows/a/round0/timing.json"),
     )
     (scene / "a/round0").mkdir(parents=True)
     (scene / "a/round0/timing.json").touch()
     (tmp_path / "b.log").write_text("t: step 50/100    eta 0:10\n")
-    told.take({"event": "run_info", "total": 9, "scenes": "chair w"})
+    told.take({"event": "run_info", "total": 9, "scenes": "chair"})
     told.take({"event": "progress", "done": 3, "total": 8})
     file = "results/chair/b/round0/timing.json"
     begin(told, 1, "train", file, log="b.log", training="b/round0")
@@ -111,11 +108,11 @@ def test_the_time_left_is_that_of_the_plan(told, tmp_path):
     assert "about 10 min left" in told.state()[1]
 
 
-@pytest.mark.parametrize("content", ["{", "{}", '{"work": "w", "tasks": 3}', "[]"])
+@pytest.mark.parametrize("content", ["{", "{}", '{"tasks": 3}', "[]"])
 def test_without_a_plan_jobs_are_counted(told, tmp_path, content):
     scene = tmp_path / "results" / "chair"
-    plan(scene, ("first", 300, "timing.json"), work="of another config")
-    told.take({"event": "run_info", "total": 4, "scenes": "chair w"})
+    scene.mkdir(parents=True)
+    told.take({"event": "run_info", "total": 4, "scenes": "chair"})
     (tmp_path / "p.log").write_text("images: view 3/12    eta 0:45\n")
     begin(told, 1, "poses", "results/chair/images", log="p.log")
     said = "0 of 4 jobs, 0:45 left of this one; photos and cameras, view 3/12"

@@ -1,8 +1,8 @@
-"""results/SCENE, where a storage of Snakemake's keeps its files elsewhere."""
+"""Results that a storage keeps elsewhere; what is said of jobs that Slurm has ended."""
 
 import pytest
 
-from alignerf.experiment.cluster import storages
+from alignerf.experiment import cluster
 
 
 @pytest.fixture
@@ -12,7 +12,7 @@ def places(tmp_path):
 
 def link(scenes, copies, results):
     """With `copies` as the folder that Snakemake has for `results`."""
-    storages.link(scenes, copies / "{scene}" / "config.yaml", results)
+    cluster.link(scenes, copies / "{scene}" / "config.yaml", results)
 
 
 def test_scenes_lead_to_the_copies(places):
@@ -52,3 +52,29 @@ def test_a_link_that_a_storage_has_left_is_named(tmp_path):
     (copies / "a").rmdir()
     with pytest.raises(ValueError, match="in another storage"):
         link(["a"], tmp_path / "other", results)
+
+
+LOST = """
+    message: SLURM-job '12' failed, SLURM status is: 'TIMEOUT'. For further
+    message: SLURM-job '13' failed, SLURM status is: 'FAILED'.
+    message: SLURM-job '14' failed due to a node failure, SLURM status is: 'NODE_FAIL'.
+    message: SLURM sbatch failed. The error message was 'sbatch: error: Too much
+sbatch: error: Batch job submission failed'.
+"""
+
+
+def test_what_slurm_ended_or_refused_is_said_in_words(tmp_path):
+    log = tmp_path / ".snakemake/slurm_logs/rule_train/13.log"
+    log.parent.mkdir(parents=True)
+    log.write_text("slurmstepd: error: Detected 1 oom-kill event(s) in StepId=13.0.\n")
+    said = cluster.slurm_errors(LOST, ["results/s/train.log", str(log)])
+    assert [line.removeprefix("error: Slurm") for line in said] == [
+        "'s job 12 took longer than it had asked for (TIMEOUT)",
+        "'s job 13 took more memory than it had asked for (OUT_OF_MEMORY)",
+        "'s job 14 lost its node (NODE_FAIL)",
+        " refused a job: Too much; Batch job submission failed",
+    ]
+
+
+def test_of_other_runs_nothing_is_said():
+    assert cluster.slurm_errors("Error in rule train: x", ["results/s/train.log"]) == []

@@ -1,0 +1,75 @@
+"""Time a training's step: `python -m alignerf.costs.calibrate`.
+
+The process has the threads and devices of the job, so that the job later takes the
+compiled program from JAX's cache. It compiles twice: the second time, from the cache,
+is the job's. Writes JSON to stdout.
+"""
+
+import argparse
+import contextlib
+import json
+import pathlib
+import time
+
+import jax
+
+from alignerf.cameras import refine
+from alignerf.costs import plan
+from alignerf.experiment import jobs
+from alignerf.files import faults, machine
+from alignerf.processes import devices
+from alignerf.scenes import prepared
+from alignerf.training import batches, checkpoint, compose, loop, memory, program
+
+# Steps are timed so long.
+TIMING_S = 3.0
+# In place of one that is measured when the flow is: that program is compiled anew.
+RADIUS_PX = 4
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(prog="calibrate", description=__doc__)
+    parser.add_argument("--config", required=True, help="job as JSON, or its file")
+    parser.add_argument("--scene", required=True, help="prepared scene folder")
+    parser.add_argument("--threads", type=int, help="at most (default: every core)")
+    parser.add_argument("--started", type=float, help="when, in seconds since 1970")
+    args = parser.parse_args(argv)
+    machine.limit(args.threads)
+    devices.take_accelerator()
+    started = time.time() if args.started is None else args.started
+    job = jobs.parse(jobs.read(args.config))
+    if job.stage == "finetune" and job.alignerf.radius_px is None:
+        settings = job.alignerf.model_copy(update={"radius_px": RADIUS_PX})
+        job = job.model_copy(update={"alignerf": settings})
+    if program.hashed(job.model):
+        devices.use_as_devices()
+    print(json.dumps(rates_of(job, prepared.load(args.scene), started)._asdict()))
+
+
+def rates_of(job, loaded: prepared.Scene, started) -> plan.Rates:
+    """Seconds to start, to compile from the cache and of a step; peak in bytes."""
+    chosen = loaded.views("train")
+    method = compose.make_method(job, lambda: refine.views_of(loaded))
+    params = jax.jit(method.init)(jax.random.key(job.seed))
+    shapes = batches.view_shapes(loaded, chosen)
+    start_s = time.time() - started
+    program.build(job, method, params, shapes, to_come=memory.tree_bytes(shapes))
+    jax.clear_caches()
+    memory.give_back()
+    with contextlib.suppress(OSError):
+        # Linux then counts the largest size from now on.
+        pathlib.Path("/proc/self/clear_refs").write_text("5")
+    built = program.build(job, method, params, shapes)
+    begun = time.time()
+    views = batches.load_views(loaded, chosen, loaded.folder / "images")
+    checkpoint.digest((params, views))
+    count = sum(leaf.size for leaf in jax.tree.leaves(params))
+    start_s += time.time() - begun
+    step_s = loop.step_time_s(job, built, params, views, most_s=TIMING_S)
+    return plan.Rates(
+        *(start_s, built.compile_time_s, step_s, count, machine.peak_bytes())
+    )
+
+
+if __name__ == "__main__":
+    faults.run(main)

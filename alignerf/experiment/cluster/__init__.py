@@ -1,1 +1,0 @@
-"""Beyond one machine: what jobs ask for, why they ended, where results are stored."""
