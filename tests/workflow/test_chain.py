@@ -86,7 +86,7 @@ def check_reruns(plan, root, config):
         (root / "flow/camera/fit.py", "\n", "\n\n", BY_CAMERA | on_the_way),
         (root / "requirements.lock", "\n", "\n\n", EVERYTHING),
         (config, "features: 4", "features: 5", {"config", *tuned}),
-        # It is not measured again, or Snakemake would leave out what waits for it.
+        # No training waits for its cost.
         (config, "preflight: false", "preflight: true", {"config"}),
         (config, "tolerance_px: 4.0", "tolerance_px: 2.0", aligned | {"config"}),
         # Tables run too, since the complete config that they cite is made again.

@@ -232,7 +232,7 @@ def test_a_scene_or_a_file_by_name(tmp_path, demo, dry_run):
     assert one.pop("my-yard.1") == both.pop("all") == 1
     assert both == {rule: 2 * count for rule, count in one.items()}
     file = "results/my-yard.1/mipnerf360/round1/timing.json"
-    jobs = {"poses_courtyard": 1, "preflight": 1, "train": 2}
+    jobs = {"poses_courtyard": 1, "train": 2}
     jobs |= {"render": 1, "align": 1}
     output = dry_run(*options, file, "--cores", "200")[1]
     assert jobs_of(output) == jobs
@@ -250,7 +250,7 @@ def test_facts_decide_before_anything_is_trained_where_they_may(
     demo["decide"] = True
     file = "results/courtyard/alignerf/round0/renders"
     options = (tmp_path, "-n", file, "--configfile", write(tmp_path, demo))
-    jobs = {"poses_courtyard": 1, "preflight": 1, "train": 2, "render": 1}
+    jobs = {"poses_courtyard": 1, "train": 2, "render": 1}
     facts = {"facts": 1, "decisions": 1}
     assert jobs_of(dry_run(*options)[1]) == jobs | facts
     # What says all itself waits for nothing.
@@ -331,5 +331,5 @@ def test_a_plan_asks_each_job_little(tmp_path):
     ours = str(ROOT / "alignerf" / "experiment")
     calls = sum(n for (path, *_), (_, n, *_) in found.items() if path.startswith(ours))
     jobs = sum(jobs_of(done.stdout + "\n\n").values())
-    assert jobs == 5 * 71 + 1
+    assert jobs == 5 * 70 + 1
     assert calls / jobs < 2 * 105
