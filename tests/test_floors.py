@@ -314,9 +314,9 @@ SYSTEM = {
 LOGS = {
     "alignerf.experiment.cluster": {"read_text"},
     "alignerf.experiment.targets": {"read_text"},
-    "alignerf.start.terminal.jobs": {"read_text"},
-    "alignerf.start.claims": {"read_text"},
-    "alignerf.start.terminal.report": {"read_text"},
+    "alignerf.start.configs": {"read_text"},
+    "alignerf.start.jobs": {"read_text"},
+    "alignerf.start.report": {"json.loads", "read_text"},
 }
 # No files: options of commands, and what processes of ours tell each other.
 TOLD = (
@@ -324,7 +324,6 @@ TOLD = (
     *("alignerf.experiment.jobs", "alignerf.experiment.trainings"),
     *("alignerf.exports.sizes", "alignerf.others.jobs", "alignerf.verdict.__main__"),
     *("alignerf.costs.__main__", "alignerf.processes.consensus"),
-    "alignerf.start.terminal.events",
     "flow.figures.scene",
 )
 MAY_READ = READERS | SHIPPED | SYSTEM | LOGS | {name: {"json.loads"} for name in TOLD}

@@ -6,28 +6,26 @@ App's All Data, Record3D's EXR + JPG), or several such folders. A config is writ
 beside the results; it is yours to edit, and is kept the next time.
 """
 
-import argparse
 import sys
 from pathlib import Path
 
 from alignerf.experiment import targets
-from alignerf.files import faults, machine, provenance
+from alignerf.files import faults
 from alignerf.scenes import originals, photos
-from alignerf.start import claims, configs, folders, workflow
+from alignerf.start import configs, folders, workflow
 
 
 def main(argv=None):
     args = parse(argv)
-    if not args.folder:
-        command = provenance.typed(*configs.PHOTOS).format("my_photos")
-        raise ValueError(f"FOLDER is missing: {command}")
+    example = (command.format("my_photos") for command in configs.PHOTOS)
+    configs.needed(args.folder, "FOLDER", *example)
     folder = folders.at_home(args.folder)
     scenes = folders.scenes_of(folder)
     name = args.name or folders.name_of(folder)
     if args.name and len(scenes) == 1:
         scenes = {args.name: next(iter(scenes.values()))}
     scenes = folders.with_colmap(scenes)
-    with claims.held(name, *scenes):
+    with configs.held(name, *scenes):
         run(name, scenes, folder, args)
 
 
@@ -96,9 +94,7 @@ def say_twice(path, scenes):
 
 def config_of(scenes, args):
     """The config of scenes; the keys that it leaves out follow from the photos."""
-    for key in ("background", "pose_convention"):
-        if value := getattr(args, key):
-            scenes = {n: s | {key: value} for n, s in scenes.items()}
+    scenes = {n: scene | configs.of_photos(args) for n, scene in scenes.items()}
     methods = {"plain": {}, "aligned": {"align": {}}}
     config = {"decide": True, "scenes": scenes, "methods": methods, "windows": {}}
     if args.budget_min is not None:
@@ -108,22 +104,12 @@ def config_of(scenes, args):
 
 def parse(argv=None):
     """Arguments of the command line."""
-    parser = argparse.ArgumentParser(
-        prog=configs.program("photos"), description=__doc__
-    )
+    shared = ("--name", "--cores", "--background", "--pose-convention", "--only-config")
+    parser = configs.parser("photos", __doc__, *shared)
     parser.add_argument("folder", help="photos or films, or folders of such")
-    parser.add_argument(
-        "--name", type=configs.name, help="of the scene, instead of its folder's"
-    )
-    parser.add_argument("--cores", type=configs.count, default=machine.cores())
-    parser.add_argument(
-        "--background", choices=sorted(photos.BACKGROUNDS), help="behind alpha"
-    )
-    configs.add_pose_convention(parser)
     parser.add_argument(
         "--budget-min", type=configs.minutes, help="minutes of each training"
     )
-    parser.add_argument("--only-config", action="store_true", help="do not run it")
     return parser.parse_args(argv)
 
 

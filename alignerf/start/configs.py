@@ -1,17 +1,36 @@
-"""The config beside the results of a folder: written, and kept where it is a user's."""
+"""The config beside the results of a folder, and the options that commands share.
+
+A config is kept where it is a user's. Nothing is written where another run is at work,
+where results are of other inputs, or into a user's folder.
+"""
 
 import argparse
+import contextlib
+import copy
 import hashlib
 import logging
 import math
 import os
+import shlex
 from pathlib import Path
 
+import filelock
 import yaml
 
+from alignerf.experiment import check, sources
+from alignerf.experiment.checks import results
 from alignerf.experiment.keys import scene as scene_keys
-from alignerf.files import atomic, faults, json_files, owned, provenance, yaml_files
-from alignerf.start import claims, folders
+from alignerf.files import (
+    atomic,
+    faults,
+    json_files,
+    machine,
+    owned,
+    provenance,
+    yaml_files,
+)
+from alignerf.scenes import photos
+from alignerf.start import folders
 
 log = logging.getLogger("alignerf")
 
@@ -21,32 +40,124 @@ HEAD = """\
 # To run it: the same command again.
 # as written: {digest}
 """
-# How to give results another name, by what has written the config: by make, and by the
-# installed command.
-OTHER_NAME = {
-    "photos": (
-        'make photos FOLDER=... PHOTOS="--name other"',
-        "why-blurry photos ... --name other",
-    ),
-    "poses": (
-        'make poses FOLDER=... POSES="--name other"',
-        "why-blurry poses ... --name other",
-    ),
-    "judge": (
-        'make judge PHOTOS=... RENDERS=... JUDGE="--name other"',
-        "why-blurry judge --photos ... --renders ... --name other",
-    ),
-}
 # What `make poses` has written, and of which folder.
 ADJUSTED = "adjusted/report.json"
 # How a folder of photos is given: by make, and to the installed command.
 PHOTOS = ("make photos FOLDER={}", "why-blurry photos {}")
+# The workflow engine's folder, and what its lock means.
+ENGINE = Path(".snakemake")
+LOCKED = "another run is at work in this folder, or one was killed. Then type:"
 
 
 def program(command):
     """The name of a command in its own help."""
     made = f"make {command.replace('demo', 'run')}"
     return provenance.typed(made, f"why-blurry {command}")
+
+
+def parser(command, description, *shared):
+    """The parser of a command; shared: options that several have."""
+    made = argparse.ArgumentParser(
+        prog=program(command),
+        description=description,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    for option in shared:
+        made.add_argument(option, **SHARED[option])
+    return made
+
+
+def bounded(kind, least, said):
+    """argparse's type of a finite number, `least` or more."""
+
+    def number(text):
+        if not (least <= (value := kind(text)) < math.inf):
+            raise argparse.ArgumentTypeError(f"{text!r}: {said}")
+        return value
+
+    return number
+
+
+count = bounded(int, 1, "1 or more were expected")
+minutes = bounded(float, math.ulp(0), "a number above 0 was expected")
+
+
+def name(text):
+    """A name that files and rules can have."""
+    if folders.free(text) != text:
+        raise argparse.ArgumentTypeError(f"{text!r}: letters, digits and _, and free")
+    return text
+
+
+SHARED = {
+    "--name": {"type": name, "help": "of the results, instead of the folder's"},
+    "--cores": {"type": count, "default": machine.cores()},
+    "--background": {"choices": sorted(photos.BACKGROUNDS), "help": "behind alpha"},
+    "--pose-convention": {
+        "choices": scene_keys.CONVENTIONS,
+        "help": "the mistake of the file of cameras, which is undone; as_stated: none",
+    },
+    "--only-config": {"action": "store_true", "help": "do not run it"},
+}
+
+
+def needed(value, what, make, installed):
+    """ValueError where a value is missing, with the whole command as it is typed."""
+    if not value:
+        raise ValueError(f"{what} is missing: {provenance.typed(make, installed)}")
+
+
+def of_photos(args):
+    """{key: value} of a scene, of the options that are given."""
+    keys = ("background", "pose_convention")
+    return {key: value for key in keys if (value := getattr(args, key))}
+
+
+@contextlib.contextmanager
+def held(*names):
+    """Keep results/NAME, of each, to this process; ValueError where a run is at work.
+
+    The locks end with the process, also where that is killed. Snakemake's own is looked
+    at too: a run may have been begun by it, or have left it.
+    """
+    ENGINE.mkdir(exist_ok=True)
+    with contextlib.ExitStack() as stack:
+        # Of a run that was refused nothing is left.
+        stack.callback(remove_empty, ENGINE)
+        for name in sorted(set(names)):
+            path = ENGINE / f"{name}.held"
+            try:
+                stack.enter_context(filelock.FileLock(path, blocking=False))
+            except filelock.Timeout:
+                fault = f"results/{name}: another run is at work there"
+                raise ValueError(fault) from None
+            stack.callback(path.unlink, missing_ok=True)
+            if is_locked(name):
+                raise ValueError(f"{LOCKED} {unlocking()}")
+        yield
+
+
+def remove_empty(folder):
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+
+
+def is_locked(name):
+    """Whether Snakemake's lock is on files of results/NAME."""
+    begins = f"results/{name}/"
+    return any(
+        line.startswith(begins)
+        for path in (ENGINE / "locks").glob("*.output.lock")
+        for line in path.read_text(encoding="utf-8", errors="replace").splitlines()
+    )
+
+
+def unlocking():
+    """The command that takes Snakemake's lock of this folder away."""
+    words = ["snakemake", "--unlock"]
+    if Path.cwd() != sources.PIPELINE:
+        words += ["--snakefile", str(sources.PIPELINE / "Snakefile")]
+    return shlex.join(words)
 
 
 def read(path):
@@ -61,23 +172,22 @@ def read(path):
 
 
 def say_where(path, config, folder, *, by="photos"):
-    """Write the config, and log its path; a config that a user has changed is kept.
+    """Write the config, and print its path; a config that a user has changed is kept.
 
-    by: a key of OTHER_NAME. Raises ValueError, before anything is written, where what
-    is there is of other inputs or another command, or lies in a user's folder.
+    by: the command. Raises ValueError, before anything is written, where what is there
+    is of other inputs or another command, or lies in a user's folder.
     """
     check_there(path, config, by)
     if path.exists() and not is_untouched(path):
-        there = read(path)
-        if differing := sorted(kept(config, there)):
+        if differing := sorted(kept(config, read(path))):
             log.warning("%s is yours: its %s is kept", path, ", ".join(differing))
         print(f"config: {path}, as it is there")
         return
-    claims.check_free(config)
+    complete = check.checked(copy.deepcopy(config))
+    results.check_folders(complete["scenes"], complete["methods"])
     text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
-    command = program(by)
     head = HEAD.format(
-        command=command, folder=ascii(str(folder)), digest=digest_of(text)
+        command=program(by), folder=ascii(str(folder)), digest=digest_of(text)
     )
     with atomic.replace_file(path) as temporary:
         temporary.write_text(head + text, encoding="utf-8")
@@ -86,7 +196,11 @@ def say_where(path, config, folder, *, by="photos"):
 
 def check_there(path, config, by):
     """ValueError where results are there already, of other inputs than a config's."""
-    instead = f"Give another name: {provenance.typed(*OTHER_NAME[by])}"
+    other = provenance.typed(
+        f'make {by} ... {by.upper()}="--name other"',
+        f"why-blurry {by} ... --name other",
+    )
+    instead = f"Give another name: {other}"
     # Runs leave what a config came to, also those by Snakemake itself.
     places = [Path("results", name) for name in config["scenes"]]
     before = [one / "config.yaml" for one in places if owned.is_marked(one)]
@@ -155,35 +269,3 @@ def is_untouched(path):
     _, mark, rest = faults.text(path).partition("# as written: ")
     digest, _, body = rest.partition("\n")
     return bool(mark) and digest == digest_of(body)
-
-
-def minutes(text):
-    """Minutes of a training: more than none."""
-    value = float(text)
-    if not 0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r}: a number above 0 was expected")
-    return value
-
-
-def count(text):
-    """A number of pixels, or of cores."""
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: 1 or more were expected")
-    return value
-
-
-def add_pose_convention(parser):
-    """The flag for a mistake of a file of cameras, as commands share it."""
-    parser.add_argument(
-        "--pose-convention",
-        choices=scene_keys.CONVENTIONS,
-        help="the mistake of the file of cameras, which is undone; as_stated: none",
-    )
-
-
-def name(text):
-    """A name that files and rules can have."""
-    if folders.free(text) != text:
-        raise argparse.ArgumentTypeError(f"{text!r}: letters, digits and _, and free")
-    return text

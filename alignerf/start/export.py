@@ -5,34 +5,31 @@ scene; the folder of the photos will do too (`FOLDER=my_photos`). What the expor
 and is not there yet is made. WIDTH makes photos smaller.
 """
 
-import argparse
 import sys
 from pathlib import Path
 
 from alignerf.experiment import targets
 from alignerf.files import faults, machine, provenance
-from alignerf.start import claims, configs, folders, workflow
+from alignerf.start import configs, folders, workflow
 
 
 def main(argv=None):
     args = parse(argv)
-    if not args.name:
-        command = provenance.typed(
-            "make export SCENE=my_photos", "why-blurry export my_photos"
-        )
-        raise ValueError(f"SCENE is missing: {command}")
+    example = ("make export SCENE=my_photos", "why-blurry export my_photos")
+    configs.needed(args.name, "SCENE", *example)
     path = config_of(args.name)
-    scenes = scenes_of(path)
-    check_judged(path)
+    scenes = configs.read(path)["scenes"]
+    check_judged(path, scenes.values())
     print(f"config: {faults.one_line(str(path))}", flush=True)
     overrides = [f"export_width_px={args.width}"] if args.width else []
     named = None if path == targets.DEMO else path
-    with claims.held(path.stem, *scenes):
+    with configs.held(path.stem, *scenes):
         code = workflow.run(named, args.cores, "export", overrides=overrides)
     if code:
         sys.exit(code)
-    for made in sorted(folder for name in scenes for folder in exports(name)):
-        print(f"export: {made}/README.txt")
+    for name in scenes:
+        for made in sorted(Path("results", name).glob("*/export/*/README.txt")):
+            print(f"export: {made}")
 
 
 def config_of(name):
@@ -62,15 +59,9 @@ def is_demos(name):
     return isinstance(methods, dict) and methods.keys() == demo["methods"].keys()
 
 
-def scenes_of(path):
-    """Names of a config's scenes. ValueError, naming it, where it has none."""
-    return list(configs.read(path)["scenes"])
-
-
-def check_judged(path):
-    """ValueError where a config has nothing but renders that cannot be put right."""
-    every = configs.read(path)["scenes"].values()
-    judged = [one.get("judged") for one in every if isinstance(one, dict)]
+def check_judged(path, scenes):
+    """ValueError where scenes are nothing but renders that cannot be put right."""
+    judged = [one.get("judged") for one in scenes if isinstance(one, dict)]
     if judged and not any(
         not isinstance(one, dict) or targets.can_put_right(one) for one in judged
     ):
@@ -80,22 +71,13 @@ def check_judged(path):
         )
 
 
-def exports(scene):
-    """Folders of a scene's exports that are there."""
-    found = Path("results", scene).glob("*/export/*/README.txt")
-    return [path.parent for path in found]
-
-
 def parse(argv=None):
     """Arguments of the command line."""
-    parser = argparse.ArgumentParser(
-        prog=configs.program("export"), description=__doc__
-    )
+    parser = configs.parser("export", __doc__, "--cores")
     parser.add_argument(
         "name", help="of a config in results/, or its folder; courtyard after the demo"
     )
     parser.add_argument("--width", type=configs.count, help="of photos, in pixels")
-    parser.add_argument("--cores", type=configs.count, default=machine.cores())
     return parser.parse_args(argv)
 
 

@@ -6,19 +6,15 @@ sparse/0 or cameras.json, or their folder. DEPTH: folder of the renders' depth. 
 is trained. A config is written beside the results; it is yours to edit.
 """
 
-import argparse
-import logging
 import sys
 from pathlib import Path
 
 from alignerf.experiment import targets
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.files import faults, machine, provenance
-from alignerf.scenes import originals, photos, prepared
+from alignerf.files import faults
+from alignerf.scenes import originals, prepared
 from alignerf.scenes.judged import depths, pairs
-from alignerf.start import claims, configs, folders, workflow
-
-log = logging.getLogger("alignerf")
+from alignerf.start import configs, folders, workflow
 
 # The name of the method that the renders are of.
 THEIRS = "theirs"
@@ -30,15 +26,15 @@ MOST_PIXELS, LARGE = 25_000_000, "dis_fine"
 def main(argv=None):
     args = parse(argv)
     for name in ("photos", "renders"):
-        if not getattr(args, name):
-            command = provenance.typed(
-                "make judge PHOTOS=photos RENDERS=renders CAMERAS=sparse/0",
-                "why-blurry judge --photos photos --renders renders --cameras sparse/0",
-            )
-            raise ValueError(f"{name.upper()} is missing: {command}")
+        configs.needed(
+            getattr(args, name),
+            name.upper(),
+            "make judge PHOTOS=photos RENDERS=renders CAMERAS=sparse/0",
+            "why-blurry judge --photos photos --renders renders --cameras sparse/0",
+        )
     name = args.name or folders.name_of(folders.at_home(args.renders))
     check_before(args.before, name)
-    with claims.held(name):
+    with configs.held(name):
         run(name, args)
 
 
@@ -70,10 +66,7 @@ def scene_of(args):
         if (value := getattr(args, key)) is not None:
             judged[key] = value
     scene = {"source": "judged", "path": str(folders.at_home(args.photos))}
-    for key in ("background", "pose_convention"):
-        if value := getattr(args, key):
-            scene[key] = value
-    return scene | {"judged": judged}
+    return scene | configs.of_photos(args) | {"judged": judged}
 
 
 def check_before(before, name):
@@ -115,11 +108,8 @@ def forced(name, scene, judged):
 
 def parse(argv=None):
     """Arguments of the command line."""
-    parser = argparse.ArgumentParser(
-        prog=configs.program("judge"),
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    shared = ("--name", "--cores", "--background", "--pose-convention", "--only-config")
+    parser = configs.parser("judge", __doc__, *shared)
     parser.add_argument("--photos", default="", help="folder of photos")
     parser.add_argument("--renders", default="", help="folder of renders")
     parser.add_argument("--cameras", default="", help="file or folder of cameras")
@@ -137,13 +127,6 @@ def parse(argv=None):
         type=configs.name,
         help="name of results that these are compared with",
     )
-    parser.add_argument("--name", type=configs.name, help="of the results")
-    parser.add_argument("--cores", type=configs.count, default=machine.cores())
-    parser.add_argument(
-        "--background", choices=sorted(photos.BACKGROUNDS), help="behind alpha"
-    )
-    configs.add_pose_convention(parser)
-    parser.add_argument("--only-config", action="store_true", help="do not run it")
     return parser.parse_args(argv)
 
 

@@ -7,7 +7,6 @@ photos, transforms.json, sparse/0 with points and, of LLFF's and NeRF's scenes, 
 own files beside it.
 """
 
-import argparse
 import json
 import logging
 from pathlib import Path
@@ -17,10 +16,9 @@ from alignerf.experiment.checks import results as of_results
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.exports import formats, photos, points
 from alignerf.files import atomic, faults, owned, provenance
-from alignerf.scenes import photos as photo_files
 from alignerf.scenes import prepare, prepared
 from alignerf.sfm import calibration, capture, mistakes
-from alignerf.start import claims, configs, folders
+from alignerf.start import configs, folders
 
 log = logging.getLogger("alignerf")
 
@@ -29,9 +27,8 @@ NAME = "adjusted"
 
 def main(argv=None):
     args = parse(argv)
-    if not args.folder:
-        command = provenance.typed("make poses FOLDER=my_scan", "why-blurry poses scan")
-        raise ValueError(f"FOLDER is missing: {command}")
+    example = ("make poses FOLDER=my_scan", "why-blurry poses scan")
+    configs.needed(args.folder, "FOLDER", *example)
     folder = folders.at_home(args.folder)
     scenes = folders.scenes_of(folder)
     if args.name and len(scenes) > 1:
@@ -57,18 +54,14 @@ def config_of(scene, args, folder):
             f"{scene['path']}: no cameras came with these photos, so there are none to "
             f"check: `{command}` finds them by COLMAP"
         )
-    chosen = scene | {"poses": "adjusted"}
-    for key in ("background", "pose_convention"):
-        if value := getattr(args, key):
-            chosen[key] = value
-    return of_scenes.checked(chosen)
+    return of_scenes.checked(scene | {"poses": "adjusted"} | configs.of_photos(args))
 
 
 def adjust(name, config, args):
     """Check one scene's cameras, print what they are like, and write better ones."""
     place = Path("results", name)
     of_results.check_reads({f"scenes.{name}.path": config["path"]}, [place])
-    with claims.held(name):
+    with configs.held(name):
         owned.check(place)
         configs.check_there(Path(f"{place}.yaml"), {"scenes": {name: config}}, "poses")
         write_adjusted(name, place, config, args)
@@ -141,13 +134,9 @@ def write(folder, scratch, views, checked, config, *, photos_too):
 
 def parse(argv=None):
     """Arguments of the command line."""
-    parser = argparse.ArgumentParser(prog=configs.program("poses"), description=__doc__)
+    shared = ("--name", "--background", "--pose-convention")
+    parser = configs.parser("poses", __doc__, *shared)
     parser.add_argument("folder", help="photos with cameras, or folders of such")
-    parser.add_argument("--name", type=configs.name, help="of the results")
-    configs.add_pose_convention(parser)
-    parser.add_argument(
-        "--background", choices=sorted(photo_files.BACKGROUNDS), help="behind alpha"
-    )
     parser.add_argument(
         "--no-photos", action="store_true", help="write cameras and points alone"
     )

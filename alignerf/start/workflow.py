@@ -1,7 +1,8 @@
 """The workflow on a config, and what a user sees of it.
 
-With VERBOSE in the environment (`make run VERBOSE=1`) that is all that Snakemake and
-its jobs print.
+A plugin of this project's (workflow/plugins) tells what Snakemake does; all that it and
+its jobs print goes to a file, which is named. With VERBOSE in the environment (`make
+run VERBOSE=1`) that is what a user sees.
 """
 
 import contextlib
@@ -10,17 +11,25 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
+import psutil
+
 from alignerf.experiment import sources, targets
-from alignerf.files import yaml_files
-from alignerf.start.terminal import events, report, screen
+from alignerf.start import configs, report
 
 LOGS, KEPT = Path("results/logs"), 10
 OURS = re.compile(r"run-\d{8}-\d{6}-\d+\.log")
 # Targets after which nobody waits for a verdict.
 WITHOUT_VERDICT = {("export",)}
+PLUGIN, EVENTS = "alignerf-events", "ALIGNERF_EVENTS"
+POLL_S = 0.1
+# By these a keyboard, another process and a terminal that is closed end a run.
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+# A job that is begun meanwhile is asked to end too; Snakemake may take so long at most.
+AGAIN_S, STUCK_S = 2.0, 30.0
 
 
 def run(path, cores, *wanted, overrides=(), forced=(), first=()):
@@ -33,7 +42,7 @@ def run(path, cores, *wanted, overrides=(), forced=(), first=()):
     command = command_of(path, cores, wanted, overrides, forced, first)
     if os.environ.get("VERBOSE"):
         return loud(command)
-    captures = scenes_of(path or targets.DEMO)
+    captures = list(configs.read(path or targets.DEMO)["scenes"])
     code = quiet(command, captures)
     if code == 0 and wanted not in WITHOUT_VERDICT:
         export = targets.export_command([path] if path else [])
@@ -57,39 +66,79 @@ def command_of(path, cores, wanted, overrides, forced, first=()):
 def quiet(command, captures):
     """Run it with a line a job; returns the exit code."""
     log = log_file()
-    shown = screen.Screen()
-    shown.line(f"all that Snakemake and its jobs say: {log}")
-    told = report.Report(shown, captures, log)
-    child = events.Child([*command[:3], "--logger", events.PLUGIN, *command[3:]], log)
-    with child.handed_on() as asked:
-        while not child.ended():
-            if asked.is_set() and not told.stopping:
-                told.stopping = True
-                shown.line("stopping what runs")
-            # Ctrl-C reaches Snakemake too: it ends its jobs, and is waited for.
-            try:
-                if (event := child.next(screen.EVERY_S)) is not None:
-                    told.take(event)
-                told.tick()
-            except KeyboardInterrupt:
-                told.stopping = True
-                shown.line("stopping what runs")
-    code = child.code()
+    told = report.Report(captures, log)
+    told.line(f"all that Snakemake and its jobs say: {log}")
+    command = [*command[:3], "--logger", PLUGIN, *command[3:]]
+    # Snakemake takes a plugin that it finds on the search path.
+    paths = [str(sources.PLUGINS), os.environ.get("PYTHONPATH", "")]
+    path = os.pathsep.join(filter(None, paths))
+    with tempfile.NamedTemporaryFile("r") as events, open(log, "wb") as output:
+        code = ended(
+            subprocess.Popen(
+                command,
+                env=os.environ | {EVENTS: events.name, "PYTHONPATH": path},
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            ),
+            lambda: told.look(events),
+            told.stop,
+        )
+        told.look(events)
     told.close(code)
     return code
 
 
 def loud(command):
     """Run it, and let Snakemake speak; returns the exit code."""
-    child = subprocess.Popen(command, env=os.environ)
-    with events.handed_on(child) as asked:
-        code = None
-        while code is None:
-            with contextlib.suppress(KeyboardInterrupt):
-                code = child.wait()
-    if asked.is_set() or code in (-signal.SIGINT, 128 + signal.SIGINT):
+
+    def stopped():
         print("stopped; the same command goes on", file=sys.stderr)
+
+    return ended(subprocess.Popen(command, start_new_session=True), stop=stopped)
+
+
+def ended(process, look=lambda: None, stop=lambda: None):
+    """Look at Snakemake until it ends; returns the exit code, as a shell has it.
+
+    Who ends this process ends Snakemake and its jobs, as does a fault of `look`.
+    Snakemake has a session of its own, so that it is told once: its handler waits for a
+    lock, which the thread that a second signal interrupts may hold.
+    """
+    before = {one: signal.getsignal(one) for one in SIGNALS}
+    asking = [one for one, handler in before.items() if handler != signal.SIG_IGN]
+    try:
+        for one in asking:
+            signal.signal(one, signal.default_int_handler)
+        while process.poll() is None:
+            look()
+            time.sleep(POLL_S)
+    except KeyboardInterrupt:
+        stop()
+    finally:
+        for one in asking:
+            signal.signal(one, signal.SIG_IGN)
+        end(process)
+        for one in asking:
+            signal.signal(one, before[one])
+    code = process.returncode
     return code if code >= 0 else 128 - code
+
+
+def end(process):
+    """Ask a process and all that it has started to end; kill one that does not."""
+    if process.poll() is None:
+        process.terminate()
+    begun_s = time.monotonic()
+    while process.poll() is None:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            for job in psutil.Process(process.pid).children(recursive=True):
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    job.terminate()
+        if time.monotonic() > begun_s + STUCK_S:
+            process.kill()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(AGAIN_S)
 
 
 def log_file():
@@ -99,10 +148,3 @@ def log_file():
     for old in ours[: 1 - KEPT]:
         old.unlink(missing_ok=True)
     return LOGS / f"run-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.log"
-
-
-def scenes_of(path):
-    """Names of a config's scenes, as far as they can be told."""
-    content = yaml_files.read(path)
-    scenes = content.get("scenes") if isinstance(content, dict) else None
-    return list(scenes) if isinstance(scenes, dict) else []

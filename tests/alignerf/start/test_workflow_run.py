@@ -10,9 +10,8 @@ import time
 import psutil
 import pytest
 
-from alignerf.experiment import sources, targets
+from alignerf.experiment import sources
 from alignerf.start import workflow
-from alignerf.start.terminal import events
 
 SNAKEFILE = """
 rule all:
@@ -114,7 +113,7 @@ def test_a_line_a_job_and_the_verdict_once_and_last(here, capfd):
     assert "rule page:" in text
     # Of what it is told by, its jobs know nothing.
     assert str(sources.PLUGINS) not in text
-    assert events.FILE_DESCRIPTOR not in text
+    assert workflow.EVENTS not in text
     assert "the verdict, as Snakemake has it" in text
     assert len(done.splitlines()) < 12
 
@@ -127,6 +126,31 @@ def test_who_asks_for_all_gets_all(here, capfd, monkeypatch):
     assert "rule page:" in err
     assert "VERDICT" not in out
     assert not (here / "results" / "logs").exists()
+
+
+DEAF = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN);"
+
+
+@pytest.mark.parametrize(
+    ("before", "signal_of"), [("import time;", signal.SIGTERM), (DEAF, signal.SIGKILL)]
+)
+def test_it_is_ended_where_its_reader_fails(monkeypatch, tmp_path, before, signal_of):
+    """Who does not end is killed."""
+    monkeypatch.setattr(workflow, "STUCK_S", 0.5)
+    monkeypatch.setattr(workflow, "AGAIN_S", 0.1)
+    begun = tmp_path / "begun"
+    code = f"{before} open({str(begun)!r}, 'w'); time.sleep(60)"
+    one = subprocess.Popen([sys.executable, "-c", code])
+
+    def look():
+        if begun.exists():
+            raise OSError("nobody looks")
+
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(OSError, match="nobody looks"):
+        workflow.ended(one, look)
+    assert one.returncode == -signal_of
+    assert signal.getsignal(signal.SIGTERM) == before
 
 
 def test_few_logs_stay(here, monkeypatch):
@@ -149,4 +173,3 @@ def test_commands_are_those_of_the_demo_and_of_a_config():
     own = workflow.command_of("a b.yaml", 3, ["export"], ["width=3"], ["poses"])
     words = ["--configfile", "a b.yaml", "--config", "width=3", "--forcerun", "poses"]
     assert own[-len(words) - 2 :] == [*words, "--", "export"]
-    assert workflow.scenes_of(targets.DEMO) == ["courtyard"]

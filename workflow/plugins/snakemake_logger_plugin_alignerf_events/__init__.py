@@ -1,25 +1,24 @@
 """What Snakemake does, as lines of JSON: for whoever shows a run in words of its own.
 
 Snakemake finds this plugin where its folder is on the search path, and uses it where
-`--logger alignerf-events` asks for it. It writes to the file descriptor that
-ALIGNERF_EVENTS_FD names. It changes nothing of what Snakemake itself prints.
+`--logger alignerf-events` asks for it. It writes to the end of the file that
+ALIGNERF_EVENTS names. It changes nothing of what Snakemake itself prints.
 """
 
 import json
-import logging
 import os
 from pathlib import Path
 
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 
-FILE_DESCRIPTOR = "ALIGNERF_EVENTS_FD"
+FILE = "ALIGNERF_EVENTS"
 FOLDER = Path(__file__).resolve().parents[1]
 # What is told of a job.
-OF_JOB = ("jobid", "job_id", "rule_name", "jobs", "done", "total")
+OF_JOB = ("jobid", "rule_name", "done", "total")
 
 
 class LogHandler(LogHandlerBase):
-    """Writes each event; a reader that is gone never fails a run."""
+    """Writes each event."""
 
     writes_to_stream = False
     writes_to_file = False
@@ -28,7 +27,7 @@ class LogHandler(LogHandlerBase):
     needs_rulegraph = False
 
     def __post_init__(self):
-        self.file_descriptor = int(os.environ.pop(FILE_DESCRIPTOR))
+        self.file = open(os.environ.pop(FILE), "ab", buffering=0)  # noqa: SIM115
         # Found, it is of no use to jobs, nor to other programs that they start.
         paths = os.environ.get("PYTHONPATH", "").split(os.pathsep)
         rest = [path for path in paths if path and Path(path).resolve() != FOLDER]
@@ -36,11 +35,7 @@ class LogHandler(LogHandlerBase):
 
     def emit(self, record):
         try:
-            line = json.dumps(told(record)) + "\n"
-            os.write(self.file_descriptor, line.encode())
-        except OSError:
-            # Nobody reads any more.
-            pass
+            self.file.write(json.dumps(told(record)).encode() + b"\n")
         except (AttributeError, KeyError, TypeError, ValueError):
             # As where another version of Snakemake tells other things.
             self.handleError(record)
@@ -48,18 +43,19 @@ class LogHandler(LogHandlerBase):
 
 def told(record):
     """An event as JSON can have it. Keys that it does not have are left out."""
-    found = {"event": str(getattr(record, "event", None) or "text")}
-    found |= {key: vars(record)[key] for key in OF_JOB if key in vars(record)}
-    if found["event"] == "run_info":
-        found["total"] = record.stats["total"]
-    for key in ("output", "log"):
-        if key in vars(record):
-            found[key] = [str(path) for path in vars(record)[key] or ()]
-    if "wildcards" in vars(record):
+    given = vars(record)
+    found = {"event": str(given.get("event") or "text")}
+    found |= {key: given[key] for key in OF_JOB if key in given}
+    if found["event"] == "job_finished":
+        found["jobid"] = record.job_id
+    elif found["event"] == "job_info":
+        for key in ("output", "log"):
+            found[key] = [str(path) for path in given.get(key) or ()]
         found["wildcards"] = {k: str(v) for k, v in record.wildcards.items()}
-    if found["event"] in ("text", "error") and record.levelno >= logging.WARNING:
-        found["level"], found["text"] = record.levelname, record.getMessage()
-    # Set by the Snakefile: the plans of which scenes tell the time that is left.
-    if found["event"] == "run_info":
-        found["scenes"] = os.environ.get("ALIGNERF_SCENES", "")
+    elif found["event"] == "run_info":
+        # Set by the Snakefile: the plans of which scenes tell the time that is left.
+        scenes = os.environ.get("ALIGNERF_SCENES", "")
+        found |= {"total": record.stats["total"], "scenes": scenes}
+    elif found["event"] in ("text", "error") and record.levelname == "ERROR":
+        found |= {"event": "error", "text": record.getMessage()}
     return found

@@ -10,7 +10,7 @@ import yaml
 
 from alignerf.files import owned
 from alignerf.start import __main__ as photos
-from alignerf.start import claims, export, judge, poses, workflow
+from alignerf.start import configs, export, judge, poses, workflow
 from tests import judged_cases as cases
 
 PHOTOS = ["photos", "--name", "mine"]
@@ -93,7 +93,7 @@ def test_results_of_two_configs_are_not_mixed(here):
     )
     with pytest.raises(ValueError, match=r"mine/config\.yaml: scene mine is of photos"):
         photos.main(["both"])
-    with claims.held("mine"), pytest.raises(ValueError, match="results/mine: another"):
+    with configs.held("mine"), pytest.raises(ValueError, match="results/mine: another"):
         photos.main(["both"])
 
 
@@ -105,13 +105,13 @@ def test_a_run_beside_another_changes_nothing(here, main, words):
     photos.main(PHOTOS)
     (here / "results/mine.yaml").write_text("scenes: {mine: {path: photos}}\n")
     before = files(here / "results")
-    code = "import sys\nfrom alignerf.start import claims\n"
-    code += "with claims.held('mine'):\n    print(flush=True)\n    sys.stdin.read()\n"
+    code = "import sys\nfrom alignerf.start import configs\n"
+    code += "with configs.held('mine'):\n    print(flush=True)\n    sys.stdin.read()\n"
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     (here / "photos/transforms.json").write_bytes(
         (here / "transforms.json").read_bytes()
     )
-    root = str(Path(claims.__file__).resolve().parents[2])
+    root = str(Path(configs.__file__).resolve().parents[2])
     environment = os.environ | {"PYTHONPATH": root}
     with subprocess.Popen(
         [sys.executable, "-c", code], env=environment, **pipes
@@ -123,7 +123,7 @@ def test_a_run_beside_another_changes_nothing(here, main, words):
         run.kill()
         run.wait()
     assert files(here / "results") == before
-    with claims.held("mine"), claims.held("other"):
+    with configs.held("mine"), configs.held("other"):
         pass
 
 

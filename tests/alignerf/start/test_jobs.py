@@ -3,8 +3,7 @@
 import pytest
 
 from alignerf.files import progress
-from alignerf.start import folders
-from alignerf.start.terminal import jobs
+from alignerf.start import folders, jobs
 
 
 @pytest.mark.parametrize(
