@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from alignerf.captures import base
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.exports import (
     formats,
@@ -105,7 +106,7 @@ def choose(args, config, work) -> Chosen:
         fitted = held_out.fit(loaded, to, flow, depth, path, frame)
     names = [loaded.names[view] for view in loaded.views("train")]
     known = not args.warped or warps.are_known(names, args.valid)
-    full = config is not None and not config["zoom"]
+    full = config is not None and not base.of(config).parent(config)
     if full and known:
         originals.check(loaded.folder)
         (work / "photos_work").mkdir()

@@ -25,12 +25,11 @@ from alignerf.scenes import (
     originals,
     prepare,
     prepared,
-    zoom,
 )
-from alignerf.scenes.capture import windows, windows_truth
+from alignerf.scenes.capture import windows
 from alignerf.scenes.courtyard import truth
-from alignerf.scenes.judged import views as judged
-from alignerf.sfm import calibration, capture, matches, mistakes
+from alignerf.sfm import calibration, matches, mistakes
+from alignerf.sfm import capture as checking
 
 log = logging.getLogger("alignerf.poses")
 
@@ -52,55 +51,51 @@ def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
     they have; places, the folder of windows that they lie at the same places as.
     """
     config, out = of_scenes.checked(config), Path(out)
-    if base.parent_of(config):
-        return of_whole(config, out, Path(whole), cameras_path, places and Path(places))
-    started = time.monotonic()
+    capture = base.of(config)
+    if capture.parent(config):
+        return of_crops(config, out, Path(whole), cameras_path, places and Path(places))
+    started, where = time.monotonic(), config["path"] or out
     with atomic.scratch_folder(out) as scratch:
-        full, told, scene = base.of(config).read(config, scratch)
+        full, told, scene = capture.read(config, scratch)
         told["downscale_decided"] = config["downscale"] == "auto"
         full = mistakes.stated(prepare.sort_by_name(full), config)
         given = for_training(full, config)
-        prepared.check_views(config["path"] or out, given)
-        if not config["judged"]:
-            prepared.check_places(config["path"] or out, given)
+        prepared.check_views(where, given)
+        if capture.trains:
+            prepared.check_places(where, given)
         full = full._replace(camtoworlds=perturbed(given, config))
         checked = None
-        if base.of(config).wants_matches(config) or adjust:
+        if capture.wants_matches(config) or adjust:
             checked = check_cameras(full, scratch, config, adjust)
             full, told = with_checked(full, told, checked, scratch, config)
         views = for_training(full, config)
-        whole, cut = views, None
-        if config["zoom"]:
-            views, cut, more = zoom.zoomed(views, config)
-            told |= more
         split = split_of(views, config)
         named = dict(zip(views.names, split.tolist(), strict=True))
-        held_out.check(config["path"] or out, given, named)
-        if not config["judged"]:
-            check_enough(split, config["least_train_views"], config["path"] or out)
+        held_out.check(where, given, named)
+        if capture.trains:
+            check_enough(split, config["least_train_views"], where)
             warn_of_few(out, split)
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
-        if checked and not config["zoom"]:
-            write_checked(fresh, views, checked, split, adjust or config["judged"])
+        if checked:
+            write_checked(fresh, views, checked, split, adjust or not capture.trains)
         if scene is not None:
             log.info("rendering the truth of %d views", len(views.names))
-            told["true_misalignment_px"] = write_truth(
-                fresh / "truth", scene, whole, cut, split, config["perturb_px"]
+            told["true_misalignment_px"] = truth.write_truth(
+                fresh / "truth",
+                truth.select(scene, views.names),
+                views,
+                split=split,
+                perturb_px=config["perturb_px"],
             )
-        if config["judged"]:
-            atomic.move(scratch / "pairs.json", fresh / judged.PAIRS)
         files = [*originals.of_views(config, full), *told.pop("files", ())]
         outer = [path for path in files if scratch not in Path(path).parents]
         originals.write(fresh, outer)
+        for path in (scratch / prepared.BESIDE).glob("*"):
+            atomic.move(path, fresh / "images" / path.name)
         if (scratch / "colmap").is_dir():
             atomic.move(scratch / "colmap", fresh / "colmap")
-            atomic.move(scratch / "lenses.npz", fresh / prepared.LENSES)
         photo_size = told.get("photo_size", (full.width, full.height))
-        if config["zoom"]:
-            told["photo_size"] = list(photo_size)
-            # Of the windows, in pixels of the photo.
-            photo_size = [config["downscale"] * side for side in windows.size_of(views)]
         told |= describe_views(views, photo_size, split, config)
         told["time_s"] = round(time.monotonic() - started, 1)
         (fresh / "poses.json").write_text(json.dumps(told, indent=1) + "\n")
@@ -108,8 +103,8 @@ def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
     log.info("%s: %d of %d views", out, told["registered"], told["total"])
 
 
-def of_whole(config, out, whole, cameras_path, places):
-    """Make a scene of windows of another one, whose photos and cameras it has."""
+def of_crops(config, out, whole, cameras_path, places):
+    """Make a scene of crops of another one, whose photos and cameras it has."""
     started = time.monotonic()
     originals.check(whole)
     told = json_files.read(whole / "poses.json", prepared.POSES)
@@ -117,8 +112,10 @@ def of_whole(config, out, whole, cameras_path, places):
     with atomic.scratch_folder(out) as scratch:
         views = loading.read(config, whole, scratch, cameras_path)
         try:
-            views, found, px = zoom.placed(views, config, places)
-            found, each = zoom.around(views, found, px, least=1 if places else least)
+            views, found, px = windows.placed(views, config, places)
+            found, each = windows.around_each(
+                views, found, px, least=1 if places else least
+            )
         except ValueError as error:
             why = f"{error}. Without windows: `windows: null` in the config"
             raise ValueError(f"{whole}: windows: {why}") from None
@@ -165,14 +162,15 @@ def check_cameras(full, scratch, config, adjust):
 
     Photos that are trained on as they are keep their lens.
     """
-    if config["judged"]:
-        large = prepare.sort_by_name(judged.at_full_size(config)[0])
+    capture = base.of(config)
+    if not capture.trains:
+        large = prepare.sort_by_name(capture.at_full_size(config, None, scratch))
         full = large._replace(camtoworlds=full.camtoworlds)
     own, matched = config["poses"] == "adjusted", None
-    adjusts = own or adjust or bool(config["judged"])
+    adjusts = own or adjust or not capture.trains
     if (scratch / "database.db").is_file():
-        matched = capture.matches_of_colmap(scratch, full, seed=config["seed"])
-    return capture.check(
+        matched = checking.matches_of_colmap(scratch, full, seed=config["seed"])
+    return checking.check(
         full, scratch, config, adjusts=adjusts, lens=own, matched=matched
     )
 
@@ -184,15 +182,15 @@ def with_checked(full, told, checked, scratch, config):
         where = config["path"] or config["source"]
         full = calibration.applied(full, checked.cameras_of(full), where)
         points = checked.found.points
-    elif full.points is not None or config["judged"]:
+    elif full.points is not None or not base.of(config).trains:
         return full, told
     else:
-        points = capture.triangulated(checked, scratch, config["seed"])[0]
+        points = checking.triangulated(checked, scratch, config["seed"])[0]
     if not len(points.positions):
         log.warning("%s: its views share no points", config["path"])
         return full._replace(points=None), told
     full = full._replace(points=(points.positions, points.colours))
-    return full, told | capture.points_told(points, full, checked.matches)
+    return full, told | checking.points_told(points, full, checked.matches)
 
 
 def write_checked(fresh, views, checked, split, apart):
@@ -221,22 +219,6 @@ def write_checked(fresh, views, checked, split, apart):
         for key in ("pixtocams", "camtoworlds")
     }
     prepare.write_cameras(folder / "train.npz", moved._replace(**both), split=split)
-
-
-def write_truth(folder, scene, whole, cut, split, perturb_px):
-    """Write the truth of the views, or of their windows; returns its mean flow in px.
-
-    whole: the views; cut: `windows.Windows` in them, or None.
-    """
-    seen = whole if cut is None else prepare.select(whole, cut.kept)
-    mean_px = truth.write_truth(
-        folder,
-        truth.select(scene, seen.names),
-        seen,
-        split=split,
-        perturb_px=perturb_px,
-    )
-    return mean_px if cut is None else windows_truth.cut_truth(folder, seen.names, cut)
 
 
 def split_of(views, config):

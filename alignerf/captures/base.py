@@ -3,11 +3,15 @@
 `scene` is the mapping of a scene's keys, complete; `views` are `prepare.PosedViews`.
 """
 
+import functools
+
 from alignerf import captures
+from alignerf.captures import crops
 from alignerf.files.environment import extensions
 
 # Ways of having poses that came with the photos.
 INPUT = ("adjusted", "given")
+SPLITS = ("train", "test")
 # What is held out at most, unless a number says more; fewer than LEAST_TEST_VIEWS give
 # no interval (`verdict.shift`; a test holds both equal).
 SELDOM, OFTEN, LEAST_TEST_VIEWS = 8, 4, 5
@@ -69,6 +73,10 @@ class Capture:
         """
         raise NotImplementedError
 
+    def parent(self, scene):
+        """The name of another scene, whose photos and cameras it has; or None."""
+        return None
+
     def poses_of(self, scene):
         """The way of having poses; without features no camera can be adjusted."""
         usual = self.poses
@@ -97,13 +105,26 @@ class Capture:
         says so. COLMAP's poses have both already.
         """
         poses, wanted = self.poses_of(scene), scene["triangulate"]
-        if scene["zoom"]:
-            # Those of another scene have its points.
-            return poses != "colmap" and not scene["zoom"].get("of")
         return poses in INPUT if wanted is None else wanted and poses != "colmap"
 
+    def cameras_by(self, scene):
+        """The method whose cameras of its parent it has; None: as given."""
+        return None
+
+    def splits(self, scene):
+        """Splits of which there are renders."""
+        return SPLITS
+
+    def can_export(self, scene):
+        """Whether what is put right is of use to another program."""
+        return True
+
+    def before(self, scene):
+        """The verdict.json of earlier renders, with which these are compared."""
+        return None
+
     def paths(self, scene):
-        """{key: path or None} of the files and folders that a scene is made of."""
+        """{key: path or None} of the files and folders that views are made of."""
         return {key: scene[key] for key in ("path", "masks")}
 
     def faults(self, scene):
@@ -111,6 +132,7 @@ class Capture:
         return ()
 
 
+@functools.cache
 def every():
     """{name: record} of all sources, in the order in which folders are recognised."""
     found = extensions.registered(captures, "captures", "CAPTURE")
@@ -118,13 +140,21 @@ def every():
 
 
 def of(scene):
-    """The record of a scene's source."""
-    return every()[scene["source"]]
+    """The record of a scene: of its source, or of crops of such."""
+    source = every()[scene["source"]]
+    return crops.Crops(source) if scene.get("zoom") else source
 
 
-def parent_of(scene):
-    """The name of the scene that a scene's crops are of, or None."""
-    return scene["zoom"]["of"] if scene["zoom"] else None
+def section(scene, key):
+    """The mapping under a key of a scene; a config as it was written may lack it."""
+    found = scene.get(key)
+    return found if isinstance(found, dict) else {}
+
+
+def reads(scene):
+    """{key: path or None} of all that a scene reads."""
+    record = of(scene)
+    return record.paths(scene) | {"judged.before": record.before(scene)}
 
 
 def detected(folder):

@@ -41,13 +41,9 @@ def of_poses(experiment, scene, local):
 
     Windows of another scene have the photos that it has, and what was made of it.
     """
-    chosen, whole = experiment.scenes[scene], experiment.whole(scene)
-    found = {key: local(chosen[key]) for key in ("path", "masks") if chosen[key]}
-    judged = chosen["judged"] or {}
-    for key in ("renders", "cameras", "depth"):
-        if judged.get(key):
-            found[f"judged_{key}"] = local(judged[key])
-    if whole != scene:
+    paths = experiment.capture(scene).paths(experiment.scenes[scene])
+    found = {k.replace(".", "_"): local(path) for k, path in paths.items() if path}
+    if whole := experiment.parent(scene):
         found |= {"whole": f"results/{whole}/images"}
         found |= {"report": f"results/{whole}/poses.json"}
         found["cameras"] = layout.output_of(cameras_of(experiment, scene))
@@ -58,14 +54,14 @@ def of_poses(experiment, scene, local):
 
 def places_of(experiment, scene):
     """The folder of windows with cameras as given, at whose places others lie too."""
-    windows = experiment.windows(experiment.whole(scene))
-    given = [n for n in windows if experiment.scenes[n]["zoom"]["cameras"] is None]
+    windows = experiment.windows(experiment.parent(scene))
+    given = [name for name in windows if experiment.cameras_by(name) is None]
     return f"results/{given[0]}" if given and scene not in given else None
 
 
 def cameras_of(experiment, scene):
     """The file of the cameras that windows of another scene have."""
-    whole, method = experiment.whole(scene), experiment.scenes[scene]["zoom"]["cameras"]
+    whole, method = experiment.parent(scene), experiment.cameras_by(scene)
     if method is None:
         return f"results/{whole}/cameras.npz"
     return f"{last_training(experiment, whole, method).learnt}/cameras.npz"
@@ -73,8 +69,8 @@ def cameras_of(experiment, scene):
 
 def poses_options(experiment, scene):
     """Options of `alignerf.poses`: of windows, the whole scene and its cameras."""
-    whole = experiment.whole(scene)
-    if whole == scene:
+    whole = experiment.parent(scene)
+    if whole is None:
         return ["--adjust"] * adjusts(experiment, scene)
     cameras = cameras_of(experiment, scene)
     places = places_of(experiment, scene)
@@ -153,7 +149,7 @@ def weights_of(experiment, scene, folder):
 
 def threads_of_views(experiment, scene):
     """Threads of the flow and its parts: all, where nothing else runs beside it."""
-    return sources.WHOLE_MACHINE if experiment.scenes[scene]["judged"] else 1
+    return 1 if experiment.capture(scene).trains else sources.WHOLE_MACHINE
 
 
 def last_training(experiment, scene, method):
@@ -180,7 +176,7 @@ def exported(experiment, scene, method, what):
     training is to learn from.
     """
     training = last_training(experiment, scene, method)
-    if experiment.scenes[scene]["judged"]:
+    if not experiment.capture(scene).trains:
         following = rounds.after(training, training.folder, {}, what)
         return following.cameras, following.warped
     warped = training.warped if what == "photos" else {}
@@ -201,15 +197,17 @@ def held_out_of(experiment, scene, method, what):
     were put right.
     """
     training, fits = last_training(experiment, scene, method), None
-    if judged := experiment.scenes[scene]["judged"]:
-        fits = what == "cameras" and "test" in judged["splits"]
+    capture = experiment.capture(scene)
+    if not capture.trains:
+        splits = capture.splits(experiment.scenes[scene])
+        fits = what == "cameras" and "test" in splits
     elif targets.moves_cameras(training) and not is_adjusted(training):
         fits = experiment.config["aligned_pose"]
     if not fits:
         return {}
     found = {name: f"{training.path}/{name}/test" for name in ("flow", "depth")}
     by = {"corrected_by": f"{training.path}/{trainings.CORRECTED}"}
-    return found | by if judged else found
+    return found if capture.trains else found | by
 
 
 def export_options(experiment, scene, method, what):
@@ -224,13 +222,13 @@ def export_options(experiment, scene, method, what):
     if warped:
         chosen |= {"warped": warped["photos"], "valid": warped["valid"]}
         # Photos that a training has warped on its way are warped by the usual kernel.
-        by_flow = training.valid or experiment.scenes[scene]["judged"]
+        by_flow = training.valid or not experiment.capture(scene).trains
         chosen |= {"kernel": by_flow and experiment.config["flow"]["kernel"]}
     words = arguments.options(chosen)
     if held_out := held_out_of(experiment, scene, method, what):
         words += ["--fit-held-out", held_out["flow"], held_out["depth"]]
         words += arguments.options({"corrected-by": held_out.get("corrected_by")})
-    judged = experiment.scenes[scene]["judged"]
+    judged = not experiment.capture(scene).trains
     if (judged and what == "cameras") or is_adjusted(training):
         words += ["--adjusted", layout.adjusted(scene)]
     if method in experiment.names("in_loop"):

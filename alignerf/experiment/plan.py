@@ -134,8 +134,8 @@ class Experiment:
         """
         splits = ["train"] * (folder in self.followed(scene))
         splits += ["test"] * (not folder.startswith("pretrain/"))
-        judged = self.scenes[scene]["judged"]
-        return [s for s in splits if s in judged["splits"]] if judged else splits
+        rendered = self.capture(scene).splits(self.scenes[scene])
+        return [split for split in splits if split in rendered]
 
     @kept
     def followed(self, scene):
@@ -147,7 +147,7 @@ class Experiment:
         """
         every = self.trainings(scene).values()
         folders = {before.folder for training in every for before in training.flows}
-        judged = self.whole(scene) != scene or self.windows(scene)
+        judged = self.parent(scene) or self.windows(scene)
         others = self.config["reference"]["method"] not in self.names("ours")
         if judged or others or self.names("in_loop"):
             folders.add(self.judged_folder(scene).removeprefix(f"results/{scene}/"))
@@ -197,21 +197,25 @@ class Experiment:
         """The record of a scene's source."""
         return base.of(self.scenes[scene])
 
+    def parent(self, scene):
+        """The scene that a scene's crops are of; None of other scenes."""
+        return self.capture(scene).parent(self.scenes[scene])
+
     def captures(self):
         """Scenes that stand for themselves: all but windows of another scene."""
-        return [name for name in self.scenes if self.whole(name) == name]
+        return [name for name in self.scenes if not self.parent(name)]
 
     def judged(self, known=True):
         """Scenes whose renders another program has made, and are judged (or not)."""
-        return [n for n, one in self.scenes.items() if bool(one["judged"]) == known]
-
-    def whole(self, scene):
-        """The scene that a scene's windows are of, or the scene itself."""
-        return base.parent_of(self.scenes[scene]) or scene
+        return [n for n in self.scenes if self.capture(n).trains != known]
 
     def windows(self, scene):
         """The scenes of windows by which a scene is judged, as given first."""
-        return [n for n in self.scenes if n != scene and self.whole(n) == scene]
+        return [name for name in self.scenes if self.parent(name) == scene]
+
+    def cameras_by(self, scene):
+        """The method whose cameras crops have; None: as given."""
+        return self.capture(scene).cameras_by(self.scenes[scene])
 
     def judged_folder(self, scene):
         """Folder of the training that a scene is judged by: the reference's round 0.
@@ -219,7 +223,7 @@ class Experiment:
         Of windows that of its baseline, which leaves the cameras as they are.
         """
         method = self.config["reference"]["method"]
-        if self.whole(scene) != scene:
+        if self.parent(scene):
             method = self.baseline(method)
         return self.folder(scene, method, 0)
 
@@ -229,7 +233,7 @@ class Experiment:
 
     def has_truth(self, scene):
         """Whether a scene's truth is known; windows of another scene have none."""
-        return self.capture(scene).has_truth and self.whole(scene) == scene
+        return self.capture(scene).has_truth
 
     def truth_of(self, scene):
         """The folder of a scene's truth, where that is known."""
@@ -247,7 +251,7 @@ def scene_config(experiment, name):
     undecided = scene | {"triangulate": None}
     if not (capture.wants_matches(scene) or capture.wants_matches(undecided)):
         unused.add("triangulate")
-    if base.parent_of(scene):
+    if experiment.parent(name):
         unused |= {"test_every", "perturb_px", "colmap"}
     optional = ("masks", "zoom", "judged", "pose_convention")
     unused |= {key for key in optional if scene[key] is None}
@@ -256,8 +260,8 @@ def scene_config(experiment, name):
 
 def complete_config(experiment, name):
     """The whole config of a scene, as it could be run alone."""
-    whole = experiment.whole(name)
-    names = [whole, *experiment.windows(whole)]
+    parent = experiment.parent(name) or name
+    names = [parent, *experiment.windows(parent)]
     found = {one: experiment.scenes[one] for one in names}
     found = experiment.config | {"scenes": found}
     # The order of models and methods has a meaning: tables and defaults follow it.

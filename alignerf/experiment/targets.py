@@ -8,6 +8,7 @@ import shutil
 import sys
 from pathlib import Path
 
+from alignerf.captures import base
 from alignerf.experiment import cluster, layout
 from alignerf.files import (
     atomic,
@@ -66,7 +67,7 @@ def of_page(experiment, scene):
     """What a scene's page shows, or leads to, besides images."""
     folder = f"results/{scene}"
     every = [f"{folder}/{name}" for name in ("config.yaml", "poses.json")]
-    if experiment.scenes[scene]["judged"]:
+    if not experiment.capture(scene).trains:
         # Nothing is trained, so nothing is decided, scored or compared.
         return [*every, f"{folder}/verdict.json", f"{folder}/tables/views.csv"]
     return [
@@ -89,7 +90,7 @@ def preflight_of(experiment, scene):
 
     Of crops of a scene it is the scene's.
     """
-    own = experiment.whole(scene) == scene and not experiment.scenes[scene]["judged"]
+    own = experiment.capture(scene).trains and not experiment.parent(scene)
     file = f"results/{scene}/preflight.json"
     return [file] if own and experiment.config["preflight"] else []
 
@@ -225,16 +226,9 @@ def cause(log):
     ]
 
 
-def can_put_right(judged):
-    """Whether there is an export of renders that are judged; judged: the keys."""
-    splits = judged.get("splits", ("train", "test"))
-    return bool(judged.get("cameras")) and "train" in splits
-
-
 def can_export(experiment):
     """Whether any scene may have an export."""
-    every = [one["judged"] for one in experiment.scenes.values()]
-    return any(judged is None or can_put_right(judged) for judged in every)
+    return any(base.of(one).can_export(one) for one in experiment.scenes.values())
 
 
 def exports(experiment):
@@ -242,14 +236,15 @@ def exports(experiment):
 
     Its cameras with the photos as taken and, where it learnt from warped photos, with
     these. Of renders that are judged, both ways of putting right what was learnt from,
-    where `can_put_right` says so.
+    where `can_export` of its record says so.
     """
     folders = []
     for scene in experiment.captures():
-        if judged := experiment.scenes[scene]["judged"]:
+        capture = experiment.capture(scene)
+        if not capture.trains:
             method = experiment.config["reference"]["method"]
             folder = f"results/{scene}/{method}/export"
-            whats = ("cameras", "photos") * can_put_right(judged)
+            whats = ("cameras", "photos") * capture.can_export(experiment.scenes[scene])
             folders += [f"{folder}/{what}" for what in whats]
             continue
         for method in experiment.trained():

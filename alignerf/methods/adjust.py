@@ -4,7 +4,6 @@ With `align` or `refine` beside it, that one trains it, and begins with such cam
 """
 
 from alignerf.experiment import layout
-from alignerf.experiment.checks.common import fault
 from alignerf.experiment.keys import key as keys
 from alignerf.methods import base
 
@@ -21,16 +20,10 @@ class Adjusted(base.Method):
         "that train with the scene's; alone, or beside align or refine",
     )
 
-    def check(self, config, name):
-        for scene, chosen in config["scenes"].items():
-            if chosen["zoom"] and not chosen["zoom"]["of"]:
-                what = f"scenes.{scene} is of crops: give it poses: adjusted"
-                fault(f"methods.{name}.adjust", what)
-
     def cameras(self, experiment, scene):
         """Crops have the cameras of their scene; adjusted poses have them already."""
         chosen = experiment.scenes[scene]
-        if chosen["zoom"] or chosen["poses"] == "adjusted":
+        if experiment.parent(scene) or chosen["poses"] == "adjusted":
             return {}
         return {"cameras": layout.adjusted(scene, "train.npz")}
 

@@ -105,8 +105,8 @@ class Aligned(base.Method):
             what = f"another method of model {model!r} without align"
             fault(where, f"it needs {what}, to say what it brought")
         chosen = Align.model_validate(method["align"])
-        whole = [s for s in config["scenes"].values() if not captures.parent_of(s)]
-        for steps in {scene["steps"] for scene in whole if scene["steps"]}:
+        own = [s for s in config["scenes"].values() if not captures.of(s).parent(s)]
+        for steps in {scene["steps"] for scene in own if scene["steps"]}:
             places(chosen, steps, where)
 
     def moves(self, method, round):

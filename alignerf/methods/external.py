@@ -103,7 +103,7 @@ class Other(rounds.Rounds):
         for what in OF_COMMAND if unknown else ():
             if "steps" in places.names(chosen[what] or ""):
                 fault(f"{where}.external.{what}", "{steps} needs training.steps")
-        windows = any(captures.parent_of(one) for one in config["scenes"].values())
+        windows = any(captures.of(one).parent(one) for one in config["scenes"].values())
         if windows and config["reference"]["method"] == name:
             what = "not with an external reference: its program trains no windows"
             fault("windows", what)

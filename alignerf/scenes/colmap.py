@@ -16,7 +16,7 @@ from jaxtyping import Float, UInt8
 
 from alignerf.files import faults
 from alignerf.keypoints import adjustment, refine
-from alignerf.scenes import cameras, photos, prepare
+from alignerf.scenes import cameras, photos, prepare, prepared
 from alignerf.scenes.capture import canvas, ingest, mapping
 
 log = logging.getLogger(__name__)
@@ -160,8 +160,10 @@ def pose_folder(
     model = model.of_size(np.array(sizes) / np.array(copy_sizes))
     files = {name: taken.paths[place[name]].name for name in model.names}
     write_model(model, Path(work_folder) / "colmap", sizes, files)
+    beside = Path(work_folder) / prepared.BESIDE
+    beside.mkdir()
     np.savez(
-        Path(work_folder) / "lenses.npz",
+        beside / "lenses.npz",
         names=np.array(model.names),
         camtopix=model.camtopix,
         distortion=model.distortion,

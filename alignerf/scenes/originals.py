@@ -9,6 +9,7 @@ import json
 import os
 from pathlib import Path
 
+from alignerf.captures import base
 from alignerf.files import faults, json_files
 from alignerf.scenes.judged import lenses
 
@@ -24,7 +25,7 @@ def of_views(config, views):
     """
     read = [*views.photos, *(views.masks or ())]
     found = [one.path for one in read if one.path]
-    if config["path"] and not config["judged"]:
+    if config["path"] and base.of(config).trains:
         found += lenses.files_of(config["path"])
         found += [Path(config["path"], name) for name in OF_POSES]
     return found

@@ -27,6 +27,8 @@ POSES = dict.fromkeys(
 # What some scenes have besides lies among their images, which go wherever a stage is.
 # Folder of <view>.npz {valid}, of scenes whose photos do not count everywhere.
 MASKS = "images/masks"
+# Below a scratch folder: files of a source that are to lie among the images.
+BESIDE = "beside"
 # COLMAP's points {points, colours}, and LLFF's depths {bounds} of each view.
 POINTS, BOUNDS = "images/points.npz", "images/bounds.npz"
 # The lens {names, camtopix, distortion, camera_of} of each photo, where COLMAP has it.

@@ -15,7 +15,7 @@ import pycolmap
 
 from alignerf.files import archives, faults
 from alignerf.keypoints import refine
-from alignerf.scenes import prepare
+from alignerf.scenes import prepare, prepared
 from alignerf.sfm import (
     acceptance,
     bundle,
@@ -290,7 +290,7 @@ def matches_of_colmap(work, views: prepare.PosedViews, *, seed) -> matches.Match
     Its keypoints are of copies of the photos as taken: the lens that it found is undone
     by the same arithmetic as in the photos.
     """
-    lenses = archives.read(Path(work) / "lenses.npz", LENSES)
+    lenses = archives.read(Path(work) / prepared.BESIDE / "lenses.npz", LENSES)
     place = {name: i for i, name in enumerate(lenses["names"].tolist())}
     with pycolmap.Database.open(Path(work) / "database.db") as file:
         found = {

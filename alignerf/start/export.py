@@ -8,6 +8,7 @@ and is not there yet is made. WIDTH makes photos smaller.
 import sys
 from pathlib import Path
 
+from alignerf.captures import base
 from alignerf.experiment import targets
 from alignerf.files import faults, machine, provenance
 from alignerf.start import configs, folders, workflow
@@ -61,14 +62,17 @@ def is_demos(name):
 
 def check_judged(path, scenes):
     """ValueError where scenes are nothing but renders that cannot be put right."""
-    judged = [one.get("judged") for one in scenes if isinstance(one, dict)]
-    if judged and not any(
-        not isinstance(one, dict) or targets.can_put_right(one) for one in judged
-    ):
+    if not any(map(can_export, scenes)):
         raise ValueError(
             f"{path}: nothing to export: it wants CAMERAS, and renders of photos that "
             "were learnt from. Judge again with both"
         )
+
+
+def can_export(scene):
+    """Whether a scene of a config may have an export; what is wrong is said later."""
+    is_known = isinstance(scene, dict) and scene.get("source") in base.every()
+    return not is_known or base.of(scene).can_export(scene)
 
 
 def parse(argv=None):

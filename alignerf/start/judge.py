@@ -9,6 +9,7 @@ is trained. A config is written beside the results; it is yours to edit.
 import sys
 from pathlib import Path
 
+from alignerf.captures import base
 from alignerf.experiment import targets
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import faults
@@ -44,7 +45,8 @@ def run(name, args):
     scene = scene_of(args)
     judged = pairs.find(of_scenes.checked(scene))
     splits = pairs.splits_of(judged)
-    scene["judged"]["splits"] = [s for s in prepared.SPLITS if s in splits.values()]
+    there = [split for split in prepared.SPLITS if split in splits.values()]
+    scene |= {"judged": base.section(scene, "judged") | {"splits": there}}
     print(f"{len(judged.pairs)} pairs of photo and render, {judged.told['layout']}")
     configs.say_where(path, config_of(name, scene, judged), args.renders, by="judge")
     print(f"page, in the end: {targets.page_of(name)}", flush=True)
@@ -86,10 +88,11 @@ def check_before(before, name):
 def config_of(name, scene, judged):
     """The config of renders that are judged."""
     width, height = judged.size
+    external = {"renders": base.section(scene, "judged")["renders"]}
     config = {
         "preflight": False,
         "scenes": {name: scene},
-        "methods": {THEIRS: {"external": {"renders": scene["judged"]["renders"]}}},
+        "methods": {THEIRS: {"external": external}},
         "reference": {"method": THEIRS, "round": 0},
     }
     if len(judged.pairs) * width * height > MOST_PIXELS:
@@ -100,7 +103,7 @@ def config_of(name, scene, judged):
 def forced(name, scene, judged):
     """What is to be made anew: the pairs, where one of their files has changed."""
     place = Path("results", name)
-    files = map(originals.named, pairs.files_of(judged, scene["judged"]))
+    files = map(originals.named, pairs.files_of(judged, base.section(scene, "judged")))
     noted = originals.noted(place)
     same = set(files) == set(noted) and not originals.changed(place)
     return (str(place / "poses.json"),) if noted and not same else ()

@@ -87,45 +87,6 @@ def test_oracle_without_error_is_the_photo(tmp_path):
         assert np.abs(flow["flow_px"][flow["valid"]]).max() < 1e-3
 
 
-WINDOWS = {"px": 32, "point": [0.0, 0.0, 0.0]}
-
-
-def test_windows_are_cut_from_photos_and_have_a_truth_of_their_own(tmp_path):
-    """Nothing moves, poses are true: a window's oracle is what its photo shows."""
-    still = COURTYARD["courtyard"] | {"motion": "none"}
-    still |= {"width": 192, "height": 144}
-    whole = COURTYARD | {"courtyard": still}
-    poses.main(whole, tmp_path / "whole")
-    poses.main(whole | {"zoom": WINDOWS}, tmp_path / "cut")
-    report = json.loads((tmp_path / "cut" / "poses.json").read_text())
-    assert report["zoom"] == WINDOWS | {"views": 4, "of": 4}
-    assert [report[key] for key in ("width", "height")] == [32, 32]
-    # In pixels of the photo, which was made smaller by two.
-    assert [report[key] for key in ("photo_width", "photo_height")] == [64, 64]
-    assert report["photo_size"] == [192, 144]
-    full, cut = (load(tmp_path / kind / "cameras.npz") for kind in ("whole", "cut"))
-    np.testing.assert_array_equal(full["camtoworlds"], cut["camtoworlds"])
-    for view, name in enumerate(cut["names"]):
-        seen, _ = cameras.project(
-            WINDOWS["point"], full["pixtocams"][view], full["camtoworlds"][view]
-        )
-        left, top = np.round(seen - 16).astype(int)
-        photo, window = (
-            images.read(tmp_path / kind / "images" / f"{name}.png")
-            for kind in ("whole", "cut")
-        )
-        np.testing.assert_array_equal(window, photo[top : top + 32, left : left + 32])
-        oracle = images.read(tmp_path / "cut" / "truth" / "oracle" / f"{name}.png")
-        assert np.abs(window - oracle.astype(float)).mean() < 0.5
-
-
-def test_a_window_that_no_photo_has_leaves_nothing(tmp_path):
-    far = COURTYARD | {"zoom": {"px": 32, "point": [0.0, 500.0, 0.0]}}
-    with pytest.raises(ValueError, match="courtyard: zoom: a window of 32 px around"):
-        poses.main(far, tmp_path / "out")
-    assert not (tmp_path / "out" / "poses.json").exists()
-
-
 def test_perturbed_poses_and_the_true_flow_that_undoes_them(tmp_path):
     """Warping the photo by the true flow brings it onto the oracle."""
     still = COURTYARD["courtyard"] | {"motion": "none"}

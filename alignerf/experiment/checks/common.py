@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+from alignerf.captures import base
+
 # What Snakemake puts a path in place of.
 PATH_VARIABLE = re.compile(r"<[a-z][a-z0-9_]*>")
 
@@ -39,6 +41,6 @@ def check_folder(config, template, where):
     for scene, chosen in config["scenes"].items():
         path = template.replace("{scene}", scene)
         # Crops of another scene have no renders of their own.
-        crops = (chosen["zoom"] or {}).get("of")
+        crops = base.of(chosen).parent(chosen)
         if not (crops or is_there(path, of_kind=Path.is_dir)):
             fault(where, f"{path} does not exist")

@@ -83,7 +83,7 @@ def windows_of(config):
     aligned = [name for name, one in config["methods"].items() if of(one).in_loop]
     length = {"steps": asked["steps"], "budget_min": None}
     for name, scene in config["scenes"].items():
-        if scene["zoom"]:
+        if base.of(scene).parent(scene):
             continue
         for method in (None, *aligned[:1]):
             zoom = {"of": name, "px": asked["px"], "count": asked["count"]}

@@ -108,7 +108,7 @@ def paths_of(config):
     found = {f"lpips.{net}": path for net, path in config["lpips"].items()}
     found["frequency_weights"] = config["frequency_weights"]
     for scene, keys in config["scenes"].items():
-        own = base.of(keys).paths(keys).items()
+        own = base.reads(keys).items()
         found |= {f"scenes.{scene}.{key}": path for key, path in own}
     templates = {"flow.folder": config["flow"]["folder"]}
     for name, method in config["methods"].items():

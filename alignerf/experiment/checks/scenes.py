@@ -42,40 +42,27 @@ def check_scene(scene, *place):
         fault(f"{where}pose_convention", "only of cameras that came with the photos")
     for key, reason in source.faults(scene):
         fault(f"{where}{key}", reason)
-    check_zoom(scene["zoom"] or {}, f"{where}zoom")
-
-
-def check_zoom(zoom, where):
-    """The point of the windows is said in one way, or chosen."""
-    if (zoom.get("view") is None) != (zoom.get("pixel") is None):
-        fault(where, "view and pixel belong together")
-    ways = [key for key in ("view", "point", "number", "of") if zoom.get(key)]
-    if len(ways) > 1:
-        fault(where, f"{' and '.join(ways)}: choose one")
-    for name in ("cameras", "count"):
-        if zoom.get(name, 1) not in (None, 1) and not zoom.get("of"):
-            fault(f"{where}.{name}", "only with `of`")
 
 
 def check_windows(config):
-    """Scenes and methods that windows are of are in the config."""
+    """Scenes and methods that crops are of are in the config."""
     for name, scene in config["scenes"].items():
-        zoom, where = scene["zoom"] or {}, f"scenes.{name}.zoom"
-        if not (of := zoom.get("of")):
+        capture, where = base.of(scene), f"scenes.{name}.zoom"
+        if not (of := capture.parent(scene)):
             continue
-        base = config["scenes"].get(of)
-        if base is None or base["zoom"]:
+        parent = config["scenes"].get(of)
+        if parent is None or base.of(parent).parent(parent):
             fault(f"{where}.of", f"{of} is none of the scenes that are whole")
-        if (base["source"], base["path"]) != (scene["source"], scene["path"]):
+        if (parent["source"], parent["path"]) != (scene["source"], scene["path"]):
             fault(f"{where}.of", f"{of} has another source or path than {name}")
-        method = zoom["cameras"]
+        method = capture.cameras_by(scene)
         if method and not config["methods"].get(method, {}).get("align"):
             fault(f"{where}.cameras", f"{method} is no method with `align`")
 
 
 def check_path(scene, name):
     """The folders of a scene are there, their names without meaning for Snakemake."""
-    for key, path in base.of(scene).paths(scene).items():
+    for key, path in base.reads(scene).items():
         where = f"scenes.{name}.{key}"
         if path and set(path) & set("{}"):
             fault(where, f"{path}: braces mean wildcards, rename it")

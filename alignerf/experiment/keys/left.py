@@ -24,8 +24,8 @@ def leave_open(config):
             name: ({"downscale": "auto"} if base.of(scene).has_path else {}) | scene
             for name, scene in scenes.items()
         }
-    whole = [one for one in scenes.values() if not (one.get("zoom") or {}).get("of")]
-    open_keys = open_of_training(training, whole) if asked else []
+    own = [one for one in scenes.values() if not base.of(one).parent(one)]
+    open_keys = open_of_training(training, own) if asked else []
     training = training | {"decided": open_keys}
     return config | {"models": models, "scenes": scenes, "training": training}
 

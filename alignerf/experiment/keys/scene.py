@@ -125,45 +125,19 @@ class Judged(Keys):
 
 
 class Zoom(Keys):
-    """Windows of each photo, at its own size, around points of the scene."""
+    """Crops of each photo of another scene, at its own size, around its points."""
 
-    px: int = key(256, "side of the windows, after downscale", least=32, most=8192)
-    of: str | None = key(
-        None,
-        "another scene, whose photos, split and cameras the windows have; they belong "
-        "to its verdict, and are made for it or by name; px is then the most",
+    of: str = key(
+        what="another scene, whose photos, split and cameras the crops have; they "
+        "belong to its verdict, and are made for it or by name"
     )
+    px: int = key(256, "side of the crops at most", least=32, most=8192)
     cameras: str | None = key(
         None,
-        "a method, whose cameras of that scene the windows have; null: as given",
+        "a method, whose cameras of that scene the crops have; null: as given",
     )
     count: int = key(
-        1,
-        "with `of`: windows of each photo, at places that suit best",
-        least=1,
-        most=16,
-    )
-    number: int = key(
-        0,
-        "which of the points that suit best, the best is 0: seen by nearly all photos, "
-        "textured, near the middle of the depths, apart from the others",
-        least=0,
-        most=99,
-    )
-    view: str | None = key(None, "name of a photo in which the point is shown by hand")
-    pixel: list[float] | None = key(
-        None,
-        "x and y of the point in that photo, after downscale",
-        least=0,
-        most=1e6,
-        length=(2, 2),
-    )
-    point: list[float] | None = key(
-        None,
-        "the point itself, in the frame of cameras.npz",
-        least=-1e9,
-        most=1e9,
-        length=(3, 3),
+        1, "crops of each photo, at places that suit best", least=1, most=16
     )
 
 
@@ -238,7 +212,7 @@ class Scene(Keys):
     )
     zoom: Zoom | None = key(
         None,
-        "the scene is made of windows of its photos; `zoom: {}` chooses the place",
+        "the scene is made of crops of another one's photos; `windows` makes such",
     )
     seed: int | None = key(
         None,

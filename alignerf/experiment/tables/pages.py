@@ -30,7 +30,7 @@ def options(experiment, scene):
     judging = rows.judging(experiment, scene)
     chosen = {name: experiment.judged_folder(one) for name, one in judging.items()}
     if corrected := judging.get("windows-corrected"):
-        chosen["windows-by"] = experiment.scenes[corrected]["zoom"]["cameras"]
+        chosen["windows-by"] = experiment.cameras_by(corrected)
     if moved := moved_cameras(experiment, scene):
         chosen |= {"moved-by": moved[0], "moved": moved[1]}
     return arguments.options(chosen)
@@ -43,8 +43,9 @@ def moved_cameras(experiment, scene):
     Of renders that are judged: what the verdict's flow says of their cameras.
     """
     reference = experiment.config["reference"]["method"]
-    if judged := experiment.scenes[scene]["judged"]:
-        if not (judged["cameras"] and "train" in judged["splits"]):
+    capture = experiment.capture(scene)
+    if not capture.trains:
+        if not capture.can_export(experiment.scenes[scene]):
             return None
         return "flow", inputs.exported(experiment, scene, reference, "cameras")[0]
     chosen = {n: experiment.methods[n] for n in experiment.trained()}

@@ -191,7 +191,7 @@ def verdict_options(experiment, scene):
 
 def corrections(experiment, scene):
     """{method: cameras.npz} of the methods whose training has moved cameras."""
-    if experiment.scenes[scene]["judged"] or experiment.whole(scene) != scene:
+    if experiment.parent(scene) or not experiment.capture(scene).trains:
         return {}
     return {
         name: f"{experiment.folder(scene, name, 0)}/learnt/cameras.npz"
@@ -205,9 +205,11 @@ def compared(experiment, scene):
 
     And, of a scene whose models this run has trained, what its remedies brought.
     """
-    if judged := experiment.scenes[scene]["judged"]:
+    capture = experiment.capture(scene)
+    if not capture.trains:
         found = {"overfit": f"{experiment.judged_folder(scene)}/overfit.csv"}
-        return found | ({"before": judged["before"]} if judged["before"] else {})
+        before = capture.before(experiment.scenes[scene])
+        return found | ({"before": before} if before else {})
     return {
         "overfit": f"results/{scene}/testset/overfit.csv",
         "misalignment": f"results/{scene}/tables/misalignment.csv",
@@ -218,7 +220,7 @@ def judging(experiment, scene):
     """{option: scene} of the windows that a scene is judged by: one of each kind."""
     found = {}
     for name in experiment.windows(scene):
-        moved = experiment.scenes[name]["zoom"]["cameras"] is not None
+        moved = experiment.cameras_by(name) is not None
         found.setdefault("windows-corrected" if moved else "windows", name)
     return found if "windows" in found else {}
 
@@ -234,10 +236,7 @@ def files_of_windows(experiment, scene):
 
 def figure_rounds(experiment, scene):
     """Test views round by round, of the reference method; none without such views."""
-    if (
-        "test"
-        not in (experiment.scenes[scene]["judged"] or {"splits": "test"})["splits"]
-    ):
+    if "test" not in experiment.capture(scene).splits(experiment.scenes[scene]):
         return []
     method = experiment.config["reference"]["method"]
     folders = [

@@ -9,13 +9,17 @@ centres at +0.5).
 """
 
 import functools
+import logging
 from typing import NamedTuple
 
 import numpy as np
 from scipy import spatial
 
-from alignerf.files import faults
-from alignerf.scenes import cameras, prepare
+from alignerf.captures import base
+from alignerf.files import json_files
+from alignerf.scenes import cameras, loading, prepare
+
+log = logging.getLogger("alignerf.poses")
 
 # Points that are looked at more closely; the others are seen by fewer views.
 MOST_CANDIDATES = 2000
@@ -43,26 +47,7 @@ class Seen(NamedTuple):
     inside: np.ndarray
 
 
-def place(views: prepare.PosedViews, zoom, *, least):
-    """The point [3] that a config's `zoom` means; the views have points.
-
-    least: views that a window needs. Raises ValueError where there is none.
-    """
-    if zoom["point"] is not None:
-        return np.array(zoom["point"])
-    if views.points is None or not len(views.points[0]):
-        raise ValueError("the views share no points: name a `point`")
-    points = views.points[0]
-    if zoom["view"] is not None:
-        return behind(points, views, zoom["view"], zoom["pixel"])
-    count = zoom["number"] + 1
-    chosen = choose(points, views, zoom["px"], count, least=least)
-    if len(chosen) < count:
-        raise ValueError(f"number: only {len(chosen)} places suit, counted from 0")
-    return chosen[-1]
-
-
-def places(views: prepare.PosedViews, zoom, *, least):
+def places(views: prepare.PosedViews, px, count, *, least):
     """(points [k, 3], px): up to `count` places, and the side of their windows.
 
     Windows are as large as there are enough of them: a scene of small photos has
@@ -72,8 +57,8 @@ def places(views: prepare.PosedViews, zoom, *, least):
         raise ValueError("the views share no points")
     points = views.points[0]
     points = points[:: -(-len(points) // MOST_POINTS)]
-    px, best = zoom["px"], (np.zeros((0, 3)), 0)
-    count = 1 if len(views.names) > MANY else zoom["count"]
+    best = (np.zeros((0, 3)), 0)
+    count = 1 if len(views.names) > MANY else count
     while len(best[0]) < count and px >= LEAST_PX:
         try:
             chosen = choose(points, views, px, count, least=least)
@@ -113,7 +98,7 @@ def choose(points, views: prepare.PosedViews, px, count, *, least):
         most = int(share.max(initial=0))
         raise ValueError(
             f"no window of {px} px lies in {least} photos or more (the best in {most} "
-            f"of {len(views.names)}): take a smaller one, or a point of your own"
+            f"of {len(views.names)}): take a smaller one"
         )
     middle = np.median(whole.depth[whole.depth > 0])
     depth = np.median(np.abs(whole.depth[:, candidates]), axis=0)
@@ -153,32 +138,6 @@ def apart(whole: Seen, first, second, px):
     return bool(np.median(away[both]) >= APART * px) if both.any() else True
 
 
-def behind(points, views: prepare.PosedViews, name, pixel):
-    """The point [3] that a view shows at a pixel (x, y): at its neighbours' depth.
-
-    Raises ValueError for a view that is not there, or a pixel outside or without any
-    point near it.
-    """
-    if name not in views.names:
-        few = faults.some_names(sorted(views.names))
-        raise ValueError(f"no view {name!r}, only {few}")
-    if not all(0 <= at <= side for at, side in zip(pixel, size_of(views), strict=True)):
-        width, height = size_of(views)
-        raise ValueError(f"{pixel} is not a pixel of {width}x{height}")
-    view = views.names.index(name)
-    pixtocam, pose = views.pixtocams[view], views.camtoworlds[view]
-    xy, depth = cameras.project(points, pixtocam, pose)
-    ahead = depth > 0
-    away = np.linalg.norm(xy[ahead] - pixel, axis=-1)
-    near = away <= max(size_of(views)) / 8
-    if not near.any():
-        raise ValueError(f"no point of the scene is seen near {pixel} in {name}")
-    nearest = np.argsort(away, kind="stable")[: min(8, near.sum())]
-    depth = np.median(depth[ahead][nearest])
-    inside = depth * (pixtocam @ [*pixel, 1.0]) * [1, -1, -1]
-    return pose[:, :3] @ inside + pose[:, 3]
-
-
 def size_of(views):
     """(width, height)."""
     return views.width, views.height
@@ -202,7 +161,7 @@ def around(point, views: prepare.PosedViews, px, *, least) -> Windows:
     if len(kept) < least:
         raise ValueError(
             f"a window of {px} px around {np.round(point, 4).tolist()} lies in "
-            f"{len(kept)} photos, under {least}: take a smaller one, or another point"
+            f"{len(kept)} photos, under {least}: take a smaller one"
         )
     return Windows(px, kept, np.round(whole.xy[kept, 0] - px / 2).astype(int))
 
@@ -293,3 +252,45 @@ def inside_of(views: prepare.PosedViews):
         xy, depth = cameras.project(points, *camera)
         counts += (depth > 0) & ((xy >= 0) & (xy <= size_of(views))).all(axis=-1)
     return points[counts > 1], colours[counts > 1]
+
+
+def placed(views, config, like):
+    """(views with their points, places [k, 3], px) of the windows of a whole scene."""
+    if like:
+        views = views._replace(points=loading.points_of(like))
+        there = json_files.read(like / "poses.json", {"zoom": dict})["zoom"]
+        return views, np.array(there["points"]), there["px"]
+    views = with_focus(views)
+    least = config["least_train_views"] + 1
+    size = base.of(config).size(config)
+    return views, *places(views, *size, least=least)
+
+
+def around_each(views, points, px, *, least):
+    """(places, their `Windows`) of those seen by views of both splits.
+
+    Raises ValueError where there is none.
+    """
+    found = []
+    for point in points:
+        try:
+            one = around(point, views, px, least=least)
+        except ValueError as error:
+            log.warning("%s", error)
+            continue
+        one = that_count(views, one)
+        split = views.split[one.kept]
+        if (split == "train").sum() >= least - 1 and (split == "test").any():
+            found.append((np.asarray(point).tolist(), one))
+    if not found:
+        what = "seen by enough photos to learn from and to judge by"
+        raise ValueError(f"no place is {what}")
+    return [point for point, _ in found], [one for _, one in found]
+
+
+def with_focus(views):
+    """The views, where they share no points, with the one that they all look at."""
+    focus = cameras.focus_of(views.camtoworlds)
+    if views.points is not None or focus is None:
+        return views
+    return views._replace(points=(focus[None], np.zeros((1, 3), np.uint8)))

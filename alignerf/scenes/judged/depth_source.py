@@ -4,6 +4,7 @@ import logging
 
 import numpy as np
 
+from alignerf.captures import base
 from alignerf.files import faults
 from alignerf.scenes.judged import depths
 from alignerf.scenes.judged.pairs import Judged
@@ -14,8 +15,8 @@ log = logging.getLogger("alignerf")
 def of_depth(config, judged: Judged, views, shown):
     """What is told of depth: where it comes from, its kind and unit, and the files."""
     points = None if views.points is None else views.points[0]
-    if config["judged"]["depth"]:
-        return of_given_depth(config["judged"], views, shown, points)
+    if (keys := base.section(config, "judged"))["depth"]:
+        return of_given_depth(keys, views, shown, points)
     if judged.cameras.kind == "none" or points is None:
         return {"depth": "far"}
     return {"depth": "points"}

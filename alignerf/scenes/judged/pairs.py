@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from alignerf.captures import base
 from alignerf.files import faults
 from alignerf.scenes import photos, prepare
 from alignerf.scenes.judged import depths, lenses, renders
@@ -40,7 +41,7 @@ class Judged(NamedTuple):
 
 def find(config) -> Judged:
     """The pairs of a scene's keys. Raises ValueError in one line."""
-    judged = config["judged"]
+    judged = base.section(config, "judged")
     paths = photos_of(config["path"])
     if judged["cameras"]:
         first = next(iter(paths.values()))

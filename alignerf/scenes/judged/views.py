@@ -12,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from alignerf.captures import base
 from alignerf.files import images, json_files
 from alignerf.scenes import photos, prepare, prepared
 from alignerf.scenes.judged import depth_source, geometry, pairs, renders
@@ -89,13 +90,16 @@ def load(config, scratch):
     log.info("renders show photos %s", geometry.WAYS[way])
     shown = {pair.name: shown_of(pair, judged.size, way) for pair in judged.pairs}
     views = posed(judged, shown, config["background"])
-    prepared.check_views(config["judged"]["cameras"] or config["path"], views)
+    keys = base.section(config, "judged")
+    prepared.check_views(keys["cameras"] or config["path"], views)
     told = judged.told | {"way": way, "apart_px": apart}
     told |= {"background": config["background"]}
     renders_of = [pair.render.path for pair in judged.pairs]
     told["transparent"] = any(map(photos.may_be_transparent, renders_of))
     told |= depth_source.of_depth(config, judged, views, shown)
-    (scratch / "pairs.json").write_text(json.dumps(pairs_json(judged, shown, told)))
+    beside = scratch / prepared.BESIDE
+    beside.mkdir()
+    (beside / "pairs.json").write_text(json.dumps(pairs_json(judged, shown, told)))
     report = {
         "registered": len(judged.pairs),
         "total": len(judged.pairs) + len(judged.told["without_render"]),
@@ -104,7 +108,7 @@ def load(config, scratch):
         "points": None if views.points is None else len(views.points[0]),
         "models": None,
         "judged": told,
-        "files": pairs.files_of(judged, config["judged"]),
+        "files": pairs.files_of(judged, keys),
     }
     sizes = [pair.photo_size for pair in judged.pairs]
     report["photo_size"] = list(max(set(sizes), key=sizes.count))

@@ -296,9 +296,6 @@ ZOOMED = {"source": "courtyard", "courtyard": {"zooms": [0.5]}}
 SEVEN = {"source": "courtyard", "courtyard": {"zooms": [1] * 7}}
 
 
-BY_HAND = {"point": [0, 0, 0]}
-
-
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -348,19 +345,7 @@ BY_HAND = {"point": [0, 0, 0]}
             "scenes.a.courtyard.zooms: 7 of them are more than there are test views",
         ),
         (
-            {"scenes": {"a": COURTYARD["a"] | {"zoom": {"view": "view_000"}}}},
-            "scenes.a.zoom: view and pixel belong together",
-        ),
-        (
-            {"scenes": {"a": COURTYARD["a"] | {"zoom": {"pixel": [1, 2]}}}},
-            "scenes.a.zoom: view and pixel belong together",
-        ),
-        (
-            {"scenes": {"a": COURTYARD["a"] | {"zoom": BY_HAND | {"number": 1}}}},
-            "scenes.a.zoom: point and number: choose one",
-        ),
-        (
-            {"scenes": {"a": COURTYARD["a"] | {"zoom": {"px": 31}}}},
+            {"scenes": {"a": COURTYARD["a"] | {"zoom": {"of": "b", "px": 31}}}},
             "scenes.a.zoom.px: 31 should be greater",
         ),
         (

@@ -34,9 +34,7 @@ def test_views_are_held_out_as_seldom_as_an_interval_allows(views, source):
 
 
 def test_of_24_photos_five_are_held_out():
-    split = poses.split_of(
-        named(24), {"source": "photos", "test_every": None} | {"zoom": {}}
-    )
+    split = poses.split_of(named(24), {"source": "photos", "test_every": None})
     assert np.flatnonzero(split == "test").tolist() == [0, 5, 10, 15, 20]
 
 

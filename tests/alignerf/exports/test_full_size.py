@@ -127,13 +127,13 @@ def test_of_photos_points_land_on_their_pixels(taken, tmp_path):
     assert "COLMAP's: its unit of length is arbitrary" in text
 
 
-def test_windows_go_out_as_they_are(taken, tmp_path):
-    config = taken[0] | {"downscale": 1, "zoom": {"px": 64}}
-    poses.main(config, tmp_path / "windows")
+def test_windows_go_out_as_they_are(made, tmp_path):
+    config = cases.OF_COURTYARD | {"downscale": 1, "zoom": {"of": "whole", "px": 64}}
+    poses.main(config, tmp_path / "windows", made, made / "cameras.npz")
     out = cases.exported(tmp_path / "windows", tmp_path, config=config)
     loaded = prepared.load(tmp_path / "windows")
     found, _ = transforms.read(out)
-    assert (found.width, found.height) == (64, 64)
+    assert found.width == found.height == loaded.width
     for i, name in enumerate(loaded.names):
         own = images.read(tmp_path / "windows/images" / f"{name}.png")
         np.testing.assert_array_equal(found.photos[i].read(), own)

@@ -116,25 +116,6 @@ def test_given_poses_get_points_and_facts(scene, tmp_path, downscale):
     assert 0 < found["nearest"] < found["median_depth"] < found["farthest"]
 
 
-def test_windows_around_a_named_point_know_how_near_the_scene_is(scene, tmp_path):
-    """Without points `decide` has no facts, and trainings fit each photo by itself."""
-    config = given_scene(tmp_path / "given", scene) | {"least_train_views": 3}
-    poses.main(config | {"zoom": {"px": 64}}, tmp_path / "chosen")
-    report = json.loads((tmp_path / "chosen" / "poses.json").read_text())
-    zoom = {"px": 64, "point": report["zoom"]["point"]}
-    poses.main(config | {"zoom": zoom}, tmp_path / "named")
-    chosen, named = (
-        facts.point_facts(prepared.load(tmp_path / name))
-        for name in ("chosen", "named")
-    )
-    assert named == chosen
-    assert 0 < named["nearest"] < named["median_depth"]
-    # Photos that share nothing still have windows where a point is named.
-    blank = given_scene(tmp_path / "blank", scene, blank=True) | {"zoom": zoom}
-    poses.main(blank | {"least_train_views": 3}, tmp_path / "none")
-    assert (tmp_path / "none" / "images").is_dir()
-
-
 def test_points_can_be_left_out_and_may_be_missing(scene, tmp_path, caplog):
     config = given_scene(tmp_path / "given", scene)
     poses.main(config | {"triangulate": False}, tmp_path / "out")
@@ -161,11 +142,9 @@ def test_points_are_found_where_they_are_missing(has, asked, wanted):
     scene = {"source": "courtyard", "poses": has, "triangulate": asked, "zoom": None}
     scene["judged"] = None
     assert base.of(scene).wants_matches(scene) is wanted
-    # Windows have them from the whole photos.
-    # Crops lie around points.
-    crops = scene | {"zoom": {"px": 256}}
-    assert base.of(scene).wants_matches(crops) is (scene["poses"] != "colmap")
-    assert not base.of(scene).wants_matches(scene | {"zoom": {"of": "other"}})
+    # Crops have them from the whole photos.
+    crops = scene | {"zoom": {"of": "other"}}
+    assert not base.of(crops).wants_matches(crops)
 
 
 def test_a_full_disk_is_told_as_the_system_tells_it():

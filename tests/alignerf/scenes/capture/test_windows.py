@@ -125,33 +125,12 @@ def test_hundreds_of_thousands_of_points_take_no_gigabytes(views):
     """As 300 photos of 12 megapixels have: all pairs of points took 12 GB and hours."""
     wall, errors = views.points
     many = np.resize(wall, (200_000, 3)), np.resize(errors, 200_000)
-    zoom = {"px": PX, "count": 2}
     tracemalloc.start()
-    chosen, px = windows.places(views._replace(points=many), zoom, least=4)
+    chosen, px = windows.places(views._replace(points=many), PX, 2, least=4)
     _, most_bytes = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert (len(chosen), px) == (2, PX)
     assert most_bytes < 2e8
-
-
-def test_a_pixel_by_hand_is_the_point_behind_it(views):
-    point = windows.behind(views.points[0], views, "view_2", [120.0, 60.0])
-    assert point[2] == pytest.approx(-2)
-    xy, _ = cameras.project(point, views.pixtocams[2], views.camtoworlds[2])
-    np.testing.assert_allclose(xy, [120, 60], atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("name", "pixel", "reason"),
-    [
-        ("other", [1, 1], "no view 'other', only view_0"),
-        ("view_1", [201, 1], "is not a pixel of 200x150"),
-        ("view_1", [1, -1], "is not a pixel of 200x150"),
-    ],
-)
-def test_a_place_that_is_not_there_is_named(views, name, pixel, reason):
-    with pytest.raises(ValueError, match=reason):
-        windows.behind(views.points[0], views, name, pixel)
 
 
 def test_no_window_is_said_with_the_best_there_is(views):
@@ -159,8 +138,6 @@ def test_no_window_is_said_with_the_best_there_is(views):
         windows.choose(views.points[0], views, 149, 1, least=6)
     with pytest.raises(ValueError, match=r"the best in 0 of 6"):
         windows.choose(views.points[0], views, 190, 1, least=1)
-    with pytest.raises(ValueError, match="no point of the scene is seen near"):
-        windows.behind(np.array([[0.0, 0.0, 3.0]]), views, "view_0", [10, 10])
 
 
 def test_masks_and_splits_follow(views):
