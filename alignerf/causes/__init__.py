@@ -19,7 +19,7 @@ def every():
 
 def find(e):
     """A `base.Finding` of each cause that applies to an Evidence, the gravest first."""
-    by_gravity = sorted(every(), key=lambda cause: cause.gravity)
+    by_gravity = sorted(every(), key=lambda cause: cause.order[1])
     found = [finding for cause in by_gravity if (finding := cause.find(e))]
     # Too many pairs that are none, the gravest of all, say that nothing else can be.
     return found[:1] if e.pairs.stops else found

@@ -130,8 +130,8 @@ class Cause:
     nothing where this run has tried that in vain. advice_external: the same where
     another program was trained; {export} writes corrected photos and cameras.
     seen_by_points: what is only probable counts also where photos are too few.
-    order, gravity, cure: its place among gauges, among what is named, and among what
-    to do: first what a longer training, or work at the desk, cures.
+    order: its places, among gauges; among what is named, the gravest first; and among
+    what to do, first what a longer training, or work at the desk, cures.
     """
 
     name: str
@@ -152,9 +152,7 @@ class Cause:
     looked_for: Callable = lambda e: True
     says: Callable | None = None
     seen_by_points: bool = False
-    order: int = 100
-    gravity: int = 100
-    cure: int = 100
+    order: tuple = (100, 100, 100)
 
     def find(self, e):
         """The `Finding` where an Evidence has this cause, else None."""
@@ -203,16 +201,6 @@ class Finding(NamedTuple):
             return text(e, self.probably)
         value = one.scale(e) * one.value(e)
         return text.format(e=e, probably=self.probably, value=value, px=length(value))
-
-
-def percent(e):
-    """Shares are told in %."""
-    return 100
-
-
-def photo_px(e):
-    """Lengths are told in px of the photo."""
-    return e.photo_px
 
 
 def length(photo_px):

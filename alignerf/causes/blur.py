@@ -8,12 +8,10 @@ BLURRED_DETAIL, BLURRED_VIEWS = 0.6, 0.05
 
 CAUSE = base.Cause(
     name="blurred",
-    order=5,
-    gravity=8,
-    cure=4,
+    order=(5, 8, 4),
     label="blurred photos",
     unit="%",
-    scale=base.percent,
+    scale=lambda e: 100,
     value=lambda e: e.blurred_share,
     limit=lambda e: BLURRED_VIEWS,
     called="some photos are {probably}blurred",

@@ -156,9 +156,7 @@ def advise(e, gains):
 
 CAUSE = base.Cause(
     name="camera",
-    order=1,
-    gravity=10,
-    cure=6,
+    order=(1, 10, 6),
     label="camera poses",
     unit="px",
     value=lambda e: shown(e)[0],

@@ -25,9 +25,7 @@ def sparse(e):
 
 SPARSE = base.Cause(
     name="sparse",
-    order=7,
-    gravity=4,
-    cure=8,
+    order=(7, 4, 8),
     label="held-out photos worse than learnt ones",
     unit="dB",
     value=gap_db,
@@ -42,11 +40,6 @@ SPARSE = base.Cause(
 )
 
 
-def views(e):
-    """Photos to learn from; of renders that are judged, those of the larger split."""
-    return max(e.train_views, e.test_views) if e.judged else e.train_views
-
-
 def few_views(e):
     """Too few photos to learn or to judge from."""
     few_test = e.test_views < shift.FEW_TEST_VIEWS and not e.judged
@@ -58,7 +51,9 @@ def few_views(e):
 def counted(e, probably):
     """A sentence on how many photos there are."""
     if e.judged:
-        return f"{views(e)} renders are few: {shift.FEW_TRAIN_VIEWS} are the least."
+        return (
+            f"{shift.views(e)} renders are few: {shift.FEW_TRAIN_VIEWS} are the least."
+        )
     return (
         f"{e.train_views} photos to learn from and {e.test_views} to judge by are few: "
         f"{shift.FEW_TRAIN_VIEWS} and {shift.FEW_TEST_VIEWS} are the least."
@@ -67,15 +62,13 @@ def counted(e, probably):
 
 FEW_VIEWS = base.Cause(
     name="few_views",
-    order=8,
-    gravity=2,
-    cure=10,
+    order=(8, 2, 10),
     label="number of photos",
     unit="too few",
-    value=lambda e: max(shift.FEW_TRAIN_VIEWS - views(e), 0),
+    value=lambda e: max(shift.FEW_TRAIN_VIEWS - shift.views(e), 0),
     limit=lambda e: 0,
     decide=few_views,
-    says=lambda e: f"{views(e)}, {shift.FEW_TRAIN_VIEWS} are enough",
+    says=lambda e: f"{shift.views(e)}, {shift.FEW_TRAIN_VIEWS} are enough",
     called="photos are few",
     sentence=counted,
     advice="take more photos: 20 or more that overlap.",
@@ -91,12 +84,10 @@ def unregistered(e):
 
 UNREGISTERED = base.Cause(
     name="unregistered",
-    order=9,
-    gravity=3,
-    cure=9,
+    order=(9, 3, 9),
     label="photos placed by COLMAP",
     unit="% left out",
-    scale=base.percent,
+    scale=lambda e: 100,
     value=lambda e: 1 - e.registered / max(e.total, 1),
     limit=lambda e: 1 - REGISTERED,
     decide=unregistered,

@@ -23,9 +23,7 @@ def shown(e):
 
 CAUSE = base.Cause(
     name="exposure",
-    order=6,
-    gravity=9,
-    cure=5,
+    order=(6, 9, 5),
     label="exposure",
     unit="stops",
     value=lambda e: shown(e)[0],

@@ -16,12 +16,10 @@ def beyond_error(px, errors, limit_px):
 
 SHIFT = base.Cause(
     name="lens_shift",
-    order=3,
-    gravity=6,
-    cure=2,
+    order=(3, 6, 2),
     label="principal point",
     unit="px",
-    scale=base.photo_px,
+    scale=lambda e: e.photo_px,
     value=lambda e: e.shift_px,
     limit=lambda e: SHIFT_PX,
     decide=lambda e: beyond_error(e.shift_px, e.shift_errors, SHIFT_PX),
@@ -35,12 +33,10 @@ SHIFT = base.Cause(
 )
 DISTORTION = base.Cause(
     name="lens_distortion",
-    order=4,
-    gravity=7,
-    cure=3,
+    order=(4, 7, 3),
     label="lens distortion",
     unit="px",
-    scale=base.photo_px,
+    scale=lambda e: e.photo_px,
     value=lambda e: e.distortion_px,
     limit=lambda e: BEND_PX,
     decide=lambda e: beyond_error(e.distortion_px, e.distortion_errors, BEND_PX),

@@ -24,12 +24,10 @@ def advise(e, gains):
 
 CAUSE = base.Cause(
     name="motion",
-    order=2,
-    gravity=11,
-    cure=7,
+    order=(2, 11, 7),
     label="things that moved",
     unit="%",
-    scale=base.percent,
+    scale=lambda e: 100,
     value=lambda e: e.moved_share,
     limit=lambda e: MOVED_SHARE,
     sure_limit=MOVED_SURELY,

@@ -11,8 +11,7 @@ def share(e):
 
 CAUSE = base.Cause(
     name="pairs",
-    order=11,
-    gravity=1,
+    order=(11, 1, 100),
     label="renders of the right photos",
     unit="wrong",
     value=lambda e: len(e.pairs.faults),

@@ -57,7 +57,7 @@ def misaligned(e):
     if by_windows(e):
         return True
     times = 2 if known_windows(e) else 1
-    return flow_px(e) > times * limit_of_training_px(e)
+    return flow_px(e) > times * told_px(e.overfit_px)
 
 
 def flow_px(e):
@@ -92,14 +92,9 @@ def known_windows(e):
     return of_windows_say(e) in ("aligned", "misaligned")
 
 
-def limit_of_training_px(e):
-    """The least shift that the training tells, in its px."""
-    return told_px(e.overfit_px)
-
-
 def limit_px(e):
     """The least shift that the run tells, in px of the photo."""
-    return WINDOW_PX if known_windows(e) else e.photo_px * limit_of_training_px(e)
+    return WINDOW_PX if known_windows(e) else e.photo_px * told_px(e.overfit_px)
 
 
 def shift_px(e):
@@ -118,7 +113,11 @@ def tells(e):
     return not limit_px(e) * wide > TOLD_PX
 
 
+def views(e):
+    """Photos to learn from; of renders that are judged, those of the larger split."""
+    return max(e.train_views, e.test_views) if e.judged else e.train_views
+
+
 def few_train(e):
     """Whether views are too few to learn from; of judged ones, to tell anything by."""
-    count = max(e.train_views, e.test_views) if e.judged else e.train_views
-    return count < FEW_TRAIN_VIEWS
+    return views(e) < FEW_TRAIN_VIEWS

@@ -7,9 +7,7 @@ LONGER_DB = 0.3
 
 CAUSE = base.Cause(
     name="undertrained",
-    order=10,
-    gravity=5,
-    cure=1,
+    order=(10, 5, 1),
     label="length of training",
     unit="passes",
     value=lambda e: e.passes,

@@ -19,34 +19,51 @@ from alignerf.metrics import pairs
 from alignerf.scenes import prepared
 from alignerf.verdict import evidence, gains, report, views
 
+OPTIONS = {
+    "scene": "results/SCENE",
+    "base": "the reference's round 0",
+    "out": "verdict.json, written",
+    "views": "views.csv, written",
+    "overfit": "the test set's overfit.csv",
+    "misalignment": "the scene's misalignment.csv",
+    "aligned": "JSON: {method: timing.json} of what has aligned itself",
+    "corrected": "JSON: {method: cameras.npz} of trainings that have moved cameras",
+    "windows": "a training's folder, of windows at the photos' own size",
+    "windows-corrected": "the same with cameras that a method has put right",
+    "before": "verdict.json of renders judged before",
+}
+REQUIRED = ("scene", "base", "out", "views")
+
 
 def main(argv=None):
     args = parse(argv)
-    loaded = prepared.load(args.scene)
-    poses = json_files.read(args.scene / "poses.json", evidence.POSES)
-    timing = json_files.read(args.base / "timing.json", evidence.TIMING)
+    scene, base = Path(args.scene), Path(args.base)
+    loaded = prepared.load(scene)
+    poses = json_files.read(scene / "poses.json", evidence.POSES)
+    timing = json_files.read(base / "timing.json", evidence.TIMING)
     look = None
     if timing["rays_seen"] is None:
         # Another program's: its black borders may be all of what a photo shows.
         told = poses.get("judged")
         look = partial(pairs.look, whole=bool(told and not told.get("transparent")))
-    seen = evidence.read_views(loaded, args.base, prepared.SPLITS, look)
+    seen = evidence.read_views(loaded, base, look)
     known = evidence.gather(
         loaded,
         seen,
-        evidence.read_pattern(loaded, args.base),
+        evidence.read_pattern(loaded, base),
         poses=poses,
         timing=timing,
         overfit=args.overfit,
         windows=(args.windows, args.windows_corrected),
         before=args.before,
     )
-    brought = []
+    brought, rows = [], seen[0]
     if args.misalignment:
-        judged = gains.judgements(args.scene, args.corrected)
-        brought = gains.of_table(args.misalignment, args.aligned, judged)
-    content = content_of(known, brought, seen.rows)
-    table = pd.DataFrame(seen.rows, columns=views.COLUMNS)
+        judged = gains.judgements(scene, json.loads(args.corrected or "{}"))
+        timings = json.loads(args.aligned or "{}")
+        brought = gains.of_table(args.misalignment, timings, judged)
+    content = content_of(known, brought, rows)
+    table = pd.DataFrame(rows, columns=views.COLUMNS)
     with (
         atomic.replace_file(args.out) as path,
         atomic.replace_file(args.views) as views_path,
@@ -60,22 +77,21 @@ def content_of(known, brought, rows):
     """What verdict.json holds. brought: `remedies.Gain`s; rows: `views.View`s."""
     findings = causes.find(known)
     told = report.of(known, findings, brought, rows)
+    checked = known.pairs._asdict() | {"stops": known.pairs.stops}
     return {
         "verdict": report.terminal(told),
         **told,
         "findings": [f._asdict() | {"cause": f.cause.name} for f in findings],
         "gains": [g._asdict() | {"pays": remedies.pays(known, g)} for g in brought],
-        "evidence": {
-            key: value._asdict() if hasattr(value, "_asdict") else value
-            for key, value in known._asdict().items()
-        }
-        | {"pairs": known.pairs._asdict() | {"stops": known.pairs.stops}},
+        "evidence": known._asdict() | {"pairs": checked},
         "stands_out": {row.view: row.stands_out for row in rows if row.stands_out},
     }
 
 
 def plain(value):
-    """Null for what is not a finite number: JSON has no NaN."""
+    """For JSON, which has no NaN: null for what is not a finite number."""
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
     if isinstance(value, dict):
         return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, list):
@@ -86,28 +102,8 @@ def plain(value):
 def parse(argv=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="alignerf.verdict", description=__doc__)
-    add = parser.add_argument
-    add("--scene", type=Path, required=True, help="results/SCENE")
-    add("--base", type=Path, required=True, help="the reference's round 0")
-    add("--overfit", help="the test set's overfit.csv")
-    add("--misalignment", help="the scene's misalignment.csv")
-    add(
-        "--aligned",
-        type=json.loads,
-        default={},
-        help="JSON: {method: timing.json} of what has aligned itself",
-    )
-    add(
-        "--corrected",
-        type=json.loads,
-        default={},
-        help="JSON: {method: cameras.npz} of trainings that have moved cameras",
-    )
-    add("--windows", help="a training's folder, of windows at the photos' own size")
-    add("--windows-corrected", help="the same with cameras that were put right")
-    add("--before", help="verdict.json of renders judged before")
-    add("--out", required=True, help="verdict.json, written")
-    add("--views", required=True, help="views.csv, written")
+    for name, text in OPTIONS.items():
+        parser.add_argument(f"--{name}", required=name in REQUIRED, help=text)
     return parser.parse_args(argv)
 
 

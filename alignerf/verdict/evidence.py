@@ -6,9 +6,9 @@ Reads the outputs of the stages: photos, renders, flow and its parts, trainings,
 import math
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from alignerf.cameras import exposure, lens
 from alignerf.causes import base as causes
@@ -19,15 +19,9 @@ from alignerf.scenes import prepared
 from alignerf.tables import intervals
 from alignerf.verdict import views
 
-# What it takes from a poses.json, and from a training's timing.json; from what
-# poses.json says of windows, and of another program's renders.
+# What it takes from a poses.json, and from a timing.json.
 POSES = prepared.POSES | {"poses": str, "perturb_px": json_files.NUMBER}
 TIMING = {"rays_seen": json_files.NUMBER_OR_NONE}
-ZOOM = {"of": str, "px": int, "points": list}
-JUDGED = dict.fromkeys(("depth", "cameras", "layout", "way"), str)
-# And from the evidence of a judgement before.
-BEFORE = dict.fromkeys(("flow_train_px", "flow_test_px"), json_files.NUMBER_OR_NONE)
-BEFORE |= {"photo_px": json_files.NUMBER}
 # Poses that came with the photos, as poses.json has them.
 INPUT = ("given", "adjusted")
 # Flows of so many training views tell what all have in common.
@@ -35,40 +29,29 @@ MOST_PATTERN_VIEWS = 32
 DRAWS = 2000
 
 
-class Seen(NamedTuple):
-    """What the photos of a scene and their renders say.
+def read_views(loaded: prepared.Scene, base, look=None):
+    """(rows, pairs, shared_ev): what photos and their renders say.
 
     rows: a `views.View` of each view whose render and flow are there. pairs: {view:
-    `pairs.Seen`}, of another program's renders. shared_ev: standard deviation
-    over photos of how bright they show the same points, in stops; NaN where unknown.
+    `pairs.Seen`}, of another program's renders. shared_ev: standard deviation over
+    photos of how bright they show the same points, in stops; NaN where unknown. base:
+    the reference's round 0. look: `pairs.look` with its options, where pairs are to be
+    checked.
     """
-
-    rows: list
-    pairs: dict
-    shared_ev: float
-
-
-def read_views(loaded: prepared.Scene, base, splits, look=None) -> Seen:
-    """`Seen` of the splits that have renders; base: the reference's round 0.
-
-    look: `pairs.look` with its options, where pairs are to be checked.
-    """
-    rows, seen, sampled = [], {}, []
-    for split in splits:
-        if not (base / "renders" / split).is_dir():
-            continue
-        parts = table(base / f"decomposition_photos_{split}.csv")
-        lengths = table(base / "displacement" / f"{split}.csv")
-        tables = parts.join(lengths["blur_sigma_px"])
-        read = partial(read_view, loaded, base, split, tables, look)
-        for row, pair, photo in machine.map_in_threads(read, loaded.views(split)):
-            rows.append(row)
-            seen[row.view] = pair
-            sampled.append(photo)
+    found = []
+    for split in prepared.SPLITS:
+        if (base / "renders" / split).is_dir():
+            parts = table(base / f"decomposition_photos_{split}.csv")
+            lengths = table(base / "displacement" / f"{split}.csv")
+            tables = parts.join(lengths["blur_sigma_px"])
+            read = partial(read_view, loaded, base, split, tables, look)
+            found += machine.map_in_threads(read, loaded.views(split))
+    rows, looked, sampled = zip(*found, strict=True) if found else ((), (), ())
     stops = exposure.stops(sampled)
     known = stops[np.isfinite(stops)]
     shared_ev = float(np.std(known)) if len(known) > 1 else math.nan
-    return Seen(views.named(rows), seen if look else {}, shared_ev)
+    pairs = {row.view: one for row, one in zip(rows, looked, strict=True) if one}
+    return views.named(rows), pairs, shared_ev
 
 
 def read_view(loaded: prepared.Scene, base, split, tables, look, view):
@@ -133,7 +116,7 @@ def read_pattern(loaded: prepared.Scene, base) -> lens.Pattern:
 
 def gather(
     loaded,
-    seen: Seen,
+    seen,
     shared: lens.Pattern,
     *,
     poses,
@@ -144,53 +127,58 @@ def gather(
 ) -> causes.Evidence:
     """The evidence of a scene's views.
 
-    poses, timing: contents of poses.json and of the reference's timing.json. overfit:
-    CSV of the flow invented between images that belong to one another, or None.
-    windows: the two folders of `read_windows`. before: verdict.json of a judgement
-    before this one, or None. Renders of another program may lack the views of a split.
+    seen: of `read_views`. poses, timing: contents of poses.json and of the reference's
+    timing.json. overfit: CSV of the flow invented between images that belong to one
+    another, or None. windows: the two folders of `read_windows`. before: verdict.json
+    of a judgement before this one, or None. Renders of another program may lack the
+    views of a split.
     """
-    checked, rows = held(seen)
-    of_split = {
-        split: [v for v in rows if v.split == split] for split in prepared.SPLITS
-    }
-    train, test = of_split["train"], of_split["test"]
-    counts = {split: int((loaded.split == split).sum()) for split in prepared.SPLITS}
-    pixels = max(counts["train"], 1) * loaded.width * loaded.height
-    photo_px = poses["photo_width"] / poses["width"]
+    rows, looked, shared_ev = seen
+    checked = pairs.check(
+        looked, [v.view for v in rows if v.split == "train"] or list(looked)
+    )
+    # Pairs that are none are left out, unless there are too many of them.
+    bad = () if checked.stops else checked.faults
+    frame = pd.DataFrame([v for v in rows if v.view not in bad], columns=views.COLUMNS)
+    train, test = (frame[frame["split"] == split] for split in prepared.SPLITS)
     # Where training views were not rendered, test views have to tell.
-    main = train or test
-    ratios = np.array([view.detail_ratio for view in main])
-    blurred = ratios < blur.BLURRED_DETAIL * np.median(ratios)
+    main = train if len(train) else test
+    train_views, test_views = (int((loaded.split == s).sum()) for s in prepared.SPLITS)
+    pixels = max(train_views, 1) * loaded.width * loaded.height
+    photo_px = poses["photo_width"] / poses["width"]
+    detail = main["detail_ratio"].median()
     shift, error = np.array(shared.shift_px), np.array(shared.shift_error_px)
+    bend = abs(shared.distortion_px)
     return causes.Evidence(
-        train_views=counts["train"],
-        test_views=counts["test"],
+        train_views=train_views,
+        test_views=test_views,
         registered=poses["registered"],
         # Given poses leave no photo out.
         total=poses["total"] if poses["poses"] == "colmap" else poses["registered"],
         photo_px=photo_px,
         reprojection_px=number(poses["mean_reprojection_error_px"]) / photo_px,
-        flow_train_px=median(v.flow_px for v in train),
-        flow_test_px=median(v.flow_px for v in test),
-        camera_px=median(v.camera_px for v in main),
-        remainder_px=median(v.remainder_px for v in main),
-        moved_share=median(v.moved_share for v in main),
-        psnr_train_db=mean(v.even_psnr_db for v in train),
-        psnr_test_db=mean(v.even_psnr_db for v in test),
+        flow_train_px=median(train["flow_px"]),
+        flow_test_px=median(test["flow_px"]),
+        camera_px=median(main["camera_px"]),
+        remainder_px=median(main["remainder_px"]),
+        moved_share=median(main["moved_share"]),
+        psnr_train_db=mean(train["even_psnr_db"]),
+        psnr_test_db=mean(test["even_psnr_db"]),
         overfit_px=float(table(overfit)["median_px"].median()) if overfit else math.nan,
         passes=number(timing["rays_seen"]) / pixels,
-        detail_median=float(np.median(ratios)),
-        blurred_share=float(np.mean(blurred)),
+        detail_median=float(detail),
+        blurred_share=mean(main["detail_ratio"] < blur.BLURRED_DETAIL * detail),
         # Renders of training views have learnt some of their photos' brightness.
         exposure_ev=max(
-            float(np.std([v.exposure_ev for v in own])) for own in (train, test) if own
+            float(own["exposure_ev"].to_numpy().std())
+            for own in (train, test)
+            if len(own)
         ),
-        shared_ev=seen.shared_ev,
+        shared_ev=shared_ev,
         shift_px=float(np.hypot(*shift)),
         shift_errors=float(np.max(np.abs(shift) / np.maximum(error, 1e-3))),
-        distortion_px=abs(shared.distortion_px),
-        distortion_errors=abs(shared.distortion_px)
-        / max(shared.distortion_error_px, 1e-3),
+        distortion_px=bend,
+        distortion_errors=bend / max(shared.distortion_error_px, 1e-3),
         # Of windows, that of the photos which they are cut from.
         photo_width_px=float(poses.get("photo_size", [poses["photo_width"]])[0]),
         poses_given=poses["poses"] in INPUT,
@@ -202,17 +190,6 @@ def gather(
     )
 
 
-def held(seen: Seen):
-    """(`pairs.Checked`, the rows that are told by).
-
-    Pairs that are none are left out, unless there are too many of them.
-    """
-    main = [v.view for v in seen.rows if v.split == "train"] or list(seen.pairs)
-    checked = pairs.check(seen.pairs, main)
-    bad = () if checked.stops else checked.faults
-    return checked, [view for view in seen.rows if view.view not in bad]
-
-
 def of_matches(poses):
     """`Matches` by the contents of poses.json; None where none were sought.
 
@@ -222,13 +199,11 @@ def of_matches(poses):
     if told.get("before_px") is None:
         return None
     accepted = bool(told.get("accepted"))
+    off = (told["pose_error_px"], told["worst_px"]) if accepted else (math.nan,) * 2
     return causes.Matches(
-        accepted=accepted,
-        applied=accepted and poses["poses"] == "adjusted",
-        before_px=float(told["before_px"]),
-        after_px=float(told["after_px"]),
-        pose_error_px=float(told["pose_error_px"]) if accepted else math.nan,
-        worst_px=float(told["worst_px"]) if accepted else math.nan,
+        accepted,
+        accepted and poses["poses"] == "adjusted",
+        *map(float, (told["before_px"], told["after_px"], *off)),
     )
 
 
@@ -239,22 +214,15 @@ def read_judged(poses, before=None):
     """
     if (told := poses.get("judged")) is None:
         return None
-    json_files.check(told, JUDGED)
-    kept = {key: told[key] for key in ("depth", "cameras", "layout")}
-    return causes.Judged(
-        **kept, before=before and read_before(before), depth_unit=told.get("depth_unit")
-    )
+    known = {key: told.get(key) for key in causes.Judged._fields}
+    return causes.Judged(**known | {"before": before and read_before(Path(before))})
 
 
 def read_before(path):
     """(name, px on photos that were trained on, px on held-out ones; None unknown)."""
     found = json_files.read(path, {"evidence": dict})["evidence"]
-    try:
-        json_files.check(found, BEFORE)
-    except ValueError as error:
-        raise ValueError(f"{path}: evidence: {error}") from None
     shifts = (found["flow_train_px"], found["flow_test_px"])
-    return Path(path).parent.name, *(px and px * found["photo_px"] for px in shifts)
+    return path.parent.name, *(px and px * found["photo_px"] for px in shifts)
 
 
 def read_windows(given, corrected=None):
@@ -266,13 +234,12 @@ def read_windows(given, corrected=None):
     if not given:
         return None
     base = Path(given)
-    scene = base.parents[1]
-    zoom = json_files.read(scene / "poses.json", {"zoom": dict})["zoom"]
-    json_files.check(zoom, ZOOM)
-    loaded = prepared.load(scene)
+    loaded = prepared.load(base.parents[1])
+    zoom = json_files.read(loaded.folder / "poses.json", {"zoom": dict})["zoom"]
     pixels = len(loaded.views("train")) * loaded.width * loaded.height
-    flows, of_test = (of_photos(base, split, "flow") for split in ("train", "test"))
+    flows, of_test = (of_photos(base, split, "flow") for split in prepared.SPLITS)
     low, high = interval_of_median(flows)
+    after = of_photos(Path(corrected), "train", "flow") if corrected else flows[:0]
     return causes.Windows(
         places=len(zoom["points"]),
         px=zoom["px"],
@@ -285,9 +252,7 @@ def read_windows(given, corrected=None):
         camera_px=median(of_photos(base, "train", "camera")),
         remainder_px=median(of_photos(base, "train", "remainder")),
         passes=json_files.read(base / "timing.json", TIMING)["rays_seen"] / pixels,
-        corrected_px=median(of_photos(Path(corrected), "train", "flow"))
-        if corrected
-        else math.nan,
+        corrected_px=median(after),
     )
 
 
@@ -297,11 +262,9 @@ def of_photos(base, split, what):
     Photos without a valid flow are left out.
     """
     column = f"{what}_median_px"
-    found = csv_files.read(
-        base / f"decomposition_photos_{split}.csv", columns=["view", column]
-    )
-    photo = found["view"].str.rpartition("_w")[0]
-    return found.groupby(photo)[column].median().dropna().to_numpy(np.float64)
+    lengths = table(base / f"decomposition_photos_{split}.csv")[column]
+    photo = lengths.index.str.rpartition("_w").get_level_values(0)
+    return lengths.groupby(photo).median().dropna().to_numpy(np.float64)
 
 
 def interval_of_median(values):
@@ -319,11 +282,10 @@ def number(value):
 
 def median(values):
     """Of those that are known; NaN of none."""
-    known = [value for value in values if np.isfinite(value)]
-    return float(np.median(known)) if known else math.nan
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else math.nan
 
 
 def mean(values):
     """NaN of none."""
-    values = list(values)
-    return float(np.mean(values)) if values else math.nan
+    return float(values.to_numpy().mean()) if len(values) else math.nan

@@ -44,14 +44,9 @@ def of_table(path, timings, judgements=()):
         judgement = dict(judgements).get(row.method)
         gains.append(
             Gain(
-                name=name,
-                db=row.difference_db,
-                low=row.difference_low_db,
-                high=row.difference_high_db,
-                minutes=row.total_time_s / 60,
-                method=row.method,
-                on_the_way=row.moves_cameras,
-                test_set=row.test_set,
+                *(name, row.difference_db),
+                *(row.difference_low_db, row.difference_high_db),
+                *(row.total_time_s / 60, row.method, row.moves_cameras, row.test_set),
                 cameras_moved=cameras_moved(timing) if timing else None,
                 warped=row.moves_photos,
                 matches=judgement and judgement.told(),

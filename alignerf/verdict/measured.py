@@ -81,7 +81,7 @@ def whole_photos(e):
         parts.append(f"{px} on photos that were trained on")
     if math.isfinite(e.flow_test_px) or not e.judged:
         parts.append(f"{length(e.photo_px * e.flow_test_px)} on held-out ones")
-    limit = e.photo_px * shift.limit_of_training_px(e)
+    limit = e.photo_px * shift.told_px(e.overfit_px)
     begins = "Photo and render are shifted by"
     if e.windows:
         begins = "By the whole photos, trained small, the shift is"

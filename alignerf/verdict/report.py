@@ -120,7 +120,7 @@ def advise(e, findings, gains=()):
     if is_sparse(findings, surely=True) and not e.judged:
         # What is only probable then is seen by bad renders; poses are by points, too.
         findings = [one for one in findings if one.sure or one.cause.seen_by_points]
-    for cause in sorted((f.cause for f in findings), key=lambda one: one.cure):
+    for cause in sorted((f.cause for f in findings), key=lambda one: one.order[2]):
         text = with_export(e, cause.advice_external) if e.judged else cause.advice
         if said := text(e, gains) if callable(text) else text:
             return said
