@@ -10,21 +10,19 @@ by `srun` for example, train one model (`alignerf.processes`).
 import argparse
 import contextlib
 import hashlib
-import importlib
 import json
 import logging
-import shutil
 from pathlib import Path
 
 import jax
 
-from alignerf.cameras import refine
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.costs import summary
 from alignerf.decisions import fill
 from alignerf.experiment import jobs
 from alignerf.files import archives, atomic, faults, machine
 from alignerf.kernels import calls
+from alignerf.methods import base
 from alignerf.processes import consensus, devices
 from alignerf.scenes import prepared
 from alignerf.sfm import pose_error
@@ -124,10 +122,10 @@ def train(job, args):
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
     check_inputs(job, loaded, chosen, photos, args.valid)
     compared = to_truth(loaded, args.truth) if args.truth else None
-    method = compose.make_method(job, lambda: refine.views_of(loaded))
+    method, part = compose.make_method(job, loaded), base.part_of(job)
     params = initial_params(job, method, args.initial)
     shapes = batches.view_shapes(loaded, chosen)
-    aligner = make_aligner(job, loaded, chosen, photos, args)
+    aligner = part.aligner(loaded, photos, args.checkpoints)
     to_come = checked_bytes(shapes, aligner, photos)
     left = summary.Left(args.scene, args.timing)
     if text := left.words():
@@ -145,13 +143,11 @@ def train(job, args):
         note=left.words,
         aligner=aligner,
     )
-    moved = loaded
-    if job.align:
-        moved = aligner.now
-    elif job.refine:
-        moved = refine.learnt(loaded, params["cameras"], job.refine.preconditioned)
+    moved = part.moved(loaded, params, aligner)
     if consensus.is_first():
-        write_learnt(job, moved, aligner, views, args)
+        cameras = args.cameras or f"{args.scene}/cameras.npz"
+        with atomic.replace_folder(args.learnt) as folder:
+            part.write(folder, moved, aligner, views, cameras)
     if compared:
         own = prepared.load(args.scene)
         errors_px = {"given": compared(own), "after": compared(moved)}
@@ -182,32 +178,6 @@ def checked_bytes(shapes, aligner, photos):
     return to_come
 
 
-def make_aligner(job, loaded: prepared.Scene, chosen, photos, args):
-    """The `Aligner` of a job that aligns on the way, else None.
-
-    Imported by name: `experiment.sources` follows the import statements of a file, and
-    a change of the flow package must not rerun the trainings that align nothing.
-    """
-    if job.align is None:
-        return None
-    alignment = importlib.import_module("alignerf.alignment.aligner")
-    scene = alignment.looker.Scene(loaded, chosen, photos)
-    return alignment.Aligner(job, scene, args.checkpoints)
-
-
-def write_learnt(job, moved, aligner, views, args):
-    """Write the cameras that the renders are seen by, and photos that were warped."""
-    with atomic.replace_folder(args.learnt) as folder:
-        path = folder / "cameras.npz"
-        if job.align:
-            aligner.write(folder, views, args.cameras)
-        elif job.refine:
-            prepared.write_cameras(path, moved, args.cameras)
-        else:
-            original = args.cameras or f"{args.scene}/cameras.npz"
-            shutil.copyfile(original, path)
-
-
 def to_truth(loaded: prepared.Scene, truth):
     """A function: a scene -> median error of its training views' cameras, in px."""
     true, chosen = prepared.read_cameras(f"{truth}/cameras.npz"), loaded.views("train")
@@ -224,29 +194,28 @@ def with_radius(job, displacement) -> jobs.Job:
     radius_px = search_radius.radius_from(search_radius.read_lengths_px(displacement))
     log.info("search radius: %d px", radius_px)
     settings = job.alignerf.model_copy(update={"radius_px": radius_px})
-    return job.model_copy(update={"alignerf": settings})
+    return job.changed(alignerf=settings)
 
 
 def weights_digest(job) -> str:
     """SHA-256 of the frequency loss's weights: with others training starts anew."""
-    path = job.alignerf and job.alignerf.frequency_weights
-    if job.stage != "finetune" or not path:
+    if not job.weights:
         return ""
-    with faults.opened(path) as file:
+    with faults.opened(job.weights) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def initial_params(job, method, initial):
     """Fresh parameters, those of the round before, or widened pre-trained ones."""
     key = jax.random.key(job.seed)
-    if job.stage in ("warm", "finetune") and initial is None:
+    if job.continues and initial is None:
         raise ValueError(f"--initial: stage {job.stage!r} needs trained parameters")
     if job.stage == "warm":
         return checkpoint.read_params(initial, jax.eval_shape(method.init, key))
     fresh = jax.jit(method.init)(key)
     if job.stage != "finetune":
         return fresh
-    pretrain = compose.make_method(jobs.in_stage(job, "full"))
+    pretrain = compose.make_method(jobs.plain(job))
     template = jax.eval_shape(pretrain.init, key)
     trained = checkpoint.read_params(initial, template)
     model = patch_conv.widen_values(trained["model"], job.alignerf.outputs, key)

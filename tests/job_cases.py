@@ -56,7 +56,6 @@ JOB = {
         "field": GRID | {"view_widths": [8]},
     },
     "training": TRAINING,
-    "alignerf": None,
 }
 
 

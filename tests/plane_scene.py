@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from alignerf.alignment import aligner, looker
 from alignerf.files import images
-from alignerf.methods.align import Align
+from alignerf.methods import align
 from alignerf.mipnerf360 import model
 from alignerf.scenes import cameras, prepared
 from alignerf.training import batches, methods, renderer
@@ -82,7 +82,7 @@ def make_scene(folder, true, given, photo_of=lambda i, photo: photo):
 def aligner_of(loaded, folder, **changes):
     scene = looker.Scene(loaded, loaded.views("train"), loaded.folder / "images")
     job = cases.job_of()
-    job = job.model_copy(update={"align": Align(**ALIGN | changes)})
+    job = align.Job(**dict(job), align=align.Align(**ALIGN | changes))
     found = aligner.Aligner(job, scene, folder, METHOD)
     found.begin(10, "this")
     return found

@@ -320,8 +320,7 @@ LOGS = {
 }
 # No files: options of commands, and what processes of ours tell each other.
 TOLD = (
-    *("alignerf.costs.plan", "alignerf.experiment.inputs"),
-    *("alignerf.experiment.jobs", "alignerf.experiment.trainings"),
+    "alignerf.experiment.jobs",
     *("alignerf.exports.sizes", "alignerf.others.jobs", "alignerf.verdict.__main__"),
     *("alignerf.costs.__main__", "alignerf.processes.consensus"),
     "flow.figures.scene",

@@ -37,7 +37,6 @@ def job_of(**model):
             "stage": "full",
             "model": model,
             "training": {"steps": 10, "batch_rays": 8},
-            "alignerf": None,
         }
     )
 

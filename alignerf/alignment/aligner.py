@@ -13,7 +13,7 @@ import numpy as np
 
 from alignerf.alignment import cameras, look, looker, outputs, photos, store, words
 from alignerf.experiment import jobs
-from alignerf.methods import align
+from alignerf.methods import align, base
 from alignerf.processes import consensus, devices
 from alignerf.training import compose, memory
 from flow.camera import correct
@@ -40,20 +40,20 @@ class Aligner:
 
     def __init__(self, job: jobs.Job, scene: looker.Scene, folder, method=None):
         """folder: of the training's checkpoints. method: that shows the views."""
-        self.settings, self.scene, self.folder = job.align, scene, folder
+        self.settings, self.scene, self.folder = job.aligns, scene, folder
         few = look.with_fewer_samples(job)
         self.method = method or compose.make_method(few, to_train=False)
         self.size = scene.loaded.height, scene.loaded.width
-        least_px = estimators.METHODS[job.align.estimator].min_side_px
+        least_px = estimators.METHODS[job.aligns.estimator].min_side_px
         try:
-            self.k = look.factor(self.size, least_px, job.align.shrink)
+            self.k = look.factor(self.size, least_px, job.aligns.shrink)
         except ValueError as error:
             raise ValueError(f"{scene.photos}: {error}") from None
         self.now = scene.loaded
         self.offsets_px = self.valid = None
         self.report = []
         self.identity, self.places, self.steps = "", {}, 0
-        self.look = looker.Looker(self.method, scene, self.k, job.align)
+        self.look = looker.Looker(self.method, scene, self.k, job.aligns)
 
     @property
     def compile_time_s(self):
@@ -268,6 +268,20 @@ class Aligner:
             "offsets_px": ((views, h, w, 2), "float32"),
             "valid": ((views, h, w), "bool"),
         }
+
+
+class InLoop(base.Part):
+    """What `align` adds to a training."""
+
+    def aligner(self, loaded, photos, folder):
+        scene = looker.Scene(loaded, loaded.views("train"), photos)
+        return Aligner(self.job, scene, folder)
+
+    def moved(self, loaded, params, aligner):
+        return aligner.now
+
+    def write(self, folder, moved, aligner, views, cameras):
+        aligner.write(folder, views, cameras)
 
 
 def shared(arrays):

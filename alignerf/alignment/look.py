@@ -41,7 +41,7 @@ def with_fewer_samples(job: jobs.Job) -> jobs.Job:
         return job
     samples = [max(LEAST_SAMPLES, first // 2), *others]
     model = job.model.model_copy(update={"samples": samples})
-    return job.model_copy(update={"model": model})
+    return job.changed(model=model)
 
 
 def factor(size, least_side_px, most):

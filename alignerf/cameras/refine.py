@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignerf.cameras import moves
+from alignerf.methods import base
 from alignerf.scenes import cameras, prepared
 
 # CamP's constants: points seen by a camera, between these depths in units of the
@@ -161,3 +162,25 @@ def moved_cameras(camtoworlds, twist):
     poses[:, :, :3] = turn @ poses[:, :, :3]
     poses[:, :, 3] += twist[:, 3:]
     return poses
+
+
+class Learning(base.Part):
+    """What `refine` adds to a training."""
+
+    @property
+    def moving(self):
+        return self.job.refine
+
+    @property
+    def coarse_to_fine(self):
+        return tuple(self.moving.coarse_to_fine or ())
+
+    def wrapped(self, method, loaded):
+        scales = scales_of(views_of(loaded), self.moving.preconditioned)
+        return refined(method, scales)
+
+    def moved(self, loaded, params, aligner):
+        return learnt(loaded, params["cameras"], self.moving.preconditioned)
+
+    def write(self, folder, moved, aligner, views, cameras):
+        prepared.write_cameras(folder / "cameras.npz", moved, cameras)

@@ -13,7 +13,6 @@ import time
 
 import jax
 
-from alignerf.cameras import refine
 from alignerf.costs import plan
 from alignerf.experiment import jobs
 from alignerf.files import faults, machine
@@ -40,7 +39,7 @@ def main(argv=None):
     job = jobs.parse(jobs.read(args.config))
     if job.stage == "finetune" and job.alignerf.radius_px is None:
         settings = job.alignerf.model_copy(update={"radius_px": RADIUS_PX})
-        job = job.model_copy(update={"alignerf": settings})
+        job = job.changed(alignerf=settings)
     if program.hashed(job.model):
         devices.use_as_devices()
     print(json.dumps(rates_of(job, prepared.load(args.scene), started)._asdict()))
@@ -49,7 +48,7 @@ def main(argv=None):
 def rates_of(job, loaded: prepared.Scene, started) -> plan.Rates:
     """Seconds to start, to compile from the cache and of a step; peak in bytes."""
     chosen = loaded.views("train")
-    method = compose.make_method(job, lambda: refine.views_of(loaded))
+    method = compose.make_method(job, loaded)
     params = jax.jit(method.init)(jax.random.key(job.seed))
     shapes = batches.view_shapes(loaded, chosen)
     start_s = time.time() - started

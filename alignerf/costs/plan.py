@@ -5,7 +5,6 @@ A training's step and the flow of some photos are timed on this machine (`Rates`
 starts of processes, and a constant a megapixel of test views.
 """
 
-import json
 import os
 from typing import NamedTuple
 
@@ -86,8 +85,8 @@ def of_scene(experiment, scene):
     found = {
         one.folder: {
             "name": one.folder,
-            "job": json.loads(one.job),
-            "external": bool(one.external),
+            "job": one.job.model_dump(),
+            "external": not one.job.ours,
             "after": list(dict.fromkeys(t.folder for t in (*one.after, *one.flows))),
             "splits": longest.splits(scene, one.folder),
             "crop": None,
@@ -187,10 +186,10 @@ def loop_of(job, rate: Rates, pixel_s, flow: Flow, views: Views):
     """(seconds of a training's steps and alignments, their bytes of memory)."""
     minutes = job.budget_min
     seconds = job.steps * rate.step_s if minutes is None else 60 * minutes
-    if not job.align:
+    if not job.aligns:
         return seconds, 0
-    share = 1 / max(1, min(job.align.shrink, views.side // FLOW_SIDE)) ** 2
-    looks = len({*job.align.cameras_at, *job.align.photos_at}) * views.train
+    share = 1 / max(1, min(job.aligns.shrink, views.side // FLOW_SIDE)) ** 2
+    looks = len({*job.aligns.cameras_at, *job.aligns.photos_at}) * views.train
     look_s = share * (views.pixels * pixel_s + flow.view_s)
     size = (RGB_BYTES + share * ALIGNED_BYTES) * views.train * views.pixels
     return seconds + rate.compile_s + looks * look_s, int(size)

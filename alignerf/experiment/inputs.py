@@ -1,7 +1,5 @@
 """Input files and command-line options of the rules that train, score and export."""
 
-import json
-
 from alignerf import methods, testsets
 from alignerf.experiment import (
     arguments,
@@ -125,13 +123,13 @@ def external_options(experiment, scene, folder):
 def external_data(experiment, scene, folder):
     """What another program learns from; [] of finished renders, which need none."""
     training = experiment.training(scene, folder)
-    return [] if training.external["renders"] else f"{training.path}/data"
+    return [] if training.job.external.renders else f"{training.path}/data"
 
 
 def external_folders(experiment, scene, folder):
     """Folders of finished renders and of their depth, on the disk; [] of commands."""
-    chosen = experiment.training(scene, folder).external
-    found = [chosen[key] for key in ("renders", "depth") if chosen[key]]
+    chosen = experiment.training(scene, folder).job.external
+    found = filter(None, (chosen.renders, chosen.depth))
     return [path.replace("{scene}", scene) for path in found]
 
 
@@ -142,8 +140,7 @@ def external_keys(experiment, folder):
 
 def weights_of(experiment, scene, folder):
     """[file] of the VGG-19 weights of a fine-tuning's frequency loss; [] without."""
-    finetuning = json.loads(experiment.training(scene, folder).job).get("alignerf")
-    weights = finetuning and finetuning["frequency_weights"]
+    weights = experiment.training(scene, folder).job.weights
     return [weights] if weights else []
 
 
@@ -177,7 +174,7 @@ def exported(experiment, scene, method, what):
     """
     training = last_training(experiment, scene, method)
     if not experiment.capture(scene).trains:
-        following = rounds.after(training, training.folder, {}, what)
+        following = rounds.after(training, training.folder, training.job, what)
         return following.cameras, following.warped
     warped = training.warped if what == "photos" else {}
     return f"{training.learnt}/cameras.npz", warped
@@ -186,7 +183,7 @@ def exported(experiment, scene, method, what):
 def is_adjusted(training):
     """Whether a training's cameras are the adjusted ones, and nothing more."""
     adjusted = training.cameras == layout.adjusted(training.scene, "train.npz")
-    return adjusted and not training.moves
+    return adjusted and "cameras" not in training.job.moves
 
 
 def held_out_of(experiment, scene, method, what):

@@ -1,50 +1,67 @@
-"""A training job: its slice of the config as an object, and what follows from it."""
+"""A training job: its slice of the config as an object, and what follows from it.
 
+A job has a class of its own for each stage, and for each method that changes a whole
+training (`jobs` of `methods.base.Method`).
+"""
+
+import functools
 import json
 import math
-from typing import Literal
+from typing import ClassVar, Literal
 
+from alignerf import methods
 from alignerf.experiment import schema
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.experiment.keys.key import Keys, key
-from alignerf.files import faults
-from alignerf.methods.align import Align
-from alignerf.methods.refine import Refine
-from alignerf.methods.staged import AligNeRF
+from alignerf.files import faults, json_files
 
-STAGES = ("full", "warm", "pretrain", "finetune")
 # Of a stage with a budget, however small that is; of a whole training, however large.
 LEAST_STEPS, MOST_STEPS = 10, 10**8
 
 
-class Finetuning(AligNeRF):
-    """The settings of one method, with the file that its loss looks through."""
+class Text:
+    """A job's JSON, by which jobs are compared."""
 
-    radius_px: int | None = key(
-        None, "null takes it from the measured misalignment", least=0, most=64
-    )
-    frequency_weights: str | None = key(None, "file that the loss looks through")
+    @functools.cached_property
+    def text(self):
+        return json_files.canonical(self.model_dump())
 
-    @property
-    def outputs(self):
-        """Values that the field gives: without a convolution they are colours."""
-        return self.features if self.convolution else 3
+    def __eq__(self, other):
+        return type(self) is type(other) and self.text == other.text
+
+    def __hash__(self):
+        return hash(self.text)
+
+    def changed(self, **fields):
+        """The job with other values of these fields."""
+        made = self.model_copy(update=fields)
+        made.__dict__.pop("text", None)
+        return made
 
 
-class Job(Keys):
-    """All that decides what a training computes, besides scene and threads."""
+class Job(Text, Keys):
+    """All that decides what a training computes, besides scene and threads.
+
+    own: the key by which a job of its stage is of this class. part: `module:class` of
+    what it adds to a training (`methods.base.Part`). continues: it begins with trained
+    parameters. annealed: its first samples spread beyond where proposals put them.
+    aligns: its settings of alignments in the loop. weights: the file that its loss
+    looks through. moves: what it changes while it runs: `cameras`, `photos`.
+    """
+
+    own: ClassVar = None
+    part: ClassVar = None
+    continues: ClassVar = False
+    annealed: ClassVar = True
+    aligns: ClassVar = None
+    weights: ClassVar = None
+    moves: ClassVar = frozenset()
+    ours: ClassVar = True
 
     seed: int = key(least=0, most=2**32 - 1)
-    stage: Literal[STAGES] = key()
     model: model_keys.Models = key()
     training: training_keys.Training = key()
-    alignerf: Finetuning | None = key(None, "of a fine-tuning")
-    pretrain_share: float | None = key(
-        None, "of a pre-training: its share of the length", above=0, most=1
-    )
-    refine: Refine | None = key(None, "learns cameras too")
-    align: Align | None = key(None, "aligns itself on the way")
     decisions: str | None = key(
         None,
         "file of what the scene's facts decided; `alignerf.decisions.fill` takes it",
@@ -53,12 +70,7 @@ class Job(Keys):
     @property
     def share(self):
         """Of the training's length that this stage has."""
-        return {
-            "full": 1.0,
-            "warm": 1.0,
-            "pretrain": self.pretrain_share,
-            "finetune": self.alignerf and self.alignerf.finetune_share,
-        }[self.stage]
+        return 1.0
 
     @property
     def budget_min(self):
@@ -74,7 +86,7 @@ class Job(Keys):
     @property
     def schedule_steps(self):
         """Steps that the learning rate falls over: pre-training is a beginning."""
-        return self.steps if self.stage == "finetune" else self.training.steps
+        return self.training.steps
 
     @property
     def warmup_steps(self):
@@ -85,14 +97,17 @@ class Job(Keys):
     @property
     def learning_rates(self):
         """First and last of this stage."""
-        stage = self.alignerf if self.stage == "finetune" else self.training
-        return stage.learning_rates
+        return self.training.learning_rates
 
     @property
     def rays_per_step(self):
-        if self.stage == "finetune":
-            return self.alignerf.patches * self.alignerf.patch_px**2
         return self.training.batch_rays
+
+
+class Full(Job):
+    """A training in one go."""
+
+    stage: Literal["full"] = key("full")
 
 
 def read(text):
@@ -110,7 +125,9 @@ def read(text):
 
 def parse(values) -> Job:
     """The job of a training or rendering, checked as a whole; defaults are filled."""
-    given, values = values, schema.filled(Job, values)
+    values = {key: value for key, value in values.items() if value is not None}
+    kind = class_of(values)
+    given, values = values, schema.filled(kind, values)
     training_keys.check_length(given["training"], "training")
     values["training"] |= values["model"].pop("training")
     values["model"]["training"] = {}
@@ -119,38 +136,27 @@ def parse(values) -> Job:
     if not values["training"]["learning_rates"]:
         rates = model_keys.rates_of(values["model"])
         values["training"]["learning_rates"] = rates
-    job = schema.check(Job, values)
-    if job.decisions:
+    job = schema.check(kind, values)
+    if job.decisions or job.training.decided or getattr(job.model, "decided", None):
         raise ValueError("config: decisions: they are not filled in")
-    if job.training.decided or getattr(job.model, "decided", None):
-        raise ValueError("config: decided: keys that are still left to facts")
-    check_stage(job)
-    if hasattr(job.model, "far") and job.model.near >= job.model.far:
-        raise ValueError("config: model: near must be smaller than far")
-    if job.align and (job.alignerf or job.refine or job.stage != "full"):
-        raise ValueError("config: align: not beside alignerf, refine or another stage")
-    others = job.alignerf or job.refine or job.pretrain_share
-    if others and job.model.kind != "mipnerf360":
-        raise ValueError(f"config: model.kind: {job.model.kind} has no such stage")
     return job
 
 
-def check_stage(job: Job):
-    """Each stage has its own keys, and no other has them."""
-    for stage, name in (("pretrain", "pretrain_share"), ("finetune", "alignerf")):
-        is_there = getattr(job, name) is not None
-        if job.stage == stage and not is_there:
-            raise ValueError(f"config: {name}: stage {stage!r} needs it")
-        if job.stage != stage and is_there:
-            raise ValueError(f"config: {name}: not in stage {job.stage!r}")
-    chosen = job.alignerf
-    if chosen and chosen.matching == "pixel" and chosen.radius_px == 0:
-        raise ValueError("config: alignerf.radius_px: matching pixel needs 1 or more")
+def class_of(values):
+    """The class of a job's mapping, by its stage and by its methods' own keys."""
+    every = [Full, *(one for record in methods.every() for one in record.jobs)]
+    stages = {one.default("stage"): one for one in every if one.own is None}
+    own = [one for one in every if one.own and one.own in values]
+    if values.get("stage") not in stages:
+        raise ValueError(
+            f"config: stage: {values.get('stage')!r} is none of {[*stages]}"
+        )
+    return own[0] if own else stages[values["stage"]]
 
 
-def in_stage(job: Job, stage) -> Job:
-    """The same job in another stage."""
-    return job.model_copy(update={"stage": stage})
+def plain(job: Job) -> Full:
+    """The training in one go by a job's model and settings."""
+    return Full(seed=job.seed, model=job.model, training=job.training)
 
 
 def steps_in(job: Job, step_time_s) -> int:
@@ -165,8 +171,7 @@ def with_steps(job: Job, steps) -> Job:
     training = job.training.model_dump() | {"steps": steps}
     warmup_steps = min(training_keys.warmup(training)["warmup_steps"], steps)
     found = {"steps": steps, "warmup_steps": warmup_steps}
-    training = job.training.model_copy(update=found)
-    return job.model_copy(update={"training": training})
+    return job.changed(training=job.training.model_copy(update=found))
 
 
 def as_dict(job: Job) -> dict:

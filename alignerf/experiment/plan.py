@@ -74,6 +74,18 @@ class Experiment:
         """The method whose round 0 is the baseline of a method in tables."""
         return methods.of_method(self.methods[method]).baseline(self, method)
 
+    def label(self, method):
+        """How tables call a method: its field, and what else the method is."""
+        return methods.label(self, method)
+
+    def moves(self, method, round=None):
+        """What a method has changed by a round, see `methods.moves`."""
+        return methods.moves(self.methods[method], round)
+
+    def input_cameras(self, scene, method):
+        """{"cameras": path} of those that a method begins with, if not the scene's."""
+        return methods.input_cameras(self, scene, method)
+
     @kept
     def rounds_of(self, scene, method):
         """A method's trainings in a scene, round 0 first; equal trainings are shared.
@@ -283,7 +295,7 @@ def folders(experiment):
 def trained_by(experiment, *, external):
     """Regular expression of the folders that others train (external), or that we do."""
     every = experiment.trainings(next(iter(experiment.scenes))).values()
-    return one_of({t.folder for t in every if bool(t.external) == external})
+    return one_of({t.folder for t in every if t.job.ours != external})
 
 
 def check_equal(experiment):

@@ -261,4 +261,4 @@ def exports(experiment):
 def moves_cameras(training):
     """Whether a training's renders are seen by other cameras than those given."""
     given = f"results/{training.scene}/cameras.npz"
-    return training.cameras != given or training.moves
+    return training.cameras != given or "cameras" in training.job.moves

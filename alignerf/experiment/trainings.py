@@ -4,10 +4,7 @@ Two methods share a training when their values are equal. Rules, costs and expor
 over `Training.after`.
 """
 
-import json
-from typing import NamedTuple
-
-from alignerf.files import json_files
+from typing import Any, NamedTuple
 
 # Reports below a training's folder: of its renders, their flow, and the correction of
 # its cameras by that flow.
@@ -18,17 +15,17 @@ CORRECTED = "corrected/poses_corrected.json"
 class Training(NamedTuple):
     """One run of `alignerf.train`, or of another program's (`alignerf.others.train`).
 
-    folder: of its own, below results/SCENE/. job: its slice of the config, as JSON.
-    photos, cameras: what it learns from. valid: folder of the pixels that count there;
-    None: all do. initial: the parameters that it goes on from. displacement: the CSV
-    that its search radius comes from. truth: the folder that its cameras are compared
+    folder: of its own, below results/SCENE/. job: a `jobs.Job`, its slice of the
+    config. photos, cameras: what it learns from. valid: folder of the pixels that count
+    there; None: all do. initial: the parameters that it goes on from. displacement: the
+    CSV that its search radius comes from. truth: the folder its cameras are compared
     with. after: the trainings that lead to it, whose costs are its own too. flows: the
     trainings whose training views are rendered and aligned for it.
     """
 
     scene: str
     folder: str
-    job: str
+    job: Any
     photos: str
     cameras: str
     valid: str | None = None
@@ -69,31 +66,16 @@ class Training(NamedTuple):
 
     @property
     def modules(self):
-        """Modules of the code that it runs; `train` imports the aligner by its name."""
-        return ["alignerf.train", *["alignerf.alignment.aligner"] * bool(self.aligns)]
-
-    @property
-    def external(self):
-        """The commands by which another program trains it, or None."""
-        return json.loads(self.job).get("external")
-
-    @property
-    def aligns(self):
-        """The settings by which it aligns itself on the way, or None."""
-        return json.loads(self.job).get("align")
-
-    @property
-    def moves(self):
-        """Whether its cameras may move while it runs."""
-        aligns = self.aligns and self.aligns["cameras_at"]
-        return bool(aligns or json.loads(self.job).get("refine"))
+        """Modules of the code that it runs; `train` imports the job's own by name."""
+        own = [self.job.part.partition(":")[0]] if self.job.part else []
+        return ["alignerf.train", *own]
 
     @property
     def warped(self):
         """{"photos": folder, "valid": folder} that it has learnt from, if warped."""
         if self.valid:
             return {"photos": self.photos, "valid": self.valid}
-        if self.aligns and self.aligns["photos_at"]:
+        if "photos" in self.job.moves:
             return {name: f"{self.learnt}/{name}" for name in ("photos", "valid")}
         return {}
 
@@ -108,8 +90,7 @@ def from_photos(scene, folder, job, **more):
     """A training on the photos as taken, with the cameras as given."""
     whole = f"results/{scene}"
     cameras = more.pop("cameras", f"{whole}/cameras.npz")
-    text = json_files.canonical(job)
-    return Training(scene, folder, text, f"{whole}/images", cameras, **more)
+    return Training(scene, folder, job, f"{whole}/images", cameras, **more)
 
 
 def corrected(training):
@@ -157,13 +138,12 @@ def moved_for(training):
     return [one for one in rendered_for(training) if corrected(one) in learnt_with]
 
 
-def full(experiment, scene, method):
-    """The job of a training in one go: seed, stage, model and training."""
+def common(experiment, scene, method):
+    """What all jobs have: the values of `jobs.Job`, of a training in one go."""
     config = experiment.config
     model = config["models"][experiment.methods[method]["model"]]
     return {
         "seed": experiment.scenes[scene]["seed"],
-        "stage": "full",
         "model": model_of(model, experiment.scenes[scene]),
         "training": training_of(config, scene) | model["training"],
         "decisions": decisions_of(config, scene),

@@ -1,11 +1,12 @@
 """Align: the training puts its cameras and photos right while it runs."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import pydantic
 
 from alignerf import methods
 from alignerf.captures import base as captures
+from alignerf.experiment import jobs
 from alignerf.experiment.checks.common import fault
 from alignerf.experiment.keys import estimators
 from alignerf.experiment.keys.key import Keys, key
@@ -89,6 +90,22 @@ def places(align: Align, steps, where="align") -> dict:
     return dict(sorted(found.items()))
 
 
+class Job(jobs.Full):
+    """A training that aligns itself."""
+
+    own: ClassVar = "align"
+    part: ClassVar = "alignerf.alignment.aligner:InLoop"
+    align: Align = key()
+
+    @property
+    def aligns(self):
+        return self.align
+
+    @property
+    def moves(self):
+        return frozenset(n for n in CHANGED if getattr(self.align, f"{n}_at"))
+
+
 class Aligned(base.Method):
     """A method with `align`."""
 
@@ -96,6 +113,7 @@ class Aligned(base.Method):
     what = "alignment on the way: the training puts right what it learns from"
     beside = (*base.Method.beside, "adjust")
     in_loop = True
+    jobs = (Job,)
 
     def check(self, config, name):
         """A plain method says what it brought; its places are steps of their own."""

@@ -1,11 +1,13 @@
 """What a method's record has: defaults of all that the program asks of a method."""
 
+import importlib
+import shutil
 from typing import Literal
 
 import pydantic
 
 from alignerf import methods
-from alignerf.experiment import trainings
+from alignerf.experiment import jobs, schema, trainings
 from alignerf.experiment.checks.common import fault
 from alignerf.experiment.keys.key import Keys, key
 
@@ -62,6 +64,8 @@ class Method:
     order = 0
     beside = ("model", "published")
     systems = None
+    # Classes of its own that its jobs have, see `experiment.jobs`.
+    jobs = ()
     # Places of keys that name folders, with {scene} in them.
     folders = ()
     # Whether it trains anything, by our code, from scratch so that others are set
@@ -107,9 +111,11 @@ class Method:
 
         once: gives the equal training that another method has made already.
         """
-        job = trainings.full(experiment, scene, name)
-        if self.Keys:
+        job = trainings.common(experiment, scene, name)
+        if self.jobs:
             job |= {self.key: experiment.methods[name][self.key]}
+        (kind,) = self.jobs or [jobs.Full]
+        job = schema.check(kind, job)
         own = methods.input_cameras(experiment, scene, name)
         own |= {"truth": experiment.truth_of(scene)}
         return [once(trainings.from_photos(scene, f"{name}/round0", job, **own))]
@@ -141,3 +147,45 @@ class Method:
     def words(self, experiment, name):
         """What tables say of it besides."""
         return []
+
+
+class Part:
+    """What a job adds to a training; this adds nothing.
+
+    moving: whether the cameras' parameters are learnt, at these settings.
+    coarse_to_fine: shares of the steps between which the finest details come in.
+    """
+
+    moving = None
+    coarse_to_fine = ()
+
+    def __init__(self, job):
+        self.job = job
+
+    def wrapped(self, method, loaded):
+        """The `training.methods.Method` that is trained on a scene."""
+        return method
+
+    def aligner(self, loaded, photos, folder):
+        """What stops the loop and aligns; None: nothing does. folder: checkpoints."""
+        return None
+
+    def moved(self, loaded, params, aligner):
+        """The scene with the cameras that the training ends with."""
+        return loaded
+
+    def write(self, folder, moved, aligner, views, cameras):
+        """Write the cameras that renders are seen by, and photos that were warped."""
+        shutil.copyfile(cameras, folder / "cameras.npz")
+
+
+def part_of(job) -> Part:
+    """The part of a job, imported by its name.
+
+    `experiment.sources` follows the import statements of a file, and a change of the
+    flow package must not rerun the trainings that align nothing.
+    """
+    if not job.part:
+        return Part(job)
+    module, _, name = job.part.partition(":")
+    return getattr(importlib.import_module(module), name)(job)

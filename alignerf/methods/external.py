@@ -5,10 +5,12 @@ Its trainings are values as ours are, and so it has rounds as a plain method has
 
 import os
 import shlex
+from typing import ClassVar
 
 import pydantic
 
 from alignerf.captures import base as captures
+from alignerf.experiment import jobs
 from alignerf.experiment.checks import places
 from alignerf.experiment.checks.common import fault
 from alignerf.experiment.keys.key import Keys, key
@@ -83,6 +85,27 @@ def check_command(name, command, known):
         raise ValueError(f"{name}: no program in it")
 
 
+class Commands(Keys):
+    """The commands of a training by another program, and the numbers in them."""
+
+    train: str | None = key(None)
+    render: str | None = key(None)
+    renders: str | None = key(None)
+    depth: str | None = key(None)
+    seed: int | None = key(None)
+    steps: int | None = key(None)
+
+
+class Job(jobs.Text, Keys):
+    """A training by another program."""
+
+    ours: ClassVar = False
+    part: ClassVar = None
+    moves: ClassVar = frozenset()
+    weights: ClassVar = None
+    external: Commands = key()
+
+
 class Other(rounds.Rounds):
     """A method with `external`."""
 
@@ -115,7 +138,7 @@ class Other(rounds.Rounds):
         text = " ".join(filter(None, commands.values()))
         chosen = experiment.scenes[scene]
         used = {key: chosen[key] for key in ("seed", "steps") if f"{{{key}}}" in text}
-        return {"external": commands | used}
+        return Job(external=Commands(**commands, **used))
 
     def baseline(self, experiment, name):
         """The first method with the same commands."""

@@ -1,7 +1,10 @@
 """Refine: the training learns its cameras with the scene, without flow."""
 
+from typing import ClassVar
+
 import pydantic
 
+from alignerf.experiment import jobs
 from alignerf.experiment.keys.key import Keys, key, learning_rates
 from alignerf.methods import base
 
@@ -33,6 +36,15 @@ class Refine(Keys):
         return self
 
 
+class Job(jobs.Full):
+    """A training that learns its cameras."""
+
+    own: ClassVar = "refine"
+    part: ClassVar = "alignerf.cameras.refine:Learning"
+    moves: ClassVar = frozenset(["cameras"])
+    refine: Refine = key()
+
+
 class Learnt(base.Method):
     """A method with `refine`."""
 
@@ -40,6 +52,7 @@ class Learnt(base.Method):
     what = "the training views' cameras are learnt with the scene, without flow"
     beside = (*base.Method.beside, "adjust")
     systems = ("mipnerf360",)
+    jobs = (Job,)
 
     def moves(self, method, round):
         return frozenset(["cameras"])

@@ -1,6 +1,6 @@
 """Rounds: each trains on photos that the round before warped, or with its cameras."""
 
-from alignerf.experiment import trainings
+from alignerf.experiment import jobs, schema, trainings
 from alignerf.experiment.checks.common import fault
 from alignerf.methods import base
 
@@ -49,7 +49,7 @@ class Rounds(base.Method):
 
     def job(self, experiment, scene, name):
         """What each round's training is told."""
-        return trainings.full(experiment, scene, name)
+        return schema.check(jobs.Full, trainings.common(experiment, scene, name))
 
     def trainings(self, experiment, scene, name, once):
         """Round 0, and every round that there may be after it."""

@@ -3,13 +3,12 @@
 Methods of a model share the pre-training. Between the stages cameras may be put right.
 """
 
-import copy
-from typing import Literal
+from typing import ClassVar, Literal
 
 import pydantic
 
 from alignerf import methods
-from alignerf.experiment import trainings
+from alignerf.experiment import jobs, schema, trainings
 from alignerf.experiment.checks.common import fault
 from alignerf.experiment.keys.key import Keys, key, learning_rates
 from alignerf.methods import base
@@ -67,6 +66,59 @@ class AligNeRF(Keys):
         return self
 
 
+class Finetuning(AligNeRF):
+    """The settings of one method, with the file that its loss looks through."""
+
+    radius_px: int | None = key(
+        None, "null takes it from the measured misalignment", least=0, most=64
+    )
+    frequency_weights: str | None = key(None, "file that the loss looks through")
+
+    @property
+    def outputs(self):
+        """Values that the field gives: without a convolution they are colours."""
+        return self.features if self.convolution else 3
+
+
+class Pretrain(jobs.Job):
+    """The beginning of a training in one go."""
+
+    stage: Literal["pretrain"] = key("pretrain")
+    pretrain_share: float = key(what="of the length", above=0, most=1)
+
+    @property
+    def share(self):
+        return self.pretrain_share
+
+
+class Finetune(jobs.Job):
+    """The second stage, on patches."""
+
+    continues: ClassVar = True
+    stage: Literal["finetune"] = key("finetune")
+    alignerf: Finetuning = key()
+
+    @property
+    def share(self):
+        return self.alignerf.finetune_share
+
+    @property
+    def schedule_steps(self):
+        return self.steps
+
+    @property
+    def learning_rates(self):
+        return self.alignerf.learning_rates
+
+    @property
+    def rays_per_step(self):
+        return self.alignerf.patches * self.alignerf.patch_px**2
+
+    @property
+    def weights(self):
+        return self.alignerf.frequency_weights
+
+
 class Staged(base.Method):
     """A method with `alignerf`."""
 
@@ -75,6 +127,7 @@ class Staged(base.Method):
     beside = (*base.Method.beside, "changes")
     systems = ("mipnerf360",)
     in_crops = True
+    jobs = (Pretrain, Finetune)
 
     def check(self, config, name):
         """It has no rounds, and shares its pre-training with others of its model."""
@@ -118,19 +171,19 @@ class Staged(base.Method):
     def pretraining(self, experiment, scene, name):
         """What methods share that differ in their fine-tuning."""
         share = experiment.methods[name]["alignerf"]["pretrain_share"]
-        job = trainings.full(experiment, scene, name)
-        return job | {"stage": "pretrain", "pretrain_share": share}
+        job = trainings.common(experiment, scene, name)
+        return schema.check(Pretrain, job | {"pretrain_share": share})
 
     def finetuning(self, experiment, scene, name):
         """All that AligNeRF adds, and the file that its loss looks through."""
-        chosen = copy.deepcopy(experiment.methods[name]["alignerf"])
+        chosen = dict(experiment.methods[name]["alignerf"])
         weighs = chosen["frequency_weight"] > 0
         weights = experiment.config["frequency_weights"] if weighs else None
         chosen["frequency_weights"] = weights
         if chosen["radius_px"] == "auto":
             chosen["radius_px"] = None
-        job = trainings.full(experiment, scene, name)
-        return job | {"stage": "finetune", "alignerf": chosen}
+        job = trainings.common(experiment, scene, name)
+        return schema.check(Finetune, job | {"alignerf": chosen})
 
     def moves(self, method, round):
         """Cameras may be put right between the stages."""

@@ -3,8 +3,10 @@
 Round 0 is that of a plain method, which the config names.
 """
 
+from typing import ClassVar, Literal
+
 from alignerf import methods
-from alignerf.experiment import trainings
+from alignerf.experiment import jobs, schema, trainings
 from alignerf.experiment.checks.common import fault
 from alignerf.experiment.keys import key as keys
 from alignerf.methods import rounds
@@ -20,6 +22,14 @@ class WarmStart(keys.Keys):
     learning_rates: list[float] = keys.learning_rates(0.01, 0.001)
 
 
+class Job(jobs.Job):
+    """A training that goes on from trained parameters."""
+
+    continues: ClassVar = True
+    annealed: ClassVar = False
+    stage: Literal["warm"] = keys.key("warm")
+
+
 class Warm(rounds.Rounds):
     """A method with `warm_start`."""
 
@@ -29,6 +39,7 @@ class Warm(rounds.Rounds):
         "from scratch as in the paper"
     )
     goes_on = True
+    jobs = (Job,)
 
     def check(self, config, name):
         """It goes on from round 0 of a method that trains the same model."""
@@ -52,10 +63,10 @@ class Warm(rounds.Rounds):
     def job(self, experiment, scene, name):
         """Shorter, by rates of its own, from weights instead of from scratch."""
         start = experiment.methods[name]["warm_start"]
-        job = trainings.full(experiment, scene, name)
+        job = trainings.common(experiment, scene, name)
         training = trainings.part_of(job["training"], start["share"])
         training["learning_rates"] = start["learning_rates"]
-        return job | {"training": job["training"] | training, "stage": "warm"}
+        return schema.check(Job, job | {"training": job["training"] | training})
 
 
 METHOD = Warm()

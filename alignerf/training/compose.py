@@ -1,13 +1,13 @@
 """The method that a job names, composed of its model, its field and its losses."""
 
 from alignerf import fields
-from alignerf.cameras import refine
 from alignerf.contributions import frequency_loss
 from alignerf.experiment import jobs
 from alignerf.experiment.keys import fields as fields_keys
 from alignerf.experiment.keys import model as model_keys
 from alignerf.files.environment import extensions
 from alignerf.kernels import calls
+from alignerf.methods import base, staged
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.networks import convnet
 from alignerf.systems import instant_ngp, mipnerf, nerf, nerfpp, rendering
@@ -21,22 +21,19 @@ SYSTEMS |= {
 }
 
 
-def make_method(job: jobs.Job, views=None, *, to_train=True) -> methods.Method:
+def make_method(job: jobs.Job, loaded=None, *, to_train=True) -> methods.Method:
     """The method of a job: baseline, or AligNeRF in its fine-tuning stage.
 
-    views: a function that gives the training views' cameras (`refine.Views`), called
-    where cameras are learnt. to_train: False leaves out the weights file, which only
-    the loss needs.
+    loaded: the scene, whose cameras may be learnt. to_train: False leaves out the
+    weights file, which only the loss needs.
     """
-    method = without_cameras(job, to_train=to_train)
-    if job.refine is None:
-        return method
-    return refine.refined(method, refine.scales_of(views(), job.refine.preconditioned))
+    part = base.part_of(job)
+    return part.wrapped(without_cameras(job, part, to_train=to_train), loaded)
 
 
-def without_cameras(job: jobs.Job, *, to_train) -> methods.Method:
+def without_cameras(job: jobs.Job, part: base.Part, *, to_train) -> methods.Method:
     """The method by cameras as they are; what learns them differentiates its rays."""
-    moving = job.refine is not None
+    moving = part.moving is not None
     if job.model.kind != "mipnerf360":
         return make_system(job, moving=moving)
     fine, native = job.stage == "finetune", calls.use(job.training.kernels)
@@ -71,8 +68,8 @@ def without_cameras(job: jobs.Job, *, to_train) -> methods.Method:
         return methods.mipnerf360(
             model,
             batch_rays=job.training.batch_rays,
-            annealed=job.stage != "warm",
-            coarse_to_fine=tuple((job.refine and job.refine.coarse_to_fine) or ()),
+            annealed=job.annealed,
+            coarse_to_fine=part.coarse_to_fine,
             **shared,
             **own_loss,
         )
@@ -96,7 +93,7 @@ def make_system(job: jobs.Job, *, moving) -> methods.Method:
         return methods.mipnerf360(
             model,
             batch_rays=training.batch_rays,
-            annealed=job.stage != "warm",
+            annealed=job.annealed,
             data_loss=loss,
             loss_weights=methods.LossWeights(training.interlevel_weight, 0.0),
             proposal_share=training.proposal_share,
@@ -105,7 +102,7 @@ def make_system(job: jobs.Job, *, moving) -> methods.Method:
     return methods.single_rays(model, loss, batch_rays=training.batch_rays)
 
 
-def make_loss(chosen: jobs.Finetuning, *, to_train) -> methods.Loss:
+def make_loss(chosen: staged.Finetuning, *, to_train) -> methods.Loss:
     """The loss of fine-tuning; without a radius yet (see `train`), one of 0."""
     return methods.Loss(
         matching=chosen.matching,
@@ -117,7 +114,7 @@ def make_loss(chosen: jobs.Finetuning, *, to_train) -> methods.Loss:
     )
 
 
-def frequency_features(chosen: jobs.Finetuning):
+def frequency_features(chosen: staged.Finetuning):
     """VGG-19's first block, or the derivative bank; None where it weighs nothing."""
     if chosen.frequency_weight == 0:
         return None

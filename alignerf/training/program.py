@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from alignerf.kernels import calls
+from alignerf.methods import base
 from alignerf.processes import consensus, devices
 from alignerf.training import gradients, memory
 from alignerf.training import step as train_step
@@ -112,7 +113,7 @@ def adam_of(job) -> train_step.Adam:
         betas=tuple(job.training.adam_betas),
         eps=job.training.adam_eps,
         hold_share=job.training.hold_share,
-        cameras=job.refine,
+        cameras=base.part_of(job).moving,
         native=calls.use(job.training.kernels),
     )
 

@@ -11,7 +11,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.cameras import refine
 from alignerf.contributions import strips
 from alignerf.decisions import fill
 from alignerf.scenes import cameras, prepared
@@ -30,8 +29,7 @@ STRIP_PIXELS = 65536
 def read_model(config, model, loaded: prepared.Scene):
     """(method, its parameters) of a job as JSON, or its file, from the model's file."""
     job = fill.read_job(config)
-    views = functools.partial(refine.views_of, loaded)
-    method = compose.make_method(job, views, to_train=False)
+    method = compose.make_method(job, loaded, to_train=False)
     template = jax.eval_shape(method.init, jax.random.key(0))
     params = checkpoint.read_params(model, template)
     return method, jax.tree.map(jnp.asarray, params)

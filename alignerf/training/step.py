@@ -80,7 +80,7 @@ def make_optimizer(
 ) -> Any:
     """Adam on the schedule above, whose other arguments are `schedule`'s.
 
-    cameras: `keys.method.Refine` where the parameters `cameras` are learnt too; these
+    cameras: `refine.Refine` where the parameters `cameras` are learnt too; these
     have a schedule of their own and Adam's usual constants. native: whether the kernels
     are there.
     """

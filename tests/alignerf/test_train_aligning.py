@@ -230,18 +230,3 @@ def test_photos_that_are_not_warped_are_not_written(scene, tmp_path):
     assert [path.name for path in (tmp_path / "learnt").glob("[!.]*")] == [
         "cameras.npz"
     ]
-
-
-@pytest.mark.parametrize(
-    "beside",
-    [
-        {"refine": {}},
-        {"stage": "warm"},
-        cases.in_stage("pretrain", {}),
-        cases.in_stage("finetune", {}),
-    ],
-    ids=["refine", "warm", "pretrain", "finetune"],
-)
-def test_it_stands_alone(scene, tmp_path, capsys, beside):
-    line = cases.stops(capsys, lambda: run(scene, tmp_path, JOB | beside))
-    assert "config: align: not beside alignerf, refine or another stage" in line

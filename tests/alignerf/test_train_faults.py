@@ -55,7 +55,7 @@ def test_the_first_fault_stops_the_job_and_keeps_its_checkpoint(
 
     # One for both trainings, which then compile it once.
     spoilt = method._replace(terms=terms)
-    monkeypatch.setattr(compose, "make_method", lambda job, views: spoilt)
+    monkeypatch.setattr(compose, "make_method", lambda job, loaded: spoilt)
     monkeypatch.setattr(loop, "CHECKPOINT_EVERY_S", 0.0)
     monkeypatch.setattr(loop, "FETCH_EVERY", 4)
     for _ in range(2):

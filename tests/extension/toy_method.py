@@ -1,8 +1,8 @@
 """A toy method: cameras are put right once, and the training goes on."""
 
-from alignerf.experiment import trainings
+from alignerf.experiment import schema, trainings
 from alignerf.experiment.keys import key as keys
-from alignerf.methods import base
+from alignerf.methods import base, warm
 
 
 class Settings(keys.Keys):
@@ -19,11 +19,11 @@ class GoesOn(base.Method):
     def trainings(self, experiment, scene, name, once):
         """One training, from the weights and with the cameras of the baseline's."""
         first = experiment.at(scene, experiment.baseline(name), 0)
-        job = trainings.full(experiment, scene, name) | {"stage": "warm"}
+        job = trainings.common(experiment, scene, name)
         share = experiment.methods[name]["goes_on"]["share"]
         job["training"] |= trainings.part_of(job["training"], share)
         training = trainings.from_photos(
-            *(scene, f"{name}/round0", job),
+            *(scene, f"{name}/round0", schema.check(warm.Job, job)),
             cameras=trainings.corrected(first),
             initial=first.model,
             after=(first,),

@@ -81,7 +81,7 @@ def experiment_of(path):
 
 def program(job):
     """What of a job decides a ray's cost."""
-    return json.dumps([job["model"], job["stage"], job["alignerf"]], sort_keys=True)
+    return json.dumps([job["model"], job["stage"], job.get("alignerf")], sort_keys=True)
 
 
 def of_ray(job, options):

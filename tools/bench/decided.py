@@ -16,7 +16,6 @@ import yaml
 from alignerf import evaluate
 from alignerf.decisions import __main__ as decisions
 from alignerf.experiment import check, plan
-from alignerf.experiment.trainings import full
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
 from tools.bench import measure, split
@@ -83,7 +82,7 @@ def trainings(name, scene, steps, options):
     settings |= {f"{count} steps": {"training": {"steps": count}} for count in steps}
     for setting, config in settings.items():
         experiment = plan.Experiment(check.checked(config_of(scene) | config), None)
-        job = full(experiment, "s", "mipnerf360")
+        job = experiment.at("s", "mipnerf360", 0).job.model_dump()
         if job["decisions"]:
             job["decisions"] = str(out)
         yield setting, train(job, folder, test_set)

@@ -77,7 +77,7 @@ def job_of(method, seed, steps, batch_rays, decided) -> str:
         "training": {"batch_rays": batch_rays},
     }
     experiment = plan.Experiment(check.checked(config), None)
-    job = json.loads(experiment.at("any", method, 0).job)
+    job = experiment.at("any", method, 0).job.model_dump()
     return json.dumps(job | {"decisions": decided and str(decided)})
 
 
@@ -118,7 +118,7 @@ def rows_of(task, threads):
     begun, folder = time.monotonic(), task.folder
     model, cameras = folder / "model.msgpack", folder / "learnt" / "cameras.npz"
     scene, photos = ["--scene", task.scene], task.scene / "images"
-    as_trained = ["--config", task.job, *scene, "--model", model]
+    as_trained = ["--config", task.job.text, *scene, "--model", model]
     at_once = ["--threads", threads]
     call(
         train.main,
@@ -151,7 +151,7 @@ def rows_of(task, threads):
         )
         tables.append(pd.read_csv(path)[list(SCORES)])
     timing = json_files.read(folder / "timing.json", {})
-    job = json.loads(task.job)
+    job = task.job.model_dump()
     facts = {name: timing[name] for name in (*TIMES, "steps", "device")}
     facts["whole_time_s"] = round(time.monotonic() - begun, 3)
     facts["batch_rays"] = job["training"]["batch_rays"]

@@ -78,7 +78,7 @@ def planned(config):
     for scene in experiment.scenes:
         targets.of_scene(experiment, scene)
         for training in experiment.trainings(scene).values():
-            json.loads(training.job)
+            training.job.model_dump()
 
 
 def of_job(values, place):
@@ -116,7 +116,7 @@ def job_of(config):
     """A fine-tuning's job of a complete config, as its rule would be given it."""
     experiment = plan.Experiment(config, lambda **place: False)
     (staged, *_) = experiment.names("in_crops")
-    return json.loads(experiment.at(next(iter(experiment.scenes)), staged, 0).job)
+    return experiment.at(next(iter(experiment.scenes)), staged, 0).job.model_dump()
 
 
 def complete(config):

@@ -25,7 +25,7 @@ rule align_test_poses:
         mem_mb=requests.memory_mb("{training}/render"),
         runtime=requests.minutes("{training}/metrics_aligned_pose.csv"),
     params:
-        config=lambda w: experiment.training(w.scene, w.training).job,
+        config=lambda w: experiment.training(w.scene, w.training).job.text,
         flows=lambda w: arguments.options(
             arguments.aligned_pose_inputs(experiment, w.scene, w.training)
         ),

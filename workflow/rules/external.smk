@@ -51,7 +51,7 @@ rule external_train:
         ),
         runtime=requests.minutes("{training}/timing.json"),
     params:
-        config=lambda w: experiment.training(w.scene, w.training).job,
+        config=lambda w: experiment.training(w.scene, w.training).job.text,
         cameras=lambda w: experiment.training(w.scene, w.training).cameras,
         folder=subpath(output.timing, parent=True),
         sources=sources_of("alignerf.others.train"),
@@ -94,7 +94,7 @@ rule external_render:
         ),
         runtime=requests.minutes("{training}/render"),
     params:
-        config=lambda w: experiment.training(w.scene, w.training).job,
+        config=lambda w: experiment.training(w.scene, w.training).job.text,
         splits=lambda w: experiment.splits(w.scene, w.training),
         folder=subpath(input.timing, parent=True),
         sources=sources_of("alignerf.others.render"),

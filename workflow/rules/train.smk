@@ -24,7 +24,7 @@ rule train:
         mem_mb=requests.memory_mb("{training}/timing.json"),
         runtime=requests.minutes("{training}/timing.json"),
     params:
-        config=lambda w: experiment.training(w.scene, w.training).job,
+        config=lambda w: experiment.training(w.scene, w.training).job.text,
         options=lambda w: inputs.training_options(experiment, w.scene, w.training),
         checkpoints=subpath(output.model, parent=True),
         sources=lambda w: sources_of(*experiment.training(w.scene, w.training).modules),
@@ -60,7 +60,7 @@ rule render:
         mem_mb=requests.memory_mb("{training}/render"),
         runtime=requests.minutes("{training}/render"),
     params:
-        config=lambda w: experiment.training(w.scene, w.training).job,
+        config=lambda w: experiment.training(w.scene, w.training).job.text,
         splits=lambda w: experiment.splits(w.scene, w.training),
         sources=sources_of("alignerf.render_views"),
     shell:

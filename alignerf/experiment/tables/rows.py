@@ -4,7 +4,6 @@ import csv
 import json
 from typing import NamedTuple
 
-from alignerf import methods
 from alignerf.experiment import arguments, layout, sources, trainings
 from alignerf.experiment.tables import json_rows
 
@@ -108,12 +107,12 @@ def scored(experiment, scene, method, round, aligned_pose):
     root = f"results/{scene}/"
     baseline = experiment.baseline(method)
     base = experiment.folder(scene, baseline, 0).removeprefix(root)
-    moved = methods.moves(experiment.methods[method], round)
+    moved = experiment.moves(method, round)
     row = Row(
         *(path.removeprefix(root), [], [], [], {"scores": f"{path}/metrics.csv"}),
         method=method,
         round=round,
-        description=methods.label(experiment, method),
+        description=experiment.label(method),
         baseline=baseline,
         base=base,
         # Of the method as it is; no table has one of its rounds.
@@ -126,11 +125,11 @@ def scored(experiment, scene, method, round, aligned_pose):
     training = experiment.at(scene, method, round)
     files = row.files | costs_of(path)
     # Only a model of ours can be asked for a view by another camera.
-    moves = experiment.config["aligned_pose"] and not training.external
+    moves = experiment.config["aligned_pose"] and training.job.ours
     if aligned_pose and moves:
         files["aligned_pose"] = f"{path}/metrics_aligned_pose.csv"
     corrected = [one.folder for one in trainings.moved_for(training)]
-    if methods.input_cameras(experiment, scene, method):
+    if experiment.input_cameras(scene, method):
         corrected.append(training.folder)
         files["corrections"] = layout.adjusted(scene, "report.json")
     return row._replace(
@@ -196,7 +195,7 @@ def corrections(experiment, scene):
     return {
         name: f"{experiment.folder(scene, name, 0)}/learnt/cameras.npz"
         for name in experiment.trained()
-        if "cameras" in methods.moves(experiment.methods[name], 0)
+        if "cameras" in experiment.moves(name, 0)
     }
 
 

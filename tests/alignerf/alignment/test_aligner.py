@@ -5,7 +5,7 @@ import pytest
 
 from alignerf.alignment import aligner, look, looker
 from alignerf.files import images
-from alignerf.methods.align import Align
+from alignerf.methods import align
 from alignerf.training import renderer
 from tests import plane_scene as plane
 from tests import training_cases as cases
@@ -163,7 +163,7 @@ def test_what_counts_as_the_flows_own_error_falls_with_the_training(wrong):
 def test_one_view_holds_the_frame_and_stays(wrong):
     loaded, _, folder = wrong
     scene = looker.Scene(loaded, loaded.views("train")[:1], loaded.folder / "images")
-    job = cases.job_of().model_copy(update={"align": Align(**plane.ALIGN)})
+    job = align.Job(**dict(cases.job_of()), align=align.Align(**plane.ALIGN))
     found = aligner.Aligner(job, scene, folder, plane.METHOD)
     found.begin(10, "this")
     found.align({}, 2)

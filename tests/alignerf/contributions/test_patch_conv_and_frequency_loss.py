@@ -9,6 +9,7 @@ from scipy import ndimage
 from alignerf.contributions import frequency_loss, patch_conv
 from alignerf.experiment import jobs
 from alignerf.fields import shading
+from alignerf.methods.staged import Finetuning
 from alignerf.networks import convnet
 from alignerf.training import compose
 from tools.bench import cases
@@ -77,7 +78,7 @@ def test_patch_convolution_refuses_what_cannot_be_reflected(rng):
 
 def test_published_size_of_the_contribution():
     """+0.5M at N = 128: three convolutions, the linear layer, a wider last layer."""
-    chosen = dict.fromkeys(jobs.Finetuning.model_fields, 1) | {
+    chosen = dict.fromkeys(Finetuning.model_fields, 1) | {
         "learning_rates": [0.002, 0.00002],
         "patch_px": 32,
         "convolution": True,

@@ -33,7 +33,7 @@ def write(path, decisions):
 
 def job_of(config, method="mipnerf360"):
     config = check.checked({"scenes": SCENE} | config)
-    return plan.Experiment(config, None).at("s", method, 0).job
+    return plan.Experiment(config, None).at("s", method, 0).job.text
 
 
 def test_without_decide_no_file_is_read(tmp_path, monkeypatch):
@@ -82,7 +82,7 @@ def test_stages_and_lengths_keep_their_shares(folder):
     experiment = plan.Experiment(check.checked({"scenes": SCENE} | config), None)
     folder.joinpath("results/s").rename(folder / "results/s_x0.5")
     found = {
-        folder: fill.read_job(training.job).steps
+        folder: fill.read_job(training.job.text).steps
         for folder, training in experiment.trainings("s_x0.5").items()
     }
     assert found == {

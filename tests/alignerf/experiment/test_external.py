@@ -52,7 +52,7 @@ def test_trainings_are_as_those_of_a_plain_method(alone):
     assert moved.photos == "results/yard/images"
     assert warped.photos == f"{first.path}/warped/train"
     assert warped.valid == f"{first.path}/flow/train"
-    assert all(t.external["train"] for t in alone.trainings("yard").values())
+    assert all(t.job.external.train for t in alone.trainings("yard").values())
 
 
 def test_its_own_round_0_is_its_baseline(alone):
@@ -107,8 +107,8 @@ def test_the_number_of_steps_is_part_of_it_where_it_asks(experiment_of):
         config = config_of({"a": theirs, "b": one()}, training={"steps": steps})
         experiment = experiment_of(config)
         asked, other = (experiment.at("yard", name, 0) for name in "ab")
-        assert (asked.external["steps"], asked.external["seed"]) == (steps, 0)
-        assert {*other.external} == {"train", "render", "renders", "depth"}
+        assert (asked.job.external.steps, asked.job.external.seed) == (steps, 0)
+        assert (other.job.external.steps, other.job.external.seed) == (None, None)
 
 
 def test_finished_renders(tmp_path, experiment_of):

@@ -9,6 +9,7 @@ import pytest
 from alignerf.experiment import jobs
 from alignerf.training import compose
 
+STAGES = ("full", "warm", "pretrain", "finetune")
 GRID = {"kind": "grid", "levels": 2, "log2_entries": 8}
 JOB = {
     "seed": 0,
@@ -48,7 +49,6 @@ JOB = {
         "frequency_weight": 0.05,
         "frequency_weights": None,
     },
-    "refine": None,
 }
 
 
@@ -59,11 +59,10 @@ def job():
 
 def in_stage(job, stage):
     """The job as another stage has it: each has its own keys alone."""
-    own = {
-        "alignerf": job["alignerf"] if stage == "finetune" else None,
-        "pretrain_share": 0.6 if stage == "pretrain" else None,
-    }
-    return job | {"stage": stage} | own
+    own = {"finetune": {"alignerf": job["alignerf"]}}
+    own |= {"pretrain": {"pretrain_share": 0.6}}
+    rest = {key: value for key, value in job.items() if key != "alignerf"}
+    return rest | {"stage": stage} | own.get(stage, {})
 
 
 def test_a_job_is_what_was_written(job):
@@ -76,8 +75,7 @@ def test_a_job_is_what_was_written(job):
     own = {"kind": "mipnerf360", "training": {}, "decided": [], "radius": 1.0}
     assert found["training"].pop("decided") == []
     assert found["training"].pop("kernels") == "auto"
-    for key in ("decisions", "align", "pretrain_share"):
-        assert found.pop(key) is None
+    assert found.pop("decisions") is None
     own["background"] = None
     assert found.pop("model") == job.pop("model") | own
     assert found == job
@@ -86,7 +84,7 @@ def test_a_job_is_what_was_written(job):
 
 
 def test_stages_share_the_steps_and_the_schedule(job):
-    found = {stage: jobs.parse(in_stage(job, stage)) for stage in jobs.STAGES}
+    found = {stage: jobs.parse(in_stage(job, stage)) for stage in STAGES}
     steps = {stage: job.steps for stage, job in found.items()}
     assert steps == {"full": 100, "warm": 100, "pretrain": 60, "finetune": 20}
     schedule = {stage: job.schedule_steps for stage, job in found.items()}
@@ -108,7 +106,7 @@ def timed(job):
 def test_a_budget_becomes_the_steps_of_every_stage(timed):
     """2400 steps of 0.05 s in two minutes, of which stages take their shares."""
     found = {}
-    for stage in jobs.STAGES:
+    for stage in STAGES:
         job = jobs.parse(in_stage(timed, stage))
         assert job.training.steps is job.training.warmup_steps is None
         steps = jobs.steps_in(job, 0.05)
@@ -125,7 +123,7 @@ def test_a_budget_becomes_the_steps_of_every_stage(timed):
 
 
 def test_a_budget_has_ten_steps_at_least(timed):
-    for stage in jobs.STAGES:
+    for stage in STAGES:
         job = jobs.parse(in_stage(timed, stage))
         assert jobs.with_steps(job, jobs.steps_in(job, 1e6)).steps == 10
     assert jobs.steps_in(job, 1e-9) == 10**8
@@ -180,7 +178,7 @@ def change(job, where, value=None):
         ("model.proposal.levels", 0, "model.proposal.levels: 0 should be greater"),
         ("model", [1], r"config: model: \[1\] should be a mapping"),
         ("alignerf.frequency_weights", 3, "frequency_weights: 3 should be .* string"),
-        ("stage", "half", "config: stage: 'half' should be 'full', 'warm'"),
+        ("stage", "half", "config: stage: 'half' is none of .'full', 'warm'"),
         (
             "alignerf.convolution",
             1,
@@ -196,7 +194,6 @@ def change(job, where, value=None):
             [0, 0],
             "learning_rates.0: 0 should be greater than 0",
         ),
-        ("model.far", 0.1, "config: model: near must be smaller than far"),
         ("model.near", -1.0, "model.near: -1.0 should be greater than 0"),
         ("model.far", float("inf"), "model.far: inf should be a finite"),
         ("model.field", {"kind": "gird"}, "model.field.kind: 'gird' should be one of"),
@@ -217,11 +214,11 @@ def test_a_stage_needs_its_settings_and_no_other_has_them(job, stage, key):
     has = in_stage(job, stage)
     jobs.parse(has)
     for missing in (has | {key: None}, {k: v for k, v in has.items() if k != key}):
-        with pytest.raises(ValueError, match=f"config: {key}: stage '{stage}' needs"):
+        with pytest.raises(ValueError, match=f"config: .*{key}"):
             jobs.parse(missing)
-    for other in {*jobs.STAGES} - {stage}:
+    for other in {*STAGES} - {stage}:
         beside = in_stage(job, other) | {key: has[key]}
-        with pytest.raises(ValueError, match=f"config: {key}: not in stage '{other}'"):
+        with pytest.raises(ValueError, match=f"'{key}' is no key of this section"):
             jobs.parse(beside)
 
 
@@ -254,7 +251,7 @@ def test_what_a_slice_leaves_out_has_its_default(job):
 
 
 def test_only_fine_tuning_has_the_patch_convolution(job):
-    for stage in jobs.STAGES:
+    for stage in STAGES:
         method = compose.make_method(jobs.parse(in_stage(job, stage)))
         params = jax.eval_shape(method.init, jax.random.key(0))
         assert params.keys() == (

@@ -393,8 +393,8 @@ def test_a_complete_config_has_the_same_windows(demo, experiment_of):
     again = experiment_of(json.loads(plan.complete_config(experiment, "courtyard")))
     assert again.scenes == experiment.scenes
     for name in experiment.scenes:
-        own = trainings.full(experiment, name, "plain")
-        assert trainings.full(again, name, "plain") == own
+        own = trainings.common(experiment, name, "plain")
+        assert trainings.common(again, name, "plain") == own
 
 
 def test_windows_are_told_apart_by_their_cameras(demo, experiment_of):

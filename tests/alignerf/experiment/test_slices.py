@@ -15,7 +15,6 @@ from alignerf.experiment import (
 )
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.tables import rows, scenes
-from alignerf.files import json_files
 from alignerf.methods import staged
 
 WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
@@ -23,7 +22,7 @@ WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
 
 def job_of(experiment, scene, method):
     """The job of a method's last training, which may go on from others."""
-    return json.loads(experiment.rounds_of(scene, method)[-1].job)
+    return experiment.rounds_of(scene, method)[-1].job.model_dump()
 
 
 def test_configs_that_share_results_agree_on_them(root):
@@ -57,10 +56,10 @@ def test_ablations_share_the_pretraining(demo, experiment_of):
     assert pretrained.folder == "pretrain/base"
     for name in ("alignerf", "ablation"):
         job = staged.METHOD.pretraining(experiment, "courtyard", name)
-        assert json_files.canonical(job) == pretrained.job
+        assert job == pretrained.job
         # Nothing of the fine-tuning is in it, so that this makes none anew.
-        assert "alignerf" not in job
-        assert job["pretrain_share"] == 0.6
+        assert not hasattr(job, "alignerf")
+        assert job.pretrain_share == 0.6
     assert own[0].job != own[1].job
 
 
@@ -90,7 +89,7 @@ def test_a_scene_has_its_own_seed_and_steps(demo, experiment_of):
     assert "steps" not in poses
     every = experiment.trainings("other")
     assert every.keys() > {"pretrain/base", "alignerf/round0"}
-    parsed = [jobs.parse(json.loads(training.job)) for training in every.values()]
+    parsed = [jobs.parse(training.job.model_dump()) for training in every.values()]
     for job in parsed:
         found = job.training.steps, job.training.warmup_steps
         assert (job.seed, found) == (5, (70, 7))
@@ -109,6 +108,7 @@ def test_minutes_reach_the_jobs_instead_of_steps(demo, experiment_of):
     experiment = experiment_of(demo)
 
     def length(job):
+        job = job if isinstance(job, dict) else job.model_dump()
         found = jobs.parse(job).training
         return found.steps, found.budget_min, found.warmup_steps
 
@@ -163,7 +163,7 @@ def test_a_radius_is_measured_where_it_is_asked_for(demo, experiment_of):
     assert experiment.at("courtyard", "mipnerf360", 0).displacement is None
     options = inputs.training_options(experiment, "courtyard", "mipnerf360/round0")
     assert "--displacement" not in options
-    assert json.loads(found.job)["alignerf"]["radius_px"] is None
+    assert found.job.alignerf.radius_px is None
     # What measured it counts, and its training does not.
     assert [one.folder for one in trainings.rendered_for(found)] == [
         "mipnerf360/round0"
@@ -177,9 +177,8 @@ def test_a_warm_start_goes_on_from_the_round_before(demo, experiment_of):
     demo["methods"]["warm"] = {"model": "base", "rounds": 2, "warm_start": WARM}
     experiment = experiment_of(demo)
     first, second = (experiment.at("courtyard", "warm", str(k)) for k in (1, 2))
-    job = json.loads(first.job)
-    assert job["stage"] == "warm"
-    found = jobs.parse(job).training
+    assert first.job.stage == "warm"
+    found = jobs.parse(first.job.model_dump()).training
     assert (found.steps, found.warmup_steps) == (600, 60)
     assert found.learning_rates == [0.005, 0.001]
     assert second.job == first.job

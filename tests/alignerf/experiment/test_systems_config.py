@@ -1,7 +1,5 @@
 """Other systems and other programs' renders in a config: what they are, and may not."""
 
-import json
-
 import pytest
 import yaml
 
@@ -21,7 +19,7 @@ def system(demo, **model):
 
 def job_of(experiment, scene, method):
     """The job of a method's first training."""
-    return json.loads(experiment.at(scene, method, 0).job)
+    return experiment.at(scene, method, 0).job.model_dump()
 
 
 @pytest.mark.parametrize("kind", ["nerf", "mipnerf", "nerfpp", "ngp"])

@@ -3,7 +3,6 @@
 What methods come to is in test_plan.py and test_slices.py.
 """
 
-import json
 import re
 
 import pytest
@@ -38,9 +37,9 @@ def test_every_method_makes_trainings_whose_jobs_are_right(experiment):
         rounds = experiment.rounds_of("courtyard", name)
         assert len(rounds) == method["rounds"] + 1
         for training in rounds:
-            assert jobs.parse(json.loads(training.job)).stage in jobs.STAGES
-    stages = {m: json.loads(experiment.at("courtyard", m, 0).job) for m in METHODS}
-    assert {m for m, job in stages.items() if job["stage"] != "full"} == {
+            assert jobs.parse(training.job.model_dump()) is not training.job
+    stages = {m: experiment.at("courtyard", m, 0).job.stage for m in METHODS}
+    assert {m for m, stage in stages.items() if stage != "full"} == {
         *("staged", "between"),
     }
 

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from alignerf.methods.refine import Refine
+from alignerf.methods import base
+from alignerf.methods import refine as refine_method
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.scenes import cameras
 from alignerf.training import compose, diagnose
@@ -310,8 +311,8 @@ def test_renders_can_be_differentiated_in_their_rays(rng, kind, place):
 def ray_gradient_of(kind):
     """(params, rays) -> the gradient of all colours by origins and directions."""
     job = cases.job_of(kind=kind, **SYSTEMS[kind])
-    job = job.model_copy(update={"refine": Refine()})
-    method = compose.without_cameras(job, to_train=True)
+    job = refine_method.Job(**dict(job), refine=refine_method.Refine())
+    method = compose.without_cameras(job, base.part_of(job), to_train=True)
 
     def total(params, origins, directions, rays):
         moved = rays._replace(origins=origins, directions=directions)
