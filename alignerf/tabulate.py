@@ -8,29 +8,22 @@ import argparse
 from pathlib import Path
 
 from alignerf.files import faults
-from alignerf.tables import (
-    controls,
-    displacement,
-    misalignment,
-    ranking,
-    results,
-    round_times,
-)
-from alignerf.tables import files as table_files
+from alignerf.tables import controls, costs, frame, misalignment, ranking
 
+# {table: the functions that make it, and its LaTeX}.
 TABLES = {
-    "misalignment": misalignment,
-    "round_times": round_times,
-    "controls": controls,
-    "displacement": displacement,
-    "ranking": ranking,
+    "misalignment": (misalignment.make_table, misalignment.to_latex),
+    "round_times": (costs.round_times, costs.round_times_to_latex),
+    "controls": (controls.make_table, controls.to_latex),
+    "displacement": (costs.displacement, costs.displacement_to_latex),
+    "ranking": (ranking.make_table, ranking.to_latex),
 }
 FORMATS = {"round_times": "%.3f"}
 
 
 def main(argv=None):
     args = parse(argv)
-    rows = results.read(args.scene)
+    views = frame.read(args.scene)
     printed = [
         line
         for path in args.published
@@ -39,14 +32,14 @@ def main(argv=None):
     made = {}
     for name in args.tables:
         more = [printed] if name == "misalignment" else []
-        made[name] = TABLES[name].make_table(rows, *more)
+        made[name] = TABLES[name][0](views, *more)
     for name, table in made.items():
-        table_files.write(
+        frame.write(
             table,
-            TABLES[name].to_latex,
+            TABLES[name][1],
             csv=args.out / f"{name}.csv",
             tex=args.out / f"{name}.tex",
-            rows=rows,
+            frame=views,
             configs=args.configs,
             float_format=FORMATS.get(name, "%.6g"),
         )

@@ -9,8 +9,7 @@ import pandas as pd
 from alignerf.experiment.tables import rows as table_rows
 from alignerf.experiment.tables import scenes as table_scenes
 from alignerf.tables import collect as collecting
-from alignerf.tables import columns, results
-from alignerf.tables import files as table_files
+from alignerf.tables import columns, frame
 
 # Of one training: its timing.json, and what all that leads to a row took.
 TIMING = {"train_time_s": 20.0, "compile_time_s": 5.0, "device": "cpu"}
@@ -20,52 +19,73 @@ COSTS |= {"steps": 10, "rays_seen": 100, "params": 7}
 
 
 def scores(db):
-    """`Row.views` of {test set: dB of the views, or {metric: one number a view}}."""
-    wide = {}
+    """Lines of {test set: dB of the views, or {metric: one number a view}}."""
+    lines = []
     for test_set, values in db.items():
         values = values if isinstance(values, dict) else {"psnr_db": values}
         empty = dict.fromkeys(columns.METRICS, np.nan) | {"ssim": 0.5}
-        wide |= {(test_set, key): value for key, value in (empty | values).items()}
-    count = max(map(np.size, wide.values()))
-    views = pd.Index([f"v{number}" for number in range(count)], name="view")
-    table = pd.DataFrame(wide, index=views)
-    table.columns = table.columns.set_names(["test_set", "metric"])
-    return table.astype(float)
+        table = pd.DataFrame({k: np.asarray(v, float) for k, v in values.items()})
+        views = [f"v{number}" for number in range(len(table))]
+        table = table.assign(**{k: v for k, v in empty.items() if k not in table})
+        lines.append(table.assign(test_set=test_set, view=views))
+    return pd.concat(lines, ignore_index=True)
 
 
 def row(db, method="plain", round=0, *, base=None, costs=COSTS, own=None, **fields):
-    """A `results.Row`; base: the row that it is set against, itself without one.
+    """A row's lines of a `frame.read`; base: the row that it is set against.
 
     costs: {} of renders that are given. own: entries of its line of trainings.csv.
     """
-    views = scores(db)
-    line = {"folder": f"{method}/round{round}", **TIMING, **(own or {})}
-    made = results.Row(
-        scene="yard",
-        method=method,
-        round=round,
-        description=method,
-        baseline=base.method if base else method,
-        published=None,
-        views=views,
-        base=base.views if base else views,
-        own=pd.Series(line).reindex(columns.names("trainings")),
-        before=None,
-        costs=costs and COSTS | costs,
-        trainings=[],
+    made = scores(db)
+    line = dict.fromkeys(columns.names("trainings"), np.nan) | TIMING | (own or {})
+    line |= {f"own_{name}": line[name] for name in ("train_time_s", "compile_time_s")}
+    line |= dict.fromkeys(frame.COSTS, np.nan) | (costs and COSTS | costs)
+    line |= {"scene": "yard", "method": method, "round": round, "description": method}
+    line |= {"way": f"{method}/round{round}" if costs else np.nan, "published": None}
+    line |= {"baseline": base["method"].iloc[0] if base is not None else method}
+    made = made.assign(**line | fields, trainings=[[]] * len(made))
+    base = made if base is None else base
+    return frame.beside(made, base, "base_db", ["test_set", "view"])
+
+
+def psnr(own, test_set, **keys):
+    """PSNR of the views of a row, or of a scene's row of these keys."""
+    chosen = np.logical_and.reduce(
+        [own[key] == value for key, value in ({"test_set": test_set} | keys).items()]
     )
-    return made._replace(**fields)
+    return own[chosen].set_index("view")["psnr_db"]
 
 
-def scored(name, rows, folder=Path(), **fields):
-    """`files.Scored` of a scene; folder: of all results; fields: of its `Scene`."""
-    alike = {"like": name, "alike": name, "capture": name}
+def without(own, **keys):
+    """Lines but for those of these keys."""
+    chosen = np.logical_and.reduce([own[key] == value for key, value in keys.items()])
+    return own[~chosen]
+
+
+def emptied(own, **keys):
+    """Lines without a score in those of these keys."""
+    chosen = np.logical_and.reduce([own[key] == value for key, value in keys.items()])
+    return own.assign(psnr_db=own["psnr_db"].mask(chosen))
+
+
+def made(function, rows, *more):
+    """What a table is, of rows or scenes."""
+    return function(pd.concat(rows, ignore_index=True), *more)
+
+
+def scene_like(name, **fields):
+    """The `Scene` of a scene; fields: what it is like."""
+    alike = {"like": name, "alike": name, "capture": name, "reference": "plain"}
     like = {"seed": 0, "perturb_px": 0, "motion_m": None, "steps": 100, "share": 1}
-    scene = table_scenes.Scene(
-        **{"scene": name, "reference": rows[0].method, **alike, **like, **fields}
-    )
-    rows = [row._replace(scene=name) for row in rows]
-    return table_files.Scored(scene, Path(folder) / name, rows)
+    return table_scenes.Scene(**{"scene": name, **alike, **like, **fields})
+
+
+def scored(name, rows, **fields):
+    """A scene of a `frame.read_scenes`; fields: of its `Scene`."""
+    like = scene_like(name, **{"reference": rows[0]["method"].iloc[0], **fields})
+    like = like._asdict() | {"scene_steps": like.steps}
+    del like["steps"]
+    return pd.concat(rows, ignore_index=True).assign(**like)
 
 
 def one(table, **keys):
@@ -99,7 +119,7 @@ def written(scene, db, method="plain", round=0, *, base=None, timing=(), **field
     """
     folders = [f"{method}/round{number}" for number in range(round + 1)]
     path = Path(scene) / folders[-1]
-    long = scores(db).stack("test_set", future_stack=True).reset_index()
+    long = scores(db)
     views = long["view"].unique()
     parts = pd.DataFrame({"view": views}).assign(**dict.fromkeys(columns.PARTS, 0.25))
     train = "view,median_px,time_s\nt,1,0.25\nu,3,0.5\n"
@@ -136,4 +156,4 @@ def collect(scene, rows, table=""):
     folder = Path(scene) / table
     places = [f"--{name}={folder / name}.csv" for name in ("scores", "trainings")]
     collecting.main(["--rows", table_rows.as_json(rows), *places])
-    return results.read(scene, table)
+    return frame.read(scene, table)

@@ -9,8 +9,6 @@ from typing import NamedTuple
 
 import yaml
 
-from alignerf.tables import scores
-
 
 class Column(NamedTuple):
     """A column of a CSV; see columns.yaml."""
@@ -58,19 +56,6 @@ PARTS = [
 def names(table):
     """Names of a table's columns, in the CSV's order."""
     return list(TABLES[table].columns)
-
-
-def shown(values, name):
-    """Numbers of a metric as text, `--` where there is none."""
-    form = TABLES["misalignment"].columns[name].form
-    return [scores.shown(value, form) for value in values]
-
-
-def latex(name):
-    """A metric's heading in LaTeX, and whether more is better."""
-    heading = TABLES["misalignment"].columns[name].heading
-    arrow = "uparrow" if METRICS.get(name) else "downarrow"
-    return rf"{heading} $\{arrow}$"
 
 
 def markdown(table):

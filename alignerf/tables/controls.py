@@ -10,7 +10,7 @@ check. Each test set says what its score, and its difference to another, tells.
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.tables import columns, latex, scores
+from alignerf.tables import columns, frame, latex, scores
 from alignerf.testsets.base import Quantity
 
 # Of the gain, what is left without all that is no alignment.
@@ -32,12 +32,12 @@ def needed():
     ]
 
 
-def make_table(rows):
-    """A line per `results.Row` and quantity."""
+def make_table(views):
+    """A line per row of a `frame.read` and quantity."""
     lines = []
-    for row in rows:
-        labels = {"method": row.method, "warping": row.warping}
-        for quantity, values in quantities_of(row.psnr_db(needed())).items():
+    for labels, own in frame.rows_of(views):
+        psnr_db = frame.psnr_by_set(own, needed())
+        for quantity, values in quantities_of(psnr_db).items():
             named = labels | {"quantity": quantity.name, "views": len(values)}
             lines.append(named | scores.mean_and_interval(values))
     return pd.DataFrame(lines, columns=columns.names("controls"))
@@ -71,17 +71,20 @@ def to_latex(table):
     """A row per method and warping, a column a quantity."""
     known = set(table["quantity"])
     chosen = [one for one in shown() if one[0] in known]
-    rows = []
-    for (method, warping), own in table.groupby(["method", "warping"], sort=False):
-        lines = own.set_index("quantity")
-        cells = [
-            latex.difference(*lines.loc[name, ["db", "low_db", "high_db"]])
-            if differs
-            else scores.shown(lines.loc[name, "db"], ".2f")
-            for name, _, differs in chosen
-        ]
-        rows.append([latex.name(method), warping, *cells])
-    names, *others = zip(*rows, strict=True)
-    rows = latex.rows_of([latex.once(names), *others])
-    heads = ["Method", "Warping", *(heading for _, heading, _ in chosen)]
-    return latex.table("ll" + "r" * len(chosen), [heads], rows, NOTES)
+    rows = table[["method", "warping"]].drop_duplicates()
+    for name, _, _ in chosen:
+        own = table[table["quantity"] == name].drop(columns=["quantity", "views"])
+        ends = dict(zip(scores.with_ends(), scores.with_ends(f"{name}_"), strict=True))
+        rows = rows.merge(own.rename(columns=ends), how="left")
+    methods = list(map(latex.name, rows["method"]))
+    fixed = [
+        (f"{name}_db", heading, "interval" if differs else ".2f")
+        for name, heading, differs in chosen
+    ]
+    return latex.of_lines(
+        rows,
+        {"Method": methods, "Warping": rows["warping"]},
+        [],
+        fixed=fixed,
+        notes=NOTES,
+    )

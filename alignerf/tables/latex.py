@@ -1,94 +1,93 @@
-"""Tables in LaTeX: one writer for all."""
-
-import itertools
-from typing import NamedTuple
+"""Tables in LaTeX: pandas writes them, from texts of cells."""
 
 import numpy as np
 import pandas as pd
 
-from alignerf.tables import scores
+from alignerf.tables import columns, scores
 
 # The paper's colours for the best, second and third of a column.
 COLOURS = ("FF9999", "FFCC99", "FFFF99")
-# Between two rows: a line.
-RULE = r"\midrule"
 
 
-class Span(NamedTuple):
-    """A cell over several columns."""
+def of_lines(
+    lines,
+    rows,
+    shown,
+    *,
+    by=None,
+    values=(),
+    fixed=(),
+    notes=(),
+    best=None,
+    others=None,
+    within=None,
+):
+    """LaTeX of a table's lines: a row for each of `rows`, booktabs.
 
-    text: str
-    columns: int
-    align: str = "c"
-
-
-def table(align, heads, rows, notes=(), *, colours=False):
-    """A booktabs table.
-
-    align: a letter a column, as `tabular` takes them. heads: rows of headings. rows:
-    lists of cells (text, or a Span), or RULE. notes: lines of comments above it.
-    colours: whether a cell has one; xcolor is needed then.
+    rows: {heading: texts of all lines}, what tells rows apart; a text stands once where
+    rows below have it too. shown: (column, heading, form) of cells that stand side by
+    side for each of `values` of the column `by`; fixed: of those that do not. form: as
+    in columns.yaml. notes: lines of comments above. best: columns whose best three are
+    coloured, {column: whether higher is better}. others: a mask of lines that are never
+    among them. within: the heading of `rows` that has a best three for each text.
     """
-    needed = r"\usepackage{booktabs}" + r" \usepackage[table]{xcolor}" * colours
-    return "\n".join(
-        [
-            *(f"% {note}" for note in (needed, *notes)),
-            rf"\begin{{tabular}}{{{align}}}",
-            r"\toprule",
-            *map(line, heads),
-            RULE,
-            *(row if row == RULE else line(row) for row in rows),
-            r"\bottomrule",
-            r"\end{tabular}",
-            "",
-        ]
+    best, keys = best or {}, list(rows)
+    lines = lines.assign(**rows, of_others=False if others is None else others)
+    index = lines.drop_duplicates(keys).set_index(keys)
+    cells, styles = {}, {}
+    for column, heading, form in shown:
+        for value in values:
+            own = lines[lines[by] == value].set_index(keys).reindex(index.index)
+            place = heading, name(f"{value:g}x" if by == "budget" else value)
+            cells[place] = texts(own, column, form)
+            if column in best:
+                ours = own[column].astype(float).mask(index["of_others"])
+                styles[place] = colours(ours, higher=best[column], within=within)
+    for column, heading, form in fixed:
+        cells[heading, ""] = texts(index, column, form)
+    table = pd.DataFrame(cells, index=index.index)
+    table.columns = pd.MultiIndex.from_tuples(cells)
+    # Equal names of a column are no group of columns.
+    if not values:
+        table.columns = table.columns.droplevel(1)
+    style = table.style
+    for place, css in styles.items():
+        style = style.apply(lambda _, css=css: css, subset=[place])
+    packages = r"\usepackage{booktabs}" + r" \usepackage[table]{xcolor}" * bool(styles)
+    head = "".join(f"% {note}\n" for note in (packages, *notes))
+    align = "l" * len(keys) + "r" * len(cells)
+    return head + style.to_latex(
+        hrules=True, multicol_align="c", multirow_align="naive", column_format=align
     )
 
 
-def line(cells):
-    """A row of cells."""
-    return " & ".join(map(cell, cells)) + r" \\"
+def texts(lines, column, form):
+    """Texts of a column's cells; an interval's ends stand in columns beside it."""
+    if form == "interval":
+        ends = zip(*(lines[key] for key in with_ends(column)), strict=True)
+        return [difference(*one) for one in ends]
+    numbers = lines[column]
+    if form == "min":
+        numbers, form = numbers / 60, ".1f"
+    elif form == "%":
+        numbers, form = 100 * numbers, ".0f"
+    elif form == "M":
+        numbers, form = numbers.astype(float) / 1e6, ".2f"
+    if not form:
+        return [name(str(one)) for one in numbers]
+    return [scores.shown(one, form) for one in numbers]
 
 
-def cell(content):
-    """One cell's text; a Span over several columns."""
-    if not isinstance(content, Span):
-        return str(content)
-    return rf"\multicolumn{{{content.columns}}}{{{content.align}}}{{{content.text}}}"
+def with_ends(column):
+    """A column of dB and those of its interval's ends."""
+    return scores.with_ends(column.removesuffix("db"))
 
 
-def blocks(rows):
-    """Rows of several blocks, a line between each two."""
-    parted = [[*block, RULE] for block in rows]
-    return list(itertools.chain(*parted))[:-1]
-
-
-def rows_of(columns):
-    """Rows of cells from columns of cells."""
-    return list(map(list, zip(*columns, strict=True)))
-
-
-def side_by_side(labels, groups):
-    """(align, heads, rows) of groups of columns beside labels, which stand once each.
-
-    labels: {heading: cells}, at the left. groups: {heading: {heading below it: cells}},
-    at the right.
-    """
-    first, *others = labels.values()
-    body = [once(list(first)), *others]
-    heads = [[*labels], [""] * len(labels)]
-    for heading, group in groups.items():
-        heads[0].append(Span(heading, len(group)))
-        heads[1] += map(name, group)
-        body += group.values()
-    align = "l" * len(labels) + "r" * (len(body) - len(labels))
-    return align, heads, rows_of(body)
-
-
-def once(labels):
-    """Labels of rows, each empty where it is the one above."""
-    above = [None, *labels[:-1]]
-    return ["" if a == b else b for a, b in zip(above, labels, strict=True)]
+def metric(key):
+    """(column, heading, form) of a metric, with an arrow to where it is better."""
+    found = columns.TABLES["misalignment"].columns[key]
+    arrow = "uparrow" if columns.METRICS.get(key) else "downarrow"
+    return key, rf"{found.heading} $\{arrow}$", found.form
 
 
 def name(text):
@@ -96,21 +95,35 @@ def name(text):
     return text.replace("_", r"\_")
 
 
+def names(methods, warpings):
+    """Names of rows."""
+    pairs = zip(methods, warpings, strict=True)
+    return [name(scores.row_name(*pair)) for pair in pairs]
+
+
 def difference(mean, low, high):
-    """A difference and, small, its interval; bold where that does not hold 0."""
+    """A difference and, small, its interval; bold where that does not hold 0.
+
+    Nothing of a row's difference to itself.
+    """
     if np.isnan(mean):
         return "--"
+    if mean == 0 and not (low < 0 or high > 0):
+        return ""
     text = f"{mean:+.2f}"
     if scores.significant(low, high):
         text = rf"\textbf{{{text}}}"
     return text if np.isnan(low) else rf"{text} {{\tiny [{low:+.2f}, {high:+.2f}]}}"
 
 
-def coloured(texts, values, *, higher):
-    """Texts of a column's cells; the best three of its values have the colours."""
-    ranks = pd.Series(list(values), dtype=float)
-    ranks = ranks.rank(ascending=not higher, method="min")
+def colours(values, *, higher, within=None):
+    """Styles of a column's cells: the best three of its values have the colours.
+
+    within: a level of the index; each of its labels has a best three.
+    """
+    groups = values.groupby(level=within, sort=False) if within else values
+    ranks = groups.rank(ascending=not higher, method="min")
     return [
-        rf"\cellcolor[HTML]{{{COLOURS[int(rank) - 1]}}}{text}" if rank <= 3 else text
-        for text, rank in zip(texts, ranks, strict=True)
+        f"cellcolor:[HTML]{{{COLOURS[int(rank) - 1]}}}" if rank <= 3 else ""
+        for rank in ranks
     ]

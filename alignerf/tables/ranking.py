@@ -11,7 +11,7 @@ import pandas as pd
 import scipy.stats
 
 from alignerf import testsets
-from alignerf.tables import columns, intervals, latex, scores
+from alignerf.tables import columns, frame, intervals, latex, scores
 
 TEST_SETS = testsets.shown_in("ranking")
 # Ranked where all rows have it.
@@ -20,13 +20,13 @@ OPTIONAL = "aligned_pose"
 DRAWS = 1000
 
 
-def make_table(rows):
-    """A line per test set: how it ranks `results.Row`s.
+def make_table(views):
+    """A line per test set: how it ranks the rows of a `frame.read`.
 
     Intervals are over views: how the ranking would agree on other views of the scene.
     """
     needed = ["oracle", *TEST_SETS]
-    psnr_db = [row.psnr_db(needed) for row in rows]
+    psnr_db = [frame.psnr_by_set(own, needed) for _, own in frame.rows_of(views)]
     if all(OPTIONAL in table for table in psnr_db):
         needed.append(OPTIONAL)
     oracle, *others = (np.stack([table[name] for table in psnr_db]) for name in needed)
@@ -64,15 +64,12 @@ def tau_b(first, second):
 
 def to_latex(table):
     """A row per test set."""
-    rows = [
-        [
-            latex.name(line.test_set),
-            scores.with_interval(line.tau, line.tau_low, line.tau_high),
-        ]
-        for line in table.itertuples()
-    ]
     notes = (
         f"Ranking of {table['rows'][0]} methods and rounds against the oracle's, by",
         f"their mean PSNR; 95 % bootstrap intervals over {table['views'][0]} views.",
     )
-    return latex.table("ll", [["Test set", r"Kendall's $\tau_b$"]], rows, notes)
+    ends = zip(table["tau"], table["tau_low"], table["tau_high"], strict=True)
+    table = table.assign(text=[scores.with_interval(*one) for one in ends])
+    rows = {"Test set": list(map(latex.name, table["test_set"]))}
+    fixed = [("text", r"Kendall's $\tau_b$", "")]
+    return latex.of_lines(table, rows, [], fixed=fixed, notes=notes)

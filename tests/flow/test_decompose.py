@@ -11,7 +11,7 @@ from alignerf.files import images
 from alignerf.scenes import cameras
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard
-from alignerf.tables import displacement
+from alignerf.tables import costs
 from flow import align, decompose
 from flow.warping import files
 from tests import table_cases
@@ -265,16 +265,16 @@ def test_table_of_means_over_views(tmp_path):
         table.to_csv(row.files["parts"], index=False)
         scores = pd.read_csv(row.files["scores"]).assign(view=views["view"])
         scores.to_csv(row.files["scores"], index=False)
-    table = displacement.make_table(table_cases.collect(tmp_path, [first, second]))
+    table = costs.displacement(table_cases.collect(tmp_path, [first, second]))
     assert table["round"].tolist() == [0, 1]
     assert table["views"].tolist() == [2, 2]
     assert table["flow_median_px"].tolist() == pytest.approx([2**0.5, 2.0], rel=1e-5)
     assert table["camera_share"][0] == pytest.approx(1, abs=1e-3)
     assert table["model_mean_px"].isna().all()
-    tex = displacement.to_latex(table)
+    tex = costs.displacement_to_latex(table)
     assert "1.41" in tex
     assert r"a\_b" in tex
-    assert "Model" not in tex
+    assert "model" not in tex
     views.drop(columns="noise_px").to_csv(second.files["parts"], index=False)
     reason = f"decomposition_test.csv: {NO_TABLE}: no column noise_px"
     with pytest.raises(ValueError, match=reason):

@@ -136,6 +136,14 @@ def interval(gains, score):
     return intervals.pooled_interval(gains)
 
 
+def at_time(points, time_s):
+    """The views' scores at a time, of {length: (seconds, scores)}."""
+    ordered = sorted(points.values(), key=lambda point: point[0])
+    seconds, scores = zip(*ordered, strict=True)
+    values = np.stack([one["x"].to_numpy() for one in scores])
+    return remedies.interpolated(np.array(seconds), values, time_s)
+
+
 def at_equal_time(rows, seed, share, method, score):
     """What a method's views gain at the seconds of plain training; None if unknown."""
     own = rows[rows["seed"] == seed]
@@ -153,8 +161,8 @@ def at_equal_time(rows, seed, share, method, score):
     time_s = plain[share][0]
     # One that is done before the time is up has what it has.
     last_s = max(seconds for seconds, _ in own_points.values())
-    found = remedies.at_time(own_points, min(time_s, last_s), "x")
-    other = remedies.at_time(plain, time_s, "x")
+    found = at_time(own_points, min(time_s, last_s))
+    other = at_time(plain, time_s)
     return None if np.isnan(found).any() else found - other
 
 

@@ -10,8 +10,8 @@ import matplotlib.figure
 import numpy as np
 import pandas as pd
 
-from alignerf.tables.plots import remedies, sizes
-from alignerf.tables.plots.regimes import LABEL_PT, SMALL_PT
+from alignerf.tables import plots
+from alignerf.tables.plots import LABEL_PT, SMALL_PT
 
 PLAIN = "plain training"
 # What each remedy is compared with: columns of resolution.csv, label, look of the line.
@@ -50,7 +50,7 @@ def draw_resolution(table, path):
     shown = {}
     for (above, below), (capture, own) in zip(axes.T, captures, strict=True):
         above.set_title(capture, fontsize=LABEL_PT)
-        sizes.draw_flow(above, own.assign(condition=own["size"]))
+        plots.draw_flow(above, own.assign(condition=own["size"]))
         # Room for what stands beside the points.
         for axes_ in (above, below):
             axes_.margins(x=0.28, y=0.12)
@@ -58,7 +58,10 @@ def draw_resolution(table, path):
             draw_gains(below, own[own["remedy"] == remedy], place)
         below.axhline(0, color="black", linewidth=1)
         below.set_xlabel("width of the photos (px)", fontsize=LABEL_PT)
-        sizes.finish(below, own["width_px"])
+        plots.by_width(below, own["width_px"])
+        for axes_ in (above, below):
+            axes_.tick_params(labelsize=SMALL_PT)
+            axes_.grid(**plots.GRID)
         handles, labels = below.get_legend_handles_labels()
         shown |= dict(zip(labels, handles, strict=True))
     axes[1, 0].set_ylabel("against plain training\n(dB)", fontsize=LABEL_PT)
@@ -84,10 +87,8 @@ def draw_gains(axes, own, place):
             gain_db,
             np.abs(ends - gain_db[:, None]).T,
             label=f"{own['remedy'].iloc[0]}, against {of}",
-            markersize=4,
-            linewidth=1.2,
             capsize=2,
-            **{**remedies.style_of(place), **look},
+            **{**plots.style_of(place), **look},
         )
 
 

@@ -12,15 +12,13 @@ difference to the baseline and that to the row above. Differences are paired by 
 """
 
 import logging
+from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from alignerf import testsets
 from alignerf.files import atomic, csv_files, faults
-from alignerf.tables import columns, latex, scores
-from alignerf.tables import files as table_files
-from alignerf.tables.plots import regimes as regimes_plot
+from alignerf.tables import columns, frame, latex, plots, scores
 
 log = logging.getLogger("alignerf")
 
@@ -39,121 +37,92 @@ NOTES = (
 
 
 def main(argv=None):
-    parser = table_files.across(__doc__)
-    parser.add_argument("--figure", required=True, help="PNG, written")
-    args = parser.parse_args(argv)
-    scenes = table_files.read(args, "regimes")
-    table = make_table(scenes)
+    args = frame.parser(__doc__).parse_args(argv)
+    views = frame.read_scenes(args, "regimes")
+    table = make_table(views, args.results)
     with atomic.replace_file(args.figure) as path:
-        regimes_plot.draw(table, path)
-        table_files.write_across(table, to_latex, scenes, args)
+        plots.regimes(table, path)
+        frame.write_across(table, to_latex, views, args)
 
 
-def make_table(scenes):
-    """Lines of all regimes, in the order of `scenes` (`files.Scored`)."""
-    regimes = {}
-    for one in scenes:
-        same = regimes.setdefault(one.scene.like, {})
-        if (other := same.setdefault(one.scene.seed, one)) is not one:
-            raise ValueError(f"{one.scene.scene}: the same as {other.scene.scene}")
-    groups = [list(same.values()) for same in regimes.values()]
-    lines = [line for group in groups for line in lines_of(group)]
+def make_table(views, results):
+    """Lines of all regimes of a `frame.read_scenes`; results: the scenes' folder."""
+    lines = []
+    for _, group in views.groupby("like", sort=False):
+        scenes = group.drop_duplicates("scene")
+        for name, again in zip(scenes["scene"], scenes.duplicated("seed"), strict=True):
+            if again:
+                raise ValueError(f"{name}: the same as {scenes['scene'].iloc[0]}")
+        lines += lines_of(group, Path(results))
     return pd.DataFrame(lines, columns=columns.names("regimes"))
 
 
-def lines_of(group):
-    """Lines of one regime, a list of scenes that differ in their seed."""
-    group = with_shared_rows(group)
-    first = group[0].scene
-    flow = [median_px(one.folder / FLOW) for one in group]
-    labels = {key: getattr(first, key) for key in REGIME} | {
-        "steps": first.steps or group[0].rows[0].costs["steps"],
-        "seeds": len(group),
-        "views": sum(len(one.rows[0].views) for one in group),
-        "misalignment_px": np.mean(flow),
-    }
-    every = [row for one in group for row in one.rows]
-    shown = [name for name in TEST_SETS if all(name in r.views for r in every)]
-    check_rays(group)
-    for place, row in enumerate(group[0].rows):
-        named = labels | {"method": row.method, "parts": row.description}
-        named["warping"] = row.warping
-        for test_set in shown:
-            line = named | {"test_set": test_set} | scores_of(group, place, test_set)
-            yield line | costs_of(group, place)
-
-
-def with_shared_rows(group):
-    """The scenes with those rows that all have; the log names the others."""
-    shared = table_files.shared_rows(group)
-    for method, round in dict.fromkeys(name for one in group for name in one.names):
-        if (method, round) not in shared:
+def lines_of(group, results):
+    """Lines of one regime: of scenes that differ in their seed."""
+    every, group = group, frame.shared(group)
+    first = group.iloc[0]
+    for method, round in every[frame.ROW].drop_duplicates().itertuples(index=False):
+        if not ((group["method"] == method) & (group["round"] == round)).any():
             name = scores.row_name(method, scores.warping(round))
-            first = group[0].scene.scene
-            log.warning("%s: not on all seeds, left out: %s", first, name)
-    return [
-        one._replace(rows=[one.row(name) for name in one.names if name in shared])
-        for one in group
+            log.warning("%s: not on all seeds, left out: %s", first["scene"], name)
+    rows = [own for _, own in group.groupby(frame.ROW, sort=False)]
+    flow = [
+        csv_files.read(results / scene / FLOW, columns=["median_px"])["median_px"]
+        for scene in group["scene"].unique()
     ]
-
-
-def scores_of(group, place, test_set):
-    """Means over seeds and views, and the differences to the baseline and row above."""
-    own, base, above = (
-        [one.rows[at].views[test_set] for one in group]
-        for at in (place, 0, max(place - 1, 0))
-    )
-    line = {
-        key: np.mean([views[key].mean(skipna=False) for views in own])
-        for key in METRICS
+    steps = first["scene_steps"]
+    labels = {key: first[key] for key in REGIME} | {
+        "steps": first["steps"] if pd.isna(steps) else steps,
+        "seeds": len(flow),
+        "views": len(group.drop_duplicates(["scene", "view"])),
+        # NaN where one view has none.
+        "misalignment_px": sum(one.mean(skipna=False) for one in flow) / len(flow),
     }
-    for name, other in (("difference", base), ("step", above)):
-        pairs = zip(own, other, strict=True)
-        differences = [(a["psnr_db"] - b["psnr_db"]).to_numpy() for a, b in pairs]
-        line |= scores.pooled_mean_and_interval(differences, f"{name}_")
-    return line
+    shown = set.intersection(*map(frame.known, rows))
+    check_rays(rows)
+    for own, above in zip(rows, [rows[0], *rows], strict=False):
+        own = frame.beside(own, rows[0], "baseline_db")
+        own = frame.beside(own, above, "above_db")
+        row = own.iloc[0]
+        named = labels | {"method": row["method"], "parts": row["description"]}
+        named |= {"warping": scores.warping(row["round"]), "params": row["params"]}
+        named |= frame.mean_costs(own, COSTS)
+        for test_set, lines in frame.sets_of_all(own, TEST_SETS):
+            if test_set in shown:
+                line = named | {"test_set": test_set} | frame.means(lines, METRICS)
+                line |= frame.gains(lines, "baseline_db")
+                yield line | frame.gains(lines, "above_db", "step_")
 
 
-def costs_of(group, place):
-    """What a method takes, means over seeds, and how large it is."""
-    costs = [one.rows[place].costs for one in group]
-    means = {key: np.mean([of_scene[key] for of_scene in costs]) for key in COSTS}
-    return means | {"params": costs[0]["params"]}
-
-
-def check_rays(group):
+def check_rays(rows):
     """Tell of methods without warping that saw more or fewer rays than the baseline."""
-    rays = [costs_of(group, place)["rays_seen"] for place in range(len(group[0].rows))]
-    for row, seen in zip(group[0].rows, rays, strict=True):
-        if row.round == 0 and abs(seen / rays[0] - 1) > 0.01:
+    rays = [frame.mean_costs(own, ["rays_seen"])["rays_seen"] for own in rows]
+    for own, seen in zip(rows, rays, strict=True):
+        row = own.iloc[0]
+        if row["round"] == 0 and abs(seen / rays[0] - 1) > 0.01:
             saw = f"{seen / rays[0]:.2f} of the baseline's rays"
-            log.warning("%s: %s saw %s", group[0].scene.scene, row.method, saw)
-
-
-def median_px(path):
-    """The scene's misalignment: mean over test views of the flow's median length.
-
-    NaN where one view has none.
-    """
-    views = csv_files.read(path, columns=["median_px"])
-    return views["median_px"].mean(skipna=False)
+            log.warning("%s: %s saw %s", row["scene"], row["method"], saw)
 
 
 def to_latex(table):
     """A block per regime, a row per method, test sets side by side."""
-    sets = [name for name in TEST_SETS if name in set(table["test_set"])]
-    width = 2 * len(sets) + 4
-    blocks = []
-    for _, rows in table.groupby("scene", sort=False):
-        block = [[latex.Span(caption(rows), width, "l")]]
-        methods = rows.groupby(["method", "warping"], sort=False)
-        for place, (_, own) in enumerate(methods):
-            block.append(latex_row(own.set_index("test_set"), sets, is_base=place == 0))
-        blocks.append(block)
-    spans = [latex.Span(latex.name(name), 2) for name in sets]
-    heads = ["Method", *spans, "train (s)", "total (s)", "params (M)"]
-    align = f"l{'rl' * len(sets)}rrr"
-    return latex.table(align, [heads], latex.blocks(blocks), NOTES)
+    captions = {name: caption(rows) for name, rows in table.groupby("scene")}
+    return latex.of_lines(
+        table,
+        {
+            "Regime": table["scene"].map(captions),
+            "Method": latex.names(table["method"], table["warping"]),
+        },
+        [("psnr_db", "PSNR", ".2f"), ("difference_db", "difference", "interval")],
+        by="test_set",
+        values=[name for name in TEST_SETS if name in set(table["test_set"])],
+        fixed=[
+            ("train_time_s", "train (s)", ".0f"),
+            ("total_time_s", "total (s)", ".0f"),
+            ("params", "params (M)", "M"),
+        ],
+        notes=NOTES,
+    )
 
 
 def caption(rows):
@@ -167,23 +136,7 @@ def caption(rows):
         ]
     flow_px = scores.shown(row["misalignment_px"], ".2f")
     words += [f"{row['steps']} steps", f"flow {flow_px} px"]
-    return rf"\emph{{{', '.join(words)}; {row['seeds']} seed(s)}}"
-
-
-def latex_row(own, sets, *, is_base):
-    """One method's cells."""
-    first = own.iloc[0]
-    cells = [latex.name(scores.row_name(first["method"], first["warping"]))]
-    for name in sets:
-        if name not in own.index:
-            cells += ["--", ""]
-            continue
-        ends = own.loc[name, scores.with_ends("difference_")]
-        cells.append(scores.shown(own.loc[name, "psnr_db"], ".2f"))
-        cells.append("" if is_base else latex.difference(*ends))
-    times = ("train_time_s", "total_time_s")
-    cells += [scores.shown(first[key], ".0f") for key in times]
-    return [*cells, f"{first['params'] / 1e6:.2f}"]
+    return f"{', '.join(words)}; {row['seeds']} seed(s)"
 
 
 if __name__ == "__main__":

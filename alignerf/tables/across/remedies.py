@@ -15,17 +15,14 @@ Where the config has one capture at several photo sizes, the figure shows gains 
 misalignment is fixed in angle, so it grows in pixels (paper, Table 2).
 """
 
-from typing import NamedTuple
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from alignerf import testsets
 from alignerf.files import atomic, faults, json_files
-from alignerf.tables import columns, latex, scores
-from alignerf.tables import files as table_files
-from alignerf.tables.plots import remedies as remedies_plot
-from alignerf.tables.plots import sizes as sizes_plot
+from alignerf.tables import columns, costs, frame, latex, plots, scores
 
 # Without the warped test set: each length has its own, so its scores do not compare.
 TEST_SETS = testsets.shown_in("remedies")
@@ -33,137 +30,105 @@ TEST_SETS = testsets.shown_in("remedies")
 BUDGETS = (1, 2, 4)
 # Seconds of equal trainings differ by up to this factor from run to run.
 SLACK = 1.05
-FLOW = ("flow_px", "flow_mrad")
 NOTES = (
     "PSNR in dB at equal total time, and its difference to plain training of",
     "the same time, paired by view; 95 % intervals; bold: the interval excludes 0.",
 )
 
 
-class Condition(NamedTuple):
-    """Scenes that differ in seed and length only."""
-
-    name: str
-    # `Scene.capture`: equal for conditions that differ only in the photos' size.
-    capture: str
-    # {seed: {(method, round, parts): {share: (seconds, PSNR of views by test set)}}}
-    seeds: dict
-    # {seed: its photos' size, and their flow in pixels and in thousandths of a radian}
-    sizes: dict
-
-
 def main(argv=None):
-    parser = table_files.across(__doc__)
-    parser.add_argument("--figure", required=True, help="PNG, written")
-    args = parser.parse_args(argv)
-    scenes = table_files.read(args, "remedies")
-    conditions = conditions_of(scenes)
-    table = make_table(conditions)
-    captures = by_capture(conditions)
+    args = frame.parser(__doc__).parse_args(argv)
+    views = frame.read_scenes(args, "remedies")
+    table = make_table(views, args.results)
+    captures = by_capture(views)
     with atomic.replace_file(args.figure) as path:
         if captures:
-            sizes_plot.draw(table, captures, path)
+            plots.sizes(table, captures, path)
         else:
-            remedies_plot.draw(conditions, path)
-        table_files.write_across(table, to_latex, scenes, args)
+            plots.costs(costs.points(views), path)
+        frame.write_across(table, to_latex, views, args)
 
 
-def conditions_of(scenes):
-    """The `Condition`s of a list of `files.Scored`, in the order of the list.
+def by_capture(views):
+    """Lists of condition names: a list for each capture with several photo sizes."""
+    conditions = views.drop_duplicates("alike")
+    names = conditions.groupby("capture", sort=False)["scene"].agg(list)
+    return [own for own in names if len(own) > 1]
+
+
+def make_table(views, results):
+    """Lines of all conditions, remedies and budgets; results: the scenes' folder.
 
     Raises ValueError where trainings of one seed differ in their test views.
     """
-    conditions, views = {}, {}
-    for one in scenes:
-        scene = one.scene
-        new = Condition(scene.scene, scene.capture, {}, {})
-        condition = conditions.setdefault(scene.alike, new)
-        remedies = condition.seeds.setdefault(scene.seed, {})
-        if scene.share == 1:
-            condition.sizes[scene.seed] = size_of(one)
-        for row in one.rows:
-            psnr_db = row.psnr_db()
-            first = views.setdefault((scene.alike, scene.seed), psnr_db.index)
-            if not psnr_db.index.equals(first):
-                raise ValueError(f"{one.folder}: not the views of the other lengths")
-            key = row.method, row.round, row.description
-            points = remedies.setdefault(key, {})
-            if scene.share in points:
-                raise ValueError(f"{scene.scene}: the same as another scene")
-            points[scene.share] = row.costs["total_time_s"], psnr_db
-    return list(conditions.values())
-
-
-def size_of(one):
-    """Size of a scene's photos, and length of the flow of the plain training's renders.
-
-    flow_px: the median over views of each view's median flow length.
-    """
-    keys = ("width_px", "height_px", "pixel_angle_mrad")
-    path = one.folder / "facts.json"
-    facts = json_files.read(path, dict.fromkeys(keys, json_files.NUMBER))
-    flow_px = float(one.rows[0].own["flow_px"])
-    return {
-        "width_px": facts["width_px"],
-        "height_px": facts["height_px"],
-        "flow_px": flow_px,
-        "flow_mrad": flow_px * facts["pixel_angle_mrad"],
-    }
-
-
-def by_capture(conditions):
-    """Lists of condition names: a list for each capture with several photo sizes."""
-    found = {}
-    for one in conditions:
-        found.setdefault(one.capture, []).append(one.name)
-    return [names for names in found.values() if len(names) > 1]
-
-
-def make_table(conditions):
-    """Lines of all conditions, remedies and budgets."""
-    lines = [line for condition in conditions for line in lines_of(condition)]
+    lines = []
+    for _, condition in views.groupby("alike", sort=False):
+        scenes = condition.drop_duplicates("scene")
+        for name, again in zip(
+            scenes["scene"], scenes.duplicated(["seed", "share"]), strict=True
+        ):
+            if again:
+                raise ValueError(f"{name}: the same as another scene")
+        for _, own in condition.groupby("seed", sort=False):
+            seen = own.groupby("scene", sort=False)["view"].agg(frozenset)
+            if (other := seen != seen.iloc[0]).any():
+                where = Path(results) / other.idxmax()
+                raise ValueError(f"{where}: not the views of the other lengths")
+        lines += lines_of(condition, Path(results))
     return pd.DataFrame(lines, columns=columns.names("remedies"))
 
 
-def lines_of(condition):
-    """Lines of one condition."""
-    seeds = condition.seeds
-    sizes = list(condition.sizes.values())
-    # Seeds share the photos' size; only the flow is averaged.
-    flow = {key: np.mean([one[key] for one in sizes]) for key in FLOW}
-    size = sizes[0] | flow
-    shared = set.intersection(*(set(remedies) for remedies in seeds.values()))
-    first = next(iter(seeds.values()))
-    remedies = [remedy for remedy in first if remedy in shared]
-    plain = remedies[0]
-    known = all("oracle" in psnr_db for _, psnr_db in first[plain].values())
+def size_of(plain, results):
+    """Size of the photos, and length of the flow of the plain trainings' renders.
+
+    flow_px: the mean over seeds of the median over views of each view's median length.
+    """
+    keys = dict.fromkeys(
+        ("width_px", "height_px", "pixel_angle_mrad"), json_files.NUMBER
+    )
+    scenes = plain.drop_duplicates("scene")
+    paths = [results / scene / "facts.json" for scene in scenes["scene"]]
+    facts = pd.DataFrame([json_files.read(path, keys) for path in paths])
+    flow_px = scenes["flow_px"].to_numpy(float)
+    return {
+        # Seeds share the photos' size; only the flow is averaged.
+        "width_px": facts["width_px"][0],
+        "height_px": facts["height_px"][0],
+        "flow_px": np.mean(flow_px),
+        "flow_mrad": np.mean(flow_px * facts["pixel_angle_mrad"].to_numpy()),
+    }
+
+
+def lines_of(condition, results):
+    """Lines of one condition: of scenes that differ in seed and length."""
+    remedies = ["method", "round", "description"]
+    seeds = condition["seed"].nunique()
+    has = condition.groupby(remedies)["seed"].transform("nunique") == seeds
+    rows = list(condition[has].groupby(remedies, sort=False))
+    plain = rows[0][1]
+    whole = plain[plain["share"] == 1]
+    labels = {"condition": condition["scene"].iloc[0], "seeds": seeds}
+    labels |= size_of(whole, results)
+    known = frame.known(plain[plain["seed"] == plain["seed"].iloc[0]])
     for budget in BUDGETS:
-        if not all(budget in of_seed[plain] for of_seed in seeds.values()):
+        times = plain[plain["share"] == budget].drop_duplicates("seed")
+        if len(times) < seeds:
             continue
-        times_s = {seed: of_seed[plain][budget][0] for seed, of_seed in seeds.items()}
-        for remedy in remedies:
-            method, round, parts = remedy
-            labels = {
-                "condition": condition.name,
-                **size,
-                "budget": budget,
-                "time_s": np.mean(list(times_s.values())),
-                "method": method,
-                "warping": scores.warping(round),
-                "parts": parts,
-                "seeds": len(seeds),
-            }
+        times_s = dict(zip(times["seed"], times["total_time_s"], strict=True))
+        for (method, round, parts), own in rows:
+            named = labels | {"budget": budget, "time_s": np.mean([*times_s.values()])}
+            named |= {"method": method, "warping": scores.warping(round)}
             for test_set in TEST_SETS:
                 pairs = [
                     [
-                        at_time(of_seed[one], times_s[seed], test_set)
-                        for one in (remedy, plain)
+                        at_time(one[one["seed"] == seed], time_s, test_set)
+                        for one in (own, plain)
                     ]
-                    for seed, of_seed in seeds.items()
+                    for seed, time_s in times_s.items()
                 ]
-                if not any(pd.isna(own).all() for own, _ in pairs):
-                    found = gain_of(pairs, same_photos=not known)
-                    yield labels | {"test_set": test_set} | found
+                if not any(np.isnan(at).all() for at, _ in pairs):
+                    found = gain_of(pairs, same_photos="oracle" not in known)
+                    yield named | {"parts": parts, "test_set": test_set} | found
 
 
 def gain_of(pairs, *, same_photos):
@@ -182,16 +147,24 @@ def gain_of(pairs, *, same_photos):
     }
 
 
-def at_time(points, time_s, test_set):
+def at_time(own, time_s, test_set):
     """PSNR in dB of the views [n] at a time; NaN outside the times of the trainings.
 
-    points: {share: (seconds, PSNR of views by test set)}.
+    own: lines of one method and seed, of all its lengths.
     """
-    points = sorted(points.values(), key=lambda point: point[0])
-    if any(test_set not in psnr_db for _, psnr_db in points):
+    lines = own[own["test_set"] == test_set]
+    if lines["share"].nunique() < own["share"].nunique():
         return np.array([np.nan])
-    seconds = np.array([point[0] for point in points])
-    psnr_db = np.stack([point[1][test_set].to_numpy() for point in points])
+    wide = lines.pivot(
+        index=["total_time_s", "share"], columns="view", values="psnr_db"
+    ).sort_index(level="total_time_s")
+    return interpolated(
+        wide.index.get_level_values(0).to_numpy(), wide.to_numpy(), time_s
+    )
+
+
+def interpolated(seconds, psnr_db, time_s):
+    """dB of the views [n] at a time, of [lengths, n] after seconds [lengths], sorted."""
     if not seconds[0] / SLACK <= time_s <= seconds[-1] * SLACK:
         return np.full(psnr_db.shape[1], np.nan)
     at = np.log(np.clip(time_s, seconds[0], seconds[-1]))
@@ -199,38 +172,25 @@ def at_time(points, time_s, test_set):
 
 
 def to_latex(table):
-    """LaTeX: a block for each condition, a row for each remedy, budgets as columns."""
-    budgets = sorted(set(table["budget"]))
+    """A block for each condition, a row for each remedy, budgets as columns."""
     blocks = []
-    for name, of_condition in table.groupby("condition", sort=False):
-        chosen = testsets.fairest(set(of_condition["test_set"]))
-        lines = of_condition[of_condition["test_set"] == chosen]
+    for name, lines in table.groupby("condition", sort=False):
+        chosen = testsets.fairest(set(lines["test_set"]))
+        lines = lines[lines["test_set"] == chosen]
         minutes = lines.groupby("budget")["time_s"].first() / 60
-        title = ", ".join(f"{minutes[b]:.1f}" for b in budgets if b in minutes)
-        title = rf"\emph{{{latex.name(name)}, {chosen}: {title} min}}"
+        title = ", ".join(f"{one:.1f}" for one in minutes)
+        title = f"{latex.name(name)}, {chosen}: {title} min"
         names = scores.short_names(lines["method"], lines["warping"])
-        remedies = lines.assign(remedy=names).groupby("remedy", sort=False)
-        rows = [
-            [latex.name(remedy), *cells_of(own.set_index("budget"), budgets)]
-            for remedy, own in remedies
-        ]
-        blocks.append([[latex.Span(title, 1 + 2 * len(budgets), "l")], *rows])
-    spans = [latex.Span(rf"{budget:g}$\times$", 2) for budget in budgets]
-    align = f"l{'rl' * len(budgets)}"
-    return latex.table(align, [["Remedy", *spans]], latex.blocks(blocks), NOTES)
-
-
-def cells_of(own, budgets):
-    """Score and gain of one remedy at each budget."""
-    cells = []
-    for budget in budgets:
-        if budget in own.index:
-            ends = own.loc[budget, scores.with_ends("gain_")]
-            score = f"{own.loc[budget, 'psnr_db']:.2f}"
-            cells += [score, latex.difference(*ends)]
-        else:
-            cells += ["--", ""]
-    return cells
+        blocks.append(lines.assign(title=title, remedy=list(map(latex.name, names))))
+    table = pd.concat(blocks, ignore_index=True)
+    return latex.of_lines(
+        table,
+        {"Condition": table["title"], "Remedy": table["remedy"]},
+        [("psnr_db", "PSNR", ".2f"), ("gain_db", "gain", "interval")],
+        by="budget",
+        values=sorted(set(table["budget"])),
+        notes=NOTES,
+    )
 
 
 if __name__ == "__main__":

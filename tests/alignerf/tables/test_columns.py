@@ -2,17 +2,12 @@
 
 import pytest
 
-from alignerf.tables import (
-    columns,
-    controls,
-    displacement,
-    misalignment,
-    ranking,
-    round_times,
-)
+from alignerf import tabulate
+from alignerf.tables import columns, controls, latex
 from alignerf.tables.across import comparison
 from alignerf.verdict import views
 from tests import table_cases
+from tests.table_cases import made
 
 SETS = (*sorted(controls.needed()), "oracle")
 ROWS = [
@@ -22,27 +17,20 @@ ROWS = [
         ({"psnr_db": [21.0, 25.0]} | dict.fromkeys(columns.PARTS, 2.0), "two"),
     )
 ]
-OF_ROWS = {
-    "misalignment": misalignment,
-    "round_times": round_times,
-    "controls": controls,
-    "displacement": displacement,
-    "ranking": ranking,
-}
 
 
-@pytest.mark.parametrize("name", OF_ROWS)
+@pytest.mark.parametrize("name", tabulate.TABLES)
 def test_a_table_has_the_columns_of_the_registry(name):
-    table = OF_ROWS[name].make_table(ROWS)
+    table = made(tabulate.TABLES[name][0], ROWS)
     assert list(table.columns) == columns.names(name)
     assert len(table)
 
 
 def test_so_have_those_across_scenes():
     scenes = [table_cases.scored("a", ROWS)]
-    table = comparison.make_table(scenes)
+    table = made(comparison.make_table, scenes)
     assert list(table.columns) == columns.names("comparison")
-    table = comparison.make_ranking(scenes)
+    table = made(comparison.make_ranking, scenes)
     assert list(table.columns) == columns.names("comparison_ranking")
 
 
@@ -89,6 +77,6 @@ def test_the_list_of_the_docs_has_each_column_once():
 
 
 def test_metrics_have_their_headings_in_latex():
-    assert columns.latex("psnr_db") == r"PSNR (dB) $\uparrow$"
-    assert columns.latex("lpips_vgg") == r"LPIPS (VGG) $\downarrow$"
-    assert columns.latex(columns.PRINTED_ONLY) == r"LPIPS (published) $\downarrow$"
+    assert latex.metric("psnr_db")[1] == r"PSNR (dB) $\uparrow$"
+    assert latex.metric("lpips_vgg")[1] == r"LPIPS (VGG) $\downarrow$"
+    assert latex.metric(columns.PRINTED_ONLY)[1] == r"LPIPS (published) $\downarrow$"

@@ -8,6 +8,7 @@ import pytest
 from alignerf import show
 from alignerf.tables import controls, intervals
 from tests import table_cases
+from tests.table_cases import made
 
 VIEWS = 6
 MOVED = ("aligned_pose", "aligned_pose_overfit")
@@ -45,11 +46,14 @@ def rows(rng):
 
 
 def test_a_gain_is_the_sum_of_its_parts(rows):
-    table = controls.make_table(rows)
+    table = made(controls.make_table, rows)
     groups = table.groupby(["method", "warping"], sort=False)
     assert [key for key, _ in groups] == LINES
     for row, (_, lines) in zip(rows, groups, strict=True):
-        db, psnr_db = lines.set_index("quantity")["db"], row.psnr_db().mean()
+        db, psnr_db = (
+            lines.set_index("quantity")["db"],
+            {name: table_cases.psnr(row, name).mean() for name in SETS},
+        )
         for name, (above, below) in WANTED.items():
             assert db[name] == pytest.approx(psnr_db[above] - psnr_db[below])
         parts = db["pixel_choice"] + db["resampling"] + db["overfit"] + db["remains"]
@@ -61,7 +65,7 @@ def test_intervals_are_of_differences_view_by_view(rng):
     # A view that is 10 dB harder for both is no doubt about the difference.
     hard = rng.uniform(-10, 10, VIEWS)
     row = table_cases.row({name: 20 + hard + (name == "warped") for name in SETS})
-    lines = controls.make_table([row]).set_index("quantity")
+    lines = made(controls.make_table, [row]).set_index("quantity")
     ends = ["db", "low_db", "high_db"]
     assert lines.loc["gain", ends].tolist() == pytest.approx([1, 1, 1])
     low, high = intervals.mean_interval(20 + hard)
@@ -71,16 +75,16 @@ def test_intervals_are_of_differences_view_by_view(rng):
 
 def test_without_an_oracle_its_columns_are_not_there(scores, rows):
     known = {key: db for key, db in scores.items() if key not in ("oracle", *MOVED)}
-    table = controls.make_table([table_cases.row(known)])
+    table = made(controls.make_table, [table_cases.row(known)])
     later = ("oracle", "oracle_gain", "pose_gain", "pose_overfit")
     assert not {*later} & set(table["quantity"])
     assert "& oracle &" not in controls.to_latex(table)
-    assert "oracle gain" in controls.to_latex(controls.make_table(rows))
+    assert "oracle gain" in controls.to_latex(made(controls.make_table, rows))
 
 
 def test_a_view_without_a_score_leaves_its_quantities_empty(scores):
     scores["control"][2] = np.nan
-    table = controls.make_table([table_cases.row(scores)])
+    table = made(controls.make_table, [table_cases.row(scores)])
     for quantity in ("resampling", "remains"):
         line = table_cases.one(table, quantity=quantity)
         assert np.isnan([line["db"], line["low_db"], line["high_db"]]).all()
@@ -94,11 +98,11 @@ def test_a_test_set_that_is_needed_is_named(scores):
     del scores["crossfit"]
     reason = "yard: plain after round 0: no test set 'crossfit'"
     with pytest.raises(ValueError, match=reason):
-        controls.make_table([table_cases.row(scores)])
+        made(controls.make_table, [table_cases.row(scores)])
 
 
 def test_the_table_of_latex_marks_what_is_beyond_chance(rows):
-    tex = controls.to_latex(controls.make_table(rows))
+    tex = controls.to_latex(made(controls.make_table, rows))
     lines = table_cases.cells(tex)
     assert [line[:2] for line in lines] == [
         *([r"plain\_one", "none"], ["", "once"], ["other", "none"], ["", "once"]),
@@ -111,7 +115,7 @@ def test_the_table_of_latex_marks_what_is_beyond_chance(rows):
 
 
 def test_on_the_screen(rows):
-    table = controls.make_table(rows)
+    table = made(controls.make_table, rows)
     shown = show.breakdown(table)
     assert list(shown.index) == LINES
     remains = table[table["quantity"] == "remains"]["db"].round(2)

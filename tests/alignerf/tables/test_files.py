@@ -91,7 +91,7 @@ def test_a_table_without_what_lies_beside_it_is_not_left(scene, name, monkeypatc
     config.write_text("seed: 0\n")
     with pytest.raises(ValueError, match=r"config\.yaml: not a scene's config"):
         make(scene, name, configs=[config])
-    monkeypatch.setattr(MODULES[name], "to_latex", fail)
+    monkeypatch.setitem(MODULES, name, (MODULES[name][0], fail))
     with pytest.raises(ValueError, match="no LaTeX"):
         make(scene, name)
     assert not [path for path in scene.glob("out/*") if path.is_file()]

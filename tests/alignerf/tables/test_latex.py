@@ -1,41 +1,65 @@
 """The one writer of LaTeX: cells, spans, colours, and numbers that are not there."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from alignerf.tables import latex
 
+LINES = pd.DataFrame(
+    [
+        ("my_method", "a", 1.0, 90.0),
+        ("my_method", "b", 2.0, 90.0),
+        ("x", "a", np.nan, 30.0),
+    ],
+    columns=["method", "set", "psnr_db", "time_s"],
+)
+
 
 def test_a_table_is_whole():
-    heads = [["Method", latex.Span("PSNR", 2)], ["", "a", "b"]]
-    rows = [[latex.name("my_method"), 1, "2"], latex.RULE, ["x", "", "--"]]
-    assert latex.table("lrr", heads, rows, ["First.", "Second."]).splitlines() == [
+    text = latex.of_lines(
+        LINES,
+        {"Method": list(map(latex.name, LINES["method"])), "Kind": ["k"] * 3},
+        [("psnr_db", "PSNR", ".1f")],
+        by="set",
+        values=["a", "b"],
+        fixed=[("time_s", "min", "min")],
+        notes=["First.", "Second."],
+    )
+    assert text.splitlines() == [
         r"% \usepackage{booktabs}",
         "% First.",
         "% Second.",
-        r"\begin{tabular}{lrr}",
+        r"\begin{tabular}{llrrr}",
         r"\toprule",
-        r"Method & \multicolumn{2}{c}{PSNR} \\",
-        r" & a & b \\",
+        r" &  & \multicolumn{2}{c}{PSNR} & min \\",
+        r" &  & a & b &  \\",
+        r"Method & Kind &  &  &  \\",
         r"\midrule",
-        r"my\_method & 1 & 2 \\",
-        r"\midrule",
-        r"x &  & -- \\",
+        r"my\_method & k & 1.0 & 2.0 & 1.5 \\",
+        r"x & k & -- & -- & 0.5 \\",
         r"\bottomrule",
         r"\end{tabular}",
     ]
-    text = latex.table("l", [["a"]], [["b"]], colours=True)
+
+
+@pytest.mark.parametrize("within", [None, "Kind"])
+def test_the_best_are_coloured_in_each_block(within):
+    lines = LINES[LINES["set"] == "a"].assign(psnr_db=[1.0, 2.0])
+    text = latex.of_lines(
+        lines,
+        {"Kind": ["one", "other"], "Method": lines["method"]},
+        [("psnr_db", "PSNR", ".1f")],
+        by="set",
+        values=["a"],
+        best={"psnr_db": True},
+        within=within,
+    )
     assert text.splitlines()[0].endswith(r"\usepackage[table]{xcolor}")
-
-
-def test_blocks_have_a_line_between_each_two():
-    one, two = [["a"], ["b"]], [["c"]]
-    assert latex.blocks([one, two]) == [["a"], ["b"], latex.RULE, ["c"]]
-    assert latex.blocks([one]) == one
-
-
-def test_a_label_stands_once():
-    assert latex.once(["a", "a", "b", "a"]) == ["a", "", "b", "a"]
+    best = [
+        rf"\cellcolor[HTML]{{{latex.COLOURS[0]}}} {n}" in text for n in ("1.0", "2.0")
+    ]
+    assert best == [within == "Kind", True]
 
 
 @pytest.mark.parametrize(
@@ -47,6 +71,8 @@ def test_a_label_stands_once():
         # Of one view there is no interval.
         ((0.25, np.nan, np.nan), "+0.25"),
         ((np.nan, np.nan, np.nan), "--"),
+        # Of a row to itself.
+        ((0.0, 0.0, 0.0), ""),
     ],
 )
 def test_a_difference_is_bold_beyond_chance(ends, text):
@@ -55,8 +81,8 @@ def test_a_difference_is_bold_beyond_chance(ends, text):
 
 def places(values, *, higher):
     """1, 2 or 3 for the coloured ones, 0 for the others."""
-    texts = latex.coloured(list("abcde"[: len(values)]), values, higher=higher)
-    marks = [text.partition("{")[2].partition("}")[0] for text in texts]
+    styles = latex.colours(pd.Series(values, dtype=float), higher=higher)
+    marks = [style.partition("{")[2].rstrip("}") for style in styles]
     return [latex.COLOURS.index(mark) + 1 if mark else 0 for mark in marks]
 
 
@@ -66,5 +92,3 @@ def test_the_best_three_are_coloured_each_in_its_sense():
     # A tie is one rank, and what is not there has none.
     assert places([20.0, 20.0, 19.0, np.nan, 18.0], higher=True) == [1, 1, 3, 0, 0]
     assert places([None, None], higher=True) == [0, 0]
-    text = r"\cellcolor[HTML]{FF9999}a"
-    assert latex.coloured(["a"], [1.0], higher=True) == [text]

@@ -8,38 +8,42 @@ import pandas as pd
 import pytest
 
 from alignerf import show
-from alignerf.tables import columns, intervals, latex, misalignment
+from alignerf.tables import columns, intervals, latex, misalignment, scores
 from tests import table_cases
-from tests.table_cases import cells
+from tests.table_cases import cells, made
 
 SETS = ("standard", "standard_valid", "warped", "control")
-DIFFERENCE = list(misalignment.DIFFERENCE)
+DIFFERENCE = scores.with_ends("difference_")
 
 
 @pytest.fixture
 def row(rng):
     """A method after a round, set against another; all metrics are random."""
 
-    def scores():
+    def random():
         return {
             name: dict(zip(columns.METRICS, rng.uniform(15, 25, (5, 3)), strict=True))
             for name in SETS
         }
 
-    base = table_cases.row(scores(), "plain")
-    return table_cases.row(scores(), "my_method", 1, base=base)
+    base = table_cases.row(random(), "plain")
+    return table_cases.row(random(), "my_method", 1, base=base)
 
 
 def test_a_row_per_test_set_with_means_and_all_costs_so_far(row):
-    table = misalignment.make_table([row])
+    table = made(misalignment.make_table, [row])
     assert table["test_set"].tolist() == ["standard", "warped", "control"]
     for line in table.to_dict("records"):
         assert line.items() >= {"method": "my_method", "warping": "once"}.items()
         assert line.items() >= table_cases.COSTS.items()
         for key in columns.METRICS:
-            assert line[key] == row.views[line["test_set"], key].mean()
+            own = row[row["test_set"] == line["test_set"]]
+            assert line[key] == pytest.approx(own[key].mean())
     # Whole numbers stay whole beside rows that lack them.
-    table = misalignment.make_table([row, row._replace(costs={})])
+    table = made(
+        misalignment.make_table,
+        [row, row.assign(round=2, way=None, **dict.fromkeys(table_cases.COSTS))],
+    )
     assert table["rays_seen"].dtype == "Int64"
     assert table["rays_seen"].isna().tolist() == [False] * 3 + [True] * 3
     assert table["field"].tolist() == ["my_method"] * 6
@@ -48,47 +52,49 @@ def test_a_row_per_test_set_with_means_and_all_costs_so_far(row):
 def test_a_view_in_which_nothing_moves_has_no_part_in_what_moves():
     """A view that lacks another metric still empties its mean."""
 
-    def scores(db):
+    def moving_of(db):
         moving = {"psnr_db": [np.nan, db, db], "ssim": [np.nan, 0.5, 0.5]}
         return {"standard": [db] * 3, "oracle_moving": moving, "oracle_still": moving}
 
-    base = table_cases.row(scores(20.0))
-    table = misalignment.make_table([table_cases.row(scores(21.0), "b", base=base)])
+    base = table_cases.row(moving_of(20.0))
+    table = made(
+        misalignment.make_table, [table_cases.row(moving_of(21.0), "b", base=base)]
+    )
     moving = table_cases.one(table, test_set="oracle_moving")
     assert (moving["psnr_db"], moving["difference_db"]) == (21.0, 1.0)
     assert np.isnan(table_cases.one(table, test_set="oracle_still")["psnr_db"])
 
 
 def test_differences_to_the_base_are_paired_by_view(row):
-    for line in misalignment.make_table([row]).to_dict("records"):
-        views = (table[line["test_set"], "psnr_db"] for table in (row.views, row.base))
-        each = np.subtract(*views)
+    for line in made(misalignment.make_table, [row]).to_dict("records"):
+        own = row[row["test_set"] == line["test_set"]]
+        each = (own["psnr_db"] - own["base_db"]).to_numpy()
         assert line["difference_to"] == "plain"
         assert line["difference_db"] == pytest.approx(each.mean())
         low, high = intervals.mean_interval(each)
         assert [line[key] for key in DIFFERENCE[1:]] == [low, high]
         # What a view is hard for both does not widen it.
         assert high - low < np.ptp(each) + 1e-9
-    own = misalignment.make_table([row._replace(base=row.views)])
+    own = made(misalignment.make_table, [row.assign(base_db=row["psnr_db"])])
     assert own[DIFFERENCE].eq(0).all(axis=None)
 
 
 def test_warpings_have_the_names_of_the_paper(row):
-    rows = [row._replace(round=number) for number in (0, 1, 2, 5)]
-    names = misalignment.make_table(rows)["warping"].drop_duplicates()
+    rows = [row.assign(round=number) for number in (0, 1, 2, 5)]
+    names = made(misalignment.make_table, rows)["warping"].drop_duplicates()
     assert names.tolist() == ["none", "once", "twice", "5 times"]
 
 
 def test_a_view_without_a_metric_leaves_the_mean_empty(row):
-    row.views.loc["v1", ("warped", "psnr_db")] = np.nan
-    table = misalignment.make_table([row]).set_index("test_set")
+    row = table_cases.emptied(row, view="v1", test_set="warped")
+    table = made(misalignment.make_table, [row]).set_index("test_set")
     assert table.loc["warped", ["psnr_db", *DIFFERENCE]].isna().all()
     assert np.isfinite(table.loc["warped", "ssim"])
     assert np.isfinite(table.loc["standard", "psnr_db"])
-    costs = row.costs | {"data_time_s": np.nan, "total_time_s": np.nan}
-    table = misalignment.make_table([row._replace(costs=costs)])
+    costs = {"data_time_s": np.nan, "total_time_s": np.nan}
+    table = made(misalignment.make_table, [row.assign(**costs)])
     shown = [cell.split()[-1] for cell in cells(misalignment.to_latex(table))[0][-4:]]
-    assert shown == ["0.50", "--", "--", "0.00"]
+    assert shown == ["0.5", "--", "--", "0.00"]
 
 
 def make_table(psnr, lpips=np.nan):
@@ -105,8 +111,8 @@ def make_table(psnr, lpips=np.nan):
         lpips_alex=lpips,
         difference_to="method_0",
         difference_db=db - db[0],
-        difference_low_db=db - db[0] - 0.5,
-        difference_high_db=db - db[0] + 0.5,
+        difference_low_db=db - db[0] - 0.5 * (np.arange(len(db)) > 0),
+        difference_high_db=db - db[0] + 0.5 * (np.arange(len(db)) > 0),
         train_time_s=60.0,
         data_time_s=30.0,
         total_time_s=90.0,
@@ -137,7 +143,7 @@ def test_the_table_of_latex_is_whole():
     assert cells(tex)[0][0] == r"method\_0"
     assert cells(tex)[0][2].endswith("20.12")
     assert cells(tex)[1][2] == "--"
-    assert cells(tex)[0][-4:] == ["1.00", "0.50", "1.50", "2.50"]
+    assert cells(tex)[0][-4:] == ["1.0", "0.5", "1.5", "2.50"]
     for name in ("toprule", "midrule", "bottomrule", "begin{tabular}", "end{tabular}"):
         assert tex.count("\\" + name) == 1
     # Without weights there is no column of LPIPS.
@@ -151,10 +157,9 @@ def test_the_table_of_latex_is_whole():
 
 
 def test_names_of_test_sets_are_escaped_and_methods_stand_once(row):
-    moved = row.views.rename(columns={"warped": "aligned_pose"}, level=0)
-    row = row._replace(views=moved, base=moved)
-    rows = [row._replace(round=0), row]
-    tex = misalignment.to_latex(misalignment.make_table(rows))
+    row = row.replace({"test_set": {"warped": "aligned_pose"}})
+    rows = [row.assign(round=0), row]
+    tex = misalignment.to_latex(made(misalignment.make_table, rows))
     assert r"& aligned\_pose &" in tex
     assert "aligned_pose" not in tex
     assert [line[:2] for line in cells(tex)] == [

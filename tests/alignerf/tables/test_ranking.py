@@ -8,6 +8,7 @@ import pytest
 
 from alignerf.tables import ranking
 from tests import table_cases
+from tests.table_cases import made
 
 VIEWS = 6
 SETS = (*ranking.TEST_SETS, "oracle", ranking.OPTIONAL)
@@ -36,11 +37,12 @@ def ranked(oracle, other):
     rows = [
         table_cases.row(
             dict.fromkeys(SETS, np.full(VIEWS, of_other))
-            | {"oracle": np.full(VIEWS, of_oracle)}
+            | {"oracle": np.full(VIEWS, of_oracle)},
+            round=number,
         )
-        for of_oracle, of_other in zip(oracle, other, strict=True)
+        for number, (of_oracle, of_other) in enumerate(zip(oracle, other, strict=True))
     ]
-    return ranking.make_table(rows)
+    return made(ranking.make_table, rows)
 
 
 def test_tau_counts_pairs_in_the_same_order():
@@ -63,15 +65,17 @@ def test_tau_counts_pairs_in_the_same_order():
 def test_an_interval_of_tau_is_over_views(rng):
     # Noise of single views is larger than what the methods differ in.
     rows = [
-        table_cases.row({name: level + rng.normal(size=VIEWS) for name in SETS})
-        for level in (20.0, 20.5, 21.0, 21.5)
+        table_cases.row(
+            {name: k / 2 + rng.normal(size=VIEWS) for name in SETS}, round=k
+        )
+        for k in range(4)
     ]
-    table = ranking.make_table(rows)
+    table = made(ranking.make_table, rows)
     assert set(table["rows"]) == {4}
     assert set(table["views"]) == {VIEWS}
     assert ((table["tau_low"] <= table["tau"]) & (table["tau"] <= 1)).all()
     assert (table["tau_low"] < 0.7).all()
-    pd.testing.assert_frame_equal(ranking.make_table(rows), table)
+    pd.testing.assert_frame_equal(made(ranking.make_table, rows), table)
     tex = ranking.to_latex(table)
     assert "Ranking of 4 methods and rounds" in tex
     assert "over 6 views" in tex
@@ -80,9 +84,9 @@ def test_an_interval_of_tau_is_over_views(rng):
 
 def test_what_some_row_lacks_is_not_ranked_or_named():
     whole = table_cases.row({key: [20.0, 21.0] for key in SETS})
-    without = table_cases.row({key: [20.0, 21.0] for key in SETS[:-1]})
-    table = ranking.make_table([whole, without])
+    without = table_cases.row({key: [20.0, 21.0] for key in SETS[:-1]}, round=1)
+    table = made(ranking.make_table, [whole, without])
     assert table["test_set"].tolist() == [*ranking.TEST_SETS]
     lacking = table_cases.row({key: [20.0, 21.0] for key in SETS[1:]}, "other", 1)
     with pytest.raises(ValueError, match="other after round 1: no test set 'standard'"):
-        ranking.make_table([whole, lacking])
+        made(ranking.make_table, [whole, lacking])

@@ -5,12 +5,10 @@ import pandas as pd
 import pytest
 
 from alignerf.experiment.tables import rows as table_rows
-from alignerf.tables import columns
+from alignerf.tables import columns, costs, plots
 from alignerf.tables.across import remedies
-from alignerf.tables.plots import remedies as remedies_plot
-from alignerf.tables.plots import sizes as sizes_plot
 from tests import table_cases
-from tests.table_cases import one
+from tests.table_cases import made, one
 
 SHARES = (0.5, 1, 2, 4)
 BASE_S = 100.0
@@ -19,10 +17,10 @@ SETS = ("standard", "oracle")
 
 @pytest.fixture
 def scene(tmp_path):
-    """(name, seed, share, {method: (dB of views, seconds)}) -> its `files.Scored`."""
+    """(name, seed, share, {method: (dB of views, seconds)}) -> its scene."""
 
     def make(name, seed, share, of_methods, *, test_sets=SETS, width_px=200):
-        folder = tmp_path / f"{name}_x{share}"
+        folder = tmp_path / (f"{name}_x{share}" + f"_seed{seed}" * bool(seed))
         facts = {"width_px": width_px, "height_px": 150, "pixel_angle_mrad": 2.0}
         table_cases.put(folder / "facts.json", facts)
         rows = [
@@ -37,7 +35,7 @@ def scene(tmp_path):
         ]
         # What stands before its size.
         fields = {"alike": name, "capture": name.split("-")[0], "seed": seed}
-        return table_cases.scored(folder.name, rows, tmp_path, share=share, **fields)
+        return table_cases.scored(folder.name, rows, share=share, **fields)
 
     return make
 
@@ -60,8 +58,8 @@ def scenes(scene):
     ]
 
 
-def test_scores_are_read_off_at_equal_time(scenes):
-    table = remedies.make_table(remedies.conditions_of(scenes))
+def test_scores_are_read_off_at_equal_time(scenes, tmp_path):
+    table = made(remedies.make_table, scenes, tmp_path)
     assert list(table.columns) == columns.names("remedies")
     assert list(dict.fromkeys(table["budget"])) == [1, 2, 4]
     for budget in (1, 2, 4):
@@ -77,57 +75,58 @@ def test_scores_are_read_off_at_equal_time(scenes):
         assert (fix["seeds"], fix["views"], fix["warping"]) == (2, 6, "once")
 
 
-def test_between_two_lengths_the_line_is_over_the_logarithm(scene):
+def test_between_two_lengths_the_line_is_over_the_logarithm(scene, tmp_path):
     scenes = [
         scene("wrong", 0, share, curves(share, cost=2.0 * 2**0.25)) for share in SHARES
     ]
-    table = remedies.make_table(remedies.conditions_of(scenes))
+    table = made(remedies.make_table, scenes, tmp_path)
     line = one(table, budget=2, method="fix", test_set="standard")
     assert line["gain_db"] == pytest.approx(1.5 - 1.25)
 
 
-def test_nothing_is_extrapolated(scene):
+def test_nothing_is_extrapolated(scene, tmp_path):
     """Too dear for the shortest budget, and not trained long enough for the longest."""
     scenes = [scene("wrong", 0, s, curves(s, cost=3.0)) for s in SHARES]
-    table = remedies.make_table(remedies.conditions_of(scenes))
+    table = made(remedies.make_table, scenes, tmp_path)
     fix = table[table["method"] == "fix"]
     assert set(fix["budget"]) == {2, 4}
     scenes = [scene("other", 0, s, curves(s, cost=0.5)) for s in SHARES]
-    table = remedies.make_table(remedies.conditions_of(scenes))
+    table = made(remedies.make_table, scenes, tmp_path)
     assert set(table[table["method"] == "fix"]["budget"]) == {1, 2}
     # Seconds vary: a little too short counts as long enough.
     scenes = [scene("third", 0, s, curves(s, cost=0.96)) for s in SHARES]
-    table = remedies.make_table(remedies.conditions_of(scenes))
+    table = made(remedies.make_table, scenes, tmp_path)
     assert one(table, budget=4, method="fix", test_set="oracle")["gain_db"] == 1.5
 
 
-def test_budgets_that_plain_training_lacks_are_left_out(scene):
+def test_budgets_that_plain_training_lacks_are_left_out(scene, tmp_path):
     scenes = [scene("wrong", 0, share, curves(share)) for share in (0.25, 0.5, 1)]
-    table = remedies.make_table(remedies.conditions_of(scenes))
+    table = made(remedies.make_table, scenes, tmp_path)
     assert set(table["budget"]) == {1}
 
 
-def test_conditions_and_photos_without_truth_stand_apart(scenes, scene):
+def test_conditions_and_photos_without_truth_stand_apart(scenes, scene, tmp_path):
     fox = [
         scene("fox", 0, share, curves(share), test_sets=("standard", "aligned_pose"))
         for share in SHARES
     ]
-    conditions = remedies.conditions_of([*scenes, *fox])
-    table = remedies.make_table(conditions)
+    table = made(remedies.make_table, [*scenes, *fox], tmp_path)
     assert list(dict.fromkeys(table["condition"])) == ["wrong_x0.5", "fox_x0.5"]
     assert set(table[table["condition"] == "fox_x0.5"]["test_set"]) == {
         "standard",
         "aligned_pose",
     }
-    means = {one.name: remedies_plot.means_of(one) for one in conditions}
-    assert means["fox_x0.5"]["plain"][2] == "standard"
-    seconds, psnr_db, test_set = means["wrong_x0.5"]["fix"]
-    assert test_set == "oracle"
-    assert seconds == [2 * BASE_S * share for share in SHARES]
-    np.testing.assert_allclose(psnr_db, 23.5 + np.log2(SHARES))
+    drawn = made(costs.points, [*scenes, *fox])
+    fox = drawn[drawn["condition"] == "fox_x0.5"]
+    assert set(fox["test_set"]) == {"standard"}
+    fix = drawn[(drawn["condition"] == "wrong_x0.5") & (drawn["method"] == "fix")]
+    assert set(fix["test_set"]) == {"oracle"}
+    assert fix["total_time_s"].tolist() == [2 * BASE_S * share for share in SHARES]
+    np.testing.assert_allclose(fix["psnr_db"], 23.5 + np.log2(SHARES))
     tex = remedies.to_latex(table)
     assert r"fox\_x0.5, standard: 1.7, 3.3, 6.7 min" in tex
-    assert r"22.50 & \textbf{+0.50}" in tex
+    assert r"& 22.50 &" in tex
+    assert r"\textbf{+0.50}" in tex
 
 
 def test_a_photo_is_one_view_however_many_seeds_there_are(rng):
@@ -153,8 +152,8 @@ def test_sizes_of_a_capture_are_set_side_by_side(scene, scenes, tmp_path, monkey
         for seed in (0, 2)
         for s in SHARES
     ]
-    conditions = remedies.conditions_of([*sized, *scenes])
-    table = remedies.make_table(conditions)
+    table = made(remedies.make_table, [*sized, *scenes], tmp_path)
+    captures = made(remedies.by_capture, [*sized, *scenes])
     for width in (200, 400):
         chosen = table[table["condition"] == f"fox-{width}_x0.5"]
         line = one(chosen, method="fix", test_set="oracle", budget=2)
@@ -163,8 +162,8 @@ def test_sizes_of_a_capture_are_set_side_by_side(scene, scenes, tmp_path, monkey
         assert line["flow_px"] == pytest.approx(width / 400)
         assert line["flow_mrad"] == pytest.approx(width / 200)
         assert line["gain_db"] == pytest.approx(width / 200 - 1)
-    assert remedies.by_capture(conditions) == [["fox-400_x0.5", "fox-200_x0.5"]]
-    assert remedies.by_capture(remedies.conditions_of(scenes)) == []
+    assert captures == [["fox-400_x0.5", "fox-200_x0.5"]]
+    assert made(remedies.by_capture, scenes) == []
     drawn = {}
     monkeypatch.setattr(
         "matplotlib.axes.Axes.errorbar",
@@ -173,47 +172,44 @@ def test_sizes_of_a_capture_are_set_side_by_side(scene, scenes, tmp_path, monkey
         ),
     )
     path = tmp_path / "sizes.png"
-    sizes_plot.draw(table, remedies.by_capture(conditions), path)
+    plots.sizes(table, captures, path)
     assert path.stat().st_size > 10_000
     # From small to large; the largest budget of those that all sizes have.
     assert drawn["plain"] == ([200, 400], [0, 0], "black")
     assert drawn["fix"][0] == [200, 400]
     np.testing.assert_allclose(drawn["fix"][1], [0, 1], atol=1e-9)
-    assert sizes_plot.budget_of(table) == 4
-    assert sizes_plot.budget_of(table[table["budget"] < 4]) == 2
+    assert plots.budget_of(table) == 4
+    assert plots.budget_of(table[table["budget"] < 4]) == 2
     # A remedy has one colour, whichever a capture lacks.
     lacking = table[(table["method"] != "fix") | (table["width_px"] == 200)]
-    sizes_plot.draw(lacking, [["fox-400_x0.5"], ["fox-200_x0.5"]], path)
-    assert drawn["fix"][2] == remedies_plot.COLOURS[0]
+    plots.sizes(lacking, [["fox-400_x0.5"], ["fox-200_x0.5"]], path)
+    assert drawn["fix"][2] == plots.COLOURS[0]
     assert drawn["plain"][2] == "black"
 
 
-def test_the_flow_of_a_size_is_the_mean_of_its_seeds(scene, scenes):
-    more = scene("wrong", 3, 1, curves(1))
-    more.rows[0].own["flow_px"] = 3.5
-    (condition,) = remedies.conditions_of([*scenes, more])
-    size = next(remedies.lines_of(condition))
+def test_the_flow_of_a_size_is_the_mean_of_its_seeds(scene, scenes, tmp_path):
+    more = scene("wrong", 3, 1, curves(1)).assign(flow_px=3.5)
+    size = made(remedies.make_table, [*scenes, more], tmp_path).iloc[0]
     assert (size["width_px"], size["height_px"]) == (200, 150)
     # A number of pixels is whole, in the table too.
-    assert isinstance(size["width_px"], int)
+    assert isinstance(size["width_px"], (int, np.integer))
     assert size["flow_px"] == pytest.approx((0.5 + 0.5 + 3.5) / 3)
 
 
-def test_faults_are_named(scenes, scene):
-    with pytest.raises(ValueError, match=r"wrong_x1: the same as another scene"):
-        remedies.conditions_of([*scenes, scene("wrong", 0, 1, curves(1))])
-    (scenes[0].folder / "facts.json").write_text("{}")
-    (scenes[1].folder / "facts.json").write_text("{}")
+def test_faults_are_named(scenes, scene, tmp_path):
+    again = scene("wrong", 0, 1, curves(1)).assign(scene="again")
+    with pytest.raises(ValueError, match=r"again: the same as another scene"):
+        made(remedies.make_table, [*scenes, again], tmp_path)
+    (tmp_path / "wrong_x1" / "facts.json").write_text("{}")
     with pytest.raises(ValueError, match=r"facts\.json: .*: no "):
-        remedies.conditions_of(scenes)
+        made(remedies.make_table, scenes, tmp_path)
 
 
-def test_lengths_of_other_views_are_named(scene):
+def test_lengths_of_other_views_are_named(scene, tmp_path):
     scenes = [scene("wrong", 0, share, curves(share)) for share in SHARES]
-    row = scenes[3].rows[1]
-    scenes[3].rows[1] = row._replace(views=row.views.iloc[1:])
+    scenes[3] = table_cases.without(scenes[3], view="v0")
     with pytest.raises(ValueError, match="wrong_x4: not the views of the other length"):
-        remedies.conditions_of(scenes)
+        made(remedies.make_table, scenes, tmp_path)
 
 
 def test_as_a_command(tmp_path):
@@ -229,9 +225,8 @@ def test_as_a_command(tmp_path):
         table_cases.collect(folder, rows, "remedies")
         facts = {"width_px": 9, "height_px": 8, "pixel_angle_mrad": 2.0}
         table_cases.put(folder / "facts.json", facts)
-        row = table_cases.row({"standard": [20.0]}, "plain")
         like = {"alike": "a", "share": share}
-        scenes.append(table_cases.scored(folder.name, [row], **like).scene)
+        scenes.append(table_cases.scene_like(folder.name, **like))
     options = {kind: f"{tmp_path}/out.{kind}" for kind in ("csv", "tex")}
     options |= {"scenes": table_rows.as_json(scenes), "results": str(tmp_path)}
     options["figure"] = f"{tmp_path}/out.png"

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.tables import scores
+from alignerf.tables import costs, plots, scores
 from alignerf.tables.across import tradeoff
-from alignerf.tables.plots import costs as costs_plot
 from tests import table_cases
+from tests.table_cases import made
 
 VIEWS = 6
 METHODS = ("plain", "large", "warped")
@@ -38,38 +38,39 @@ def scenes(rng):
 
 
 def test_a_row_per_length_and_method_and_differences_to_the_whole(scenes):
-    table = tradeoff.make_table(scenes)
+    table = made(costs.points, scenes)
     assert list(table["length"]) == [0.5] * 3 + [1] * 3 + [2] * 3
     assert list(table["method"]) == 3 * list(METHODS)
-    assert set(table["condition"]) == {"yard_seed0_x1"}
+    assert set(table["condition"]) == {"yard_seed0_x0.5"}
     assert set(table["seeds"]) == {2}
     assert set(table["views"]) == {2 * VIEWS}
     for line in table.itertuples():
-        group = [one for one in scenes if one.scene.share == line.length]
-        whole = [one for one in scenes if one.scene.share == 1]
-        own = [one.row((line.method, 0)).psnr_db()["oracle"] for one in group]
-        base = [one.row(("plain", 0)).psnr_db()["oracle"] for one in whole]
+        group = [one for one in scenes if one["share"].iloc[0] == line.length]
+        whole = [one for one in scenes if one["share"].iloc[0] == 1]
+        own = [table_cases.psnr(one, "oracle", method=line.method) for one in group]
+        base = [table_cases.psnr(one, "oracle", method="plain") for one in whole]
         gains = [(a - b).to_numpy() for a, b in zip(own, base, strict=True)]
         wanted = scores.pooled_mean_and_interval(gains, "difference_")
         assert {key: getattr(line, key) for key in wanted} == pytest.approx(wanted)
         assert line.psnr_db == pytest.approx(np.mean(own))
-        costs = [one.row((line.method, 0)).costs["total_time_s"] for one in group]
-        assert line.total_time_s == pytest.approx(np.mean(costs))
-    front = tradeoff.pareto_front(table["total_time_s"], table["psnr_db"])
+        took = [one[one["method"] == line.method]["total_time_s"] for one in group]
+        assert line.total_time_s == pytest.approx(np.mean(took))
+    front = costs.pareto_front(table["total_time_s"], table["psnr_db"])
     assert table["pareto"].tolist() == front.tolist()
     cells = table_cases.cells(tradeoff.to_latex(table))
     assert len(cells) == len(table)
-    assert ["textbf" in row[0] for row in cells] == table["pareto"].tolist()
+    assert ["textbf" in row[2] for row in cells] == table["pareto"].tolist()
 
 
 def test_without_a_truth_the_photos_are_the_measure(rng):
-    table = tradeoff.make_table(make_scenes(rng, sets=("standard",)))
+    table = made(costs.points, make_scenes(rng, sets=("standard",)))
     assert set(table["test_set"]) == {"standard"}
 
 
 def test_a_view_without_a_metric_leaves_row_and_front(scenes, tmp_path):
-    scenes[-1].rows[-1].views.loc["v1", ("oracle", "psnr_db")] = np.nan
-    table = tradeoff.make_table(scenes)
+    lost = {"method": "warped", "test_set": "oracle", "view": "v1"}
+    scenes[-1] = table_cases.emptied(scenes[-1], **lost)
+    table = made(costs.points, scenes)
     row = table.iloc[-1]
     assert np.isnan(
         row[["psnr_db", "psnr_low_db", "difference_db"]].astype(float)
@@ -81,8 +82,8 @@ def test_a_view_without_a_metric_leaves_row_and_front(scenes, tmp_path):
 
 @pytest.mark.parametrize("lengths", [(1,), (0.25, 0.5, 1, 2)])
 def test_one_length_makes_a_figure_and_many(rng, tmp_path, lengths):
-    table = tradeoff.make_table(make_scenes(rng, lengths=lengths, seeds=(0,)))
-    costs_plot.draw(table, tmp_path / "figure.png")
+    table = made(costs.points, make_scenes(rng, lengths=lengths, seeds=(0,)))
+    plots.costs(table, tmp_path / "figure.png")
     with Image.open(tmp_path / "figure.png") as image:
         assert min(image.size) > 500
         assert np.asarray(image.convert("L")).std() > 10
@@ -102,21 +103,21 @@ def test_the_front_is_what_nothing_dominates(rng):
     for case in range(500):
         n = rng.integers(1, 12)
         # Few distinct values, so that ties of every sort occur.
-        costs, scores = rng.integers(0, 2 + case % 9, (2, n))
-        wanted = [not dominated(i, costs, scores) for i in range(n)]
-        on_it = tradeoff.pareto_front(costs, scores)
+        seconds, psnr_db = rng.integers(0, 2 + case % 9, (2, n))
+        wanted = [not dominated(i, seconds, psnr_db) for i in range(n)]
+        on_it = costs.pareto_front(seconds, psnr_db)
         assert on_it.tolist() == wanted
         assert on_it.any()
         # Along the front, more costs more.
-        front = sorted(set(zip(costs[on_it], scores[on_it], strict=True)))
+        front = sorted(set(zip(seconds[on_it], psnr_db[on_it], strict=True)))
         assert all(a[1] < b[1] for a, b in itertools.pairwise(front))
 
 
 def test_the_front_at_its_extremes():
-    assert tradeoff.pareto_front([3.0], [20.0]).tolist() == [True]
-    assert tradeoff.pareto_front([3.0, 3.0], [20.0, 20.0]).tolist() == [True, True]
-    assert tradeoff.pareto_front([3.0, 4.0], [20.0, 20.0]).tolist() == [True, False]
-    assert tradeoff.pareto_front([3.0, 3.0], [20.0, 21.0]).tolist() == [False, True]
+    assert costs.pareto_front([3.0], [20.0]).tolist() == [True]
+    assert costs.pareto_front([3.0, 3.0], [20.0, 20.0]).tolist() == [True, True]
+    assert costs.pareto_front([3.0, 4.0], [20.0, 20.0]).tolist() == [True, False]
+    assert costs.pareto_front([3.0, 3.0], [20.0, 21.0]).tolist() == [False, True]
     unknown = [np.nan, 1.0, np.nan], [99.0, 20.0, np.nan]
-    assert tradeoff.pareto_front(*unknown).tolist() == [False, True, False]
-    assert tradeoff.pareto_front([], []).tolist() == []
+    assert costs.pareto_front(*unknown).tolist() == [False, True, False]
+    assert costs.pareto_front([], []).tolist() == []

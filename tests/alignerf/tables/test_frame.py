@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.tables import columns, results
+from alignerf.tables import columns, frame
 from tests import table_cases
 
 DB = {"standard": [20.0, 22.0], "oracle": [21.0, 25.0]}
@@ -58,67 +58,82 @@ def without(pattern):
     )
 
 
+def rows_of(scene):
+    """The first line of each row, by method and round."""
+    rows = frame.read(scene).drop_duplicates(frame.ROW)
+    return {(row["method"], row["round"]): row for _, row in rows.iterrows()}
+
+
+def costs_of(row):
+    return row[frame.COSTS].to_dict()
+
+
 def test_costs_are_of_all_that_leads_to_a_row(scene):
-    first, second, warm, given = results.read(scene)
-    assert [row.method for row in (first, second, warm, given)] == [
-        *("plain", "plain", "warm", "given"),
-    ]
+    rows = rows_of(scene)
+    assert list(rows) == [("plain", 0), ("plain", 1), ("warm", 1), ("given", 0)]
     alone = {"train_time_s": 20.0, "steps": 5, "rays_seen": 50, "params": 7}
-    assert first.costs == alone | {"data_time_s": 0.0, "total_time_s": 20.0}
+    assert costs_of(rows["plain", 0]) == alone | {
+        "data_time_s": 0.0,
+        "total_time_s": 20.0,
+    }
     # Rendering and flow of round 0 belong to the way; those of its own do not.
     twice = {"train_time_s": 40.0, "steps": 10, "rays_seen": 100}
     data = {"data_time_s": 2.75, "total_time_s": 42.75}
-    assert second.costs == twice | {"params": 7} | data
+    assert costs_of(rows["plain", 1]) == twice | {"params": 7} | data
     # Cameras put right, and the parameters of the last.
     data = {"data_time_s": 4.25, "total_time_s": 44.25}
-    assert warm.costs == twice | {"params": 9} | data
-    assert given.costs == {}
+    assert costs_of(rows["warm", 1]) == twice | {"params": 9} | data
+    assert rows["given", 0][["total_time_s", "data_time_s", "steps"]].isna().all()
 
 
 def test_two_methods_that_share_a_training_have_a_row_each(tmp_path):
     """As remedies do where a plain method stands beside one with rounds."""
     scene = tmp_path / "yard"
     first = table_cases.written(scene, DB)
-    table_cases.collect(scene, [first, first._replace(method="again")])
-    one, other = results.read(scene)
-    assert [row.method for row in (one, other)] == ["plain", "again"]
-    assert one.costs == other.costs
-    pd.testing.assert_frame_equal(one.views, other.views)
+    found = table_cases.collect(scene, [first, first._replace(method="again")])
+    one, other = (own for _, own in found.groupby("method", sort=False))
+    assert other["method"].iloc[0] == "again"
+    for key in (*frame.COSTS, "psnr_db"):
+        assert one[key].tolist() == other[key].tolist()
 
 
 def test_a_row_knows_what_it_is_set_against_and_what_comes_before(scene):
-    first, second, warm, given = results.read(scene)
-    assert warm.base.equals(first.views)
-    assert (warm.baseline, warm.published, warm.warping) == ("plain", "NeRF", "once")
-    assert warm.before["folder"] == second.before["folder"] == "plain/round0"
-    assert first.before is first.published is None
-    assert [one["path"] for one in warm.trainings] == [
+    found, rows = frame.read(scene), rows_of(scene)
+    warm, first = rows["warm", 1], rows["plain", 0]
+    own = found[found["method"] == "warm"]
+    for test_set, db in DB.items():
+        assert own[own["test_set"] == test_set]["base_db"].tolist() == db
+    assert (warm["baseline"], warm["published"]) == ("plain", "NeRF")
+    assert warm["before"] == rows["plain", 1]["before"] == "plain/round0"
+    assert warm["before_render_time_s"] == 2.0
+    assert pd.isna(first["before"])
+    assert pd.isna(first["published"])
+    assert [one["path"] for one in warm["trainings"]] == [
         str(scene / name / "timing.json") for name in ("plain/round0", "warm/round1")
     ]
-    assert given.trainings == []
-    assert {row.scene for row in (first, given)} == {"yard"}
+    assert rows["given", 0]["trainings"] == []
+    assert set(found["scene"]) == {"yard"}
 
 
 def test_a_view_without_seconds_leaves_the_costs_empty(scene):
     table = pd.read_csv(scene / "trainings.csv")
     table.loc[table["folder"] == "plain/round0", "align_time_s"] = np.nan
     table.to_csv(scene / "trainings.csv", index=False)
-    first, second, *_ = results.read(scene)
-    assert np.isfinite(first.costs["total_time_s"])
-    assert np.isnan(
-        [second.costs[key] for key in ("data_time_s", "total_time_s")]
-    ).all()
-    assert second.costs["train_time_s"] == 40.0
+    rows = rows_of(scene)
+    assert np.isfinite(rows["plain", 0]["total_time_s"])
+    second = rows["plain", 1]
+    assert np.isnan([second[key] for key in ("data_time_s", "total_time_s")]).all()
+    assert second["train_time_s"] == 40.0
 
 
 def test_all_test_sets_have_all_metrics_and_those_needed_are_named(scene):
-    row, *_ = results.read(scene)
-    for name in DB:
-        assert set(columns.METRICS) <= set(row.views[name])
-    assert row.psnr_db(["oracle"])["oracle"].tolist() == DB["oracle"]
+    found = frame.read(scene)
+    assert set(columns.METRICS) <= set(found)
+    own = next(lines for _, lines in frame.rows_of(found))
+    assert frame.psnr_by_set(own, ["oracle"])["oracle"].tolist() == DB["oracle"]
     reason = "yard: plain after round 0: no test set 'warped'"
     with pytest.raises(ValueError, match=reason):
-        row.psnr_db(["standard", "warped"])
+        frame.psnr_by_set(own, ["standard", "warped"])
 
 
 def swap(old, new):
@@ -160,21 +175,21 @@ def test_what_does_not_go_together_is_named_by_file(scene, name, of_text, reason
     change(scene / f"{name}.csv", of_text)
     if reason is None:
         # An empty cell is nothing wrong.
-        results.read(scene)
+        frame.read(scene)
         return
     with pytest.raises(ValueError, match=rf"(scores|trainings)\.csv: .*({reason})"):
-        results.read(scene)
+        frame.read(scene)
 
 
 @pytest.mark.parametrize("name", ["scores", "trainings"])
 def test_a_table_that_is_not_there_is_named(scene, name):
     (scene / f"{name}.csv").unlink()
     with pytest.raises(ValueError, match=rf"{name}\.csv: not found"):
-        results.read(scene)
+        frame.read(scene)
 
 
 def test_a_table_across_scenes_has_rows_of_its_own(scene):
     rows = [table_cases.written(scene, DB, "only")]
-    (row,) = table_cases.collect(scene, rows, "regimes")
-    assert row.method == "only"
-    assert len(results.read(scene)) == 4
+    found = table_cases.collect(scene, rows, "regimes")
+    assert set(found["method"]) == {"only"}
+    assert len(rows_of(scene)) == 4

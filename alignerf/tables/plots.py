@@ -1,0 +1,237 @@
+"""Figures of the tables across scenes: what methods gain, and what they cost."""
+
+import matplotlib.figure
+import matplotlib.ticker
+import pandas as pd
+
+from alignerf import testsets
+from alignerf.tables import scores
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444")
+# 6 of them and 7 colours: no two of 42 rows look alike.
+MARKERS = "osD^vP"
+LABEL_PT, SMALL_PT = 9, 7.5
+GRID = {"color": "0.92", "linewidth": 0.6}
+# Of regimes: against the truth where it is known, else against the photos.
+PREFERRED = ("oracle", "crossfit", "standard")
+
+
+def panels_of(columns, height, *, rows=1, **shared):
+    """(figure, its axes [rows, columns])."""
+    width = 1.5 + 3.3 * columns
+    figure = matplotlib.figure.Figure((width, height), dpi=200, layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **shared)
+
+
+def finish(figure, panels, path, ncols=4):
+    """Write a figure with the legend of its panels, a name once."""
+    shown = {}
+    for axes in panels:
+        axes.tick_params(labelsize=SMALL_PT)
+        axes.grid(**GRID)
+        handles, labels = axes.get_legend_handles_labels()
+        shown |= dict(zip(labels, handles, strict=True))
+    place = {"loc": "outside upper center", "ncols": ncols, "fontsize": SMALL_PT}
+    figure.legend(shown.values(), shown, **place)
+    figure.savefig(path)
+
+
+def style_of(place):
+    """Colour and marker of a line; the first, the plain training, is black."""
+    return {
+        "color": COLOURS[(place - 1) % len(COLOURS)] if place else "black",
+        "marker": MARKERS[place % len(MARKERS)],
+        "markersize": 4,
+        "linewidth": 1.2 if place else 2,
+    }
+
+
+def errors_of(rows, prefix):
+    """The lengths of intervals below and above a mean of dB."""
+    middle, low, high = (rows[name] for name in scores.with_ends(prefix))
+    return [(middle - low).clip(lower=0), (high - middle).clip(lower=0)]
+
+
+def named(table):
+    """A table with the column `row`: what a method and its warping are called."""
+    names = scores.short_names(table["method"], table["warping"])
+    return table.assign(row=[name.replace("_", " ") for name in names])
+
+
+def costs(table, path):
+    """The figure of `tables.across.tradeoff`: dB over seconds, a panel a condition.
+
+    A line is a method and warping, a point a length of training; the Pareto front is
+    dashed.
+    """
+    table = named(table)
+    places = {name: place for place, name in enumerate(dict.fromkeys(table["row"]))}
+    conditions = list(table.groupby("condition", sort=False))
+    figure, ((*panels,),) = panels_of(len(conditions), 3.8)
+    for axes, (condition, lines) in zip(panels, conditions, strict=True):
+        front = lines[lines["pareto"]].sort_values("total_time_s")
+        # What a budget of seconds buys: nothing more until the next point's seconds.
+        look = {"where": "post", "color": "0.6", "linestyle": "--", "linewidth": 0.8}
+        axes.step(front["total_time_s"], front["psnr_db"], **look)
+        for name, own in lines.groupby("row", sort=False):
+            own = own.sort_values("total_time_s")
+            look = style_of(places[name])
+            axes.plot(own["total_time_s"], own["psnr_db"], label=name, **look)
+        axes.set_title(condition.replace("_", " "), fontsize=LABEL_PT)
+        axes.set_xscale("log", base=2)
+        axes.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
+        axes.set_xlabel("seconds of all that it takes", fontsize=LABEL_PT)
+        test_set = lines["test_set"].iloc[0]
+        axes.set_ylabel(f"PSNR, {test_set} (dB)", fontsize=LABEL_PT)
+    finish(figure, panels, path)
+
+
+def sizes(table, captures, path):
+    """The figure of `tables.across.remedies` of captures at several photo sizes.
+
+    A column a capture: how far photos are off, and what each remedy gains, by their
+    width. captures: of each, the names of its conditions. Gains are those of the budget
+    that most rows have, the largest of several such.
+    """
+    table = named(table)
+    styles = {name: style_of(k) for k, name in enumerate(dict.fromkeys(table["row"]))}
+    figure, axes = panels_of(len(captures), 5.4, rows=2, sharex="col")
+    for (above, below), conditions in zip(axes.T, captures, strict=True):
+        own = table[table["condition"].isin(conditions)]
+        own = own.sort_values("width_px", kind="stable")
+        draw_flow(above, own)
+        title = ", ".join(conditions).replace("_", " ")
+        above.set_title(title, fontsize=LABEL_PT)
+        draw_gains(below, own, styles)
+    finish(figure, axes.flat, path)
+
+
+def draw_flow(axes, table):
+    """Flow in pixels by width, beside what it is for the angle of the smallest size."""
+    sizes = table.drop_duplicates("condition")
+    width_px, flow_px = sizes["width_px"], sizes["flow_px"]
+    axes.plot(width_px, flow_px, color="black", marker="o", markersize=4)
+    of_angle = flow_px.iloc[0] * width_px / width_px.iloc[0]
+    axes.plot(width_px, of_angle, color="0.6", linestyle="--", linewidth=1)
+    for _, size in sizes.iterrows():
+        axes.annotate(
+            f"{size['flow_mrad']:.2f} mrad",
+            (size["width_px"], size["flow_px"]),
+            xytext=(4, -10),
+            textcoords="offset points",
+            fontsize=SMALL_PT,
+        )
+    axes.set_ylabel("flow (px; dashed: if fixed in angle)", fontsize=LABEL_PT)
+    by_width(axes, width_px)
+
+
+def draw_gains(axes, table, styles):
+    """A line a remedy, with intervals; the first of `styles` is plain training."""
+    budget = budget_of(table)
+    # Some of the remedies move cameras.
+    test_set = testsets.fairest(set(table["test_set"]), {"cameras"})
+    chosen = table[(table["budget"] == budget) & (table["test_set"] == test_set)]
+    for name, own in chosen.groupby("row", sort=False):
+        errors = None if name == next(iter(styles)) else errors_of(own, "gain_")
+        look = {"label": name, "capsize": 2} | styles[name]
+        axes.errorbar(own["width_px"], own["gain_db"], errors, **look)
+    axes.set_ylabel(
+        f"against plain training of the same time\n({test_set}, {budget:g}x, dB)",
+        fontsize=LABEL_PT,
+    )
+    axes.set_xlabel("width of the photos (px)", fontsize=LABEL_PT)
+    by_width(axes, chosen["width_px"])
+
+
+def budget_of(table):
+    """The one that most rows have, the largest of several such."""
+    return max(table.groupby("budget").size().items(), key=lambda one: one[::-1])[0]
+
+
+def by_width(axes, width_px):
+    """Sizes double: a logarithm, with the widths themselves beside it."""
+    axes.set_xscale("log", base=2)
+    widths = sorted(set(width_px))
+    axes.set_xticks(widths, [f"{width:g}" for width in widths])
+    axes.minorticks_off()
+
+
+def regimes(table, path):
+    """The figure of `tables.across.regimes`: what each method gains, regime by regime.
+
+    A panel per curve (see `panels`), the difference to the baseline with its 95 %
+    interval; regimes that are on no curve stand side by side in a panel of their own.
+    """
+    shown = pd.concat([compared(own) for _, own in table.groupby("scene", sort=False)])
+    if shown.empty:
+        raise ValueError("figure: no method besides the baseline has a score")
+    curves = panels(shown)
+    figure, ((*axes,),) = panels_of(len(curves), 3.6, sharey=True)
+    for one, (title, label, rows, x) in zip(axes, curves, strict=True):
+        draw_panel(one, rows, x, names=list(dict.fromkeys(shown["row"])))
+        one.set_title(title, fontsize=LABEL_PT)
+        one.set_xlabel(label, fontsize=LABEL_PT)
+    axes[0].set_ylabel(
+        f"PSNR ({', '.join(dict.fromkeys(shown['test_set']))}) against the baseline\n"
+        "(dB, paired, 95 % interval)",
+        fontsize=LABEL_PT,
+    )
+    finish(figure, axes, path, ncols=3 if len(curves) > 1 else 2)
+
+
+def compared(rows):
+    """What a regime's rows gain, on the test set that says most of it.
+
+    Adds the column `row`: what the method and its warping are called.
+    """
+    known = set(rows["test_set"])
+    chosen = next(name for name in PREFERRED if name in known)
+    names = list(map(scores.row_name, rows["method"], rows["warping"]))
+    rows = rows.assign(row=names)
+    return rows[(rows["row"] != names[0]) & (rows["test_set"] == chosen)]
+
+
+def panels(rows):
+    """[(title, axis label, rows, x of each row)]: what is turned in each panel.
+
+    Pose error without and with motion, at the number of steps that most regimes
+    have; steps, where a regime was trained for several; and all else by name.
+    """
+    found, used = [], pd.Series(False, index=rows.index)
+    usual = rows.drop_duplicates("scene")["steps"].mode().iloc[0]
+    for motion, title in ((False, "nothing moves"), (True, "objects move")):
+        chosen = (rows["motion_m"] > 0) == motion
+        chosen &= rows["motion_m"].notna() & (rows["steps"] == usual)
+        if rows.loc[chosen, "perturb_px"].nunique() > 1:
+            found.append((title, "pose error (px)", rows[chosen], "perturb_px"))
+            used |= chosen
+    place = ["perturb_px", "motion_m"]
+    budgets = rows.groupby(place)["steps"].transform("nunique") > 1
+    if budgets.any():
+        found.append(("budget", "steps of the baseline", rows[budgets], "steps"))
+        used |= budgets
+    if not used.all():
+        found.append(("scenes", "", rows[~used], "scene"))
+    return found
+
+
+def draw_panel(axes, rows, x, *, names):
+    """One line a row of the table; points a little apart, so that intervals show."""
+    axes.axhline(0, color="0.35", linewidth=0.8)
+    values = list(dict.fromkeys(rows[x] if x == "scene" else sorted(rows[x])))
+    for place, name in enumerate(names):
+        own = rows[rows["row"] == name].sort_values(x)
+        shift = 0.08 * (place - (len(names) - 1) / 2)
+        axes.errorbar(
+            [values.index(value) + shift for value in own[x]],
+            own["difference_db"],
+            yerr=errors_of(own, "difference_"),
+            label=name.replace("_", " "),
+            color=COLOURS[place % len(COLOURS)],
+            marker=MARKERS[place % len(MARKERS)],
+            markersize=4,
+            linewidth=0.0 if x == "scene" else 1.2,
+            elinewidth=0.8,
+        )
+    texts = [value if x == "scene" else f"{value:g}" for value in values]
+    axes.set_xticks(range(len(values)), texts)
