@@ -18,11 +18,10 @@ SOURCES = {
 # Lowest first. A folder imports itself and folders of lower floors, nothing else.
 FLOORS = [
     {"alignerf.files"},
-    {"alignerf.captures"},
     {"alignerf.kernels", "alignerf.keypoints", "alignerf.testsets"},
     {"alignerf.mipnerf360"},
     {
-        *("alignerf.experiment", "alignerf.methods"),
+        *("alignerf.experiment", "alignerf.methods", "alignerf.captures"),
         *("alignerf.processes", "alignerf.networks"),
     },
     {
@@ -43,7 +42,7 @@ FLOORS = [
     {"alignerf", "flow"},  # the stages: files directly in a package
 ]
 # What a config means: a registry's records and what reads them know each other.
-TIED = {"alignerf.experiment", "alignerf.methods"}
+TIED = {"alignerf.experiment", "alignerf.methods", "alignerf.captures"}
 # Folders that hold commands besides the stages.
 COMMANDS = ("alignerf.networks", "alignerf.tables", "flow.figures")
 COMMANDS += ("alignerf.decisions", "alignerf.costs", "alignerf.verdict")

@@ -29,6 +29,8 @@ class Capture:
     poses = INPUT
     # Of the keys of a scene that not every source has, those that this one has.
     keys = ()
+    # (annotation, field) of keys of its own, which a scene has under its name.
+    section = None
     has_truth = False
     has_path = True
     # Renders that another program has made are judged, and nothing is trained.

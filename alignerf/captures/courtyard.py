@@ -1,8 +1,10 @@
 """The embedded scene: its photos are rendered, and its truth is known."""
 
 import logging
+from typing import Literal
 
 from alignerf.captures import base
+from alignerf.experiment.keys.key import Keys, key
 
 log = logging.getLogger("alignerf.poses")
 
@@ -10,11 +12,49 @@ log = logging.getLogger("alignerf.poses")
 MOST_PHOTO_BYTES = 2**35
 
 
-class Courtyard(base.Capture):
+# Of the courtyard (`alignerf.scenes.courtyard.world`; a test holds both equal).
+OBJECTS = ("ground", "hedge", "hills", "sky", "wall", "posts", "wires", "plinth")
+OBJECTS += ("trunk", "tower", "case", "carton", "tin", "arm")
+
+
+class Courtyard(Keys):
+    place: Literal["courtyard", "object"] = key(
+        "courtyard", "the whole, or its boxes and the arm alone, before white"
+    )
+    views: int = key(48, "number of photos", least=4, most=10000)
+    zooms: list[float] = key(
+        [1.0],
+        "focal lengths, in turn, in units of one that sees 60 degrees: by 0.25 things "
+        "are as small as from four times the distance; other than 1 with true poses "
+        "only",
+        least=0.1,
+        most=10,
+        length=(1, 16),
+    )
+    width: int = key(400, "of a photo in px", least=32, most=16384)
+    height: int = key(300, "of a photo in px", least=32, most=16384)
+    motion: Literal["none", "uniform", "two_states"] = key(
+        "uniform",
+        "how objects move between photos: not, by a uniform displacement, or between "
+        "two states of probability 0.5 (the paper's moving arm)",
+    )
+    motion_m: float = key(0.02, "largest displacement in metres", least=0, most=10)
+    moving: list[Literal[OBJECTS]] | None = key(
+        None, "objects that move; null: all that can", length=(0, 1000)
+    )
+    # Leaves as much near the highest frequency as a real photo made smaller has:
+    # unblurred textures lose ten times more than photos when they are resampled.
+    lens_sigma_px: float = key(
+        1.4, "blur of the lens, in px of the photo", least=0, most=100
+    )
+    supersample: int = key(2, "rays a pixel and axis", least=1, most=16)
+
+
+class CourtyardCapture(base.Capture):
     name = "courtyard"
     what = "embedded scene"
     poses = ("colmap", "truth")
-    keys = ("courtyard",)
+    section = (Courtyard, key(Courtyard))
     has_truth = True
     has_path = False
     frame = "the courtyard's, in metres"
@@ -103,4 +143,4 @@ def by_colmap(folder, scratch, true, scene):
     return views, told
 
 
-CAPTURE = Courtyard()
+CAPTURE = CourtyardCapture()

@@ -12,6 +12,7 @@ import re
 from alignerf import methods
 from alignerf.captures import base
 from alignerf.experiment import trainings
+from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import json_files
 
 
@@ -256,7 +257,7 @@ def scene_config(experiment, name):
     """What the poses of a scene depend on: not how long it is trained."""
     scene = experiment.scenes[name]
     capture = experiment.capture(name)
-    unused = {"steps", "budget_min"} | ({"courtyard"} - {*capture.keys})
+    unused = {"steps", "budget_min"} | (scene_keys.SECTIONS.keys() - {capture.name})
     if scene["poses"] == "truth" and not scene["triangulate"]:
         unused.add("colmap")
     # Where a `false` changes what is done, the stage has to be told.
@@ -265,7 +266,7 @@ def scene_config(experiment, name):
         unused.add("triangulate")
     if experiment.parent(name):
         unused |= {"test_every", "perturb_px", "colmap"}
-    optional = ("masks", "zoom", "judged", "pose_convention")
+    optional = ("masks", "zoom", "pose_convention")
     unused |= {key for key in optional if scene[key] is None}
     return json_files.canonical({key: scene[key] for key in scene.keys() - unused})
 

@@ -20,6 +20,7 @@ def patched(tmp_path_factory):
         for part in ("alignerf", "flow", "workflow", "tests"):
             ignored = shutil.ignore_patterns("__pycache__")
             shutil.copytree(ROOT / part, copy / part, ignore=ignored)
+        shutil.copy(ROOT / "Snakefile", copy)
         text = (HERE / name).read_text()
         assert text.count("\n--- ") == text.count("\n--- /dev/null") == 1
         subprocess.run(["git", "apply", HERE / name], cwd=copy, check=True)

@@ -50,3 +50,63 @@ def test_a_cause_is_named_said_advised_on_and_shown(soft, e):
         assert f"{float(value):.2f} of their renders' detail" in found["because"][0]
         words = "enlarged" if e == "ours" else "as they were taken"
         assert words in found["do_first"]["text"]
+
+
+RAIL = """
+import json, pathlib
+import cv2, numpy as np
+from alignerf import config, export, poses
+from alignerf.experiment import check, plan, sources
+from alignerf.scenes import prepared
+from alignerf.start import folders
+
+folder = pathlib.Path("my_rail")
+folder.mkdir()
+(folder / "rail.json").write_text(json.dumps({"lens": [60.0, 60.0, 32.0, 24.0]}))
+for i in range(8):
+    photo = np.random.default_rng(i).integers(0, 255, (48, 64, 3), np.uint8)
+    cv2.imwrite(str(folder / f"v{i}.png"), photo)
+found = folders.scenes_of(folder)
+faults = []
+for change in {"step_m": 20.0}, {"step": 1}:
+    try:
+        scene = found["my_rail"] | {"rail": change}
+        check.checked({"scenes": {"my_rail": scene}})
+    except ValueError as error:
+        faults.append(str(error))
+scene = found["my_rail"] | {"rail": {"step_m": 0.5}, "triangulate": False}
+experiment = plan.Experiment(check.checked({"scenes": {"my_rail": scene}}), None)
+slice_of = plan.scene_config(experiment, "my_rail")
+out = pathlib.Path("results/my_rail")
+poses.main(json.loads(slice_of), out)
+export.main(["--scene", str(out), "--config", slice_of, "--out", "exported"])
+sides = prepared.load(out)
+step = np.diff(prepared.read_cameras(out / "cameras.npz")["camtoworlds"][:, 0, 3])
+print(json.dumps({
+    "found": found,
+    "faults": faults,
+    "schema": "Rail" in config.schema_text(),
+    "names": sides.names,
+    "step": step.tolist(),
+    "files": sorted(path.name for path in pathlib.Path("exported").iterdir()),
+    "reached": {
+        stage: "rail.py" in {path.name for path in sources.reached(f"alignerf.{stage}")}
+        for stage in ("poses", "export", "train")
+    },
+}))
+"""
+
+
+def test_a_source_is_detected_checked_prepared_and_exported(patched):
+    told = json.loads(patched("capture.patch")(RAIL))
+    assert told["found"] == {"my_rail": {"source": "rail", "path": "my_rail"}}
+    assert told["faults"] == [
+        "config: scenes.my_rail.rail.step_m: no rail is as long",
+        "config: scenes.my_rail.rail: 'step' is no key of this section, perhaps "
+        "'step_m'",
+    ]
+    assert told["schema"]
+    assert told["names"] == [f"v{i}" for i in range(8)]
+    assert told["step"] == pytest.approx([0.5] * 7)
+    assert {"images", "sparse", "transforms.json", "README.txt"} <= {*told["files"]}
+    assert told["reached"] == {"poses": True, "export": True, "train": False}

@@ -6,7 +6,7 @@ from alignerf.experiment.checks.common import check_path_variable, fault, is_the
 from alignerf.experiment.keys import scene as scene_keys
 
 # Keys of a scene that some sources have alone.
-OWN = ("images", "background", "masks", "judged")
+OWN = ("images", "background", "masks")
 
 
 def checked(values):
@@ -36,6 +36,10 @@ def check_scene(scene, *place):
     for key in OWN:
         if scene[key] and key not in source.keys:
             fault(f"{where}{key}", f"source {source.name!r} has none")
+    for key in scene_keys.SECTIONS.keys() - {source.name}:
+        # Whole sections of defaults stand in every complete config.
+        if scene_keys.Scene.default(key) is None and scene[key] is not None:
+            fault(f"{where}{key}", f"goes with source {key!r}, and that with it")
     if scene["poses"] == "adjusted" and scene["triangulate"] is False:
         fault(f"{where}triangulate", "adjusted poses need matches")
     if scene["poses"] not in base.INPUT and scene["pose_convention"]:

@@ -2,8 +2,11 @@
 
 from typing import Literal
 
+import pydantic
+
 from alignerf.captures import base
 from alignerf.experiment.keys.key import Keys, budget, key
+from alignerf.files.environment import extensions
 
 SOURCES = base.every()
 
@@ -22,9 +25,6 @@ CAMERA_MODELS = Literal[
 CONVENTIONS = ("as_stated", "opencv", "world_to_camera", "world_to_camera_opencv")
 CONVENTIONS += tuple(f"{w}_{x}" for w in ("left_handed", "mirrored") for x in "xyz")
 CONVENTIONS += ("natural_order", "name_order", "reversed_order")
-# Of the courtyard (`alignerf.scenes.courtyard.world`; a test holds both equal).
-OBJECTS = ("ground", "hedge", "hills", "sky", "wall", "posts", "wires", "plinth")
-OBJECTS += ("trunk", "tower", "case", "carton", "tin", "arm")
 # A name becomes a folder: no path escapes by it.
 NAME = r"^(?!.*\.\.)[A-Za-z0-9][A-Za-z0-9_.-]{0,99}\Z"
 
@@ -45,85 +45,6 @@ class Colmap(Keys):
     )
 
 
-class Courtyard(Keys):
-    place: Literal["courtyard", "object"] = key(
-        "courtyard", "the whole, or its boxes and the arm alone, before white"
-    )
-    views: int = key(48, "number of photos", least=4, most=10000)
-    zooms: list[float] = key(
-        [1.0],
-        "focal lengths, in turn, in units of one that sees 60 degrees: by 0.25 things "
-        "are as small as from four times the distance; other than 1 with true poses "
-        "only",
-        least=0.1,
-        most=10,
-        length=(1, 16),
-    )
-    width: int = key(400, "of a photo in px", least=32, most=16384)
-    height: int = key(300, "of a photo in px", least=32, most=16384)
-    motion: Literal["none", "uniform", "two_states"] = key(
-        "uniform",
-        "how objects move between photos: not, by a uniform displacement, or between "
-        "two states of probability 0.5 (the paper's moving arm)",
-    )
-    motion_m: float = key(0.02, "largest displacement in metres", least=0, most=10)
-    moving: list[Literal[OBJECTS]] | None = key(
-        None, "objects that move; null: all that can", length=(0, 1000)
-    )
-    # Leaves as much near the highest frequency as a real photo made smaller has:
-    # unblurred textures lose ten times more than photos when they are resampled.
-    lens_sigma_px: float = key(
-        1.4, "blur of the lens, in px of the photo", least=0, most=100
-    )
-    supersample: int = key(2, "rays a pixel and axis", least=1, most=16)
-
-
-class Judged(Keys):
-    """What another program has trained: its renders are judged, and nothing is trained.
-
-    `make judge` writes it.
-    """
-
-    renders: str = key(
-        what="folder of its renders of the photos, as nerfstudio, gsplat or Gaussian "
-        "splatting write them, or called like the photos",
-        pattern=r"\S",
-    )
-    splits: list[Literal["train", "test"]] = key(
-        ["train", "test"],
-        "those that there are renders of: of photos that were learnt from, of held-out "
-        "ones, or of both",
-        length=(1, 2),
-    )
-    cameras: str | None = key(
-        None,
-        "transforms.json, COLMAP's sparse/0, or cameras.json of Gaussian splatting, or "
-        "their folder; null: a field of view is assumed, and turns and zooms are told",
-        pattern=r"\S",
-    )
-    depth: str | None = key(
-        None,
-        "folder of the renders' depth: .npz, .npy, .npy.gz, .tiff, .png of 16 bits; "
-        "null: from the points that cameras came with, else all is far away",
-        pattern=r"\S",
-    )
-    before: str | None = key(
-        None,
-        "verdict.json of a judgement before this one, with which it is compared",
-        pattern=r"\S",
-    )
-    depth_kind: Literal["depth", "distance"] | None = key(
-        None,
-        "along the optical axis, or along the ray; null: as fits the points better",
-    )
-    depth_scale: float | None = key(
-        None,
-        "what brings it to the unit of the cameras; null: as fits the points",
-        above=0,
-        most=1e30,
-    )
-
-
 class Zoom(Keys):
     """Crops of each photo of another scene, at its own size, around its points."""
 
@@ -141,7 +62,9 @@ class Zoom(Keys):
     )
 
 
-class Scene(Keys):
+class Common(Keys):
+    """Keys of every scene, which stand before the sections of the sources."""
+
     source: Literal[tuple(SOURCES)] = key(
         what="; ".join(f"{name}: {one.what}" for name, one in SOURCES.items())
     )
@@ -207,9 +130,6 @@ class Scene(Keys):
         least=1,
         most=10000,
     )
-    judged: Judged | None = key(
-        None, "of source judged: the renders, their cameras and their depth"
-    )
     zoom: Zoom | None = key(
         None,
         "the scene is made of crops of another one's photos; `windows` makes such",
@@ -244,4 +164,8 @@ class Scene(Keys):
         "true: also of the courtyard's true ones; false: of none",
     )
     colmap: Colmap = key(Colmap)
-    courtyard: Courtyard = key(Courtyard)
+
+
+SECTIONS = {name: one.section for name, one in SOURCES.items() if one.section}
+extensions.check_new("captures", SECTIONS, Common.model_fields)
+Scene = pydantic.create_model("Scene", __base__=Common, **SECTIONS)

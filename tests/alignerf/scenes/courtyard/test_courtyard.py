@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.experiment.keys import scene as scene_keys
+from alignerf.captures import courtyard as of_courtyard
 from alignerf.scenes import cameras
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard
@@ -154,7 +154,7 @@ def test_scene_is_unbounded_and_full(world, posed):
 
 
 def test_objects_are_those_that_a_config_may_name():
-    assert courtyard.OBJECTS == scene_keys.OBJECTS
+    assert courtyard.OBJECTS == of_courtyard.OBJECTS
 
 
 def test_boxes_hide_what_a_ray_march_finds_behind_them(world, posed):
