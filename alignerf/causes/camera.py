@@ -43,9 +43,8 @@ def by_matches(e):
 def source(e):
     """What shows that poses are off: `windows`, `flow`, `matches`, `points`; or None.
 
-    The first that says so. From too few photos
-    a wrong pose is learnt as geometry, so that training views fit: then the points that
-    photos share tell.
+    The first that says so. From too few photos a wrong pose is learnt as geometry, so
+    that training views fit: then the points that photos share tell.
     """
     if shift.by_windows(e) and e.windows.camera_px > e.windows.remainder_px:
         return "windows"

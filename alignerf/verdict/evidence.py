@@ -50,8 +50,8 @@ def read_views(loaded: prepared.Scene, base, look=None):
     stops = exposure.stops(sampled)
     known = stops[np.isfinite(stops)]
     shared_ev = float(np.std(known)) if len(known) > 1 else math.nan
-    pairs = {row.view: one for row, one in zip(rows, looked, strict=True) if one}
-    return views.named(rows), pairs, shared_ev
+    seen = {row.view: one for row, one in zip(rows, looked, strict=True) if one}
+    return views.named(rows), seen, shared_ev
 
 
 def read_view(loaded: prepared.Scene, base, split, tables, look, view):
