@@ -319,8 +319,8 @@ LOGS = {
 }
 # No files: options of commands, and what processes of ours tell each other.
 TOLD = (
-    "alignerf.experiment.jobs",
-    *("alignerf.exports.sizes", "alignerf.others.jobs", "alignerf.verdict.__main__"),
+    *("alignerf.experiment.jobs", "alignerf.others.commands"),
+    *("alignerf.exports.sizes", "alignerf.verdict.__main__"),
     *("alignerf.costs.__main__", "alignerf.processes.consensus"),
     "flow.figures.scene",
 )

@@ -1,27 +1,33 @@
-"""Commands of other programs: filled in, run without a shell, and stopped whole."""
+"""Commands of other programs: filled in, run without a shell, and ended whole.
+
+And the job that they are of: an external training's slice of the config.
+"""
 
 import contextlib
 import ctypes
 import functools
+import json
 import os
 import re
-import selectors
 import shlex
 import signal
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
+from typing import NamedTuple
 
 import psutil
 
 from alignerf.experiment.checks import places
-from alignerf.files import faults, provenance
+from alignerf.files import faults, owned, provenance
 from alignerf.files.environment import switches
 
-# A command that is asked to end has so many seconds to do so.
+# What is asked to end has so many seconds to do so.
 GRACE_S = 20.0
-# The signals that end a job; all that its command has started gets them too.
+POLL_S = 0.02
+# The signals that end a job.
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 # Of the output, so many bytes are looked through for its last line.
 TAIL_BYTES, LINE_CHARACTERS = 4096, 300
@@ -30,6 +36,77 @@ ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 # Linux: the signal that a process gets when its parent dies; whether what its children
 # leave behind becomes its own child.
 PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
+
+
+class Job(NamedTuple):
+    """An external training's slice of the config.
+
+    train, render: commands with names in braces, or None. renders, depth: folders of
+    finished ones instead, or None. seed, steps: numbers that stand in the commands.
+    """
+
+    train: str | None = None
+    render: str | None = None
+    renders: str | None = None
+    depth: str | None = None
+    seed: int | None = None
+    steps: int | None = None
+
+
+def job_of(text) -> Job:
+    """The job that a command's option holds, as JSON; ValueError where it is none."""
+    try:
+        return Job(**json.loads(text)["external"])
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise ValueError(f"--config is no external job: {error}") from None
+
+
+def add_arguments(parser):
+    """Options that the commands of an external job have."""
+    parser.add_argument("--config", help="job as JSON")
+    parser.add_argument("--scene", type=Path, required=True, help="results/SCENE")
+    parser.add_argument("--training", type=Path, help="its folder")
+    parser.add_argument("--data", type=Path, help="what it learns from")
+    parser.add_argument("--model", type=Path, help="folder of the model")
+    parser.add_argument("--cores", type=int, default=1, help="of the command")
+
+
+def run_of_job(template, args, **more) -> float:
+    """Run a command of a job, its names in braces filled; returns its seconds.
+
+    args: as of `add_arguments`; more: further values. Folders are whole paths, as a
+    command may change to another folder.
+    """
+    values = {
+        "data": faults.resolved(args.data),
+        "model": faults.resolved(args.model),
+        "cores": args.cores,
+        "seed": args.config.seed,
+        "steps": args.config.steps,
+        "scene": args.scene.name,
+        "round": args.training.name.removeprefix("round"),
+    }
+    seconds = run(words_of(template, values | more), cores=args.cores)
+    # What it keeps beside its data, as smaller photos, is no user's.
+    if owned.is_marked(args.data):
+        owned.seal(args.data)
+    return seconds
+
+
+def timing(steps, seconds):
+    """The content of timing.json; what only the program knows is null.
+
+    steps: None where they are not known; seconds: of training, 0 of finished renders.
+    """
+    return {
+        "stage": "external",
+        "steps": steps,
+        "rays_seen": None,
+        "params": None,
+        "train_time_s": round(seconds, 3),
+        "compile_time_s": 0.0,
+        "device": None,
+    } | provenance.facts()
 
 
 def words_of(template, values):
@@ -52,7 +129,7 @@ def run(words, *, cores=1) -> float:
     control(PR_SET_CHILD_SUBREAPER, 1)
     kept = set(psutil.Process().children(recursive=True))
     print(faults.one_line(shlex.join(words)), flush=True)
-    begun = time.perf_counter()
+    begun_s, asked, tail = time.perf_counter(), [], bytearray()
     try:
         process = subprocess.Popen(
             words,
@@ -63,39 +140,64 @@ def run(words, *, cores=1) -> float:
             start_new_session=True,
             preexec_fn=functools.partial(control, PR_SET_PDEATHSIG, signal.SIGTERM),
         )
+    except FileNotFoundError:
+        hint = "there is no such program; install it, or give its full path"
+        raise ValueError(f"{words[0]}: {hint}") from None
     except (OSError, ValueError) as error:
-        raise ValueError(f"{words[0]}: {reason_of(error)}") from None
-    send = functools.partial(send_to, process.pid, kept)
-    with process, passing_on(send) as asked:
-        try:
-            tail = copied(process)
-            code, took = process.wait(), time.perf_counter() - begun
-        finally:
-            end(send)
+        reason = getattr(error, "strerror", None) or error
+        raise ValueError(f"{words[0]}: {reason}") from None
+    copying = threading.Thread(target=copy, args=(process, tail), daemon=True)
+    copying.start()
+    before = {one: signal.signal(one, lambda n, _: asked.append(n)) for one in ENDING}
+    try:
+        while process.poll() is None and not asked:
+            time.sleep(POLL_S)
+        took_s = time.perf_counter() - begun_s
+    finally:
+        end(process, kept)
+        copying.join(1.0)
+        for one, handler in before.items():
+            signal.signal(one, handler)
     if asked:
         # As the signal does where nothing handles it.
         signal.signal(asked[0], signal.SIG_DFL)
         os.kill(os.getpid(), asked[0])
-    if code != 0:
-        raise ValueError(f"{words[0]} {ending(code)}{said(tail)}")
-    return took
+    if process.returncode != 0:
+        raise ValueError(f"{words[0]} {ending(process.returncode)}{said(tail)}")
+    return took_s
 
 
-def reason_of(error):
-    """Why a program cannot be started."""
-    if isinstance(error, FileNotFoundError):
-        return "there is no such program; install it, or give its full path"
-    return getattr(error, "strerror", None) or str(error)
+def copy(process, tail):
+    """Copy a command's output to ours until it ends; the end of it is put into tail."""
+    while chunk := os.read(process.stdout.fileno(), 65536):
+        tail[:] = (tail + chunk)[-TAIL_BYTES:]
+        # Who reads our output may have gone, as where all is being stopped.
+        with contextlib.suppress(OSError):
+            sys.stdout.buffer.write(chunk)
+            sys.stdout.buffer.flush()
+
+
+def end(process, kept):
+    """Ask all that a command has started to end, and kill what does not.
+
+    That is its process group and, also of other sessions, what this process has below
+    it and `kept` has not. What waits for a disk cannot be killed, nor is waited for.
+    """
+    for number, wait_s in ((signal.SIGTERM, GRACE_S), (signal.SIGKILL, 1.0)):
+        with contextlib.suppress(OSError):
+            os.killpg(process.pid, number)
+        below = set(psutil.Process().children(recursive=True)) - kept
+        for one in below:
+            with contextlib.suppress(psutil.Error):
+                one.send_signal(number)
+        psutil.wait_procs(below, wait_s)
 
 
 def ending(code):
     """How a command ended, in words."""
     if code >= 0:
         return f"ended with exit code {code}"
-    try:
-        name = signal.Signals(-code).name
-    except ValueError:
-        name = f"signal {-code}"
+    name = {one.value: one.name for one in signal.Signals}.get(-code, f"signal {-code}")
     hint = ", as where memory is short" if name == "SIGKILL" else ""
     return f"was ended by {name}{hint}"
 
@@ -103,11 +205,10 @@ def ending(code):
 def said(tail):
     """The last line of an output, behind a colon."""
     text = ESCAPES.sub("", tail.decode("utf-8", errors="replace"))
-    lines = [line.strip() for line in re.split(r"[\r\n]", text)]
-    last = next((line for line in reversed(lines) if line), "")
-    return (
-        f"; its last line: {last[-LINE_CHARACTERS:]}" if last else "; it said nothing"
-    )
+    lines = [line.strip() for line in re.split(r"[\r\n]", text) if line.strip()]
+    if not lines:
+        return "; it said nothing"
+    return f"; its last line: {lines[-1][-LINE_CHARACTERS:]}"
 
 
 def environment(cores=1):
@@ -117,89 +218,14 @@ def environment(cores=1):
     it may need a variable that would change what ours compute.
     """
     found = switches.restored(os.environ)
-    paths = found.get("PYTHONPATH", "").split(os.pathsep)
-    kept = [path for path in paths if path and path != str(provenance.ROOT)]
-    found["PYTHONPATH"] = os.pathsep.join(kept)
-    if not kept:
-        del found["PYTHONPATH"]
-    found.setdefault("OMP_NUM_THREADS", str(cores))
+    paths = found.pop("PYTHONPATH", "").split(os.pathsep)
+    if kept := [path for path in paths if path and path != str(provenance.ROOT)]:
+        found["PYTHONPATH"] = os.pathsep.join(kept)
     # Python would keep its lines to itself until there are many.
-    found.setdefault("PYTHONUNBUFFERED", "1")
-    return found
+    return {"OMP_NUM_THREADS": str(cores), "PYTHONUNBUFFERED": "1"} | found
 
 
 def control(option, value):
     """Set an option of this process, where the system can."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(option, value)
-
-
-@contextlib.contextmanager
-def passing_on(send):
-    """Pass ENDING on to a command by `send`; yields a list, of the signal that came."""
-    asked, timers = [], []
-
-    def handle(number, frame):
-        asked.append(number)
-        send(number)
-        if not timers:
-            timers.append(threading.Timer(GRACE_S, send, (signal.SIGKILL,)))
-            timers[0].daemon = True
-            timers[0].start()
-
-    before = {number: signal.signal(number, handle) for number in ENDING}
-    try:
-        yield asked
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        for timer in timers:
-            timer.cancel()
-
-
-def send_to(group, kept, number) -> bool:
-    """Send a signal to all of a command that runs; whether anything does.
-
-    That is its process group and, also of other sessions, what this process has below
-    it and `kept` has not.
-    """
-    below, found = set(psutil.Process().children(recursive=True)) - kept, False
-    for one in below.union(psutil.process_iter()):
-        with contextlib.suppress(OSError, psutil.Error):
-            own = one in below or os.getpgid(one.pid) == group
-            if own and one.status() != psutil.STATUS_ZOMBIE:
-                one.send_signal(number)
-                found = True
-    return found
-
-
-def end(send):
-    """Ask what a command has left behind to end, and kill what does not."""
-    last = time.monotonic() + GRACE_S
-    send(signal.SIGTERM)
-    # What waits for a disk cannot be killed, and is not waited for.
-    while (late := time.monotonic() - last) < 1 and send(signal.SIGKILL * (late > 0)):
-        time.sleep(0.05)
-
-
-def copied(process) -> bytes:
-    """Copy a command's output to ours until it ends; returns the end of it.
-
-    Something that it has left in the background may keep its output open for longer.
-    """
-    tail, output = b"", process.stdout.fileno()
-    with selectors.DefaultSelector() as selector:
-        selector.register(output, selectors.EVENT_READ)
-        while True:
-            ended = process.poll() is not None
-            if not selector.select(timeout=0.0 if ended else 0.2):
-                if ended:
-                    return tail
-                continue
-            if not (chunk := os.read(output, 65536)):
-                return tail
-            tail = (tail + chunk)[-TAIL_BYTES:]
-            # Who reads our output may have gone, as where all is being stopped.
-            with contextlib.suppress(OSError):
-                sys.stdout.buffer.write(chunk)
-                sys.stdout.buffer.flush()

@@ -1,10 +1,10 @@
-"""Renders and depth of another program, checked and written as our own are.
+"""Images and depth of another program, checked: each a function of a view.
 
-Notation: images [h, w, 3] uint8; depth [h, w] along the optical axis. Infinite depth is
-far away: of a camera before it only a turn and a zoom can be seen.
+Notation: images [h, w, 3] uint8; depth [h, w] along the optical axis, in units of the
+normalised scene. Infinite depth is far away: of a camera before it only a turn and a
+zoom can be seen.
 """
 
-import contextlib
 import hashlib
 import logging
 from pathlib import Path
@@ -12,8 +12,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from alignerf.files import archives, atomic, faults, images, progress, split_paths
-from alignerf.scenes import cameras, photos, prepared
+from alignerf.files import archives, faults
+from alignerf.scenes import cameras, distortion, photos, prepared
+from alignerf.scenes.judged import depths, renders, views
 
 log = logging.getLogger("alignerf")
 
@@ -23,46 +24,78 @@ DEPTH_SUFFIXES = (".npz", ".npy")
 ROUNDING_PX, ROUNDING_SHARE = 2, 0.02
 
 
-def take(renders, depth, loaded: prepared.Scene, splits, out_renders, out_depth):
-    """Write <view>.png and <view>.npz of the views of some splits; returns how many.
+def of_folders(images, depth, loaded: prepared.Scene, splits):
+    """View -> (image, depth) of files that are named like the views of some splits.
 
-    renders: folder of the other program's images, named like the views. depth: folder
-    of its depth maps in the units of the scene's own cameras, or None; without any all
-    is far away. loaded: with the cameras that the renders are seen by. out_renders,
-    out_depth: paths with `{split}` in them. Raises ValueError where views are missing,
-    of another size, empty, broken or twice the same.
+    images, depth: folders, the latter in the units of the scene's own cameras, or None;
+    without any all is far away. loaded: with the cameras that the renders are seen by.
+    Raises ValueError where views are missing, of another size, empty, broken or twice
+    the same.
     """
-    split_paths.check(splits, (out_renders, out_depth))
     names = [loaded.names[view] for split in splits for view in loaded.views(split)]
-    found = complete(find(renders, names, SUFFIXES), names, renders)
-    depths = find(depth, names, DEPTH_SUFFIXES) if depth else {}
-    if depths:
-        complete(depths, names, depth)
+    found = complete(find(images, names, SUFFIXES), names, images)
+    maps = find(depth, names, DEPTH_SUFFIXES) if depth else {}
+    if maps:
+        complete(maps, names, depth)
     else:
         log.info("no depth came with the renders: all counts as far away")
+    scale, seen = scale_of(loaded), {}
+
+    def of_view(view):
+        name = loaded.names[view]
+        image = fitting(read(found[name]), found[name], loaded)
+        digest = hashlib.sha256(image.tobytes()).digest()
+        camera = loaded.pixtocams[view].tobytes() + loaded.camtoworlds[view].tobytes()
+        other, its_camera = seen.setdefault(digest, (found[name], camera))
+        if camera != its_camera:
+            fault = f"the same image as {other}, of another camera"
+            raise ValueError(f"{found[name]}: {fault}")
+        return image, scale * depth_of(maps.get(name), loaded)
+
+    return of_view
+
+
+def of_pairs(loaded: prepared.Scene):
+    """View -> (image, depth) of a scene that is judged."""
+    if (pairs := views.read_pairs(loaded.folder)) is None:
+        raise ValueError(f"{loaded.folder / views.PAIRS}: not found")
+    own, points = prepared.read_cameras(loaded.folder / "cameras.npz"), None
+    scale = scale_of(loaded)
+    if pairs["depth"] == "points":
+        path = loaded.folder / prepared.POINTS
+        points = archives.read(path, ("points",))["points"]
+
+    def of_view(view):
+        pair = pairs["views"][loaded.names[view]]
+        render = renders.Render(Path(pair["render"]), pair["is_sheet"])
+        image, _ = views.read_render(render, pairs.get("background"))
+        # Of a render that shows the distortion: (camtopix, distortion).
+        lens = pair["lens"] and tuple(map(np.array, pair["lens"]))
+        if lens:
+            camtopix = np.linalg.inv(loaded.pixtocams[view])
+            image = distortion.undistort(image, *lens, camtopix)
+        return image, scale * depth_of_pair(pairs, pair, own, view, points, lens)
+
+    return of_view
+
+
+def depth_of_pair(pairs, pair, own, view, points, lens):
+    """Depth [h, w] along the optical axis, in the unit of the cameras as given."""
+    size, pixtocam = (int(own["width"]), int(own["height"])), own["pixtocams"][view]
+    if points is not None:
+        return depths.of_points(points, pixtocam, own["camtoworlds"][view], size)
+    if pairs["depth"] == "given" and pair["depth"]:
+        values = depths.read(pair["depth"])
+        values = depths.as_shown(values, pixtocam, size, lens)
+        along = depths.along_axis(values, pairs["depth_kind"], pixtocam)
+        return pairs["depth_scale"] * along
+    return np.full(size[::-1], np.inf, np.float32)
+
+
+def scale_of(loaded):
+    """Normalised units of length in one of the cameras as given."""
     own = prepared.read_cameras(loaded.folder / "cameras.npz")
-    scale = cameras.frame_of(own["camtoworlds"]).scale
-    seen, resized = {}, []
-    with contextlib.ExitStack() as stack:
-        for split in splits:
-            folders = [
-                stack.enter_context(
-                    atomic.replace_folder(split_paths.fill(path, split))
-                )
-                for path in (out_renders, out_depth)
-            ]
-            for view in progress.over(list(loaded.views(split)), f"renders {split}"):
-                name = loaded.names[view]
-                image = fitting(read(found[name]), found[name], loaded, resized)
-                check_new(image, found[name], camera_of(loaded, view), seen)
-                images.write(folders[0] / f"{name}.png", image)
-                depth_map = depth_of(depths.get(name), loaded, scale)
-                np.savez(folders[1] / f"{name}.npz", depth=depth_map)
-    if resized:
-        size = f"{loaded.width}x{loaded.height}"
-        some = faults.some_names([path.name for path in resized])
-        log.warning("made %s like the photos: %s", size, some)
-    return len(names)
+    return cameras.frame_of(own["camtoworlds"]).scale
 
 
 def find(folder, names, suffixes):
@@ -104,19 +137,18 @@ def read(path) -> np.ndarray:
     return pixels
 
 
-def fitting(image, path, loaded: prepared.Scene, resized):
+def fitting(image, path, loaded: prepared.Scene):
     """The image at the scene's size; one that only rounding made another is resized.
 
-    Its path is then added to `resized`. Raises ValueError for any other size.
+    Raises ValueError for any other size.
     """
-    size = loaded.width, loaded.height
-    own = image.shape[1], image.shape[0]
+    size, own = (loaded.width, loaded.height), image.shape[1::-1]
     if own == size:
         return image
     if not nearly(own, size):
         sizes = f"{own[0]}x{own[1]} pixels, not {size[0]}x{size[1]}"
         raise ValueError(f"{path}: {sizes} as the photos in {{data}}")
-    resized.append(path)
+    log.warning("made %dx%d like the photos: %s", *size, path.name)
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
 
 
@@ -128,26 +160,8 @@ def nearly(size, wanted):
     )
 
 
-def camera_of(loaded: prepared.Scene, view):
-    """A view's camera, to be compared with others'."""
-    arrays = loaded.pixtocams[view], loaded.camtoworlds[view]
-    return b"".join(array.tobytes() for array in arrays)
-
-
-def check_new(image, path, camera, seen):
-    """ValueError where another camera's image in `seen` is the same; added to it."""
-    digest = hashlib.sha256(image.tobytes()).digest()
-    other, its_camera = seen.setdefault(digest, (path, camera))
-    if camera != its_camera:
-        raise ValueError(f"{path}: the same image as {other}, of another camera")
-
-
-def depth_of(path, loaded: prepared.Scene, scale) -> np.ndarray:
-    """Depth [h, w] float32 of a file, in units of the normalised scene.
-
-    Without a file, and where it says nothing (0, NaN), all is far away. scale:
-    normalised units of length in one of the file's.
-    """
+def depth_of(path, loaded: prepared.Scene) -> np.ndarray:
+    """Depth [h, w] of a file, in its units; without one all is far away."""
     size = loaded.height, loaded.width
     if path is None:
         return np.full(size, np.inf, np.float32)
@@ -156,11 +170,10 @@ def depth_of(path, loaded: prepared.Scene, scale) -> np.ndarray:
         found = found[..., 0]
     if found.ndim != 2:
         raise ValueError(f"{path}: {found.dtype} {list(found.shape)} is no depth map")
-    if found.shape != size:
-        if not nearly(found.shape, size):
-            raise ValueError(f"{path}: {list(found.shape)} pixels, not {list(size)}")
-        found = cv2.resize(
-            found.astype(np.float32), size[::-1], interpolation=cv2.INTER_NEAREST
-        )
-    depth = (scale * found).astype(np.float32)
-    return np.where(depth > 0, depth, np.float32(np.inf))
+    if found.shape == size:
+        return found
+    if not nearly(found.shape, size):
+        raise ValueError(f"{path}: {list(found.shape)} pixels, not {list(size)}")
+    return cv2.resize(
+        found.astype(np.float32), size[::-1], interpolation=cv2.INTER_NEAREST
+    )

@@ -1,29 +1,36 @@
-"""Render by another program: `python -m alignerf.others.render`.
+"""Renders of another program: `python -m alignerf.others.render`.
 
-Its command writes an image of every view, and their depth if it can. They are checked
-and written as `alignerf.render_views` writes ours: <view>.png, <view>.npz with depth,
-and a timing file, each where its path says, in which `{split}` stands for the split.
+A job's command writes an image of every view, and their depth if it can; or they lie in
+folders; or, without a job, the scene itself knows what belongs to which view
+(`alignerf.scenes.judged`). They are checked and written as `alignerf.render_views`
+writes ours: <view>.png, <view>.npz with depth, and a timing file, each where its path
+says, in which `{split}` stands for the split. Nothing is trained.
 """
 
 import argparse
 import json
 import shutil
+from contextlib import ExitStack
+from pathlib import Path
 
-from alignerf.files import faults, split_paths
-from alignerf.others import importing, jobs
+import numpy as np
+
+from alignerf.experiment.checks import places
+from alignerf.files import atomic, faults, images, machine, progress, split_paths
+from alignerf.others import commands, importing
 from alignerf.scenes import prepared
 
 
 def main(argv=None):
     args = parse(argv)
-    outs = args.renders, args.depth
-    split_paths.check(args.splits, (*outs, args.timing))
-    job = jobs.read(args.config)
-    loaded = prepared.load(args.scene, args.cameras)
-    if job.renders:
-        folders = (jobs.folder_of(f, args) for f in (job.renders, job.depth))
-        count = importing.take(*folders, loaded, args.splits, *outs)
-        seconds = 0.0
+    split_paths.check(args.splits, (args.renders, args.depth, args.timing))
+    job = args.config = args.config and commands.job_of(args.config)
+    if job is None:
+        judged(args)
+    elif job.renders:
+        names = {"scene": args.scene.name}
+        folders = [f and places.filled(f, names) for f in (job.renders, job.depth)]
+        take(args, *folders, seconds=0.0)
     else:
         # It stays where something is wrong with it, for its owner to look at.
         work = faults.resolved(args.training / "rendered")
@@ -31,26 +38,81 @@ def main(argv=None):
         folders = {name: work / name for name in ("renders", "depth")}
         for folder in folders.values():
             folder.mkdir(parents=True)
-        seconds = jobs.run(job.render, job, args, **folders)
-        count = importing.take(*folders.values(), loaded, args.splits, *outs)
+        seconds = commands.run_of_job(job.render, args, **folders)
+        take(args, *folders.values(), seconds=seconds)
         shutil.rmtree(work)
-    # The command renders all views at once.
-    view_time_s = seconds / count
-    for split in args.splits:
-        timing = jobs.timing_of_views(len(loaded.views(split)), view_time_s)
-        with split_paths.replace_file(args.timing, split) as path:
-            path.write_text(json.dumps(timing))
+
+
+def take(args, renders, depth, *, seconds):
+    """Write the renders and depths of folders, as of `importing.of_folders`."""
+    loaded = prepared.load(args.scene, args.cameras)
+    of_view = importing.of_folders(renders, depth, loaded, args.splits)
+    write(args, loaded, of_view, seconds)
+
+
+def judged(args):
+    """Write the renders of a scene that is judged, trained by somebody else."""
+    loaded = prepared.load(args.scene)
+    of_view = importing.of_pairs(loaded)
+    there = [name for name in prepared.SPLITS if (loaded.split == name).any()]
+    if there != [name for name in prepared.SPLITS if name in args.splits]:
+        told = f"{', '.join(args.splits)}; there are renders of {', '.join(there)}"
+        raise ValueError(f"judged.splits: {told}")
+    with (
+        # Entered first, so in place last: it says that the others are whole.
+        atomic.replace_file(args.trained) as path,
+        atomic.replace_folder(args.learnt) as learnt,
+    ):
+        shutil.copyfile(args.scene / "cameras.npz", learnt / "cameras.npz")
+        write(args, loaded, of_view, 0.0, threads=args.cores)
+        path.write_text(json.dumps(commands.timing(None, 0.0), indent=1))
+
+
+def write(args, loaded, of_view, seconds, threads=1):
+    """Write the views of all splits, and how long each took.
+
+    of_view: a function of a view: its image [h, w, 3], its depth [h, w]. seconds: of
+    all views, which the command renders at once.
+    """
+    count = sum(len(loaded.views(split)) for split in args.splits)
+    with ExitStack() as stack:
+        for split in args.splits:
+            renders, depths = (
+                stack.enter_context(
+                    atomic.replace_folder(split_paths.fill(path, split))
+                )
+                for path in (args.renders, args.depth)
+            )
+
+            def one(view, renders=renders, depths=depths):
+                image, depth = of_view(view)
+                images.write(renders / f"{loaded.names[view]}.png", image)
+                known = np.where(depth > 0, depth, np.inf).astype(np.float32)
+                np.savez(depths / f"{loaded.names[view]}.npz", depth=known)
+
+            views = loaded.views(split)
+            made = machine.map_in_threads(one, views, threads=threads)
+            for _ in progress.over(made, f"renders {split}", total=len(views)):
+                pass
+        for split in args.splits:
+            views = len(loaded.views(split))
+            timing = {"time_s": round(views * seconds / count, 3), "views": views}
+            timing["view_time_s"] = round(seconds / count, 4)
+            with split_paths.replace_file(args.timing, split) as path:
+                path.write_text(json.dumps(timing))
 
 
 def parse(argv=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="alignerf.others.render", description=__doc__)
-    jobs.add_arguments(parser)
-    parser.add_argument("--cameras", required=True, help="that renders are seen by")
+    commands.add_arguments(parser)
+    parser.add_argument("--cameras", help="that renders are seen by")
     parser.add_argument("--splits", nargs="+", required=True, choices=prepared.SPLITS)
     parser.add_argument("--renders", required=True, help="folder, written")
     parser.add_argument("--depth", required=True, help="folder, written")
-    parser.add_argument("--timing", required=True, help="timing file, written")
+    parser.add_argument("--timing", required=True, help="timing files, written")
+    parser.add_argument("--learnt", type=Path, help="folder, written without a job")
+    parser.add_argument("--trained", type=Path, help="file, written without a job")
     return parser.parse_args(argv)
 
 

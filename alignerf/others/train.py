@@ -14,7 +14,7 @@ import shutil
 from pathlib import Path
 
 from alignerf.files import atomic, faults, owned
-from alignerf.others import jobs
+from alignerf.others import commands
 
 log = logging.getLogger("alignerf")
 
@@ -24,10 +24,9 @@ BEGUN = "model.begun"
 
 def main(argv=None):
     args = parse(argv)
-    job, seconds = jobs.read(args.config), 0.0
-    if job.train:
-        seconds = train(job, args)
-    timing = jobs.timing(job.steps, seconds)
+    job = args.config = commands.job_of(args.config)
+    seconds = train(job, args) if job.train else 0.0
+    timing = commands.timing(job.steps, seconds)
     with (
         atomic.replace_file(args.timing) as path,
         atomic.replace_folder(args.learnt) as folder,
@@ -36,7 +35,7 @@ def main(argv=None):
         path.write_text(json.dumps(timing, indent=1))
 
 
-def train(job: jobs.Job, args) -> float:
+def train(job: commands.Job, args) -> float:
     """Run the command in a folder of its own; returns its seconds.
 
     A file beside the folder says what it is of while it is not done.
@@ -51,7 +50,7 @@ def train(job: jobs.Job, args) -> float:
     args.model.mkdir(parents=True, exist_ok=True)
     with atomic.replace_file(begun) as path:
         path.write_text(digest)
-    seconds = jobs.run(job.train, job, args)
+    seconds = commands.run_of_job(job.train, args)
     begun.unlink()
     if not any(args.model.iterdir()):
         log.warning("the command has written nothing below {model}")
@@ -59,7 +58,7 @@ def train(job: jobs.Job, args) -> float:
     return seconds
 
 
-def digest_of(job: jobs.Job, data: Path):
+def digest_of(job: commands.Job, data: Path):
     """SHA-256 of the command, its numbers and all that it learns from."""
     found = hashlib.sha256(json.dumps([job.train, job.seed, job.steps]).encode())
     names = owned.listed(data) if owned.is_marked(data) else owned.files_of(data)
@@ -73,7 +72,7 @@ def digest_of(job: jobs.Job, data: Path):
 def parse(argv=None):
     """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="alignerf.others.train", description=__doc__)
-    jobs.add_arguments(parser)
+    commands.add_arguments(parser)
     parser.add_argument("--cameras", required=True, help="of the round")
     parser.add_argument("--learnt", type=Path, required=True, help="folder, written")
     parser.add_argument("--timing", type=Path, required=True, help="file, written")

@@ -169,16 +169,16 @@ def commands(out, folder, scene, splits):
     renders, depth, flow = (base / n / split for n in ("renders", "depth", "flow"))
     photos, masks = folder / "images", folder / prepared.MASKS
     yield (
-        *("alignerf.others.judged", "--scene", folder, "--splits", *splits),
+        *("alignerf.others.render", "--scene", folder, "--splits", *splits),
         *(
             "--renders",
             renders,
             "--depth",
             depth,
-            "--time",
+            "--timing",
             base / "render/{split}.json",
         ),
-        *("--learnt", base / "learnt", "--timing", base / "timing.json"),
+        *("--learnt", base / "learnt", "--trained", base / "timing.json"),
     )
     yield (
         *("flow.align", "--splits", *splits, "--renders", renders, "--photos", photos),

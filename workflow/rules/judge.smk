@@ -22,13 +22,13 @@ rule judged:
     threads: sources.WHOLE_MACHINE
     params:
         splits=lambda w: experiment.splits(w.scene, w.training),
-        sources=sources_of("alignerf.others.judged"),
+        sources=sources_of("alignerf.others.render"),
     shell:
-        "python -m alignerf.others.judged --scene results/{wildcards.scene:q}"
-        " --splits {params.splits} --threads {threads}"
+        "python -m alignerf.others.render --scene results/{wildcards.scene:q}"
+        " --splits {params.splits} --cores {threads}"
         " --renders {output.renders:q}/{{split}} --depth {output.depth:q}/{{split}}"
-        " --time {output.time:q}/{{split}}.json --learnt {output.learnt:q}"
-        " --timing {output.timing:q} 2>&1 | tee {log:q}"
+        " --timing {output.time:q}/{{split}}.json --learnt {output.learnt:q}"
+        " --trained {output.timing:q} 2>&1 | tee {log:q}"
 
 
 # What the estimator invents where nothing is displaced: of judged scenes, which have no

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from alignerf.files import archives, images
-from alignerf.others import importing
+from alignerf.others import importing, render
 from alignerf.scenes import cameras, prepared
 
 BOTH = ["train", "test"]
@@ -20,12 +20,12 @@ def take(loaded, theirs, tmp_path):
     """Take the renders of some splits; returns the folder that is written."""
 
     def run(depth=None, splits=BOTH, scene=loaded):
-        outs = [
-            str(tmp_path / "out" / kind / "{split}") for kind in ("renders", "depth")
-        ]
-        count = importing.take(theirs, depth, scene, splits, *outs)
-        assert count == sum(len(scene.views(split)) for split in splits)
-        return tmp_path / "out"
+        out = tmp_path / "out"
+        of_view = importing.of_folders(theirs, depth, scene, splits)
+        words = [f"--{n}={out}/{n}/{{split}}" for n in ("renders", "depth", "timing")]
+        words += [f"--scene={scene.folder}", "--splits", *splits]
+        render.write(render.parse(words), scene, of_view, 0.0)
+        return out
 
     return run
 
@@ -78,7 +78,7 @@ def test_only_the_views_that_are_asked_for_have_to_be_there(take, theirs, loaded
     with pytest.raises(ValueError, match=r"6 of 8 views are missing: .* and 3 more"):
         take()
     # What was there stays as it is.
-    assert sorted(path.name for path in out.iterdir()) == ["depth", "renders"]
+    assert sorted(path.name for path in out.iterdir()) == ["depth", "renders", "timing"]
 
 
 def test_depth_comes_into_the_units_of_the_scene(take, loaded, made, tmp_path):

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from alignerf.files import archives, json_files, owned, provenance
-from alignerf.others import jobs
+from alignerf.others import commands
 
 # Writes what it gets where its second word says, and fails if a third is there.
 TRAINER = """
@@ -183,4 +183,4 @@ def test_finished_renders_take_no_time(render, training, theirs, made):
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"external": {"trian": "x"}}'])
 def test_a_job_of_another_kind_is_refused(text):
     with pytest.raises(ValueError, match="--config is no external job"):
-        jobs.read(text)
+        commands.job_of(text)

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from alignerf import poses
-from alignerf.others import judged as take
+from alignerf.others import render
 from alignerf.scenes import prepared
 from alignerf.scenes.judged import geometry, pairs, views
 from tests import judged_cases as cases
@@ -25,8 +25,8 @@ def run(scene, splits=("train",)):
     out.mkdir()
     paths = [f"--{n}={out}/{n}/{{split}}" for n in ("renders", "depth")]
     options = [f"--scene={scene}", "--splits", *splits, *paths]
-    options += [f"--time={out}/render/{{split}}.json", f"--learnt={out}/learnt"]
-    take.main([*options, f"--timing={out}/timing.json"])
+    options += [f"--timing={out}/render/{{split}}.json", f"--learnt={out}/learnt"]
+    render.main([*options, f"--trained={out}/timing.json"])
     return out
 
 
