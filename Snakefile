@@ -23,7 +23,7 @@ from alignerf.costs import requests
 from alignerf.experiment import arguments, check, inputs, layout, plan
 from alignerf.experiment import cluster, sources, targets
 from alignerf.experiment.checks import results
-from alignerf.experiment.tables import across, pages, rows, scenes
+from alignerf.experiment.tables import pages, rows, scenes
 
 sources_of = sources.sources_of
 min_version("9.0")

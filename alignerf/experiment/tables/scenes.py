@@ -1,12 +1,14 @@
-"""Inputs of the tables across scenes: a `Scene` for each scene, and the rows."""
+"""Tables across scenes: what each scene is like, and the rows of each table."""
 
 import hashlib
+from collections.abc import Callable
 from typing import NamedTuple
 
 from alignerf.captures import base
+from alignerf.experiment import arguments
 from alignerf.experiment.tables import rows
 from alignerf.experiment.trainings import DISPLACED
-from alignerf.files import json_files
+from alignerf.files import faults, json_files
 
 
 class Scene(NamedTuple):
@@ -191,40 +193,82 @@ def rows_of(experiment, scene, table):
     """
     if not table:
         return rows.of_scene(experiment, scene)
-    return OF_TABLES[table.removesuffix("/")](experiment, scene)
-
-
-def of_regimes(experiment, scene):
-    """Rows of `in_regimes`."""
-    return rows.collected(experiment, scene, in_regimes(experiment, scene))
-
-
-def of_comparison(experiment, scene):
-    """Rows of all that is scored."""
-    chosen = experiment.scored(scene)
-    return rows.collected(experiment, scene, chosen, aligned_pose=True)
-
-
-def of_remedies(experiment, scene):
-    """Rows of `in_remedies`; the first row also has the flow from renders to photos."""
-    chosen = in_remedies(experiment, scene)
-    every = rows.collected(experiment, scene, chosen, aligned_pose=True)
-    base = next(row for row in every if (row.method, row.round) == chosen[0])
-    # The flow of the training views, where that exists; else of the test views.
-    split = experiment.splits(scene, base.folder)[0]
-    path = f"results/{scene}/{base.folder}"
-    base.files["displacement"] = rows.report(path, DISPLACED, split)
+    name = table.removesuffix("/")
+    chosen = OF_TABLES[name](experiment, scene)
+    every = rows.collected(experiment, scene, chosen, aligned_pose=name != "regimes")
+    if name == "remedies":
+        # The first row also has the flow from renders to photos: of the training views,
+        # where that exists; else of the test views.
+        first = next(row for row in every if (row.method, row.round) == chosen[0])
+        split = experiment.splits(scene, first.folder)[0]
+        path = f"results/{scene}/{first.folder}"
+        first.files["displacement"] = rows.report(path, DISPLACED, split)
     return every
 
 
+# (method, round) of every row of a table across scenes, in its folder below a scene's.
 OF_TABLES = {
-    "regimes": of_regimes,
-    "remedies": of_remedies,
-    "comparison": of_comparison,
+    "regimes": in_regimes,
+    "remedies": in_remedies,
+    "comparison": lambda experiment, scene: experiment.scored(scene),
 }
 
 
-def files(scene, table):
-    """The outputs of rule `collect` for a table across scenes."""
-    folder = f"results/{scene}/{table}"
-    return [f"{folder}/scores.csv", f"{folder}/trainings.csv"]
+class Across(NamedTuple):
+    """A table across scenes: a rule, and a target of its name.
+
+    scenes: from the experiment to its `Scene`s; ValueError for a config of which there
+    is no such table. of: whose rows it has, of OF_TABLES. reads: files of each scene
+    that it reads besides. stem: what its files are called. beside: option and suffix of
+    what is made beside the table. more: options of its own. published: files beside the
+    sources.
+    """
+
+    name: str
+    scenes: Callable
+    of: str
+    stem: str
+    reads: tuple = ()
+    beside: tuple[str, str] = ("figure", ".png")
+    more: tuple = ()
+    published: tuple = ()
+
+    @property
+    def module(self):
+        """The command."""
+        return f"alignerf.tables.across.{self.name}"
+
+    def inputs(self, experiment):
+        """Outputs of rules that it waits for."""
+        names = (f"{self.of}/scores.csv", f"{self.of}/trainings.csv", *self.reads)
+        found = faults.or_exit(self.scenes, experiment)
+        return [f"results/{one.scene}/{name}" for one in found for name in names]
+
+    def options(self, experiment):
+        """Words of its command line."""
+        found = faults.or_exit(self.scenes, experiment)
+        return ["--scenes", rows.as_json(found), *self.more]
+
+    def configs(self, experiment):
+        """The scenes' complete configs."""
+        return [f"results/{name}/config.yaml" for name in experiment.captures()]
+
+
+def across(experiment):
+    """All tables across scenes."""
+    published, number = rows.published_table(), experiment.config["published_table"]
+    printed = arguments.options({"published": published, "published-table": number})
+    return [
+        Across(
+            *("regimes", regimes, "regimes", experiment.config["regimes"]),
+            reads=("testset/displacement.csv",),
+        ),
+        Across(*("remedies", remedies, "remedies", "remedies"), reads=("facts.json",)),
+        Across("tradeoff", compared, "comparison", "tradeoff"),
+        Across(
+            *("comparison", compared, "comparison", "comparison"),
+            beside=("ranking", "_ranking.csv"),
+            more=tuple(printed),
+            published=(published,),
+        ),
+    ]

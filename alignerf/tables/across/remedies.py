@@ -164,7 +164,7 @@ def at_time(own, time_s, test_set):
 
 
 def interpolated(seconds, psnr_db, time_s):
-    """dB of the views [n] at a time, of [lengths, n] after seconds [lengths], sorted."""
+    """dB of the views [n] at a time; psnr_db: [lengths, n] after rising seconds."""
     if not seconds[0] / SLACK <= time_s <= seconds[-1] * SLACK:
         return np.full(psnr_db.shape[1], np.nan)
     at = np.log(np.clip(time_s, seconds[0], seconds[-1]))

@@ -9,7 +9,7 @@ import re
 import pytest
 
 from alignerf.experiment import sources
-from alignerf.experiment.tables import across
+from alignerf.experiment.tables import scenes
 
 JOB = {"fields", "model", "training"}
 # No sections: what several of them have in common.
@@ -37,7 +37,7 @@ REACHED = {
 def stages(root, demo, experiment_of):
     """Modules that the rules run."""
     text = "".join(p.read_text() for p in (root / "workflow/rules").glob("*.smk"))
-    tables = {table.module for table in across.every(experiment_of(demo))}
+    tables = {table.module for table in scenes.across(experiment_of(demo))}
     return sorted(tables | set(re.findall(r"python -m ([\w.]+)", text)))
 
 
