@@ -20,12 +20,10 @@ from snakemake.utils import min_version
 
 from alignerf.costs import plan as costs
 from alignerf.costs import requests
-from alignerf.experiment import arguments, check, inputs, layout, plan
-from alignerf.experiment import cluster, sources, targets
+from alignerf.experiment import check, cluster, layout, plan, sources, steps, targets
 from alignerf.experiment.checks import results
-from alignerf.experiment.tables import pages, rows, scenes
+from alignerf.experiment.tables import scenes
 
-sources_of = sources.sources_of
 min_version("9.0")
 # A plan's jobs live until its end: of a large one, a sixth of the time goes into looking
 # for garbage among them (docs/measured/planning.csv).
@@ -51,6 +49,12 @@ check.or_exit(plan.check_equal, experiment)
 export_by = targets.export_command(workflow.overwrite_configfiles)
 sources.set_environment(experiment.captures(), export_by)
 
+# Of the rules: their jobs, patterns of their paths, and what they run.
+step = steps.Rules(experiment, local, requests)
+scene, training = layout.Scene("{scene}"), layout.training("{scene}", "{training}")
+RUN = "python -m {params.command:q} 2>&1 | tee {log:q}"
+RUN_IN_THREADS = "python -m {params.command:q} --threads {threads} 2>&1 | tee {log:q}"
+
 
 report: "workflow/report/workflow.rst"
 
@@ -65,17 +69,11 @@ wildcard_constraints:
 
 include: "workflow/rules/scenes.smk"
 include: "workflow/rules/preflight.smk"
-include: "workflow/rules/train.smk"
-include: "workflow/rules/external.smk"
+include: "workflow/rules/trainings.smk"
 include: "workflow/rules/alignment.smk"
-include: "workflow/rules/decompose.smk"
-include: "workflow/rules/judge.smk"
-include: "workflow/rules/evaluate.smk"
-include: "workflow/rules/verdict.smk"
-include: "workflow/rules/tables.smk"
-include: "workflow/rules/page.smk"
+include: "workflow/rules/scores.smk"
 include: "workflow/rules/across.smk"
-include: "workflow/rules/export.smk"
+include: "workflow/rules/results.smk"
 
 
 rule all:

@@ -1,4 +1,4 @@
-"""What a scene is, before anything is trained: `python -m alignerf.facts`.
+"""What a scene is, and which settings suit it: `python -m alignerf.facts`.
 
 Facts: number and size of the views, how the cameras stand, the nearest and the farthest
 depth, how well the poses fit, how much exposure changes, and which photos are soft.
@@ -8,9 +8,11 @@ camera is 1. An unknown fact is null.
 
 import argparse
 import json
+from pathlib import Path
 
 import numpy as np
 
+from alignerf.experiment import decisions
 from alignerf.files import archives, atomic, faults, json_files
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import cameras, prepared
@@ -25,9 +27,22 @@ SOFT = 0.5
 
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scene", required=True, help="prepared scene folder")
-    parser.add_argument("--facts", required=True, help="facts.json, written")
+    parser.add_argument("--scene", help="prepared scene folder")
+    parser.add_argument("--facts", help="facts.json, written")
+    parser.add_argument("--decisions", help="decisions.json, written")
+    parser.add_argument("--show", nargs="+", type=Path, help="decisions.json, printed")
+    parser.add_argument("--unasked", action="store_true", help="say: not applied")
     args = parser.parse_args(argv)
+    if args.show:
+        print("\n".join(decisions.shown(args.show, not args.unasked)))
+    elif args.scene and args.facts and args.decisions:
+        write(args)
+    else:
+        parser.error("--scene, --facts and --decisions, or --show")
+
+
+def write(args):
+    """Write the facts of a scene, and what they decide."""
     loaded = prepared.load(args.scene)
     everything = np.arange(len(loaded.names))
     images = prepared.read_images(loaded, everything, loaded.folder / "images")
@@ -43,8 +58,13 @@ def main(argv=None):
         **pose_facts(loaded.folder / "poses.json"),
         **photo_facts(images, loaded.names, prepared.read_masks(loaded, everything)),
     }
+    found = decisions.decide(facts)
+    content = {"decisions": [decision._asdict() for decision in found]}
     with atomic.replace_file(args.facts) as path:
         path.write_text(json.dumps(facts, indent=1))
+    with atomic.replace_file(args.decisions) as path:
+        path.write_text(json.dumps(content, indent=1) + "\n")
+    print("\n".join(map(decisions.line, found)))
 
 
 def camera_facts(loaded: prepared.Scene):

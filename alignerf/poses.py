@@ -39,7 +39,7 @@ FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
 # With `downscale: auto`: a training that sees each half a time takes minutes on a core.
 # Many photos may have more together, rather than sides under this.
 MOST_PIXELS, LEAST_SIDE_PX = 10_000_000, 200
-PRODUCTS = ("images", "truth", "colmap", "cameras.npz", "poses.json")
+PRODUCTS = ("images", "colmap", "cameras.npz", "poses.json")
 
 
 def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
@@ -82,7 +82,7 @@ def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
         if scene is not None:
             log.info("rendering the truth of %d views", len(views.names))
             told["true_misalignment_px"] = truth.write_truth(
-                fresh / "truth",
+                fresh / "images" / "truth",
                 truth.select(scene, views.names),
                 views,
                 split=split,

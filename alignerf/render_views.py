@@ -2,7 +2,7 @@
 
 One process for all views, so that code is compiled once; on a CPU each core renders
 a view. Writes <view>.png, where asked <view>.npz with its depth, and a timing file,
-each where its path says, in which `{split}` stands for the split.
+below the folders that are named, each with an entry for each split.
 
 depth [h, w] float32: along the optical axis (z-depth, not along the ray), in units
 of the normalised scene (max |t| = 1), where half of a ray's weight is passed: the
@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.costs import summary
-from alignerf.files import atomic, faults, images, machine, progress, split_paths
+from alignerf.files import atomic, faults, images, machine, owned, progress
 from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.training import renderer
@@ -31,21 +31,21 @@ def main(argv=None):
     args = parse(argv)
     machine.limit(args.threads)
     devices.take_accelerator()
-    if left := summary.Left(args.scene, Path(args.timing).parent).words():
+    if left := summary.Left(args.scene, args.timing).words():
         log.info(left)
-    split_paths.check(args.splits, (args.renders, args.depth, args.timing))
+    owned.put(args.timing, [f"{split}.json" for split in args.splits])
     start = time.perf_counter()
     loaded = prepared.load(args.scene, args.cameras)
     method, params = renderer.read_model(args.config, args.model, loaded)
     render = renderer.make_renderer(method, params, loaded.width, loaded.height)
     for split in args.splits:
         # What comes before the first view is counted with the first split.
-        folders = [split_paths.fill(path, split) for path in (args.renders, args.depth)]
-        rendered = render_split(loaded, split, render, *folders)
+        depth = args.depth and args.depth / split
+        rendered = render_split(loaded, split, render, args.renders / split, depth)
         now = time.perf_counter()
         timing = {"time_s": round(now - start, 3), **rendered}
         start = now
-        with split_paths.replace_file(args.timing, split) as path:
+        with atomic.replace_file(args.timing / f"{split}.json") as path:
             path.write_text(json.dumps(timing))
 
 
@@ -89,11 +89,11 @@ def parse(argv=None):
     )
     parser.add_argument("--model", required=True, help="trained parameters")
     parser.add_argument("--splits", nargs="+", required=True, choices=prepared.SPLITS)
-    parser.add_argument("--renders", required=True, help="folder, written")
+    parser.add_argument("--renders", type=Path, required=True, help="folder, written")
     parser.add_argument(
-        "--depth", type=faults.stated, help="folder of the views' depth, written"
+        "--depth", type=Path, help="folder of the views' depth, written"
     )
-    parser.add_argument("--timing", required=True, help="timing file, written")
+    parser.add_argument("--timing", type=Path, required=True, help="folder, written")
     parser.add_argument("--threads", type=int, help="at most (default: every core)")
     return parser.parse_args(argv)
 

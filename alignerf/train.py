@@ -18,8 +18,7 @@ import jax
 
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.costs import summary
-from alignerf.decisions import fill
-from alignerf.experiment import jobs
+from alignerf.experiment import decisions, jobs
 from alignerf.files import archives, atomic, faults, machine
 from alignerf.kernels import calls
 from alignerf.methods import base
@@ -48,11 +47,10 @@ def main(argv=None):
 
 def run(args):
     """Train and write the results; of several processes only the first writes."""
-    job = with_radius(fill.read_job(args.config), args.displacement)
-    for path in (args.model, args.timing):
+    job = with_radius(decisions.read_job(args.config), args.displacement)
+    if Path(args.timing).is_dir():
         # Else it is said after the training, which is hours.
-        if Path(path).is_dir():
-            raise ValueError(f"{path}: a folder, where a file is to be written")
+        raise ValueError(f"{args.timing}: a folder, where a file is to be written")
     if program.hashed(job.model):
         # An MLP gains little by it, and each device holds all its parameters.
         devices.use_as_devices()
@@ -60,12 +58,11 @@ def run(args):
         if consensus.is_first():
             # Before all that takes time: a second trainer is refused at once.
             stack.enter_context(checkpoint.lock(args.checkpoints))
-        params, timing = train(job, args)
+        timing = train(job, args)
     if not consensus.is_first():
         return
     if job.stage == "finetune":
         timing["radius_px"] = job.alignerf.radius_px
-    checkpoint.write_params(args.model, params)
     with atomic.replace_file(args.timing) as path:
         path.write_text(json.dumps(timing, indent=1))
 
@@ -93,13 +90,12 @@ def parse(argv=None):
     parser.add_argument("--threads", type=int, help="at most (default: every core)")
     parser.add_argument("--sources", default="", help="hash: other code starts anew")
     parser.add_argument("--checkpoints", required=True, help="folder to resume from")
-    parser.add_argument("--model", required=True, help="parameters, written")
     parser.add_argument(
         "--learnt",
         type=Path,
         required=True,
-        help="folder of the cameras that its renders are seen by, and of the photos "
-        "that it has warped, written",
+        help="folder of the parameters, of the cameras that renders are seen by, of "
+        "photos that it has warped, written",
     )
     parser.add_argument(
         "--truth",
@@ -111,7 +107,7 @@ def parse(argv=None):
 
 
 def train(job, args):
-    """(parameters, timing) of the job, from its checkpoint or from the beginning."""
+    """Train from the checkpoint or from the beginning; returns what it took."""
     consensus.check_same(
         checkpoint.fingerprint(jobs.as_dict(job), args.sources), "config"
     )
@@ -147,12 +143,13 @@ def train(job, args):
     if consensus.is_first():
         cameras = args.cameras or f"{args.scene}/cameras.npz"
         with atomic.replace_folder(args.learnt) as folder:
+            checkpoint.write_params(folder / "model.msgpack", params)
             part.write(folder, moved, aligner, views, cameras)
     if compared:
         own = prepared.load(args.scene)
         errors_px = {"given": compared(own), "after": compared(moved)}
         timing["pose_error_px"] = errors_px
-    return params, timing
+    return timing
 
 
 def check_inputs(job, loaded: prepared.Scene, chosen, photos, valid):

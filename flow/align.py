@@ -4,39 +4,55 @@ For each render: flow to the photo of the same name and back, where both agree, 
 photo warped onto the render (if it is asked for), and the misalignment in pixels.
 
     python -m flow.align --renders DIR --photos DIR --flow-out DIR --stats-out CSV
-        [--warped-out DIR] [--splits train test]
+        [--warped-out DIR]
 
-With splits, `{split}` in a path stands for each in turn.
+With `--splits train test`, folders of renders, depth and outputs have a folder for each
+split, the statistics a CSV in a folder. With `--oracle DIR` beside, the flow from test
+renders to its images is written as a split of its own.
 """
 
 import argparse
 import sys
-from functools import partial
 from pathlib import Path
 
-from alignerf.files import faults, split_paths
+from alignerf.files import faults, owned
 from flow.estimation import arguments as arguments_of_flow
 from flow.estimation import estimate, external, folders
 
 
-def main(*, splits, flow_out, stats_out, warped_out=None, **options):
+def main(*, splits, renders, depth, flow_out, stats_out, warped_out, oracle, **options):
     """`folders.align`; of each split in turn, where there are some.
 
     options: its other arguments. Raises ValueError or OSError.
     """
-    split_paths.check(splits, (flow_out, warped_out, stats_out))
-    targets = {"flow": flow_out} | ({"warped": warped_out} if warped_out else {})
-    for split in splits or [split_paths.MARK]:
-
-        def of_split(value, split=split):
-            return split_paths.fill(value, split) if isinstance(value, Path) else value
-
+    if not splits:
+        targets = {"flow": flow_out} | ({"warped": warped_out} if warped_out else {})
         folders.align(
-            **{name: of_split(value) for name, value in options.items()},
-            targets={kind: of_split(folder) for kind, folder in targets.items()},
-            stats_out=of_split(stats_out),
-            before_end=partial(split_paths.note, stats_out, of_split(stats_out)),
+            renders, targets=targets, stats_out=stats_out, depth=depth, **options
         )
+        return
+    owned.put(stats_out, [f"{split}.csv" for split in splits])
+    flows = options.pop("flows")
+    for split in splits:
+        targets = {"flow": flow_out / split}
+        if warped_out:
+            targets["warped"] = warped_out / split
+        folders.align(
+            renders / split,
+            targets=targets,
+            stats_out=stats_out / f"{split}.csv",
+            depth=depth and depth / split,
+            flows=flows and Path(str(flows).replace("{split}", split)),
+            **options,
+        )
+    if oracle:
+        # It has no flows from elsewhere, nothing before it, and counts everywhere.
+        if options["method"] == external.METHOD:
+            options["method"] = estimate.DEFAULT
+        options |= {"photos": oracle, "masks": None}
+        target, stats = {"flow": flow_out / "oracle"}, stats_out / "oracle.csv"
+        owned.put(stats_out, [stats.name])
+        folders.align(renders / "test", targets=target, stats_out=stats, **options)
 
 
 def parse(arguments=None):
@@ -51,7 +67,8 @@ def parse(arguments=None):
     parser.add_argument("--masks", type=Path, help="where photos count, if it is there")
     parser.add_argument("--threads", type=int, default=1, help="views at once")
     splits = {"nargs": "+", "choices": ("train", "test"), "default": ()}
-    parser.add_argument("--splits", **splits, help="what {split} stands for")
+    parser.add_argument("--splits", **splits, help="folders inside the others")
+    parser.add_argument("--oracle", type=Path, help="folder of images without faults")
     options = parser.parse_args(arguments)
     if (options.flows is None) == (options.method == external.METHOD):
         parser.error(

@@ -8,10 +8,7 @@ view, is taken off first. Writes <view>.npz with the parts, and statistics.
 
     python -m flow.decompose --renders-depth DIR --flow DIR --cameras cameras.npz
         --split test --out-flow DIR --stats-out CSV
-        [--model-flow DIR [--oracle DIR --renders DIR --model-stats CSV]]
-
-With the oracle's images, the model's flow and its lengths are estimated and written
-first; else they are read.
+        [--model-flow DIR]
 """
 
 import argparse
@@ -24,8 +21,6 @@ import numpy as np
 
 from alignerf.files import archives, atomic, faults, machine
 from flow.camera import fit as camera_fit
-from flow.estimation import arguments as arguments_of_flow
-from flow.estimation import folders
 from flow.warping import files
 
 # Lengths beyond this percentile of the flow's count as that: a single wild vector
@@ -49,19 +44,7 @@ COLUMNS = (
 )
 
 
-def main(*, model_flow=None, oracle=None, renders=None, model_stats=None, **options):
-    """`write`; where there is an oracle, `folders.align` of the model's part first.
-
-    options: of `write`, and `settings`, the options of `folders.align`.
-    """
-    settings = options.pop("settings", {})
-    if oracle is not None:
-        target = {"flow": model_flow}
-        folders.align(renders, oracle, target, model_stats, **settings)
-    write(**options, model_flow=model_flow)
-
-
-def write(
+def main(
     renders_depth,
     flow,
     cameras,
@@ -204,22 +187,14 @@ def write_parts(path, fit: camera_fit.Fit, model_px):
 
 
 def parse(arguments=None):
-    """Arguments of the command line; `settings` are those of the model's flow."""
+    """Arguments of the command line."""
     parser = argparse.ArgumentParser(prog="flow.decompose", description=__doc__)
     for name in ("renders-depth", "flow", "cameras", "out-flow", "stats-out"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--split", choices=("train", "test"), required=True)
     parser.add_argument("--threads", type=int, default=1, help="views at once")
     parser.add_argument("--model-flow", type=Path, help="render to oracle")
-    for name in ("oracle", "renders", "model-stats"):
-        parser.add_argument(f"--{name}", type=Path, help="to estimate --model-flow")
-    arguments_of_flow.add(parser)
-    options = vars(parser.parse_args(arguments))
-    made = [options[key] for key in ("oracle", "renders", "model_stats")]
-    if any(made) and not all([*made, options["model_flow"]]):
-        parser.error("--oracle, --renders, --model-stats and --model-flow go together")
-    keys = ("method", "match_blur", "blur_by", "kernel", "tolerance_px")
-    return options | {"settings": {key: options.pop(key) for key in keys}}
+    return vars(parser.parse_args(arguments))
 
 
 def run(arguments=None):

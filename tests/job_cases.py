@@ -102,11 +102,11 @@ def run(folder, out, job=JOB, *more):
         [
             *("--config", json.dumps(job), "--scene", str(folder)),
             *("--checkpoints", str(out / "checkpoints")),
-            *("--model", str(out / "model.msgpack"), "--learnt", str(out / "learnt")),
+            *("--learnt", str(out / "learnt")),
             *("--timing", str(out / "timing.json"), *more),
         ]
     )
-    return (out / "model.msgpack").read_bytes()
+    return (out / "learnt" / "model.msgpack").read_bytes()
 
 
 def kill_after_save(monkeypatch, at_step, every=4):

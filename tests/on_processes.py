@@ -35,7 +35,7 @@ def main():
 def arguments(args, out):
     return [
         *("--config", args.config, "--scene", args.scene),
-        *("--checkpoints", f"{out}/checkpoints", "--model", f"{out}/model.msgpack"),
+        *("--checkpoints", f"{out}/checkpoints"),
         *("--timing", f"{out}/timing.json", "--learnt", f"{out}/learnt"),
         *("--threads", "1"),
     ]

@@ -26,7 +26,6 @@ FLOORS = [
     },
     {
         *("alignerf.fields", "alignerf.scenes", "alignerf.metrics", "alignerf.tables"),
-        "alignerf.decisions",
         *("flow.warping", "flow.camera"),
     },
     {"alignerf.sfm"},
@@ -45,7 +44,7 @@ FLOORS = [
 TIED = {"alignerf.experiment", "alignerf.methods", "alignerf.captures"}
 # Folders that hold commands besides the stages.
 COMMANDS = ("alignerf.networks", "alignerf.tables", "flow.figures")
-COMMANDS += ("alignerf.decisions", "alignerf.costs", "alignerf.verdict")
+COMMANDS += ("alignerf.costs", "alignerf.verdict")
 COMMANDS += ("alignerf.page", "alignerf.start", "alignerf.others")
 MOST_MODULES = 12
 FORBIDDEN = {"snakemake", "pickle", "dill", "joblib", "marshal", "shelve"}

@@ -8,8 +8,8 @@ starts of processes, and a constant a megapixel of test views.
 import os
 from typing import NamedTuple
 
-from alignerf.decisions import fill, rules
-from alignerf.experiment import arguments, jobs, plan
+from alignerf.experiment import decisions, jobs, plan
+from alignerf.experiment.step import flow_options, words
 from alignerf.files import json_files
 
 # Of a ray's seconds in a training: without gradients, which take twice as long.
@@ -105,7 +105,7 @@ def of_scene(experiment, scene):
         "trainings": [*found.values(), *crops],
         "scored": len(experiment.names("trains", False)),
         "moved": experiment.config["aligned_pose"] and 1 + experiment.has_truth(scene),
-        "flow": arguments.estimator_options(experiment),
+        "flow": words("", **flow_options(experiment))[1:],
     }
 
 
@@ -116,7 +116,7 @@ def as_json(experiment, scene):
 
 def job_of(one) -> jobs.Job | None:
     """The job of a training with its decided settings; None of another program's."""
-    return None if one["external"] else jobs.parse(fill.fill(one["job"]))
+    return None if one["external"] else jobs.parse(decisions.fill(one["job"]))
 
 
 def program_of(job: jobs.Job):
@@ -157,9 +157,9 @@ def of_training(one, moved, rate: Rates, flow: Flow, views: Views):
         flow = Flow(flow.start_s, share * flow.view_s, share * flow.view_bytes)
         pixels, size = round(share * views.pixels), round(share * views.image_bytes)
         views = views._replace(pixels=pixels, image_bytes=size, side=crop["px"])
-        passes = rules.PASSES * views.train * pixels / job.training.batch_rays
+        passes = decisions.PASSES * views.train * pixels / job.training.batch_rays
         job = jobs.with_steps(
-            job, round(crop["steps"] * max(1, passes / rules.STEPS[0]))
+            job, round(crop["steps"] * max(1, passes / decisions.STEPS[0]))
         )
     pixel_s = RENDER_SHARE * rate.step_s / job.rays_per_step if job else 0.0
     begin_s = rate.start_s + rate.compile_s

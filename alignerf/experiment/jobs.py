@@ -64,7 +64,7 @@ class Job(Text, Keys):
     training: training_keys.Training = key()
     decisions: str | None = key(
         None,
-        "file of what the scene's facts decided; `alignerf.decisions.fill` takes it",
+        "file of what the scene's facts decided, which `experiment.decisions` fills in",
     )
 
     @property

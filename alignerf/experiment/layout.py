@@ -1,29 +1,137 @@
-"""Where a training's outputs lie: rules name folders, commands what is inside.
+"""Where all results lie: one list for rules, which give patterns, and for commands.
 
-Rendering and flow are of the splits that others need, one or both. A rule's outputs
-are the same for all trainings, so these are folders with an entry for each split.
+Rules name folders whose content differs from training to training: an entry for each
+split that others need. Commands name what is inside.
 """
 
 import re
 
-# Below a training's folder.
+RESULTS = "results"
+
+
+class Below:
+    """A path below a folder."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __get__(self, folder, owner=None):
+        return f"{folder}/{self.path}"
+
+
+class Folder(str):
+    """A folder as text, with the logs and costs of the jobs that write into it."""
+
+    __slots__ = ()
+
+    def log(self, job):
+        return f"{self}/logs/{job}.log"
+
+    def benchmark(self, job):
+        return f"{self}/logs/{job}.tsv"
+
+
+class Scene(Folder):
+    """The folder of a scene. `Scene("{scene}")` has the patterns of rules."""
+
+    __slots__ = ()
+    images = Below("images")
+    # What is known of a synthetic scene alone.
+    truth = Below("images/truth")
+    # Cameras that bundle adjustment corrected: of all views, and with held-out ones as
+    # they came; and what that took.
+    adjusted = Below("images/adjusted/cameras.npz")
+    adjusted_train = Below("images/adjusted/train.npz")
+    adjusted_report = Below("images/adjusted/report.json")
+    cameras = Below("cameras.npz")
+    poses = Below("poses.json")
+    facts = Below("facts.json")
+    decisions = Below("decisions.json")
+    config = Below("config.yaml")
+    preflight = Below("preflight.json")
+    verdict = Below("verdict.json")
+    page = Below("index.html")
+    tables = Below("tables")
+    views = Below("tables/views.csv")
+    misalignment = Below("tables/misalignment.csv")
+    figures = Below("figures")
+    # The warped test set, its flow, and how long that is.
+    testset = Below("testset")
+    testset_flow = Below("testset/flow")
+    testset_warped = Below("testset/warped")
+    testset_lengths = Below("testset/displacement.csv")
+    testset_overfit = Below("testset/overfit.csv")
+
+    def __new__(cls, name):
+        return super().__new__(cls, f"{RESULTS}/{name}")
+
+    def scores(self, table=""):
+        """Scores of the scene's tables, or of a table across scenes (`regimes/`)."""
+        return f"{self}/{table}scores.csv"
+
+    def trainings(self, table=""):
+        """Costs of trainings, likewise."""
+        return f"{self}/{table}trainings.csv"
+
+    def table(self, name, kind="csv"):
+        return f"{self.tables}/{name}.{kind}"
+
+    def figure(self, name):
+        return f"{self.figures}/{name}.png"
+
+    def export(self, method, what):
+        """The folder for other programs."""
+        return f"{self}/{method}/export/{what}"
+
+
+class Training(Folder):
+    """The folder of a training, by its path."""
+
+    __slots__ = ()
+    timing = Below("timing.json")
+    # Its model, the cameras that its renders are seen by, and photos that it warped.
+    learnt = Below("learnt")
+    cameras = Below("learnt/cameras.npz")
+    model = Below("learnt/model.msgpack")
+    # With an entry for each split.
+    renders = Below("renders")
+    depth = Below("depth")
+    render = Below("render")
+    flow = Below("flow")
+    warped = Below("warped")
+    displacement = Below("displacement")
+    # Cameras that its flow corrects.
+    corrected = Below("corrected/cameras.npz")
+    corrections = Below("corrected/poses_corrected.json")
+    decision = Below("decision.json")
+    aligned_pose = Below("aligned_pose")
+    metrics = Below("metrics.csv")
+    metrics_aligned_pose = Below("metrics_aligned_pose.csv")
+    overfit = Below("overfit.csv")
+
+    def parts(self, split, photos=""):
+        """What its flow is made of; photos: by its own cameras, without the truth."""
+        return f"{self}/parts{photos}/{split}"
+
+    def decomposition(self, split, photos=""):
+        """The statistics of these parts."""
+        return f"{self}/decomposition{photos}_{split}.csv"
+
+
+def training(scene, folder):
+    """A training's folder, by its name below the scene's."""
+    return Training(f"{Scene(scene)}/{folder}")
+
+
+# Of a training's, with an entry for each split.
 OF_SPLITS = ("renders", "depth", "render", "flow", "warped", "displacement")
 # Folders of a training's that are replaced as a whole.
 FOLDERS = (*OF_SPLITS, "learnt")
 INSIDE = re.compile(
-    rf"(results/.+/(?:{'|'.join(OF_SPLITS)}))/(?:train|test)(?:\.\w+)?"
-    r"|(results/.+/learnt)/(?:cameras\.npz|photos|valid)"
-    r"|(results/[^/]+/images)/.+"
+    rf"({RESULTS}/.+/(?:{'|'.join(OF_SPLITS)}))/(?:train|test|oracle)(?:\.\w+)?"
+    rf"|({RESULTS}/.+/learnt)/(?:cameras\.npz|model\.msgpack|photos|valid)"
+    rf"|({RESULTS}/[^/]+/images)/.+"
 )
-
-
-def adjusted(scene, name="cameras.npz"):
-    """A file of a scene's adjusted cameras, which lie among its images.
-
-    cameras.npz is of all views; train.npz has held-out ones as they came; report.json
-    says what adjusting took.
-    """
-    return f"results/{scene}/images/adjusted/{name}"
 
 
 def output_of(path):

@@ -11,7 +11,7 @@ import re
 
 from alignerf import methods
 from alignerf.captures import base
-from alignerf.experiment import trainings
+from alignerf.experiment import layout, trainings
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.files import json_files
 
@@ -250,7 +250,7 @@ class Experiment:
 
     def truth_of(self, scene):
         """The folder of a scene's truth, where that is known."""
-        return f"results/{scene}/truth" if self.has_truth(scene) else None
+        return layout.Scene(scene).truth if self.has_truth(scene) else None
 
 
 def scene_config(experiment, name):
@@ -291,12 +291,6 @@ def folders(experiment):
     names = set(experiment.trainings(next(iter(experiment.scenes))))
     names |= {f"{name}/round0" for name in experiment.names("trains", False)}
     return one_of(names)
-
-
-def trained_by(experiment, *, external):
-    """Regular expression of the folders that others train (external), or that we do."""
-    every = experiment.trainings(next(iter(experiment.scenes))).values()
-    return one_of({t.folder for t in every if t.job.ours != external})
 
 
 def check_equal(experiment):

@@ -21,31 +21,12 @@ from alignerf.files import (
 
 DEMO = provenance.PIPELINE / "workflow" / "config" / "demo.yaml"
 TABLES = ("misalignment", "round_times", "controls", "displacement")
-# Not in Snakemake's report.
-UNREPORTED = ("round_times",)
 FIGURES = ("flow", "rounds", "views", "lengths", "curves")
 
 
 def tables(known):
     """Where the truth is known, also whether other test sets rank as it does."""
     return (*TABLES, "ranking") if known else TABLES
-
-
-def reported(known):
-    """Those that Snakemake's report shows."""
-    return [name for name in tables(known) if name not in UNREPORTED]
-
-
-def beside(known):
-    """Files of a scene's tables beside those: in LaTeX, and where they come from."""
-    return [
-        *(f"results/{{scene}}/tables/{name}.csv" for name in UNREPORTED),
-        *(
-            f"results/{{scene}}/tables/{name}.{kind}"
-            for name in tables(known)
-            for kind in ("tex", "provenance.json")
-        ),
-    ]
 
 
 def figures(experiment):

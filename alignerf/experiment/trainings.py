@@ -57,7 +57,7 @@ class Training(NamedTuple):
     @property
     def model(self):
         """Its parameters."""
-        return f"{self.path}/model.msgpack"
+        return f"{self.learnt}/model.msgpack"
 
     @property
     def value(self):

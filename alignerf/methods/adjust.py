@@ -25,7 +25,7 @@ class Adjusted(base.Method):
         chosen = experiment.scenes[scene]
         if experiment.parent(scene) or chosen["poses"] == "adjusted":
             return {}
-        return {"cameras": layout.adjusted(scene, "train.npz")}
+        return {"cameras": layout.Scene(scene).adjusted_train}
 
     def moves(self, method, round):
         return frozenset(["cameras"])

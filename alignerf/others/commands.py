@@ -24,6 +24,8 @@ from alignerf.experiment.checks import places
 from alignerf.files import faults, owned, provenance
 from alignerf.files.environment import switches
 
+# Below a training's folder: what the program learns from, and its model.
+DATA, MODEL = "data", "model"
 # What is asked to end has so many seconds to do so.
 GRACE_S = 20.0
 POLL_S = 0.02
@@ -66,9 +68,7 @@ def add_arguments(parser):
     parser.add_argument("--config", help="job as JSON")
     parser.add_argument("--scene", type=Path, required=True, help="results/SCENE")
     parser.add_argument("--training", type=Path, help="its folder")
-    parser.add_argument("--data", type=Path, help="what it learns from")
-    parser.add_argument("--model", type=Path, help="folder of the model")
-    parser.add_argument("--cores", type=int, default=1, help="of the command")
+    parser.add_argument("--threads", type=int, default=1, help="of the command")
 
 
 def run_of_job(template, args, **more) -> float:
@@ -77,19 +77,20 @@ def run_of_job(template, args, **more) -> float:
     args: as of `add_arguments`; more: further values. Folders are whole paths, as a
     command may change to another folder.
     """
+    data = args.training / DATA
     values = {
-        "data": faults.resolved(args.data),
-        "model": faults.resolved(args.model),
-        "cores": args.cores,
+        "data": faults.resolved(data),
+        "model": faults.resolved(args.training / MODEL),
+        "cores": args.threads,
         "seed": args.config.seed,
         "steps": args.config.steps,
         "scene": args.scene.name,
         "round": args.training.name.removeprefix("round"),
     }
-    seconds = run(words_of(template, values | more), cores=args.cores)
+    seconds = run(words_of(template, values | more), cores=args.threads)
     # What it keeps beside its data, as smaller photos, is no user's.
-    if owned.is_marked(args.data):
-        owned.seal(args.data)
+    if owned.is_marked(data):
+        owned.seal(data)
     return seconds
 
 

@@ -3,8 +3,8 @@
 A job's command writes an image of every view, and their depth if it can; or they lie in
 folders; or, without a job, the scene itself knows what belongs to which view
 (`alignerf.scenes.judged`). They are checked and written as `alignerf.render_views`
-writes ours: <view>.png, <view>.npz with depth, and a timing file, each where its path
-says, in which `{split}` stands for the split. Nothing is trained.
+writes ours: <view>.png, <view>.npz with depth, and a timing file, in folders with an
+entry for each split.
 """
 
 import argparse
@@ -16,14 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.experiment.checks import places
-from alignerf.files import atomic, faults, images, machine, progress, split_paths
+from alignerf.files import atomic, faults, images, machine, owned, progress
 from alignerf.others import commands, importing
 from alignerf.scenes import prepared
 
 
 def main(argv=None):
     args = parse(argv)
-    split_paths.check(args.splits, (args.renders, args.depth, args.timing))
     job = args.config = args.config and commands.job_of(args.config)
     if job is None:
         judged(args)
@@ -51,21 +50,14 @@ def take(args, renders, depth, *, seconds):
 
 
 def judged(args):
-    """Write the renders of a scene that is judged, trained by somebody else."""
+    """Write the renders of a scene that is judged."""
     loaded = prepared.load(args.scene)
     of_view = importing.of_pairs(loaded)
     there = [name for name in prepared.SPLITS if (loaded.split == name).any()]
     if there != [name for name in prepared.SPLITS if name in args.splits]:
         told = f"{', '.join(args.splits)}; there are renders of {', '.join(there)}"
         raise ValueError(f"judged.splits: {told}")
-    with (
-        # Entered first, so in place last: it says that the others are whole.
-        atomic.replace_file(args.trained) as path,
-        atomic.replace_folder(args.learnt) as learnt,
-    ):
-        shutil.copyfile(args.scene / "cameras.npz", learnt / "cameras.npz")
-        write(args, loaded, of_view, 0.0, threads=args.cores)
-        path.write_text(json.dumps(commands.timing(None, 0.0), indent=1))
+    write(args, loaded, of_view, 0.0, threads=args.threads)
 
 
 def write(args, loaded, of_view, seconds, threads=1):
@@ -78,9 +70,7 @@ def write(args, loaded, of_view, seconds, threads=1):
     with ExitStack() as stack:
         for split in args.splits:
             renders, depths = (
-                stack.enter_context(
-                    atomic.replace_folder(split_paths.fill(path, split))
-                )
+                stack.enter_context(atomic.replace_folder(path / split))
                 for path in (args.renders, args.depth)
             )
 
@@ -94,11 +84,12 @@ def write(args, loaded, of_view, seconds, threads=1):
             made = machine.map_in_threads(one, views, threads=threads)
             for _ in progress.over(made, f"renders {split}", total=len(views)):
                 pass
+        owned.put(args.timing, [f"{split}.json" for split in args.splits])
         for split in args.splits:
             views = len(loaded.views(split))
             timing = {"time_s": round(views * seconds / count, 3), "views": views}
             timing["view_time_s"] = round(seconds / count, 4)
-            with split_paths.replace_file(args.timing, split) as path:
+            with atomic.replace_file(args.timing / f"{split}.json") as path:
                 path.write_text(json.dumps(timing))
 
 
@@ -108,11 +99,8 @@ def parse(argv=None):
     commands.add_arguments(parser)
     parser.add_argument("--cameras", help="that renders are seen by")
     parser.add_argument("--splits", nargs="+", required=True, choices=prepared.SPLITS)
-    parser.add_argument("--renders", required=True, help="folder, written")
-    parser.add_argument("--depth", required=True, help="folder, written")
-    parser.add_argument("--timing", required=True, help="timing files, written")
-    parser.add_argument("--learnt", type=Path, help="folder, written without a job")
-    parser.add_argument("--trained", type=Path, help="file, written without a job")
+    for name in ("renders", "depth", "timing"):
+        parser.add_argument(f"--{name}", type=Path, required=True, help="written")
     return parser.parse_args(argv)
 
 

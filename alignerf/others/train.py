@@ -1,9 +1,9 @@
 """Train by another program: `python -m alignerf.others.train`.
 
 Its command gets a folder of photos and cameras (`alignerf.others.data`), and one for
-its model. That one stays when the job is killed or fails, for a program that can
-resume; a training of something else finds it empty. Writes timing.json, and the cameras
-that its renders are seen by. Of finished renders nothing is trained.
+its model. Both stay when the job is killed or fails, for a program that can resume; a
+training of something else finds no model. Writes timing.json, and the cameras that its
+renders are seen by. Of finished renders nothing is trained.
 """
 
 import argparse
@@ -14,7 +14,7 @@ import shutil
 from pathlib import Path
 
 from alignerf.files import atomic, faults, owned
-from alignerf.others import commands
+from alignerf.others import commands, data
 
 log = logging.getLogger("alignerf")
 
@@ -40,32 +40,34 @@ def train(job: commands.Job, args) -> float:
 
     A file beside the folder says what it is of while it is not done.
     """
-    begun = args.model.with_name(BEGUN)
-    digest = digest_of(job, args.data)
-    same = begun.is_file() and faults.content(begun) == digest.encode()
-    if not same:
-        shutil.rmtree(args.model, ignore_errors=True)
-    elif args.model.is_dir() and any(args.model.iterdir()):
+    begun, model = args.training / BEGUN, args.training / commands.MODEL
+    digest = digest_of(job, args)
+    if not (begun.is_file() and faults.content(begun) == digest.encode()):
+        shutil.rmtree(model, ignore_errors=True)
+        given = {"cameras": args.cameras, "warped": args.photos, "valid": args.valid}
+        out = args.training / commands.DATA
+        data.write(out, args.scene, **given, seed=args.seed)
+    elif model.is_dir() and any(model.iterdir()):
         log.info("{model} is that of a run that was stopped")
-    args.model.mkdir(parents=True, exist_ok=True)
+    model.mkdir(parents=True, exist_ok=True)
     with atomic.replace_file(begun) as path:
         path.write_text(digest)
     seconds = commands.run_of_job(job.train, args)
     begun.unlink()
-    if not any(args.model.iterdir()):
+    if not any(model.iterdir()):
         log.warning("the command has written nothing below {model}")
     log.info("trained in %.1f s", seconds)
     return seconds
 
 
-def digest_of(job: commands.Job, data: Path):
+def digest_of(job: commands.Job, args):
     """SHA-256 of the command, its numbers and all that it learns from."""
-    found = hashlib.sha256(json.dumps([job.train, job.seed, job.steps]).encode())
-    names = owned.listed(data) if owned.is_marked(data) else owned.files_of(data)
-    for path in filter(Path.is_file, sorted(data / name for name in names)):
-        found.update(str(path.relative_to(data)).encode())
-        with open(path, "rb") as file:
-            found.update(hashlib.file_digest(file, "sha256").digest())
+    told = [job.train, job.seed, job.steps, args.seed, args.sources]
+    found = hashlib.sha256(json.dumps(told).encode())
+    for folder in filter(None, (args.photos, args.valid)):
+        for path in sorted(Path(folder, name) for name in owned.files_of(folder)):
+            found.update(path.name.encode() + faults.content(path))
+    found.update(faults.content(args.cameras))
     return found.hexdigest()
 
 
@@ -74,6 +76,10 @@ def parse(argv=None):
     parser = argparse.ArgumentParser(prog="alignerf.others.train", description=__doc__)
     commands.add_arguments(parser)
     parser.add_argument("--cameras", required=True, help="of the round")
+    parser.add_argument("--photos", required=True, help="folder of photos")
+    parser.add_argument("--valid", help="folder of <view>.npz with valid pixels")
+    parser.add_argument("--seed", type=int, default=0, help="of the points")
+    parser.add_argument("--sources", default="", help="hash: other code starts anew")
     parser.add_argument("--learnt", type=Path, required=True, help="folder, written")
     parser.add_argument("--timing", type=Path, required=True, help="file, written")
     return parser.parse_args(argv)

@@ -1,6 +1,6 @@
 """What stands on the page of decisions: which there are, and which are in force."""
 
-from alignerf.decisions import fill
+from alignerf.experiment.decisions import read
 from alignerf.files import json_files, yaml_files
 
 
@@ -16,7 +16,7 @@ def decisions(folder):
         open_keys.add("downscale")
     rows = [
         decision._asdict() | {"taken": key.rpartition(".")[2] in open_keys}
-        for key, decision in fill.read(folder / "decisions.json").items()
+        for key, decision in read(folder / "decisions.json").items()
     ]
     return rows, any(row["taken"] for row in rows)
 

@@ -45,7 +45,7 @@ def scored(folder, splits):
 
 def sources_of(folder, rounds, others, base):
     """{split: `layers.Source`} of the splits whose views were rendered."""
-    method, truth = base.parent.name, folder / "truth" / "oracle"
+    method, truth = base.parent.name, folder / "images" / "truth" / "oracle"
     found = {}
     if rounds:
         found["test"] = layers.Source(

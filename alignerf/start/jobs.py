@@ -9,21 +9,14 @@ from alignerf.files import faults, progress
 # {} is the training, as `of_training` names it. Other rules have their own name.
 NAMES = {
     "poses": "photos and cameras",
-    "poses_courtyard": "photos and cameras",
-    "facts": "facts about the photos",
-    "decisions": "settings that suit them",
+    "facts": "facts about the photos, settings that suit them",
     "config": "the complete config",
     "preflight": "what the run will cost",
     "preview": "what the run will cost",
     "train": "{}: training",
     "render": "{}: renders",
-    "external_data": "{}: data for the program",
-    "external_train": "{}: training",
-    "external_render": "{}: renders",
-    "judged": "{}: renders taken in",
     "align": "{}: shift between photos and renders",
     "decompose": "{}: what the shift is made of",
-    "decompose_courtyard": "{}: what the shift is made of, by the truth",
     "overfit": "{}: what the estimator finds in noise",
     "correct_poses": "{}: cameras put right",
     "align_test_poses": "{}: cameras of the test photos",
@@ -32,16 +25,14 @@ NAMES = {
     "testset": "warped test photos",
     "control_sets": "controls of the warped test photos",
     "collect": "scores and costs",
-    "tables": "tables",
-    "tables_courtyard": "tables",
+    "tables": "table",
     "figures": "figures",
     "verdict": "verdict",
     "page": "page",
-    "export_photos": "{}: files for other programs",
-    "export_cameras": "{}: files for other programs",
+    "export_folder": "{}: files for other programs",
 }
 # What two jobs of one training differ in besides.
-BESIDES = {"split": "{} photos", "what": "{}", "factor": "by {}"}
+BESIDES = {"split": "{} photos", "what": "{}", "table": "{}"}
 MOVED = "with moved cameras"
 LAST_BYTES = 4000
 
@@ -53,7 +44,7 @@ def name_of(rule, wildcards, captures):
     """
     parts = [NAMES.get(rule, rule.replace("_", " ")).format(of_training(wildcards))]
     for key, text in BESIDES.items():
-        if key in wildcards:
+        if wildcards.get(key):
             parts.append(text.format(wildcards[key]))
     if wildcards.get("moved"):
         parts.append(MOVED)

@@ -15,15 +15,12 @@ from flow.warping import files, lengths, warp
 COLUMNS = ("view", *lengths.COLUMNS, "blur_sigma_px", "time_s")
 
 
-def align(
-    renders, photos, targets, stats_out, *, threads=1, before_end=tuple, **options
-):
+def align(renders, photos, targets, stats_out, *, threads=1, **options):
     """Align every view of a folder; returns the rows of the statistics.
 
     renders, photos: folders of <view>.png. targets: {"flow": folder} and, for warped
     photos, "warped". They and the CSV appear together or not at all. threads: views at
-    once; each takes 0.3 GB of a view of 2 megapixels. before_end: called before they
-    appear. options: those of `align_view`.
+    once; each takes 0.3 GB of a view of 2 megapixels. options: those of `align_view`.
     Raises ValueError or OSError.
     """
     views = pairs.find_pairs(Path(renders), Path(photos))
@@ -44,7 +41,6 @@ def align(
         made = machine.map_in_threads(row_of, views, threads=threads)
         rows = list(progress.over(made, "flow", total=len(views)))
         files.write_rows(stats_path, COLUMNS, rows)
-        before_end()
     return rows
 
 

@@ -45,7 +45,7 @@ def test_a_budget_trains_as_its_steps_do(
     caplog.set_level("INFO", "alignerf")
     seconds[:] = [STEP_TIME_S]
     found = cases.run(folder, tmp_path, with_budget())
-    assert found == (uninterrupted / "model.msgpack").read_bytes()
+    assert found == (uninterrupted / "learnt" / "model.msgpack").read_bytes()
     timing = timing_of(tmp_path)
     assert timing["steps"] == cases.STEPS == timing_of(uninterrupted)["steps"]
     assert timing["rays_seen"] == timing_of(uninterrupted)["rays_seen"]
@@ -81,7 +81,7 @@ def test_it_resumes_bit_for_bit_at_any_speed(
             cases.run(folder, tmp_path, with_budget())
     assert not seconds
     found = cases.run(folder, tmp_path, with_budget())
-    assert found == (uninterrupted / "model.msgpack").read_bytes()
+    assert found == (uninterrupted / "learnt" / "model.msgpack").read_bytes()
 
 
 def killed(*arguments, **options):

@@ -50,14 +50,12 @@ def test_the_file_is_json_with_true_sizes(tmp_path, count, rng):
         height=12,
         split=split,
     )
-    arguments = ["--scene", str(tmp_path), "--facts", str(tmp_path / "facts.json")]
     if count == 1:
         with pytest.raises(ValueError, match="no test view"):
-            facts.main(arguments)
+            facts_of(tmp_path)
         assert not (tmp_path / "facts.json").exists()
         return
-    facts.main(arguments)
-    found = json.loads((tmp_path / "facts.json").read_text())
+    found = facts_of(tmp_path)
     assert (found["width_px"], found["height_px"], found["views"]) == (16, 12, 9)
     assert found["focal_px"] == pytest.approx(20.0, abs=1e-3)
     assert found["photo_bytes"] == 9 * 12 * 16 * 3
@@ -102,7 +100,8 @@ def scene(tmp_path, rng):
 
 
 def facts_of(scene):
-    facts.main(["--scene", str(scene), "--facts", str(scene / "facts.json")])
+    outs = [f"--{name}={scene / name}.json" for name in ("facts", "decisions")]
+    facts.main(["--scene", str(scene), *outs])
     return json.loads((scene / "facts.json").read_text())
 
 

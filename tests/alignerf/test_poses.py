@@ -45,9 +45,9 @@ def test_products_of_the_courtyard(courtyard):
     assert list(stored["names"]) == sorted(stored["names"])
     for name in stored["names"]:
         image = images.read(courtyard / "images" / f"{name}.png")
-        oracle = images.read(courtyard / "truth" / "oracle" / f"{name}.png")
+        oracle = images.read(courtyard / "images" / "truth" / "oracle" / f"{name}.png")
         assert image.shape == oracle.shape == (36, 48, 3)
-        flow = load(courtyard / "truth" / "flow" / f"{name}.npz")
+        flow = load(courtyard / "images" / "truth" / "flow" / f"{name}.npz")
         assert flow["flow_px"].shape == (36, 48, 2)
         assert flow["flow_px"].dtype == np.float32
         assert flow["valid"].dtype == bool
@@ -60,11 +60,16 @@ def test_products_of_the_courtyard(courtyard):
 def test_depth_explains_the_true_flow_of_a_still_scene(tmp_path):
     still = COURTYARD["courtyard"] | {"motion": "none"}
     poses.main(COURTYARD | {"courtyard": still, "perturb_px": 1.0}, tmp_path)
-    given, true = load(tmp_path / "cameras.npz"), load(tmp_path / "truth/cameras.npz")
+    given, true = (
+        load(tmp_path / "cameras.npz"),
+        load(tmp_path / "images/truth/cameras.npz"),
+    )
     x, y = np.meshgrid(np.arange(48.0), np.arange(36.0))
     for i, name in enumerate(given["names"]):
-        depth_m = load(tmp_path / "truth" / "depth" / f"{name}.npz")["depth_m"]
-        flow = load(tmp_path / "truth" / "flow" / f"{name}.npz")
+        depth_m = load(tmp_path / "images" / "truth" / "depth" / f"{name}.npz")[
+            "depth_m"
+        ]
+        flow = load(tmp_path / "images" / "truth" / "flow" / f"{name}.npz")
         rays = cameras.pixels_to_rays(
             x, y, given["pixtocams"][i], given["camtoworlds"][i]
         )
@@ -81,9 +86,9 @@ def test_oracle_without_error_is_the_photo(tmp_path):
     poses.main(config, tmp_path)
     for path in (tmp_path / "images").glob("*.png"):
         photo = images.read(path).astype(float)
-        oracle = images.read(tmp_path / "truth" / "oracle" / path.name)
+        oracle = images.read(tmp_path / "images" / "truth" / "oracle" / path.name)
         assert np.abs(photo - oracle).mean() < 0.5
-        flow = load(tmp_path / "truth" / "flow" / f"{path.stem}.npz")
+        flow = load(tmp_path / "images" / "truth" / "flow" / f"{path.stem}.npz")
         assert np.abs(flow["flow_px"][flow["valid"]]).max() < 1e-3
 
 
@@ -91,7 +96,10 @@ def test_perturbed_poses_and_the_true_flow_that_undoes_them(tmp_path):
     """Warping the photo by the true flow brings it onto the oracle."""
     still = COURTYARD["courtyard"] | {"motion": "none"}
     poses.main(COURTYARD | {"courtyard": still, "perturb_px": 2.0}, tmp_path)
-    given, true = load(tmp_path / "cameras.npz"), load(tmp_path / "truth/cameras.npz")
+    given, true = (
+        load(tmp_path / "cameras.npz"),
+        load(tmp_path / "images/truth/cameras.npz"),
+    )
     np.testing.assert_array_equal(given["pixtocams"], true["pixtocams"])
     np.testing.assert_array_equal(given["names"], true["names"])
     assert np.abs(given["camtoworlds"] - true["camtoworlds"]).max() > 1e-3
@@ -99,8 +107,8 @@ def test_perturbed_poses_and_the_true_flow_that_undoes_them(tmp_path):
     x, y = np.meshgrid(np.arange(48, dtype=np.float32), np.arange(36, dtype=np.float32))
     for name in given["names"]:
         photo = images.read(tmp_path / "images" / f"{name}.png")
-        oracle = images.read(tmp_path / "truth" / "oracle" / f"{name}.png")
-        flow = load(tmp_path / "truth" / "flow" / f"{name}.npz")
+        oracle = images.read(tmp_path / "images" / "truth" / "oracle" / f"{name}.png")
+        flow = load(tmp_path / "images" / "truth" / "flow" / f"{name}.npz")
         warped = cv2.remap(
             photo,
             x + flow["flow_px"][..., 0],
@@ -163,7 +171,7 @@ def test_courtyard_through_colmap(tmp_path):
     stored, seen = load(tmp_path / "cameras.npz"), load(tmp_path / prepared.POINTS)
     assert len(seen["points"]) == len(seen["colours"]) == report["points"]
     first = str(stored["names"][0])
-    depth_m = load(tmp_path / "truth" / "depth" / f"{first}.npz")["depth_m"]
+    depth_m = load(tmp_path / "images" / "truth" / "depth" / f"{first}.npz")["depth_m"]
     camera = stored["pixtocams"][0], stored["camtoworlds"][0]
     pixels, front = cameras.project(seen["points"], *camera)
     x, y = pixels.astype(int).T
@@ -203,7 +211,7 @@ def test_windows_of_a_scene_have_its_photos_cameras_split(tmp_path):
     assert len(told["zoom"]["points"]) == 2
     side = told["zoom"]["px"]
     assert stored["width"] == stored["height"] == side <= 64
-    assert not (out / "truth").exists()
+    assert not (out / "images" / "truth").exists()
     views = zip(stored["names"], stored["split"], stored["camtoworlds"], strict=True)
     of_whole = dict(zip(moved["names"], moved["split"], strict=True))
     for name, split, pose in views:

@@ -19,13 +19,13 @@ def test_resumes_bit_for_bit(
         cases.kill_after_save(patched, at_step)
         with pytest.raises(cases.Killed):
             cases.run(folder, tmp_path)
-    assert not (tmp_path / "model.msgpack").exists()
+    assert not (tmp_path / "learnt" / "model.msgpack").exists()
     caplog.set_level("INFO", "alignerf")
     if at_step == 12:
         jax.clear_caches()
     resumed = cases.run(folder, tmp_path)
     assert f"resuming at step {at_step} of {cases.STEPS}" in caplog.text
-    assert resumed == (uninterrupted / "model.msgpack").read_bytes()
+    assert resumed == (uninterrupted / "learnt" / "model.msgpack").read_bytes()
     timing = json.loads((tmp_path / "timing.json").read_text())
     assert timing["rays_seen"] == cases.STEPS * cases.TRAINING["batch_rays"]
 
@@ -34,7 +34,7 @@ def test_fine_tuning_resumes_bit_for_bit(folder, tmp_path, monkeypatch):
     initial = tmp_path / "pretrain"
     cases.run(folder, initial, cases.in_stage("pretrain"))
     tuned = cases.in_stage("finetune")
-    more = ("--initial", str(initial / "model.msgpack"))
+    more = ("--initial", str(initial / "learnt" / "model.msgpack"))
     whole = cases.run(folder, tmp_path / "whole", tuned, *more)
     with monkeypatch.context() as patched:
         cases.kill_after_save(patched, 4)
@@ -169,7 +169,7 @@ def test_a_manifest_without_micro_batches_is_no_hint(
 ):
     (tmp_path / "checkpoints").mkdir()
     (tmp_path / "checkpoints" / "manifest.json").write_text(manifest)
-    wanted = (uninterrupted / "model.msgpack").read_bytes()
+    wanted = (uninterrupted / "learnt" / "model.msgpack").read_bytes()
     compiled.clear()
     assert cases.run(folder, tmp_path) == wanted
     assert compiled == [1]

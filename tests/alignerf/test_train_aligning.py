@@ -127,7 +127,7 @@ def killed(monkeypatch, scene, out, patch):
         patch(patched)
         with pytest.raises(cases.Killed):
             run(scene, out)
-    assert not (out / "model.msgpack").exists()
+    assert not (out / "learnt" / "model.msgpack").exists()
     assert not (out / "learnt").exists()
 
 
@@ -221,7 +221,7 @@ def test_what_cannot_be_is_one_line(scene, tmp_path, capsys, change, fault):
     job = JOB | {"align": ALIGN | change}
     line = cases.stops(capsys, lambda: run(scene, tmp_path, job))
     assert fault in line
-    assert not (tmp_path / "model.msgpack").exists()
+    assert not (tmp_path / "learnt" / "model.msgpack").exists()
 
 
 def test_photos_that_are_not_warped_are_not_written(scene, tmp_path):

@@ -28,7 +28,7 @@ def pretrained(folder, tmp_path_factory):
         out = tmp_path_factory.mktemp("pretrained")
         job = cases.in_stage("pretrain", cases.JOB | {"model": MODELS[kind]})
         cases.run(folder, out, job)
-        return job, out / "model.msgpack"
+        return job, out / "learnt" / "model.msgpack"
 
     return functools.cache(make)
 
@@ -98,7 +98,7 @@ def test_a_warm_start_begins_with_the_parameters_given(
     folder, uninterrupted, tmp_path, monkeypatch
 ):
     """Not with fresh ones; it resumes bit for bit, and wants them to fit."""
-    initial = str(uninterrupted / "model.msgpack")
+    initial = str(uninterrupted / "learnt" / "model.msgpack")
     warm = cases.JOB | {
         "stage": "warm",
         "training": cases.TRAINING | {"steps": 8},
@@ -126,7 +126,7 @@ def test_a_warm_start_begins_with_the_parameters_given(
     other = warm | {"model": cases.JOB["model"] | {"field": field}}
     with pytest.raises(ValueError, match=r"model\.msgpack"):
         cases.run(folder, tmp_path / "other", other, *more)
-    assert not (tmp_path / "other" / "model.msgpack").exists()
+    assert not (tmp_path / "other" / "learnt" / "model.msgpack").exists()
 
 
 @pytest.mark.parametrize("which", ["scene's", "given"])
@@ -143,9 +143,12 @@ def test_the_cameras_that_its_renders_are_seen_by_lie_with_it(
         more = ["--cameras", str(paths["given"])]
     found = cases.run(folder, tmp_path, cases.JOB, *more)
     learnt = tmp_path / "learnt"
-    assert [path.name for path in learnt.glob("[!.]*")] == ["cameras.npz"]
+    assert {path.name for path in learnt.glob("[!.]*")} == {
+        "cameras.npz",
+        "model.msgpack",
+    }
     assert (learnt / "cameras.npz").read_bytes() == paths[which].read_bytes()
-    same = found == (uninterrupted / "model.msgpack").read_bytes()
+    same = found == (uninterrupted / "learnt" / "model.msgpack").read_bytes()
     assert same == (which != "given")
 
 
@@ -163,7 +166,7 @@ def test_cameras_that_were_learnt_lie_with_the_training(folder, tmp_path):
 
 def test_a_folder_for_its_cameras_is_needed(folder, tmp_path, capsys):
     options = ["--config", "{}", "--scene", str(folder)]
-    for name in ("checkpoints", "model", "timing"):
+    for name in ("checkpoints", "timing"):
         options += [f"--{name}", str(tmp_path / name)]
     with pytest.raises(SystemExit):
         train.parse(options)

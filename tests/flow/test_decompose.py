@@ -2,17 +2,15 @@
 
 import csv
 
-import cv2
 import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.files import images
 from alignerf.scenes import cameras
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard
 from alignerf.tables import costs
-from flow import align, decompose
+from flow import decompose
 from flow.warping import files
 from tests import table_cases
 
@@ -133,40 +131,6 @@ def test_what_the_model_bent_is_taken_off_first(views, tmp_path, rng):
         assert row["flow_mean_px"] == pytest.approx(wrong[view]["flow_mean_px"])
         assert wrong[view]["remainder_mean_px"] > row["remainder_mean_px"] + 0.3
         assert "model_px" in np.load(tmp_path / "parts" / f"{view}.npz")
-
-
-def test_the_model_s_part_is_found_as_the_images_have_it(tmp_path, rng):
-    """Estimated in the same process, it is what `flow.align` finds of these images."""
-    small(tmp_path)
-    for view in ("a", "b c"):
-        image = cv2.GaussianBlur(rng.uniform(0, 255, (40, 50, 3)), (0, 0), 2.0)
-        image = np.uint8(255 * (image - image.min()) / np.ptp(image))
-        images.write(tmp_path / "renders" / f"{view}.png", image)
-        images.write(tmp_path / "oracle" / f"{view}.png", np.roll(image, 1, axis=1))
-    flow = {"renders": tmp_path / "renders", "method": "dis_fine"}
-    model = {"model_flow": tmp_path / "model", "model_stats": tmp_path / "model.csv"}
-    made = flow | model | {"oracle": tmp_path / "oracle"}
-    assert decompose.run(command(tmp_path, **made)) == 0
-    aligned = {
-        "renders": tmp_path / "renders",
-        "photos": tmp_path / "oracle",
-        "flow-out": tmp_path / "alone",
-        "stats-out": tmp_path / "alone.csv",
-        "method": "dis_fine",
-    }
-    options = [str(part) for name, p in aligned.items() for part in (f"--{name}", p)]
-    assert align.run(options) == 0
-    for path in (tmp_path / "alone").glob("*.npz"):
-        found = files.read_flow(tmp_path / "model" / path.name)
-        for one, other in zip(found, files.read_flow(path), strict=True):
-            np.testing.assert_array_equal(one, other)
-        parts = np.load(tmp_path / "parts" / path.name)
-        np.testing.assert_array_equal(parts["model_px"], found[0])
-    keys = ["view", "median_px", "blur_sigma_px"]
-    tables = [pd.read_csv(tmp_path / f"{n}.csv")[keys] for n in ("model", "alone")]
-    pd.testing.assert_frame_equal(*tables)
-    with pytest.raises(SystemExit):
-        decompose.run(command(tmp_path, **flow))
 
 
 def test_explained_share():

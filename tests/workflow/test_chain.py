@@ -57,8 +57,8 @@ CHEAP += ("alignerf.verdict",)
 DAMAGED = 12
 
 # First in its kind: what else runs follows from these.
-EVERYTHING = {"poses_courtyard", "config"}
-BY_CAMERA = {"decompose_courtyard", "decompose"}
+EVERYTHING = {"poses", "config"}
+BY_CAMERA = {"decompose"}
 # Those that no other training is made again before.
 TRAININGS = {
     f"train {folder}"
@@ -72,7 +72,7 @@ TRAININGS = {
 def check_reruns(plan, root, config):
     """What a change of a source or of a setting makes again, and nothing else."""
     assert "Nothing to be done" in plan()
-    tables, aligned = {"tables_courtyard"}, {"align"}
+    tables, aligned = {"tables"}, {"align"}
     scored, moved = {"evaluate"}, {"align_test_poses"}
     on_the_way, tuned = {"train aligned/round0"}, {"train alignerf/round0"}
     for path, old, new, rules in (

@@ -25,7 +25,7 @@ methods:
       train: {program} train {{data}} {{model}} {more}
       render: >-
         {program} render {{data}} {{model}} {{renders}} --depth {{depth}}
-        --geometry results/{{scene}}/truth/depth
+        --geometry results/{{scene}}/images/truth/depth
 flow: {{ estimator: dis_fine, tolerance_px: 4.0 }}
 """
 

@@ -16,7 +16,7 @@ methods:
 """
 
 
-def test_each_is_trained_by_its_own_rule(tmp_path, dry_run):
+def test_each_is_trained_by_its_own_program(tmp_path, dry_run):
     (tmp_path / "of tiny").mkdir()
     (tmp_path / "c.yaml").write_text(CONFIG)
     words = ("--configfile", tmp_path / "c.yaml", "--cores", "4", "-n", "-p")
@@ -24,17 +24,13 @@ def test_each_is_trained_by_its_own_rule(tmp_path, dry_run):
     assert code == 0, output
     stats = output.split("Job stats:")[1].split("\n\n")[0]
     counts = dict(re.findall(r"^(\w+) +(\d+)$", stats, re.MULTILINE))
-    assert counts["train"] == counts["render"] == "2"
-    assert counts["external_train"] == counts["external_render"] == "4"
-    # Finished renders need nothing to learn from.
-    assert counts["external_data"] == "3"
+    assert counts["train"] == counts["render"] == "6"
     # Ours are scored by moved cameras, too; the last renders are only given.
     assert counts["evaluate"] == str(2 * 2 + 4 + 1)
-    for job in re.findall(r"^rule external_\w+:\n(?:    .*\n)+", output, re.MULTILINE):
-        if "theirs/" in job and "external_data" not in job:
-            assert "mem_mb=1234" in job
-            assert "gpu=3" in job
+    for job in re.findall(r"^rule (?:train|render):\n(?:    .*\n)+", output, re.M):
+        theirs = "training=theirs/" in job
+        assert ("mem_mb=1234" in job, "gpu=3" in job) == (theirs, theirs)
     # Renders that our model makes by moved cameras.
     assert counts["align_test_poses"] == "2"
-    command = next(line for line in output.splitlines() if "others.render" in line)
-    assert "{split}" in command
+    for module, count in (("others.train", 4), ("others.render", 4), ("train", 2)):
+        assert len(re.findall(rf"python -m alignerf\.{module} ", output)) == count

@@ -45,12 +45,11 @@ def test_a_preview_trains_nothing_also_where_rounds_are_to_be_decided(options, d
     code, output = dry_run(*options, "preview")
     assert code == 0, output
     assert planned(output) == {
-        "poses_courtyard": 2,
+        "poses": 2,
         "facts": 2,
-        "decisions": 2,
         "preflight": 2,
         "preview": 1,
-        "total": 9,
+        "total": 7,
     }
 
 

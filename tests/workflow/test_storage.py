@@ -162,7 +162,7 @@ def test_pods_share_nothing(tmp_path, root, config, profile, bucket, snakemake):
         code, output = snakemake(
             *(project, FACTS, *profile, "--configfile", config),
             *("--seconds-between-status-checks", "1"),
-            *("--set-resources", "poses_courtyard:gpu=1"),
+            *("--set-resources", "poses:gpu=1"),
             root=project,
             more=bucket.variables | {"KUBECONFIG": str(kubeconfig)},
         )

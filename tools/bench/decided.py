@@ -14,7 +14,6 @@ import tempfile
 import yaml
 
 from alignerf import evaluate
-from alignerf.decisions import __main__ as decisions
 from alignerf.experiment import check, plan
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
@@ -72,11 +71,9 @@ def trainings(name, scene, steps, options):
         split.stage(
             "alignerf.poses", config=plan.scene_config(experiment, "s"), out=folder
         )
-    facts = folder / "facts.json"
-    split.stage("alignerf.facts", scene=folder, facts=facts)
-    out = folder / "decisions.json"
-    decisions.main(["--facts", str(facts), "--out", str(out)])
-    test_set = "oracle" if (folder / "truth").is_dir() else "standard"
+    facts, out = folder / "facts.json", folder / "decisions.json"
+    split.stage("alignerf.facts", scene=folder, facts=facts, decisions=out)
+    test_set = "oracle" if (folder / "images" / "truth").is_dir() else "standard"
     chosen = {"decide": True} | ({"training": {"steps": 4}} if options.quick else {})
     settings = {"decided": chosen}
     settings |= {f"{count} steps": {"training": {"steps": count}} for count in steps}
@@ -93,7 +90,6 @@ def train(job, scene, test_set):
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         shared = {"config": json.dumps(job), "scene": scene.resolve()}
-        shared["model"] = folder / "model.msgpack"
         split.stage(
             "alignerf.train",
             **shared,
@@ -104,9 +100,10 @@ def train(job, scene, test_set):
         split.stage(
             "alignerf.render_views",
             **shared,
+            model=folder / "learnt" / "model.msgpack",
             splits="test",
-            renders=folder / "renders/{split}",
-            timing=folder / "render/{split}.json",
+            renders=folder / "renders",
+            timing=folder / "render",
         )
         timing = json.loads((folder / "timing.json").read_text())
         psnr_db = mean_psnr_db(scene, folder / "renders/test", test_set)
@@ -117,7 +114,7 @@ def train(job, scene, test_set):
 def mean_psnr_db(scene, renders, test_set):
     """Mean over the test views, as `evaluate` scores them."""
     loaded = prepared.load(scene)
-    truth = scene / "truth" if test_set == "oracle" else None
+    truth = scene / "images" / "truth" if test_set == "oracle" else None
     views = []
     for view in loaded.views("test"):
         target, valid = evaluate.targets_of(loaded, view, None, truth)[test_set]

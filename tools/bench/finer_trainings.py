@@ -34,7 +34,6 @@ from typing import NamedTuple
 import pandas as pd
 
 from alignerf import facts
-from alignerf.decisions import __main__ as decisions
 from alignerf.experiment import check, plan
 from alignerf.files import json_files, machine
 from tools.bench import deepflow
@@ -89,8 +88,8 @@ def decisions_of(scene, work):
     folder = work / scene.name
     folder.mkdir(parents=True, exist_ok=True)
     found, out = folder / "facts.json", folder / "decisions.json"
-    facts.main(["--scene", str(scene), "--facts", str(found)])
-    decisions.main(["--facts", str(found), "--out", str(out)])
+    words = ["--scene", scene, "--facts", found, "--decisions", out]
+    facts.main(list(map(str, words)))
     return out
 
 
@@ -116,30 +115,38 @@ def rows_of(task, threads):
     from flow import align
 
     begun, folder = time.monotonic(), task.folder
-    model, cameras = folder / "model.msgpack", folder / "learnt" / "cameras.npz"
+    model, cameras = folder / "learnt/model.msgpack", folder / "learnt" / "cameras.npz"
     scene, photos = ["--scene", task.scene], task.scene / "images"
-    as_trained = ["--config", task.job.text, *scene, "--model", model]
+    job = ["--config", task.job.text, *scene]
+    as_trained = [*job, "--model", model]
     at_once = ["--threads", threads]
     call(
         train.main,
-        *(*as_trained, "--checkpoints", folder / "checkpoints", *at_once),
+        *(*job, "--checkpoints", folder / "checkpoints", *at_once),
         *("--learnt", folder / "learnt", "--timing", folder / "timing.json"),
     )
     call(
         render_views.main,
         *(*as_trained, "--cameras", cameras, "--splits", "test", *at_once),
         *("--renders", folder / "renders", "--depth", folder / "depth"),
-        *("--timing", folder / "render.json"),
+        *("--timing", folder / "render"),
     )
     words = (
-        *("--renders", folder / "renders", "--depth", folder / "depth"),
+        *("--renders", folder / "renders/test", "--depth", folder / "depth/test"),
         *("--photos", photos, "--masks", photos / "masks", *at_once),
         *("--flow-out", folder / "flow", "--stats-out", folder / "displacement.csv"),
     )
     align.main(**vars(align.parse(list(map(str, words)))))
     call(
         align_test_poses.main,
-        *(*as_trained, "--cameras", cameras, "--depth", folder / "depth", *at_once),
+        *(
+            *as_trained,
+            "--cameras",
+            cameras,
+            "--depth",
+            folder / "depth/test",
+            *at_once,
+        ),
         *("--flow", folder / "flow", "--out", folder / "moved"),
     )
     tables = []

@@ -74,7 +74,6 @@ def _train(job, folder, name, environment):
         *(sys.executable, "-m", "alignerf.train"),
         *("--config", cases.as_json(job), "--scene", folder / "scene"),
         *("--checkpoints", folder / name / "checkpoints"),
-        *("--model", folder / name / "model.msgpack"),
         *("--learnt", folder / name / "learnt"),
         *("--timing", folder / name / "timing.json"),
     ]

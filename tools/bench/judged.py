@@ -163,27 +163,24 @@ def judged(out):
 
 def commands(out, folder, scene, splits):
     """The stages from pairs to verdict."""
-    base, split = folder / "theirs", "{split}"
+    base = folder / "theirs"
     base.mkdir(parents=True, exist_ok=True)
     yield "alignerf.poses", "--config", json.dumps(scene), "--out", folder
-    renders, depth, flow = (base / n / split for n in ("renders", "depth", "flow"))
+    renders, depth, flow = (base / n for n in ("renders", "depth", "flow"))
     photos, masks = folder / "images", folder / prepared.MASKS
     yield (
+        *("alignerf.others.train", "--config", json.dumps({"external": {}})),
+        *("--scene", folder, "--photos", photos, "--cameras", folder / "cameras.npz"),
+        *("--learnt", base / "learnt", "--timing", base / "timing.json"),
+    )
+    yield (
         *("alignerf.others.render", "--scene", folder, "--splits", *splits),
-        *(
-            "--renders",
-            renders,
-            "--depth",
-            depth,
-            "--timing",
-            base / "render/{split}.json",
-        ),
-        *("--learnt", base / "learnt", "--trained", base / "timing.json"),
+        *("--renders", renders, "--depth", depth, "--timing", base / "render"),
     )
     yield (
         *("flow.align", "--splits", *splits, "--renders", renders, "--photos", photos),
         *("--masks", masks, "--depth", depth, "--flow-out", flow),
-        *("--stats-out", base / "displacement/{split}.csv", "--threads", 2),
+        *("--stats-out", base / "displacement", "--threads", 2),
     )
     for name in splits:
         yield (

@@ -85,7 +85,6 @@ def _train(job, folder):
         "config": job,
         "scene": folder,
         "checkpoints": out / "checkpoints",
-        "model": out / "model.msgpack",
         "learnt": out / "learnt",
         "timing": out / "timing.json",
     }

@@ -98,20 +98,22 @@ def measure(config, scene, share, method):
     from alignerf.training import renderer
 
     scene, job = Path(scene), job_of(config, scene, share, method)
-    truth, adjusted = scene / "truth", scene / prepared.ADJUSTED
+    truth, adjusted = scene / "images" / "truth", scene / prepared.ADJUSTED
     adjusts = yaml_files.read(config)["methods"][method].get("adjust")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         command = [sys.executable, "-m", "alignerf.train", "--config", job]
         command += ["--scene", str(scene), "--checkpoints", str(out / "checkpoints")]
-        command += ["--model", str(out / "model"), "--timing", str(out / "timing")]
         command += ["--learnt", str(out / "learnt"), "--threads", "1"]
+        command += ["--timing", str(out / "timing")]
         command += ["--truth", str(truth)] if truth.is_dir() else []
         command += ["--cameras", str(adjusted / "train.npz")] if adjusts else []
         subprocess.run(command, check=True, capture_output=True)
         timing = json.loads((out / "timing").read_text())
         loaded = prepared.load(scene, out / "learnt" / "cameras.npz")
-        model, params = renderer.read_model(job, out / "model", loaded)
+        model, params = renderer.read_model(
+            job, out / "learnt" / "model.msgpack", loaded
+        )
         render = renderer.make_renderer(model, params, loaded.width, loaded.height)
     aligned = timing.get("alignments", [])
     error = timing.get("pose_error_px", {})

@@ -32,7 +32,7 @@ CASES = {
     "both": {"perturb_px": 1.5, "motion": "uniform"},
 }
 # As `align_view` names them: flow to the photos, and to the oracle.
-FLOWS = {"flow": "images", "flow_oracle": "truth/oracle"}
+FLOWS = {"flow": "images", "flow_oracle": "images/truth/oracle"}
 
 
 def run(options):
@@ -71,7 +71,6 @@ def make(folder, demo, case, *, quick):
     job = {key: demo[key] for key in ("seed", "training")}
     job |= {"stage": "full", "model": demo["models"]["base"], "alignerf": None}
     job = json.dumps(job)
-    model, timing = folder / "model.msgpack", folder / "timing.json"
     stage(
         "alignerf.train",
         config=job,
@@ -79,25 +78,23 @@ def make(folder, demo, case, *, quick):
         photos=folder / "images",
         checkpoints=folder / "checkpoints",
         sources="bench",
-        model=model,
         learnt=folder / "learnt",
-        timing=timing,
+        timing=folder / "timing.json",
     )
-    renders = folder / "renders"
     stage(
         "alignerf.render_views",
         config=job,
         scene=folder,
-        model=model,
-        split="test",
-        renders=renders,
+        model=folder / "learnt" / "model.msgpack",
+        splits="test",
+        renders=folder / "renders",
         depth=folder / "depth",
-        timing=timing,
+        timing=folder / "render",
     )
     for name, photos in FLOWS.items():
         stage(
             "flow.align",
-            renders=renders,
+            renders=folder / "renders" / "test",
             photos=folder / photos,
             flow_out=folder / name,
             stats_out=folder / f"{name}.csv",
@@ -158,7 +155,7 @@ def lengths_px(folder, path):
     """Mean lengths of a view: camera part, true one, their difference, what moved
     otherwise, the true one of that, and the true flow."""
     parts = np.load(path)
-    true = np.load(folder / "truth" / "flow" / path.name)
+    true = np.load(folder / "images" / "truth" / "flow" / path.name)
     camera_px = true_camera_part(folder, path.stem)
     motion_px = true["flow_px"] - camera_px
     where = parts["valid"] & true["valid"]
@@ -176,9 +173,12 @@ def lengths_px(folder, path):
 
 def true_camera_part(folder, view):
     """Flow [h, w, 2] of the still scene from the given camera to the true one."""
-    given, true = np.load(folder / "cameras.npz"), np.load(folder / "truth/cameras.npz")
+    given, true = (
+        np.load(folder / "cameras.npz"),
+        np.load(folder / "images/truth/cameras.npz"),
+    )
     i = given["names"].tolist().index(view)
-    depth_m = np.load(folder / "truth" / "depth" / f"{view}.npz")["depth_m"]
+    depth_m = np.load(folder / "images" / "truth" / "depth" / f"{view}.npz")["depth_m"]
     y, x = np.indices(depth_m.shape)
     rays = cameras.pixels_to_rays(x, y, given["pixtocams"][i], given["camtoworlds"][i])
     points = rays.origins + depth_m[..., None].astype(np.float64) * rays.directions

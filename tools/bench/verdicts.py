@@ -183,25 +183,23 @@ def commands(folder, faults, seed, *, quick):
     }
     base, cameras = folder / "round0", folder / "cameras.npz"
     base.mkdir(exist_ok=True)
-    split = "{split}"
-    model = ("--model", base / "model.msgpack", "--config", json.dumps(job))
+    job = ("--config", json.dumps(job))
     yield (
-        *("alignerf.train", "--scene", folder, *model, "--threads", 1),
+        *("alignerf.train", "--scene", folder, *job, "--threads", 1),
         *("--checkpoints", base / "checkpoints", "--timing", base / "timing.json"),
         *("--learnt", base / "learnt"),
     )
     yield (
-        *("alignerf.render_views", "--scene", folder, *model, "--threads", 1),
-        *("--splits", "train", "test", "--renders", base / "renders" / split),
-        *("--depth", base / "depth" / split),
-        *("--timing", base / "render/{split}.json"),
+        *("alignerf.render_views", "--scene", folder, *job, "--threads", 1),
+        *("--model", base / "learnt" / "model.msgpack"),
+        *("--splits", "train", "test", "--renders", base / "renders"),
+        *("--depth", base / "depth", "--timing", base / "render"),
     )
     yield (
         *("flow.align", "--method", "deepflow", "--match-blur", "--kernel", "lanczos"),
-        *("--splits", "train", "test", "--renders", base / "renders" / split),
-        *("--photos", folder / "images", "--depth", base / "depth" / split),
-        *("--flow-out", base / "flow" / split),
-        *("--stats-out", base / "displacement/{split}.csv"),
+        *("--splits", "train", "test", "--renders", base / "renders"),
+        *("--photos", folder / "images", "--depth", base / "depth"),
+        *("--flow-out", base / "flow", "--stats-out", base / "displacement"),
     )
     for name in ("train", "test"):
         yield (

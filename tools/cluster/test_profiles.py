@@ -7,8 +7,6 @@ import yaml
 
 ON_ACCELERATORS = {"train", "render", "align_test_poses"}
 MEASURING = {"preflight"}
-# They take as many accelerators as their method asks for.
-EXTERNAL = {"external_data", "external_train", "external_render"}
 
 
 @pytest.fixture(scope="module")
@@ -22,9 +20,7 @@ def profiles(root):
 @pytest.fixture(scope="module")
 def rules(root):
     text = "".join(path.read_text() for path in (root / "workflow/rules").glob("*.smk"))
-    return {*re.findall(r"^rule (\w+):", text, re.MULTILINE)} | {
-        *re.findall(r"^use rule \w+ as (\w+) with:", text, re.MULTILINE)
-    }
+    return {*re.findall(r"^rule (\w+):", text, re.MULTILINE)}
 
 
 @pytest.mark.parametrize("name", ["slurm", "slurm_gpu", "kubernetes"])
@@ -44,8 +40,8 @@ def test_a_training_has_as_many_cores_on_every_node(profiles):
     """The machine that submits says nothing of those that compute."""
     for name in ("slurm", "slurm_gpu"):
         threads = profiles[name]["set-threads"]
-        trained = ON_ACCELERATORS | MEASURING | EXTERNAL
-        assert {*threads} == trained | {"poses", "poses_courtyard"}
+        trained = ON_ACCELERATORS | MEASURING
+        assert {*threads} == trained | {"poses"}
         count = {threads[rule] for rule in trained}
         of_training = profiles[name]["set-resources"]["preflight"]["of_training"]
         assert count == {of_training}

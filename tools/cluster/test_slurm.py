@@ -148,7 +148,7 @@ def test_jobs_have_what_they_ask_for(root, slurm, begun):
     asked_mb = int(memory.removesuffix("M"))
     assert 1.25 * task["peak_bytes"] < 1e6 * asked_mb < 1.5 * task["peak_bytes"] + 6e8
     assert re.fullmatch(r"1\d:00", minutes)
-    assert jobs_of(slurm, "poses_courtyard")[0][:2] == ["8", "8000M"]
+    assert jobs_of(slurm, "poses")[0][:2] == ["8", "8000M"]
 
 
 def test_a_job_of_too_much_memory_gets_more(root, slurm, begun):

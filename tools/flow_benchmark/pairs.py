@@ -98,11 +98,12 @@ def smooth_flow(shape, length_px, seed):
 def scene(folder, renders, split="test"):
     """Renders of trained models of a scene whose truth is known, against its photos.
 
-    folder: a scene's, with images/, truth/{flow, oracle}/ and, for each of `renders`
-    (<method>/round<k>), renders/<split>/. All models of a round are one kind of data.
-    The true flow leads from the oracle to the photo, so what a model itself shows in a
-    wrong place counts as an error, for all estimators alike; so it does for the pairs
-    of true flow zero (`overfit ...`), which set the oracle in the photo's place.
+    folder: a scene's, with images/, images/truth/{flow, oracle}/ and, for each of
+    `renders` (<method>/round<k>), renders/<split>/. All models of a round are one kind
+    of data. The true flow leads from the oracle to the photo, so what a model itself
+    shows in a wrong place counts as an error, for all estimators alike; so it does for
+    the pairs of true flow zero (`overfit ...`), which set the oracle in the photo's
+    place.
     """
     folder = Path(folder)
     for model in renders:
@@ -114,7 +115,7 @@ def scene(folder, renders, split="test"):
             name = f"{model} {path.stem}"
             render = images.read(path)
             photo = images.read(folder / "images" / path.name)
-            truth = folder / "truth"
+            truth = folder / "images" / "truth"
             true_px, known = files.read_flow(truth / "flow" / f"{path.stem}.npz")
             known = known & warp.in_frame(true_px)
             yield Pair(data, name, render, photo, true_px, known)

@@ -49,9 +49,9 @@ def scene(tmp_path):
     folder = tmp_path / "yard"
     oracle, photo, flow_px = cut(1)
     images.write(folder / "images" / "v.png", photo)
-    images.write(folder / "truth" / "oracle" / "v.png", oracle)
+    images.write(folder / "images" / "truth" / "oracle" / "v.png", oracle)
     valid = np.ones(flow_px.shape[:2], bool)
-    files.write_flow(folder / "truth" / "flow" / "v.npz", flow_px, valid)
+    files.write_flow(folder / "images" / "truth" / "flow" / "v.npz", flow_px, valid)
     render = cv2.GaussianBlur(oracle, (0, 0), 1.0)
     images.write(folder / "nerf/round0/renders/test/v.png", render)
     return folder

@@ -219,6 +219,6 @@ def arguments(scene, out, kind="training"):
     } | KINDS[kind]
     return [
         *("--config", json.dumps(job), "--scene", str(scene), "--threads", "1"),
-        *("--checkpoints", str(out / "checkpoints"), "--model", str(out / "model")),
+        *("--checkpoints", str(out / "checkpoints")),
         *("--timing", str(out / "timing.json"), "--learnt", str(out / "learnt")),
     ]

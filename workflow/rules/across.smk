@@ -33,7 +33,7 @@ for table in scenes.across(experiment):
             options=lambda w, made=table.options: made(experiment),
             beside=f"--{table.beside[0]}",
             module=table.module,
-            sources=sources_of(table.module),
+            sources=sources.sources_of(table.module),
         shell:
             "python -m {params.module} {params.options:q} --configs {input.configs:q}"
             " --csv {output.csv:q} --tex {output.tex:q} {params.beside}"

@@ -1,38 +1,35 @@
-# Hours, memory and disk of a scene's whole plan, from a calibration of this machine,
-# before all else that waits for the scene's cameras. It takes the machine as long, and
+# Before all else that waits for the scene's cameras. It takes the machine as long, and
 # what it compiles its trainings need not. No training has it as an input: measured
 # anew, for another plan, it makes nothing again.
 rule preflight:
     input:
-        images="results/{scene}/images",
-        cameras="results/{scene}/cameras.npz",
-        decisions=lambda w: inputs.decisions_of(experiment, w.scene),
+        unpack(step.preflight.inputs),
     output:
-        "results/{scene}/preflight.json",
+        scene.preflight,
     log:
-        "results/{scene}/logs/preflight.log",
+        scene.log("preflight"),
     benchmark:
-        "results/{scene}/logs/preflight.tsv"
+        scene.benchmark("preflight")
     priority: 100
     conda:
         "../../environment.yml"
-    threads: sources.WHOLE_MACHINE
+    threads: step.preflight.threads
     resources:
-        gpu=sources.ACCELERATORS,
+        gpu=step.preflight.gpu,
         mem_mb=requests.usual_mb,
         of_training=sources.OF_TRAINING,
     params:
+        command=step.preflight.command,
         work=lambda w: costs.as_json(experiment, w.scene),
     shell:
-        "python -m alignerf.costs --scene results/{wildcards.scene:q}"
-        " --work {params.work:q} --cores {threads} --threads {resources.of_training}"
-        " --out {output:q} 2>&1 | tee {log:q}"
+        "python -m {params.command:q} --work {params.work:q} --cores {threads}"
+        " --threads {resources.of_training} 2>&1 | tee {log:q}"
 
 
 # What the facts decide and what all will cost, of all scenes, before any training.
 rule preview:
     input:
-        decisions=expand("results/{scene}/decisions.json", scene=experiment.captures()),
+        decisions=[layout.Scene(name).decisions for name in experiment.captures()],
         costs=[targets.preflight_of(experiment, name) for name in experiment.captures()],
     log:
         "results/logs/preview.log",
@@ -40,7 +37,7 @@ rule preview:
         "../../environment.yml"
     params:
         asked=[] if config["decide"] else ["--unasked"],
-        sources=sources_of("alignerf.decisions", "alignerf.costs"),
+        sources=sources.sources_of("alignerf.facts", "alignerf.costs"),
     shell:
-        "(python -m alignerf.decisions --show {input.decisions:q} {params.asked} &&"
+        "(python -m alignerf.facts --show {input.decisions:q} {params.asked} &&"
         " python -m alignerf.costs --show {input.costs:q}) 2>&1 | tee {log:q}"

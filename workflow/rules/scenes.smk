@@ -1,94 +1,58 @@
-# Photos in, undistorted images and cameras out; the truth where it is known.
 # Poses are computed once and kept: no later rule changes them.
 rule poses:
     input:
-        unpack(lambda w: inputs.of_poses(experiment, w.scene, local)),
+        unpack(step.poses.inputs),
     output:
-        images=directory("results/{scene}/images"),
-        cameras="results/{scene}/cameras.npz",
-        report="results/{scene}/poses.json",
+        images=directory(scene.images),
+        cameras=scene.cameras,
+        report=scene.poses,
     log:
-        "results/{scene}/logs/poses.log",
+        scene.log("poses"),
     benchmark:
-        "results/{scene}/logs/poses.tsv"
-    wildcard_constraints:
-        scene=plan.one_of(experiment.with_truth(False)),
+        scene.benchmark("poses")
     conda:
         "../../environment.yml"
-    threads: sources.WHOLE_MACHINE
+    threads: step.poses.threads
     resources:
         mem_mb=requests.usual_mb,
     params:
-        config=lambda w: plan.scene_config(experiment, w.scene),
-        options=lambda w: inputs.poses_options(experiment, w.scene),
-        sources=sources_of("alignerf.poses"),
+        command=step.poses.command,
+        sources=step.poses.sources,
     shell:
-        "python -m alignerf.poses --config {params.config:q} {params.options:q}"
-        " --out results/{wildcards.scene:q} 2>&1 | tee {log:q}"
+        RUN
 
 
-use rule poses as poses_courtyard with:
-    output:
-        images=directory("results/{scene}/images"),
-        truth=directory("results/{scene}/truth"),
-        cameras="results/{scene}/cameras.npz",
-        report="results/{scene}/poses.json",
-    wildcard_constraints:
-        scene=plan.one_of(experiment.with_truth(True)),
-
-
+# Jobs take those of the decisions that the config leaves to them.
 rule facts:
     input:
-        images="results/{scene}/images",
-        cameras="results/{scene}/cameras.npz",
-        poses="results/{scene}/poses.json",
+        unpack(step.facts.inputs),
     output:
-        "results/{scene}/facts.json",
+        facts=scene.facts,
+        decisions=scene.decisions,
     log:
-        "results/{scene}/logs/facts.log",
+        scene.log("facts"),
     benchmark:
-        "results/{scene}/logs/facts.tsv"
+        scene.benchmark("facts")
     conda:
         "../../environment.yml"
     params:
-        sources=sources_of("alignerf.facts"),
+        command=step.facts.command,
+        sources=step.facts.sources,
     shell:
-        "python -m alignerf.facts --scene results/{wildcards.scene:q}"
-        " --facts {output:q} 2>&1 | tee {log:q}"
+        RUN
 
 
-# Settings that the facts call for; jobs take those that the config leaves to them.
-rule decisions:
-    input:
-        "results/{scene}/facts.json",
-    output:
-        "results/{scene}/decisions.json",
-    log:
-        "results/{scene}/logs/decisions.log",
-    benchmark:
-        "results/{scene}/logs/decisions.tsv"
-    conda:
-        "../../environment.yml"
-    params:
-        sources=sources_of("alignerf.decisions"),
-    shell:
-        "python -m alignerf.decisions --facts {input:q} --out {output:q} 2>&1"
-        " | tee {log:q}"
-
-
-# What the config and the defaults come to, beside the results that they made.
 rule config:
     output:
-        "results/{scene}/config.yaml",
+        scene.config,
     log:
-        "results/{scene}/logs/config.log",
+        scene.log("config"),
     benchmark:
-        "results/{scene}/logs/config.tsv"
+        scene.benchmark("config")
     conda:
         "../../environment.yml"
     params:
-        config=lambda w: plan.complete_config(experiment, w.scene),
-        sources=sources_of("alignerf.config"),
+        command=step.config.command,
+        sources=step.config.sources,
     shell:
-        "python -m alignerf.config --config {params.config:q} --out {output:q}"
-        " 2>&1 | tee {log:q}"
+        RUN

@@ -18,7 +18,7 @@ FIELD = (
 BY_KIND = pydantic.Field(discriminator="kind")
 
 
-# What `decide` leaves to a scene's facts: `alignerf.decisions` has a rule for each.
+# What `decide` leaves to a scene's facts: `experiment.decisions` has a rule for each.
 OPEN_OF_MODEL = ("near", "radius", "finest")
 
 

@@ -6,7 +6,7 @@ import pydantic
 
 from alignerf.experiment.keys.key import Keys, budget, given, key, left_to_facts, some
 
-# What `decide` leaves to a scene's facts: `alignerf.decisions` has a rule for it.
+# What `decide` leaves to a scene's facts: `experiment.decisions` has a rule for it.
 OPEN_OF_TRAINING = ("steps",)
 
 

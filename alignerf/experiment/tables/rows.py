@@ -1,10 +1,9 @@
 """The rows of a scene's tables and figures, and the files that each comes from."""
 
 import csv
-import json
 from typing import NamedTuple
 
-from alignerf.experiment import arguments, layout, sources, trainings
+from alignerf.experiment import layout, sources, trainings
 from alignerf.experiment.tables import json_rows
 
 # Rules write rows and wait for their files; commands read rows.
@@ -131,7 +130,7 @@ def scored(experiment, scene, method, round, aligned_pose):
     corrected = [one.folder for one in trainings.moved_for(training)]
     if experiment.input_cameras(scene, method):
         corrected.append(training.folder)
-        files["corrections"] = layout.adjusted(scene, "report.json")
+        files["corrections"] = layout.Scene(scene).adjusted_report
     return row._replace(
         way=[one.folder for one in trainings.lead_to(training)],
         flows=[one.folder for one in trainings.rendered_for(training)],
@@ -149,122 +148,6 @@ def costs_of(path):
 def report(path, name, split):
     """The report of a training's renders, or of their flow."""
     return f"{path}/{name.format(split=split)}"
-
-
-def of_verdict(experiment, scene):
-    """Views of the reference's round 0: of the test, and of training where rendered."""
-    folder = experiment.judged_folder(scene)
-    files = {"timing": f"{folder}/{TIMING}"}
-    for split in experiment.splits(scene, folder.removeprefix(f"results/{scene}/")):
-        files |= {
-            f"{split}_renders": f"{folder}/renders/{split}",
-            f"{split}_depth": f"{folder}/depth/{split}",
-            f"{split}_flow": f"{folder}/flow/{split}",
-            f"{split}_lengths": f"{folder}/displacement/{split}.csv",
-            f"{split}_parts": f"{folder}/parts_photos/{split}",
-            f"{split}_stats": f"{folder}/decomposition_photos_{split}.csv",
-        }
-    return files
-
-
-def verdict_options(experiment, scene):
-    """Options of the verdict: what an estimator invents, gains, windows.
-
-    Of windows: those with cameras as given, and as put right.
-    """
-    windows = {
-        name: experiment.judged_folder(windows)
-        for name, windows in judging(experiment, scene).items()
-    }
-    aligned = {
-        name: f"{experiment.folder(scene, name, 0)}/{TIMING}"
-        for name in experiment.names("in_loop")
-    }
-    told = compared(experiment, scene)
-    if aligned and "misalignment" in told:
-        told |= {"aligned": json.dumps(aligned)}
-    if corrected := corrections(experiment, scene):
-        told |= {"corrected": json.dumps(corrected)}
-    return arguments.options(told | windows)
-
-
-def corrections(experiment, scene):
-    """{method: cameras.npz} of the methods whose training has moved cameras."""
-    if experiment.parent(scene) or not experiment.capture(scene).trains:
-        return {}
-    return {
-        name: f"{experiment.folder(scene, name, 0)}/learnt/cameras.npz"
-        for name in experiment.trained()
-        if "cameras" in experiment.moves(name, 0)
-    }
-
-
-def compared(experiment, scene):
-    """{option: file} of what tells how much of a shift is the estimator's own.
-
-    And, of a scene whose models this run has trained, what its remedies brought.
-    """
-    capture = experiment.capture(scene)
-    if not capture.trains:
-        found = {"overfit": f"{experiment.judged_folder(scene)}/overfit.csv"}
-        before = capture.before(experiment.scenes[scene])
-        return found | ({"before": before} if before else {})
-    return {
-        "overfit": f"results/{scene}/testset/overfit.csv",
-        "misalignment": f"results/{scene}/tables/misalignment.csv",
-    }
-
-
-def judging(experiment, scene):
-    """{option: scene} of the windows that a scene is judged by: one of each kind."""
-    found = {}
-    for name in experiment.windows(scene):
-        moved = experiment.cameras_by(name) is not None
-        found.setdefault("windows-corrected" if moved else "windows", name)
-    return found if "windows" in found else {}
-
-
-def files_of_windows(experiment, scene):
-    """The outputs of rules that the verdict reads of windows."""
-    files = []
-    for name in judging(experiment, scene).values():
-        files += of_verdict(experiment, name).values()
-        files += [f"results/{name}/{kind}" for kind in ("cameras.npz", "poses.json")]
-    return layout.outputs_of(files)
-
-
-def figure_rounds(experiment, scene):
-    """Test views round by round, of the reference method; none without such views."""
-    if "test" not in experiment.capture(scene).splits(experiment.scenes[scene]):
-        return []
-    method = experiment.config["reference"]["method"]
-    folders = [
-        experiment.folder(scene, method, k)
-        for k in range(experiment.last_round(scene, method) + 1)
-    ]
-    shown = [(folder, None) for folder in folders]
-    # And beside them what aligns itself on the way, by its name.
-    for name in experiment.names("in_loop"):
-        shown.append((experiment.folder(scene, name, 0), name))
-    return [Renders(f"{f}/renders/test", f"{f}/flow/test", m) for f, m in shown]
-
-
-def crops(experiment, scene):
-    """Staged methods and, before them, what each is set against: round 0 of all."""
-    staged = experiment.names("in_crops")
-    bases = [experiment.baseline(method) for method in staged]
-    rows = []
-    for method in dict.fromkeys([*bases, *staged]):
-        folder = experiment.folder(scene, method, 0)
-        files = (f"{folder}/renders/test", f"{folder}/flow/test")
-        rows.append(Renders(*files, method))
-    return rows
-
-
-def crops_option(experiment, scene):
-    """Command line of the crops; none without a staged method."""
-    rows = crops(experiment, scene)
-    return ["--crops", as_json(rows)] if rows else []
 
 
 def published_table():

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from alignerf.captures import base
-from alignerf.experiment import arguments
+from alignerf.experiment.step import words
 from alignerf.experiment.tables import rows
 from alignerf.experiment.trainings import DISPLACED
 from alignerf.files import faults, json_files
@@ -257,7 +257,7 @@ class Across(NamedTuple):
 def across(experiment):
     """All tables across scenes."""
     published, number = rows.published_table(), experiment.config["published_table"]
-    printed = arguments.options({"published": published, "published-table": number})
+    printed = words("", published=published, published_table=number)[1:]
     return [
         Across(
             *("regimes", regimes, "regimes", experiment.config["regimes"]),

@@ -6,8 +6,10 @@ import re
 import pytest
 
 from alignerf import methods
-from alignerf.experiment import check, inputs, plan, targets, trainings
+from alignerf.experiment import check, plan, targets, trainings
+from alignerf.experiment.steps import scenes
 from alignerf.experiment.tables import rows
+from tests import step_cases as cases
 
 COMMANDS = {
     "train": "env A=1 /opt/ns/bin/ns-train nerfacto --data {data} --output-dir {model}",
@@ -72,7 +74,7 @@ def test_all_views_of_a_reference_are_judged(alone):
     assert alone.reference_folder("yard", 0) == "results/yard/moved/round0"
     assert alone.splits("yard", "moved/round0") == ["train", "test"]
     assert alone.splits("yard", "other/round0") == ["test"]
-    assert "train_renders" in rows.of_verdict(alone, "yard")
+    assert "train_renders" in scenes.seen(alone, "yard")
 
 
 def test_what_was_learnt_from_is_exported(alone):
@@ -80,22 +82,17 @@ def test_what_was_learnt_from_is_exported(alone):
         f"results/yard/{path}"
         for path in ("moved/export/cameras", "warped/export/cameras")
     ] + ["results/yard/warped/export/photos"]
-    needed = inputs.of_export(alone, "yard", "warped", "photos")
+    wanted = {"method": "warped", "what": "photos"}
+    needed = cases.inputs("export_folder", alone, "yard", **wanted)
     assert needed["photos"] == "results/yard/moved/round0/warped"
 
 
-def test_rules_share_the_folders_among_them(experiment_of):
+def test_ours_stays_the_reference(experiment_of):
     methods = {"plain": {"rounds": 1}, "theirs": one(1)}
     experiment = experiment_of(config_of(methods))
-    for external, name in ((False, "plain"), (True, "theirs")):
-        own = plan.trained_by(experiment, external=external)
-        assert re.fullmatch(own, f"{name}/round1")
-        other = "theirs" if name == "plain" else "plain"
-        assert not re.fullmatch(own, f"{other}/round1")
-    # Ours stays the reference, and is rendered as before.
     assert experiment.config["reference"]["method"] == "plain"
-    assert inputs.external_keys(experiment, "theirs/round1")["gpu"] == 0
-    found = inputs.of_external(experiment, "yard", "theirs/round1")
+    job = {"training": "theirs/round1"}
+    found = cases.inputs("train", experiment, "yard", **job)
     assert found["photos"] == "results/yard/theirs/round0/warped"
     assert found["given"] == "results/yard/cameras.npz"
 
@@ -115,7 +112,9 @@ def test_finished_renders(tmp_path, experiment_of):
     (tmp_path / "of yard").mkdir()
     method = {"external": {"renders": f"{tmp_path}/of {{scene}}"}}
     experiment = experiment_of(config_of({"theirs": method}))
-    assert inputs.external_data(experiment, "yard", "theirs/round0") == []
+    job = {"training": "theirs/round0"}
+    read = cases.inputs("render", experiment, "yard", **job)
+    assert read["finished"] == [f"{tmp_path}/of yard"]
     assert methods.label(experiment, "theirs") == "finished renders"
 
 

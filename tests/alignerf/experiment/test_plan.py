@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from alignerf import methods
-from alignerf.experiment import inputs, plan, sources, targets, trainings
+from alignerf.experiment import plan, sources, targets, trainings
+from alignerf.experiment.steps import scenes
 from alignerf.experiment.tables import rows
+from tests import step_cases as cases
 
 WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
 AUTO = {"auto": {"model": "base", "rounds": "auto", "most_rounds": 3}}
@@ -141,7 +143,7 @@ def test_staged_and_warm_methods_are_set_against_plain_ones(demo, experiment_of)
     assert experiment.folder("courtyard", "warm", 0) == f"{folder}/mipnerf360/round0"
     assert experiment.folder("courtyard", "warm", "1") == f"{folder}/warm/round1"
     assert ("warm", 0) not in experiment.all_rounds("courtyard")
-    compared = [row.method for row in rows.crops(experiment, "courtyard")]
+    compared = [row.method for row in scenes.compared(experiment, "courtyard")]
     assert compared == ["mipnerf360", "staged_alone", "alignerf"]
 
 
@@ -194,9 +196,8 @@ def test_the_truth_is_known_of_the_embedded_scene(demo, tmp_path, experiment_of)
     experiment = experiment_of(demo)
     assert experiment.with_truth() == ["courtyard"]
     assert experiment.with_truth(False) == ["own"]
-    assert inputs.truth_of(experiment, "own") == {}
-    truth = {"truth": "results/courtyard/truth"}
-    assert inputs.truth_of(experiment, "courtyard") == truth
+    assert experiment.truth_of("own") is None
+    assert experiment.truth_of("courtyard") == "results/courtyard/images/truth"
     made = targets.of_scene(experiment, "courtyard")
     own = targets.of_scene(experiment, "own")
     assert "results/courtyard/tables/ranking.csv" in made
@@ -322,8 +323,8 @@ def test_what_is_asked_of_each_scene_is_found_once(demo, experiment_of):
         for name in names:
             targets.of_scene(experiment, name)
             rows.of_scene(experiment, name)
-            rows.of_verdict(experiment, name)
-            rows.crops(experiment, name)
+            scenes.seen(experiment, name)
+            scenes.compared(experiment, name)
         return experiment.known
 
     one, many = found(1), found(40)
@@ -351,40 +352,19 @@ def test_windows_are_scenes_beside_the_one_that_they_judge(demo, experiment_of):
     assert put_right["zoom"]["cameras"] == "aligned"
     # Photos of windows have no truth of their own.
     assert not any(map(experiment.has_truth, names))
-    assert inputs.poses_options(experiment, names[0]) == [
-        *("--whole", "results/courtyard"),
-        *("--cameras", "results/courtyard/cameras.npz"),
-    ]
+    found = cases.options("poses", experiment, names[0])
+    assert found["whole"] == "results/courtyard"
+    assert found["cameras"] == "results/courtyard/cameras.npz"
+    assert "places" not in found
     learnt = "results/courtyard/aligned/round0/learnt"
-    assert inputs.poses_options(experiment, names[1])[2:] == [
-        *("--cameras", f"{learnt}/cameras.npz"),
-        *("--places", f"results/{names[0]}"),
-    ]
-    found = inputs.of_poses(experiment, names[1], lambda path: path)
-    assert found["cameras"] == learnt
-    assert windows_of(experiment, "courtyard") == [
-        *("--windows", f"results/{names[0]}/plain/round0"),
-        *("--windows-corrected", f"results/{names[1]}/plain/round0"),
-    ]
-    assert "train_flow" in rows.of_verdict(experiment, names[0])
-    assert windows_of(experiment, names[0]) == []
-
-
-def windows_of(experiment, scene):
-    """The verdict's options of windows, which stand behind those of all scenes."""
-    words = rows.verdict_options(experiment, scene)
-    assert words[:4:2] == ["--overfit", "--misalignment"]
-    words = words[4:]
-    if "--aligned" in words:
-        assert words[0] == "--aligned"
-        where = {"aligned": f"results/{scene}/aligned/round0/timing.json"}
-        assert json.loads(words[1]) == where
-        words = words[2:]
-    if "--corrected" in words:
-        where = {"aligned": f"results/{scene}/aligned/round0/learnt/cameras.npz"}
-        assert (words[0], json.loads(words[1])) == ("--corrected", where)
-        words = words[2:]
-    return words
+    found = cases.options("poses", experiment, names[1])
+    assert found["cameras"] == f"{learnt}/cameras.npz"
+    assert found["places"] == f"results/{names[0]}"
+    assert cases.inputs("poses", experiment, names[1])["cameras"] == learnt
+    found = cases.options("verdict", experiment, "courtyard")
+    assert found["windows"] == f"results/{names[0]}/plain/round0"
+    assert found["windows-corrected"] == f"results/{names[1]}/plain/round0"
+    assert "train_flow" in scenes.seen(experiment, names[0])
 
 
 def test_a_complete_config_has_the_same_windows(demo, experiment_of):
@@ -408,10 +388,10 @@ def test_windows_are_told_apart_by_their_cameras(demo, experiment_of):
         "courtyard": whole,
     }
     experiment = experiment_of(demo)
-    assert windows_of(experiment, "courtyard") == [
-        *("--windows-corrected", "results/fixed/plain/round0"),
-        *("--windows", "results/as_given/plain/round0"),
-    ]
+    assert scenes.windows(experiment, "courtyard") == {
+        "windows_corrected": "results/fixed/plain/round0",
+        "windows": "results/as_given/plain/round0",
+    }
     again = experiment_of(json.loads(plan.complete_config(experiment, "fixed")))
     assert set(again.scenes) == set(experiment.scenes)
 

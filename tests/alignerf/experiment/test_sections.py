@@ -21,7 +21,8 @@ REACHED = {
     "alignerf.train": JOB | {"scene"},
     "alignerf.render_views": JOB | {"scene"},
     "alignerf.align_test_poses": JOB | {"scene"},
-    "alignerf.decisions": JOB | {"scene"},
+    # Facts decide settings.
+    "alignerf.facts": JOB | {"scene"},
     "alignerf.poses": JOB | {"scene"},
     # The page says what the preflight says.
     "alignerf.page": JOB | {"scene"},
@@ -36,9 +37,14 @@ REACHED = {
 @pytest.fixture
 def stages(root, demo, experiment_of):
     """Modules that the rules run."""
-    text = "".join(p.read_text() for p in (root / "workflow/rules").glob("*.smk"))
+    text = "".join(
+        path.read_text()
+        for folder in ("workflow/rules", "alignerf/experiment/steps")
+        for path in (root / folder).glob("*.*")
+    )
     tables = {table.module for table in scenes.across(experiment_of(demo))}
-    return sorted(tables | set(re.findall(r"python -m ([\w.]+)", text)))
+    named = re.findall(r"(?:python -m |words\(\s*\")([\w.]+)", text)
+    return sorted({*tables, *named})
 
 
 def test_every_stage_of_the_list_is_run_by_a_rule(stages):
@@ -53,12 +59,12 @@ def test_a_stage_reaches_its_sections_alone(stages):
 
 
 def test_what_reads_photos_alone_depends_on_the_readers(stages):
-    readers = {"alignerf.poses", "alignerf.export", "alignerf.others.data"}
+    readers = {"alignerf.poses", "alignerf.export", "alignerf.others.train"}
     for stage in stages:
         reads = any(p.stem == "polycam" for p in sources.reached(stage))
         assert reads == (stage in readers), stage
 
 
-@pytest.mark.parametrize("stage", ["flow.align", "alignerf.facts", "alignerf.verdict"])
+@pytest.mark.parametrize("stage", ["flow.align", "flow.decompose", "alignerf.verdict"])
 def test_what_reads_no_key_does_not_depend_on_any(stage):
     assert not [p for p in sources.reached(stage) if p.parent.name == "keys"]

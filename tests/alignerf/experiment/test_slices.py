@@ -6,9 +6,7 @@ import pytest
 import yaml
 
 from alignerf.experiment import (
-    arguments,
     check,
-    inputs,
     jobs,
     plan,
     trainings,
@@ -16,6 +14,7 @@ from alignerf.experiment import (
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.experiment.tables import rows, scenes
 from alignerf.methods import staged
+from tests import step_cases as cases
 
 WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
 
@@ -158,11 +157,13 @@ def test_a_radius_is_measured_where_it_is_asked_for(demo, experiment_of):
     measured = "results/courtyard/mipnerf360/round0/displacement/train.csv"
     found = experiment.at("courtyard", "alignerf", 0)
     assert found.displacement == measured
-    options = inputs.training_options(experiment, "courtyard", "alignerf/round0")
-    assert options[options.index("--displacement") + 1] == measured
+    job = {"training": "alignerf/round0"}
+    options = cases.options("train", experiment, "courtyard", **job)
+    assert options["displacement"] == measured
     assert experiment.at("courtyard", "mipnerf360", 0).displacement is None
-    options = inputs.training_options(experiment, "courtyard", "mipnerf360/round0")
-    assert "--displacement" not in options
+    job = {"training": "mipnerf360/round0"}
+    options = cases.options("train", experiment, "courtyard", **job)
+    assert "displacement" not in options
     assert found.job.alignerf.radius_px is None
     # What measured it counts, and its training does not.
     assert [one.folder for one in trainings.rendered_for(found)] == [
@@ -184,13 +185,14 @@ def test_a_warm_start_goes_on_from_the_round_before(demo, experiment_of):
     assert second.job == first.job
     folder = "results/courtyard"
     assert first.photos == f"{folder}/mipnerf360/round0/warped/train"
-    assert first.initial == f"{folder}/mipnerf360/round0/model.msgpack"
+    assert first.initial == f"{folder}/mipnerf360/round0/learnt/model.msgpack"
     assert second.photos == f"{folder}/warm/round1/warped/train"
     assert second.valid == f"{folder}/warm/round1/flow/train"
-    assert second.initial == f"{folder}/warm/round1/model.msgpack"
+    assert second.initial == f"{folder}/warm/round1/learnt/model.msgpack"
     way = [one.folder for one in trainings.lead_to(first)]
     assert way == ["mipnerf360/round0", "warm/round1"]
-    before = arguments.of_rounds(experiment, "courtyard", "warm", "1")
+    job = {"method": "warm", "round": "1"}
+    before = cases.options("decide", experiment, "courtyard", **job)
     # The decision is the method's own, also where it starts from another's round.
     assert before["before"] == f"{folder}/warm/round0/decision.json"
     assert before["before-flow"] == f"{folder}/mipnerf360/round0/flow/train"
@@ -200,29 +202,31 @@ def test_the_weights_of_lpips_reach_the_command(demo, tmp_path, experiment_of):
     (tmp_path / "my weights.npz").touch()
     path = str(tmp_path / "my weights.npz")
     demo["lpips"] = {"vgg": path, "squeeze": None}
-    assert arguments.lpips_options(experiment_of(demo)) == ["--lpips-vgg", path]
-    demo["lpips"] = {}
-    assert arguments.lpips_options(experiment_of(demo)) == []
+    job = {"training": "mipnerf360/round0", "moved": ""}
+    found = cases.options("evaluate", experiment_of(demo), "courtyard", **job)
+    assert found["lpips-vgg"] == path
+    assert "lpips-squeeze" not in found
+    job["moved"] = "_aligned_pose"
+    found = cases.options("evaluate", experiment_of(demo), "courtyard", **job)
+    assert "lpips-vgg" not in found
 
 
 def test_flows_made_elsewhere_reach_the_commands(demo, experiment_of):
     template = "my flows/{scene}/{method}-{round}-{split}"
     demo["flow"] = {"estimator": "files", "folder": template}
     experiment = experiment_of(demo)
-    found = arguments.of_views(experiment, "courtyard", "mipnerf360", "1", "train")
-    folder = "my flows/courtyard/mipnerf360-1-train"
-    assert found[-4:] == ["--method", "files", "--flows", folder]
     # A rule knows the folder of a training; the command puts the split in.
     for training, folder in (
         ("mipnerf360/round1", "mipnerf360-1-{split}"),
         ("pretrain/base", "pretrain-base-{split}"),
     ):
-        found = arguments.of_training_views(experiment, "courtyard", training)
-        assert found[-1] == f"my flows/courtyard/{folder}"
-    found = arguments.of_reference(experiment, "courtyard")
-    assert found[-1] == "my flows/courtyard/mipnerf360_large-2-test"
+        found = cases.options("align", experiment, "courtyard", training=training)
+        assert found["method"] == "files"
+        assert found["flows"] == f"my flows/courtyard/{folder}"
+    found = cases.options("testset", experiment, "courtyard")
+    assert found["flows"] == "my flows/courtyard/mipnerf360_large-2-test"
     # For images that we make ourselves it is the default estimator.
-    assert "--method" not in arguments.estimator_options(experiment)
+    assert "method" not in cases.options("control_sets", experiment, "courtyard")
 
 
 def test_a_scenes_complete_config_is_a_config(demo, experiment_of):

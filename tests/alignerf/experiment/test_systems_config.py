@@ -5,10 +5,11 @@ import yaml
 
 from alignerf import config as config_command
 from alignerf import methods
-from alignerf.experiment import check, inputs, jobs, targets
+from alignerf.experiment import check, jobs, targets
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.experiment.tables import scenes
+from tests import step_cases as cases
 
 
 def system(demo, **model):
@@ -129,8 +130,9 @@ def test_given_renders_are_scored_and_no_more(with_renders, experiment_of, tmp_p
     trained = experiment.all_rounds("courtyard")
     assert ("given", 0) not in trained
     assert experiment.scored("courtyard") == [*trained, ("given", 0)]
-    folder = inputs.renders_of(experiment, "courtyard", "given/round0")
-    assert folder == f"{tmp_path}/courtyard"
+    job = {"training": "given/round0", "moved": ""}
+    found = cases.options("evaluate", experiment, "courtyard", **job)
+    assert found["renders"] == f"{tmp_path}/courtyard"
     for table in ("", "comparison/"):
         *others, row = scenes.rows_of(experiment, "courtyard", table)
         assert (row.method, row.way, row.flows, row.before) == ("given", [], [], None)

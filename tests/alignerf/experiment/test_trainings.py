@@ -212,7 +212,7 @@ def test_cameras_that_move_are_compared_with_a_truth_that_is_known(
     }
     wanted = {("courtyard", method) for method in ("learnt", "aligned")}
     assert {key for key, truth in truths.items() if truth} == wanted
-    assert {truths[key] for key in wanted} == {f"{HERE}/truth"}
+    assert {truths[key] for key in wanted} == {f"{HERE}/images/truth"}
 
 
 def test_only_what_aligns_itself_depends_on_the_flows_code(experiment):
@@ -232,17 +232,20 @@ def test_only_what_aligns_itself_depends_on_the_flows_code(experiment):
         ("a/plain/round0/warped/train", "a/plain/round0/warped"),
         ("a/plain/round0/learnt/cameras.npz", "a/plain/round0/learnt"),
         ("a/plain/round0/learnt/photos", "a/plain/round0/learnt"),
+        ("a/pretrain/learnt/learnt/model.msgpack", "a/pretrain/learnt/learnt"),
+        ("a/plain/round0/flow/oracle", "a/plain/round0/flow"),
+        ("a/images/truth", "a/images"),
         *(
             (path, path)
             for path in (
                 *("a/cameras.npz", "a/images", "a/testset/flow", "a/testset/warped"),
-                *("a/plain/round0/learnt", "a/plain/round0/renders", "a/truth"),
-                *("a/plain/round0/flow_oracle/test", "a/plain/round0/timing.json"),
+                *("a/plain/round0/learnt", "a/plain/round0/renders"),
+                "a/plain/round0/timing.json",
                 *("a/plain/round0/parts/test", "a/plain/round0/parts_photos/train"),
                 "a/plain/round0/decomposition_test.csv",
                 "a/plain/round0/corrected/cameras.npz",
                 # A model that is called so.
-                "a/pretrain/learnt/model.msgpack",
+                "a/pretrain/learnt/timing.json",
             )
         ),
     ],

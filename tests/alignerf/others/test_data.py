@@ -4,7 +4,6 @@ import shutil
 
 import numpy as np
 import pycolmap
-import pytest
 
 from alignerf.files import faults, images
 from alignerf.others import data
@@ -13,9 +12,7 @@ from tests import export_cases as cases
 
 
 def written(made, out, **options):
-    words = ["--scene", made, "--out", out / "data"]
-    words += [word for key, value in options.items() for word in (f"--{key}", value)]
-    assert faults.exit_code(data.main, [str(word) for word in words]) == 0
+    data.write(out / "data", made, **options)
     return out / "data"
 
 
@@ -54,7 +51,7 @@ def test_a_round_has_its_own_cameras_and_photos(made, tmp_path, loaded):
     out = written(
         *(made, tmp_path),
         cameras=tmp_path / "cameras.npz",
-        photos=tmp_path / "warped",
+        warped=tmp_path / "warped",
         valid=tmp_path / "valid",
     )
     cases.check_cameras(out, views_of(tmp_path / "cameras.npz"))
@@ -84,15 +81,6 @@ def test_a_broken_photo_is_named_and_nothing_is_left(made, tmp_path, loaded, cap
     shutil.copytree(made, copy)
     broken = copy / "images" / f"{loaded.names[3]}.png"
     broken.write_bytes(b"no image")
-    words = ["--scene", str(copy), "--out", str(tmp_path / "data")]
-    assert faults.exit_code(data.main, words) == 1
+    assert faults.exit_code(written, copy, tmp_path) == 1
     assert str(broken) in capsys.readouterr().err
     assert not (tmp_path / "data").exists()
-
-
-@pytest.mark.parametrize("missing", ["--scene", "--out"])
-def test_arguments_are_needed(missing):
-    words = {"--scene": "a", "--out": "b"}
-    words.pop(missing)
-    with pytest.raises(SystemExit):
-        data.main([part for pair in words.items() for part in pair])

@@ -22,7 +22,7 @@ def take(loaded, theirs, tmp_path):
     def run(depth=None, splits=BOTH, scene=loaded):
         out = tmp_path / "out"
         of_view = importing.of_folders(theirs, depth, scene, splits)
-        words = [f"--{n}={out}/{n}/{{split}}" for n in ("renders", "depth", "timing")]
+        words = [f"--{n}={out}/{n}" for n in ("renders", "depth", "timing")]
         words += [f"--scene={scene.folder}", "--splits", *splits]
         render.write(render.parse(words), scene, of_view, 0.0)
         return out

@@ -30,7 +30,7 @@ def ran(what, made, training, external, *more):
     """What a command says; commands fork, which JAX forbids to this process."""
     words = [sys.executable, "-m", f"alignerf.others.{what}", "--scene", made]
     words += ["--config", json.dumps({"external": external}), "--training", training]
-    words += ["--data", training / "data", "--model", training / "model", *more]
+    words += more
     done = subprocess.run(
         list(map(str, words)),
         stdout=subprocess.PIPE,
@@ -45,9 +45,8 @@ def ran(what, made, training, external, *more):
 
 @pytest.fixture
 def training(tmp_path):
-    """A training's folder, with data."""
-    (tmp_path / "a b" / "round2" / "data").mkdir(parents=True)
-    (tmp_path / "a b" / "round2" / "data" / "transforms.json").write_text("{}")
+    """A training's folder."""
+    (tmp_path / "a b" / "round2").mkdir(parents=True)
     return tmp_path / "a b" / "round2"
 
 
@@ -55,12 +54,13 @@ def training(tmp_path):
 def train(made, training, tmp_path):
     (tmp_path / "train.py").write_text(TRAINER)
 
-    def run(said, *, more="", **keys):
+    def run(said, *, more="", sources="", **keys):
         command = f"'{sys.executable}' {tmp_path}/train.py {said} {{model}} {more}"
         outs = ("--timing", training / "timing.json", "--learnt", training / "learnt")
         external = {"train": command} | keys
-        cameras = ("--cameras", made / "cameras.npz")
-        return ran("train", made, training, external, *outs, *cameras)
+        read = ("--cameras", made / "cameras.npz", "--photos", made / "images")
+        more = ("--sources", sources)
+        return ran("train", made, training, external, *outs, *read, *more)
 
     return run
 
@@ -96,15 +96,13 @@ def test_a_model_stays_until_it_is_done_or_learns_from_something_else(train, tra
     train("two")
     assert said.read_text() == "two\n"
     train("three", more="fail")
-    (training / "data" / "transforms.json").write_text('{"frames": []}')
-    train("three", more="fail")
+    train("three", more="fail", sources="other code")
     assert said.read_text() == "three\n"
 
 
 def test_what_a_command_keeps_beside_its_data_is_no_user_s(train, training):
     """As nerfstudio's smaller photos: a stopped run goes on, and they are replaced."""
     data, said = training / "data", training / "model" / "said"
-    owned.seal(data)
     train("one", more="fail")
     (data / "images_2").mkdir()
     (data / "images_2" / "a.png").touch()
@@ -140,9 +138,8 @@ def render(made, training, tmp_path):
     (tmp_path / "render.py").write_text(RENDERER)
 
     def run(external):
-        outs = ("--renders", training / "renders" / "{split}")
-        outs += ("--depth", training / "depth" / "{split}")
-        outs += ("--timing", training / "render" / "{split}.json")
+        outs = ("--renders", training / "renders", "--depth", training / "depth")
+        outs += ("--timing", training / "render")
         splits = ("--splits", "train", "test", "--cameras", made / "cameras.npz")
         return ran("render", made, training, external, *outs, *splits)
 
@@ -160,7 +157,7 @@ def test_renders_of_a_command(render, training, theirs, tmp_path):
     assert timing["time_s"] == pytest.approx(6 * timing["view_time_s"], abs=1e-3)
     # What it has written on the way is gone.
     left = {path.name for path in training.iterdir()}
-    assert left == {"data", "renders", "depth", "render"}
+    assert left == {"renders", "depth", "render"}
 
 
 def test_renders_that_are_missing(render, training, tmp_path):
@@ -169,7 +166,7 @@ def test_renders_that_are_missing(render, training, tmp_path):
     assert "8 of 8 views are missing" in said.splitlines()[-1]
     assert said.splitlines()[-1].endswith("; it is empty")
     # It can be looked at; what would be read on is not there.
-    assert {path.name for path in training.iterdir()} == {"data", "rendered"}
+    assert {path.name for path in training.iterdir()} == {"rendered"}
 
 
 def test_finished_renders_take_no_time(render, training, theirs, made):

@@ -25,7 +25,7 @@ from alignerf.start import folders, jobs
             "a: what the shift is made of, train photos",
         ),
         (
-            "export_photos",
+            "export_folder",
             {"method": "aligned", "what": "cameras"},
             "aligned: files for other programs, cameras",
         ),

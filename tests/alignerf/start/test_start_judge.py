@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 import yaml
 
-from alignerf.experiment import check, inputs, plan, targets
+from alignerf.experiment import check, plan, targets
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import owned
 from alignerf.scenes import originals
 from alignerf.scenes.judged import lenses, pairs
 from alignerf.start import judge
 from tests import judged_cases as cases
+from tests import step_cases
 
 KINDS = ("cameras", "photos")
 
@@ -61,14 +62,18 @@ def test_the_config_can_be_run(here, runs, capsys):
     assert "results/mine/index.html" in wanted
     what = "results/mine/theirs/export"
     assert targets.exports(experiment) == [f"{what}/cameras", f"{what}/photos"]
-    words = {w: inputs.export_options(experiment, "mine", "theirs", w) for w in KINDS}
+    words = {
+        what: step_cases.options(
+            "export_folder", experiment, "mine", method="theirs", what=what
+        )
+        for what in KINDS
+    }
     # Held-out cameras are fitted by the flow of the renders before these were moved.
-    assert "--corrected-by" in words["cameras"]
+    assert "corrected-by" in words["cameras"]
     # Bundle-adjusted ones are taken instead where held-out matches accept them.
-    adjusted = ["--adjusted", "results/mine/images/adjusted/cameras.npz"]
-    assert words["cameras"][-2:] == adjusted
-    assert "--adjusted" not in words["photos"]
-    assert "--fit-held-out" not in words["photos"]
+    adjusted = "results/mine/images/adjusted/cameras.npz"
+    assert words["cameras"]["adjusted"] == adjusted
+    assert not {"adjusted", "fit-held-out"} & words["photos"].keys()
     assert (
         "8 pairs of photo and render, named like the photos" in capsys.readouterr().out
     )

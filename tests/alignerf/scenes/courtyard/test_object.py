@@ -49,9 +49,14 @@ def test_what_differs_between_the_states_lies_under_the_mask(arm):
     for path in sorted((arm / "images").glob("*.png")):
         photo, oracle = (
             images.read(folder / path.name).astype(int)
-            for folder in (arm / "images", arm / "truth" / "oracle")
+            for folder in (
+                arm / "images",
+                arm / "images" / "truth" / "oracle",
+            )
         )
-        with np.load(arm / "truth" / "moving" / f"{path.stem}.npz") as stored:
+        with np.load(
+            arm / "images" / "truth" / "moving" / f"{path.stem}.npz"
+        ) as stored:
             moving = stored["moving"]
         differs = np.abs(photo - oracle).max(axis=-1) > 3
         moved += differs.any()
@@ -64,4 +69,4 @@ def test_other_motion_has_no_such_mask(tmp_path):
     for motion in ("none", "uniform"):
         changed = ARM | {"motion": motion, "views": 4}
         poses.main(CONFIG | {"courtyard": changed}, tmp_path / motion)
-        assert not (tmp_path / motion / "truth" / "moving").exists()
+        assert not (tmp_path / motion / "images" / "truth" / "moving").exists()

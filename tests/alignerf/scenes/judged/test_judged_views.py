@@ -23,10 +23,8 @@ def run(scene, splits=("train",)):
     """The importer's outputs beside a scene."""
     out = scene / "theirs"
     out.mkdir()
-    paths = [f"--{n}={out}/{n}/{{split}}" for n in ("renders", "depth")]
-    options = [f"--scene={scene}", "--splits", *splits, *paths]
-    options += [f"--timing={out}/render/{{split}}.json", f"--learnt={out}/learnt"]
-    render.main([*options, f"--trained={out}/timing.json"])
+    paths = [f"--{n}={out}/{n}" for n in ("renders", "depth", "timing")]
+    render.main([f"--scene={scene}", "--splits", *splits, *paths])
     return out
 
 

@@ -1,5 +1,9 @@
 """Which settings a scene's facts call for: pure, every constant named and measured.
 
+`alignerf.facts` writes decisions.json: each key with its default, its value, the reason
+and the facts behind it. A config with `decide: true` takes the decisions for all keys
+that it leaves out.
+
 Notation: lengths are in units of the largest camera coordinate, as `near` is. The
 constants were chosen on courtyard, seed 1, and fox; docs/evidence/decided.md shows what
 they bring on other scenes.
@@ -8,8 +12,7 @@ they bring on other scenes.
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from alignerf.experiment import jobs
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys import training as training_keys
@@ -29,11 +32,8 @@ FINEST = (256, 8192)
 # on courtyard's 1.26 million pixels.
 PASSES = 0.5
 STEPS = (4000, 20000)
-# Facts that decide something.
-FACTS = dict.fromkeys(("nearest", "median_depth"), json_files.NUMBER_OR_NONE)
-FACTS["pixel_angle_mrad"] = json_files.NUMBER
+# Facts that decide the number of steps, and the factor by which photos are smaller.
 COUNTS = ("train_views", "width_px", "height_px")
-FACTS |= dict.fromkeys(COUNTS, int)
 OF_DOWNSCALE = ("photo_width_px", "photo_height_px", "views")
 
 
@@ -79,7 +79,7 @@ def near(facts):
     return Decision(
         "model.near",
         default,
-        digits(np.clip(NEAR_SHARE * nearest, *LENGTHS)),
+        digits(clip(NEAR_SHARE * nearest, *LENGTHS)),
         f"the nearest points are {nearest:g} away",
         {"nearest": nearest},
     )
@@ -94,7 +94,7 @@ def radius(facts):
     nearest = facts["nearest"]
     if not known(nearest):
         return unknown("model.radius", default, facts, ["nearest"])
-    value = max(default, digits(np.clip(nearest, *LENGTHS)))
+    value = max(default, digits(clip(nearest, *LENGTHS)))
     where = "beyond" if value > default else "among"
     reason = f"the nearest points are {where} the cameras"
     return Decision("model.radius", default, value, reason, {"nearest": nearest})
@@ -111,11 +111,10 @@ def finest(facts):
     footprint = angle_mrad / 1e3 * depth
     begins = radius(facts).value
     contracted = footprint / begins * contraction_across(depth / begins)
-    cells = np.exp2(np.round(np.log2(CELLS_A_PIXEL * CONTRACTED_SIDE / contracted)))
+    cells = CELLS_A_PIXEL * CONTRACTED_SIDE / contracted
+    cells = clip(2 ** round(math.log2(cells)), *FINEST)
     reason = f"a pixel covers {footprint:.2g} at the median depth"
-    return Decision(
-        "model.field.finest", default, int(np.clip(cells, *FINEST)), reason, used
-    )
+    return Decision("model.field.finest", default, cells, reason, used)
 
 
 def contraction_across(distance):
@@ -128,7 +127,7 @@ def steps(facts):
     usual = training_keys.Training()
     default, batch = usual.steps, usual.batch_rays
     pixels = math.prod(facts[name] for name in COUNTS)
-    count = int(np.clip(100 * math.ceil(PASSES * pixels / batch / 100), *STEPS))
+    count = clip(100 * math.ceil(PASSES * pixels / batch / 100), *STEPS)
     seen = count * batch / pixels
     return Decision(
         "training.steps",
@@ -138,6 +137,11 @@ def steps(facts):
         f"{batch} rays a step",
         {name: facts[name] for name in COUNTS},
     )
+
+
+def clip(value, lowest, highest):
+    """The value between two limits."""
+    return min(max(value, lowest), highest)
 
 
 def known(fact):
@@ -164,3 +168,73 @@ def line(decision):
     changed = decision.value != decision.default
     usual = f"default {decision.default:g}" if changed else "the default"
     return f"suggested: {name} {value} ({usual}): {decision.reason}"
+
+
+def read_job(text) -> jobs.Job:
+    """The job of a JSON object, or of its file, with the decided settings."""
+    return jobs.parse(fill(jobs.read(text)))
+
+
+def fill(values):
+    """A job's mapping whose open keys are filled from its decisions.json.
+
+    A stage that takes a share of the steps takes the same share of those decided, and
+    a warm-up of its own keeps its share. Raises ValueError where the file is missing,
+    or does not say what the job needs.
+    """
+    path = values.get("decisions")
+    if not path:
+        return values
+    decisions = read(path)
+    model, training = dict(values["model"]), dict(values["training"])
+    for name in model.pop("decided", []):
+        value = one(decisions, name, path).value
+        if name == "near":
+            # A config may say how far it sees.
+            value = min(value, model["far"] / 2)
+        if name in model:
+            model[name] = value
+        else:
+            model["field"] = model["field"] | {name: int(value)}
+    if "steps" in training.pop("decided"):
+        times = one(decisions, "steps", path).value / training_keys.Training().steps
+        training["steps"] = max(1, round(times * training["steps"]))
+        if training["warmup_steps"] is not None:
+            training["warmup_steps"] = round(times * training["warmup_steps"])
+    return values | {"model": model, "training": training, "decisions": None}
+
+
+def one(decisions, name, path):
+    """The decision on a key, given by the last part of its name."""
+    for key, decision in decisions.items():
+        if key.rpartition(".")[2] == name:
+            return decision
+    raise ValueError(f"{path}: nothing on {name}")
+
+
+def read(path):
+    """{key: Decision} of a decisions.json; ValueError names a damaged file."""
+    entries = json_files.read(path, {"decisions": list})["decisions"]
+    try:
+        decisions = {entry["key"]: Decision(**entry) for entry in entries}
+        for key, decision in decisions.items():
+            numbers = (decision.default, decision.value)
+            if not isinstance(key, str) or not all(map(known, numbers)):
+                raise ValueError(f"{key}: {decision.value} is no value")
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path}: not a file of decisions: {error}") from None
+    return decisions
+
+
+def shown(paths, asked):
+    """Lines of files that are there already, each below its scene's name.
+
+    asked: whether the config leaves anything to facts.
+    """
+    lines = []
+    for path in paths:
+        lines.append(f"{path.parent.name}: by its facts")
+        lines += [f"  {line(decision)}" for decision in read(path).values()]
+    if not asked:
+        lines.append("This run uses none of it: its config does not say decide: true.")
+    return lines

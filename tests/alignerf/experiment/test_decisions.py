@@ -2,16 +2,14 @@
 
 import json
 import math
-from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from alignerf import facts as facts_module
+from alignerf import facts
 from alignerf.causes import shift
-from alignerf.decisions import __main__ as command
-from alignerf.decisions import rules
+from alignerf.experiment import decisions as rules
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.mipnerf360 import coord
@@ -33,7 +31,6 @@ def decided(**changes):
 def test_every_key_that_a_config_can_leave_open_has_a_rule():
     names = {key.rpartition(".")[2] for key in decided()}
     assert names == {*model_keys.OPEN_OF_MODEL, *training_keys.OPEN_OF_TRAINING}
-    assert set(FACTS) == rules.FACTS.keys()
 
 
 @pytest.mark.parametrize("nearest", [1e-3, 0.5, 14.0])
@@ -118,32 +115,12 @@ def test_a_line_says_key_value_and_reason():
     assert "(the default): " in rules.line(decided(nearest=None)["model.near"])
 
 
-def test_the_command_writes_all_and_prints_it(tmp_path, capsys):
-    (tmp_path / "facts.json").write_text(json.dumps(FACTS | {"more": 1}))
-    out = tmp_path / "decisions.json"
-    command.main(["--facts", str(tmp_path / "facts.json"), "--out", str(out)])
-    found = json.loads(out.read_text())["decisions"]
-    assert [entry["key"] for entry in found] == [d.key for d in rules.decide(FACTS)]
-    lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == len(found)
-    command.main(["--show", str(out)])
-    shown = capsys.readouterr().out.splitlines()
-    assert shown == [
-        f"{tmp_path.name}: by its facts",
-        *(f"  {x}" for x in lines),
-    ]
-
-
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"nearest": 1}'])
-def test_a_file_without_facts_is_named(tmp_path, text):
-    path = tmp_path / "facts.json"
-    path.write_text(text)
-    with pytest.raises(ValueError, match=r"facts\.json: not the JSON"):
-        command.main(["--facts", str(path), "--out", str(tmp_path / "out.json")])
-    assert not (tmp_path / "out.json").exists()
-
-
-def test_facts_has_them_all():
-    # Their names are those of the stage before.
-    source = Path(facts_module.__file__).read_text(encoding="utf-8")
-    assert all(f'"{name}"' in source for name in rules.FACTS)
+def test_files_are_shown_below_their_scene(tmp_path, capsys):
+    (tmp_path / "decisions.json").write_text(
+        json.dumps({"decisions": [d._asdict() for d in rules.decide(FACTS)]})
+    )
+    facts.main(["--show", str(tmp_path / "decisions.json"), "--unasked"])
+    first, *lines, last = capsys.readouterr().out.splitlines()
+    assert first == f"{tmp_path.name}: by its facts"
+    assert lines == [f"  {rules.line(d)}" for d in rules.decide(FACTS)]
+    assert "uses none" in last

@@ -4,15 +4,14 @@ import json
 
 import pytest
 
-from alignerf.decisions import fill, rules
-from alignerf.experiment import check, plan
+from alignerf.experiment import check, decisions, plan
 from alignerf.experiment.keys import model as model_keys
 
 DECISIONS = [
-    rules.Decision("model.near", 0.2, 3.0, "", {}),
-    rules.Decision("model.radius", 1.0, 4.0, "", {}),
-    rules.Decision("model.field.finest", 2048, 512, "", {}),
-    rules.Decision("training.steps", 4000, 6000, "", {}),
+    decisions.Decision("model.near", 0.2, 3.0, "", {}),
+    decisions.Decision("model.radius", 1.0, 4.0, "", {}),
+    decisions.Decision("model.field.finest", 2048, 512, "", {}),
+    decisions.Decision("training.steps", 4000, 6000, "", {}),
 ]
 SCENE = {"s": {"source": "courtyard"}}
 
@@ -26,8 +25,8 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def write(path, decisions):
-    content = {"decisions": [decision._asdict() for decision in decisions]}
+def write(path, found):
+    content = {"decisions": [decision._asdict() for decision in found]}
     path.write_text(json.dumps(content))
 
 
@@ -38,13 +37,13 @@ def job_of(config, method="mipnerf360"):
 
 def test_without_decide_no_file_is_read(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    job = fill.read_job(job_of({}))
+    job = decisions.read_job(job_of({}))
     assert (job.model.near, job.training.steps) == (0.2, 4000)
     assert job.decisions is None
 
 
 def test_all_that_the_config_leaves_out_is_decided(folder):
-    job = fill.read_job(job_of({"decide": True}))
+    job = decisions.read_job(job_of({"decide": True}))
     assert (job.model.near, job.model.field.finest) == (3.0, 512)
     assert (job.steps, job.warmup_steps, job.model.radius) == (6000, 600, 4.0)
     assert (job.decisions, job.model.decided, job.training.decided) == (None, [], [])
@@ -56,7 +55,7 @@ def test_what_the_config_says_stays(folder):
         ({"field": {"finest": 64}}, (3.0, 64)),
     ):
         config = {"decide": True, "models": {"m": model}, "training": {"steps": 100}}
-        job = fill.read_job(job_of(config))
+        job = decisions.read_job(job_of(config))
         assert (job.model.near, job.model.field.finest) == found
         assert job.steps == 100
 
@@ -64,7 +63,7 @@ def test_what_the_config_says_stays(folder):
 @pytest.mark.parametrize("length", [{"steps": 300}, {"budget_min": 2}])
 def test_a_scenes_own_length_stays(folder, length):
     config = {"decide": True, "scenes": {"s": {"source": "courtyard", **length}}}
-    training = fill.read_job(job_of(config)).training
+    training = decisions.read_job(job_of(config)).training
     assert {"steps": training.steps, "budget_min": training.budget_min} == {
         "steps": None,
         "budget_min": None,
@@ -82,7 +81,7 @@ def test_stages_and_lengths_keep_their_shares(folder):
     experiment = plan.Experiment(check.checked({"scenes": SCENE} | config), None)
     folder.joinpath("results/s").rename(folder / "results/s_x0.5")
     found = {
-        folder: fill.read_job(training.job.text).steps
+        folder: decisions.read_job(training.job.text).steps
         for folder, training in experiment.trainings("s_x0.5").items()
     }
     assert found == {
@@ -96,13 +95,13 @@ def test_stages_and_lengths_keep_their_shares(folder):
 
 def test_other_systems_take_their_steps_alone(folder):
     config = {"models": {"n": {"kind": "nerf"}}, "methods": {"mipnerf360": {}}}
-    job = fill.read_job(job_of({"decide": True} | config))
+    job = decisions.read_job(job_of({"decide": True} | config))
     assert (job.model.near, job.steps) == (model_keys.NerfSystem().near, 6000)
 
 
 def of(**changes):
     """A decisions.json of one entry, the change of near's."""
-    entry = rules.Decision("model.near", 0.2, 3.0, "", {})._asdict() | changes
+    entry = decisions.Decision("model.near", 0.2, 3.0, "", {})._asdict() | changes
     return json.dumps({"decisions": [entry]})
 
 
@@ -117,17 +116,17 @@ def of(**changes):
 def test_a_file_without_decisions_is_named(folder, text):
     (folder / "results/s/decisions.json").write_text(text)
     with pytest.raises(ValueError, match=r"decisions\.json: (not|nested)"):
-        fill.read_job(job_of({"decide": True}))
+        decisions.read_job(job_of({"decide": True}))
 
 
 def test_a_missing_file_or_decision_is_named(folder):
     path = folder / "results/s/decisions.json"
     write(path, DECISIONS[:1])
     with pytest.raises(ValueError, match="nothing on radius"):
-        fill.read_job(job_of({"decide": True}))
+        decisions.read_job(job_of({"decide": True}))
     path.unlink()
     with pytest.raises(ValueError, match=r"decisions\.json: not found"):
-        fill.read_job(job_of({"decide": True}))
+        decisions.read_job(job_of({"decide": True}))
 
 
 def test_a_complete_config_decides_the_same_again():
@@ -197,9 +196,9 @@ def test_a_field_of_points_has_neither_cells_nor_contraction():
 
 def test_near_stays_before_a_far_that_the_config_says(folder):
     config = {"decide": True, "models": {"m": {"far": 4.0}}}
-    assert fill.read_job(job_of(config)).model.near == 2.0
+    assert decisions.read_job(job_of(config)).model.near == 2.0
 
 
 def test_a_warm_up_keeps_its_share(folder):
     config = {"decide": True, "training": {"warmup_steps": 400}}
-    assert fill.read_job(job_of(config)).warmup_steps == 600
+    assert decisions.read_job(job_of(config)).warmup_steps == 600

@@ -1,1 +1,0 @@
-"""Settings that a scene's facts decide, each with its reason."""

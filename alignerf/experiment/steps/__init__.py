@@ -1,0 +1,65 @@
+"""The jobs of the rules: for each rule of the workflow one function makes its `Step`.
+
+A function takes the experiment and the wildcards of a job. Rules ask `Rules`, whose
+attributes are named after them.
+"""
+
+import functools
+
+from alignerf.experiment import layout
+from alignerf.experiment.sources import sources_of
+from alignerf.experiment.steps import scenes, trainings
+
+
+class Rules:
+    """`Rule`s by their names.
+
+    local: marks a path in no storage, for Snakemake. requests: `costs.requests`.
+    """
+
+    def __init__(self, experiment, local, requests):
+        self.experiment, self.asked = experiment, (local, requests)
+
+    def __getattr__(self, name):
+        step = vars(scenes).get(name) or vars(trainings)[name]
+        return Rule(functools.partial(step, self.experiment), *self.asked)
+
+
+class Rule:
+    """What Snakemake asks of a rule, for the wildcards of each job."""
+
+    def __init__(self, step, local, requests):
+        self.step, self.local, self.requests = step, local, requests
+
+    def inputs(self, wildcards):
+        step = self.step(wildcards)
+        found = {name: outputs(path) for name, path in step.inputs.items() if path}
+        own = {name: self.local(path) for name, path in step.own.items() if path}
+        return found | own
+
+    def command(self, wildcards):
+        return self.step(wildcards).command
+
+    def sources(self, wildcards):
+        step = self.step(wildcards)
+        return sources_of(*(step.modules or step.command[:1]))
+
+    def threads(self, wildcards):
+        return self.step(wildcards).threads
+
+    def gpu(self, wildcards):
+        return self.step(wildcards).gpu
+
+    def memory_mb(self, wildcards, attempt):
+        step = self.step(wildcards)
+        measured = self.requests.memory_mb(step.ends_with)
+        return step.memory_mb or measured(wildcards, attempt)
+
+    def minutes(self, wildcards, attempt):
+        ends_with = self.step(wildcards).ends_with
+        return self.requests.minutes(ends_with)(wildcards, attempt)
+
+
+def outputs(path):
+    """The outputs of rules that a path, or several, are or lie in."""
+    return layout.output_of(path) if isinstance(path, str) else layout.outputs_of(path)

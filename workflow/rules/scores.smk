@@ -1,0 +1,116 @@
+rule align_test_poses:
+    input:
+        unpack(step.align_test_poses.inputs),
+    output:
+        directory(training.aligned_pose),
+    log:
+        training.log("align_test_poses"),
+    benchmark:
+        training.benchmark("align_test_poses")
+    conda:
+        "../../environment.yml"
+    threads: step.align_test_poses.threads
+    resources:
+        gpu=step.align_test_poses.gpu,
+        mem_mb=step.align_test_poses.memory_mb,
+        runtime=step.align_test_poses.minutes,
+    params:
+        command=step.align_test_poses.command,
+        sources=step.align_test_poses.sources,
+    shell:
+        RUN_IN_THREADS
+
+
+rule evaluate:
+    input:
+        unpack(step.evaluate.inputs),
+    output:
+        f"{training}/metrics{{moved}}.csv",
+    log:
+        training.log("evaluate{moved}"),
+    benchmark:
+        training.benchmark("evaluate{moved}")
+    wildcard_constraints:
+        moved="|_aligned_pose",
+    conda:
+        "../../environment.yml"
+    params:
+        command=step.evaluate.command,
+        sources=step.evaluate.sources,
+    shell:
+        RUN
+
+
+# Of a scene's tables, or of one across scenes.
+rule collect:
+    input:
+        unpack(step.collect.inputs),
+    output:
+        scores=scene.scores("{table}"),
+        trainings=scene.trainings("{table}"),
+    log:
+        scene.log("{table}collect"),
+    benchmark:
+        scene.benchmark("{table}collect")
+    wildcard_constraints:
+        table="|".join(["", *(f"{table}/" for table in scenes.OF_TABLES)]),
+    conda:
+        "../../environment.yml"
+    params:
+        command=step.collect.command,
+        sources=step.collect.sources,
+    shell:
+        RUN
+
+
+rule tables:
+    input:
+        unpack(step.tables.inputs),
+    output:
+        report(
+            scene.table("{table}"),
+            caption="../report/tables.rst",
+            category="{scene}",
+            labels={"what": "{table}", "kind": "table"},
+        ),
+        tex=scene.table("{table}", "tex"),
+        provenance=scene.table("{table}", "provenance.json"),
+    log:
+        scene.log("{table}_table"),
+    benchmark:
+        scene.benchmark("{table}_table")
+    wildcard_constraints:
+        table="|".join(targets.tables(known=True)),
+    conda:
+        "../../environment.yml"
+    params:
+        command=step.tables.command,
+        sources=step.tables.sources,
+    shell:
+        RUN
+
+
+rule figures:
+    input:
+        unpack(step.figures.inputs),
+    output:
+        [
+            report(
+                scene.figure(figure),
+                caption=f"../report/{figure}.rst",
+                category="{scene}",
+                labels={"what": figure, "kind": "figure"},
+            )
+            for figure in targets.figures(experiment)
+        ],
+    log:
+        scene.log("figures"),
+    benchmark:
+        scene.benchmark("figures")
+    conda:
+        "../../environment.yml"
+    params:
+        command=step.figures.command,
+        sources=step.figures.sources,
+    shell:
+        RUN
