@@ -14,6 +14,7 @@ class Adjusted(base.Method):
     key, order = "adjust", 3
     beside = (*base.Method.beside, "align", "refine")
     annotation = bool
+    example = "adjust: true"
     field = keys.key(
         False,
         "it trains with cameras that bundle adjustment has corrected, beside methods "

@@ -80,6 +80,11 @@ class Method:
     goes_on = False
 
     @property
+    def example(self):
+        """YAML: the least that a config says of it, beside a method called `plain`."""
+        return f"{self.key}: {{}}" if self.key else "{}"
+
+    @property
     def annotation(self):
         return self.Keys | None
 

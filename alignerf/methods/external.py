@@ -113,6 +113,7 @@ class Other(rounds.Rounds):
     what = "another program trains and renders: in rounds, as ours are trained"
     beside = ("published", *rounds.KEYS)
     ours = False
+    example = "external: { train: 't {data}', render: 'r {renders}' }"
     folders = ("external.renders", "external.depth")
 
     def check(self, config, name):

@@ -19,6 +19,7 @@ class Renders(base.Method):
         pattern=r"\S",
     )
     trains = ours = False
+    example = "renders: renders/{scene}"
     folders = ("renders",)
 
     def check(self, config, name):

@@ -40,6 +40,7 @@ class Warm(rounds.Rounds):
     )
     goes_on = True
     jobs = (Job,)
+    example = "{ rounds: 1, warm_start: { from: plain } }"
 
     def check(self, config, name):
         """It goes on from round 0 of a method that trains the same model."""

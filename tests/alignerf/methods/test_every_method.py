@@ -1,0 +1,177 @@
+"""What holds for each method, registered here or by another package.
+
+A record that forgets one of these is found here, and by nobody else.
+"""
+
+import json
+
+import pytest
+import yaml
+
+from alignerf import config as config_command
+from alignerf import methods, testsets
+from alignerf.costs import plan as costs
+from alignerf.experiment import check, jobs, plan, sources, targets
+from alignerf.experiment.tables import pages, rows
+from alignerf.methods import align, base, refine
+
+FLOW, VIEWS = costs.Flow(1.0, 0.5, 1e5), costs.Views(16, 4, 30000, 40000, 150)
+RATES = costs.Rates(1.0, 5.0, 0.01, 10_000, 10**8)
+HERE = "results/courtyard"
+
+
+@pytest.fixture(autouse=True)
+def renders(tmp_path, monkeypatch):
+    """Finished renders lie where an example has them."""
+    (tmp_path / "renders/courtyard").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+
+
+def named(record):
+    return record.key or "plain"
+
+
+def experiment_with(demo, record, **changes):
+    """A plain method, and one of the record, `its`."""
+    its = yaml.safe_load(record.example) | changes
+    config = demo | {"methods": {"plain": {"rounds": 1}, "its": its}, "windows": None}
+    config |= {"preflight": True, "reference": {"method": "plain"}}
+    config = check.checked(config)
+    return plan.Experiment(config, lambda **_: True)
+
+
+def last(experiment):
+    """The training of the method's last round."""
+    return experiment.at("courtyard", "its", experiment.last_round("courtyard", "its"))
+
+
+def check_label(experiment):
+    label, moves = experiment.label("its"), experiment.moves("its")
+    assert label.strip() == label != ""
+    assert "\n" not in label
+    # Who reads a table has to know whose cameras a score is by.
+    if "cameras" in moves:
+        assert "cameras" in label
+    assert label != experiment.label("plain") or not experiment.moves("its", 0)
+
+
+def check_moves(experiment):
+    """Its training does what the record says; tables, export and page know it."""
+    moves = experiment.moves("its")
+    training = last(experiment)
+    assert targets.moves_cameras(training) == ("cameras" in moves)
+    assert bool(training.warped) == ("photos" in moves)
+    exports = [path for path in targets.exports(experiment) if "/its/" in path]
+    wanted = [f"{HERE}/its/export/{what}" for what in ("cameras", "photos")]
+    assert (wanted[0] in exports) == bool(moves)
+    assert (wanted[1] in exports) == ("photos" in moves)
+    if "cameras" in experiment.moves("its", 0):
+        cameras = f"{training.learnt}/cameras.npz"
+        assert pages.moved_cameras(experiment, "courtyard") == ("its", cameras)
+
+
+def check_test_set(experiment):
+    """Cameras that moved are scored by aligned poses, where these can be rendered."""
+    table = {(r.method, r.round): r for r in rows.of_scene(experiment, "courtyard")}
+    for round in range(experiment.last_round("courtyard", "its") + 1):
+        moves = experiment.moves("its", round)
+        if row := table.get(("its", round)):
+            assert (row.moves_cameras, row.moves_photos) == tuple(
+                what in moves for what in ("cameras", "photos")
+            )
+            known = {"standard", *["aligned_pose"] * ("aligned_pose" in row.files)}
+            # Another program's model cannot be asked for a view by another camera.
+            ours = "its" in experiment.names("ours")
+            fair = "aligned_pose" if ours and "cameras" in moves else "standard"
+            assert testsets.fairest(known, moves) == fair
+
+
+def check_cost(experiment):
+    """It takes time, and so does what it does in its loop."""
+    work = json.loads(costs.as_json(experiment, "courtyard"))
+    rates = {one["name"]: RATES for one in work["trainings"]}
+    tasks = costs.tasks_of(work, rates, FLOW, VIEWS, 2)
+    training = last(experiment)
+    first, *_ = tasks[training.folder]
+    assert first.kind == "train"
+    if training.job.ours:
+        job = jobs.parse(training.job.model_dump())
+        assert type(job) is type(training.job)
+        assert first.seconds >= RATES.start_s + job.steps * RATES.step_s
+        if job.part and methods.of_method(experiment.methods["its"]).in_loop:
+            plain, *_ = tasks["plain/round0"]
+            assert first.seconds > plain.seconds
+            assert first.peak_bytes > plain.peak_bytes
+
+
+def check_part(experiment):
+    """Its part of a training is there, and its code is what the training depends on."""
+    training = last(experiment)
+    for module in training.modules:
+        assert sources.file_of(module) in sources.reached(module)
+    if training.job.ours:
+        part = base.part_of(training.job)
+        assert isinstance(part, base.Part)
+        assert bool(training.job.moves) == (type(part) is not base.Part)
+
+
+def check_keys(record):
+    """Its keys are in the schema, with a meaning each."""
+    schema = yaml.safe_load(config_command.schema_text())["$defs"]
+    shown = schema["Method"]["properties"][record.key]
+    assert shown["description"].strip()
+    if record.Keys:
+        keys = schema[record.Keys.__name__]["properties"]
+        assert all(key["description"].strip() for key in keys.values())
+
+
+@pytest.mark.parametrize("record", methods.every(), ids=named)
+def test_a_method_is_known_everywhere(demo, record, root):
+    if record.key:
+        check_keys(record)
+        text = (root / "docs/reference/keys.md").read_text()
+        own = type(record).__module__.startswith("alignerf.")
+        assert f"| `{record.key}` |" in text or not own
+    experiment = experiment_with(demo, record)
+    assert methods.of_method(experiment.methods["its"]) is record
+    check_label(experiment)
+    check_test_set(experiment)
+    if not record.trains:
+        assert not experiment.moves("its")
+        assert ("its", 0) in experiment.scored("courtyard")
+        return
+    check_moves(experiment)
+    check_cost(experiment)
+    check_part(experiment)
+
+
+@pytest.mark.parametrize("changes", ["cameras", "cameras_then_photos"])
+@pytest.mark.parametrize("record", methods.every(), ids=named)
+def test_a_method_that_changes_cameras_in_rounds_is_too(demo, record, changes):
+    if "changes" not in record.beside:
+        return
+    rounds = {"rounds": 2} if "rounds" in record.beside else {}
+    if not rounds and changes != "cameras":
+        return
+    experiment = experiment_with(demo, record, changes=changes, **rounds)
+    check_label(experiment)
+    check_test_set(experiment)
+    check_moves(experiment)
+
+
+@pytest.mark.parametrize(
+    ("record", "forgets", "found_by"),
+    [
+        (refine.METHOD, "moves", check_moves),
+        (refine.METHOD, "words", check_label),
+        (refine.METHOD, "jobs", check_moves),
+        (align.METHOD, "moves", check_moves),
+        (align.METHOD, "jobs", check_moves),
+    ],
+)
+def test_one_that_forgets_is_found(demo, monkeypatch, record, forgets, found_by):
+    experiment = experiment_with(demo, record)
+    found_by(experiment)
+    monkeypatch.setattr(type(record), forgets, getattr(base.Method, forgets))
+    with pytest.raises((AssertionError, ValueError)):
+        found_by(experiment_with(demo, record))

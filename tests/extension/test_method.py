@@ -1,0 +1,77 @@
+"""A patch of one new file adds a method: all that holds for others holds for it."""
+
+import json
+
+import pytest
+
+COUNTED = """
+import json, pytest, yaml
+from alignerf import config, methods
+from alignerf.costs import plan as costs
+from alignerf.experiment import check, plan, sources, targets
+from alignerf.experiment.tables import rows
+
+def checked(its):
+    config = yaml.safe_load(open("workflow/config/demo.yaml"))
+    config["methods"] = {"plain": {}, "its": {"corrected": its}}
+    return check.checked(config | {"reference": {"method": "plain"}})
+
+def fault(its):
+    try:
+        checked(its)
+    except ValueError as error:
+        return str(error)
+
+experiment = plan.Experiment(checked({}), lambda **_: True)
+work = costs.of_scene(experiment, "courtyard")
+table = {row.method: row for row in rows.of_scene(experiment, "courtyard")}
+reached = {path.name for path in sources.reached("alignerf.train")}
+print(json.dumps({
+    "schema": yaml.safe_load(config.schema_text())["$defs"]["Settings"]["properties"],
+    "label": table["its"].description,
+    "moves": table["its"].moves_cameras,
+    "way": table["its"].way,
+    "faults": [fault({"share": 2}), fault({"first": 0.9}), fault({"shar": 0.3})],
+    "exports": [path for path in targets.exports(experiment) if "/its/" in path],
+    "work": [one for one in work["trainings"] if one["name"] == "its/round0"],
+    "reached": "corrected.py" in reached,
+}))
+"""
+EVERY = """
+import yaml
+from alignerf import methods
+from tests.alignerf.methods import test_every_method as every
+
+(record,) = (one for one in methods.every() if one.key == "corrected")
+demo = yaml.safe_load(open("workflow/config/demo.yaml"))
+experiment = every.experiment_with(demo, record)
+every.check_keys(record)
+for name in ("label", "moves", "test_set", "cost", "part"):
+    getattr(every, f"check_{name}")(experiment)
+"""
+
+
+@pytest.fixture(scope="module")
+def run(patched):
+    return patched("method.patch")
+
+
+def test_a_method_is_planned_costed_said_and_exported(run):
+    told = json.loads(run(COUNTED))
+    assert told["schema"].keys() == {"first", "share"}
+    assert told["label"] == "grid 2^15, cameras corrected once"
+    assert told["moves"]
+    assert told["way"] == ["plain/round0", "its/round0"]
+    assert told["exports"] == ["results/courtyard/its/export/cameras"]
+    (work,) = told["work"]
+    assert work["after"] == ["plain/round0"]
+    assert work["job"]["training"]["steps"] == 1000
+    assert told["reached"]
+    share, first, unknown = told["faults"]
+    assert share.startswith("config: methods.its.corrected.share: 2 should be less")
+    assert first.startswith("config: methods.its.corrected.first: less than share")
+    assert unknown.endswith("perhaps 'share'")
+
+
+def test_what_holds_for_every_method_holds_for_it(run):
+    run(EVERY)
