@@ -163,7 +163,7 @@ def test_the_flow_reaches_the_commands_tools_only_and_no_jax():
 def test_the_packages_are_kept_apart():
     """Both meet in a process only where flow puts something right, and on the page."""
     meeting = ("alignerf.correct_poses", "alignerf.align_test_poses")
-    meeting += ("alignerf.page.layers",)
+    meeting += ("alignerf.page.photos",)
     for name in MODULES:
         met = name.startswith(("alignerf.alignment.", "alignerf.exports."))
         apart = not met and name not in meeting

@@ -12,16 +12,7 @@ import jinja2
 
 from alignerf.experiment.tables import json_rows, rows
 from alignerf.files import atomic, faults, provenance
-from alignerf.page import (
-    closer,
-    contents,
-    decided,
-    layers,
-    photos,
-    pictures,
-    rig,
-    told,
-)
+from alignerf.page import contents, photos, pictures, rig, told
 
 HERE = Path(__file__).resolve().parent
 
@@ -51,7 +42,7 @@ def render(folder, *, rounds, base, others=None, windows=NOTHING, moved=NOTHING[
     rounds: (renders, flow), folders of the reference's test views round by round;
     others: {method: its (renders, flow)}; base: folder of the reference's round 0, with
     renders of training views too, if there are any. windows: of
-    `closer.read`. moved: who put cameras right, and their cameras.npz.
+    `photos.crops`. moved: who put cameras right, and their cameras.npz.
     """
     folder, base = Path(folder), Path(base)
     scene, verdict = faults.resolved(folder).name, told.read(folder)
@@ -60,13 +51,13 @@ def render(folder, *, rounds, base, others=None, windows=NOTHING, moved=NOTHING[
         # What is taken from pairs that are none helps nobody.
         export = None
     limit_px = pictures.limit_of(verdict["evidence"])
-    decisions, taken = decided.decisions(folder)
+    decisions, taken = contents.decisions(folder)
     return template().render(
         scene=scene,
         verdict=verdict,
         facts=facts,
         summary=told.summary(scene, verdict, facts, export),
-        wheel=pictures.data_uri(layers.wheel(limit_px)),
+        wheel=pictures.data_uri(photos.wheel(limit_px)),
         mark=told.MARK,
         tables=contents.tables(folder),
         figures=figures(folder),
@@ -91,7 +82,7 @@ def seen(folder, rounds, others, base, limit_px, verdict, windows, moved):
         "layers": list(dict.fromkeys(name for one in every for name in one.layers)),
         "after": after,
         "opening": photos.opening(every, after) if every else None,
-        "windows": closer.read(*windows, every),
+        "windows": photos.crops(*windows, every),
         "rig": rig.told(folder, turns, moved[1]),
     }
     return {
@@ -100,7 +91,7 @@ def seen(folder, rounds, others, base, limit_px, verdict, windows, moved):
         "strip": photos.strip(entries, limit_px * photo_px),
         "limit_px": limit_px,
         "photo_px": photo_px,
-        "full_px": layers.FULL_PX,
+        "full_px": photos.FULL_PX,
         "moved_by": moved[0],
         "size_of": "renders" if verdict["evidence"].get("judged") else "training size",
         "data": data,

@@ -1,4 +1,4 @@
-"""What stands on the page: facts, tables, costs, downloads.
+"""What stands on the page: facts, decisions, tables, costs, downloads.
 
 A *table* here is {name, note, columns, rows}: texts to show, and beside each what it is
 sorted by.
@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from alignerf.files import csv_files, json_files
+from alignerf.experiment import decisions as decided
+from alignerf.files import csv_files, json_files, yaml_files
 from alignerf.scenes import prepared
 from alignerf.scenes.judged import geometry
 from alignerf.tables import columns, scores
@@ -203,3 +204,35 @@ def facts_of_judged(poses, judged):
         ("they show the photos", taken),
         ("cameras", str(judged.get("cameras"))),
     ]
+
+
+def decisions(folder):
+    """(rows of key, default, value, reason, in force; whether any is in force).
+
+    None where nothing was trained.
+    """
+    if not (folder / "decisions.json").is_file():
+        return [], False
+    open_keys = left_open(folder / "config.yaml")
+    if json_files.read(folder / "poses.json").get("downscale_decided"):
+        open_keys.add("downscale")
+    rows = [
+        decision._asdict() | {"taken": key.rpartition(".")[2] in open_keys}
+        for key, decision in decided.read(folder / "decisions.json").items()
+    ]
+    return rows, any(row["taken"] for row in rows)
+
+
+def left_open(path):
+    """Keys that a complete config leaves to facts; ValueError where it is none."""
+    config = yaml_files.read(path)
+    try:
+        models = config["models"].values()
+        lists = [model.get("decided", []) for model in models]
+        lists.append(config["training"]["decided"])
+        keys = [key for one in lists for key in one]
+    except (AttributeError, KeyError, TypeError):
+        keys = [None]
+    if not all(isinstance(key, str) for key in keys):
+        raise ValueError(f"{path}: not a complete config: models, training, decided")
+    return set(keys)

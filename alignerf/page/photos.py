@@ -1,26 +1,189 @@
-"""Every photo of a scene on the page: its numbers, its images, its place in a strip."""
+"""Every photo of a scene on the page: numbers, layers, crops at its own size.
+
+Notation: images [h, w, 3] uint8 RGB; flow_px [h, w, 2] from a render to its photo, in
+pixels of the training size, `valid` [h, w] where it holds.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import csv_files, json_files, machine
-from alignerf.page import contents, layers, pictures
-from alignerf.verdict import views
+from alignerf.files import archives, csv_files, images, json_files, machine
+from alignerf.metrics import image as image_metrics
+from alignerf.page import contents, pictures
+from alignerf.scenes import prepared
+from alignerf.verdict import views as of_views
+from flow.figures import colour_wheel
 
+# The same for all scenes, so that one that is aligned looks so.
+FULL_PX = 4.0
+# Arrows of the flow across a picture, and how long one is at most.
+ARROWS, LONGEST_PX = 16, 1e4
+WHEEL_PX = 160
 # Of the strip, in units of its drawing.
 STRIP_HEIGHT = 100
 # A length is `low` up to its limit, `high` beyond so many limits.
 HIGH = 3.0
+# Of crops at the photos' own size, in folders of trainings on them.
+CROPS_QUALITY = 90
+CROPS_BYTES = 1_500_000
+
+
+class Source(NamedTuple):
+    """Where the layers of a split's views lie."""
+
+    split: str
+    # (folder of renders, folder of flow), round by round.
+    rounds: list
+    warped: Path | None
+    truth: Path | None = None
+    # {method: the same two folders} of methods beside the rounds.
+    others: dict | None = None
+    # The method of the rounds.
+    method: str = ""
+
+
+class Shown(NamedTuple):
+    """A photo on the page.
+
+    turns: quarter turns, clockwise, that make it stand upright. layers: {name: what
+    reads it}. renders: {name: whose it is, in words}; flow: the archive of the first.
+    """
+
+    row: of_views.View
+    turns: int
+    layers: dict[str, Callable[[], np.ndarray]]
+    renders: dict[str, str]
+    flow: Path
+
+    @property
+    def key(self):
+        """What the page calls it: two splits may share a name."""
+        return f"{self.row.split}/{self.row.view}"
+
+
+def of_view(row, source: Source, photos, limit_px, turns=0):
+    """`Shown` of a photo; layers that its split lacks are left out."""
+    name = row.view
+
+    def image(folder):
+        return lambda: np.rot90(images.read(Path(folder) / f"{name}.png"), -turns)
+
+    def flow(folder):
+        path = Path(folder) / f"{name}.npz"
+        return lambda: coloured(*read_flow(path, turns), limit_px)
+
+    layers, renders = {"photo": image(photos)}, {}
+    for after, words, (render, shift) in of_rounds(source):
+        layers[f"render{after}"] = image(render)
+        layers[f"flow{after}"] = flow(shift)
+        renders[f"render{after}"] = words
+    if source.warped is not None:
+        layers["warped photo"] = image(source.warped)
+    if source.truth is not None:
+        layers["truth"] = image(source.truth)
+    first = Path(source.rounds[0][1]) / f"{name}.npz"
+    return Shown(row, turns, layers, renders, first)
+
+
+def of_rounds(source: Source):
+    """(what follows a layer's name, whose it is, its two folders): the first, the last.
+
+    And after these, methods beside the rounds.
+    """
+    last = len(source.rounds) - 1
+    repaired = bool(last > 0 or source.others)
+    words = f"by {source.method}" + ", before any repair" * repaired
+    found = [("", words, source.rounds[0])]
+    if last > 0:
+        words = f"by {source.method} after round {last}"
+        found.append((f" after round {last}", words, source.rounds[last]))
+    for name, folders in (source.others or {}).items():
+        found.append((f", {name}", f"by {name}, which aligns on the way", folders))
+    return found
+
+
+def read_flow(path, turns=0):
+    """(flow_px [h, w, 2], valid [h, w]), upright."""
+    data = archives.read(path, ("flow_px", "valid"))
+    return turned(data["flow_px"], turns), np.rot90(data["valid"], -turns)
+
+
+def turned(flow_px, turns):
+    """A flow [h, w, 2] after quarter turns of its image: right becomes down."""
+    for _ in range(turns):
+        flow_px = np.rot90(flow_px, -1)
+        flow_px = np.stack([-flow_px[..., 1], flow_px[..., 0]], axis=-1)
+    return flow_px
+
+
+def coloured(flow_px, valid, limit_px):
+    """A flow's colours [h, w, 3] at the fixed scale, fading under the limit."""
+    faded = colour_wheel.faded(flow_px, limit_px)
+    return colour_wheel.encode(faded, scale_px=FULL_PX, valid=valid)
+
+
+def wheel(limit_px):
+    """The wheel [WHEEL_PX, WHEEL_PX, 3] that says what the colours mean."""
+    return colour_wheel.legend(WHEEL_PX, scale_px=FULL_PX, least_px=limit_px)
+
+
+def arrows(shown: Shown):
+    """Arrows of the first flow: {size: [w, h], step, tips: [[dx, dy] or None]}.
+
+    Medians in tenths of a pixel over squares of `step` px, row by row from the top;
+    None where less than half of a square is valid.
+    """
+    flow_px, valid = read_flow(shown.flow, shown.turns)
+    h, w = valid.shape
+    step = max(-(-w // ARROWS), 1)
+    tips = []
+    for top in range(0, h, step):
+        for left in range(0, w, step):
+            part = slice(top, top + step), slice(left, left + step)
+            holds = valid[part] & np.isfinite(flow_px[part]).all(axis=-1)
+            if 2 * holds.sum() < holds.size:
+                tips.append(None)
+            else:
+                tip = np.median(flow_px[part][holds], axis=0)
+                tip = np.clip(tip, -LONGEST_PX, LONGEST_PX)
+                tips.append(np.round(10 * tip).astype(int).tolist())
+    return {"size": [w, h], "step": step, "tips": tips}
+
+
+def captions(shown: Shown, photo_px):
+    """{layer: what it shows, in words}, with the shift and the fine detail.
+
+    photo_px: pixels of the photo in one of the training's.
+    """
+    row = shown.row
+    how = "held out of the training" if row.split == "test" else "trained on"
+    said = {"photo": f"photo as taken, {how}", "warped photo": "photo, warped onto it"}
+    said["truth"] = "what the photo would show without any misalignment"
+    detail = image_metrics.detail(shown.layers["photo"]())
+    for place, (name, whose) in enumerate(shown.renders.items()):
+        share = image_metrics.detail(shown.layers[name]()) / max(detail, 1e-6)
+        parts = [f"render {whose}", f"{100 * share:.0f} % of the photo's fine detail"]
+        if not place and np.isfinite(row.flow_px):
+            parts.insert(1, f"{photo_px * row.flow_px:.1f} px from the photo")
+        said[name] = ", ".join(parts)
+        said["flow" + name.removeprefix("render")] = (
+            f"flow from the {name} to the photo"
+        )
+    return {name: said[name] for name in shown.layers}
 
 
 def shown(folder, rounds, others, base, limit_px):
-    """`layers.Shown` of each photo that has a render, the worst first.
+    """`Shown` of each photo that has a render, the worst first.
 
     rounds, others, base: as of `page.render`. limit_px: under which colours fade.
     """
     turns = contents.quarter_turns(folder)
     sources = sources_of(folder, rounds, others, base)
     return [
-        layers.of_view(
+        of_view(
             row, sources[row.split], folder / "images", limit_px, turns.get(row.view, 0)
         )
         for row in pictures.in_order(scored(folder, sources))
@@ -28,9 +191,9 @@ def shown(folder, rounds, others, base, limit_px):
 
 
 def scored(folder, splits):
-    """`views.View`s of views.csv. ValueError for a split that was not rendered."""
+    """`of_views.View`s of views.csv. ValueError for a split that was not rendered."""
     path = folder / "tables" / "views.csv"
-    table = csv_files.read(path, columns=views.COLUMNS)
+    table = csv_files.read(path, columns=of_views.COLUMNS)
     for row in table.itertuples():
         if not isinstance(row.view, str):
             raise ValueError(f"{path}: a view without a name")
@@ -40,15 +203,17 @@ def scored(folder, splits):
     # Empty where a view does not, which is read as a number where none does.
     reasons = [why if isinstance(why, str) else "" for why in table["stands_out"]]
     table["stands_out"] = np.array(reasons, object)
-    return [views.View(**row) for row in table[list(views.COLUMNS)].to_dict("records")]
+    return [
+        of_views.View(**row) for row in table[list(of_views.COLUMNS)].to_dict("records")
+    ]
 
 
 def sources_of(folder, rounds, others, base):
-    """{split: `layers.Source`} of the splits whose views were rendered."""
+    """{split: `Source`} of the splits whose views were rendered."""
     method, truth = base.parent.name, folder / "images" / "truth" / "oracle"
     found = {}
     if rounds:
-        found["test"] = layers.Source(
+        found["test"] = Source(
             "test",
             rounds,
             base / "warped" / "test",
@@ -58,7 +223,7 @@ def sources_of(folder, rounds, others, base):
         )
     if (base / "renders" / "train").is_dir():
         first = [(base / "renders" / "train", base / "flow" / "train")]
-        found["train"] = layers.Source(
+        found["train"] = Source(
             "train", first, base / "warped" / "train", method=method
         )
     return found
@@ -77,7 +242,7 @@ def scale(folder):
 def entries(every, limit_px, photo_px):
     """A mapping of each photo for the page and its scripts; lengths in px of the photo.
 
-    every: `layers.Shown`s. limit_px: in px of the training.
+    every: `Shown`s. limit_px: in px of the training.
     """
 
     def entry(one):
@@ -88,8 +253,8 @@ def entries(every, limit_px, photo_px):
             "px": length(photo_px * one.row.flow_px),
             "level": level(one.row.flow_px, limit_px),
             "why": one.row.stands_out,
-            "captions": layers.captions(one, photo_px),
-            "arrows": layers.arrows(one),
+            "captions": captions(one, photo_px),
+            "arrows": arrows(one),
         }
 
     return list(machine.map_in_threads(entry, every))
@@ -125,7 +290,7 @@ def strip(photos, limit_px):
 def afters(every, tried):
     """Layers of renders after a repair, the one that gained most first.
 
-    every: `layers.Shown`s. tried: the verdict's; without them, the last is first.
+    every: `Shown`s. tried: the verdict's; without them, the last is first.
     """
     names = dict.fromkeys(name for one in every for name in list(one.renders)[1:])
     gained = {f"render, {t.get('method')}": t.get("db") or 0.0 for t in tried}
@@ -142,3 +307,67 @@ def opening(every, after):
         if after and after[0] in one.layers:
             return {"key": one.key, "left": "render", "right": after[0]}
     return {"key": every[0].key, "left": "photo", "right": "render"}
+
+
+def crops(given, corrected, by, shown):
+    """{view: [{layers: {name: data URI}, offset_px}]} of the photos' windows.
+
+    given, corrected: folders results/SCENE/METHOD/round0 of trainings with the cameras
+    as given and as the method `by` has put them right; None where there is none.
+    offset_px: where a window's render by the second lies from the first, x first; left
+    out without it. Photos at the end of `shown` have none where they do not fit.
+    """
+    if not given:
+        return {}
+    before, after = (
+        crops_of_folder(given),
+        crops_of_folder(corrected) if corrected else {},
+    )
+    found, size = {}, 0
+    for one in shown:
+        for name in windows_of(one, before):
+            entry = crop(before[name], after.get(name), by, one.turns)
+            size += sum(map(pictures.size_of, entry["layers"].values()))
+            if size > CROPS_BYTES:
+                return found
+            found.setdefault(one.key, []).append(entry)
+    return found
+
+
+def windows_of(one, before):
+    """Names of a photo's windows, in order."""
+    return sorted(name for name in before if name.rpartition("_w")[0] == one.row.view)
+
+
+def crops_of_folder(base):
+    """{window: (its photo, its render, its corner in px)} of a training."""
+    base = Path(base)
+    scene = prepared.load(base.parents[1])
+    middles = np.linalg.inv(scene.pixtocams)[:, :2, 2]
+    found = {}
+    for view, name in enumerate(scene.names):
+        render = base / "renders" / str(scene.split[view]) / f"{name}.png"
+        photo = scene.folder / "images" / f"{name}.png"
+        if render.is_file():
+            # A corner further to the right has the principal point further left.
+            found[name] = photo, render, -middles[view]
+    return found
+
+
+def crop(before, after, by, turns):
+    """A window's images as data URIs, and the offset of the last."""
+
+    def uri(path):
+        return pictures.data_uri(
+            np.rot90(images.read(path), -turns), None, CROPS_QUALITY
+        )
+
+    layers = {"photo": uri(before[0]), "render": uri(before[1])}
+    entry = {"layers": layers}
+    if after is not None:
+        layers[f"render, {by}"] = uri(after[1])
+        moved = np.round(after[2] - before[2]).astype(int)
+        for _ in range(turns):
+            moved = np.array([-moved[1], moved[0]])
+        entry["offset_px"] = moved.tolist()
+    return entry

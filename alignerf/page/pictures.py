@@ -41,7 +41,7 @@ def limit_of(evidence):
 
 
 def fitted(shown):
-    """{view: {layer: data URI}} of `layers.Shown`, as large as the page has space.
+    """{view: {layer: data URI}} of `photos.Shown`, as large as the page has space.
 
     Where even the smallest images are too many, photos at the end have none.
     """

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from alignerf.causes import camera, motion, shift, training
-from alignerf.page import layers
+from alignerf.page import photos
 
 # An answer to how long the demo takes, as README gives it.
 COST = re.compile(r"\d+ to\s+\d+\s+min")
@@ -97,7 +97,7 @@ def test_the_picture_of_the_page_is_of_the_run_in_the_tables(root, page_of):
 
 def test_pages_say_the_scale_of_the_flow_and_that_figures_have_their_own(page_of):
     text = page_of("docs/reference/files.md")
-    assert f"full colour is {layers.FULL_PX:g} px" in text
+    assert f"full colour is {photos.FULL_PX:g} px" in text
     assert "rim of their colour wheel" in text
     assert f"{shift.ALIGNED_PX:g} px, or what the estimator finds" in text
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.page import contents, decided
+from alignerf.page import contents
 from alignerf.tables import columns
 from alignerf.tables.columns import Column
 
@@ -67,13 +67,13 @@ def test_one_table_says_that_the_model_s_part_is_taken_off_and_not_in_the_other(
 
 
 def test_a_decision_that_the_config_leaves_open_is_taken(results):
-    rows, taken = decided.decisions(results)
+    rows, taken = contents.decisions(results)
     assert taken
     assert [row["taken"] for row in rows] == [True]
     (results / "config.yaml").write_text(
         "models: {base: {decided: []}}\ntraining: {decided: []}\n"
     )
-    rows, taken = decided.decisions(results)
+    rows, taken = contents.decisions(results)
     assert not taken
     assert [row["taken"] for row in rows] == [False]
 

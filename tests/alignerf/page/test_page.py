@@ -10,7 +10,7 @@ import pytest
 
 from alignerf.files import images
 from alignerf.page import __main__ as page
-from alignerf.page import closer, pictures
+from alignerf.page import photos, pictures
 
 
 class Parser(html.parser.HTMLParser):
@@ -225,7 +225,7 @@ def test_renders_that_are_judged_have_no_before_and_no_tables(results):
 
 
 def test_all_parts_together_leave_the_page_under_15_mb():
-    parts = (pictures.MOST_BYTES, pictures.MOST_THUMB_BYTES, closer.MOST_BYTES)
+    parts = (pictures.MOST_BYTES, pictures.MOST_THUMB_BYTES, photos.CROPS_BYTES)
     as_text = 4 / 3 * sum(parts)
     # What is left is for tables, figures, arrows and scripts.
     assert as_text < 13.5e6

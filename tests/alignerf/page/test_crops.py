@@ -6,7 +6,7 @@ import io
 import numpy as np
 from PIL import Image
 
-from alignerf.page import closer, photos, pictures
+from alignerf.page import photos, pictures
 
 
 def shown(results):
@@ -23,7 +23,7 @@ def decoded(uri):
 def test_windows_are_of_their_photos_and_the_corrected_ones_lie_beside(
     results, windows
 ):
-    found = closer.read(*windows, shown(results))
+    found = photos.crops(*windows, shown(results))
     assert {key: len(entries) for key, entries in found.items()} == {
         "train/05": 2,
         "test/01": 1,
@@ -38,23 +38,23 @@ def test_windows_are_of_their_photos_and_the_corrected_ones_lie_beside(
 def test_offsets_turn_with_the_photo(results, windows):
     every = [one._replace(turns=1) for one in shown(results)]
     # Right becomes down.
-    assert closer.read(*windows, every)["test/01"][0]["offset_px"] == [1, 2]
+    assert photos.crops(*windows, every)["test/01"][0]["offset_px"] == [1, 2]
 
 
 def test_without_corrected_windows_there_is_no_after(results, windows):
-    (entry,) = closer.read(windows[0], None, None, shown(results))["test/01"]
+    (entry,) = photos.crops(windows[0], None, None, shown(results))["test/01"]
     assert list(entry["layers"]) == ["photo", "render"]
     assert "offset_px" not in entry
-    assert closer.read(None, None, None, shown(results)) == {}
+    assert photos.crops(None, None, None, shown(results)) == {}
 
 
 def test_what_does_not_fit_is_left_out_from_the_end(results, windows, monkeypatch):
     every = shown(results)
-    first = closer.read(*windows, every[:1])
+    first = photos.crops(*windows, every[:1])
     size = sum(
         pictures.size_of(uri)
         for entry in first[every[0].key]
         for uri in entry["layers"].values()
     )
-    monkeypatch.setattr(closer, "MOST_BYTES", size)
-    assert list(closer.read(*windows, every)) == [every[0].key]
+    monkeypatch.setattr(photos, "CROPS_BYTES", size)
+    assert list(photos.crops(*windows, every)) == [every[0].key]
