@@ -7,16 +7,13 @@ costs) and views.csv (every photo, and why it stands out); prints the verdict.
 import argparse
 import json
 import math
-from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
 from alignerf import causes
 from alignerf.causes import remedies
-from alignerf.files import atomic, faults, json_files
-from alignerf.metrics import pairs
-from alignerf.scenes import prepared
+from alignerf.files import atomic, faults
 from alignerf.verdict import evidence, gains, report, views
 
 OPTIONS = {
@@ -38,26 +35,14 @@ REQUIRED = ("scene", "base", "out", "views")
 def main(argv=None):
     args = parse(argv)
     scene, base = Path(args.scene), Path(args.base)
-    loaded = prepared.load(scene)
-    poses = json_files.read(scene / "poses.json", evidence.POSES)
-    timing = json_files.read(base / "timing.json", evidence.TIMING)
-    look = None
-    if timing["rays_seen"] is None:
-        # Another program's: its black borders may be all of what a photo shows.
-        told = poses.get("judged")
-        look = partial(pairs.look, whole=bool(told and not told.get("transparent")))
-    seen = evidence.read_views(loaded, base, look)
-    known = evidence.gather(
-        loaded,
-        seen,
-        evidence.read_pattern(loaded, base),
-        poses=poses,
-        timing=timing,
+    known, rows = evidence.read(
+        scene,
+        base,
         overfit=args.overfit,
         windows=(args.windows, args.windows_corrected),
         before=args.before,
     )
-    brought, rows = [], seen[0]
+    brought = []
     if args.misalignment:
         judged = gains.judgements(scene, json.loads(args.corrected or "{}"))
         timings = json.loads(args.aligned or "{}")

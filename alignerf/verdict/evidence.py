@@ -102,8 +102,8 @@ def moved_share(base, split, name, camera_px):
     return float((data["moved"] & far & valid).sum() / max(valid.sum(), 1))
 
 
-def read_pattern(loaded: prepared.Scene, base) -> lens.Pattern:
-    """The pattern of the training views' flows; of the test views' without these."""
+def lens_of(loaded: prepared.Scene, base):
+    """What the flows of training views have in common; of test views without these."""
     split = "train" if (base / "flow" / "train").is_dir() else "test"
     chosen = loaded.views(split)
     places = np.linspace(0, len(chosen) - 1, min(MOST_PATTERN_VIEWS, len(chosen)))
@@ -111,45 +111,63 @@ def read_pattern(loaded: prepared.Scene, base) -> lens.Pattern:
     for view in chosen[places.round().astype(int)]:
         flow_px, valid = read_flow(base, split, loaded.names[view])
         flows.append(np.where(valid[..., None], flow_px, np.nan))
-    return lens.of_flows(flows)
+    shared = lens.of_flows(flows)
+    shift, error = np.array(shared.shift_px), np.array(shared.shift_error_px)
+    bend = abs(shared.distortion_px)
+    return {
+        "shift_px": float(np.hypot(*shift)),
+        "shift_errors": float(np.max(np.abs(shift) / np.maximum(error, 1e-3))),
+        "distortion_px": bend,
+        "distortion_errors": bend / max(shared.distortion_error_px, 1e-3),
+    }
 
 
-def gather(
-    loaded,
-    seen,
-    shared: lens.Pattern,
-    *,
-    poses,
-    timing,
-    overfit=None,
-    windows=(None, None),
-    before=None,
-) -> causes.Evidence:
-    """The evidence of a scene's views.
-
-    seen: of `read_views`. poses, timing: contents of poses.json and of the reference's
-    timing.json. overfit: CSV of the flow invented between images that belong to one
-    another, or None. windows: the two folders of `read_windows`. before: verdict.json
-    of a judgement before this one, or None. Renders of another program may lack the
-    views of a split.
-    """
-    rows, looked, shared_ev = seen
-    checked = pairs.check(
-        looked, [v.view for v in rows if v.split == "train"] or list(looked)
-    )
-    # Pairs that are none are left out, unless there are too many of them.
-    bad = () if checked.stops else checked.faults
-    frame = pd.DataFrame([v for v in rows if v.view not in bad], columns=views.COLUMNS)
+def sums_of(rows):
+    """What the views of a scene come to; renders may lack the views of a split."""
+    frame = pd.DataFrame(rows, columns=views.COLUMNS)
     train, test = (frame[frame["split"] == split] for split in prepared.SPLITS)
     # Where training views were not rendered, test views have to tell.
     main = train if len(train) else test
-    train_views, test_views = (int((loaded.split == s).sum()) for s in prepared.SPLITS)
-    pixels = max(train_views, 1) * loaded.width * loaded.height
-    photo_px = poses["photo_width"] / poses["width"]
     detail = main["detail_ratio"].median()
-    shift, error = np.array(shared.shift_px), np.array(shared.shift_error_px)
-    bend = abs(shared.distortion_px)
-    return causes.Evidence(
+    exposures = [own["exposure_ev"].to_numpy() for own in (train, test) if len(own)]
+    return {
+        "flow_train_px": median(train["flow_px"]),
+        "flow_test_px": median(test["flow_px"]),
+        "camera_px": median(main["camera_px"]),
+        "remainder_px": median(main["remainder_px"]),
+        "moved_share": median(main["moved_share"]),
+        "psnr_train_db": mean(train["even_psnr_db"]),
+        "psnr_test_db": mean(test["even_psnr_db"]),
+        "detail_median": float(detail),
+        "blurred_share": mean(main["detail_ratio"] < blur.BLURRED_DETAIL * detail),
+        # Renders of training views have learnt some of their photos' brightness.
+        "exposure_ev": max(float(own.std()) for own in exposures),
+    }
+
+
+def read(scene, base, *, overfit=None, windows=(None, None), before=None):
+    """(`base.Evidence`, a `views.View` of each view) of a scene.
+
+    base: the reference's round 0. overfit: CSV of the flow invented between images that
+    belong to one another, or None. windows: the two folders of `read_windows`. before:
+    verdict.json of a judgement before this one, or None.
+    """
+    loaded = prepared.load(scene)
+    poses = json_files.read(scene / "poses.json", POSES)
+    rays_seen = json_files.read(base / "timing.json", TIMING)["rays_seen"]
+    look = None
+    if rays_seen is None:
+        # Another program's: its black borders may be all of what a photo shows.
+        told = poses.get("judged")
+        look = partial(pairs.look, whole=bool(told and not told.get("transparent")))
+    rows, looked, shared_ev = read_views(loaded, base, look)
+    main = [row.view for row in rows if row.split == "train"] or list(looked)
+    checked = pairs.check(looked, main)
+    # Pairs that are none are left out, unless there are too many of them.
+    bad = () if checked.stops else checked.faults
+    train_views, test_views = (int((loaded.split == s).sum()) for s in prepared.SPLITS)
+    photo_px = poses["photo_width"] / poses["width"]
+    known = causes.Evidence(
         train_views=train_views,
         test_views=test_views,
         registered=poses["registered"],
@@ -157,28 +175,9 @@ def gather(
         total=poses["total"] if poses["poses"] == "colmap" else poses["registered"],
         photo_px=photo_px,
         reprojection_px=number(poses["mean_reprojection_error_px"]) / photo_px,
-        flow_train_px=median(train["flow_px"]),
-        flow_test_px=median(test["flow_px"]),
-        camera_px=median(main["camera_px"]),
-        remainder_px=median(main["remainder_px"]),
-        moved_share=median(main["moved_share"]),
-        psnr_train_db=mean(train["even_psnr_db"]),
-        psnr_test_db=mean(test["even_psnr_db"]),
         overfit_px=float(table(overfit)["median_px"].median()) if overfit else math.nan,
-        passes=number(timing["rays_seen"]) / pixels,
-        detail_median=float(detail),
-        blurred_share=mean(main["detail_ratio"] < blur.BLURRED_DETAIL * detail),
-        # Renders of training views have learnt some of their photos' brightness.
-        exposure_ev=max(
-            float(own["exposure_ev"].to_numpy().std())
-            for own in (train, test)
-            if len(own)
-        ),
+        passes=number(rays_seen) / (max(train_views, 1) * loaded.width * loaded.height),
         shared_ev=shared_ev,
-        shift_px=float(np.hypot(*shift)),
-        shift_errors=float(np.max(np.abs(shift) / np.maximum(error, 1e-3))),
-        distortion_px=bend,
-        distortion_errors=bend / max(shared.distortion_error_px, 1e-3),
         # Of windows, that of the photos which they are cut from.
         photo_width_px=float(poses.get("photo_size", [poses["photo_width"]])[0]),
         poses_given=poses["poses"] in INPUT,
@@ -187,7 +186,10 @@ def gather(
         judged=read_judged(poses, before),
         matches=of_matches(poses),
         pairs=checked,
+        **sums_of([row for row in rows if row.view not in bad]),
+        **lens_of(loaded, base),
     )
+    return known, rows
 
 
 def of_matches(poses):
@@ -212,7 +214,7 @@ def read_judged(poses, before=None):
 
     before: path of the verdict.json of a judgement before this one, or None.
     """
-    if (told := poses.get("judged")) is None:
+    if not isinstance(told := poses.get("judged"), dict):
         return None
     known = {key: told.get(key) for key in causes.Judged._fields}
     return causes.Judged(**known | {"before": before and read_before(Path(before))})
