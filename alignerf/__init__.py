@@ -25,4 +25,3 @@ from alignerf.files.environment import switches
 
 # Before anything imports JAX.
 switches.settle()
-switches.watch()

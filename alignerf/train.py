@@ -19,7 +19,7 @@ import jax
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.costs import summary
 from alignerf.experiment import decisions, jobs
-from alignerf.files import archives, atomic, faults, machine
+from alignerf.files import atomic, faults, machine
 from alignerf.kernels import calls
 from alignerf.methods import base
 from alignerf.processes import consensus, devices
@@ -116,7 +116,7 @@ def train(job, args):
     consensus.check_same(kernels, "training.kernels")
     loaded = prepared.load(args.scene, args.cameras)
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
-    check_inputs(job, loaded, chosen, photos, args.valid)
+    check_inputs(job, loaded, chosen, photos)
     compared = to_truth(loaded, args.truth) if args.truth else None
     method, part = compose.make_method(job, loaded), base.part_of(job)
     params = initial_params(job, method, args.initial)
@@ -152,8 +152,8 @@ def train(job, args):
     return timing
 
 
-def check_inputs(job, loaded: prepared.Scene, chosen, photos, valid):
-    """ValueError naming a photo or mask that cannot be learnt from, by its head."""
+def check_inputs(job, loaded: prepared.Scene, chosen, photos):
+    """ValueError naming a photo that cannot be learnt from, by its head."""
     smallest = min(loaded.width, loaded.height)
     if job.stage == "finetune" and job.alignerf.patch_px > smallest:
         raise ValueError(
@@ -161,8 +161,6 @@ def check_inputs(job, loaded: prepared.Scene, chosen, photos, valid):
             f"of {loaded.width}x{loaded.height}"
         )
     prepared.check_images(loaded, chosen, photos)
-    for view in chosen if valid else ():
-        archives.check(f"{valid}/{loaded.names[view]}.npz", ["valid"])
 
 
 def checked_bytes(shapes, aligner, photos):

@@ -287,7 +287,7 @@ READERS = {
     "alignerf.files.csv_files": {"pandas.read_csv"},
     "alignerf.files.images": {"PIL.Image.open"},
     "alignerf.files.json_files": {"json.loads"},
-    "alignerf.files.yaml_files": {"yaml.compose"},
+    "alignerf.files.yaml_files": {"yaml.load"},
     # Lines of a head that is looked at first.
     "alignerf.scenes.judged.ply": {"numpy.loadtxt"},
     "alignerf.networks.torch_files": {"zipfile.ZipFile"},

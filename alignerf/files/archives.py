@@ -18,36 +18,16 @@ MOST_BYTES = 2**31
 MOST_HEAD_BYTES = 10_000
 # Of a map that another program has written: 8192 x 8192 pixels.
 MOST_VALUES = 2**26
-# Kinds of numbers, and sides, of the arrays that stages exchange; `n`, `h` and `w` may
-# be any. Others are checked by who reads them.
-LAYOUTS = {
-    **dict.fromkeys(("flow_px", "camera_px", "remainder_px", "model_px"), ("f", "hw2")),
-    "offsets_px": ("f", "rc2"),
-    "shrink": ("iu", ""),
-    **dict.fromkeys(("depth", "depth_m"), ("f", "hw")),
-    **dict.fromkeys(("valid", "moved", "moving"), ("b", "hw")),
-    "pixtocams": ("f", "n33"),
-    "camtoworlds": ("f", "n34"),
-    **dict.fromkeys(("names", "split"), ("U", "n")),
-    **dict.fromkeys(("width", "height"), ("iu", "")),
-    "points": ("f", "n3"),
-    "colours": ("u", "n3"),
-    "bounds": ("f", "n2"),
-}
-KINDS = {"f": "floating numbers", "b": "truth values", "U": "text", "i": "integers"}
-KINDS["u"] = "unsigned integers"
 
 
 def read(path, names):
     """{name: array} of these arrays of an .npz; never unpickles.
 
     Raises ValueError where the file is missing, no whole .npz, or lacks one, and where
-    one is too large, or not of its LAYOUTS, or arrays do not fit each other.
+    one is too large.
     """
     with _opened(path, names) as archive:
-        arrays = {name: read_member(archive, name) for name in names}
-        check_together(arrays)
-        return arrays
+        return {name: read_member(archive, name) for name in names}
 
 
 def has(path, name):
@@ -81,28 +61,14 @@ def _file(path, kind):
         raise ValueError(f"{fault}: {error}") from None
 
 
-def check(path, names):
-    """Raise early, by the heads alone, most of the errors of `read`."""
-    with _opened(path, names) as archive:
-        for name in names:
-            check_member(archive, name)
-
-
 def read_member(archive, name):
-    """An array of an open archive, its head checked before its values are there."""
-    check_member(archive, name)
-    with archive.open(f"{name}.npy") as member:
-        return np.lib.format.read_array(member, allow_pickle=False)
-
-
-def check_member(archive, name):
-    """Size and kind of an array, by its head."""
+    """An array of an open archive, its size by its head looked at before its values."""
     info = archive.getinfo(f"{name}.npy")
     with archive.open(info) as member:
         shape, dtype, head_bytes = read_head(member)
     check_size(shape, dtype, info.file_size - head_bytes)
-    if name in LAYOUTS:
-        check_layout(name, shape, dtype)
+    with archive.open(info) as member:
+        return np.lib.format.read_array(member, allow_pickle=False)
 
 
 def read_head(file):
@@ -134,32 +100,6 @@ def check_size(shape, dtype, held_bytes):
         raise ValueError(f"{size / 2**30:.3g} GiB are more than {MOST_BYTES / 2**30:g}")
     if size != held_bytes:
         raise ValueError(f"{held_bytes} bytes instead of {size}")
-
-
-def check_layout(name, shape, dtype):
-    """ValueError where an array is not of the kind and sides of its name's LAYOUT."""
-    kind, sides = LAYOUTS[name]
-    fits = len(shape) == len(sides) and all(
-        not side.isdigit() or int(side) == length
-        for side, length in zip(sides, shape, strict=True)
-    )
-    if dtype.kind not in kind or not fits:
-        raise ValueError(
-            f"{name} is {dtype} {list(shape)} instead of {KINDS[kind[0]]} "
-            f"[{', '.join(sides)}]"
-        )
-
-
-def check_together(arrays):
-    """ValueError where a letter stands for two lengths among the arrays of a file."""
-    known = {}
-    # In an order, so that the same array is named each time.
-    for name in sorted(arrays.keys() & LAYOUTS.keys(), reverse=True):
-        sides = LAYOUTS[name][1]
-        for side, length in zip(sides, arrays[name].shape, strict=True):
-            first, other = known.setdefault(side, (length, name))
-            if length != first:
-                raise ValueError(f"{name} has {side} = {length}, {other} {first}")
 
 
 def read_numbers(path):

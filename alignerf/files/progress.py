@@ -1,6 +1,7 @@
 """A progress line for long loops: a bar on a terminal, a line now and then in a log."""
 
 import contextlib
+import functools
 import re
 import sys
 import threading
@@ -43,51 +44,39 @@ class Progress:
     silent: nothing is shown, as where another process shows the same.
     """
 
+    log_every_s = 10.0
+
     def __init__(
-        self,
-        title,
-        total,
-        *,
-        done=0,
-        unit="step",
-        log_every_s=10.0,
-        note=nothing,
-        silent=False,
+        self, title, total, *, done=0, unit="step", note=nothing, silent=False
     ):
         self.title, self.total, self.done, self.unit = title, total, done, unit
-        self.note = note
+        self.note, self.silent, self.bar = note, silent, None
         self.first, self.start = done, time.perf_counter()
-        self.shown, self.log_every_s = self.start, log_every_s
-        self.bar, self.silent = None, silent
+        self.shown = self.start
         if sys.stderr.isatty() and not silent:
             self.bar = tqdm.tqdm(desc=title, total=total, initial=done, unit=unit)
 
     def advance(self, count=1, **numbers):
         """`count` further steps; `numbers` are shown as name value."""
         self.done += count
-        if self.silent:
+        now = time.perf_counter()
+        seldom = now - self.shown < self.log_every_s and self.done < self.total
+        if self.silent or (seldom and self.bar is None):
             return
         text = "  ".join(f"{name} {value:.4g}" for name, value in numbers.items())
-        share = self.done / max(self.total, 1)
+        note = self.note(self.done / max(self.total, 1))
         if self.bar is not None:
-            text = "  ".join(filter(None, [text, self.note(share)]))
-            self.bar.set_postfix_str(text, refresh=False)
+            self.bar.set_postfix_str(
+                "  ".join(filter(None, [text, note])), refresh=False
+            )
             self.bar.update(count)
             return
-        now = time.perf_counter()
-        if now - self.shown < self.log_every_s and self.done < self.total:
-            return
         self.shown = now
-        speed = (self.done - self.first) / max(now - self.start, 1e-9)
-        left_s = (self.total - self.done) / max(speed, 1e-9)
-        minutes, seconds = divmod(round(left_s), 60)
-        note = self.note(share)
-        print(
-            f"{self.title}: {self.unit} {self.done}/{self.total}  {text}  "
-            f"eta {minutes}:{seconds:02d}" + (note and f"  {note}"),
-            file=sys.stderr,
-            flush=True,
-        )
+        step_s = (now - self.start) / max(self.done - self.first, 1)
+        minutes, seconds = divmod(round((self.total - self.done) * step_s), 60)
+        line = f"{self.title}: {self.unit} {self.done}/{self.total}  {text}  "
+        line += f"eta {minutes}:{seconds:02d}" + (note and f"  {note}")
+        print(line, file=sys.stderr, flush=True)
 
     def close(self):
         if self.bar is not None:
@@ -98,12 +87,10 @@ def over(items, title, *, unit="view", total=None):
     """Yield the items, and show how many are done; total: of an iterator."""
     items = list(items) if total is None else items
     shown = Progress(title, len(items) if total is None else total, unit=unit)
-    try:
+    with contextlib.closing(shown):
         for item in items:
             yield item
             shown.advance()
-    finally:
-        shown.close()
 
 
 @contextlib.contextmanager
@@ -124,18 +111,15 @@ def every(seconds, call):
         thread.join()
 
 
-@contextlib.contextmanager
-def heartbeat(title, every_s=15.0):
-    """Log from time to time that a long operation without steps still runs."""
-    start = time.perf_counter()
-    with every(every_s, lambda: beat(title, start)):
-        yield
-
-
 def beat(title, start):
     """Log for how long an operation runs that has begun at `start`."""
     minutes, seconds = divmod(round(time.perf_counter() - start), 60)
     print(f"{title}: for {minutes}:{seconds:02d}", file=sys.stderr, flush=True)
+
+
+def heartbeat(title, every_s=15.0):
+    """Log from time to time that a long operation without steps still runs."""
+    return every(every_s, functools.partial(beat, title, time.perf_counter()))
 
 
 @contextlib.contextmanager
@@ -144,7 +128,8 @@ def watched(title, total, count, *, unit, every_s=10.0):
 
     count: a function, called in a thread; how many of `total` are done.
     """
-    shown = Progress(title, total, unit=unit, log_every_s=0.0)
+    shown = Progress(title, total, unit=unit)
+    shown.log_every_s = 0.0
 
     def look():
         further = min(count(), total) - shown.done
@@ -153,8 +138,5 @@ def watched(title, total, count, *, unit, every_s=10.0):
         else:
             shown.advance(max(further, 0))
 
-    try:
-        with every(every_s, look):
-            yield
-    finally:
-        shown.close()
+    with contextlib.closing(shown), every(every_s, look):
+        yield

@@ -54,9 +54,16 @@ def read(folder, name, shape):
 def _read_npz(path):
     keys = ("flow_px", "valid") if archives.has(path, "valid") else ("flow_px",)
     flow_px, *mask = archives.read(path, keys).values()
+    if flow_px.dtype.kind != "f" or flow_px.ndim != 3 or flow_px.shape[2] != 2:
+        raise ValueError(
+            f"{path}: flow_px is {flow_px.dtype} {list(flow_px.shape)} instead of "
+            "floating numbers [h, w, 2]"
+        )
     # Written so that NaN is unknown too.
     known = (np.abs(flow_px) <= files.UNKNOWN_FLOW_PX).all(axis=-1)
     for valid in mask:
+        if valid.dtype != bool or valid.shape != known.shape:
+            raise ValueError(f"{path}: valid is not bool {list(known.shape)}")
         known &= valid
     return flow_px.astype(np.float32), known
 

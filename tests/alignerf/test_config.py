@@ -25,7 +25,7 @@ def test_a_complete_config_is_written_in_its_order(demo, experiment_of, tmp_path
     [
         ("[1, 2]", "top level: a config is a mapping"),
         ("", "'scenes' is missing"),
-        ("scenes: &s {a: *s}", "an alias holds itself"),
+        ("scenes: {a: 1, a: 2}", "key 'a' stands twice, see line 1"),
         (
             "scenes: {a: {source: courtyard}}\nmethods: {m: {rounds: 2.0}}",
             "rounds: 2.0",

@@ -249,14 +249,6 @@ NPZ_WAYS = {
     "NaN": of_largest(with_value(np.nan)),
     "infinite": of_largest(with_value(np.inf)),
     "1e30": of_largest(with_value(1e30)),
-    "complex": of_each(
-        lambda a, rng: a.astype(complex) if a.dtype.kind in "fiub" else a
-    ),
-    "strings": of_each(lambda a, rng: np.array(["x"] * max(a.shape[:1], default=1))),
-    "an axis more": of_each(lambda a, rng: a[None]),
-    "one value": of_each(lambda a, rng: np.zeros((), a.dtype)),
-    "no rows": of_each(lambda a, rng: np.zeros((0, *a.shape[1:]), a.dtype)),
-    "a row less": of_largest(lambda a, rng: a[:-1] if a.ndim else None),
     "pickled objects": rearranged(pickled),
     "a head of 10^12 values": declared("(1000000, 1000000)"),
     "a head of negative size": declared("(-1, 4)"),

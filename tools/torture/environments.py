@@ -6,6 +6,7 @@ variable. A finding is made as small as it can be: one variable, mostly.
 
 import jax
 
+from alignerf.files.environment import switches
 from tools.torture import running, stages
 
 # What JAX's settings of text and of choices may be given, besides nonsense.
@@ -13,7 +14,6 @@ WORDS = ("1", "0", "x", "", "bfloat16", "float32", "high", "strict", "raise", "r
 # Of other libraries, of Python and of the system. Left out are those that may change a
 # last digit, which a training's timing.json notes.
 OTHERS = {
-    "XLA_FLAGS": ("--xla_cpu_enable_fast_math=true", "--xla_cpu_enable_fast_min_max"),
     "JAX_PLATFORMS": ("cuda", "nonsense", "cpu", ""),
     "PYTHONHASHSEED": ("0", "7"),
     "PYTHONOPTIMIZE": ("1", "2"),
@@ -33,8 +33,6 @@ OTHERS = {
     "ALIGNERF_SCENES": ("x\ny z w\n\n",),
     "MALLOC_ARENA_MAX": ("1",),
 }
-# Folders of a user's, which a run may make or read.
-NOT_TRIED = ("CACHE", "DUMP", "COORDINATOR", "ADDRESS", "MOCK", "PROFIL")
 MOST_AT_ONCE = 5
 
 
@@ -43,7 +41,7 @@ def variables():
     found = {}
     for name, value in jax.config.values.items():
         name = name.upper() if name.startswith("jax") else f"JAX_{name.upper()}"
-        if not any(word in name for word in NOT_TRIED):
+        if switches.CHANGING.fullmatch(name):
             flag = isinstance(value, bool)
             found[name] = (str(int(not value)), "x") if flag else WORDS
     return found | OTHERS

@@ -3,7 +3,6 @@
 import datetime
 
 import pytest
-import yaml
 
 from alignerf.experiment import check
 from alignerf.files import faults, yaml_files
@@ -274,15 +273,6 @@ def test_a_scene_larger_than_a_machine_is_named():
         check.checked(config)
 
 
-def bomb(item):
-    """Ten levels, each ten times the one before: 10^10 values in 500 letters."""
-    lines = [f"a0: &a0 {item}"]
-    for level in range(1, 11):
-        what = ", ".join([f"*a{level - 1}"] * 10)
-        lines.append(f"a{level}: &a{level} [{what}]")
-    return "\n".join(lines)
-
-
 def deep(value):
     """A mapping in a mapping, deeper than Python calls functions."""
     for _ in range(5000):
@@ -386,7 +376,6 @@ def test_configs_share_no_values():
         ("seed: !!python/object/apply:os.getcwd []", "could not determine a const"),
         (b"\xff\xfe\xff", "can.t decode|unacceptable character"),
         ("seed: " + "9" * 5000, "4300 digits"),
-        ("seed: 0x" + "9" * 5000, "4300 digits"),
     ],
 )
 def test_what_cannot_be_read_is_named_with_its_file(tmp_path, text, reason):
@@ -403,10 +392,6 @@ def test_what_cannot_be_read_is_named_with_its_file(tmp_path, text, reason):
     [
         ("seed: 1\nseed: 2", "key 'seed' stands twice, see line 2"),
         ("scenes: {a: 1, a: 2}", "key 'a' stands twice, see line 1"),
-        ("scenes: &s\n  a: *s", "an alias holds itself"),
-        ("scenes: &s [*s]", "an alias holds itself"),
-        (bomb("x"), "its aliases stand for over 100000 values"),
-        (bomb("{a: 1}"), "its aliases stand for over 100000 values"),
         ("[" * 5000 + "]" * 5000, "nested too deeply"),
         ("scenes: [", "while parsing"),
     ],
@@ -415,15 +400,9 @@ def test_what_yaml_takes_without_a_word_is_named(tmp_path, text, reason):
     path = tmp_path / "my config.yaml"
     path.write_text(text)
     with pytest.raises(ValueError, match=reason) as caught:
-        yaml_files.check(path)
+        yaml_files.read(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
-
-
-def test_files_without_such_faults_pass(root):
-    for path in (root / "workflow/config").glob("*.yaml"):
-        yaml_files.check(path)
-        assert yaml.safe_load(path.read_text())
 
 
 @pytest.mark.parametrize(

@@ -58,24 +58,10 @@ def test_an_encrypted_archive_is_named(flow_path, read, rng):
         read(flow_path)
 
 
-@pytest.mark.parametrize(
-    ("arrays", "reason"),
-    [
-        (
-            {"flow_px": np.zeros((3, 4, 3), np.float32)},
-            r"instead of floating .*h, w, 2",
-        ),
-        ({"flow_px": np.zeros((3, 4, 2), int)}, "instead of floating numbers"),
-        ({"valid": np.ones((3, 4))}, "instead of truth values"),
-        ({"valid": np.ones((3, 5), bool)}, r"w = (4|5), .* (5|4)"),
-        ({"valid": np.array([{}])}, "objects"),
-    ],
-)
-def test_an_array_of_another_kind_is_named(flow_path, arrays, reason):
-    whole = dict(np.load(flow_path)) | arrays
-    np.savez(flow_path, **whole)
-    with pytest.raises(ValueError, match=rf"view\.npz: .*{reason}"):
-        archives.read(flow_path, ["flow_px", "valid"])
+def test_objects_are_refused(flow_path):
+    np.savez(flow_path, valid=np.array([{}]))
+    with pytest.raises(ValueError, match=r"view\.npz: .*objects"):
+        archives.read(flow_path, ["valid"])
 
 
 def test_an_npy_longer_than_it_says_is_refused(tmp_path):

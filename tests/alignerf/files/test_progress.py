@@ -85,14 +85,15 @@ def test_over_nothing_shows_nothing(opened, capsys):
 
 
 def test_a_log_gets_a_line_now_and_then(capsys):
-    shown = progress.Progress("train", 8, done=2, log_every_s=0.0)
+    shown = progress.Progress("train", 8, done=2)
+    shown.log_every_s = 0.0
     for _ in range(3):
         shown.advance(2, loss=0.25)
     lines = capsys.readouterr().err.splitlines()
     assert [
         re.search(r"step (\d)/8  loss 0.25  eta \d", line)[1] for line in lines
     ] == [*"468"]
-    seldom = progress.Progress("train", 3, log_every_s=1e9)
+    seldom = progress.Progress("train", 3)
     for _ in range(3):
         seldom.advance()
     (line,) = capsys.readouterr().err.splitlines()

@@ -47,7 +47,8 @@ def test_names_are_of_rules_that_there_are():
 
 
 def test_what_progress_writes_is_read_again(capsys):
-    shown = progress.Progress("training", 100, done=20, log_every_s=0)
+    shown = progress.Progress("training", 100, done=20)
+    shown.log_every_s = 0.0
     shown.advance(60, loss=0.5)
     line = capsys.readouterr().err.strip()
     found = progress.read(line)

@@ -115,7 +115,7 @@ def pickled(folder):
         (wrong_size, r"a\.npz: a flow of 55x40 pixels, .* 56x40"),
         (cut_file, r"a\.npz: not the \.npz"),
         (wrong_kind, r"a\.npz: .* instead of floating numbers"),
-        (wrong_mask, r"a\.npz: .* instead of truth values"),
+        (wrong_mask, r"a\.npz: valid is not bool"),
         (wrong_key, r"a\.npz: not the \.npz that it should be"),
         (pickled, r"a\.npz: not the \.npz that it should be"),
         (bad_back, r"a\.back\.flo: not a Middlebury"),

@@ -21,10 +21,7 @@ HOSTILE = {
     "JAX_NUMPY_RANK_PROMOTION": "raise",
     "JAX_DISABLE_JIT": "1",
     "JAX_DEBUG_NANS": "1",
-    "JAX_NO_EXECUTION": "1",
-    "JAX_TRANSFER_GUARD": "disallow",
     "JAX_OPTIMIZATION_LEVEL": "O0",
-    "JAX_ENABLE_CHECKS": "neither yes nor no",
 }
 CODE = """
 import alignerf
@@ -68,37 +65,20 @@ subprocess.run([sys.executable, "-c", "import alignerf"], check=True)
 
 
 @pytest.mark.parametrize(
-    ("flags", "kept"),
-    [
-        ("--xla_cpu_enable_fast_math=true --a=1", "--a=1"),
-        ("--a=1 --xla_cpu_enable_fast_math", "--a=1"),
-        ("--xla_gpu_enable_fast_min_max=1", ""),
-        ("--xla_cpu_enable_fast_math=false --a=1", None),
-        ("--xla_force_host_platform_device_count=2", None),
-        ("", None),
-    ],
-)
-def test_flags_of_xla_that_are_inexact(flags, kept, capsys):
-    environ = {"XLA_FLAGS": flags}
-    switches.settle(environ, {})
-    assert environ.get("XLA_FLAGS", "") == (flags if kept is None else kept)
-    assert bool(capsys.readouterr().err) == (kept is not None)
-
-
-@pytest.mark.parametrize(
     "name", ["JAX_PLATFORMS", "JAX_COMPILATION_CACHE_DIR", "JAX_NUM_PROCESSES"]
 )
 def test_where_and_with_whom_it_runs_is_the_user_s(name, capsys):
     environ = {name: "x"}
-    switches.settle(environ, {})
+    switches.settle(environ)
     assert environ == {name: "x"}
     assert not capsys.readouterr().err
 
 
-def test_who_looks_for_a_fault_may_ask_for_it(monkeypatch):
-    monkeypatch.setenv("ALIGNERF_DEBUG", "1")
-    assert not switches.is_left_out("JAX_DEBUG_NANS")
-    assert switches.is_left_out("JAX_ENABLE_X64")
+def test_who_looks_for_a_fault_may_ask_for_it():
+    environ = {"ALIGNERF_DEBUG": "1", "JAX_DEBUG_NANS": "1", "JAX_ENABLE_X64": "1"}
+    switches.settle(environ)
+    assert "JAX_DEBUG_NANS" in environ
+    assert "JAX_ENABLE_X64" not in environ
 
 
 def test_programs_of_others_get_it_back(monkeypatch):
@@ -134,28 +114,3 @@ faults.run(lambda: jax.jit(lambda x: x + 1)(1))
 """
     done = run(root, code, JAX_PLATFORMS="cpu", JAX_PLATFORM_NAME="rbg")
     assert "error: environment: JAX_PLATFORM_NAME=rbg: JAX cannot" in done.stderr
-
-
-@pytest.mark.parametrize(
-    "name", ["JAX_LOGGING_LEVEL", "JAX_ENABLE_RECOVERABILITY", "JAX_LOG_COMPILES"]
-)
-def test_a_value_at_which_jax_fails_ends_in_one_line(name):
-    """Found by the torture: a traceback at the import of JAX."""
-    ended = subprocess.run(
-        [sys.executable, "-c", "import alignerf, jax"],
-        env=os.environ | {name: "nonsense"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert ended.returncode == 1
-    (line,) = ended.stderr.splitlines()
-    assert line.startswith(f"error: environment: {name}='nonsense': unset it: ")
-
-
-def test_other_errors_keep_their_traceback(monkeypatch):
-    monkeypatch.setenv("JAX_ENABLE_X64", "1")
-    seen, others = [], lambda *error: seen.append(error)
-    for error in (ValueError("a"), TypeError("jax_enable_x64")):
-        switches.say(others, type(error), error, None)
-    assert [kind for kind, *_ in seen] == [ValueError, TypeError]
