@@ -186,7 +186,7 @@ def test_a_flow_without_an_end_is_refused(render, results):
     table = pd.read_csv(path, dtype={"view": str})
     table.loc[0, "flow_px"] = np.inf
     table.to_csv(path, index=False)
-    with pytest.raises(ValueError, match=r"views\.csv: .*column flow_px: not finite"):
+    with pytest.raises(ValueError, match=r"views\.csv: .*column flow_px: not numbers"):
         render()
 
 

@@ -88,7 +88,6 @@ def test_flow_files_of_other_content_are_refused_by_name(tmp_path):
     [
         ({"names": ["a"], "split": ["test"]}, "no view in split 'train'"),
         ({"names": ["a"]}, "split"),
-        ({"names": ["a", "d"], "split": ["train"]}, "names has n = 2"),
     ],
 )
 def test_cameras_without_a_split_are_named(tmp_path, content, reason):
