@@ -1,20 +1,19 @@
 """Jobs of the rules, as Snakemake asks for them."""
 
-from types import SimpleNamespace
+import collections
 
 from alignerf.experiment import steps
 
 
 def inputs(rule, experiment, scene, **wildcards):
     """{name: path} of a job's inputs."""
-    asked = getattr(steps.Rules(experiment, lambda path: path, None), rule)
-    return asked.inputs(SimpleNamespace(scene=scene, **wildcards))
+    return rule_of(rule, experiment).inputs(named(scene=scene, **wildcards))
 
 
 def options(rule, experiment, scene, **wildcards):
     """{option: its words} of a job's command."""
-    asked = getattr(steps.Rules(experiment, lambda path: path, None), rule)
-    _, *words = asked.command(SimpleNamespace(scene=scene, **wildcards))
+    asked = rule_of(rule, experiment)
+    _, *words = asked.command(named(scene=scene, **wildcards))
     found = {}
     for word in words:
         if word.startswith("--"):
@@ -22,7 +21,13 @@ def options(rule, experiment, scene, **wildcards):
             found[name] = []
         else:
             found[name].append(word)
-    return {
-        name: values[0] if len(values) == 1 else values
-        for name, values in found.items()
-    }
+    return {k: v[0] if len(v) == 1 else v for k, v in found.items()}
+
+
+def rule_of(name, experiment):
+    return getattr(steps.Rules(experiment, lambda path: path, None), name)
+
+
+def named(**wildcards):
+    """A list of wildcards with names."""
+    return collections.namedtuple("Wildcards", wildcards)(**wildcards)

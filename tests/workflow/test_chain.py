@@ -83,7 +83,7 @@ def check_reruns(plan, root, config):
         (root / "alignerf/contributions/frequency_loss.py", "\n", "\n\n", TRAININGS),
         (root / "flow/__init__.py", "\n", "\n\n", aligned | on_the_way),
         (root / "flow/warping/controls.py", "\n", "\n\n", {"control_sets", *moved}),
-        (root / "flow/camera/fit.py", "\n", "\n\n", BY_CAMERA | on_the_way),
+        (root / "flow/camera/fit.py", "\n", "\n\n", BY_CAMERA | moved | on_the_way),
         (root / "requirements.lock", "\n", "\n\n", EVERYTHING),
         (config, "features: 4", "features: 5", {"config", *tuned}),
         # No training waits for its cost.

@@ -22,14 +22,25 @@ class Rules:
 
     def __getattr__(self, name):
         step = vars(scenes).get(name) or vars(trainings)[name]
-        return Rule(functools.partial(step, self.experiment), *self.asked)
+        found = Rule(functools.partial(step, self.experiment), *self.asked)
+        setattr(self, name, found)
+        return found
 
 
 class Rule:
     """What Snakemake asks of a rule, for the wildcards of each job."""
 
-    def __init__(self, step, local, requests):
-        self.step, self.local, self.requests = step, local, requests
+    def __init__(self, make, local, requests):
+        self.make, self.local, self.requests = make, local, requests
+        self.last = None, None
+
+    def step(self, wildcards):
+        """The step of a job; of a training, nothing changes what it was last time."""
+        if not hasattr(wildcards, "training"):
+            return self.make(wildcards)
+        if self.last[0] != (key := tuple(wildcards)):
+            self.last = key, self.make(wildcards)
+        return self.last[1]
 
     def inputs(self, wildcards):
         step = self.step(wildcards)

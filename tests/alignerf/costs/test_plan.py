@@ -1,12 +1,12 @@
 """What there is to train and measured rates, to seconds, memory and disk."""
 
 import json
-import re
 
 import pytest
 
 from alignerf.costs import __main__ as command
 from alignerf.costs import plan, summary
+from alignerf.experiment.steps import trainings
 
 RATES = plan.Rates(start_s=5.0, compile_s=3.0, step_s=0.1, params=1000, peak_bytes=600)
 FLOW = plan.Flow(start_s=0.5, view_s=0.2, view_bytes=990)
@@ -94,11 +94,9 @@ def test_one_way_is_gone_whatever_cores_there_are(demo, experiment_of):
     assert way_s <= many < two
 
 
-def test_rules_ask_for_what_a_plan_names(demo, experiment_of, root):
+def test_rules_ask_for_what_a_plan_names(demo, experiment_of):
     """Memory and minutes of a job are those of the task with its output."""
-    text = "".join(p.read_text() for p in (root / "workflow/rules").glob("*.smk"))
-    asked = set(re.findall(r'requests\.\w+\("(.+)"\)', text))
-    assert len(asked) == 3
+    asked = {trainings.TIMING, trainings.RENDERED, trainings.MOVED}
     files = by_file(planned(experiment_of(demo))[1]).keys()
     for training in ("mipnerf360/round0", "aligned/round0", "alignerf/round0"):
         assert {name.format(training=training) for name in asked} <= files
