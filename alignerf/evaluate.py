@@ -15,36 +15,18 @@ import numpy as np
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.experiment.keys import scored as scored_keys
 from alignerf.files import archives, atomic, faults
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
+from alignerf.tables import columns
 
-NETS = list(scored_keys.Lpips.model_fields)
-METRICS = ("psnr_db", "ssim", *(f"lpips_{net}" for net in NETS))
+METRICS = tuple(columns.METRICS)
+NETS = [name.removeprefix("lpips_") for name in METRICS if name.startswith("lpips_")]
 COLUMNS = ("view", "test_set", *METRICS, "valid_share", "note")
 
 
 def main(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scene", required=True, help="prepared scene folder")
-    renders = parser.add_mutually_exclusive_group(required=True)
-    renders.add_argument(
-        "--renders", type=faults.stated, help="renders of the test views"
-    )
-    renders.add_argument(
-        "--aligned-pose", type=faults.stated, help="folder of renders by moved cameras"
-    )
-    parser.add_argument(
-        "--testset", type=faults.stated, help="folder of the warped test set"
-    )
-    parser.add_argument(
-        "--truth", type=faults.stated, help="folder of the oracle, where it is known"
-    )
-    for net in NETS:
-        parser.add_argument(f"--lpips-{net}", help="weights of this LPIPS, .npz")
-    parser.add_argument("--metrics", required=True, help="CSV, written")
-    args = parser.parse_args(argv)
+    args = parse(argv)
     loaded = prepared.load(args.scene)
     views = loaded.views("test")
     if args.renders:
@@ -57,21 +39,36 @@ def main(argv=None):
     # View by view: the test sets of all views together may not fit into memory.
     for view in views:
         seen = View(loaded, view, args.testset, args.truth)
-        if args.aligned_pose:
-            scored = moved_renders(seen, args.aligned_pose)
-        else:
-            render = seen.read(args.renders)
-            scored = {
-                name: (image, render, mask)
-                for name, (image, mask) in targets_of(seen).items()
-            }
-        for test_set, images in scored.items():
+        found = list(pairs_of(seen, args.renders, args.aligned_pose))
+        if not found:
+            raise ValueError(f"{args.aligned_pose}: no renders by moved cameras")
+        for test_set, *images in found:
             row = score(*images, learned, seams=bool(args.aligned_pose))
             note = "; ".join(n for n in (row.pop("note"), missing) if n)
             name = {"view": loaded.names[view], "test_set": test_set}
             rows.append(name | row | {"note": note})
     with atomic.replace_file(args.metrics) as path:
         pd.DataFrame(rows, columns=COLUMNS).to_csv(path, index=False)
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scene", required=True, help="prepared scene folder")
+    renders = parser.add_mutually_exclusive_group(required=True)
+    folders = {
+        "renders": "renders of the test views",
+        "aligned-pose": "folder of renders by moved cameras",
+        "testset": "folder of the warped test set",
+        "truth": "folder of the oracle, where it is known",
+    }
+    for name, what in folders.items():
+        group = renders if name in ("renders", "aligned-pose") else parser
+        group.add_argument(f"--{name}", type=faults.stated, help=what)
+    for net in NETS:
+        parser.add_argument(f"--lpips-{net}", help="weights of this LPIPS, .npz")
+    parser.add_argument("--metrics", required=True, help="CSV, written")
+    return parser.parse_args(argv)
 
 
 def check_renders(names, folder):
@@ -145,31 +142,25 @@ class View:
         return archives.read(self.moving_path, ["moving"])["moving"]
 
 
-def targets_of(view):
-    """{test set: (image, mask of its pixels)} of all that a view has."""
-    targets = {}
-    for one in testsets.every():
-        if one.needs in view.has and not one.moved:
-            image, mask = one.make(view)
-            if image.shape != view.photo.shape or mask.shape != image.shape[:2]:
-                raise ValueError(f"test set {one.name}: not of the photo's size")
-            # Of a view in which nothing moves, nothing is to be seen of what does.
-            if one.needs != "moving" or mask.any():
-                targets[one.name] = image, mask
-    return targets
+def pairs_of(view, renders, moved):
+    """(test set, image, render, mask of pixels) of all that a view is scored on.
 
-
-def moved_renders(view, folder):
-    """{test set: (image, render, mask)} of one view rendered by moved cameras."""
-    renders = {}
+    renders: the folder of a model's renders; moved: that of folders of renders by moved
+    cameras, which are scored alone.
+    """
+    read = functools.cache(view.read)
     for one in testsets.every():
-        path = pathlib.Path(folder) / one.name
-        if one.moved and one.needs in view.has and path.is_dir():
-            image, mask = one.make(view)
-            renders[one.name] = image, view.read(path), mask
-    if not renders:
-        raise ValueError(f"{folder}: no renders by moved cameras")
-    return renders
+        folder = pathlib.Path(moved) / one.name if moved else renders
+        if one.needs not in view.has or one.moved != bool(moved):
+            continue
+        if moved and not folder.is_dir():
+            continue
+        image, mask = one.make(view)
+        if image.shape != view.photo.shape or mask.shape != image.shape[:2]:
+            raise ValueError(f"test set {one.name}: not of the photo's size")
+        # Of a view in which nothing moves, nothing is to be seen of what does.
+        if one.needs != "moving" or mask.any():
+            yield one.name, image, read(folder), mask
 
 
 def load_lpips(net, path):

@@ -13,7 +13,7 @@ import tempfile
 
 import yaml
 
-from alignerf import evaluate
+from alignerf import evaluate, testsets
 from alignerf.experiment import check, plan
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
@@ -117,7 +117,9 @@ def mean_psnr_db(scene, renders, test_set):
     truth = scene / "images" / "truth" if test_set == "oracle" else None
     views = []
     for view in loaded.views("test"):
-        target, valid = evaluate.targets_of(loaded, view, None, truth)[test_set]
+        target, valid = testsets.named(test_set).make(
+            evaluate.View(loaded, view, None, truth)
+        )
         (render,) = prepared.read_images(loaded, [view], renders)
         views.append(image_metrics.psnr_db(target, render, valid))
     return statistics.mean(views)

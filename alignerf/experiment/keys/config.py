@@ -1,15 +1,37 @@
 """A config as a whole, and its variations."""
 
+from typing import Literal
+
 from alignerf import methods
 from alignerf.experiment.keys.flow import Flow
 from alignerf.experiment.keys.key import Keys, key, named
 from alignerf.experiment.keys.model import Models
 from alignerf.experiment.keys.scene import NAME, Scene
-from alignerf.experiment.keys.scored import AlignedPose, Lpips, Reference
 from alignerf.experiment.keys.training import Training
 from alignerf.methods import base
 
 Method = methods.keys_class(base.Common, base.PUBLISHED)
+
+
+class Reference(Keys):
+    method: str | None = key(
+        None, "a key of methods; null takes the first that trains from scratch"
+    )
+    round: int | Literal["last"] = key(
+        "last", "its warping round; `last` is the method's last one", least=0, most=16
+    )
+
+
+class AlignedPose(Keys):
+    """The test set whose cameras are moved to fit their photos, half by half."""
+
+    flow: bool = key(True, "by the flow from render to photo; false: no such test set")
+
+
+class Lpips(Keys):
+    alex: str | None = key(None, "AlexNet")
+    squeeze: str | None = key(None, "SqueezeNet 1.1")
+    vgg: str | None = key(None, "VGG-16")
 
 
 class Vary(Keys):

@@ -14,7 +14,7 @@ from alignerf.experiment.tables import scenes
 JOB = {"fields", "model", "training"}
 # No sections: what several of them have in common.
 SHARED = {"__init__", "estimators", "key", "system"}
-EVERY = JOB | {"config", "flow", "left", "scene", "scored"}
+EVERY = JOB | {"config", "flow", "left", "scene"}
 # {stage: sections}; of a stage that is not here, none.
 REACHED = {
     # A training takes what facts decided, and these are told by the scene's keys too.
@@ -28,7 +28,6 @@ REACHED = {
     "alignerf.page": JOB | {"scene"},
     # It reads the photos of a scene once more.
     "alignerf.export": {"scene"},
-    "alignerf.evaluate": {"scored"},
     "alignerf.config": EVERY,
     "alignerf.costs": JOB | {"scene"},
 }

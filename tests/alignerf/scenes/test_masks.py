@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf import evaluate, export, facts
+from alignerf import evaluate, export, facts, testsets
 from alignerf.files import images
 from alignerf.scenes import distortion, prepare, prepared
 from alignerf.scenes.formats import transforms
@@ -55,7 +55,7 @@ def test_hidden_pixels_teach_nothing_also_where_photos_are_warped(scene, tmp_pat
 def test_hidden_pixels_are_not_scored(scene):
     loaded = prepared.load(scene)
     view = loaded.views("test")[0]
-    photo, mask = evaluate.targets_of(evaluate.View(loaded, view))["standard"]
+    photo, mask = testsets.named("standard").make(evaluate.View(loaded, view))
     render = np.clip(photo.astype(int) + 20, 0, 255).astype(np.uint8)
     wrong = render.copy()
     wrong[:, :HIDDEN] = 255 - wrong[:, :HIDDEN]
