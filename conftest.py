@@ -29,7 +29,7 @@ import jaxtyping
 
 # Shapes are checked where arrays are computed with; elsewhere it only costs time.
 NUMERIC = [f"alignerf.{name}" for name in ("mipnerf360", "fields", "contributions")]
-NUMERIC += [f"alignerf.{name}" for name in ("cameras", "systems", "keypoints")]
+NUMERIC += [f"alignerf.{name}" for name in ("cameras", "rays", "keypoints")]
 NUMERIC += ["flow.camera", "flow.warping"]
 jaxtyping.install_import_hook(NUMERIC, "beartype.beartype")
 

@@ -22,6 +22,7 @@ FLOORS = [
     {"alignerf.mipnerf360"},
     {
         *("alignerf.experiment", "alignerf.methods", "alignerf.captures"),
+        "alignerf.systems",
         *("alignerf.processes", "alignerf.networks"),
     },
     {
@@ -30,7 +31,7 @@ FLOORS = [
     },
     {"alignerf.sfm"},
     {
-        *("alignerf.contributions", "alignerf.systems", "alignerf.cameras"),
+        *("alignerf.contributions", "alignerf.rays", "alignerf.cameras"),
         "alignerf.causes",
         "alignerf.exports",
         *("flow.estimation", "flow.figures"),
@@ -42,6 +43,7 @@ FLOORS = [
 ]
 # What a config means: a registry's records and what reads them know each other.
 TIED = {"alignerf.experiment", "alignerf.methods", "alignerf.captures"}
+TIED |= {"alignerf.systems"}
 # Folders that hold commands besides the stages.
 COMMANDS = ("alignerf.networks", "alignerf.tables", "flow.figures")
 COMMANDS += ("alignerf.costs", "alignerf.verdict")

@@ -12,13 +12,11 @@ import numpy as np
 from alignerf.experiment import jobs
 from alignerf.scenes import prepared
 from flow.camera import correct
-from flow.estimation import pairs
+from flow.estimation import estimators, pairs
 from flow.warping import small, warp
 
 # Largest forward-backward disagreement of a valid pixel, in px of the small images.
 TOLERANCE_PX = 1.0
-# Estimators whose flow another one checks: dis_fine takes a quarter of deepflow's time.
-CHECKED_BY = {"deepflow": "dis_fine"}
 # Samples a ray that the first round of proposals keeps at least.
 LEAST_SAMPLES = 4
 
@@ -37,7 +35,7 @@ def with_fewer_samples(job: jobs.Job) -> jobs.Job:
     in all rounds, the cameras' final error was a third larger.
     """
     first, *others = job.model.samples
-    if job.model.kind not in ("mipnerf360", "ngp") or not others:
+    if not job.model.has_proposals:
         return job
     samples = [max(LEAST_SAMPLES, first // 2), *others]
     model = job.model.model_copy(update={"samples": samples})
@@ -80,7 +78,7 @@ def flow_of(render, photo, *, estimator, match_blur):
     where offsets are short, the check changed no score; it is for long offsets.
     """
     options = {"match_blur": match_blur, "tolerance_px": TOLERANCE_PX}
-    options |= {"method": estimator, "back": CHECKED_BY.get(estimator)}
+    options |= {"method": estimator, "back": estimators.METHODS[estimator].checked_by}
     return pairs.flow_and_validity(render, photo, **options)[:2]
 
 

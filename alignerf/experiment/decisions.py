@@ -13,10 +13,10 @@ import math
 from typing import Any, NamedTuple
 
 from alignerf.experiment import jobs
-from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.files import json_files
+from alignerf.systems import mipnerf360
 
 # Of the nearest point's distance: COLMAP's points are corners, smooth surfaces may be
 # nearer.
@@ -72,7 +72,7 @@ def downscale(facts):
 
 def near(facts):
     """The first sample lies a little before the nearest point."""
-    default = model_keys.Model().near
+    default = mipnerf360.Model().near
     nearest = facts["nearest"]
     if not known(nearest):
         return unknown("model.near", default, facts, ["nearest"])
@@ -90,7 +90,7 @@ def radius(facts):
 
     Of a forward-facing capture, all of it would be contracted.
     """
-    default = model_keys.Model().radius
+    default = mipnerf360.Model().radius
     nearest = facts["nearest"]
     if not known(nearest):
         return unknown("model.radius", default, facts, ["nearest"])
@@ -102,7 +102,7 @@ def radius(facts):
 
 def finest(facts):
     """The finest cells are what a pixel covers at the median depth."""
-    default = model_keys.Model().field.finest
+    default = mipnerf360.Model().field.finest
     names = ("pixel_angle_mrad", "median_depth")
     used = {name: facts[name] for name in names}
     if not all(map(known, used.values())):

@@ -134,11 +134,13 @@ def parse(values) -> Job:
     values["training"] |= training_keys.length(values["training"])
     values["training"] |= training_keys.warmup(values["training"])
     if not values["training"]["learning_rates"]:
-        rates = model_keys.rates_of(values["model"])
-        values["training"]["learning_rates"] = rates
+        rates = model_keys.system_of(values["model"]).rates
+        values["training"]["learning_rates"] = list(rates)
     job = schema.check(kind, values)
     if job.decisions or job.training.decided or getattr(job.model, "decided", None):
         raise ValueError("config: decisions: they are not filled in")
+    for name, reason in job.model.faults():
+        raise ValueError(f"config: model.{name}: {reason}".replace(".:", ":"))
     return job
 
 

@@ -1,86 +1,63 @@
-"""Mip-NeRF (arXiv 2103.13415): Gaussians instead of points, one network for both looks.
+"""Mip-NeRF (arXiv 2103.13415) as a system of the config."""
 
-128 intervals from near to far; their weights, blurred, say where 128 others go; the
-same network sees both. A Gaussian stands for each piece of the cone of a pixel, and its
-encoding fades what is finer than it is (not so without `anti_aliased`, where the mean
-alone counts). The loss of the first look counts a tenth.
-"""
+from typing import ClassVar, Literal
 
-import flax.linen as nn
-import jax
-
-from alignerf.fields import encoding, radiance
-from alignerf.mipnerf360 import coord, render
-from alignerf.systems import rendering, sampling
-
-DENSITY_BIAS, PADDING, COARSE = -1.0, 0.001, 0.1
+from alignerf.experiment.keys.key import key
+from alignerf.experiment.keys.training import Changes
+from alignerf.systems import base
 
 
-class MipNerf(nn.Module):
-    """What a ray shows, by one network of Gaussians."""
+class MipNerfSystem(base.System):
+    """Mip-NeRF as published: one network of Gaussians, without contraction."""
 
-    network: nn.Module
-    samples: tuple[int, int]
-    near: float
-    far: float
-    spacing: str
-    degrees: int
-    anti_aliased: bool
-    background: str
-
-    @property
-    def edges(self):
-        """Edges of the intervals of both looks."""
-        return tuple(count + 1 for count in self.samples)
-
-    @property
-    def jitters(self):
-        """Random numbers that a ray takes: one for each edge."""
-        return sum(self.edges)
-
-    def __call__(self, rays, *, jitter=None):
-        first, last = self.edges
-        places, again = sampling.split_jitter(jitter, self.edges)
-        count = len(rays.origins)
-        t = sampling.stratified(places, self.near, self.far, count, first, self.spacing)
-        weights, coarse, _ = self.look(rays, t)
-        t = sampling.sample_pdf(again, t, sampling.blurred(weights), last)
-        _, values, depth = self.look(rays, t)
-        return rendering.Rendering(values, depth, coarse=(coarse,))
-
-    def look(self, rays, t):
-        """(weights, colours, depth) of the intervals between edges t."""
-        gaussians = render.cast_cones(t, rays.origins, rays.directions, rays.radii)
-        if not self.anti_aliased:
-            gaussians = coord.points(gaussians)
-        encoded = encoding.integrated_axes(gaussians, self.degrees)
-        raw, colours = self.network(encoded, rays.viewdirs)
-        density = jax.nn.softplus(raw.reshape(gaussians.t_std.shape) + DENSITY_BIAS)
-        length = sampling.lengths(t, rays.directions, 0.0)[..., :-1]
-        weights, passed = sampling.weights_of(density, length)
-        values = sampling.integrate(weights, colours)
-        values = sampling.before(self.background, values, passed)
-        return weights, values, render.median_distance(weights, t)
-
-
-def make(chosen):
-    """The system of `keys.model.MipNerfSystem`, and its loss."""
-    network = radiance.Radiance(
-        width=chosen.width,
-        depth=chosen.depth,
-        bottleneck=chosen.bottleneck,
-        view_width=chosen.view_width,
-        padding=PADDING,
-        precision=chosen.precision,
+    order: ClassVar = 2
+    kind: Literal["mipnerf"] = key(
+        "mipnerf", "mip-NeRF: Gaussians, one network; learns at 0.001 to 0.0001"
     )
-    model = MipNerf(
-        network=network,
-        samples=tuple(chosen.samples),
-        near=chosen.near,
-        far=chosen.far,
-        spacing=chosen.spacing,
-        degrees=chosen.degrees,
-        anti_aliased=chosen.anti_aliased,
-        background=chosen.background,
+    near: float = key(0.2, base.NEAR, above=0, most=1e6)
+    far: float = key(100.0, "farthest distance", above=0, most=1e6)
+    samples: list[int] = key(
+        [128, 128],
+        "intervals a ray in the first look, and in the second",
+        least=2,
+        most=4096,
+        length=(2, 2),
     )
-    return model, rendering.squared(coarse=COARSE)
+    spacing: Literal["linear", "inverse"] = key("inverse", base.SPACING)
+    degrees: int = key(16, "of the encoding", least=1, most=16)
+    anti_aliased: bool = key(
+        True,
+        "true: the encoding fades what is finer than a sample's Gaussian; false: a "
+        "sample is a point, the Gaussian's mean",
+    )
+    width: int = key(256, "channels; 1024 in the bigger one", least=1, most=16384)
+    depth: int = key(8, "layers", least=1, most=64)
+    bottleneck: int = key(256, "numbers to the head", least=1, most=16384)
+    view_width: int = key(128, "of the head's layer", least=1, most=16384)
+    background: Literal["black", "white"] = key("black", base.BEHIND)
+    precision: base.PRECISIONS = key("float32", base.PRECISION)
+    training: Changes = base.changes()
+
+    def made(self, parts, **options):
+        network = parts.radiance.Radiance(
+            width=self.width,
+            depth=self.depth,
+            bottleneck=self.bottleneck,
+            view_width=self.view_width,
+            padding=parts.mipnerf.PADDING,
+            precision=self.precision,
+        )
+        model = parts.mipnerf.MipNerf(
+            network=network,
+            samples=tuple(self.samples),
+            near=self.near,
+            far=self.far,
+            spacing=self.spacing,
+            degrees=self.degrees,
+            anti_aliased=self.anti_aliased,
+            background=self.background,
+        )
+        return model, parts.rendering.squared(coarse=parts.mipnerf.COARSE)
+
+
+SYSTEM = MipNerfSystem

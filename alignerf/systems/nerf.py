@@ -1,83 +1,59 @@
-"""NeRF (arXiv 2003.08934): points of a ray, sines of a point, two networks.
+"""NeRF (arXiv 2003.08934) as a system of the config."""
 
-64 points from near to far; a first network's weights say where 128 more go; a second
-network sees all 192. Both learn from the squared error of their colour. As in its code
-(bmild/nerf) densities are max(0, x), with noise while they are learnt, and behind the
-last point the ray is opaque as soon as that has a density.
-"""
+from typing import ClassVar, Literal
 
-import flax.linen as nn
-import jax
-
-from alignerf.fields import encoding, radiance
-from alignerf.systems import rendering, sampling
+from alignerf.experiment.keys.key import key
+from alignerf.experiment.keys.training import Changes
+from alignerf.systems import base
 
 
-class Nerf(nn.Module):
-    """What a ray shows, by two networks of points."""
+class NerfSystem(base.System):
+    """NeRF as published: two networks of points, without contraction."""
 
-    coarse: nn.Module
-    fine: nn.Module
-    samples: tuple[int, int]
-    near: float
-    far: float
-    spacing: str
-    degrees: int
-    noise: float
-    background: str
+    order: ClassVar = 1
+    NETWORKS: ClassVar = 2
 
-    @property
-    def jitters(self):
-        """Random numbers that a ray takes."""
-        return sum(self.parts)
-
-    @property
-    def parts(self):
-        """Random numbers by use: places of points in both looks, noise in both."""
-        first, more = self.samples
-        noises = (first, first + more) if self.noise else (0, 0)
-        return (first, more, *noises)
-
-    def __call__(self, rays, *, jitter=None):
-        first, more = self.samples
-        places, again, *noises = sampling.split_jitter(jitter, self.parts)
-        count = len(rays.origins)
-        t = sampling.stratified(places, self.near, self.far, count, first, self.spacing)
-        weights, coarse, _ = self.look(self.coarse, rays, t, noises[0])
-        t = sampling.fine_samples(again, t, weights, more)
-        weights, values, depth = self.look(self.fine, rays, t, noises[1])
-        return rendering.Rendering(values, depth, coarse=(coarse,))
-
-    def look(self, network, rays, t, noise):
-        """(weights, colours, depth) of the points at t by a network."""
-        x = sampling.points_of(t, rays.origins, rays.directions)
-        raw, colours = network(encoding.positional(x, self.degrees), rays.viewdirs)
-        raw = sampling.with_noise(raw.reshape(t.shape), noise, self.noise)
-        length = sampling.lengths(t, rays.directions, sampling.ENDLESS)
-        weights, passed = sampling.weights_of(jax.nn.relu(raw), length)
-        values = sampling.integrate(weights, colours)
-        values = sampling.before(self.background, values, passed)
-        return weights, values, rendering.depth_of(weights, t)
-
-
-def make(chosen):
-    """The system of `keys.model.NerfSystem`, and its loss."""
-    network = {
-        "width": chosen.width,
-        "depth": chosen.depth,
-        "bottleneck": chosen.width,
-        "view_width": max(chosen.width // 2, 1),
-        "precision": chosen.precision,
-    }
-    model = Nerf(
-        coarse=radiance.Radiance(**network),
-        fine=radiance.Radiance(**network),
-        samples=tuple(chosen.samples),
-        near=chosen.near,
-        far=chosen.far,
-        spacing=chosen.spacing,
-        degrees=chosen.degrees,
-        noise=chosen.noise,
-        background=chosen.background,
+    kind: Literal["nerf"] = key(
+        "nerf", "NeRF: points, two networks; learns at 0.001 to 0.0001"
     )
-    return model, rendering.squared(coarse=1.0)
+    near: float = key(0.2, base.NEAR, above=0, most=1e6)
+    far: float = key(100.0, "farthest distance", above=0, most=100)
+    samples: list[int] = base.two_looks(64, 128)
+    spacing: Literal["linear", "inverse"] = key("inverse", base.SPACING)
+    degrees: int = key(10, "of the encoding", least=1, most=16)
+    width: int = key(256, "channels", least=1, most=16384)
+    depth: int = key(8, "layers", least=1, most=64)
+    noise: float = key(
+        1.0, "standard deviation of noise on raw densities", least=0, most=100
+    )
+    background: Literal["black", "white"] = key("black", base.BEHIND)
+    precision: base.PRECISIONS = key("float32", base.PRECISION)
+    training: Changes = base.changes()
+
+    @property
+    def points_a_ray(self):
+        return self.samples[0] + sum(self.samples)
+
+    def made(self, parts, **options):
+        network = {
+            "width": self.width,
+            "depth": self.depth,
+            "bottleneck": self.width,
+            "view_width": max(self.width // 2, 1),
+            "precision": self.precision,
+        }
+        model = parts.nerf.Nerf(
+            coarse=parts.radiance.Radiance(**network),
+            fine=parts.radiance.Radiance(**network),
+            samples=tuple(self.samples),
+            near=self.near,
+            far=self.far,
+            spacing=self.spacing,
+            degrees=self.degrees,
+            noise=self.noise,
+            background=self.background,
+        )
+        return model, parts.rendering.squared(coarse=1.0)
+
+
+SYSTEM = NerfSystem

@@ -21,6 +21,7 @@ from alignerf.contributions import (
     patch_conv,
 )
 from alignerf.mipnerf360 import losses
+from alignerf.rays import rendering as losses_of_rays
 from alignerf.scenes import cameras
 from alignerf.training import batches
 
@@ -63,18 +64,13 @@ def _regularisers(histograms, weights, native):
     }
 
 
-def charbonnier(rendering, photo, weight):
-    """The baseline's loss of a rendering's colours."""
-    return losses.charbonnier(rendering.values, photo, weight)
-
-
 @functools.cache
 def mipnerf360(
     model,
     *,
     batch_rays,
     loss_weights: LossWeights,
-    data_loss=charbonnier,
+    data_loss=losses_of_rays.charbonnier,
     proposal_share=1.0,
     annealed=True,
     coarse_to_fine=(),
@@ -114,7 +110,7 @@ def single_rays(
 ) -> Method:
     """A model that learns from rays drawn one by one.
 
-    data_loss: (rendering, photo, weight) -> mean, see `systems.rendering`.
+    data_loss: (rendering, photo, weight) -> mean, see `rays.rendering`.
     regularisers: histograms -> {term: mean}. of_share: share of the training that has
     passed -> keyword arguments of the model.
     """

@@ -6,7 +6,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 POINTS = {
     "kinds": "goes_on = tests.extension.toy_kind",
     "test_sets": "blurred = tests.extension.toy_test_set:SET",
-    "systems": "one_look = tests.extension.toy_system",
+    "systems": "one_look = tests.extension.toy_system:SYSTEM",
     "estimators": "shift = tests.extension.toy_estimator:ESTIMATOR",
 }
 

@@ -15,8 +15,8 @@ import pytest
 import yaml
 
 from alignerf.experiment import check, jobs, schema, sources
-from alignerf.experiment.keys import model as model_keys
 from alignerf.scenes import cameras
+from alignerf.systems import mipnerf360
 from alignerf.training import compose
 from tools.bench import (
     cases,
@@ -169,7 +169,7 @@ def test_jobs_compile_as_the_workflow_does_and_run_the_default_model(root, monke
     assert {name: os.environ[name] for name in job.CACHE} == job.CACHE
     demo = yaml.safe_load((root / "workflow/config/demo.yaml").read_text())
     found = check.checked(demo)["models"]["base"]
-    assert schema.filled(model_keys.Model, cases.GRID) == found
+    assert schema.filled(mipnerf360.Model, cases.GRID) == found
 
 
 def test_a_listing_tells_what_an_operation_moves_and_computes():

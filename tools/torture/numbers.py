@@ -14,8 +14,8 @@ import numpy as np
 from alignerf.contributions import align_loss, contextual_loss, frequency_loss
 from alignerf.fields import encoding, grid, mlp, shading, space
 from alignerf.mipnerf360 import coord, losses, render, stepfun
+from alignerf.rays import sampling
 from alignerf.scenes import cameras
-from alignerf.systems import sampling
 from alignerf.training import step as train_step
 from tests import camera_twins, twins
 

@@ -1,9 +1,8 @@
 """What a config with `decide` leaves to the scenes' facts."""
 
 from alignerf.captures import base
-from alignerf.experiment.keys.fields import Grid, Nerf
-from alignerf.experiment.keys.model import OPEN_OF_MODEL, Model
 from alignerf.experiment.keys.training import OPEN_OF_TRAINING, Training
+from alignerf.systems.mipnerf360 import OPEN_OF_MODEL, Grid, Model, Nerf
 
 
 def leave_open(config):

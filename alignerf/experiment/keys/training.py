@@ -10,17 +10,6 @@ from alignerf.experiment.keys.key import Keys, budget, given, key, left_to_facts
 OPEN_OF_TRAINING = ("steps",)
 
 
-# Chosen on courtyard, seed 1.
-RATES = {
-    "grid": (0.03, 0.003),
-    "mlp": (0.01, 0.001),
-    "nerf": (0.001, 0.0001),
-    "mipnerf": (0.001, 0.0001),
-    "nerfpp": (0.001, 0.0001),
-    "ngp": (0.03, 0.003),
-}
-
-
 class Training(Keys):
     """How the baseline is trained; the other stages start from it."""
 
@@ -34,10 +23,7 @@ class Training(Keys):
     batch_rays: int = key(512, "rays a step", least=1, most=2**22)
     learning_rates: list[float] | None = key(
         None,
-        "first and last; null takes what suits the field's kind: "
-        + ", ".join(
-            f"{first} and {last} for {kind}" for kind, (first, last) in RATES.items()
-        ),
+        "first and last; null takes those of the model's kind, or of its field's",
         above=0,
         most=10,
         length=(2, 2),

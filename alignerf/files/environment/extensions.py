@@ -20,7 +20,7 @@ NEEDED = {
     "methods": ("key", "annotation", "field", "trainings", "words", "moves"),
     "causes": ("name", "label", "unit", "value", "limit", "find"),
     "test_sets": ("name", "pixels", "meaning", "needs", "make", "tables"),
-    "systems": ("make", "Keys.kind", "Keys.near", "Keys.samples", "Keys.training"),
+    "systems": ("made", "kind", "near", "samples", "training"),
     "estimators": ("calculate", "min_side_px"),
 }
 

@@ -10,9 +10,9 @@ import pytest
 from alignerf import facts
 from alignerf.causes import shift
 from alignerf.experiment import decisions as rules
-from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.mipnerf360 import coord
+from alignerf.systems import mipnerf360
 
 FACTS = {
     "nearest": 0.5,
@@ -30,14 +30,14 @@ def decided(**changes):
 
 def test_every_key_that_a_config_can_leave_open_has_a_rule():
     names = {key.rpartition(".")[2] for key in decided()}
-    assert names == {*model_keys.OPEN_OF_MODEL, *training_keys.OPEN_OF_TRAINING}
+    assert names == {*mipnerf360.OPEN_OF_MODEL, *training_keys.OPEN_OF_TRAINING}
 
 
 @pytest.mark.parametrize("nearest", [1e-3, 0.5, 14.0])
 def test_samples_begin_before_the_nearest_point(nearest):
     found = decided(nearest=nearest)["model.near"]
     assert found.value == pytest.approx(rules.NEAR_SHARE * nearest, rel=1e-2)
-    assert found.default == model_keys.Model().near
+    assert found.default == mipnerf360.Model().near
     assert found.facts == {"nearest": nearest}
 
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from alignerf.experiment import check, decisions, plan
-from alignerf.experiment.keys import model as model_keys
+from alignerf.systems import mipnerf360, nerf
 
 DECISIONS = [
     decisions.Decision("model.near", 0.2, 3.0, "", {}),
@@ -96,7 +96,7 @@ def test_stages_and_lengths_keep_their_shares(folder):
 def test_other_systems_take_their_steps_alone(folder):
     config = {"models": {"n": {"kind": "nerf"}}, "methods": {"mipnerf360": {}}}
     job = decisions.read_job(job_of({"decide": True} | config))
-    assert (job.model.near, job.steps) == (model_keys.NerfSystem().near, 6000)
+    assert (job.model.near, job.steps) == (nerf.SYSTEM().near, 6000)
 
 
 def of(**changes):
@@ -132,7 +132,7 @@ def test_a_missing_file_or_decision_is_named(folder):
 def test_a_complete_config_decides_the_same_again():
     config = check.checked({"decide": True, "scenes": SCENE})
     model, training = config["models"]["base"], config["training"]
-    assert model["decided"] == list(model_keys.OPEN_OF_MODEL)
+    assert model["decided"] == list(mipnerf360.OPEN_OF_MODEL)
     again = check.checked(json.loads(json.dumps(config)))
     assert again["models"]["base"] == model
     assert again["training"] == training

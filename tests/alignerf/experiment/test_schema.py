@@ -13,10 +13,10 @@ from alignerf import fields
 from alignerf.captures import base
 from alignerf.experiment import check, schema
 from alignerf.experiment.keys import config as config_keys
-from alignerf.experiment.keys import fields as fields_keys
 from alignerf.experiment.keys import key
 from alignerf.experiment.keys import training as training_keys
 from alignerf.scenes.courtyard import scene as courtyard
+from alignerf.systems import mipnerf360
 from flow.estimation import estimate, external
 from flow.warping import warp
 
@@ -146,7 +146,7 @@ def test_numbers_that_are_not_finite_are_named(number):
 def test_fields_have_the_defaults_of_their_classes():
     # Flax's own, and what the training decides.
     not_of_the_config = {"parent", "name", "outputs", "moving", "native"}
-    kinds = {"grid": fields_keys.Grid, "mlp": fields_keys.Mlp, "nerf": fields_keys.Nerf}
+    kinds = {"grid": mipnerf360.Grid, "mlp": mipnerf360.Mlp, "nerf": mipnerf360.Nerf}
     assert kinds.keys() == fields.KINDS.keys()
     for kind, made in kinds.items():
         module = fields.KINDS[kind]
@@ -207,8 +207,8 @@ def test_keys_without_a_kind_change_the_default_field():
     models = check.checked(config | {"methods": {"m": {}}})["models"]
     assert models["same"]["field"]["finest"] == 2048
     assert models["smaller"]["field"] == models["same"]["field"] | {"log2_entries": 9}
-    assert models["whole"]["field"]["finest"] == fields_keys.Grid().finest == 1024
-    assert models["other"]["field"]["depth"] == fields_keys.Mlp().depth
+    assert models["whole"]["field"]["finest"] == mipnerf360.Grid().finest == 1024
+    assert models["other"]["field"]["depth"] == mipnerf360.Mlp().depth
 
 
 def test_home_is_found(tmp_path, monkeypatch):

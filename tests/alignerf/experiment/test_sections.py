@@ -11,9 +11,9 @@ import pytest
 from alignerf.experiment import sources
 from alignerf.experiment.tables import scenes
 
-JOB = {"fields", "model", "training"}
+JOB = {"model", "training"}
 # No sections: what several of them have in common.
-SHARED = {"__init__", "estimators", "key", "system"}
+SHARED = {"__init__", "estimators", "key"}
 EVERY = JOB | {"config", "flow", "left", "scene"}
 # {stage: sections}; of a stage that is not here, none.
 REACHED = {

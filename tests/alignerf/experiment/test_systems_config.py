@@ -4,10 +4,8 @@ import pytest
 import yaml
 
 from alignerf import config as config_command
-from alignerf import methods
+from alignerf import methods, systems
 from alignerf.experiment import check, jobs, targets
-from alignerf.experiment.keys import model as model_keys
-from alignerf.experiment.keys import training as training_keys
 from alignerf.experiment.tables import scenes
 from tests import step_cases as cases
 
@@ -29,7 +27,7 @@ def test_a_system_needs_its_kind_alone(demo, experiment_of, kind):
     job = job_of(experiment, "courtyard", "other")
     parsed = jobs.parse(job)
     assert parsed.model.kind == kind
-    assert tuple(parsed.training.learning_rates) == training_keys.RATES[kind]
+    assert tuple(parsed.training.learning_rates) == systems.every()[kind].RATES
     # A pinned training says what the slice says.
     assert jobs.parse(jobs.as_dict(parsed)) == parsed
     assert methods.label(experiment, "other").startswith(kind)
@@ -167,13 +165,9 @@ def test_nothing_is_warped_onto_given_renders(with_renders):
 
 def test_defaults_of_all_systems_stand_in_the_schema():
     found = yaml.safe_load(config_command.schema_text())["$defs"]
-    for kind in (
-        model_keys.NerfSystem,
-        model_keys.MipNerfSystem,
-        model_keys.NerfPlusPlus,
-    ):
-        properties = found[kind.__name__]["properties"]
-        assert properties["samples"]["default"] == kind().samples
+    for system in systems.every().values():
+        properties = found[system.__name__]["properties"]
+        assert properties["samples"]["default"] == system().samples
 
 
 def test_all_are_set_against_a_round_that_is_trained(demo, experiment_of):

@@ -8,7 +8,7 @@ from scipy.special import sph_harm_y
 
 from alignerf.fields import box, encoding, space
 from alignerf.mipnerf360 import coord
-from alignerf.systems import rendering
+from alignerf.rays import rendering
 from tests import twins
 
 SIDE = 4.0

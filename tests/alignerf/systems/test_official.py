@@ -24,7 +24,6 @@ from alignerf import fields
 from alignerf.fields import shading
 from alignerf.mipnerf360 import coord
 from alignerf.scenes import cameras
-from alignerf.systems import nerfpp
 from alignerf.training import compose
 from tests import training_cases as cases
 
@@ -205,7 +204,7 @@ def test_nerf_plus_plus(rng):
                 *(torch.tensor(np.array(part)) for part in rays[:2]),
                 *(torch.tensor(part) for part in (leave[:, 0], t, u)),
             )
-    model, _ = nerfpp.make(job.model)
+    model, _ = job.model.made(rays, native=False, moving=False)
     values, _, weights = model.apply(
         {"params": networks}, 0, rays, *map(jnp.asarray, (t, u, leave)), method="look"
     )

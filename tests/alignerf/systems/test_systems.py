@@ -221,7 +221,7 @@ TINY_GRID = {"levels": 2, "log2_entries": 8, "finest": 32, "width": 8}
 @pytest.mark.parametrize(
     "model",
     [
-        {"field": {"kind": "nerf", "width": 8, "depth": 2}, "samples": [6]},
+        {"field": {"kind": "nerf", "width": 8, "depth": 2}, "samples": [6], "far": 9.0},
         {"field": TINY_GRID, "samples": [6], "background": "white"},
     ],
 )

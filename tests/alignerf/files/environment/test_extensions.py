@@ -15,16 +15,17 @@ SYSTEM = """
 from typing import Literal
 
 from alignerf.experiment.keys.key import key
-from alignerf.experiment.keys.system import System, changes
-
-make = None
+from alignerf.systems import base
 
 
-class Keys(System):
+class Keys(base.System):
     kind: Literal[{0!r}] = key({0!r})
     near: float = key(1.0)
     samples: list[int] = key([2])
-    training: dict = changes()
+    training: dict = base.changes()
+
+    def made(self, parts, **options):
+        return None
 """
 
 
@@ -76,7 +77,7 @@ def run(root, folder, code=READ):
             METHOD.format("copy"),
             "alignerf.methods: copy is a name",
         ),
-        ("systems", "s = one", "make = 1\n", "of one: it has no Keys.kind"),
+        ("systems", "s = one", "made = 1\n", "of one: it has no kind"),
         ("methods", "k = one", "1 / 0\n", "of one: ZeroDivisionError"),
         (
             "methods",
@@ -86,7 +87,7 @@ def run(root, folder, code=READ):
         ),
         (
             "systems",
-            "s = one",
+            "s = one:Keys",
             SYSTEM.format("ngp"),
             "alignerf.systems: ngp is a name that is taken",
         ),

@@ -48,6 +48,11 @@ def squared(*, coarse=0.0):
     return loss
 
 
+def charbonnier(rendering, photo, weight):
+    """Mip-NeRF 360's loss: as the square where it is small, beyond as the distance."""
+    return losses.charbonnier(rendering.values, photo, weight)
+
+
 def mean_square(values, photo, weight):
     """Mean squared error over channels and rays."""
     return losses.weighted_mean(jnp.mean((values - photo) ** 2, axis=-1), weight)

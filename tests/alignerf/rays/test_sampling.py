@@ -9,7 +9,7 @@ import pytest
 
 from alignerf.fields import encoding, space
 from alignerf.mipnerf360 import coord
-from alignerf.systems import sampling
+from alignerf.rays import sampling
 from tests import system_twins, twins
 
 COUNT = 500
