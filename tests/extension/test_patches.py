@@ -110,3 +110,63 @@ def test_a_source_is_detected_checked_prepared_and_exported(patched):
     assert told["step"] == pytest.approx([0.5] * 7)
     assert {"images", "sparse", "transforms.json", "README.txt"} <= {*told["files"]}
     assert told["reached"] == {"poses": True, "export": True, "train": False}
+
+
+ONE_LOOK = """
+import json, pathlib
+from alignerf import config, methods
+from alignerf.experiment import check, jobs, plan, sources
+from tests import job_cases
+
+def checked(**model):
+    models = {"base": {}, "looked": {"kind": "one_look", **model}}
+    config = {"scenes": {"a": {"source": "courtyard"}}, "models": models}
+    return check.checked(config | {"methods": {"look": {"model": "looked"}}})
+
+faults = []
+for change in {"degrees": 9}, {"steps": 1}, {"training": {"proposal_share": 1.0}}:
+    try:
+        checked(**change)
+    except ValueError as error:
+        faults.append(str(error))
+experiment = plan.Experiment(checked(), None)
+model = {"kind": "one_look"}
+training = {k: v for k, v in job_cases.TRAINING.items() if k != "learning_rates"}
+job = job_cases.JOB | {"model": model, "training": training}
+scene, out = pathlib.Path("scene"), pathlib.Path("out")
+scene.mkdir()
+job_cases.run(job_cases.make_scene(scene), out, job)
+timing = json.loads((out / "timing.json").read_text())
+parsed = jobs.parse(job)
+print(json.dumps({
+    "faults": faults,
+    "schema": "OneLook" in config.schema_text(),
+    "label": methods.label(experiment, "look"),
+    "rates": parsed.learning_rates,
+    "points": parsed.model.points_a_ray,
+    "stage": [timing["stage"], timing["steps"]],
+    "reached": {
+        stage: name in {path.name for path in sources.reached(f"alignerf.{stage}")}
+        for stage, name in (
+            ("train", "one_look.py"), ("render_views", "one_look.py"),
+            ("evaluate", "one_look.py"),
+        )
+    },
+}))
+"""
+
+
+def test_a_system_is_checked_labelled_and_trained(patched):
+    told = json.loads(patched("system.patch")(ONE_LOOK))
+    assert told["faults"] == [
+        "config: models.looked.degrees: too many for so far a view",
+        "config: models.looked: 'steps' is no key of this section",
+        "config: models.looked.training.proposal_share: kind one_look has none",
+    ]
+    assert told["schema"]
+    assert told["label"].startswith("one_look")
+    assert told["rates"] == [0.004, 0.0004]
+    assert told["points"] == 16
+    assert told["stage"] == ["full", 14]
+    reached = {"train": True, "render_views": True, "evaluate": False}
+    assert told["reached"] == reached
