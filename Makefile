@@ -62,8 +62,10 @@ export: $(VENV)/.installed
 	@exec python -m alignerf.start.export --cores $(CORES) \
 		$(if $(value WIDTH),"--width=$$EXPORT_WIDTH") -- "$$EXPORT_OF"
 
-# What others add; benchmarks, the torture and the packaging; the page in a browser.
-TOOLS := tools tests/extension tests/test_packaging.py tests/alignerf/page/test_browser.py
+# What others add; benchmarks, the torture and the packaging; the page in a browser, and
+# of a long list of damaged files.
+TOOLS := tools tests/extension tests/test_packaging.py
+TOOLS += tests/alignerf/page/test_browser.py tests/alignerf/page/test_damaged.py
 
 test: $(VENV)/.installed
 	@pytest -n 2 --dist worksteal $(TOOLS:%=--ignore=%)

@@ -9,7 +9,7 @@ import urllib.request
 import pytest
 import yaml
 
-from tests.workflow import kubernetes_api
+from tools.cluster import kubernetes_api
 
 WHY = "not installed: pip install snakemake-storage-plugin-s3 'moto[server]'"
 pytest.importorskip("snakemake_storage_plugin_s3", reason=WHY)
