@@ -16,7 +16,6 @@ import sys
 from pathlib import Path
 
 from alignerf.files import faults, owned
-from flow.estimation import arguments as arguments_of_flow
 from flow.estimation import estimate, external, folders
 
 
@@ -61,7 +60,7 @@ def parse(arguments=None):
     for name in ("renders", "photos", "flow-out", "stats-out"):
         parser.add_argument(f"--{name}", type=Path, required=True)
     parser.add_argument("--warped-out", type=Path, help="folder of warped photos")
-    arguments_of_flow.add(parser, (*estimate.METHODS, external.METHOD))
+    estimate.add_arguments(parser, (*estimate.METHODS, external.METHOD))
     parser.add_argument("--flows", type=Path, help="folder of flows made elsewhere")
     parser.add_argument("--depth", type=Path, help="of the renders, for occlusions")
     parser.add_argument("--masks", type=Path, help="where photos count, if it is there")

@@ -20,9 +20,8 @@ from pathlib import Path
 
 from alignerf import testsets
 from alignerf.files import atomic, faults, images, machine, progress
-from flow.estimation import arguments as arguments_of_flow
-from flow.estimation import estimate, pairs
-from flow.warping import controls, files, lengths, warp
+from flow.estimation import estimate
+from flow.warping import controls, files, warp
 
 # Views with --lengths, from the first by name to the last.
 MOST_VIEWS = 8
@@ -49,7 +48,7 @@ def main(
     masks: as of `files.masked_photo`. options: those of `View`. Sets appear together or
     not at all. Raises ValueError or OSError.
     """
-    views = pairs.find_pairs(Path(renders), Path(photos))
+    views = estimate.find_pairs(Path(renders), Path(photos))
     flows = {path.stem for path in Path(flow).glob("*.npz")}
     if (missing := flows - {view for view, *_ in views}) and out:
         raise ValueError(f"{renders}: no render of view {min(missing)}")
@@ -141,7 +140,7 @@ class View:
     @functools.cached_property
     def invented(self):
         """(flow, valid [h, w], blur in px) that an estimator finds to that image."""
-        return pairs.flow_and_validity(
+        return estimate.flow_and_validity(
             self.render, self.aligned, tolerance_px=self.tolerance_px, **self.options
         )
 
@@ -177,7 +176,7 @@ class View:
         return {
             "view": self.name,
             "aligned": "resharpened" if self.oracle is None else "oracle",
-            **lengths.statistics(flow_px, valid, view=self.name),
+            **files.statistics(flow_px, valid, view=self.name),
             "blur_sigma_px": sigma_px,
         }
 
@@ -197,7 +196,7 @@ def parse(arguments=None):
     parser.add_argument("--truth", type=Path, help="folder with the oracle's images")
     parser.add_argument("--masks", type=Path, help="where photos count, if it is there")
     parser.add_argument("--threads", type=int, help="views at once")
-    arguments_of_flow.add(parser)
+    estimate.add_arguments(parser)
     return parser.parse_args(arguments)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from alignerf.experiment import jobs
 from alignerf.scenes import prepared
 from flow.camera import correct
-from flow.estimation import estimators, pairs
+from flow.estimation import estimate, estimators
 from flow.warping import small, warp
 
 # Largest forward-backward disagreement of a valid pixel, in px of the small images.
@@ -79,7 +79,7 @@ def flow_of(render, photo, *, estimator, match_blur):
     """
     options = {"match_blur": match_blur, "tolerance_px": TOLERANCE_PX}
     options |= {"method": estimator, "back": estimators.METHODS[estimator].checked_by}
-    return pairs.flow_and_validity(render, photo, **options)[:2]
+    return estimate.flow_and_validity(render, photo, **options)[:2]
 
 
 def at(render, scene: prepared.Scene, view, photo: Photo, k, flow_of) -> correct.View:

@@ -15,7 +15,7 @@ from alignerf.metrics import image as image_metrics
 from alignerf.page import contents, pictures
 from alignerf.scenes import prepared
 from alignerf.verdict import views as of_views
-from flow.figures import colour_wheel
+from flow.figures import drawing
 
 # The same for all scenes, so that one that is aligned looks so.
 FULL_PX = 4.0
@@ -121,13 +121,13 @@ def turned(flow_px, turns):
 
 def coloured(flow_px, valid, limit_px):
     """A flow's colours [h, w, 3] at the fixed scale, fading under the limit."""
-    faded = colour_wheel.faded(flow_px, limit_px)
-    return colour_wheel.encode(faded, scale_px=FULL_PX, valid=valid)
+    faded = drawing.faded(flow_px, limit_px)
+    return drawing.encode(faded, scale_px=FULL_PX, valid=valid)
 
 
 def wheel(limit_px):
     """The wheel [WHEEL_PX, WHEEL_PX, 3] that says what the colours mean."""
-    return colour_wheel.legend(WHEEL_PX, scale_px=FULL_PX, least_px=limit_px)
+    return drawing.legend(WHEEL_PX, scale_px=FULL_PX, least_px=limit_px)
 
 
 def arrows(shown: Shown):

@@ -9,10 +9,10 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from alignerf.files import archives, atomic, images, machine, progress
-from flow.estimation import estimate, external, pairs
-from flow.warping import files, lengths, warp
+from flow.estimation import estimate, external
+from flow.warping import files, warp
 
-COLUMNS = ("view", *lengths.COLUMNS, "blur_sigma_px", "time_s")
+COLUMNS = ("view", *files.LENGTHS, "blur_sigma_px", "time_s")
 
 
 def align(renders, photos, targets, stats_out, *, threads=1, **options):
@@ -23,7 +23,7 @@ def align(renders, photos, targets, stats_out, *, threads=1, **options):
     once; each takes 0.3 GB of a view of 2 megapixels. options: those of `align_view`.
     Raises ValueError or OSError.
     """
-    views = pairs.find_pairs(Path(renders), Path(photos))
+    views = estimate.find_pairs(Path(renders), Path(photos))
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.
         stats_path = stack.enter_context(atomic.replace_file(stats_out))
@@ -62,7 +62,7 @@ def align_view(
             valid &= warp.unoccluded(flow_px, depth_map)
     except ValueError as error:
         raise ValueError(f"view {view}: {error}") from error
-    row = lengths.statistics(flow_px, valid, view=view)
+    row = files.statistics(flow_px, valid, view=view)
     files.write_flow(folders["flow"] / f"{view}.npz", flow_px, valid)
     if "warped" in folders:
         warped = warp.warp(photo, flow_px, kernel=kernel)
@@ -87,10 +87,10 @@ def flow_of_view(
     tolerance_px=1.0,
     **options,
 ):
-    """`pairs.flow_and_validity`, or what the folder `flows` has for method `files`."""
+    """`estimate.flow_and_validity`; of method `files`, what folder `flows` has."""
     if method != external.METHOD:
         options |= {"method": method, "tolerance_px": tolerance_px}
-        return pairs.flow_and_validity(render, photo, **options)
+        return estimate.flow_and_validity(render, photo, **options)
     estimate.check_pair(render, photo)
     size = render.shape[:2]
     flow_px, valid = external.flow_and_validity(

@@ -1,12 +1,14 @@
 """What the figures share: colours of flows on one scale, their wheel, saving.
 
 Notation: a flow is (flow_px [h, w, 2], valid [h, w]), in pixels.
+Colours are Middlebury's: hue is the direction, saturation the length (Baker et al.
+2011, "A Database and Evaluation Methodology for Optical Flow").
+`scale_px` is the length that is fully saturated.
 """
 
 import numpy as np
 
 from alignerf.files import atomic
-from flow.figures import colour_wheel
 
 # One scale for all flows of a figure, this percentile of their lengths.
 SCALE_PERCENTILE = 98
@@ -14,6 +16,74 @@ WHEEL_PX = 201
 # Legible where a figure is shrunk to the width of a page.
 FONT_SIZE = 8
 DPI = 150
+# Steps from one corner of the RGB cube to the next, more where the eye sees more:
+# red - yellow - green - cyan - blue - magenta - red.
+_STEPS = (15, 6, 4, 11, 13, 6)
+_CORNERS = np.array(
+    [[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1], [1, 0, 1], [1, 0, 0]],
+    dtype=np.float64,
+)
+
+
+def _wheel():
+    parts = [
+        start + np.arange(steps)[:, None] / steps * (end - start)
+        for steps, start, end in zip(_STEPS, _CORNERS, _CORNERS[1:], strict=False)
+    ]
+    return np.concatenate(parts)
+
+
+WHEEL = _wheel()
+
+
+def encode(flow_px, *, scale_px, valid=None):
+    """Colours [h, w, 3] uint8: white is no flow, longer than scale_px is darkened.
+
+    Pixels that are not valid, or not finite, are black.
+    """
+    if not (np.isfinite(scale_px) and scale_px > 0):
+        raise ValueError(f"scale_px must be positive, is {scale_px}")
+    flow_px = np.asarray(flow_px, dtype=np.float64)
+    known = np.isfinite(flow_px).all(axis=-1)
+    if valid is not None:
+        known &= valid
+    u, v = np.where(known[..., None], flow_px / scale_px, 0.0).transpose(2, 0, 1)
+    radius = np.hypot(u, v)[..., None]
+    at = (np.arctan2(-v, -u) / np.pi + 1) / 2 * (len(WHEEL) - 1)
+    low = np.floor(at).astype(int)
+    fraction = (at - low)[..., None]
+    high = (low + 1) % len(WHEEL)
+    hue = (1 - fraction) * WHEEL[low] + fraction * WHEEL[high]
+    colour = np.where(radius <= 1, 1 - radius * (1 - hue), 0.75 * hue)
+    return np.floor(255 * colour * known[..., None]).astype(np.uint8)
+
+
+def faded(flow_px, least_px):
+    """The flow with lengths beneath `least_px` shortened by their square's share.
+
+    At the least itself nothing changes, half of it becomes an eighth: beneath what can
+    be told colours fade out without an edge.
+    """
+    if not (np.isfinite(least_px) and least_px >= 0):
+        raise ValueError(f"least_px must be 0 or more, is {least_px}")
+    flow_px = np.asarray(flow_px, dtype=np.float64)
+    length = np.linalg.norm(flow_px, axis=-1, keepdims=True)
+    # A length that is no number stays none.
+    share = np.where(length < least_px, length / max(least_px, 1e-12), 1.0)
+    return flow_px * share**2
+
+
+def legend(side_px, *, scale_px=1.0, least_px=0.0):
+    """The wheel [side_px, side_px, 3]: colour of the flow from the centre to here.
+
+    The rim stands for the scale; outside of it the image is white. least_px: as of
+    `faded`.
+    """
+    offset = (np.arange(side_px) - (side_px - 1) / 2) / (side_px / 2)
+    flow = np.stack(np.meshgrid(offset, offset), axis=-1)
+    inside = np.hypot(flow[..., 0], flow[..., 1]) <= 1
+    colours = encode(faded(flow * scale_px, least_px), scale_px=scale_px)
+    return np.where(inside[..., None], colours, np.uint8(255))
 
 
 def flow_scale(flows):
@@ -30,7 +100,7 @@ def median_px(flow):
 
 
 def draw_wheel(axes, scale_px):
-    axes.imshow(colour_wheel.legend(WHEEL_PX))
+    axes.imshow(legend(WHEEL_PX))
     axes.set_title(f"flow, rim = {scale_px:.1f} px", fontsize=FONT_SIZE)
 
 
@@ -44,7 +114,7 @@ def draw_legend(figure, scale_px, note):
 def coloured(flow, scale_px):
     """Middlebury's code of a flow; black where it is not valid."""
     flow_px, valid = flow
-    return colour_wheel.encode(flow_px, scale_px=scale_px, valid=valid)
+    return encode(flow_px, scale_px=scale_px, valid=valid)
 
 
 def save_images(figure, path, *, dpi=DPI):

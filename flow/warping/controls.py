@@ -9,10 +9,10 @@ import zlib
 import cv2
 import numpy as np
 
-from flow.warping import lengths, warp
+from flow.warping import files, warp
 
 # Of overfit.csv, a row for each view.
-COLUMNS = ("view", "aligned", *lengths.COLUMNS, "blur_sigma_px", "time_s")
+COLUMNS = ("view", "aligned", *files.LENGTHS, "blur_sigma_px", "time_s")
 # Half a pixel displaces little, and asks for every fraction that resampling can.
 PLACEBO_PX = 0.5
 

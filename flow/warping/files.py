@@ -1,4 +1,4 @@
-"""Flow files. What exists is whole: written beside its target, then renamed.
+"""Flow files, which are whole where they exist, and lengths of flows.
 
 Notation: `flow_px` [h, w, 2] float32, x then y in pixels; `valid` [h, w] bool.
 """
@@ -13,6 +13,8 @@ from flow.warping import warp
 
 # Middlebury's mark for "unknown" is any component beyond this.
 UNKNOWN_FLOW_PX = 1e9
+# How far render and photo are apart: the misalignment of a view.
+LENGTHS = ("median_px", "mean_px", "p95_px", "valid_share")
 
 
 def write_rows(path, columns, rows):
@@ -98,3 +100,21 @@ def _check_flow_file(path, flow_px, valid):
             f"{path}: valid must be bool {list(flow_px.shape[:2])}, "
             f"not {valid.dtype} {list(valid.shape)}"
         )
+
+
+def statistics(flow_px, valid, *, view):
+    """Length of the flow over valid pixels: a float for each of LENGTHS.
+
+    Raises ValueError, naming the view, where no pixel is valid: a mean over nothing
+    is no misalignment.
+    """
+    if valid.shape != flow_px.shape[:2] or valid.dtype != bool:
+        raise ValueError(f"view {view}: the validity mask does not fit the flow")
+    if not valid.any():
+        raise ValueError(
+            f"view {view}: no pixel has a valid flow, so it has no misalignment; "
+            "does the render show the scene?"
+        )
+    length_px = np.linalg.norm(flow_px[valid].astype(np.float64), axis=-1)
+    lengths_px = np.median(length_px), length_px.mean(), np.percentile(length_px, 95)
+    return dict(zip(LENGTHS, map(float, (*lengths_px, valid.mean())), strict=True))

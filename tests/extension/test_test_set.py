@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from alignerf.files import images
-from flow.estimation import pairs
+from flow.estimation import estimate
 from flow.warping import files
 
 WHAT = """
@@ -72,7 +72,7 @@ def test_its_image_is_written(tree, tmp_path, rng):
     photo = rng.integers(0, 256, (48, 64, 3), np.uint8)
     for name in ("photos", "renders"):
         images.write(tmp_path / name / "a.png", photo)
-    flow_px, valid, _ = pairs.flow_and_validity(photo, photo)
+    flow_px, valid, _ = estimate.flow_and_validity(photo, photo)
     files.write_flow(tmp_path / "flow" / "a.npz", flow_px, valid)
     names = ("photos", "renders", "flow", "out")
     places = [f"--{name}={tmp_path / name}" for name in names]

@@ -11,8 +11,8 @@ import pytest
 from alignerf import testsets
 from alignerf.files import images, owned
 from flow import control_sets
-from flow.estimation import pairs
-from flow.warping import controls, files, lengths, warp
+from flow.estimation import estimate
+from flow.warping import controls, files, warp
 
 VIEWS = ("a", "b c")
 SHIFT_PX = 2
@@ -37,7 +37,7 @@ def scene(tmp_path):
         images.write(tmp_path / "photos" / f"{view}.png", photo)
         images.write(tmp_path / "renders" / f"{view}.png", render)
         images.write(tmp_path / "truth" / "oracle" / f"{view}.png", oracle)
-        flow_px, valid, _ = pairs.flow_and_validity(render, photo)
+        flow_px, valid, _ = estimate.flow_and_validity(render, photo)
         files.write_flow(tmp_path / "flow" / f"{view}.npz", flow_px, valid)
     return tmp_path
 
@@ -91,7 +91,7 @@ def test_every_set_is_the_warp_that_it_says(scene):
         )
         assert (row["view"], row["aligned"]) == (view, "oracle")
         assert list(row) == list(controls.COLUMNS)
-        wanted = lengths.statistics(overfit_px, valid, view=view)
+        wanted = files.statistics(overfit_px, valid, view=view)
         assert {key: float(row[key]) for key in wanted} == pytest.approx(wanted)
         assert 0 < float(row["median_px"]) < 0.5
 
@@ -131,7 +131,7 @@ def test_settings_reach_the_warps(scene):
     assert {row["blur_sigma_px"] for row in rows(scene)} == {"0.0"}
     overfit_px, _ = files.read_flow(scene / "out" / "overfit_flow" / "a.npz")
     render, oracle = read(scene, "renders", "a"), read(scene, "truth/oracle", "a")
-    wanted_px, _, _ = pairs.flow_and_validity(
+    wanted_px, _, _ = estimate.flow_and_validity(
         render, oracle, method="dis_medium", match_blur=False
     )
     np.testing.assert_array_equal(overfit_px, wanted_px)
@@ -214,7 +214,7 @@ def folders(tmp_path):
         name = f"v{number:02d}"
         images.write(tmp_path / "renders" / f"{name}.png", render)
         images.write(tmp_path / "photos" / f"{name}.png", photo)
-        flow_px, valid, _ = pairs.flow_and_validity(render, photo)
+        flow_px, valid, _ = estimate.flow_and_validity(render, photo)
         files.write_flow(tmp_path / "flow" / f"{name}.npz", flow_px, valid)
     return [tmp_path / name for name in ("renders", "photos", "flow", "out.csv")]
 

@@ -76,7 +76,7 @@ def check_reruns(plan, root, config):
     scored, moved = {"evaluate"}, {"align_test_poses"}
     on_the_way, tuned = {"train aligned/round0"}, {"train alignerf/round0"}
     for path, old, new, rules in (
-        (root / "flow/figures/colour_wheel.py", "\n", "\n\n", {"figures"}),
+        (root / "flow/figures/drawing.py", "\n", "\n\n", {"figures"}),
         (root / "alignerf/tables/misalignment.py", "\n", "\n\n", tables),
         (root / "alignerf/tables/collect.py", "\n", "\n\n", {"collect"}),
         (root / "alignerf/metrics/lpips.py", "\n", "\n\n", scored),

@@ -189,12 +189,12 @@ def fair_image(loaded, render, view, image, depth, photo):
 
     from flow.camera import fit as camera_fit
     from flow.camera import motion as camera_motion
-    from flow.estimation import pairs
+    from flow.estimation import estimate
     from flow.warping import controls
 
     block_px = max(1, min(photo.shape[:2]) // SQUARES)
     half = controls.checkerboard(*photo.shape[:2], block_px=block_px)
-    flow_px, valid, _ = pairs.flow_and_validity(image, photo)
+    flow_px, valid, _ = estimate.flow_and_validity(image, photo)
     camera = loaded.pixtocams[view], loaded.camtoworlds[view]
     found = np.zeros_like(image)
     for mask in (half, ~half):

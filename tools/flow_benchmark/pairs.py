@@ -12,7 +12,7 @@ import numpy as np
 import skimage.data
 
 from alignerf.files import images
-from flow.estimation import blur
+from flow.estimation import estimate
 from flow.warping import files, warp
 
 # Photographs that come inside scikit-image, and the part [y, x] taken of each: what
@@ -82,7 +82,7 @@ def synthetic(photos=PHOTOS, lengths_px=LENGTHS_PX, blurs_px=BLURS_PX):
                     continue
                 kind = "smooth" if length_px else "overfit"
                 side = f"blurred {sigma_px:g} px" if sigma_px else "sharp"
-                blurred = blur.blur(render, sigma_px)
+                blurred = estimate.blur(render, sigma_px)
                 what = f"{name} {length_px:g} px"
                 yield Pair(f"{kind} {side}", what, blurred, photo, true_px, known)
 

@@ -5,7 +5,7 @@ import pytest
 
 from alignerf.contributions import search_radius
 from flow.estimation import folders
-from flow.warping import files, lengths
+from flow.warping import files
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_lengths_are_read_from_what_the_alignment_writes(tmp_path):
         flow_px = np.zeros((4, 6, 2), np.float32)
         flow_px[..., 1] = length_px
         valid = np.ones((4, 6), bool)
-        found = lengths.statistics(flow_px, valid, view=view)
+        found = files.statistics(flow_px, valid, view=view)
         rows.append({"view": view, **found, "blur_sigma_px": 0.0, "time_s": 1.0})
     path = tmp_path / "displacement.csv"
     files.write_rows(path, folders.COLUMNS, rows)

@@ -10,7 +10,7 @@ from PIL import Image
 
 from alignerf.page import photos, pictures
 from alignerf.verdict import views
-from flow.figures import colour_wheel
+from flow.figures import drawing
 
 
 def view(name, flow_px, split="test", why=""):
@@ -58,7 +58,7 @@ def test_an_aligned_scene_looks_aligned_and_a_bad_one_bad_whatever_its_own_scale
 def test_colours_fade_without_an_edge_and_only_beneath_the_least():
     length = np.linspace(0, 2, 201)
     flow_px = np.stack([length, 0 * length], axis=-1)[None]
-    faded = np.linalg.norm(colour_wheel.faded(flow_px, 1.0), axis=-1)[0]
+    faded = np.linalg.norm(drawing.faded(flow_px, 1.0), axis=-1)[0]
     assert (np.diff(faded) > 0).all()
     np.testing.assert_allclose(faded[100:], length[100:])
     assert faded[50] == pytest.approx(0.125)
@@ -67,13 +67,13 @@ def test_colours_fade_without_an_edge_and_only_beneath_the_least():
 @pytest.mark.parametrize("least_px", [np.nan, np.inf, -1.0])
 def test_a_least_that_is_no_length_is_refused(least_px):
     with pytest.raises(ValueError, match="least_px"):
-        colour_wheel.faded(np.zeros((1, 1, 2)), least_px)
+        drawing.faded(np.zeros((1, 1, 2)), least_px)
 
 
 def test_a_least_of_0_changes_nothing_and_unknown_flow_stays_unknown():
     flow_px = np.array([[[0.0, 0.0], [1.0, 0.0], [np.nan, 0.0], [1e300, 1e300]]])
     with np.errstate(over="ignore"):
-        found = colour_wheel.faded(flow_px, 0.0)
+        found = drawing.faded(flow_px, 0.0)
         colours = coloured(flow_px, limit_px=1.0)
     np.testing.assert_array_equal(found, flow_px)
     # Not known is black.

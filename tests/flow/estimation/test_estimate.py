@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from alignerf.files import images
-from flow.estimation import estimate, estimators, pairs
+from flow.estimation import estimate, estimators
 from flow.warping import files, warp
 
 SEQUENCES = {  # mean end-point error in px that the methods of FAST stay below
@@ -276,8 +276,8 @@ def test_a_faster_estimator_may_check_a_flow():
     render = warp.warp(photo, smooth_flow(96, 128, longest_px=2.0))
     # What no flow explains: another texture in a corner.
     render[:30, :40] = texture(30, 40, seed=5)
-    own = pairs.flow_and_validity(render, photo, method="deepflow", match_blur=False)
-    other = pairs.flow_and_validity(
+    own = estimate.flow_and_validity(render, photo, method="deepflow", match_blur=False)
+    other = estimate.flow_and_validity(
         render, photo, method="deepflow", match_blur=False, back="dis_fine"
     )
     np.testing.assert_array_equal(other[0], own[0])

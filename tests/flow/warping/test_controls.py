@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from flow.estimation import estimate, pairs
+from flow.estimation import estimate
 from flow.warping import controls, warp
 
 HEIGHT, WIDTH = 150, 200
@@ -57,7 +57,7 @@ def crossfit(render, photo, *, method=estimate.DEFAULT, **options):
 
 
 def in_sample(render, photo, method):
-    return pairs.flow_and_validity(render, photo, method=method)[0]
+    return estimate.flow_and_validity(render, photo, method=method)[0]
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,12 @@
-"""flow.warping.files, flow.warping.lengths and flow.figures.colour_wheel."""
+"""flow.warping.files, flow.warping.files and flow.figures.drawing."""
 
 import os
 
 import numpy as np
 import pytest
 
-from flow.figures import colour_wheel
-from flow.warping import files, lengths
+from flow.figures import drawing
+from flow.warping import files
 
 
 def random_flow(seed=0, height=11, width=17):
@@ -138,7 +138,7 @@ def test_statistics_count_valid_pixels_only():
         angle, length = rng.uniform(0, 2 * np.pi, (30, 40)), rng.gamma(2, size=(30, 40))
         flow_px = length[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         flow_px[~valid] = 1e6
-        found = lengths.statistics(flow_px, valid, view="a")
+        found = files.statistics(flow_px, valid, view="a")
         assert found["mean_px"] == pytest.approx(length[valid].mean())
         assert found["median_px"] == pytest.approx(np.median(length[valid]))
         assert (length[valid] <= found["p95_px"]).mean() == pytest.approx(
@@ -150,9 +150,9 @@ def test_statistics_count_valid_pixels_only():
 def test_statistics_of_nothing_are_an_error_naming_the_view():
     flow_px = np.zeros((4, 5, 2), np.float32)
     with pytest.raises(ValueError, match="view left_3"):
-        lengths.statistics(flow_px, np.zeros((4, 5), bool), view="left_3")
+        files.statistics(flow_px, np.zeros((4, 5), bool), view="left_3")
     with pytest.raises(ValueError, match="view left_3"):
-        lengths.statistics(flow_px, np.ones((4, 4), bool), view="left_3")
+        files.statistics(flow_px, np.ones((4, 4), bool), view="left_3")
 
 
 def test_no_flow_is_white_and_saturation_grows_with_length():
@@ -160,11 +160,11 @@ def test_no_flow_is_white_and_saturation_grows_with_length():
     unit = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[None]
     saturation = []
     for length in np.linspace(0, 0.999, 9):
-        colour = colour_wheel.encode(3 * length * unit, scale_px=3).astype(float)
+        colour = drawing.encode(3 * length * unit, scale_px=3).astype(float)
         saturation.append(colour.max(axis=-1) - colour.min(axis=-1))
     assert (np.array(saturation[0]) == 0).all()
     assert (np.diff(saturation, axis=0) > 0).all()
-    white = colour_wheel.encode(np.zeros((2, 2, 2)), scale_px=1)
+    white = drawing.encode(np.zeros((2, 2, 2)), scale_px=1)
     assert (white == 255).all()
 
 
@@ -172,8 +172,8 @@ def test_scale_is_a_unit():
     flow_px, _ = random_flow()
     for factor in (0.1, 2.0, 1e6):
         np.testing.assert_allclose(
-            colour_wheel.encode(factor * flow_px.astype(float), scale_px=2 * factor),
-            colour_wheel.encode(flow_px, scale_px=2),
+            drawing.encode(factor * flow_px.astype(float), scale_px=2 * factor),
+            drawing.encode(flow_px, scale_px=2),
             atol=1,
         )
 
@@ -181,7 +181,7 @@ def test_scale_is_a_unit():
 def test_opposite_directions_differ_and_the_wheel_closes():
     angle = np.linspace(0, 2 * np.pi, 361)
     unit = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[None]
-    colour = colour_wheel.encode(unit, scale_px=1.0001)[0].astype(int)
+    colour = drawing.encode(unit, scale_px=1.0001)[0].astype(int)
     assert np.abs(np.diff(colour, axis=0)).max() < 50
     assert np.abs(colour[:180] - colour[180:360]).sum(axis=-1).min() > 150
     # Published code: right is red, down yellow, left cyan to blue.
@@ -193,23 +193,23 @@ def test_opposite_directions_differ_and_the_wheel_closes():
 def test_invalid_is_black_and_bad_scales_are_refused():
     flow_px, valid = random_flow()
     flow_px[0, 0], valid[0, 0] = np.nan, True
-    colour = colour_wheel.encode(flow_px, scale_px=1, valid=valid)
+    colour = drawing.encode(flow_px, scale_px=1, valid=valid)
     assert (colour[~valid] == 0).all()
     assert (colour[0, 0] == 0).all()
     assert colour[valid][1:].any(axis=-1).all()
     for scale_px in (0, -1, np.nan, np.inf):
         with pytest.raises(ValueError, match="scale_px"):
-            colour_wheel.encode(flow_px, scale_px=scale_px)
+            drawing.encode(flow_px, scale_px=scale_px)
 
 
 @pytest.mark.parametrize("side_px", [1, 2, 31, 100])
 def test_legend_shows_the_code_of_its_own_offsets(side_px):
-    wheel = colour_wheel.legend(side_px)
+    wheel = drawing.legend(side_px)
     assert wheel.shape == (side_px, side_px, 3)
     if side_px > 2:
         assert (wheel[0, 0] == 255).all()
         middle, quarter = side_px // 2, side_px // 4
         right = np.array([[[quarter, 0.0]]])
-        expected = colour_wheel.encode(right, scale_px=side_px / 2)[0, 0].astype(int)
+        expected = drawing.encode(right, scale_px=side_px / 2)[0, 0].astype(int)
         found = wheel[middle, middle + quarter].astype(int)
         assert np.abs(found - expected).max() < 40
