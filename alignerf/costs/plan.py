@@ -93,7 +93,7 @@ def of_scene(experiment, scene):
         }
         for one in longest.trainings(scene).values()
     }
-    judged = longest.reference_folder(scene, 0).removeprefix(f"results/{scene}/")
+    judged = longest.reference_folder(scene, 0).name
     crops = []
     for name in experiment.windows(scene) if judged in found else ():
         crop, steps = (experiment.scenes[name][key] for key in ("zoom", "steps"))

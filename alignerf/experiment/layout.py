@@ -88,6 +88,12 @@ class Training(Folder):
     """The folder of a training, by its path."""
 
     __slots__ = ()
+
+    @property
+    def name(self):
+        """Its path below the scene's folder."""
+        return self.split("/", 2)[2]
+
     timing = Below("timing.json")
     # Its model, the cameras that its renders are seen by, and photos that it warped.
     learnt = Below("learnt")
@@ -108,6 +114,14 @@ class Training(Folder):
     metrics = Below("metrics.csv")
     metrics_aligned_pose = Below("metrics_aligned_pose.csv")
     overfit = Below("overfit.csv")
+
+    def rendered(self, split):
+        """The report of its renders of a split."""
+        return f"{self.render}/{split}.json"
+
+    def lengths(self, split):
+        """The lengths of their flow."""
+        return f"{self.displacement}/{split}.csv"
 
     def parts(self, split, photos=""):
         """What its flow is made of; photos: by its own cameras, without the truth."""

@@ -136,7 +136,7 @@ class Experiment:
         A shared training lies in the folder of another method.
         """
         if method not in self.trained():
-            return f"results/{scene}/{method}/round0"
+            return layout.training(scene, f"{method}/round0")
         return self.at(scene, method, round).path
 
     @kept
@@ -163,7 +163,7 @@ class Experiment:
         judged = self.parent(scene) or self.windows(scene)
         others = self.config["reference"]["method"] not in self.names("ours")
         if judged or others or self.names("in_loop"):
-            folders.add(self.judged_folder(scene).removeprefix(f"results/{scene}/"))
+            folders.add(self.judged_folder(scene).name)
         return folders
 
     def last_round(self, scene, method):

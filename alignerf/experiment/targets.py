@@ -46,23 +46,21 @@ def page_of(scene, results="results"):
 
 def of_page(experiment, scene):
     """What a scene's page shows, or leads to, besides images."""
-    folder = f"results/{scene}"
-    every = [f"{folder}/{name}" for name in ("config.yaml", "poses.json")]
+    at = layout.Scene(scene)
+    every = [at.config, at.poses, at.verdict, at.views]
     if not experiment.capture(scene).trains:
         # Nothing is trained, so nothing is decided, scored or compared.
-        return [*every, f"{folder}/verdict.json", f"{folder}/tables/views.csv"]
+        return every
     return [
         *every,
-        f"{folder}/facts.json",
-        f"{folder}/decisions.json",
-        f"{folder}/verdict.json",
-        f"{folder}/tables/views.csv",
+        at.facts,
+        at.decisions,
         *(
-            f"{folder}/tables/{name}.{kind}"
+            at.table(name, kind)
             for name in tables(experiment.has_truth(scene))
             for kind in ("csv", "tex")
         ),
-        *(f"{folder}/figures/{name}.png" for name in figures(experiment)),
+        *map(at.figure, figures(experiment)),
     ]
 
 
@@ -72,7 +70,7 @@ def preflight_of(experiment, scene):
     Of crops of a scene it is the scene's.
     """
     own = experiment.capture(scene).trains and not experiment.parent(scene)
-    file = f"results/{scene}/preflight.json"
+    file = layout.Scene(scene).preflight
     return [file] if own and experiment.config["preflight"] else []
 
 
@@ -175,7 +173,7 @@ def tidy(scenes):
     for name in scenes:
         # Copies of outputs that Snakemake has put aside, and will not overwrite.
         shutil.rmtree(f".snakemake/backups/results/{name}", ignore_errors=True)
-    found = [path for name in scenes for path in atomic.sweep(f"results/{name}")]
+    found = [path for name in scenes for path in atomic.sweep(layout.Scene(name))]
     if found:
         few = faults.some_names([faults.one_line(str(path)) for path in found])
         print(f"removed what a killed run had half written: {few}", file=sys.stderr)
@@ -224,22 +222,21 @@ def exports(experiment):
         capture = experiment.capture(scene)
         if not capture.trains:
             method = experiment.config["reference"]["method"]
-            folder = f"results/{scene}/{method}/export"
             whats = ("cameras", "photos") * capture.can_export(experiment.scenes[scene])
-            folders += [f"{folder}/{what}" for what in whats]
+            folders += [layout.Scene(scene).export(method, what) for what in whats]
             continue
         for method in experiment.trained():
             last = experiment.last_round(scene, method)
             training = experiment.at(scene, method, last)
-            folder = f"results/{scene}/{method}/export"
+            at = layout.Scene(scene)
             if last > 0 or moves_cameras(training):
-                folders.append(f"{folder}/cameras")
+                folders.append(at.export(method, "cameras"))
             if training.warped:
-                folders.append(f"{folder}/photos")
+                folders.append(at.export(method, "photos"))
     return folders
 
 
 def moves_cameras(training):
     """Whether a training's renders are seen by other cameras than those given."""
-    given = f"results/{training.scene}/cameras.npz"
+    given = layout.Scene(training.scene).cameras
     return training.cameras != given or "cameras" in training.job.moves

@@ -6,10 +6,7 @@ over `Training.after`.
 
 from typing import Any, NamedTuple
 
-# Reports below a training's folder: of its renders, their flow, and the correction of
-# its cameras by that flow.
-RENDERED, DISPLACED = "render/{split}.json", "displacement/{split}.csv"
-CORRECTED = "corrected/poses_corrected.json"
+from alignerf.experiment import layout
 
 
 class Training(NamedTuple):
@@ -42,7 +39,7 @@ class Training(NamedTuple):
     @property
     def path(self):
         """Its folder."""
-        return f"results/{self.scene}/{self.folder}"
+        return layout.training(self.scene, self.folder)
 
     @property
     def owner(self):
@@ -52,12 +49,12 @@ class Training(NamedTuple):
     @property
     def learnt(self):
         """Folder of the cameras that its renders are seen by, and of warped photos."""
-        return f"{self.path}/learnt"
+        return self.path.learnt
 
     @property
     def model(self):
         """Its parameters."""
-        return f"{self.learnt}/model.msgpack"
+        return self.path.model
 
     @property
     def value(self):
@@ -88,14 +85,14 @@ class Training(NamedTuple):
 
 def from_photos(scene, folder, job, **more):
     """A training on the photos as taken, with the cameras as given."""
-    whole = f"results/{scene}"
-    cameras = more.pop("cameras", f"{whole}/cameras.npz")
-    return Training(scene, folder, job, f"{whole}/images", cameras, **more)
+    at = layout.Scene(scene)
+    cameras = more.pop("cameras", at.cameras)
+    return Training(scene, folder, job, at.images, cameras, **more)
 
 
 def corrected(training):
     """cameras.npz of a training, put right by its flow."""
-    return f"{training.path}/corrected/cameras.npz"
+    return training.path.corrected
 
 
 def lead_to(training):
@@ -166,7 +163,7 @@ def decisions_of(config, scene):
     """The file that says what a scene's facts decided; null where nothing is left."""
     open_keys = [config["training"]["decided"]]
     open_keys += [model.get("decided") for model in config["models"].values()]
-    return f"results/{scene}/decisions.json" if any(open_keys) else None
+    return layout.Scene(scene).decisions if any(open_keys) else None
 
 
 def training_of(config, scene):

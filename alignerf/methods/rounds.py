@@ -23,7 +23,7 @@ def after(before, folder, job, what):
     if what == "cameras":
         learns = {"cameras": trainings.corrected(before)}
     else:
-        warped, valid = f"{before.path}/warped/train", f"{before.path}/flow/train"
+        warped, valid = f"{before.path.warped}/train", f"{before.path.flow}/train"
         learns = {"photos": warped, "valid": valid, "cameras": before.cameras}
     taken = trainings.from_photos(before.scene, folder, job)
     return taken._replace(after=(before,), flows=(before,), **learns)

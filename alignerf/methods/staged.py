@@ -160,8 +160,7 @@ class Staged(base.Method):
             flows.append(pretrained)
         if method["alignerf"]["radius_px"] == "auto":
             measured = experiment.at(scene, experiment.baseline(name), 0)
-            lengths = trainings.DISPLACED.format(split="train")
-            more["displacement"] = f"{measured.path}/{lengths}"
+            more["displacement"] = measured.path.lengths("train")
             flows.append(measured)
         job = self.finetuning(experiment, scene, name)
         more |= {"initial": pretrained.model, "after": (pretrained,)}

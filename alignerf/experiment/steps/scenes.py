@@ -39,7 +39,7 @@ def poses(experiment, w):
 
 def last(experiment, scene, method):
     """The folder of a method's last round."""
-    return layout.Training(last_training(experiment, scene, method).path)
+    return last_training(experiment, scene, method).path
 
 
 def last_training(experiment, scene, method):
@@ -108,7 +108,7 @@ def figures(experiment, w):
     """The figures of a scene."""
     scene, crops = layout.Scene(w.scene), compared(experiment, w.scene)
     shown, at = test_views(experiment, w.scene), experiment.reference_folder(w.scene)
-    first = layout.Training(experiment.reference_folder(w.scene, 0))
+    first = experiment.reference_folder(w.scene, 0)
     inputs = {"photos": scene.images, "curves": scene.scores()}
     inputs |= {"reference": f"{at}/renders/test", "parts": first.parts("test")}
     command = words(
@@ -149,7 +149,7 @@ def compared(experiment, scene):
 def verdict(experiment, w):
     """What is wrong with a scene, in words; every photo, and why it stands out."""
     scene, capture = layout.Scene(w.scene), experiment.capture(w.scene)
-    base = layout.Training(experiment.judged_folder(w.scene))
+    base = experiment.judged_folder(w.scene)
     aligned, corrected = {}, {}
     tells, own = {"overfit": scene.testset_overfit}, {}
     if not capture.trains:
@@ -182,7 +182,7 @@ def corrections(experiment, scene):
     if experiment.parent(scene):
         return {}
     return {
-        name: layout.Training(experiment.folder(scene, name, 0)).cameras
+        name: experiment.folder(scene, name, 0).cameras
         for name in experiment.trained()
         if "cameras" in experiment.moves(name, 0)
     }
@@ -190,9 +190,9 @@ def corrections(experiment, scene):
 
 def seen(experiment, scene):
     """{name: path} of what the verdict looks at: the reference's round 0, its flow."""
-    at = layout.Training(experiment.judged_folder(scene))
+    at = experiment.judged_folder(scene)
     files = {"timing": at.timing}
-    for split in experiment.splits(scene, at.removeprefix(f"{layout.Scene(scene)}/")):
+    for split in experiment.splits(scene, at.name):
         files |= {
             f"{split}_renders": f"{at.renders}/{split}",
             f"{split}_depth": f"{at.depth}/{split}",
@@ -280,7 +280,7 @@ def moved_cameras(experiment, scene):
     for name in (*moving, *[reference] * (reference in chosen)):
         training = last_training(experiment, scene, name)
         if targets.moves_cameras(training):
-            return name, layout.Training(training.path).cameras
+            return name, training.path.cameras
     return None
 
 
@@ -295,14 +295,14 @@ def exported(experiment, scene, method, what):
         following = rounds.after(training, training.folder, training.job, what)
         return following.cameras, following.warped
     warped = training.warped if what == "photos" else {}
-    return layout.Training(training.path).cameras, warped
+    return training.path.cameras, warped
 
 
 def export_folder(experiment, w):
     """A folder for other programs: photos as taken (`cameras`) or warped (`photos`)."""
     scene, capture = layout.Scene(w.scene), experiment.capture(w.scene)
     training = last_training(experiment, w.scene, w.method)
-    at = layout.Training(training.path)
+    at = training.path
     cameras, warped = exported(experiment, w.scene, w.method, w.what)
     inputs = prepared(scene) | {"learnt": cameras} | warped
     options = {"config": plan.scene_config(experiment, w.scene), "cameras": cameras}

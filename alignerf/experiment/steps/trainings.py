@@ -11,7 +11,7 @@ MOVED = "{training}/metrics_aligned_pose.csv"
 def train(experiment, w):
     """A training; of an external method its commands, of finished renders nothing."""
     training, scene = experiment.training(w.scene, w.training), layout.Scene(w.scene)
-    at, read = layout.Training(training.path), training.inputs()
+    at, read = training.path, training.inputs()
     inputs = read | {"given": scene.cameras, "images": scene.images}
     options = {"config": training.job.text, "scene": scene} | read
     options |= {"learnt": at.learnt, "timing": at.timing}
@@ -40,7 +40,7 @@ def asks(experiment, training):
 def render(experiment, w):
     """Renders of test views, and of training views where their flow is asked for."""
     training, scene = experiment.training(w.scene, w.training), layout.Scene(w.scene)
-    at = layout.Training(training.path)
+    at = training.path
     options = {"scene": scene, "splits": experiment.splits(w.scene, w.training)}
     options |= {"renders": at.renders, "depth": at.depth, "timing": at.render}
     inputs, own = {"learnt": at.learnt, "cameras": scene.cameras}, {}
@@ -109,7 +109,7 @@ def flow_of(experiment, **names):
 def testset(experiment, w):
     """The warped test set, made by the reference model for all methods."""
     scene = layout.Scene(w.scene)
-    at = layout.Training(experiment.reference_folder(w.scene))
+    at = experiment.reference_folder(w.scene)
     method = experiment.config["reference"]["method"]
     names = {"scene": w.scene, "method": method, "split": "test"}
     command = words(
@@ -130,7 +130,7 @@ def testset(experiment, w):
 def control_sets(experiment, w):
     """What of the warped test set's gain is not alignment."""
     scene = layout.Scene(w.scene)
-    renders = layout.Training(experiment.reference_folder(w.scene)).renders
+    renders = experiment.reference_folder(w.scene).renders
     inputs = {"photos": scene.images, "flow": scene.testset_flow}
     inputs["truth"] = experiment.truth_of(w.scene)
     command = words(
@@ -170,13 +170,13 @@ def decide(experiment, w):
     # The decision is the method's own, also where it starts from another's round.
     inputs = {"before": f"{own}/round{k - 1}/decision.json"} if k > 0 else {}
     now, following = (experiment.at(w.scene, w.method, n) for n in (k, k + 1))
-    at = layout.Training(now.path)
+    at = now.path
     if following.cameras == at.corrected:
         inputs["corrections"] = at.corrections
     else:
         inputs["flow"] = f"{at.flow}/train"
         if k > 0:
-            before = layout.Training(experiment.folder(w.scene, w.method, k - 1))
+            before = experiment.folder(w.scene, w.method, k - 1)
             inputs["before_flow"] = f"{before.flow}/train"
     out = f"{own}/round{k}/decision.json"
     return Step(words("flow.rounds", **inputs, out=out), inputs)
@@ -226,7 +226,7 @@ def decompose(experiment, w):
 def align_test_poses(experiment, w):
     """Test views by cameras that are moved until they fit their photos."""
     training, scene = experiment.training(w.scene, w.training), layout.Scene(w.scene)
-    at = layout.Training(training.path)
+    at = training.path
     known = experiment.has_truth(w.scene)
     command = words(
         "alignerf.align_test_poses",

@@ -9,7 +9,6 @@ from alignerf.experiment.tables import json_rows
 # Rules write rows and wait for their files; commands read rows.
 as_json = json_rows.as_json
 PUBLISHED = sources.PIPELINE / "results" / "published"
-TIMING, PROCESS = "timing.json", "logs/train.tsv"
 
 
 class Row(NamedTuple):
@@ -64,14 +63,14 @@ def of_scene(experiment, scene):
     rows = collected(experiment, scene, experiment.scored(scene), aligned_pose=True)
     begun_with = {row.before for row in rows}
     for row in rows:
-        path = f"results/{scene}/{row.folder}"
+        at = layout.training(scene, row.folder)
         if row.method and row.way:
-            row.files["parts"] = f"{path}/decomposition_test.csv"
+            row.files["parts"] = at.decomposition("test")
         if row.folder in begun_with:
-            row.files["render_process"] = f"{path}/logs/render.tsv"
-            row.files["align_process"] = f"{path}/logs/align.tsv"
-            row.files["render_test"] = report(path, trainings.RENDERED, "test")
-            row.files["align_test"] = report(path, trainings.DISPLACED, "test")
+            row.files["render_process"] = at.benchmark("render")
+            row.files["align_process"] = at.benchmark("align")
+            row.files["render_test"] = at.rendered("test")
+            row.files["align_test"] = at.lengths("test")
     return rows
 
 
@@ -84,31 +83,30 @@ def collected(experiment, scene, chosen, *, aligned_pose=False):
     named = {row.folder for row in rows}
     used = [folder for row in rows for folder in (*row.way, *row.flows)]
     others = [
-        Row(folder, [], [], [], costs_of(f"results/{scene}/{folder}"))
+        Row(folder, [], [], [], costs_of(layout.training(scene, folder)))
         for folder in dict.fromkeys(used)
         if folder not in named
     ]
     flows = {folder for row in rows for folder in row.flows}
     moved = {folder for row in rows for folder in row.corrected}
     for row in (*others, *rows):
-        path = f"results/{scene}/{row.folder}"
+        at = layout.training(scene, row.folder)
         if row.folder in flows:
-            row.files["render"] = report(path, trainings.RENDERED, "train")
-            row.files["align"] = report(path, trainings.DISPLACED, "train")
+            row.files["render"] = at.rendered("train")
+            row.files["align"] = at.lengths("train")
         if row.folder in moved and "corrections" not in row.files:
-            row.files["corrections"] = f"{path}/{trainings.CORRECTED}"
+            row.files["corrections"] = at.corrections
     return [*others, *rows]
 
 
 def scored(experiment, scene, method, round, aligned_pose):
     """The row of a method after a round."""
-    path = experiment.folder(scene, method, round)
-    root = f"results/{scene}/"
+    at = experiment.folder(scene, method, round)
     baseline = experiment.baseline(method)
-    base = experiment.folder(scene, baseline, 0).removeprefix(root)
+    base = experiment.folder(scene, baseline, 0).name
     moved = experiment.moves(method, round)
     row = Row(
-        *(path.removeprefix(root), [], [], [], {"scores": f"{path}/metrics.csv"}),
+        *(at.name, [], [], [], {"scores": at.metrics}),
         method=method,
         round=round,
         description=experiment.label(method),
@@ -122,11 +120,11 @@ def scored(experiment, scene, method, round, aligned_pose):
     if method not in experiment.trained():
         return row
     training = experiment.at(scene, method, round)
-    files = row.files | costs_of(path)
+    files = row.files | costs_of(at)
     # Only a model of ours can be asked for a view by another camera.
     moves = experiment.config["aligned_pose"] and training.job.ours
     if aligned_pose and moves:
-        files["aligned_pose"] = f"{path}/metrics_aligned_pose.csv"
+        files["aligned_pose"] = at.metrics_aligned_pose
     corrected = [one.folder for one in trainings.moved_for(training)]
     if experiment.input_cameras(scene, method):
         corrected.append(training.folder)
@@ -140,14 +138,9 @@ def scored(experiment, scene, method, round, aligned_pose):
     )
 
 
-def costs_of(path):
+def costs_of(at):
     """The files that tell what a training was and took."""
-    return {"timing": f"{path}/{TIMING}", "process": f"{path}/{PROCESS}"}
-
-
-def report(path, name, split):
-    """The report of a training's renders, or of their flow."""
-    return f"{path}/{name.format(split=split)}"
+    return {"timing": at.timing, "process": at.benchmark("train")}
 
 
 def published_table():

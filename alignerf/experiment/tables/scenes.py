@@ -5,9 +5,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from alignerf.captures import base
+from alignerf.experiment import layout
 from alignerf.experiment.step import words
 from alignerf.experiment.tables import rows
-from alignerf.experiment.trainings import DISPLACED
 from alignerf.files import faults, json_files
 
 
@@ -201,8 +201,8 @@ def rows_of(experiment, scene, table):
         # where that exists; else of the test views.
         first = next(row for row in every if (row.method, row.round) == chosen[0])
         split = experiment.splits(scene, first.folder)[0]
-        path = f"results/{scene}/{first.folder}"
-        first.files["displacement"] = rows.report(path, DISPLACED, split)
+        at = layout.training(scene, first.folder)
+        first.files["displacement"] = at.lengths(split)
     return every
 
 
@@ -242,7 +242,7 @@ class Across(NamedTuple):
         """Outputs of rules that it waits for."""
         names = (f"{self.of}/scores.csv", f"{self.of}/trainings.csv", *self.reads)
         found = faults.or_exit(self.scenes, experiment)
-        return [f"results/{one.scene}/{name}" for one in found for name in names]
+        return [f"{layout.Scene(one.scene)}/{name}" for one in found for name in names]
 
     def options(self, experiment):
         """Words of its command line."""
@@ -251,7 +251,7 @@ class Across(NamedTuple):
 
     def configs(self, experiment):
         """The scenes' complete configs."""
-        return [f"results/{name}/config.yaml" for name in experiment.captures()]
+        return [layout.Scene(name).config for name in experiment.captures()]
 
 
 def across(experiment):

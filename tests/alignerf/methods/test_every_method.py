@@ -12,7 +12,8 @@ from alignerf import config as config_command
 from alignerf import methods, testsets
 from alignerf.costs import plan as costs
 from alignerf.experiment import check, jobs, plan, sources, targets
-from alignerf.experiment.tables import pages, rows
+from alignerf.experiment.steps import scenes
+from alignerf.experiment.tables import rows
 from alignerf.methods import align, base, refine
 
 FLOW, VIEWS = costs.Flow(1.0, 0.5, 1e5), costs.Views(16, 4, 30000, 40000, 150)
@@ -67,7 +68,7 @@ def check_moves(experiment):
     assert (wanted[1] in exports) == ("photos" in moves)
     if "cameras" in experiment.moves("its", 0):
         cameras = f"{training.learnt}/cameras.npz"
-        assert pages.moved_cameras(experiment, "courtyard") == ("its", cameras)
+        assert scenes.moved_cameras(experiment, "courtyard") == ("its", cameras)
 
 
 def check_test_set(experiment):
