@@ -6,9 +6,7 @@ is the job's. Writes JSON to stdout.
 """
 
 import argparse
-import contextlib
 import json
-import pathlib
 import time
 
 import jax
@@ -54,10 +52,6 @@ def rates_of(job, loaded: prepared.Scene, started) -> plan.Rates:
     start_s = time.time() - started
     program.build(job, method, params, shapes, to_come=memory.tree_bytes(shapes))
     jax.clear_caches()
-    memory.give_back()
-    with contextlib.suppress(OSError):
-        # Linux then counts the largest size from now on.
-        pathlib.Path("/proc/self/clear_refs").write_text("5")
     built = program.build(job, method, params, shapes)
     begun = time.time()
     views = batches.load_views(loaded, chosen, loaded.folder / "images")

@@ -22,9 +22,9 @@ TEST_SETS = 7
 # Bytes on disk of a training: a parameter takes 4 in the model's file and 12 in the
 # checkpoint, which has Adam's two moments. Then: logs and tables, and a pixel's depth.
 PARAM_BYTES, SMALL_BYTES, DEPTH_BYTES = 16, 100_000, 4
-# Bytes of memory of an alignment: for a pixel of its small images, and for one of the
-# second copy of the photos. The least smaller side of a small image in px.
-ALIGNED_BYTES, RGB_BYTES, FLOW_SIDE = 44, 3, 48
+# Bytes of memory of an alignment: its libraries and programs; for a pixel of its small
+# images, and for one of the second copy of the photos. The least side of the former.
+ALIGNER_BYTES, ALIGNED_BYTES, RGB_BYTES, FLOW_SIDE = 140_000_000, 44, 3, 48
 # Keys that no compiled step depends on.
 LENGTH = {"steps", "budget_min", "warmup_steps", "learning_rates"}
 UNTIMED = {"stage", "pretrain_share", "align", "decisions"}
@@ -192,7 +192,7 @@ def loop_of(job, rate: Rates, pixel_s, flow: Flow, views: Views):
     looks = len({*job.aligns.cameras_at, *job.aligns.photos_at}) * views.train
     look_s = share * (views.pixels * pixel_s + flow.view_s)
     size = (RGB_BYTES + share * ALIGNED_BYTES) * views.train * views.pixels
-    return seconds + rate.compile_s + looks * look_s, int(size)
+    return seconds + rate.compile_s + looks * look_s, ALIGNER_BYTES + int(size)
 
 
 def scores_s(flow: Flow, views: Views):

@@ -114,7 +114,7 @@ def test_trainings_of_one_program_are_timed_once(demo, experiment_of):
 
 def test_memory_is_that_of_what_runs_at_once(demo, experiment_of):
     # Photos as taken beside others, and small images, of the one that aligns itself.
-    more = int((3 + plan.ALIGNED_BYTES) * VIEWS.train * VIEWS.pixels)
+    more = (3 + plan.ALIGNED_BYTES) * VIEWS.train * VIEWS.pixels + plan.ALIGNER_BYTES
     work, tasks = planned(experiment_of(demo))
     assert plan.peak_bytes(work, tasks, 1) == RATES.peak_bytes + more
     assert plan.peak_bytes(work, tasks, 2) == 2 * RATES.peak_bytes + more
