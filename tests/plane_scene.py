@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alignerf.alignment import aligner, looker
+from alignerf.alignment import aligner, look
 from alignerf.files import images
 from alignerf.methods import align
 from alignerf.mipnerf360 import model
@@ -80,7 +80,7 @@ def make_scene(folder, true, given, photo_of=lambda i, photo: photo):
 
 
 def aligner_of(loaded, folder, **changes):
-    scene = looker.Scene(loaded, loaded.views("train"), loaded.folder / "images")
+    scene = look.Scene(loaded, loaded.views("train"), loaded.folder / "images")
     job = cases.job_of()
     job = align.Job(**dict(job), align=align.Align(**ALIGN | changes))
     found = aligner.Aligner(job, scene, folder, METHOD)

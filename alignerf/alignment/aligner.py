@@ -11,7 +11,7 @@ import time
 import flax.serialization
 import numpy as np
 
-from alignerf.alignment import cameras, look, looker, outputs, photos, store, words
+from alignerf.alignment import cameras, look, outputs, photos, store
 from alignerf.experiment import jobs
 from alignerf.methods import align, base
 from alignerf.processes import consensus, devices
@@ -38,7 +38,7 @@ SMALL_BYTES = 3 + 1 + 4 + 8 + 1 + 3 * (8 + 1)
 class Aligner:
     """State of a training's alignments: its cameras, and the offsets of its photos."""
 
-    def __init__(self, job: jobs.Job, scene: looker.Scene, folder, method=None):
+    def __init__(self, job: jobs.Job, scene: look.Scene, folder, method=None):
         """folder: of the training's checkpoints. method: that shows the views."""
         self.settings, self.scene, self.folder = job.aligns, scene, folder
         few = look.with_fewer_samples(job)
@@ -53,7 +53,7 @@ class Aligner:
         self.offsets_px = self.valid = None
         self.report = []
         self.identity, self.places, self.steps = "", {}, 0
-        self.look = looker.Looker(self.method, scene, self.k, job.aligns)
+        self.look = look.Looker(self.method, scene, self.k, job.aligns)
 
     @property
     def compile_time_s(self):
@@ -92,7 +92,7 @@ class Aligner:
             params = devices.on_first(params)
             views, seen, corrections = self.seen(params, step)
             row = {"step": step, "corrects": kinds, "shrink": self.k}
-            row |= {"views": len(views)} | words.flow_length(seen, self.k)
+            row |= {"views": len(views)} | outputs.flow_length(seen, self.k)
             if corrections is not None:
                 row |= self.move_cameras(views, corrections)
             if "photos" in kinds:
@@ -113,7 +113,7 @@ class Aligner:
                 step=step,
                 report=self.report,
             )
-        words.say(self.report[-1])
+        outputs.say(self.report[-1])
 
     def seen(self, params, step):
         """(views, `correct.View` of each, `correct.Correction` of each or None).
@@ -169,7 +169,7 @@ class Aligner:
         return {
             "camera_px": self.k * cameras.median_px(corrections),
             "cameras_moved": len(cameras.moved_views(views, corrections)),
-            "left_alone": words.staying(names, corrections, self.k),
+            "left_alone": outputs.staying(names, corrections, self.k),
         }
 
     def least_px(self, step):
@@ -274,7 +274,7 @@ class InLoop(base.Part):
     """What `align` adds to a training."""
 
     def aligner(self, loaded, photos, folder):
-        scene = looker.Scene(loaded, loaded.views("train"), photos)
+        scene = look.Scene(loaded, loaded.views("train"), photos)
         return Aligner(self.job, scene, folder)
 
     def moved(self, loaded, params, aligner):

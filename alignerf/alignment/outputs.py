@@ -1,10 +1,14 @@
-"""The corrected cameras and warped photos of an aligned training, as files."""
+"""What an alignment saw and did: files of cameras and photos, a report, the log."""
+
+import logging
 
 import numpy as np
 
-from alignerf.files import images
+from alignerf.files import faults, images
 from alignerf.scenes import prepared
 from alignerf.training import batches
+
+log = logging.getLogger("alignerf")
 
 
 def write_cameras(path, original, scene: prepared.Scene, cameras=None):
@@ -41,3 +45,49 @@ def write_photos(folder, names, views, taken, offsets_px, k):
             offsets_px=np.zeros_like(offsets_px[slot]) if same else offsets_px[slot],
             shrink=k,
         )
+
+
+def flow_length(seen, k):
+    """{flow_px}: the median view's median flow, in px of the photos; null without one.
+
+    seen: a `correct.View` of each view, of images made smaller by k.
+    """
+    medians = [
+        np.median(np.linalg.norm(view.flow_px[view.valid], axis=-1))
+        for view in seen
+        if view.valid.any()
+    ]
+    return {"flow_px": k * float(np.median(medians)) if medians else None}
+
+
+def staying(names, corrections, k):
+    """{why a camera stays: names of these views}, of their `correct.Correction`s.
+
+    k: factor by which the images were made smaller; reasons are in their pixels.
+    """
+    unit = f" (px of renders made smaller by {k})" if k > 1 else ""
+    reasons = {}
+    for name, correction in zip(names, corrections, strict=True):
+        if correction.left_alone:
+            reasons.setdefault(correction.left_alone + unit, []).append(name)
+    return reasons
+
+
+def say(row):
+    """Log an entry of the report."""
+    clauses = []
+    if row["flow_px"] is not None:
+        clauses.append(
+            f"renders and photos of {row['views']} views are apart by "
+            f"{row['flow_px']:.2f} px"
+        )
+    if "cameras_moved" in row:
+        moved, length_px = row["cameras_moved"], row["camera_px"]
+        clauses.append(f"{moved} cameras move, by {length_px:.2f} px in the median")
+    if "photos_warped" in row:
+        share = row["moving_share"]
+        warped = row["photos_warped"]
+        clauses.append(f"{warped} photos warped, {share:.1%} of the median")
+    log.info("aligned at step %d: %s", row["step"], "; ".join(clauses))
+    for reason, views in row.get("left_alone", {}).items():
+        log.info("cameras of %s stay: %s", faults.some_names(views), reason)

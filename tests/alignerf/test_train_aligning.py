@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.alignment import look, looker, store
+from alignerf.alignment import look, store
 from alignerf.scenes import cameras, prepared
 from alignerf.training import loop, memory
 from tests import job_cases as cases
@@ -167,13 +167,13 @@ def test_killed_within_it_resumes_bit_for_bit(
 
     killed(monkeypatch, scene, tmp_path, patch)
     looked = []
-    look_at = looker.Looker.__call__
+    look_at = look.Looker.__call__
 
     def noted(self, *arguments):
         looked.append(1)
         return look_at(self, *arguments)
 
-    monkeypatch.setattr(looker.Looker, "__call__", noted)
+    monkeypatch.setattr(look.Looker, "__call__", noted)
     assert run(scene, tmp_path) == whole[1]
     # What is on disk is not looked for again.
     assert len(looked) == 2 - which - (when == "after")

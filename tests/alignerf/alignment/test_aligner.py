@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alignerf.alignment import aligner, look, looker
+from alignerf.alignment import aligner, look
 from alignerf.files import images
 from alignerf.methods import align
 from alignerf.training import renderer
@@ -49,13 +49,13 @@ def test_where_nothing_is_wrong_nothing_changes_at_all(tmp_path, rng):
 def looked_at(monkeypatch):
     """Indices of the views of each look; two of seven views may tell."""
     monkeypatch.setattr(aligner, "LEAST_PROBED", 2)
-    every, look_at = [], looker.Looker.__call__
+    every, look_at = [], look.Looker.__call__
 
     def counted(self, params, now, wanted):
         every.append(list(wanted))
         return look_at(self, params, now, wanted)
 
-    monkeypatch.setattr(looker.Looker, "__call__", counted)
+    monkeypatch.setattr(look.Looker, "__call__", counted)
     return every
 
 
@@ -162,7 +162,7 @@ def test_what_counts_as_the_flows_own_error_falls_with_the_training(wrong):
 
 def test_one_view_holds_the_frame_and_stays(wrong):
     loaded, _, folder = wrong
-    scene = looker.Scene(loaded, loaded.views("train")[:1], loaded.folder / "images")
+    scene = look.Scene(loaded, loaded.views("train")[:1], loaded.folder / "images")
     job = align.Job(**dict(cases.job_of()), align=align.Align(**plane.ALIGN))
     found = aligner.Aligner(job, scene, folder, plane.METHOD)
     found.begin(10, "this")
