@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from alignerf import testsets
 from alignerf.causes import shift
 from alignerf.files import provenance
 
@@ -37,7 +38,8 @@ def pays(e, gain):
         return True
     if gain.matches and gain.matches["worse"]:
         return False
-    fair = not (gain.on_the_way and gain.test_set == "standard")
+    moves = ["cameras"] * bool(gain.on_the_way)
+    fair = not testsets.is_unfair(gain.test_set, moves)
     return fair and e.test_views >= shift.FEW_TEST_VIEWS and gain.low > 0
 
 

@@ -55,6 +55,16 @@ def fairest(known, moves=frozenset()):
     return ranked[0].name if ranked else None
 
 
+def is_unfair(name, moves):
+    """Whether a set of this name is unfair to a method that moves these."""
+    return any(one.name == name and not one.fair_for >= set(moves) for one in every())
+
+
+def against(name):
+    """What a gain by a set of this name is measured against, in words; "" of others."""
+    return next((one.against for one in every() if one.name == name), "")
+
+
 def markdown():
     """The list for docs/reference/files.md."""
     lines = [("test set", "pixels", "what a render is compared with", "shown in")]

@@ -40,7 +40,8 @@ class TestSet:
 
     fair_for: what a method may change of what it learns from (`cameras`, `photos`)
     without an unfair score by this set. preference: its place among sets by which
-    methods are judged, the best first; None: methods are not judged by it.
+    methods are judged, the best first; None: methods are not judged by it. against:
+    what a gain by this set is measured against, in words.
     """
 
     # Not a class of tests, whatever pytest takes it for.
@@ -62,6 +63,7 @@ class TestSet:
     score: Quantity | None = None
     fair_for: frozenset[str] = frozenset()
     preference: int | None = None
+    against: str = ""
 
 
 def photo(view):

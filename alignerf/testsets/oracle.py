@@ -17,6 +17,7 @@ TEST_SETS = [
         difference=Quantity("oracle_gain", 110, "oracle gain"),
         fair_for=frozenset({"cameras", "photos"}),
         preference=10,
+        against="against the true scene",
     ),
     TestSet(
         name="oracle_still",

@@ -15,6 +15,7 @@ TEST_SETS = [
         # Moved cameras see a test view elsewhere than its given camera.
         fair_for=frozenset({"photos"}),
         preference=20,
+        against="on held-out photos",
     ),
     TestSet(
         name="standard_valid",

@@ -9,7 +9,7 @@ import math
 import re
 import textwrap
 
-from alignerf import causes
+from alignerf import causes, testsets
 from alignerf.causes import camera, coverage, motion, remedies, shift
 from alignerf.causes.base import length, number
 from alignerf.files import provenance
@@ -27,12 +27,6 @@ WIDER = (
     "cut more windows of each photo, `windows: { count: 4 }` in the config, until five "
     "held-out photos have one; or make photos less small (downscale)."
 )
-# What a gain is measured against, by test set.
-AGAINST = {
-    "oracle": " against the true scene",
-    "standard": " on held-out photos",
-    "aligned_pose": " on held-out photos, each by a camera moved to fit it,",
-}
 
 
 def of(e, findings, gains, views):
@@ -169,8 +163,9 @@ def with_export(e, text):
 def tried(gain, e):
     """What a remedy brought: its sentence claims nothing from few views."""
     took = f"{gain.minutes:.0f} min" if gain.minutes >= 1 else "under a minute"
-    against = AGAINST.get(gain.test_set, "")
-    if gain.test_set == "standard" and gain.on_the_way:
+    against = testsets.against(gain.test_set)
+    against = against and f" {against}"
+    if gain.on_the_way and testsets.is_unfair(gain.test_set, {"cameras"}):
         against += " by cameras that were left as given: true gains are larger,"
     interval = f"[{gain.low:+.2f}, {gain.high:+.2f}]"
     text = f"{gain.name}: {gain.db:+.2f} dB {interval}{against} in {took}"
