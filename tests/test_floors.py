@@ -290,8 +290,6 @@ READERS = {
     "alignerf.files.images": {"PIL.Image.open"},
     "alignerf.files.json_files": {"json.loads"},
     "alignerf.files.yaml_files": {"yaml.load"},
-    # Lines of a head that is looked at first.
-    "alignerf.scenes.judged.ply": {"numpy.loadtxt"},
     "alignerf.networks.torch_files": {"zipfile.ZipFile"},
     # PNGs of 16 bits, which Pillow has looked through and cuts to 8.
     "alignerf.scenes.photos": {"cv2.imdecode", "numpy.fromfile"},

@@ -71,14 +71,9 @@ class Polycam(posed.App):
         folder = scene["path"]
         self.check(folder)
         inner, (_, cameras) = keyframes_of(folder), kinds_of(folder)
-        taken = self.photos_of(folder)
-        paths = {name: inner / cameras / f"{name}.json" for name in taken}
-        left_out = [name for name, path in paths.items() if not path.is_file()]
-        found = [
-            shot_of(name, photo, paths[name])
-            for name, photo in taken.items()
-            if name not in left_out
-        ]
+        found, left_out = self.shots_of(
+            folder, lambda name: inner / cameras / f"{name}.json", shot_of
+        )
         if not found:
             raise ValueError(f"{inner / cameras}: no <photo>.json of any photo")
         if left_out:

@@ -62,6 +62,16 @@ class App(Posed):
             return loading.once_more(links, scene, folder, scratch)
         return super().at_full_size(scene, folder, scratch)
 
+    def shots_of(self, folder, path_of, shot_of):
+        """(shots, names of the photos whose camera's file is missing).
+
+        path_of: (view name) -> that file; shot_of: (name, photo, file) -> Shot.
+        """
+        taken = self.photos_of(folder)
+        there = {name: path_of(name) for name in taken if path_of(name).is_file()}
+        shots = [shot_of(name, taken[name], path) for name, path in there.items()]
+        return shots, [name for name in taken if name not in there]
+
     def link_photos(self, folder, scratch):
         """A new folder <scratch>/taken with a link to each photo of an app's folder.
 

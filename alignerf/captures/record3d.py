@@ -130,7 +130,7 @@ def size_of(path, content):
 
     if "w" not in content and "h" not in content:
         return None
-    values = shots.as_numbers(path, [content.get("w"), content.get("h")], "w and h", 2)
+    values = shots.numbers(path, [content.get("w"), content.get("h")], "w and h", 2)
     return float(values[0]), float(values[1])
 
 
@@ -144,9 +144,9 @@ def lens_of(path, content, number):
     # Of another number of frames they are none of these.
     if isinstance(own, list) and len(own) == len(content["poses"]):
         where = f"perFrameIntrinsicCoeffs[{number}]"
-        values = shots.as_numbers(path, own[number], where, 4)
+        values = shots.numbers(path, own[number], where, 4)
         return shots.pinhole(path, values, where=where)
-    columns = shots.numbers(path, content, "K", 9).reshape(3, 3)
+    columns = shots.numbers(path, content.get("K"), "K", 9).reshape(3, 3)
     if not np.allclose(columns[[0, 1, 0, 1, 2], [1, 0, 2, 2, 2]], [0, 0, 0, 0, 1]):
         raise ValueError(f"{path}: K is not fx 0 0, 0 fy 0, cx cy 1")
     return shots.pinhole(path, columns[[0, 1, 2, 2], [0, 1, 0, 1]], where="K")
@@ -159,7 +159,7 @@ def pose_of(path, values, number):
     from alignerf.scenes.formats import shots
 
     where = f"poses[{number}]"
-    values = shots.as_numbers(path, values, where, 7)
+    values = shots.numbers(path, values, where, 7)
     rotation = shots.rotation_of(values[:4], where=f"{path}: {where}")
     return np.concatenate([rotation, values[4:, None]], axis=-1)
 

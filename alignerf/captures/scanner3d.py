@@ -52,14 +52,9 @@ class Scanner3d(posed.App):
 
         folder = scene["path"]
         self.check(folder)
-        taken = self.photos_of(folder)
-        paths = {name: Path(folder) / f"{name}.json" for name in taken}
-        left_out = [name for name, path in paths.items() if not path.is_file()]
-        found = [
-            shot_of(name, photo, paths[name])
-            for name, photo in taken.items()
-            if name not in left_out
-        ]
+        found, left_out = self.shots_of(
+            folder, lambda name: Path(folder) / f"{name}.json", shot_of
+        )
         if left_out:
             log.warning("%s: no JSON of %s", folder, faults.some_names(left_out))
         shots.check_apart(found, folder)
@@ -73,8 +68,8 @@ def shot_of(name, photo, path):
     from alignerf.scenes.formats import shots
 
     content = json_files.read(path, {LENS: list, POSE: list})
-    lens = shots.numbers(path, content, LENS, 9).reshape(3, 3)
-    matrix = shots.numbers(path, content, POSE, 16).reshape(4, 4)
+    lens = shots.numbers(path, content[LENS], LENS, 9).reshape(3, 3)
+    matrix = shots.numbers(path, content[POSE], POSE, 16).reshape(4, 4)
     if not np.allclose(lens[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]], [0, 0, 0, 0, 1]):
         raise ValueError(f"{path}: {LENS} are not fx 0 cx, 0 fy cy, 0 0 1")
     if not np.allclose(matrix[3], [0, 0, 0, 1]):

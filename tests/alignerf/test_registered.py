@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alignerf import poses
-from alignerf.scenes.capture import report
+from alignerf.scenes import loading
 
 
 def model(registered, left_out, models):
@@ -17,15 +17,15 @@ def model(registered, left_out, models):
 
 def test_two_scenes_in_one_folder_are_told():
     with pytest.raises(ValueError, match=r"mine: COLMAP registered 20 of 45") as raised:
-        report.check_registered(model(20, 25, [20, 18, 4]), 0.6, "mine")
+        loading.check_registered(model(20, 25, [20, 18, 4]), 0.6, "mine")
     assert "models of 18, 4: two scenes?" in str(raised.value)
     assert "colmap.least_registered" in str(raised.value)
     assert "\n" not in str(raised.value)
 
 
 def test_enough_photos_pass():
-    report.check_registered(model(27, 18, [27]), 0.6, "mine")
-    report.check_registered(model(20, 25, [20]), 0.4, "mine")
+    loading.check_registered(model(27, 18, [27]), 0.6, "mine")
+    loading.check_registered(model(20, 25, [20]), 0.4, "mine")
 
 
 @pytest.mark.parametrize(("train", "least", "stops"), [(2, 3, True), (3, 3, False)])
@@ -43,4 +43,4 @@ def test_too_few_to_learn_from_stop_the_run(train, least, stops):
 
 def test_photos_that_do_not_overlap_are_no_second_scene():
     with pytest.raises(ValueError, match=r"registered 5 of 20 photos together\. T"):
-        report.check_registered(model(5, 15, [5]), 0.6, "mine")
+        loading.check_registered(model(5, 15, [5]), 0.6, "mine")

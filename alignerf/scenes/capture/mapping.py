@@ -11,7 +11,6 @@ import numpy as np
 import pycolmap
 
 from alignerf.files import progress
-from alignerf.scenes.capture import vocabulary
 
 # Camera model -> places of fx, fy, cx, cy and of k1, k2, p1, p2 among its parameters.
 CAMERA_MODELS = {
@@ -27,6 +26,10 @@ MOST_EXHAUSTIVE = 150
 FOLLOWING, ALIKE = 10, 30
 # With fewer photos a camera's distortion is one number instead of four.
 FEW_OF_A_CAMERA = 5
+# Features that the words are learnt from, and their number: a few hundred a word.
+WORDS_FEATURES, WORDS = 200_000, 1024
+# Of a feature, and of what is kept of it within a word: COLMAP's own numbers.
+SIFT_DIMENSIONS, SHORT_DIMENSIONS = 128, 64
 # Python's SQLite counts in a process of its own: beside COLMAP's copy in one process,
 # each drops the other's locks (sqlite.org/howtocorrupt.html, 2.2.1).
 COUNT = """
@@ -195,7 +198,7 @@ def _neighbours(database, seed):
     # Words depend on it, and then on nothing that came before.
     pycolmap.set_random_seed(seed)
     alike = pycolmap.VocabTreePairingOptions()
-    alike.num_images, alike.vocab_tree_path = ALIKE, vocabulary.build(database)
+    alike.num_images, alike.vocab_tree_path = ALIKE, build_vocabulary(database)
     alike.num_threads = 1
     with pycolmap.Database.open(database) as opened:
         pairs = pycolmap.SequentialPairGenerator(following, opened).all_pairs()
@@ -257,3 +260,35 @@ def _start_params(camera_model, focal_px, width, height):
     params = np.zeros(max((*places, *rest)) + 1)
     params[list(places)] = [focal_px, focal_px, width / 2, height / 2]
     return ", ".join(repr(float(value)) for value in params)
+
+
+def build_vocabulary(database):
+    """Write a vocabulary of a COLMAP database's features beside it; returns its path.
+
+    COLMAP finds photos that look alike by it. Its own, learnt from photos of elsewhere,
+    would have to be downloaded. The same features give the same words.
+    """
+    opened = pycolmap.Database.open(database)
+    ids = [image.image_id for image in opened.read_all_images()]
+    each = max(1, WORDS_FEATURES // max(len(ids), 1))
+    descriptors = [spread(opened.read_descriptors(i).data, each) for i in ids]
+    opened.close()
+    descriptors = np.concatenate(descriptors).astype(np.float32)
+    features = pycolmap.FeatureDescriptorsFloat(
+        pycolmap.FeatureExtractorType.SIFT, descriptors
+    )
+    index = pycolmap.VisualIndex.create(SIFT_DIMENSIONS, SHORT_DIMENSIONS)
+    options = pycolmap.VisualIndex.BuildOptions()
+    options.num_visual_words = min(WORDS, max(2, len(descriptors) // 50))
+    options.num_threads = 1
+    index.build(options, features)
+    path = Path(database).with_suffix(".words")
+    index.write(path)
+    return path
+
+
+def spread(rows, count):
+    """At most `count` of the rows, evenly spaced."""
+    if len(rows) <= count:
+        return rows
+    return rows[np.linspace(0, len(rows) - 1, count).round().astype(int)]

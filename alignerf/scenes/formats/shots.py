@@ -75,17 +75,12 @@ def photos_in(folder, pattern="*"):
     return {path.stem: path for path in paths}
 
 
-def numbers(path, content, key, count):
-    """[count] float64 of a list under a key of an object that was read from `path`.
+def numbers(path, values, what, count):
+    """[count] float64 of a value of an object that was read from `path`.
 
-    Raises ValueError naming the file and the key for anything but so many numbers, all
-    of them finite.
+    what: its name in the ValueError for anything but so many numbers, all of them
+    finite.
     """
-    return as_numbers(path, content.get(key), key, count)
-
-
-def as_numbers(path, values, what, count):
-    """`numbers` of a value that is known already; what: its name in the ValueError."""
     fits = isinstance(values, list) and len(values) == count
     if not fits or not all(map(is_number, values)):
         raise ValueError(f"{path}: {what} must be a list of {count} numbers")

@@ -122,9 +122,7 @@ def _splits(images, scene, kept):
     """
     path, have, split_of = images.path, {image for _, image in kept}, {}
     for split in ("train", "test"):
-        names = scene.get(f"{split}_filenames", [])
-        if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
-            raise ValueError(f"{path}: '{split}_filenames' must be a list of paths")
+        names = listed(path, scene, split)
         places = {name: images.find(name.replace("\\", "/")) for name in names}
         if missing := [name for name, image in places.items() if image not in have]:
             few = faults.some_names(missing)
@@ -143,6 +141,14 @@ def _splits(images, scene, kept):
         few = faults.some_names(others)
         log.warning("%s: neither trained on nor scored: %s", path, few)
     return split_of
+
+
+def listed(path, scene, split):
+    """The paths of one of nerfstudio's lists; ValueError where it is none."""
+    names = scene.get(f"{split}_filenames", [])
+    if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
+        raise ValueError(f"{path}: '{split}_filenames' must be a list of paths")
+    return names
 
 
 def _frames_with_image(images, frames):
@@ -207,29 +213,29 @@ def lens(path, values, width, height, *, where):
         )
     of_model = CAMERA_MODELS[model]
 
-    def number(key, default=None):
-        return _number(path, values, key, default, where=where)
+    def of_key(key, default=None):
+        return number(path, values, key, default, where=where)
 
     for key in DISTORTION_KEYS:
-        if number(key, 0.0) and key not in of_model:
+        if of_key(key, 0.0) and key not in of_model:
             raise ValueError(f"{path}: distortion {key!r} of {where} is not supported")
-    given_width, given_height = number("w"), number("h")
+    given_width, given_height = of_key("w"), of_key("h")
     scale = prepare.true_scale(
         (given_width, given_height), (width, height), where=f"{path}: {where}"
     )
-    fl_x = _focal(number, "x", given_width, where=f"{path}: {where}")
-    fl_y = _focal(number, "y", given_height, where=f"{path}: {where}")
+    fl_x = _focal(of_key, "x", given_width, where=f"{path}: {where}")
+    fl_y = _focal(of_key, "y", given_height, where=f"{path}: {where}")
     if fl_x is None:
         raise ValueError(f"{path}: {where} has neither 'fl_x' nor 'camera_angle_x'")
     fl_y = fl_x if fl_y is None else fl_y
     camtopix = np.array(
         [
-            [fl_x, 0, number("cx", given_width / 2)],
-            [0, fl_y, number("cy", given_height / 2)],
+            [fl_x, 0, of_key("cx", given_width / 2)],
+            [0, fl_y, of_key("cy", given_height / 2)],
             [0, 0, 1],
         ]
     )
-    return scale @ camtopix, np.array([number(key, 0.0) for key in of_model])
+    return scale @ camtopix, np.array([of_key(key, 0.0) for key in of_model])
 
 
 def _focal(number, axis, size, *, where):
@@ -253,7 +259,7 @@ def _focal(number, axis, size, *, where):
     return focal
 
 
-def _number(path, values, key, default, *, where):
+def number(path, values, key, default=None, *, where):
     value = values.get(key, default)
     if value is None and key not in values:
         return None
@@ -302,15 +308,18 @@ class Images:
         self.suffix = "" if self.times_smaller == 1 else f"_{number}"
         self.listed = functools.cache(self.names_in)
 
-    def find(self, file_path):
-        """The image a frame names, or None; ValueError where it lies outside."""
+    def inside(self, file_path):
+        """The place that a path means; ValueError where it lies outside."""
         # By name, not resolved: a link inside the folder is the user's own decision.
         place = os.path.normpath(os.path.join(self.folder, file_path))
         if not place.startswith(self.folder.rstrip(os.sep) + os.sep):
-            raise ValueError(
-                f"{self.path}: {faults.shown(file_path)} leads out of its folder"
-            )
-        folder, name = os.path.split(place)
+            named = faults.shown(file_path)
+            raise ValueError(f"{self.path}: {named} leads out of its folder")
+        return place
+
+    def find(self, file_path):
+        """The image a frame names, or None; ValueError where it lies outside."""
+        folder, name = os.path.split(self.inside(file_path))
         if self.suffix and folder != self.folder:
             folder += self.suffix
         for suffix in SUFFIXES:

@@ -126,7 +126,7 @@ def undone(camtopix, coefficients, size):
         pass
     values = list(map(float, coefficients))
     params, model = [*camtopix[[0, 1], [0, 1]], *camtopix[:2, 2], *values[:4]], "OPENCV"
-    if is_fisheye(coefficients):
+    if distortion.is_fisheye(coefficients):
         model = "OPENCV_FISHEYE"
     elif values[4]:
         params, model = [*params, values[4], 0, 0, 0], "FULL_OPENCV"
@@ -142,7 +142,7 @@ def opencv_camera(camtopix, coefficients, size):
     """(camtopix, size) of OpenCV's picture without a border; None where it has none."""
     own, values = INTEGERS @ camtopix, np.asarray(coefficients, np.float64)
     x, y, (width, height) = 0, 0, size
-    if is_fisheye(coefficients):
+    if distortion.is_fisheye(coefficients):
         made = cv2.fisheye.estimateNewCameraMatrixForUndistortRectify(
             own, values, size, np.eye(3), balance=0.0
         )
@@ -154,11 +154,6 @@ def opencv_camera(camtopix, coefficients, size):
         return None
     back = np.array([[1, 0, 0.5 - x], [0, 1, 0.5 - y], [0, 0, 1]])
     return back @ made, (width, height)
-
-
-def is_fisheye(coefficients):
-    """Whether a distortion is one of OpenCV's fisheye model, by its length."""
-    return len(coefficients) == 4
 
 
 def choose(samples) -> tuple[str, dict]:
@@ -234,12 +229,11 @@ def is_same(lens, camtopix, image, size):
 def positions(lens, camtopix, size):
     """(x, y) [h, w] float32: where a picture's pixels lie in an image of a lens."""
     to, values = INTEGERS @ camtopix, np.asarray(lens[1], np.float64)
-    undo = cv2.initUndistortRectifyMap
-    if is_fisheye(values):
-        undo, none = cv2.fisheye.initUndistortRectifyMap, np.eye(3)
-    else:
-        none = None
-    return undo(INTEGERS @ lens[0], values, none, to, tuple(size), cv2.CV_32FC1)
+    of_lens = cv2.fisheye if distortion.is_fisheye(values) else cv2
+    own, turn = INTEGERS @ lens[0], np.eye(3)
+    return of_lens.initUndistortRectifyMap(
+        own, values, turn, to, tuple(size), cv2.CV_32FC1
+    )
 
 
 def pixtocam(shown: Shown):

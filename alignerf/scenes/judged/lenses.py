@@ -5,17 +5,23 @@ or text), the cameras.json of 3D Gaussian splatting, and nothing at all: then a 
 view is assumed, and only turns and zooms can be told.
 """
 
+import logging
 import math
+import re
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pycolmap
 
 from alignerf.files import faults, json_files
 from alignerf.scenes import prepare
 from alignerf.scenes.formats import colmap_models, transforms
-from alignerf.scenes.judged import ply
 
+log = logging.getLogger("alignerf")
+
+# Of a .ply, and of its head.
+MOST_PLY_BYTES, HEAD_BYTES = 2**31, 2**16
 # The horizontal field of view that is assumed where nothing is known: of a phone's main
 # camera. By a wrong one a turn is told wrongly by the same share.
 ASSUMED_DEGREES = 65.0
@@ -123,8 +129,9 @@ def of_json(path, photo_size) -> Cameras:
             raise ValueError(f"{path}: two frames have the view name {told}")
         usual = dict(zip(("w", "h"), photo_size, strict=True))
         values = usual | scene | frame
-        size = size_of(path, values)
-        lens = transforms.lens(path, values, *size, where=transforms.told(frame))
+        where = transforms.told(frame)
+        size = tuple(transforms.number(path, values, k, where=where) for k in "wh")
+        lens = transforms.lens(path, values, *size, where=where)
         lenses[name] = Lens(*lens, size, transforms.pose(path, frame))
         if split := of_file.get(frame["file_path"]):
             splits[name] = split
@@ -132,30 +139,60 @@ def of_json(path, photo_size) -> Cameras:
         raise ValueError(f"{path}: 'frames' must be a list that is not empty")
     if len(splits) < len(lenses):
         splits = None
-    return Cameras(lenses, "transforms.json", ply.of_scene(path, scene), splits)
+    return Cameras(lenses, "transforms.json", points_of(path, scene), splits)
 
 
 def split_lists(path, scene):
     """{file_path: split} of nerfstudio's lists; what is validated is held out."""
     found = {}
     for split, key in (("test", "val"), ("test", "test"), ("train", "train")):
-        names = scene.get(f"{key}_filenames", [])
-        if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
-            raise ValueError(f"{path}: '{key}_filenames' must be a list of paths")
-        found |= dict.fromkeys(names, split)
+        found |= dict.fromkeys(transforms.listed(path, scene, key), split)
     return found
 
 
-def size_of(path, values):
-    """(w, h) of a frame; ValueError naming the key."""
-    size = []
-    for key in ("w", "h"):
-        value = values[key]
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not (is_number and 1 <= value <= 1e6):
-            raise ValueError(f"{path}: {key!r} is {faults.shown(value)}")
-        size.append(value)
-    return tuple(size)
+def points_of(path, scene):
+    """The points that a transforms.json names under `ply_file_path`, or None.
+
+    A file that is missing or none is left out with a warning: cameras do without.
+    """
+    name = scene.get("ply_file_path")
+    if name is None:
+        return None
+    if not isinstance(name, str):
+        raise ValueError(f"{path}: 'ply_file_path' must be a path")
+    place = transforms.Images(path).inside(name)
+    try:
+        return read_points(place)
+    except (ValueError, OSError) as error:
+        log.warning("no points: %s", error)
+        return None
+
+
+def read_points(path):
+    """(positions [m, 3] float64, colours [m, 3] uint8) of the vertices of a .ply.
+
+    As nerfstudio and 3D Gaussian splatting begin with; pycolmap reads it. Raises
+    ValueError naming the file.
+    """
+    with faults.opened(path, MOST_PLY_BYTES) as file:
+        element = re.search(rb"^element (\S+)", file.read(HEAD_BYTES), re.MULTILINE)
+    if element is None or element[1] != b"vertex":
+        # The reader would take what comes first for vertices.
+        raise ValueError(f"{path}: not a .ply that begins with vertices")
+    model = pycolmap.Reconstruction()
+    try:
+        model.import_PLY(path)
+    # Whatever COLMAP's reader finds wrong is the file's fault.
+    except Exception as error:
+        first = " ".join(str(error).splitlines()[:1])
+        raise ValueError(f"{path}: not a readable .ply: {first}") from None
+    points = [model.points3D[number] for number in sorted(model.points3D)]
+    if not points:
+        raise ValueError(f"{path}: a .ply without vertices")
+    positions = np.array([point.xyz for point in points])
+    colours = np.array([point.color for point in points], np.uint8)
+    known = np.isfinite(positions).all(axis=-1)
+    return positions[known], colours[known]
 
 
 def stem_of(file_path):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from alignerf.scenes import photos
-from alignerf.scenes.capture import orientation
+from alignerf.scenes.capture import ingest
 
 
 def lay_alike(heads):
-    sizes, lays = zip(*orientation.lay_alike(heads), strict=True)
+    sizes, lays = zip(*ingest.lay_alike(heads), strict=True)
     return sizes, lays
 
 
@@ -24,13 +24,13 @@ def test_what_most_photos_are_is_applied_to_all():
 @pytest.mark.parametrize("number", range(1, 9))
 def test_turns_make_a_photo_stand_as_it_was_meant_to(number):
     stored = np.arange(12, dtype=np.uint8).reshape(3, 4, 1).repeat(3, 2)
-    meant = orientation.UPRIGHT[number](stored)
+    meant = photos.UPRIGHT[number](stored)
     _, lays = lay_alike([((4, 3), 1)] * 3 + [((4, 3), number)])
     lies = lays[3].apply(stored)
     assert lies.shape == (3, 4, 3)
     np.testing.assert_array_equal(np.rot90(lies, -lays[3].turns), meant)
     # A mirrored photo is of no sensor that the others have.
-    assert (lays[3].kind == "sensor") == (number in orientation.TURNS)
+    assert (lays[3].kind == "sensor") == (number in ingest.TURNS)
 
 
 @pytest.mark.parametrize("number", range(1, 9))
@@ -42,8 +42,8 @@ def test_upright_is_what_pillow_calls_so(tmp_path, number, rng):
     exif[0x0112] = number
     Image.fromarray(stored).save(tmp_path / "a.png", exif=exif)
     upright, _ = photos.decode(tmp_path / "a.png")
-    np.testing.assert_array_equal(orientation.UPRIGHT[number](stored), upright)
-    assert orientation.upright_size((7, 5), number) == upright.shape[1::-1]
+    np.testing.assert_array_equal(photos.UPRIGHT[number](stored), upright)
+    assert ingest.upright_size((7, 5), number) == upright.shape[1::-1]
 
 
 def test_photos_across_without_a_word_are_turned_back():
@@ -79,7 +79,7 @@ def test_another_size_lies_with_its_longer_side_as_the_others(head, size, turns,
     stored = np.arange(np.prod(head[0]), dtype=np.uint8).reshape(*head[0][::-1], 1)
     lies = lays[2].apply(stored)
     assert lies.shape[1::-1] == size
-    upright = orientation.UPRIGHT[head[1]](stored)
+    upright = photos.UPRIGHT[head[1]](stored)
     np.testing.assert_array_equal(np.rot90(lies, -turns), upright)
 
 
