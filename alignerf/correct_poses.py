@@ -20,7 +20,7 @@ from functools import partial
 import numpy as np
 
 from alignerf.alignment import cameras
-from alignerf.exports import flows
+from alignerf.exports import held_out
 from alignerf.files import atomic, faults
 from alignerf.scenes import prepared
 from alignerf.sfm import pose_error
@@ -36,7 +36,7 @@ def main(argv=None):
     before = prepared.load(args.scene, args.cameras)
     train = before.views("train")
     corrections = correct.corrections(
-        [partial(flows.read, before, view, args.flow, args.depth) for view in train],
+        [partial(held_out.read, before, view, args.flow, args.depth) for view in train],
         threads=args.threads,
     )
     after = cameras.corrected(before, train, corrections)

@@ -25,9 +25,7 @@ from alignerf.exports import (
     photos,
     points,
     readme,
-    sizes,
     warps,
-    words,
 )
 from alignerf.files import archives, atomic, faults, json_files
 from alignerf.scenes import originals, prepare, prepared
@@ -63,7 +61,7 @@ def main(argv=None):
     paid = not args.if_pays or pays(*args.if_pays)
     if not paid:
         args.cameras = args.warped = args.valid = args.fit_held_out = None
-    config = sizes.config_of(args.config, args.scene)
+    config = photos.config_of(args.config, args.scene)
     config = config and of_scenes.checked(config)
     out = Path(args.out)
     with (
@@ -87,8 +85,8 @@ def main(argv=None):
         )
         formats.write_colmap(folder, model, arrays)
         write_others(folder, arrays, chosen, masked, args.scene)
-        told = words.told(folder, args, arrays, chosen, of_points, paid=paid)
-        (folder / "README.txt").write_text(readme.text(told), encoding="utf-8")
+        told = readme.text(folder, args, arrays, chosen, of_points, paid=paid)
+        (folder / "README.txt").write_text(told, encoding="utf-8")
 
 
 def choose(args, config, work) -> Chosen:
@@ -110,9 +108,9 @@ def choose(args, config, work) -> Chosen:
     if full and known:
         originals.check(loaded.folder)
         (work / "photos_work").mkdir()
-        views = sizes.of_photos(config, loaded.folder, work / "photos_work", path)
+        views = photos.of_photos(config, loaded.folder, work / "photos_work", path)
     else:
-        views = sizes.as_trained(loaded, path)
+        views = photos.as_trained(loaded, path)
     if args.warped and full and not known:
         log.warning(
             "%s does not say how photos were warped: they go out at the size of "
@@ -126,7 +124,7 @@ def choose(args, config, work) -> Chosen:
     given, now = prepared.read_cameras(own), prepared.read_cameras(path)
     moved = photos.has_moved(given, now)
     corrected = photos.has_moved(given, now, loaded.views("train"))
-    views = sizes.at_width(views, args.width)
+    views = photos.at_width(views, args.width)
     warped = bool(args.warped)
     adjusted = args.cameras is not None and args.cameras == args.adjusted
     flags = moved, corrected, adjusted, warped, full and not known
@@ -138,7 +136,7 @@ def pays(verdict, method):
     gains = json_files.read(verdict, {"gains": list})["gains"]
     if any(gain["method"] == method and gain["pays"] for gain in gains):
         return True
-    log.warning("%s: all goes out as given", words.DID_NOT_PAY.format(method=method))
+    log.warning("%s: all goes out as given", readme.DID_NOT_PAY.format(method=method))
     return False
 
 

@@ -319,7 +319,7 @@ LOGS = {
 # No files: options of commands, and what processes of ours tell each other.
 TOLD = (
     *("alignerf.experiment.jobs", "alignerf.others.commands"),
-    *("alignerf.exports.sizes", "alignerf.verdict.__main__"),
+    *("alignerf.exports.photos", "alignerf.verdict.__main__"),
     *("alignerf.costs.__main__", "alignerf.processes.consensus"),
     "flow.figures.scene",
 )

@@ -8,15 +8,16 @@ photos says how each has to move; all of its pixels are used.
 import dataclasses
 import logging
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.exports import flows
-from alignerf.files import faults, json_files
+from alignerf.files import archives, faults, json_files
 from alignerf.scenes import cameras, prepared
 from flow.camera import correct
 from flow.camera import motion as camera_motion
+from flow.warping import files
 
 log = logging.getLogger("alignerf")
 
@@ -67,7 +68,7 @@ def fit(loaded: prepared.Scene, cameras_path, flow, depth, out, frame=None):
     pixtocams = np.diag([back, back, 1.0]) @ loaded.pixtocams
     rendered = dataclasses.replace(loaded, pixtocams=pixtocams)
     corrections = correct.corrections(
-        [partial(flows.read, rendered, view, flow, depth) for view in test],
+        [partial(read, rendered, view, flow, depth) for view in test],
         least_px=0.0,
         zooms=False,
         log_focal=frame.log_focal,
@@ -87,3 +88,19 @@ def fit(loaded: prepared.Scene, cameras_path, flow, depth, out, frame=None):
     names = [loaded.names[view] for view in moved]
     log.info("cameras fitted to held-out photos: %s", faults.some_names(names))
     return names
+
+
+def read(rendered: prepared.Scene, view, flow, depth) -> correct.View:
+    """A view's flow to its photo and its depth, from folders of <view>.npz.
+
+    rendered: the scene with the cameras of the renders. view: its index. Raises
+    ValueError with the file's name where its size is not the views'.
+    """
+    name = f"{rendered.names[view]}.npz"
+    flow_px, valid = files.read_flow(Path(flow) / name)
+    depth_map = archives.read(Path(depth) / name, ["depth"])["depth"]
+    size = rendered.height, rendered.width
+    for folder, image in ((flow, valid), (depth, depth_map)):
+        if image.shape != size:
+            raise ValueError(f"{Path(folder) / name}: {image.shape}, not {size} px")
+    return correct.View(flow_px, valid, rendered.pixtocams[view], depth_map)

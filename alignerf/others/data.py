@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.exports import formats, photos, points, sizes, warps
+from alignerf.exports import formats, photos, points, warps
 from alignerf.files import atomic
 from alignerf.scenes import prepared
 
@@ -25,7 +25,7 @@ def write(out, scene, *, cameras=None, warped=None, valid=None, seed=0):
     path = Path(cameras or own)
     loaded = prepared.load(scene, cameras)
     prepared.check_images(loaded, range(len(loaded.names)), loaded.folder / "images")
-    views = sizes.as_trained(loaded, path)
+    views = photos.as_trained(loaded, path)
     if valid:
         views = warps.as_trained(
             views, loaded, warped or loaded.folder / "images", valid
