@@ -80,27 +80,27 @@ def pickled(value, *, legacy):
     return file.getvalue()
 
 
-def head(system=SYSTEM):
+def head():
     """The three pickles that a legacy file starts with."""
-    return b"".join(pickle.dumps(value, 2) for value in (MAGIC, 1001, system))
+    return b"".join(pickle.dumps(value, 2) for value in (MAGIC, 1001, SYSTEM))
 
 
-def legacy(state, *, system=SYSTEM):
+def legacy(state):
     """The bytes of a legacy file; storages in an order of their own."""
     arrays = {t.key: t.array for t in state.values() if isinstance(t, Tensor)}
     keys = sorted(arrays, reverse=True)
-    parts = [head(system), pickled(state, legacy=True), pickle.dumps(keys, 2)]
+    parts = [head(), pickled(state, legacy=True), pickle.dumps(keys, 2)]
     for key in keys:
         parts += [arrays[key].size.to_bytes(8, "little"), arrays[key].tobytes("A")]
     return b"".join(parts)
 
 
-def zipped(state, *, order=b"little", compression=zipfile.ZIP_STORED):
+def zipped(state):
     """The bytes of a zip archive."""
     file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", compression) as archive:
+    with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("net/data.pkl", pickled(state, legacy=False))
-        archive.writestr("net/byteorder", order)
+        archive.writestr("net/byteorder", b"little")
         for tensor in state.values():
             archive.writestr(f"net/data/{tensor.key}", tensor.array.tobytes("A"))
     return file.getvalue()
@@ -125,16 +125,3 @@ OLD_WAYS = {
 def old(tensor=TENSOR):
     start = b"\x80\x02ccollections\nOrderedDict\nq\x01]q\x02(]q\x03(U\x01aq\x04"
     return start + tensor + b"ee\x85R}U\x09_metadata}sb."
-
-
-def changed(**new):
-    """`old` with other numbers in its tensor's view, or another storage's size."""
-    numbers = {"offset": 1, "rows": 2, "columns": 3, "stride": 3, "count": 7} | new
-    a, b, c, d, count = (b"\x8a\x09" + bytes_of(n) for n in numbers.values())
-    view = b"K\x01(K\x02K\x03t(K\x03K\x01t"
-    tensor = TENSOR.replace(view, a + b"(" + b + c + b"t(" + d + b"K\x01t")
-    return old(tensor.replace(b"\x8a\x01\x07", count))
-
-
-def bytes_of(number):
-    return number.to_bytes(9, "little", signed=True)

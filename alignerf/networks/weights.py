@@ -8,8 +8,7 @@ files that torchvision and LPIPS v0.1 publish: given as --backbone and --heads, 
 fetched once by HTTPS (frequency: 548 MB, alex 233, squeeze 5, vgg 528) into a
 scratch folder beside the output, which is gone afterwards.
 
-A file's SHA-256 must be that of the published one; --any-file takes another, given
-by path, whose tensors have the same names and shapes.
+A file's SHA-256 must be that of the published one.
 """
 
 import argparse
@@ -109,9 +108,6 @@ def main(argv=None):
     parser.add_argument("--out", required=True, help=".npz, written")
     parser.add_argument("--backbone", help="torchvision's .pth, else fetched")
     parser.add_argument("--heads", help="LPIPS' linear heads .pth, else fetched")
-    parser.add_argument(
-        "--any-file", action="store_true", help="do not compare the SHA-256 of a path"
-    )
     args = parser.parse_args(argv)
     if args.heads and args.what not in HEADS:
         raise ValueError(f"--heads: {args.what} has none")
@@ -121,11 +117,10 @@ def main(argv=None):
     with atomic.scratch_folder(out.parent) as scratch:
         # The small file first: what is wrong with it shows before a long download.
         if args.what in HEADS:
-            heads = find(args.heads, HEADS[args.what], scratch, args.any_file)
-            rest = heads_of(args.what, heads)
+            rest = heads_of(args.what, find(args.heads, HEADS[args.what], scratch))
         else:
             rest = {"mean": np.float32(MEAN), "std": np.float32(STD)}
-        backbone = find(args.backbone, BACKBONES[args.what], scratch, args.any_file)
+        backbone = find(args.backbone, BACKBONES[args.what], scratch)
         with atomic.replace_file(out) as path:
             np.savez(path, **layers_of(args.what, backbone), **rest)
 
@@ -159,20 +154,9 @@ def heads_of(what, path):
     return {name.split(".")[0]: array.ravel() for name, array in tensors.items()}
 
 
-def find(path, published, folder, any_file):
-    """Path of a published file: `path`, its hash checked, or a download.
-
-    any_file: the hash of `path` is not checked.
-    """
-    if not path:
-        return fetch(published, folder)
-    if not any_file:
-        check_published(path, published)
-    return path
-
-
-def check_published(path, published):
-    """ValueError where a file is not the published one."""
+def find(path, published, folder):
+    """Path of a published file, its hash checked: `path`, or a download."""
+    path = path or fetch(published, folder)
     with faults.opened(path) as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     if sha256 != published.sha256:
@@ -180,10 +164,11 @@ def check_published(path, published):
             f"{path}: not {published.url}: its SHA-256 is {sha256} instead of "
             f"{published.sha256}"
         )
+    return path
 
 
 def fetch(published, folder):
-    """Path of the published file, fetched into a folder and checked."""
+    """Path of a published file, fetched into a folder."""
     path = folder / published.url.rsplit("/", 1)[1]
     # A block more than there should be is enough to know.
     blocks = range(1 + published.size // BLOCK_BYTES)
@@ -198,7 +183,6 @@ def fetch(published, folder):
         raise ValueError(
             f"{published.url}: {error}: fetch it by other means and give its path"
         ) from None
-    check_published(path, published)
     return path
 
 

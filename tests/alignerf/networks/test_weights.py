@@ -22,6 +22,17 @@ def torch(monkeypatch):
     torch_writer.fake_torch(monkeypatch)
 
 
+@pytest.fixture
+def published(monkeypatch):
+    """Make a file the published one of its kind."""
+
+    def publish(path, what, kinds=weights.BACKBONES):
+        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+        monkeypatch.setitem(kinds, what, kinds[what]._replace(sha256=sha256))
+
+    return publish
+
+
 def place_of(name):
     """torchvision's name of a layer of SqueezeNet 1.1, and of VGG-19's first block."""
     if fire := re.fullmatch(r"fire(\d)_(\w+)", name):
@@ -70,10 +81,11 @@ def vgg(tmp_path, rng):
     return arrays, path
 
 
-def test_the_first_block_of_vgg(vgg, tmp_path, rng):
+def test_the_first_block_of_vgg(vgg, tmp_path, published):
     arrays, path = vgg
+    published(path, "frequency")
     out = tmp_path / "made" / "vgg.npz"
-    weights.main(["frequency", f"--out={out}", f"--backbone={path}", "--any-file"])
+    weights.main(["frequency", f"--out={out}", f"--backbone={path}"])
     found = load(out)
     assert found.keys() == arrays.keys()
     for name, array in arrays.items():
@@ -89,15 +101,15 @@ def test_mean_and_deviation_are_those_of_the_real_weights(shared_data):
 
 
 @pytest.mark.parametrize("written", torch_writer.FORMATS.values())
-def test_backbone_and_heads_of_lpips(written, tmp_path, rng):
+def test_backbone_and_heads_of_lpips(written, tmp_path, rng, published):
     arrays = random_arrays(backbones.shapes("squeeze"), rng)
     paths = [tmp_path / name for name in ("squeeze.npz", "net.pth", "heads.pth")]
     paths[1].write_bytes(written(backbone_of(arrays)))
     paths[2].write_bytes(written(heads_of(arrays)))
+    published(paths[1], "lpips_squeeze")
+    published(paths[2], "lpips_squeeze", weights.HEADS)
     options = zip(("--out", "--backbone", "--heads"), map(str, paths), strict=True)
-    weights.main(
-        ["lpips_squeeze", "--any-file", *(x for pair in options for x in pair)]
-    )
+    weights.main(["lpips_squeeze", *(x for pair in options for x in pair)])
     found = lpips.read("squeeze", paths[0])
     assert found.keys() == arrays.keys()
     for name, array in arrays.items():
@@ -126,13 +138,14 @@ def test_another_file_than_the_published_one_is_refused(vgg, tmp_path):
     assert not out.exists()
 
 
-def test_what_cannot_be_is_named(vgg, tmp_path):
+def test_what_cannot_be_is_named(vgg, tmp_path, published):
     _, path = vgg
+    published(path, "lpips_alex", weights.HEADS)
     with pytest.raises(ValueError, match="--heads: frequency has none"):
         weights.main(["frequency", "--out=a.npz", f"--heads={path}"])
     with pytest.raises(ValueError, match=r"--out: a\.pth does not end in \.npz"):
         weights.main(["frequency", "--out=a.pth"])
-    options = [f"--out={tmp_path / 'a.npz'}", "--any-file", f"--heads={path}"]
+    options = [f"--out={tmp_path / 'a.npz'}", f"--heads={path}"]
     with pytest.raises(ValueError, match=r"vgg19\.pth: .*no tensor lin0"):
         weights.main(["lpips_alex", *options])
     assert [found.name for found in tmp_path.iterdir()] == ["vgg19.pth"]
