@@ -321,7 +321,7 @@ TOLD = (
     *("alignerf.experiment.jobs", "alignerf.others.commands"),
     *("alignerf.exports.photos", "alignerf.verdict.__main__"),
     *("alignerf.costs.__main__", "alignerf.processes.consensus"),
-    "flow.figures.scene",
+    *("alignerf.experiment.tables.rows", "flow.figures.scene"),
 )
 MAY_READ = READERS | SHIPPED | SYSTEM | LOGS | {name: {"json.loads"} for name in TOLD}
 

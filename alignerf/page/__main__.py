@@ -10,7 +10,7 @@ from pathlib import Path
 
 import jinja2
 
-from alignerf.experiment.tables import json_rows, rows
+from alignerf.experiment.tables import rows
 from alignerf.files import atomic, faults, provenance
 from alignerf.page import contents, photos, pictures, rig, told
 
@@ -19,7 +19,7 @@ HERE = Path(__file__).resolve().parent
 
 def main(argv=None):
     args = parse(argv)
-    renders = json_rows.read(rows.Renders, args.rounds, least=0)
+    renders = rows.read(rows.Renders, args.rounds)
     page = render(
         args.scene,
         rounds=[(r.renders, r.flow) for r in renders if r.method is None],

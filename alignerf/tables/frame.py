@@ -24,7 +24,7 @@ import numpy as np
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.experiment.tables import json_rows
+from alignerf.experiment.tables import rows as table_rows
 from alignerf.experiment.tables.scenes import Scene
 from alignerf.files import atomic, csv_files, provenance
 from alignerf.tables import columns, scores
@@ -43,38 +43,22 @@ def read(scene, table=""):
     """The frame of a scene's folder, its rows in the order of its trainings.csv.
 
     table: the folder, below the scene's, of a table across scenes; "" for the scene's
-    own tables. Raises ValueError with the file's name where the two files disagree.
+    own tables.
     """
     path = Path(scene) / table / "trainings.csv"
     views = read_scores(path.with_name("scores.csv"))
     lines = csv_files.read(path, columns=columns.names("trainings"))
     named = lines[lines["method"].notna()]
-    try:
-        if named.duplicated(ROW).any():
-            raise ValueError("a method and round stands twice")
-        # Two methods may share a training: each has a line of its own.
-        trainings = lines.drop_duplicates("folder").set_index("folder", drop=False)
-        rows = [
-            row_of(line, trainings, views, Path(scene)) for _, line in named.iterrows()
-        ]
-        if others := set(views) - set(named[ROW].itertuples(index=False, name=None)):
-            raise ValueError(f"it has no {row_name(min(others, key=str))}")
-        return pd.concat(rows, ignore_index=True)
-    except (KeyError, ValueError, TypeError, OverflowError) as error:
-        beside = path.with_name("scores.csv").name
-        raise ValueError(f"{path}: does not go with {beside}: {error}") from None
+    # Two methods may share a training: each has a line of its own.
+    trainings = lines.drop_duplicates("folder").set_index("folder", drop=False)
+    rows = [row_of(line, trainings, views, Path(scene)) for _, line in named.iterrows()]
+    return pd.concat(rows, ignore_index=True)
 
 
 def row_of(line, trainings, views, scene):
-    """The lines of a row: of a line of trainings.csv, and the scores of `read_scores`.
-
-    Raises KeyError for a folder without a line, ValueError for a row without scores.
-    """
+    """The lines of a row: of a line of trainings.csv, and its `read_scores`."""
     base = trainings.loc[line["base"]]
     key, base_key = ((one["method"], int(one["round"])) for one in (line, base))
-    for name in (key, base_key):
-        if name not in views:
-            raise ValueError(f"no scores of {row_name(name)}")
     own, base_db = views[key], views[base_key]["psnr_db"]
     of_row = line.to_dict() | {"scene": scene.name, "round": key[1]}
     of_row |= {f"own_{name}": line[name] for name in ("train_time_s", "compile_time_s")}
@@ -121,20 +105,12 @@ def read_scores(path):
     """{(method, round): scores by test set, in the tables' order, and view}."""
     *keys, metric, value = columns.names("scores")
     table = csv_files.read(path, columns=(*keys, metric, value))
-    if table.duplicated([*keys, metric]).any():
-        raise ValueError(f"{path}: a score stands twice")
-    if unknown := set(table[metric]) - {*columns.METRICS, *columns.PARTS}:
-        raise ValueError(f"{path}: no metric is called {min(unknown, key=str)}")
-    views = table.groupby(ROW, sort=False)["view"].agg(frozenset)
-    if (other := views != views.iloc[0]).any():
-        name = row_name(other.idxmax())
-        raise ValueError(f"{path}: {name}: not the views of those above")
     wide = table.pivot(index=keys, columns=metric, values=value)
     # A view that lacks a test set of its row has a line, and no scores in it.
     order = {one.name: place for place, one in enumerate(testsets.every())}
     sets = table[[*ROW, "test_set"]].drop_duplicates()
     sets = sets.sort_values("test_set", key=lambda s: s.map(order), kind="stable")
-    full = sets.merge(pd.DataFrame({"view": sorted(views.iloc[0])}), how="cross")
+    full = sets.merge(pd.DataFrame({"view": sorted(set(table["view"]))}), how="cross")
     metrics = [*columns.METRICS, *(name for name in columns.PARTS if name in wide)]
     wide = wide.reindex(pd.MultiIndex.from_frame(full[keys]), columns=metrics)
     rows = wide.groupby(level=ROW, sort=False)
@@ -222,7 +198,7 @@ def parser(description, *, figure=True):
 def read_scenes(args, table):
     """The frame of all scenes of the arguments of `parser`, with what each is like."""
     frames = []
-    for scene in json_rows.read(Scene, args.scenes, "--scenes"):
+    for scene in table_rows.read(Scene, args.scenes):
         fields = scene._asdict() | {"scene_steps": scene.steps}
         del fields["steps"]
         frames.append(read(Path(args.results) / scene.scene, table).assign(**fields))

@@ -1,13 +1,11 @@
 """The rows of a scene's tables and figures, and the files that each comes from."""
 
 import csv
+import json
 from typing import NamedTuple
 
 from alignerf.experiment import layout, sources, trainings
-from alignerf.experiment.tables import json_rows
 
-# Rules write rows and wait for their files; commands read rows.
-as_json = json_rows.as_json
 PUBLISHED = sources.PIPELINE / "results" / "published"
 
 
@@ -46,6 +44,16 @@ class Renders(NamedTuple):
     renders: str
     flow: str
     method: str | None = None
+
+
+def as_json(rows):
+    """Rows on a command line, as rules write them: a key for each field."""
+    return json.dumps([row._asdict() for row in rows], sort_keys=True)
+
+
+def read(kind, text):
+    """The same as a command reads them."""
+    return [kind(**row) for row in json.loads(text)]
 
 
 def files_of(rows):

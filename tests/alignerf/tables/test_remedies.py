@@ -205,13 +205,6 @@ def test_faults_are_named(scenes, scene, tmp_path):
         made(remedies.make_table, scenes, tmp_path)
 
 
-def test_lengths_of_other_views_are_named(scene, tmp_path):
-    scenes = [scene("wrong", 0, share, curves(share)) for share in SHARES]
-    scenes[3] = table_cases.without(scenes[3], view="v0")
-    with pytest.raises(ValueError, match="wrong_x4: not the views of the other length"):
-        made(remedies.make_table, scenes, tmp_path)
-
-
 def test_as_a_command(tmp_path):
     """Of files: the flow is the plain training's, and costs are of the whole way."""
     scenes = []
