@@ -119,18 +119,40 @@ def write_cameras(path, scene: Scene, cameras_path=None, views=slice(None)):
         np.savez(file, **arrays)
 
 
+# NumPy's kinds of the arrays of a cameras.npz.
+KINDS = {"names": "U", "split": "U", "width": "iu", "height": "iu"}
+KINDS |= {"pixtocams": "f", "camtoworlds": "f"}
+
+
 def read_cameras(path):
     """The arrays of a cameras.npz, checked; poses are in the given frame."""
     path = pathlib.Path(path)
     data = archives.read(
         path, ("pixtocams", "camtoworlds", "names", "width", "height", "split")
     )
+    check_arrays(path, data)
     views = dict(data, names=data["names"].tolist())
     del views["split"]
     check_views(path, SimpleNamespace(**views))
     if bad := set(data["split"].tolist()) - set(SPLITS):
         raise ValueError(f"{path}: split holds {faults.shown(sorted(bad)[0])}")
     return data
+
+
+def check_arrays(path, data):
+    """ValueError, naming the path, for arrays of another shape or kind."""
+    n = data["names"].shape[:1]
+    shapes = {
+        "names": n,
+        "split": n,
+        "pixtocams": (*n, 3, 3),
+        "camtoworlds": (*n, 3, 4),
+    }
+    for key, kinds in KINDS.items():
+        array, shape = data[key], shapes.get(key, ())
+        if array.dtype.kind not in kinds or array.shape != shape:
+            found = f"{array.dtype} {list(array.shape)}"
+            raise ValueError(f"{path}: {key} is {found}, not of shape {list(shape)}")
 
 
 def check_views(path, views):

@@ -69,7 +69,7 @@ def test_lengths_are_read_from_what_the_alignment_writes(tmp_path):
         ("view,p95_px\na,1\nb,\n", "not finite"),
         ("view,p95_px\na,far\n", "p95_px: not numbers"),
         ("", "no row"),
-        ('view,p95_px\n"a,1\n', "unexpected end"),
+        ('view,p95_px\n"a,1\n', "EOF inside string"),
     ],
 )
 def test_a_bad_table_is_named(tmp_path, content, told):

@@ -123,7 +123,7 @@ def test_two_processes_learn_from_what_the_first_has_aligned(root, tmp_path):
     # With other views in either they would have said so.
     assert len(losses(ends[0][0])) >= cases.STEPS
     assert sorted(path.name for path in (out / "learnt").glob("[!.]*")) == [
-        *("cameras.npz", "photos", "valid")
+        *("cameras.npz", "model.msgpack", "photos", "valid")
     ]
 
 

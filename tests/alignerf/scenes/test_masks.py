@@ -80,8 +80,9 @@ def test_hidden_pixels_are_neither_dark_nor_bright(scene):
         image[:, HIDDEN:] = 100
         image[:, :HIDDEN] = 255
         images.write(scene / f"images/{name}.png", image)
-    facts.main(["--scene", str(scene), "--facts", str(scene / "facts.json")])
-    found = json.loads((scene / "facts.json").read_text())
+    made = scene / "facts.json", scene / "decisions.json"
+    facts.main(f"--scene {scene} --facts {made[0]} --decisions {made[1]}".split())
+    found = json.loads(made[0].read_text())
     assert found["brightness"] == pytest.approx(100 / 255, abs=1e-3)
     assert found["white_share"] == 0
 

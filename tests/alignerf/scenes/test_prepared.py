@@ -92,7 +92,7 @@ def test_images_are_taken_by_jax_without_a_copy(folder):
     [
         ({"names": None}, "no array names"),
         ({"width": None, "split": None}, "no array split, width"),
-        ({"pixtocams": np.zeros((3, 3, 3))}, "pixtocams has n = 3"),
+        ({"pixtocams": np.zeros((3, 3, 3))}, r"pixtocams is float64 \[3, 3, 3\]"),
         ({"split": np.array(["train", "test", "val", "test"])}, "split holds 'val'"),
         ({"names": np.array(NAMES, dtype=object)}, "not the .npz"),
     ],
