@@ -91,7 +91,6 @@ def test_a_preflight_knows_what_it_takes(scene):
     assert min(seconds.values()) > 0
     trained = {"plain/round0/timing.json", "twice/round0/timing.json"}
     assert {*trained, "plain/round0/displacement"} <= seconds.keys()
-    assert trained["seconds"] > 0
 
 
 def test_a_system_is_trained_and_shown(scene):
