@@ -117,7 +117,7 @@ def rows_of(task, threads):
     begun, folder = time.monotonic(), task.folder
     model, cameras = folder / "learnt/model.msgpack", folder / "learnt" / "cameras.npz"
     scene, photos = ["--scene", task.scene], task.scene / "images"
-    job = ["--config", task.job.text, *scene]
+    job = ["--config", task.job, *scene]
     as_trained = [*job, "--model", model]
     at_once = ["--threads", threads]
     call(
@@ -150,15 +150,15 @@ def rows_of(task, threads):
         *("--flow", folder / "flow", "--out", folder / "moved"),
     )
     tables = []
-    for kind, renders in (("renders", "renders"), ("aligned-pose", "moved")):
-        path = folder / f"{renders}.csv"
+    for kind, renders in (("renders", "renders/test"), ("aligned-pose", "moved")):
+        path = folder / f"{kind}.csv"
         call(
             evaluate.main,
             *(*scene, f"--{kind}", folder / renders, "--metrics", path),
         )
         tables.append(pd.read_csv(path)[list(SCORES)])
     timing = json_files.read(folder / "timing.json", {})
-    job = task.job.model_dump()
+    job = json.loads(task.job)
     facts = {name: timing[name] for name in (*TIMES, "steps", "device")}
     facts["whole_time_s"] = round(time.monotonic() - begun, 3)
     facts["batch_rays"] = job["training"]["batch_rays"]

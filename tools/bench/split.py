@@ -122,7 +122,7 @@ def compare(folder, name, model_flow):
     extra = {"model_flow": folder / model_flow[0]} if model_flow else {}
     stage(
         "flow.decompose",
-        renders_depth=folder / "depth",
+        renders_depth=folder / "depth" / "test",
         flow=folder / "flow",
         cameras=folder / "cameras.npz",
         split="test",

@@ -270,7 +270,7 @@ def test_finer_trainings_are_the_workflows(method):
     text = finer_trainings.job_of(method, 3, 50, 64, None)
     trained = jobs.parse(json.loads(text))
     assert (trained.seed, trained.steps, trained.rays_per_step) == (3, 50, 64)
-    assert bool(trained.align) == (method == "aligned")
-    assert bool(trained.refine) == (method == "learnt")
+    own = {"plain": None, "aligned": "align", "learnt": "refine"}
+    assert trained.own == own[method]
     decided = finer_trainings.job_of(method, 3, 50, 64, "decisions.json")
     assert json.loads(decided)["model"]["decided"]

@@ -6,7 +6,6 @@ variable. A finding is made as small as it can be: one variable, mostly.
 
 import jax
 
-from alignerf.files.environment import switches
 from tools.torture import running, stages
 
 # What JAX's settings of text and of choices may be given, besides nonsense.
@@ -15,6 +14,8 @@ WORDS = ("1", "0", "x", "", "bfloat16", "float32", "high", "strict", "raise", "r
 # last digit, which a training's timing.json notes.
 OTHERS = {
     "JAX_PLATFORMS": ("cuda", "nonsense", "cpu", ""),
+    # A flag that changes no digit.
+    "XLA_FLAGS": ("--xla_dump_hlo_as_text=false",),
     "PYTHONHASHSEED": ("0", "7"),
     "PYTHONOPTIMIZE": ("1", "2"),
     "PYTHONUTF8": ("0", "1"),
@@ -33,6 +34,8 @@ OTHERS = {
     "ALIGNERF_SCENES": ("x\ny z w\n\n",),
     "MALLOC_ARENA_MAX": ("1",),
 }
+# Folders of a user's, which a run may make or read.
+NOT_TRIED = ("CACHE", "DUMP", "COORDINATOR", "ADDRESS", "MOCK", "PROFIL")
 MOST_AT_ONCE = 5
 
 
@@ -41,7 +44,7 @@ def variables():
     found = {}
     for name, value in jax.config.values.items():
         name = name.upper() if name.startswith("jax") else f"JAX_{name.upper()}"
-        if switches.CHANGING.fullmatch(name):
+        if not any(word in name for word in NOT_TRIED):
             flag = isinstance(value, bool)
             found[name] = (str(int(not value)), "x") if flag else WORDS
     return found | OTHERS
