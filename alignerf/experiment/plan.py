@@ -240,10 +240,6 @@ class Experiment:
             method = self.baseline(method)
         return self.folder(scene, method, 0)
 
-    def with_truth(self, known=True):
-        """Scenes whose truth is known (or not)."""
-        return [name for name in self.scenes if self.has_truth(name) == known]
-
     def has_truth(self, scene):
         """Whether a scene's truth is known; windows of another scene have none."""
         return self.capture(scene).has_truth

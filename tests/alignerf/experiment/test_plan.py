@@ -194,8 +194,8 @@ def test_folders_of_trainings_become_a_pattern(demo, experiment_of):
 def test_the_truth_is_known_of_the_embedded_scene(demo, tmp_path, experiment_of):
     demo["scenes"]["own"] = {"source": "photos", "path": str(tmp_path)}
     experiment = experiment_of(demo)
-    assert experiment.with_truth() == ["courtyard"]
-    assert experiment.with_truth(False) == ["own"]
+    assert [n for n in experiment.scenes if experiment.has_truth(n)] == ["courtyard"]
+    assert [n for n in experiment.scenes if not experiment.has_truth(n)] == ["own"]
     assert experiment.truth_of("own") is None
     assert experiment.truth_of("courtyard") == "results/courtyard/images/truth"
     made = targets.of_scene(experiment, "courtyard")
