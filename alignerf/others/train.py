@@ -1,6 +1,6 @@
 """Train by another program: `python -m alignerf.others.train`.
 
-Its command gets a folder of photos and cameras (`alignerf.others.data`), and one for
+Its command gets a folder of photos and cameras (`write_data`), and one for
 its model. Both stay when the job is killed or fails, for a program that can resume; a
 training of something else finds no model. Writes timing.json, and the cameras that its
 renders are seen by. Of finished renders nothing is trained.
@@ -13,8 +13,12 @@ import logging
 import shutil
 from pathlib import Path
 
+import numpy as np
+
+from alignerf.exports import formats, photos, points, warps
 from alignerf.files import atomic, faults, owned
-from alignerf.others import commands, data
+from alignerf.others import commands
+from alignerf.scenes import prepared
 
 log = logging.getLogger("alignerf")
 
@@ -46,7 +50,7 @@ def train(job: commands.Job, args) -> float:
         shutil.rmtree(model, ignore_errors=True)
         given = {"cameras": args.cameras, "warped": args.photos, "valid": args.valid}
         out = args.training / commands.DATA
-        data.write(out, args.scene, **given, seed=args.seed)
+        write_data(out, args.scene, **given, seed=args.seed)
     elif model.is_dir() and any(model.iterdir()):
         log.info("{model} is that of a run that was stopped")
     model.mkdir(parents=True, exist_ok=True)
@@ -58,6 +62,52 @@ def train(job: commands.Job, args) -> float:
         log.warning("the command has written nothing below {model}")
     log.info("trained in %.1f s", seconds)
     return seconds
+
+
+def write_data(out, scene, *, cameras=None, warped=None, valid=None, seed=0):
+    """Write the folder `out` of a prepared scene, from which a program learns.
+
+    It has images/, transforms.json (nerfstudio, instant-ngp), sparse/0 with points
+    (COLMAP, Gaussian splatting) and masks/ where not all pixels count, at the scene's
+    training size. Training views have the photos of the round, test views theirs as
+    taken; all have the cameras of the round.
+
+    cameras: cameras.npz, if not the scene's. warped: folder of photos, if not the
+    scene's; valid: of <view>.npz with valid pixels. seed: of the points.
+    """
+    own, out = Path(scene) / "cameras.npz", Path(out)
+    path = Path(cameras or own)
+    loaded = prepared.load(scene, cameras)
+    prepared.check_images(loaded, range(len(loaded.names)), loaded.folder / "images")
+    views = photos.as_trained(loaded, path)
+    if valid:
+        views = warps.as_trained(
+            views, loaded, warped or loaded.folder / "images", valid
+        )
+    moved = photos.has_moved(prepared.read_cameras(own), prepared.read_cameras(path))
+    with (
+        atomic.replace_folder(out) as folder,
+        atomic.scratch_folder(out.parent, name="points") as work,
+    ):
+        masked = photos.write(folder, views, alpha=False)
+        arrays = photos.arrays_of(views)
+        # Test views stay where they were given: their cameras agree with no others.
+        agreeing = np.arange(len(views.names))
+        if moved:
+            agreeing = points.agreeing(arrays, ())
+        model, _ = points.of(
+            *(folder, work, arrays, views.points),
+            seed=seed,
+            moved=moved,
+            views=agreeing,
+        )
+        formats.write_colmap(folder, model, arrays)
+        formats.write_transforms(
+            folder / "transforms.json",
+            arrays,
+            masked=masked,
+            points=(folder / formats.POINTS).is_file(),
+        )
 
 
 def digest_of(job: commands.Job, args):

@@ -57,20 +57,19 @@ def undistort(image, camtopix, distortion, pinhole):
     """The image [h, w, 3] uint8 seen through `pinhole` [3, 3], of the same size."""
     if is_pinhole(distortion):
         return image
-    height, width = image.shape[:2]
-    of_lens = cv2.fisheye if is_fisheye(distortion) else cv2
-    map_x, map_y = of_lens.initUndistortRectifyMap(
-        _opencv(camtopix),
-        np.asarray(distortion, dtype=np.float64),
-        np.eye(3),
-        _opencv(pinhole),
-        (width, height),
-        cv2.CV_32FC1,
-    )
+    at = positions(camtopix, distortion, pinhole, image.shape[1::-1])
     # Lanczos, since resampling blur counts as misalignment blur does; the map stays
     # inside the image, where reflection only feeds the kernel's outer taps.
-    return cv2.remap(
-        image, map_x, map_y, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REFLECT_101
+    return cv2.remap(image, *at, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REFLECT_101)
+
+
+def positions(camtopix, distortion, pinhole, size):
+    """(x, y) [h, w] float32: where a pinhole picture's pixels lie in a lens's image."""
+    values = np.asarray(distortion, np.float64)
+    of_lens = cv2.fisheye if is_fisheye(values) else cv2
+    own, to = opencv(camtopix), opencv(pinhole)
+    return of_lens.initUndistortRectifyMap(
+        own, values, np.eye(3), to, tuple(size), cv2.CV_32FC1
     )
 
 
@@ -167,7 +166,7 @@ def _polynomial(pixels, camtopix, distortion):
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 200, 1e-12)
     points = cv2.undistortPoints(
         pixels[:, None] - 0.5,
-        _opencv(camtopix),
+        opencv(camtopix),
         np.asarray(distortion, dtype=np.float64),
         criteria=criteria,
     )[:, 0]
@@ -213,7 +212,8 @@ def _check_inside(pinhole, camtopix, distortion, width, height):
             raise ValueError(f"a distortion of {_text(distortion)} folds the image")
 
 
-def _opencv(camtopix):
+def opencv(camtopix):
+    """The same intrinsics with OpenCV's pixel centres, at integers."""
     shifted = np.array(camtopix, dtype=np.float64)
     shifted[:2, 2] -= 0.5
     return shifted

@@ -3,6 +3,7 @@
 A photo may have two names: by a link, by a path in a json, or as a copy.
 """
 
+import collections
 import hashlib
 import logging
 import os
@@ -55,21 +56,11 @@ def identity(path):
 def contents(paths):
     """{view: what tells its file's content from all others}."""
     sizes = {name: os.stat(path).st_size for name, path in paths.items()}
-    several = set(repeated(sizes.values()))
+    counts = collections.Counter(sizes.values())
     return {
-        name: (size, digest(paths[name]) if size in several else name)
+        name: (size, digest(paths[name]) if counts[size] > 1 else name)
         for name, size in sizes.items()
     }
-
-
-def repeated(values):
-    """The values that come twice or more."""
-    seen, again = set(), []
-    for value in values:
-        if value in seen:
-            again.append(value)
-        seen.add(value)
-    return again
 
 
 def digest(path):

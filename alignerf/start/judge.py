@@ -14,7 +14,7 @@ from alignerf.experiment import targets
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import faults
 from alignerf.scenes import originals, prepared
-from alignerf.scenes.judged import depths, pairs
+from alignerf.scenes.judged import depths, views
 from alignerf.start import configs, folders, workflow
 
 # The name of the method that the renders are of.
@@ -43,8 +43,8 @@ def run(name, args):
     """Find the pairs, write the config, and run it."""
     path = Path("results") / f"{name}.yaml"
     scene = scene_of(args)
-    judged = pairs.find(of_scenes.checked(scene))
-    splits = pairs.splits_of(judged)
+    judged = views.find(of_scenes.checked(scene))
+    splits = views.splits_of(judged)
     there = [split for split in prepared.SPLITS if split in splits.values()]
     scene |= {"judged": base.section(scene, "judged") | {"splits": there}}
     print(f"{len(judged.pairs)} pairs of photo and render, {judged.told['layout']}")
@@ -103,7 +103,7 @@ def config_of(name, scene, judged):
 def forced(name, scene, judged):
     """What is to be made anew: the pairs, where one of their files has changed."""
     place = Path("results", name)
-    files = map(originals.named, pairs.files_of(judged, base.section(scene, "judged")))
+    files = map(originals.named, views.files_of(judged, base.section(scene, "judged")))
     noted = originals.noted(place)
     same = set(files) == set(noted) and not originals.changed(place)
     return (str(place / "poses.json"),) if noted and not same else ()

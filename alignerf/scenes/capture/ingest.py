@@ -115,40 +115,27 @@ def ingest(
     naming the file for what is broken.
     """
     work_folder = Path(work_folder)
-
-    def is_frame(path):
-        return path.parent.parent == work_folder
-
-    paths = find(folder, work_folder)
-    heads = [photos.head(path) for path in paths]
-    laid = lay_alike([(head.size, head.orientation) for head in heads])
+    taken = once_more(folder, work_folder, background=background, masks=masks)
     copies = work_folder / "copies"
     copies.mkdir()
-    copy_sizes, focals_px = [], []
-    for path, (size, lay) in progress.over(zip(paths, laid, strict=True), "photos"):
+    copy_sizes, focals_px, kinds = [], [], []
+    each = zip(taken.paths, taken.sizes, taken.lays, strict=True)
+    for path, size, lay in progress.over(each, "photos", total=len(taken.paths)):
         image, focal_px = photos.decode(path, background, upright=False)
         shrunk = min(1.0, most_side_px / max(size))
         copy_sizes.append((round(shrunk * size[0]), round(shrunk * size[1])))
         focals_px.append(focal_px)
         small = prepare.shrink(lay.apply(image), *copy_sizes[-1])
         images.write(copies / f"{path.stem}.png", small)
-    focals_px = np.array(focals_px)
-    # Frames of a film are by its camera, which may be cut otherwise than the photos'.
-    kinds = [
-        (lay.kind, path.stem.rpartition("_")[0] if is_frame(path) else head.camera)
-        for path, (_, lay), head in zip(paths, laid, heads, strict=True)
-    ]
-    taken = Taken(
-        names=[path.stem for path in paths],
-        paths=paths,
-        lays=[lay for _, lay in laid],
-        sizes=[size for size, _ in laid],
+        # Frames of a film are by its camera, which may be cut otherwise than photos'.
+        is_frame = path.parent.parent == work_folder
+        camera = path.stem.rpartition("_")[0] if is_frame else photos.head(path).camera
+        kinds.append((lay.kind, camera))
+    taken = taken._replace(
         copy_sizes=copy_sizes,
         folder=copies,
-        focals_px=focals_px,
-        cameras=share_cameras(kinds, focals_px),
-        background=background,
-        masks=find_masks(masks, paths),
+        focals_px=np.array(focals_px),
+        cameras=share_cameras(kinds, np.array(focals_px)),
     )
     if masks is not None:
         write_copies_of_masks(taken, work_folder / "copies_masks")
@@ -161,8 +148,7 @@ def once_more(folder, work_folder, *, background=None, masks=None) -> Taken:
     Focal lengths and cameras are unknown.
     """
     paths = find(folder, Path(work_folder))
-    heads = [photos.head(path) for path in paths]
-    laid = lay_alike([(head.size, head.orientation) for head in heads])
+    laid = lay_alike([photos.head(path)[:2] for path in paths])
     return Taken(
         names=[path.stem for path in paths],
         paths=paths,
@@ -200,20 +186,12 @@ def find_masks(folder, paths):
         few = faults.some_names(bare)
         log.warning("%s: no mask of %s: all of it is learnt from", folder, few)
     # What they hide would be learnt from without a word.
-    if strange := sorted({path.name for path in visible(folder)} - names_of(masks)):
+    used = {mask.name for mask in masks if mask}
+    others = {path.name for path in folder.iterdir()} - used
+    if strange := sorted(name for name in others if not name.startswith(".")):
         few = faults.some_names(strange)
         log.warning("%s: the mask of no photo, and left out: %s", folder, few)
     return masks
-
-
-def visible(folder):
-    """Paths of what lies in a folder, without hidden files."""
-    return [path for path in folder.iterdir() if not path.name.startswith(".")]
-
-
-def names_of(masks):
-    """The names of the files of masks, some of which are None."""
-    return {mask.name for mask in masks if mask}
 
 
 def read_mask(path, photo):

@@ -29,6 +29,7 @@ log = logging.getLogger(__name__)
 PLACES = ("sparse", "colmap/sparse", ".")
 SUFFIXES = (".bin", ".txt")
 PARTS = ("cameras", "images", "points3D")
+FILES = (*PARTS, "frames", "rigs")
 # Of a file: COLMAP writes all points of 10,000 photos into less.
 MOST_TEXT_BYTES = 2**30
 # Of a line of images.txt: id, quaternion, translation, camera, name.
@@ -38,24 +39,20 @@ PARAMETERS = (3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12, 16, 4, 5, 3, 4, 6, 2)
 LENGTH_ERROR = 1e-2
 # Of a file: COLMAP's own reader takes several times as much.
 MOST_BYTES = 2**32
-OF_POINT_2D, OF_TRACK, OF_DATA, OF_POSE = 24, 8, 16, 56
+OF_POINT_2D, OF_TRACK, OF_DATA = 24, 8, 16
 
 
 def find(folder):
     """Paths of all models of the first place that has any, by number; may be empty."""
     for place in PLACES:
         here = Path(folder) / place
-        inner = [p for p in here.glob("[0-9]*") if p.name.isdecimal() and p.is_dir()]
-        models = [path for path in sorted(inner, key=number_of) if is_model(path)]
+        inner = [p for p in here.glob("[0-9]*") if p.name.isdecimal() and is_model(p)]
+        models = sorted(inner, key=lambda path: int(path.name))
         if models:
             return models
         if is_model(here):
             return [here]
     return []
-
-
-def number_of(path):
-    return int(path.name)
 
 
 def is_model(folder):
@@ -75,7 +72,7 @@ def is_text(folder):
 def images_in(model):
     """Number of images that a model says it has; 0 of a file that is cut short."""
     if is_text(model) and (model / "images.txt").is_file():
-        return count_images(model)
+        return sum(1 for _ in image_lines(model / "images.txt"))
     with faults.opened(model / "images.bin") as file:
         head = file.read(8)
     return struct.unpack("<Q", head)[0] if len(head) == 8 else 0
@@ -146,37 +143,6 @@ def read(path):
     return views, (positions, np.array([point.color for point in points], np.uint8))
 
 
-class Walk:
-    """A position in a file's bytes that moves forwards; ValueError beyond the end."""
-
-    def __init__(self, content):
-        self.content, self.place = content, 0
-
-    def skip(self, size):
-        self.place += size
-        if self.place > len(self.content):
-            raise ValueError("it is cut short")
-
-    def read(self, form):
-        start = self.place
-        self.skip(struct.calcsize(form))
-        (value,) = struct.unpack_from(form, self.content, start)
-        return value
-
-    def skip_text(self):
-        end = self.content.find(b"\0", self.place)
-        self.skip(len(self.content) - self.place + 1 if end < 0 else 0)
-        self.place = end + 1
-
-
-def camera(walk):
-    walk.skip(4)
-    number = walk.read("<i")
-    if not 0 <= number < len(PARAMETERS):
-        raise ValueError(f"camera model {number}")
-    walk.skip(16 + 8 * PARAMETERS[number])
-
-
 def is_rotation(quaternion):
     """Whether four numbers have length 1, as files print them.
 
@@ -185,50 +151,63 @@ def is_rotation(quaternion):
     return len(quaternion) == 4 and abs(math.hypot(*quaternion) - 1) < LENGTH_ERROR
 
 
-def pose(walk):
-    """A quaternion and a place."""
-    if not is_rotation([walk.read("<d") for _ in range(4)]):
-        raise ValueError("a quaternion is not of length 1")
-    walk.skip(OF_POSE - 32)
+class Walk:
+    """A position in the content of a binary file, which moves forwards by entries.
 
+    Each method but the first three passes one entry of the file of its name.
+    """
 
-def image(walk):
-    walk.skip(4)
-    pose(walk)
-    walk.skip(4)
-    walk.skip_text()
-    walk.skip(OF_POINT_2D * walk.read("<Q"))
+    def __init__(self, content):
+        self.content, self.place = content, 0
 
+    def read(self, form):
+        """The numbers here; struct.error beyond the end."""
+        values = struct.unpack_from(form, self.content, self.place)
+        self.place += struct.calcsize(form)
+        return values
 
-def point(walk):
-    walk.skip(8 + 24 + 3 + 8)
-    walk.skip(OF_TRACK * walk.read("<Q"))
+    def skip(self, size, form):
+        """Pass as many parts of a size as the number here says."""
+        (count,) = self.read(form)
+        self.place += size * count
 
+    def pose(self):
+        if not is_rotation(self.read("<7d")[:4]):
+            raise ValueError("a quaternion is not of length 1")
 
-def frame(walk):
-    walk.skip(8)
-    pose(walk)
-    walk.skip(OF_DATA * walk.read("<I"))
+    def cameras(self):
+        _, number, *_ = self.read("<iiQQ")
+        if not 0 <= number < len(PARAMETERS):
+            raise ValueError(f"camera model {number}")
+        self.read(f"<{PARAMETERS[number]}d")
 
+    def images(self):
+        self.read("<I")
+        self.pose()
+        self.read("<I")
+        self.place = self.content.index(b"\0", self.place) + 1
+        self.skip(OF_POINT_2D, "<Q")
 
-def rig(walk):
-    walk.skip(4)
-    sensors = walk.read("<I")
-    if sensors:
-        walk.skip(8)
-    for _ in range(sensors - 1):
-        walk.skip(8)
-        if walk.read("<B"):
-            pose(walk)
+    def points3D(self):
+        self.read("<Q3d3Bd")
+        self.skip(OF_TRACK, "<Q")
 
+    def frames(self):
+        self.read("<II")
+        self.pose()
+        self.skip(OF_DATA, "<I")
 
-ENTRIES = {"cameras": camera, "images": image, "points3D": point}
-ENTRIES |= {"frames": frame, "rigs": rig}
+    def rigs(self):
+        _, sensors = self.read("<II")
+        self.read("<Q" if sensors else "")
+        for _ in range(sensors - 1):
+            if self.read("<QB")[1]:
+                self.pose()
 
 
 def check_binaries(folder):
     """ValueError naming a file of a model that is shorter than its counts say."""
-    for name, entry in ENTRIES.items():
+    for name in FILES:
         text, path = (Path(folder) / f"{name}{kind}" for kind in (".txt", ".bin"))
         if text.exists():
             faults.check_regular(text)
@@ -236,11 +215,11 @@ def check_binaries(folder):
             continue
         walk = Walk(faults.content(path, MOST_BYTES))
         try:
-            for _ in range(walk.read("<Q")):
-                entry(walk)
+            for _ in range(walk.read("<Q")[0]):
+                getattr(walk, name)()
             if walk.place != len(walk.content):
                 raise ValueError(f"{len(walk.content) - walk.place} bytes too many")
-        except ValueError as error:
+        except (ValueError, OverflowError, struct.error) as error:
             raise ValueError(f"{path}: truncated or damaged: {error}") from None
 
 
@@ -294,28 +273,34 @@ def check_texts(folder):
             raise ValueError(
                 f"{path}: line {number}: {faults.name_of(words[9])} has no pose"
             )
-
-    check_frames(Path(folder) / "frames.txt")
-    check_rigs(Path(folder) / "rigs.txt")
+    check_further_poses(folder)
 
 
-def check_frames(path):
-    """`check_texts` of frames.txt, from which COLMAP takes poses where it is there."""
-    for number, line in lines_of(path) if path.is_file() else ():
-        if line and not is_pose(line.split()[2:9]):
-            raise ValueError(f"{path}: line {number}: a frame without a pose")
+def check_further_poses(folder):
+    """`check_texts` of frames.txt and rigs.txt, from which COLMAP takes poses, too."""
+    for name, poses_of in (("frames", pose_of_frame), ("rigs", poses_of_sensors)):
+        path = Path(folder) / f"{name}.txt"
+        for number, line in lines_of(path) if path.is_file() else ():
+            if line and not all(map(is_pose, poses_of(line.split()))):
+                raise ValueError(f"{path}: line {number}: a line without a pose")
 
 
-def check_rigs(path):
-    """`check_texts` of rigs.txt: where each further sensor of a rig is."""
-    for number, line in lines_of(path) if path.is_file() else ():
-        # Of a sensor: its kind, its number, and whether a pose follows.
-        words = line.split()[4:]
-        while words:
-            has_pose = words[2:3] == ["1"]
-            if has_pose and not is_pose(words[3:10]):
-                raise ValueError(f"{path}: line {number}: a sensor without a pose")
-            words = words[10 if has_pose else 3 :]
+def pose_of_frame(words):
+    return [words[2:9]]
+
+
+def poses_of_sensors(words):
+    """The words of the poses of a rig's further sensors.
+
+    Of each there are its kind, its number, and whether a pose follows.
+    """
+    rest, found = words[4:], []
+    while rest:
+        has_pose = rest[2:3] == ["1"]
+        if has_pose:
+            found.append(rest[3:10])
+        rest = rest[10 if has_pose else 3 :]
+    return found
 
 
 def is_pose(words):
@@ -326,8 +311,3 @@ def is_pose(words):
         return False
     finite = len(values) == 7 and all(map(math.isfinite, values))
     return finite and is_rotation(values[:4])
-
-
-def count_images(folder):
-    """Number of the images in a model in text."""
-    return sum(1 for _ in image_lines(Path(folder) / "images.txt"))

@@ -33,14 +33,13 @@ def read(folder, images=None):
         log.warning("%s/sparse/0 not found: poses of poses_bounds.npy", folder)
         return llff.read(folder, chosen), []
     paths = {path.stem: path for path in photos.find_images(chosen)}
-    (model_views, points), posed = colmap_models.read(model), {}
-    for name, view in model_views.items():
+    posed, points = colmap_models.read(model)
+    for name in posed:
         if name not in paths:
             named = faults.name_of(name)
             raise ValueError(
                 f"{chosen}: no photo {named}, which {model} has a pose for"
             )
-        posed[name] = view
     left_out = sorted(set(paths) - set(posed))
     if left_out:
         log.warning("%s: no pose of %s", model, faults.some_names(left_out))

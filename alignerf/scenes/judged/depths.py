@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 
 from alignerf.files import archives, images
-from alignerf.scenes import cameras
-from alignerf.scenes.judged import geometry, renders
+from alignerf.scenes import cameras, distortion
+from alignerf.scenes.judged import renders
 
 IMAGES = (".tiff", ".tif", ".png")
 SUFFIXES = (".npz", ".npy", ".npy.gz", *IMAGES)
@@ -101,23 +101,17 @@ def along_axis(values, kind, pixtocam):
     return (values / np.linalg.norm(rays, axis=-1)).astype(np.float32)
 
 
-def resized(values, size):
-    """Depth [h, w] of another size (width, height), by the nearest pixel."""
-    if values.shape == size[::-1]:
-        return values
-    return cv2.resize(values, size, interpolation=cv2.INTER_NEAREST_EXACT)
-
-
 def as_shown(values, pixtocam, size, lens):
     """Numbers of a file as a picture [h, w] of a pinhole has them.
 
     size: (width, height) of the picture, and of a render. lens: (camtopix, distortion)
     of the render, so that its distortion is undone in its depth too; None without.
     """
-    values = resized(values, size)
+    if values.shape != size[::-1]:
+        values = cv2.resize(values, size, interpolation=cv2.INTER_NEAREST_EXACT)
     if lens is None:
         return values
-    at = geometry.positions(lens, np.linalg.inv(pixtocam), size)
+    at = distortion.positions(*lens, np.linalg.inv(pixtocam), size)
     return cv2.remap(values, *at, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
 
 

@@ -31,10 +31,6 @@ SMALL_PX, LEAST_PX = 640, 48
 EQUAL_PX = 0.1
 
 
-# From pixel centres at +0.5 to OpenCV's, at integers.
-INTEGERS = np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1]])
-
-
 class Shown(NamedTuple):
     """A way, for photos and renders of one lens and size.
 
@@ -58,7 +54,7 @@ class Shown(NamedTuple):
         image, lens = smaller(photo, self.lens, self.camtopix, self.size)
         if is_same(lens, self.camtopix, image, self.size):
             return image
-        at = positions(lens, self.camtopix, self.size)
+        at = distortion.positions(*lens, self.camtopix, self.size)
         return cv2.remap(
             image, *at, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE
         )
@@ -71,7 +67,7 @@ class Shown(NamedTuple):
 
     def inside(self):
         """Mask [h, w]: the photo shows what the picture has there."""
-        x, y = positions(self.lens, self.camtopix, self.size)
+        x, y = distortion.positions(*self.lens, self.camtopix, self.size)
         width, height = self.photo_size
         return (x >= -0.5) & (y >= -0.5) & (x <= width - 0.5) & (y <= height - 0.5)
 
@@ -140,7 +136,7 @@ def undone(camtopix, coefficients, size):
 
 def opencv_camera(camtopix, coefficients, size):
     """(camtopix, size) of OpenCV's picture without a border; None where it has none."""
-    own, values = INTEGERS @ camtopix, np.asarray(coefficients, np.float64)
+    own, values = distortion.opencv(camtopix), np.asarray(coefficients, np.float64)
     x, y, (width, height) = 0, 0, size
     if distortion.is_fisheye(coefficients):
         made = cv2.fisheye.estimateNewCameraMatrixForUndistortRectify(
@@ -226,21 +222,6 @@ def is_same(lens, camtopix, image, size):
     )
 
 
-def positions(lens, camtopix, size):
-    """(x, y) [h, w] float32: where a picture's pixels lie in an image of a lens."""
-    to, values = INTEGERS @ camtopix, np.asarray(lens[1], np.float64)
-    of_lens = cv2.fisheye if distortion.is_fisheye(values) else cv2
-    own, turn = INTEGERS @ lens[0], np.eye(3)
-    return of_lens.initUndistortRectifyMap(
-        own, values, turn, to, tuple(size), cv2.CV_32FC1
-    )
-
-
-def pixtocam(shown: Shown):
-    """Inverse intrinsics [3, 3] of the picture."""
-    return np.linalg.inv(shown.camtopix)
-
-
 def photos_size(shown: Shown):
     """(width, height) of the same picture as large as the photo allows."""
     # Each side by its own zoom: a render's size is rounded, so its pixels may be a
@@ -255,5 +236,5 @@ def photos_size(shown: Shown):
 def at_size(shown: Shown, size) -> Shown:
     """The same picture at another size, for an export."""
     across = size[0] / shown.size[0], size[1] / shown.size[1]
-    inverse = cameras.rescale_intrinsics(pixtocam(shown), *across)
+    inverse = cameras.rescale_intrinsics(np.linalg.inv(shown.camtopix), *across)
     return shown._replace(camtopix=np.linalg.inv(inverse), size=size, render_lens=None)

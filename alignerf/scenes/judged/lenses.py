@@ -119,7 +119,12 @@ def of_json(path, photo_size) -> Cameras:
     """Those of a transforms.json; the photos that it names need not be there."""
     scene = json_files.read(path, {"frames": list})
     lenses, splits = {}, {}
-    of_file = split_lists(path, scene)
+    # Of nerfstudio's lists; what is validated is held out.
+    of_file = {
+        name: split
+        for split, key in (("test", "val"), ("test", "test"), ("train", "train"))
+        for name in transforms.listed(path, scene, key)
+    }
     for i, frame in enumerate(scene["frames"]):
         if not isinstance(frame, dict) or not isinstance(frame.get("file_path"), str):
             raise ValueError(f"{path}: frame {i} has no text under 'file_path'")
@@ -140,14 +145,6 @@ def of_json(path, photo_size) -> Cameras:
     if len(splits) < len(lenses):
         splits = None
     return Cameras(lenses, "transforms.json", points_of(path, scene), splits)
-
-
-def split_lists(path, scene):
-    """{file_path: split} of nerfstudio's lists; what is validated is held out."""
-    found = {}
-    for split, key in (("test", "val"), ("test", "test"), ("train", "train")):
-        found |= dict.fromkeys(transforms.listed(path, scene, key), split)
-    return found
 
 
 def points_of(path, scene):

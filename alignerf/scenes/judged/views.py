@@ -7,16 +7,17 @@ Each photo becomes the picture that its render shows, at the render's size (see
 import functools
 import json
 import logging
+import os
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from alignerf.captures import base
 from alignerf.files import faults, images, json_files
-from alignerf.scenes import photos, prepare, prepared
-from alignerf.scenes.judged import depths, geometry, pairs, renders
-from alignerf.scenes.judged.pairs import Judged, Pair
+from alignerf.scenes import loading, photos, prepare, prepared
+from alignerf.scenes.judged import depths, geometry, lenses, renders
 
 log = logging.getLogger("alignerf")
 
@@ -26,10 +27,142 @@ PAIRS = "images/pairs.json"
 SAMPLES = 6
 # A render's black border is one from this share of its pixels on.
 BORDER_SHARE = 0.001
+# Where the photos lie in a folder.
+OF_PHOTOS = (".", "images", "input", "rgb")
 
 
-def read_photo(path, upright, background):
-    return photos.decode(path, background, upright=upright)[0]
+class Pair(NamedTuple):
+    """A view: its photo's path, its render, its lens at the photo's size."""
+
+    name: str
+    photo: Path
+    upright: bool
+    render: renders.Render
+    lens: tuple
+    photo_size: tuple
+    pose: np.ndarray
+
+
+class Judged(NamedTuple):
+    """All pairs of a project, one size of renders, and what is told of it."""
+
+    pairs: list
+    size: tuple
+    cameras: lenses.Cameras
+    told: dict
+
+
+def find(config) -> Judged:
+    """The pairs of a scene's keys. Raises ValueError in one line."""
+    judged = base.section(config, "judged")
+    paths = photos_of(config["path"])
+    if judged["cameras"]:
+        first = next(iter(paths.values()))
+        cameras = lenses.read(judged["cameras"], photos.head(first).size)
+    else:
+        cameras = lenses.assumed(sorted(paths))
+    names = [name for name in paths if name in cameras.lenses]
+    if not names:
+        raise ValueError(
+            f"{judged['cameras']}: its cameras "
+            f"({faults.some_names(sorted(cameras.lenses))}) are of other photos than "
+            f"those of {config['path']} ({faults.some_names(sorted(paths))})"
+        )
+    found = renders.find(judged["renders"], names, cameras.splits)
+    without = sorted(set(paths) - set(found.renders))
+    if without:
+        log.warning(
+            "%d of %d photos have no render, or no camera: %s",
+            *(len(without), len(paths), faults.some_names(without)),
+        )
+    size, odd = one_size(found.renders)
+    pairs = [
+        pair_of(name, paths[name], found.renders[name], cameras.lenses[name], size)
+        for name in sorted(found.renders)
+        if name not in odd
+    ]
+    for pair in pairs:
+        if not pair.render.is_sheet and os.path.samefile(pair.photo, pair.render.path):
+            raise ValueError(f"{pair.render.path}: this render is the photo itself")
+    told = {
+        "layout": found.layout,
+        "cameras": cameras.kind,
+        "without_render": without,
+        "of_other_size": sorted(odd),
+    }
+    return Judged(pairs, size, cameras, told)
+
+
+def photos_of(folder):
+    """{view: path} of the photos in a folder, or in one of OF_PHOTOS inside."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise ValueError(f"{folder}: no folder of photos")
+    for inner in OF_PHOTOS:
+        place = folder / inner
+        if place.is_dir() and any(
+            path.suffix.lower() in photos.SUFFIXES for path in place.iterdir()
+        ):
+            return {path.stem: path for path in photos.find_images(place)}
+    raise ValueError(f"{folder}: no photos ({', '.join(sorted(photos.SUFFIXES))})")
+
+
+def one_size(found):
+    """(the renders' usual size, names of those of another), sheets counted by half."""
+    sizes = {}
+    for name, render in found.items():
+        width, height = photos.head(render.path).size
+        if render.is_sheet and width % 2:
+            raise ValueError(
+                f"{render.path}: {width} px wide: a photo and a render side by side "
+                "are of one width"
+            )
+        sizes[name] = (width // 2 if render.is_sheet else width, height)
+    every = list(sizes.values())
+    usual = max(set(every), key=lambda size: (every.count(size), size))
+    if min(usual) < prepare.MIN_SIZE_PX:
+        path = next(iter(found.values())).path
+        raise ValueError(f"{path}: renders under {prepare.MIN_SIZE_PX} px a side")
+    odd = {name for name, size in sizes.items() if size != usual}
+    if odd:
+        log.warning(
+            "renders of another size than %dx%d are left out: %s",
+            *(*usual, faults.some_names(sorted(odd))),
+        )
+    return usual, odd
+
+
+def pair_of(name, path, render, lens, size) -> Pair:
+    """A view; rows of its photo as stored, or upright where only that fits the render.
+
+    EXIF's orientation is applied by some programs and not by others.
+    """
+    head = photos.head(path)
+    upright, own = False, head.size
+    turned = own[::-1] if head.orientation in photos.SIDEWAYS else own
+    fits = prepare.has_shape(turned, size) and not prepare.has_shape(own, size)
+    if turned != own and fits:
+        upright, own = True, turned
+    camtopix, coefficients = lens.at(own, f"{path}")
+    return Pair(name, path, upright, render, (camtopix, coefficients), own, lens.pose)
+
+
+def files_of(judged: Judged, keys):
+    """Paths of all that pairs are read from; keys: those of `judged`."""
+    found = [path for pair in judged.pairs for path in (pair.photo, pair.render.path)]
+    found += lenses.files_of(keys.get("cameras"))
+    if depth := keys.get("depth"):
+        found += depths.find(depth, [pair.name for pair in judged.pairs]).values()
+    return found
+
+
+def splits_of(judged: Judged):
+    """{view: split}: as the renders' folders say, else the cameras, else `train`."""
+    found = {}
+    for pair in judged.pairs:
+        own = pair.render.split or (judged.cameras.splits or {}).get(pair.name)
+        found[pair.name] = own or "train"
+    return found
 
 
 def read_render(render: renders.Render, background=None):
@@ -59,40 +192,47 @@ def border(image):
     return found if found.mean() > BORDER_SHARE else np.zeros_like(found)
 
 
-def ways_of(pair: Pair, size):
-    return geometry.ways(pair.lens, pair.photo_size, size, pair.render.path)
+def read_photo(path, upright, background):
+    return photos.decode(path, background, upright=upright)[0]
 
 
-def chosen_way(judged: Judged, background):
-    """(name of the way that fits, {way: px}) by some of the pairs."""
+def shown_of(judged: Judged, background):
+    """({view: `geometry.Shown`} by the way that fits, that way, {way: px}).
+
+    The way is chosen by some of the pairs; of a lens without it the first is taken.
+    """
     step = max(len(judged.pairs) // SAMPLES, 1)
-
-    def samples():
-        for pair in judged.pairs[::step][:SAMPLES]:
-            photo = read_photo(pair.photo, pair.upright, background)
-            render = read_render(pair.render, background)[0]
-            yield photo, render, ways_of(pair, judged.size)
-
-    return geometry.choose(samples())
-
-
-def shown_of(pair: Pair, size, way):
-    """The `geometry.Shown` of a pair; of lenses without that way, the first."""
-    found = ways_of(pair, size)
-    return next((shown for shown in found if shown.way == way), found[0])
+    found = {
+        pair.name: geometry.ways(
+            pair.lens, pair.photo_size, judged.size, pair.render.path
+        )
+        for pair in judged.pairs
+    }
+    way, apart_px = geometry.choose(
+        (
+            read_photo(pair.photo, pair.upright, background),
+            read_render(pair.render, background)[0],
+            found[pair.name],
+        )
+        for pair in judged.pairs[::step][:SAMPLES]
+    )
+    shown = {
+        name: next((one for one in ways if one.way == way), ways[0])
+        for name, ways in found.items()
+    }
+    return shown, way, apart_px
 
 
 def load(config, scratch):
     """Reader of source `judged`: (views at the renders' size, report, no truth)."""
-    judged = pairs.find(config)
-    way, apart = chosen_way(judged, config["background"])
+    judged = find(config)
+    shown, way, apart_px = shown_of(judged, config["background"])
     log.info("%d pairs, renders %s", len(judged.pairs), judged.told["layout"])
     log.info("renders show photos %s", geometry.WAYS[way])
-    shown = {pair.name: shown_of(pair, judged.size, way) for pair in judged.pairs}
     views = posed(judged, shown, config["background"])
     keys = base.section(config, "judged")
     prepared.check_views(keys["cameras"] or config["path"], views)
-    told = judged.told | {"way": way, "apart_px": apart}
+    told = judged.told | {"way": way, "apart_px": apart_px}
     told |= {"background": config["background"]}
     renders_of = [pair.render.path for pair in judged.pairs]
     told["transparent"] = any(map(photos.may_be_transparent, renders_of))
@@ -100,40 +240,36 @@ def load(config, scratch):
     beside = scratch / prepared.BESIDE
     beside.mkdir()
     (beside / "pairs.json").write_text(json.dumps(pairs_json(judged, shown, told)))
-    report = {
-        "registered": len(judged.pairs),
-        "total": len(judged.pairs) + len(judged.told["without_render"]),
-        "left_out": judged.told["without_render"],
-        "mean_reprojection_error_px": None,
-        "points": None if views.points is None else len(views.points[0]),
-        "models": None,
-        "judged": told,
-        "files": pairs.files_of(judged, keys),
-    }
     sizes = [pair.photo_size for pair in judged.pairs]
-    report["photo_size"] = list(max(set(sizes), key=sizes.count))
+    report = loading.registration(views.names, judged.told["without_render"]) | {
+        "points": None if views.points is None else len(views.points[0]),
+        "judged": told,
+        "files": files_of(judged, keys),
+        "photo_size": list(max(set(sizes), key=sizes.count)),
+    }
     return views, report, None
 
 
 def posed(judged: Judged, shown, background) -> prepare.PosedViews:
     """The views: photos as the renders show them, where both have pixels."""
-    own = judged.pairs
-    splits = pairs.splits_of(judged)
+    own, splits = judged.pairs, splits_of(judged)
+    photos_of_views, masks = [], []
+    for pair in own:
+        one = shown[pair.name]
+        read = functools.partial(
+            read_photo, upright=pair.upright, background=background
+        )
+        photos_of_views.append(prepare.Photo(pair.photo, (read, one.picture)))
+        mask = functools.partial(mask_of, shown=one, background=background)
+        masks.append(prepare.Photo(pair, (mask,), pair.render.path))
     return prepare.PosedViews(
         names=[pair.name for pair in own],
-        pixtocams=np.stack([geometry.pixtocam(shown[pair.name]) for pair in own]),
+        pixtocams=np.stack([np.linalg.inv(shown[pair.name].camtopix) for pair in own]),
         camtoworlds=np.stack([pair.pose for pair in own]),
         width=judged.size[0],
         height=judged.size[1],
-        photos=[photo_step(pair, shown[pair.name], background) for pair in own],
-        masks=[
-            prepare.Photo(
-                pair,
-                (mask_step(shown[pair.name], background),),
-                pair.render.path,
-            )
-            for pair in own
-        ],
+        photos=photos_of_views,
+        masks=masks,
         points=judged.cameras.points,
         split=np.array([splits[pair.name] for pair in own]),
     )
@@ -144,9 +280,8 @@ def at_full_size(config):
 
     The way is the one that `load` has found, by the same pairs.
     """
-    judged = pairs.find(config)
-    way, _ = chosen_way(judged, config["background"])
-    shown = {pair.name: shown_of(pair, judged.size, way) for pair in judged.pairs}
+    judged = find(config)
+    shown, *_ = shown_of(judged, config["background"])
     sizes = list(map(geometry.photos_size, shown.values()))
     size = max(set(sizes), key=lambda one: (sizes.count(one), one))
     large = {name: geometry.at_size(one, size) for name, one in shown.items()}
@@ -161,16 +296,6 @@ def at_full_size(config):
 def inside_of(shown):
     """An image of the mask [h, w, 3] of what a photo shows of its picture."""
     return images.of_mask(shown.inside())
-
-
-def photo_step(pair: Pair, shown, background):
-    """A photo that becomes the picture of its render when it is read."""
-    read = functools.partial(read_photo, upright=pair.upright, background=background)
-    return prepare.Photo(pair.photo, (read, shown.picture))
-
-
-def mask_step(shown, background):
-    return functools.partial(mask_of, shown=shown, background=background)
 
 
 def mask_of(pair: Pair, shown, background=None):

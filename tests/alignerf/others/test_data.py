@@ -6,13 +6,13 @@ import numpy as np
 import pycolmap
 
 from alignerf.files import faults, images
-from alignerf.others import data
+from alignerf.others import train
 from alignerf.scenes import prepared
 from tests import export_cases as cases
 
 
 def written(made, out, **options):
-    data.write(out / "data", made, **options)
+    train.write_data(out / "data", made, **options)
     return out / "data"
 
 

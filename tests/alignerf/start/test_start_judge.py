@@ -10,7 +10,7 @@ from alignerf.experiment import check, plan, targets
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.files import owned
 from alignerf.scenes import originals
-from alignerf.scenes.judged import lenses, pairs
+from alignerf.scenes.judged import lenses, views
 from alignerf.start import judge
 from tests import judged_cases as cases
 from tests import step_cases
@@ -105,8 +105,8 @@ def made(config, results):
     owned.claim(results)
     (results / "images").mkdir(exist_ok=True)
     (scene,) = yaml.safe_load(config.read_text())["scenes"].values()
-    found = pairs.find(of_scenes.checked(scene))
-    originals.write(results, pairs.files_of(found, scene["judged"]))
+    found = views.find(of_scenes.checked(scene))
+    originals.write(results, views.files_of(found, scene["judged"]))
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 
 from alignerf.scenes.formats import colmap_models
 
-FILES = [f"{name}.bin" for name in colmap_models.ENTRIES]
+FILES = [f"{name}.bin" for name in colmap_models.FILES]
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ from PIL import Image
 
 from alignerf import poses
 from alignerf.others import render
-from alignerf.scenes import prepared
-from alignerf.scenes.judged import geometry, pairs, views
+from alignerf.scenes import distortion, prepared
+from alignerf.scenes.judged import views
 from tests import judged_cases as cases
 
 
@@ -122,14 +122,14 @@ def test_a_sheet_has_two_halves(tmp_path):
         sheet = np.hstack([cases.picture(i), cases.picture(i)])[:, 1:]
         cases.write_png(tmp_path / "renders" / f"val_step9_{i:04}.png", sheet)
     with pytest.raises(ValueError, match=r"val_step9_000\d.png: 319 px wide"):
-        pairs.find(config)
+        views.find(config)
 
 
 def test_views_without_a_pair_are_left_out_and_named(tmp_path, caplog):
     config = cases.project(tmp_path)
     (tmp_path / "renders" / "v07.png").unlink()
     cases.write_png(tmp_path / "renders" / "v06.png", cases.picture(6, (80, 60)))
-    judged = pairs.find(config)
+    judged = views.find(config)
     assert [pair.name for pair in judged.pairs] == cases.NAMES[:6]
     assert "1 of 8 photos have no render, or no camera: v07" in caplog.text
     assert "another size than 160x120 are left out: v06" in caplog.text
@@ -192,7 +192,7 @@ def test_depth_by_the_points_of_the_cameras(tmp_path):
     for name in cases.NAMES:
         # Renders show the lens's distortion, and so does their depth.
         pixels = np.indices((120, 160))[::-1].reshape(2, -1).T.astype(float)
-        lens = geometry.INTEGERS @ cases.CAMTOPIX, cases.LENS
+        lens = distortion.opencv(cases.CAMTOPIX), cases.LENS
         at = cv2.undistortPoints(pixels[:, None], *lens)[:, 0].T.reshape(2, 120, 160)
         distance = 7 * 2.1 * np.sqrt(1 + (at**2).sum(axis=0))
         np.save(tmp_path / "depth" / f"{name}.npy", distance.astype(np.float32))
@@ -272,7 +272,7 @@ def test_what_no_photo_shows_is_masked_in_an_export(tmp_path, k1):
     for i, name in enumerate(cases.NAMES):
         image = cases.shown("kept", lens).picture(cases.picture(i))
         cases.write_png(tmp_path / "renders" / f"{name}.png", image)
-    assert views.chosen_way(pairs.find(config), None)[0] == "kept"
+    assert views.shown_of(views.find(config), None)[1] == "kept"
     large, _ = views.at_full_size(config)
     assert (large.masks is None) == (k1 < 0)
     if large.masks:
@@ -289,7 +289,7 @@ def test_a_guessed_lens_is_that_of_the_photo_as_it_is_shown(tmp_path):
     exif[0x0112] = 6
     Image.open(path).save(path.with_suffix(".jpg"), exif=exif)
     path.unlink()
-    judged = pairs.find(cases.config(tmp_path))
+    judged = views.find(cases.config(tmp_path))
     for pair in judged.pairs:
         np.testing.assert_array_equal(pair.lens[0][:2, 2], (80, 60))
 
@@ -307,7 +307,7 @@ def test_faults_are_one_line(tmp_path, break_it, says):
     config = cases.project(tmp_path)
     break_it(tmp_path)
     with pytest.raises(ValueError, match=says) as caught:
-        pairs.find(config)
+        views.find(config)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "scene").exists()
 
@@ -326,4 +326,4 @@ def test_photos_are_no_renders_of_themselves(tmp_path):
     config = cases.project(tmp_path)
     config["judged"]["renders"] = config["path"]
     with pytest.raises(ValueError, match=r"v00\.png: this render is the photo itself"):
-        pairs.find(config)
+        views.find(config)
