@@ -15,7 +15,6 @@ and poses.csv, with the motion that each half was rendered with, how many pixels
 fitted to (none: the camera stayed), and what of the flow no camera explains.
 """
 
-import argparse
 import csv
 from contextlib import ExitStack
 from pathlib import Path
@@ -51,8 +50,21 @@ class Fitted(NamedTuple):
     noise_px: float
 
 
+OPTIONS = {
+    "config": "job as JSON, or its file",
+    "scene": "prepared scene folder",
+    "[cameras]": "cameras.npz (default: the scene's)",
+    "model": "trained parameters",
+    "flow": ("to the photos", Path),
+    "depth": ("of the renders", Path),
+    "[truth-flow]": ("to the oracle: the overfit", Path),
+    "out": ("folder, written", Path),
+    "[threads]": faults.THREADS,
+}
+
+
 def main(argv=None):
-    args = parse(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     machine.limit(args.threads)
     devices.take_accelerator()
     loaded = prepared.load(args.scene, args.cameras)
@@ -109,25 +121,6 @@ def render_halves(render, loaded: prepared.Scene, view, halves, poses):
     for half, pose in zip(halves, poses, strict=True):
         image[half] = render(loaded.pixtocams[view], pose, half)[0][half]
     return image
-
-
-def parse(argv=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--config", required=True, help="job as JSON, or its file")
-    parser.add_argument("--scene", required=True, help="prepared scene folder")
-    parser.add_argument(
-        "--cameras", type=faults.stated, help="cameras.npz (default: the scene's)"
-    )
-    parser.add_argument("--model", required=True, help="trained parameters")
-    parser.add_argument("--flow", type=Path, required=True, help="to the photos")
-    parser.add_argument("--depth", type=Path, required=True, help="of the renders")
-    parser.add_argument("--truth-flow", type=Path, help="to the oracle: the overfit")
-    parser.add_argument("--out", type=Path, required=True, help="folder, written")
-    parser.add_argument("--threads", type=int, help="at most (default: every core)")
-    return parser.parse_args(argv)
 
 
 def halves_of(loaded: prepared.Scene, block_px):

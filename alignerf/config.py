@@ -5,7 +5,6 @@ the results, tells how these were made. `--check FILE` looks at a config without
 planning, `--schema` prints the schema of `workflow/schemas/config.schema.yaml`.
 """
 
-import argparse
 import copy
 
 import yaml
@@ -18,19 +17,20 @@ from alignerf.files import atomic, faults, yaml_files
 HEAD = "# Every key of a config, made by `python -m alignerf.config --schema`.\n"
 
 
+OPTIONS = {
+    "[config]": "JSON: the complete config of a scene",
+    "[out]": "YAML, written",
+    "[check]": "a config's file",
+    "[schema]": ("print it", faults.FLAG),
+}
+
+
 def main(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--config", type=faults.stated, help="JSON: the complete config of a scene"
-    )
-    parser.add_argument("--out", type=faults.stated, help="YAML, written")
-    parser.add_argument("--check", type=faults.stated, help="a config's file")
-    parser.add_argument("--schema", action="store_true", help="print it")
-    args = parser.parse_args(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     if (args.config is None) != (args.out is None):
-        parser.error("--config and --out go together")
+        raise ValueError("--config and --out go together")
     if not (args.config or args.check or args.schema):
-        parser.error("nothing to do: --config with --out, --check or --schema")
+        raise ValueError("nothing to do: --config with --out, --check or --schema")
     if args.schema:
         print(schema_text(), end="")
     if args.check:

@@ -11,7 +11,6 @@ views does not drift from that of the test views, which stay as they are. Views 
 left alone count as corrections of zero, and so hold the frame.
 """
 
-import argparse
 import json
 import logging
 import time
@@ -29,8 +28,20 @@ from flow.camera import correct
 log = logging.getLogger("alignerf")
 
 
+OPTIONS = {
+    "scene": "prepared scene folder",
+    "cameras": "of the renders",
+    "flow": "folder of <view>.npz, to photos",
+    "depth": "folder of the renders' depth",
+    "[truth]": "the scene's truth folder, to be compared with",
+    "out": "cameras.npz, written",
+    "report": "what was done, written",
+    "[threads]": ("views at once", 1),
+}
+
+
 def main(argv=None):
-    args = parse(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     started = time.monotonic()
     original = prepared.load(args.scene)
     before = prepared.load(args.scene, args.cameras)
@@ -102,24 +113,6 @@ def say(report):
             *(count, report["views"]),
         )
     log.info("cameras moved by %.3f px in the median", report["correction_px"])
-
-
-def parse(argv=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scene", required=True, help="prepared scene folder")
-    parser.add_argument("--cameras", required=True, help="of the renders")
-    parser.add_argument("--flow", required=True, help="folder of <view>.npz, to photos")
-    parser.add_argument("--depth", required=True, help="folder of the renders' depth")
-    parser.add_argument(
-        "--truth",
-        type=faults.stated,
-        help="the scene's truth folder, to be compared with",
-    )
-    parser.add_argument("--out", required=True, help="cameras.npz, written")
-    parser.add_argument("--report", required=True, help="what was done, written")
-    parser.add_argument("--threads", type=int, default=1, help="views at once")
-    return parser.parse_args(argv)
 
 
 def row(original: prepared.Scene, after: prepared.Scene, view, correction):

@@ -7,7 +7,6 @@ with --aligned-pose. Only sets on the same pixels compare. A metric that cannot 
 is empty, and `note` says why; LPIPS needs weights, for each network.
 """
 
-import argparse
 import functools
 import pathlib
 
@@ -25,8 +24,21 @@ NETS = [name.removeprefix("lpips_") for name in METRICS if name.startswith("lpip
 COLUMNS = ("view", "test_set", *METRICS, "valid_share", "note")
 
 
+OPTIONS = {
+    "scene": "prepared scene folder",
+    "[renders]": "renders of the test views",
+    "[aligned-pose]": "instead: folder of renders by moved cameras",
+    "[testset]": "folder of the warped test set",
+    "[truth]": "folder of the oracle, where it is known",
+    **{f"[lpips-{net}]": "weights of this LPIPS, .npz" for net in NETS},
+    "metrics": "CSV, written",
+}
+
+
 def main(argv=None):
-    args = parse(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
+    if (args.renders is None) == (args.aligned_pose is None):
+        raise ValueError("either --renders or --aligned-pose")
     loaded = prepared.load(args.scene)
     views = loaded.views("test")
     if args.renders:
@@ -49,26 +61,6 @@ def main(argv=None):
             rows.append(name | row | {"note": note})
     with atomic.replace_file(args.metrics) as path:
         pd.DataFrame(rows, columns=COLUMNS).to_csv(path, index=False)
-
-
-def parse(argv=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scene", required=True, help="prepared scene folder")
-    renders = parser.add_mutually_exclusive_group(required=True)
-    folders = {
-        "renders": "renders of the test views",
-        "aligned-pose": "folder of renders by moved cameras",
-        "testset": "folder of the warped test set",
-        "truth": "folder of the oracle, where it is known",
-    }
-    for name, what in folders.items():
-        group = renders if name in ("renders", "aligned-pose") else parser
-        group.add_argument(f"--{name}", type=faults.stated, help=what)
-    for net in NETS:
-        parser.add_argument(f"--lpips-{net}", help="weights of this LPIPS, .npz")
-    parser.add_argument("--metrics", required=True, help="CSV, written")
-    return parser.parse_args(argv)
 
 
 def check_renders(names, folder):

@@ -10,7 +10,6 @@ came as LLFF's poses_bounds.npy or as one of NeRF's synthetic scenes is written 
 format too.
 """
 
-import argparse
 import logging
 from pathlib import Path
 from typing import NamedTuple
@@ -51,8 +50,30 @@ class Chosen(NamedTuple):
     unknown: bool
 
 
+OPTIONS = {
+    "scene": "prepared scene folder",
+    "[config]": "its keys as JSON (default: its config.yaml)",
+    "[width]": ("of photos; never more than theirs", int),
+    "[cameras]": "cameras.npz (default: the scene's)",
+    "[warped]": "folder of warped photos of training views",
+    "[valid]": "folder of <view>.npz: valid pixels, and the flow that warped",
+    "[kernel]": ("of warps", {"choices": warps.KERNELS, "default": "lanczos"}),
+    "[fit-held-out]": (
+        "folders of test views: their cameras are fitted to their photos",
+        {"nargs": 2, "metavar": ("FLOW", "DEPTH")},
+    ),
+    "[adjusted]": "adjusted cameras.npz, taken where held-out matches accept them",
+    "[corrected-by]": "poses_corrected.json of --cameras, where FLOW is from before",
+    "[if-pays]": (
+        "verdict.json and a method: where that brought nothing, all is as given",
+        {"nargs": 2, "metavar": ("VERDICT", "METHOD")},
+    ),
+    "out": "folder, written",
+}
+
+
 def main(argv=None):
-    args = parse(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     if (args.warped is None) != (args.valid is None):
         raise ValueError("--warped and --valid go together")
     if args.adjusted and is_accepted(args.scene):
@@ -184,52 +205,6 @@ def write_llff(path, arrays, bounds):
         formats.write_llff(path, arrays, depths)
     except ValueError as error:
         log.warning("%s is not written: %s", path.name, error)
-
-
-def parse(argv=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--scene", required=True, help="prepared scene folder")
-    parser.add_argument(
-        "--config",
-        type=faults.stated,
-        help="its keys as JSON (default: its config.yaml)",
-    )
-    parser.add_argument("--width", type=int, help="of photos; never more than theirs")
-    parser.add_argument(
-        "--cameras", type=faults.stated, help="cameras.npz (default: the scene's)"
-    )
-    parser.add_argument(
-        "--warped", type=faults.stated, help="folder of warped photos of training views"
-    )
-    parser.add_argument(
-        "--valid", help="folder of <view>.npz: valid pixels, and the flow that warped"
-    )
-    parser.add_argument("--kernel", default="lanczos", choices=warps.KERNELS)
-    parser.add_argument(
-        "--fit-held-out",
-        nargs=2,
-        metavar=("FLOW", "DEPTH"),
-        help="folders of test views: their cameras are fitted to their photos",
-    )
-    parser.add_argument(
-        "--adjusted",
-        help="adjusted cameras.npz, taken instead where held-out matches accept them",
-    )
-    parser.add_argument(
-        "--corrected-by",
-        help="poses_corrected.json of --cameras, where FLOW is of the renders before",
-    )
-    parser.add_argument(
-        "--if-pays",
-        nargs=2,
-        metavar=("VERDICT", "METHOD"),
-        help="verdict.json and a method: where that brought nothing, all is as given",
-    )
-    parser.add_argument("--out", required=True, help="folder, written")
-    return parser.parse_args(argv)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@ Lengths are in units of the normalised scene, in which the largest coordinate of
 camera is 1. An unknown fact is null.
 """
 
-import argparse
 import json
 from pathlib import Path
 
@@ -25,20 +24,23 @@ BOUNDED = 4.0
 SOFT = 0.5
 
 
+OPTIONS = {
+    "[scene]": "prepared scene folder",
+    "[facts]": "facts.json, written",
+    "[decisions]": "decisions.json, written",
+    "[show]": ("decisions.json, printed", {"type": Path} | faults.SEVERAL),
+    "[unasked]": ("say: not applied", faults.FLAG),
+}
+
+
 def main(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scene", help="prepared scene folder")
-    parser.add_argument("--facts", help="facts.json, written")
-    parser.add_argument("--decisions", help="decisions.json, written")
-    parser.add_argument("--show", nargs="+", type=Path, help="decisions.json, printed")
-    parser.add_argument("--unasked", action="store_true", help="say: not applied")
-    args = parser.parse_args(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     if args.show:
         print("\n".join(decisions.shown(args.show, not args.unasked)))
     elif args.scene and args.facts and args.decisions:
         write(args)
     else:
-        parser.error("--scene, --facts and --decisions, or --show")
+        raise ValueError("--scene, --facts and --decisions, or --show")
 
 
 def write(args):

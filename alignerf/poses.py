@@ -5,7 +5,6 @@ poses.json and, for the embedded courtyard, truth/. No output appears before all
 succeeded; poses.json is moved last, so its presence says that the rest is complete.
 """
 
-import argparse
 import json
 import logging
 import shutil
@@ -42,18 +41,28 @@ MOST_PIXELS, LEAST_SIDE_PX = 10_000_000, 200
 PRODUCTS = ("images", "colmap", "cameras.npz", "poses.json")
 
 
-def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
+OPTIONS = {
+    "config": ("JSON, or a file of it", str),
+    "out": ("results/SCENE", Path),
+    "[whole]": ("of windows: the other scene's folder", Path),
+    "[cameras]": "of windows: their cameras.npz",
+    "[places]": ("of windows: others, at the same places", Path),
+    "[adjust]": ("write adjusted cameras beside the scene's", faults.FLAG),
+}
+
+
+def main(config, out, whole=None, cameras=None, places=None, adjust=False):
     """Run one scene's slice of the config; `out` is the scene's folder of results.
 
     adjust: a method trains with adjusted cameras, whatever those of the scene are.
 
-    Of windows of another scene: whole, its folder; cameras_path, the cameras.npz that
+    Of windows of another scene: whole, its folder; cameras, the cameras.npz that
     they have; places, the folder of windows that they lie at the same places as.
     """
     config, out = of_scenes.checked(config), Path(out)
     capture = base.of(config)
     if capture.parent(config):
-        return of_crops(config, out, Path(whole), cameras_path, places and Path(places))
+        return of_crops(config, out, Path(whole), cameras, places)
     started, where = time.monotonic(), config["path"] or out
     with atomic.scratch_folder(out) as scratch:
         full, told, scene = capture.read(config, scratch)
@@ -103,14 +112,14 @@ def main(config, out, whole=None, cameras_path=None, places=None, adjust=False):
     log.info("%s: %d of %d views", out, told["registered"], told["total"])
 
 
-def of_crops(config, out, whole, cameras_path, places):
+def of_crops(config, out, whole, cameras, places):
     """Make a scene of crops of another one, whose photos and cameras it has."""
     started = time.monotonic()
     originals.check(whole)
     told = json_files.read(whole / "poses.json", prepared.POSES)
     least = config["least_train_views"] + 1
     with atomic.scratch_folder(out) as scratch:
-        views = loading.read(config, whole, scratch, cameras_path)
+        views = loading.read(config, whole, scratch, cameras)
         try:
             views, found, px = windows.placed(views, config, places)
             found, each = windows.around_each(
@@ -288,23 +297,5 @@ def publish(fresh, out):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(prog="alignerf.poses", description=__doc__)
-    parser.add_argument("--config", required=True, help="JSON, or a file of it")
-    parser.add_argument("--out", required=True, type=Path, help="results/SCENE")
-    parser.add_argument(
-        "--whole", type=faults.stated, help="of windows: the other scene's folder"
-    )
-    parser.add_argument(
-        "--cameras", type=faults.stated, help="of windows: their cameras.npz"
-    )
-    parser.add_argument(
-        "--places", type=faults.stated, help="of windows: others, at the same places"
-    )
-    parser.add_argument(
-        "--adjust",
-        action="store_true",
-        help="write adjusted cameras beside the scene's",
-    )
-    options = parser.parse_args()
-    more = (options.whole, options.cameras, options.places, options.adjust)
-    faults.run(lambda: main(jobs.read(options.config), options.out, *more))
+    values = vars(faults.arguments(None, __doc__, OPTIONS))
+    faults.run(lambda: main(jobs.read(values.pop("config")), **values))

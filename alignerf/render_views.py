@@ -9,7 +9,6 @@ of the normalised scene (max |t| = 1), where half of a ray's weight is passed: t
 middle of that interval, so its error is that interval's length at best.
 """
 
-import argparse
 import contextlib
 import json
 import logging
@@ -27,8 +26,21 @@ from alignerf.training import renderer
 log = logging.getLogger("alignerf")
 
 
+OPTIONS = {
+    "config": "job as JSON, or its file",
+    "scene": "prepared scene folder",
+    "[cameras]": "cameras.npz (default: the scene's)",
+    "model": "trained parameters",
+    "splits": ("of the views", {"choices": prepared.SPLITS} | faults.SEVERAL),
+    "renders": ("folder, written", Path),
+    "[depth]": ("folder of the views' depth, written", Path),
+    "timing": ("folder, written", Path),
+    "[threads]": faults.THREADS,
+}
+
+
 def main(argv=None):
-    args = parse(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     machine.limit(args.threads)
     devices.take_accelerator()
     if left := summary.Left(args.scene, args.timing).words():
@@ -77,25 +89,6 @@ def render_split(loaded: prepared.Scene, split, render, renders, depth=None):
         rendered = time.perf_counter()
     view_time_s = round((rendered - begun) / max(len(views) - 1, 1), 4)
     return {"views": len(views), "view_time_s": view_time_s}
-
-
-def parse(argv=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--config", required=True, help="job as JSON, or its file")
-    parser.add_argument("--scene", required=True, help="prepared scene folder")
-    parser.add_argument(
-        "--cameras", type=faults.stated, help="cameras.npz (default: the scene's)"
-    )
-    parser.add_argument("--model", required=True, help="trained parameters")
-    parser.add_argument("--splits", nargs="+", required=True, choices=prepared.SPLITS)
-    parser.add_argument("--renders", type=Path, required=True, help="folder, written")
-    parser.add_argument(
-        "--depth", type=Path, help="folder of the views' depth, written"
-    )
-    parser.add_argument("--timing", type=Path, required=True, help="folder, written")
-    parser.add_argument("--threads", type=int, help="at most (default: every core)")
-    return parser.parse_args(argv)
 
 
 if __name__ == "__main__":

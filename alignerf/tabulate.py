@@ -4,7 +4,6 @@ One process for all of them, since each takes longer to start than to make its t
 Each is written as CSV and LaTeX, its provenance beside it.
 """
 
-import argparse
 from pathlib import Path
 
 from alignerf.files import faults
@@ -21,8 +20,17 @@ TABLES = {
 FORMATS = {"round_times": "%.3f"}
 
 
+OPTIONS = {
+    "scene": ("its results' folder", Path),
+    "tables": ("which", {"choices": TABLES} | faults.SEVERAL),
+    "[published]": ("CSV, as printed", {"nargs": "*", "default": []}),
+    "[configs]": ("YAML: the scene's complete config", {"nargs": "*", "default": []}),
+    "out": ("folder, written into", Path),
+}
+
+
 def main(argv=None):
-    args = parse(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     views = frame.read(args.scene)
     printed = [
         line
@@ -43,19 +51,6 @@ def main(argv=None):
             configs=args.configs,
             float_format=FORMATS.get(name, "%.6g"),
         )
-
-
-def parse(argv=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(prog="alignerf.tabulate", description=__doc__)
-    parser.add_argument("--scene", type=Path, required=True, help="its results' folder")
-    parser.add_argument("--tables", nargs="+", choices=TABLES, required=True)
-    parser.add_argument("--published", nargs="*", default=[], help="CSV, as printed")
-    parser.add_argument(
-        "--configs", nargs="*", default=[], help="YAML: the scene's complete config"
-    )
-    parser.add_argument("--out", type=Path, required=True, help="folder, written into")
-    return parser.parse_args(argv)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ not finite ends the training; the last checkpoint is kept. Several processes, st
 by `srun` for example, train one model (`alignerf.processes`).
 """
 
-import argparse
 import contextlib
 import hashlib
 import json
@@ -37,8 +36,25 @@ from alignerf.training import (
 log = logging.getLogger("alignerf")
 
 
+OPTIONS = {
+    "config": "job as JSON, or its file",
+    "scene": "prepared scene folder",
+    "[cameras]": "cameras.npz (default: the scene's)",
+    "[photos]": "folder of photos (default: the scene's)",
+    "[valid]": "folder of <view>.npz with valid pixels",
+    "[initial]": "parameters to fine-tune or go on from",
+    "[displacement]": "CSV to take the search radius from",
+    "[threads]": faults.THREADS,
+    "[sources]": ("hash: other code starts anew", ""),
+    "checkpoints": "folder to resume from",
+    "learnt": "folder, written: parameters, moved cameras, warped photos",
+    "[truth]": "the truth's folder, to compare cameras with",
+    "timing": "timing.json, written",
+}
+
+
 def main(argv=None):
-    args = parse(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     machine.limit(args.threads)
     with consensus.together():
         devices.take_accelerator()
@@ -65,45 +81,6 @@ def run(args):
         timing["radius_px"] = job.alignerf.radius_px
     with atomic.replace_file(args.timing) as path:
         path.write_text(json.dumps(timing, indent=1))
-
-
-def parse(argv=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--config", required=True, help="job as JSON, or its file")
-    parser.add_argument("--scene", required=True, help="prepared scene folder")
-    parser.add_argument(
-        "--cameras", type=faults.stated, help="cameras.npz (default: the scene's)"
-    )
-    parser.add_argument(
-        "--photos", type=faults.stated, help="folder of photos (default: the scene's)"
-    )
-    parser.add_argument(
-        "--valid", type=faults.stated, help="folder of <view>.npz with valid pixels"
-    )
-    parser.add_argument(
-        "--initial", type=faults.stated, help="parameters to fine-tune or go on from"
-    )
-    parser.add_argument(
-        "--displacement", type=faults.stated, help="CSV to take the search radius from"
-    )
-    parser.add_argument("--threads", type=int, help="at most (default: every core)")
-    parser.add_argument("--sources", default="", help="hash: other code starts anew")
-    parser.add_argument("--checkpoints", required=True, help="folder to resume from")
-    parser.add_argument(
-        "--learnt",
-        type=Path,
-        required=True,
-        help="folder of the parameters, of the cameras that renders are seen by, of "
-        "photos that it has warped, written",
-    )
-    parser.add_argument(
-        "--truth",
-        type=faults.stated,
-        help="the truth's folder, to compare cameras with",
-    )
-    parser.add_argument("--timing", required=True, help="timing.json, written")
-    return parser.parse_args(argv)
 
 
 def train(job, args):

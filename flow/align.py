@@ -11,7 +11,6 @@ split, the statistics a CSV in a folder. With `--oracle DIR` beside, the flow fr
 renders to its images is written as a split of its own.
 """
 
-import argparse
 import sys
 from pathlib import Path
 
@@ -24,6 +23,9 @@ def main(*, splits, renders, depth, flow_out, stats_out, warped_out, oracle, **o
 
     options: its other arguments. Raises ValueError or OSError.
     """
+    if (options["flows"] is None) == (options["method"] == external.METHOD):
+        method = external.METHOD
+        raise ValueError(f"--flows goes with --method {method}, and it with --flows")
     if not splits:
         targets = {"flow": flow_out} | ({"warped": warped_out} if warped_out else {})
         folders.align(
@@ -54,31 +56,33 @@ def main(*, splits, renders, depth, flow_out, stats_out, warped_out, oracle, **o
         folders.align(renders / "test", targets=target, stats_out=stats, **options)
 
 
-def parse(arguments=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(prog="flow.align", description=__doc__)
-    for name in ("renders", "photos", "flow-out", "stats-out"):
-        parser.add_argument(f"--{name}", type=Path, required=True)
-    parser.add_argument("--warped-out", type=Path, help="folder of warped photos")
-    estimate.add_arguments(parser, (*estimate.METHODS, external.METHOD))
-    parser.add_argument("--flows", type=Path, help="folder of flows made elsewhere")
-    parser.add_argument("--depth", type=Path, help="of the renders, for occlusions")
-    parser.add_argument("--masks", type=Path, help="where photos count, if it is there")
-    parser.add_argument("--threads", type=int, default=1, help="views at once")
-    splits = {"nargs": "+", "choices": ("train", "test"), "default": ()}
-    parser.add_argument("--splits", **splits, help="folders inside the others")
-    parser.add_argument("--oracle", type=Path, help="folder of images without faults")
-    options = parser.parse_args(arguments)
-    if (options.flows is None) == (options.method == external.METHOD):
-        parser.error(
-            f"--flows goes with --method {external.METHOD}, and it with --flows"
-        )
-    return options
+OPTIONS = {
+    "renders": ("folder of <view>.png", Path),
+    "photos": ("folder of <view>.png", Path),
+    "flow-out": ("folder of <view>.npz, written", Path),
+    "stats-out": ("CSV, or a folder of them, written", Path),
+    "[warped-out]": ("folder of warped photos", Path),
+    **estimate.OPTIONS,
+    "[method]": (
+        "estimator",
+        {"choices": (*estimate.METHODS, external.METHOD), "default": estimate.DEFAULT},
+    ),
+    "[flows]": ("folder of flows made elsewhere", Path),
+    "[depth]": ("of the renders, for occlusions", Path),
+    "[masks]": ("where photos count, if it is there", Path),
+    "[threads]": ("views at once", 1),
+    "[splits]": (
+        "folders inside the others",
+        faults.SEVERAL | {"choices": ("train", "test"), "default": ()},
+    ),
+    "[oracle]": ("folder of images without faults", Path),
+}
 
 
 def run(arguments=None):
     """The command line; returns its exit code."""
-    return faults.exit_code(main, **vars(parse(arguments)))
+    options = faults.arguments(arguments, __doc__, OPTIONS)
+    return faults.exit_code(main, **vars(options))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ With --lengths CSV instead of --out only these lengths are written, of some view
 image that belongs there is then made by the given flow, which has seen each pixel.
 """
 
-import argparse
 import functools
 import sys
 import time
@@ -48,6 +47,8 @@ def main(
     masks: as of `files.masked_photo`. options: those of `View`. Sets appear together or
     not at all. Raises ValueError or OSError.
     """
+    if (out is None) == (lengths is None):
+        raise ValueError("either --out or --lengths")
     views = estimate.find_pairs(Path(renders), Path(photos))
     flows = {path.stem for path in Path(flow).glob("*.npz")}
     if (missing := flows - {view for view, *_ in views}) and out:
@@ -181,28 +182,23 @@ class View:
         }
 
 
-def parse(arguments=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(
-        prog="flow.control_sets",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    for name in ("renders", "photos", "flow"):
-        parser.add_argument(f"--{name}", type=Path, required=True)
-    written = parser.add_mutually_exclusive_group(required=True)
-    written.add_argument("--out", type=Path, help="folder, written into")
-    written.add_argument("--lengths", type=Path, help="CSV, written alone")
-    parser.add_argument("--truth", type=Path, help="folder with the oracle's images")
-    parser.add_argument("--masks", type=Path, help="where photos count, if it is there")
-    parser.add_argument("--threads", type=int, help="views at once")
-    estimate.add_arguments(parser)
-    return parser.parse_args(arguments)
+OPTIONS = {
+    "renders": ("folder of <view>.png", Path),
+    "photos": ("folder of <view>.png", Path),
+    "flow": ("of <view>.npz, as the warped set has it", Path),
+    "[out]": ("folder, written into", Path),
+    "[lengths]": ("CSV, written alone", Path),
+    "[truth]": ("folder with the oracle's images", Path),
+    "[masks]": ("where photos count, if it is there", Path),
+    "[threads]": ("views at once", int),
+    **estimate.OPTIONS,
+}
 
 
 def run(arguments=None):
     """The command line; returns its exit code."""
-    return faults.exit_code(main, **vars(parse(arguments)))
+    options = faults.arguments(arguments, __doc__, OPTIONS)
+    return faults.exit_code(main, **vars(options))
 
 
 if __name__ == "__main__":

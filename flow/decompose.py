@@ -11,7 +11,6 @@ view, is taken off first. Writes <view>.npz with the parts, and statistics.
         [--model-flow DIR]
 """
 
-import argparse
 import sys
 import time
 from contextlib import ExitStack
@@ -186,20 +185,22 @@ def write_parts(path, fit: camera_fit.Fit, model_px):
         np.savez(file, **parts)
 
 
-def parse(arguments=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(prog="flow.decompose", description=__doc__)
-    for name in ("renders-depth", "flow", "cameras", "out-flow", "stats-out"):
-        parser.add_argument(f"--{name}", type=Path, required=True)
-    parser.add_argument("--split", choices=("train", "test"), required=True)
-    parser.add_argument("--threads", type=int, default=1, help="views at once")
-    parser.add_argument("--model-flow", type=Path, help="render to oracle")
-    return vars(parser.parse_args(arguments))
+OPTIONS = {
+    "renders-depth": ("folder of <view>.npz", Path),
+    "flow": ("folder of <view>.npz", Path),
+    "cameras": ("cameras.npz", Path),
+    "out-flow": ("folder of the parts, written", Path),
+    "stats-out": ("CSV, written", Path),
+    "split": ("of the views", {"choices": ("train", "test")}),
+    "[threads]": ("views at once", 1),
+    "[model-flow]": ("render to oracle", Path),
+}
 
 
 def run(arguments=None):
     """The command line; returns its exit code."""
-    return faults.exit_code(main, **parse(arguments))
+    options = faults.arguments(arguments, __doc__, OPTIONS)
+    return faults.exit_code(main, **vars(options))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ What remains after a round that put cameras right is the correction that another
 round would train with.
 """
 
-import argparse
 import json
 import sys
 from pathlib import Path
@@ -70,6 +69,10 @@ def read_number(path, key):
 
 def main(out, *, flow=None, before_flow=None, corrections=None, before=None):
     """Write {go_on, reason, remaining_px} as JSON. Raises ValueError or OSError."""
+    if (flow is None) == (corrections is None):
+        raise ValueError("either --flow or --corrections")
+    if flow and (before is None) != (before_flow is None):
+        raise ValueError("--before and --before-flow go together")
     if corrections:
         now_px = read_number(corrections, "correction_px")
     else:
@@ -80,19 +83,18 @@ def main(out, *, flow=None, before_flow=None, corrections=None, before=None):
         path.write_text(json.dumps(decision) + "\n")
 
 
+OPTIONS = {
+    "[flow]": ("of this round", Path),
+    "[corrections]": ("poses_corrected.json", Path),
+    "[before-flow]": ("of the round before", Path),
+    "[before]": ("that one's decision", Path),
+    "out": ("JSON, written", Path),
+}
+
+
 def run(arguments=None):
     """The command line; returns its exit code."""
-    parser = argparse.ArgumentParser(prog="flow.rounds", description=__doc__)
-    parser.add_argument("--flow", type=Path, help="of this round")
-    parser.add_argument("--corrections", type=Path, help="poses_corrected.json")
-    parser.add_argument("--before-flow", type=Path, help="of the round before")
-    parser.add_argument("--before", type=Path, help="that one's decision")
-    parser.add_argument("--out", type=Path, required=True, help="JSON, written")
-    options = parser.parse_args(arguments)
-    if (options.flow is None) == (options.corrections is None):
-        parser.error("either --flow or --corrections")
-    if options.flow and (options.before is None) != (options.before_flow is None):
-        parser.error("--before and --before-flow go together")
+    options = faults.arguments(arguments, __doc__, OPTIONS)
     return faults.exit_code(main, **vars(options))
 
 

@@ -29,7 +29,8 @@ def main():
     let_happen(args, todo)
     with consensus.together():
         while todo:
-            train.run(train.parse(arguments(args, todo.pop(0))))
+            given = arguments(args, todo.pop(0))
+            train.run(faults.arguments(given, None, train.OPTIONS))
 
 
 def arguments(args, out):

@@ -6,7 +6,6 @@ plan, task by task, and what was measured. A plan that does not fit this machine
 refused. `--show` prints what such files say.
 """
 
-import argparse
 import concurrent.futures
 import json
 import shutil
@@ -27,20 +26,23 @@ from alignerf.training import memory
 PHOTOS, MOST_PHOTOS, MORE_PIXELS = 2, 8, 300_000
 
 
+OPTIONS = {
+    "[show]": ("preflight.json, printed", {"nargs": "*", "type": Path}),
+    "[scene]": ("prepared scene folder", Path),
+    "[work]": "JSON: what there is to do",
+    "[cores]": ("of the whole plan", 1),
+    "[threads]": ("of a training", 1),
+    "[out]": ("preflight.json, written", Path),
+}
+
+
 def main(argv=None):
-    parser = argparse.ArgumentParser(prog="alignerf.costs", description=__doc__)
-    parser.add_argument("--show", nargs="*", type=Path, help="preflight.json, printed")
-    parser.add_argument("--scene", type=Path, help="prepared scene folder")
-    parser.add_argument("--work", help="JSON: what there is to do")
-    parser.add_argument("--cores", type=int, default=1, help="of the whole plan")
-    parser.add_argument("--threads", type=int, default=1, help="of a training")
-    parser.add_argument("--out", type=Path, help="preflight.json, written")
-    args = parser.parse_args(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     if args.show is not None:
         print("\n".join(shown(args.show)))
         return
     if None in (args.scene, args.work, args.out):
-        parser.error("--scene, --work and --out, or --show")
+        raise ValueError("--scene, --work and --out, or --show")
     with atomic.replace_file(args.out) as path:
         path.write_text(json.dumps(measured(args, json.loads(args.work)), indent=1))
         found = summary.read(path)

@@ -5,7 +5,6 @@ compiled program from JAX's cache. It compiles twice: the second time, from the 
 is the job's. Writes JSON to stdout.
 """
 
-import argparse
 import json
 import time
 
@@ -24,13 +23,16 @@ TIMING_S = 3.0
 RADIUS_PX = 4
 
 
+OPTIONS = {
+    "config": "job as JSON, or its file",
+    "scene": "prepared scene folder",
+    "[threads]": faults.THREADS,
+    "[started]": ("when, in seconds since 1970", float),
+}
+
+
 def main(argv=None):
-    parser = argparse.ArgumentParser(prog="calibrate", description=__doc__)
-    parser.add_argument("--config", required=True, help="job as JSON, or its file")
-    parser.add_argument("--scene", required=True, help="prepared scene folder")
-    parser.add_argument("--threads", type=int, help="at most (default: every core)")
-    parser.add_argument("--started", type=float, help="when, in seconds since 1970")
-    args = parser.parse_args(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     machine.limit(args.threads)
     devices.take_accelerator()
     started = time.time() if args.started is None else args.started

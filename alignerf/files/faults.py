@@ -31,6 +31,33 @@ def stated(text):
     return text
 
 
+FLAG, SEVERAL = {"action": "store_true"}, {"nargs": "+"}
+THREADS = "at most (default: every core)", int
+
+
+def arguments(argv, description, options):
+    """The values of a command's options, which argv gives as `--name value`.
+
+    options: {name: help}, or (help, the type, the default, or what `add_argument` is to
+    know of it). An option `[name]` may be left out; it is None without a default.
+    """
+    module = sys.modules["__main__"].__spec__
+    parser = argparse.ArgumentParser(
+        prog=module and module.name.removesuffix(".__main__"),
+        description=description,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    for name, told in options.items():
+        text, what = told if isinstance(told, tuple) else (told, stated)
+        if callable(what):
+            what = {"type": what}
+        elif not isinstance(what, dict):
+            what = {"type": type(what), "default": what}
+        needed = not name.startswith("[")
+        parser.add_argument(f"--{name.strip('[]')}", required=needed, help=text, **what)
+    return parser.parse_args(argv)
+
+
 def run(main):
     """Call main(); where it fails on bad input, end the process with status 1."""
     if code := exit_code(main):

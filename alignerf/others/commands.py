@@ -56,18 +56,19 @@ def job_of(text) -> Job:
         raise ValueError(f"--config is no external job: {error}") from None
 
 
-def add_arguments(parser):
-    """Options that the commands of an external job have."""
-    parser.add_argument("--config", help="job as JSON")
-    parser.add_argument("--scene", type=Path, required=True, help="results/SCENE")
-    parser.add_argument("--training", type=Path, help="its folder")
-    parser.add_argument("--threads", type=int, default=1, help="of the command")
+# Of the commands of an external job.
+OPTIONS = {
+    "[config]": "job as JSON",
+    "scene": ("results/SCENE", Path),
+    "[training]": ("its folder", Path),
+    "[threads]": ("of the command", 1),
+}
 
 
 def run_of_job(template, args, **more) -> float:
     """Run a command of a job, its names in braces filled; returns its seconds.
 
-    args: as of `add_arguments`; more: further values. Folders are whole paths, as a
+    args: as of OPTIONS; more: further values. Folders are whole paths, as a
     command may change to another folder.
     """
     data = args.training / DATA

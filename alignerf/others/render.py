@@ -7,7 +7,6 @@ writes ours: <view>.png, <view>.npz with depth, and a timing file, in folders wi
 entry for each split.
 """
 
-import argparse
 import hashlib
 import json
 import logging
@@ -29,9 +28,17 @@ log = logging.getLogger("alignerf")
 # Sizes that differ by rounding: by so many pixels, or by so much of a side.
 ROUNDING_PX, ROUNDING_SHARE = 2, 0.02
 
+OPTIONS = commands.OPTIONS | {
+    "[cameras]": "that renders are seen by",
+    "splits": ("of the views", {"choices": prepared.SPLITS} | faults.SEVERAL),
+    "renders": ("folder, written", Path),
+    "depth": ("folder, written", Path),
+    "timing": ("folder, written", Path),
+}
+
 
 def main(argv=None):
-    args = parse(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     job = args.config = args.config and commands.job_of(args.config)
     loaded = prepared.load(args.scene, args.cameras)
     if job is None:
@@ -198,17 +205,6 @@ def write(args, loaded, of_view, seconds, threads=1):
             timing["view_time_s"] = round(seconds / count, 4)
             with atomic.replace_file(args.timing / f"{split}.json") as path:
                 path.write_text(json.dumps(timing))
-
-
-def parse(argv=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(prog="alignerf.others.render", description=__doc__)
-    commands.add_arguments(parser)
-    parser.add_argument("--cameras", help="that renders are seen by")
-    parser.add_argument("--splits", nargs="+", required=True, choices=prepared.SPLITS)
-    for name in ("renders", "depth", "timing"):
-        parser.add_argument(f"--{name}", type=Path, required=True, help="written")
-    return parser.parse_args(argv)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@ training of something else finds no model. Writes timing.json, and the cameras t
 renders are seen by. Of finished renders nothing is trained.
 """
 
-import argparse
 import hashlib
 import json
 import logging
@@ -26,8 +25,19 @@ log = logging.getLogger("alignerf")
 BEGUN = "model.begun"
 
 
+OPTIONS = commands.OPTIONS | {
+    "cameras": "of the round",
+    "photos": "folder of photos",
+    "[valid]": "folder of <view>.npz with valid pixels",
+    "[seed]": ("of the points", 0),
+    "[sources]": ("hash: other code starts anew", ""),
+    "learnt": ("folder, written", Path),
+    "timing": ("file, written", Path),
+}
+
+
 def main(argv=None):
-    args = parse(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     job = args.config = commands.job_of(args.config)
     seconds = train(job, args) if job.train else 0.0
     timing = commands.timing(job.steps, seconds)
@@ -119,20 +129,6 @@ def digest_of(job: commands.Job, args):
             found.update(path.name.encode() + faults.content(path))
     found.update(faults.content(args.cameras))
     return found.hexdigest()
-
-
-def parse(argv=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(prog="alignerf.others.train", description=__doc__)
-    commands.add_arguments(parser)
-    parser.add_argument("--cameras", required=True, help="of the round")
-    parser.add_argument("--photos", required=True, help="folder of photos")
-    parser.add_argument("--valid", help="folder of <view>.npz with valid pixels")
-    parser.add_argument("--seed", type=int, default=0, help="of the points")
-    parser.add_argument("--sources", default="", help="hash: other code starts anew")
-    parser.add_argument("--learnt", type=Path, required=True, help="folder, written")
-    parser.add_argument("--timing", type=Path, required=True, help="file, written")
-    return parser.parse_args(argv)
 
 
 if __name__ == "__main__":

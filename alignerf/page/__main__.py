@@ -4,7 +4,6 @@ Verdict, images before and after, every photo, cameras, tables and costs in one 
 that needs no network.
 """
 
-import argparse
 import base64
 from pathlib import Path
 
@@ -17,8 +16,21 @@ from alignerf.page import contents, photos, pictures, rig, told
 HERE = Path(__file__).resolve().parent
 
 
+OPTIONS = {
+    "scene": ("results/SCENE", Path),
+    "rounds": "JSON: renders, flow folders",
+    "base": ("reference's round 0", Path),
+    "[windows]": "a training's folder, of windows",
+    "[windows-corrected]": "the same by cameras put right",
+    "[windows-by]": "the method that has put them right",
+    "[moved]": "cameras.npz, put right",
+    "[moved-by]": "what has put them right",
+    "out": "index.html, written",
+}
+
+
 def main(argv=None):
-    args = parse(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     renders = rows.read(rows.Renders, args.rounds)
     page = render(
         args.scene,
@@ -121,21 +133,6 @@ def template():
     # As they are, the worst photo first; sorted by name they would not be.
     environment.policies["json.dumps_kwargs"] = {"sort_keys": False, "allow_nan": False}
     return environment.get_template("template.html")
-
-
-def parse(argv=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(prog="alignerf.page", description=__doc__)
-    parser.add_argument("--scene", type=Path, required=True, help="results/SCENE")
-    parser.add_argument("--rounds", required=True, help="JSON: renders, flow folders")
-    parser.add_argument("--base", type=Path, required=True, help="reference's round 0")
-    parser.add_argument("--windows", help="a training's folder, of windows")
-    parser.add_argument("--windows-corrected", help="the same by cameras put right")
-    parser.add_argument("--windows-by", help="the method that has put them right")
-    parser.add_argument("--moved", help="cameras.npz, put right")
-    parser.add_argument("--moved-by", help="what has put them right")
-    parser.add_argument("--out", type=Path, required=True, help="index.html, written")
-    return parser.parse_args(argv)
 
 
 if __name__ == "__main__":

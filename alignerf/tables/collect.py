@@ -17,7 +17,6 @@ corrections              what putting the cameras right took
 displacement             the flow by view, of training views where there is such
 """
 
-import argparse
 import math
 
 import pandas as pd
@@ -31,14 +30,15 @@ UNKNOWN = ("steps", "rays_seen", "params")
 TRAINED = (*UNKNOWN, "train_time_s", "compile_time_s")
 
 
+OPTIONS = {
+    "rows": "JSON: of each row its files",
+    "scores": "CSV, written",
+    "trainings": "CSV, written",
+}
+
+
 def main(argv=None):
-    parser = argparse.ArgumentParser(
-        prog="alignerf.tables.collect", description=__doc__
-    )
-    parser.add_argument("--rows", required=True, help="JSON: of each row its files")
-    parser.add_argument("--scores", required=True, help="CSV, written")
-    parser.add_argument("--trainings", required=True, help="CSV, written")
-    args = parser.parse_args(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     rows = table_rows.read(table_rows.Row, args.rows)
     scores = scores_of([row for row in rows if row.method])
     trainings = pd.DataFrame([line_of(row) for row in rows])

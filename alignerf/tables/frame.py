@@ -16,7 +16,6 @@ and all others of trainings.csv. Tables across scenes add the fields of `Scene`,
 length of a scene's training as `scene_steps`.
 """
 
-import argparse
 import contextlib
 from pathlib import Path
 
@@ -182,17 +181,15 @@ def gains(own, other, prefix="difference_"):
     return scores.pooled_mean_and_interval(groups, prefix)
 
 
-def parser(description, *, figure=True):
-    """Of the arguments of a table across scenes."""
-    found = argparse.ArgumentParser(description=description)
-    found.add_argument("--scenes", required=True, help="JSON: what each is like")
-    found.add_argument("--results", default="results", help="where they lie")
-    found.add_argument("--configs", nargs="*", default=[], help="YAML: complete ones")
-    found.add_argument("--csv", required=True, help="table; its provenance beside it")
-    found.add_argument("--tex", required=True, help="table, written")
-    if figure:
-        found.add_argument("--figure", required=True, help="PNG, written")
-    return found
+# Of a command that makes a table across scenes.
+OPTIONS = {
+    "scenes": "JSON: what each is like",
+    "[results]": ("where they lie", "results"),
+    "[configs]": ("YAML: complete ones", {"nargs": "*", "default": []}),
+    "csv": "table; its provenance beside it",
+    "tex": "table, written",
+}
+FIGURE = {"figure": "PNG, written"}
 
 
 def read_scenes(args, table):

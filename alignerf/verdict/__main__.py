@@ -4,7 +4,6 @@ Writes verdict.json (what is wrong, how sure that is, what to do, what that brin
 costs) and views.csv (every photo, and why it stands out); prints the verdict.
 """
 
-import argparse
 import json
 import math
 from pathlib import Path
@@ -17,35 +16,33 @@ from alignerf.files import atomic, faults
 from alignerf.verdict import evidence, gains, report, views
 
 OPTIONS = {
-    "scene": "results/SCENE",
-    "base": "the reference's round 0",
+    "scene": ("results/SCENE", Path),
+    "base": ("the reference's round 0", Path),
     "out": "verdict.json, written",
     "views": "views.csv, written",
-    "overfit": "the test set's overfit.csv",
-    "misalignment": "the scene's misalignment.csv",
-    "aligned": "JSON: {method: timing.json} of what has aligned itself",
-    "corrected": "JSON: {method: cameras.npz} of trainings that have moved cameras",
-    "windows": "a training's folder, of windows at the photos' own size",
-    "windows-corrected": "the same with cameras that a method has put right",
-    "before": "verdict.json of renders judged before",
+    "[overfit]": "the test set's overfit.csv",
+    "[misalignment]": "the scene's misalignment.csv",
+    "[aligned]": ("JSON: {method: timing.json} of what has aligned itself", "{}"),
+    "[corrected]": ("JSON: {method: cameras.npz} of moved cameras", "{}"),
+    "[windows]": "a training's folder, of windows at the photos' own size",
+    "[windows-corrected]": "the same with cameras that a method has put right",
+    "[before]": "verdict.json of renders judged before",
 }
-REQUIRED = ("scene", "base", "out", "views")
 
 
 def main(argv=None):
-    args = parse(argv)
-    scene, base = Path(args.scene), Path(args.base)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     known, rows = evidence.read(
-        scene,
-        base,
+        args.scene,
+        args.base,
         overfit=args.overfit,
         windows=(args.windows, args.windows_corrected),
         before=args.before,
     )
     brought = []
     if args.misalignment:
-        judged = gains.judgements(scene, json.loads(args.corrected or "{}"))
-        timings = json.loads(args.aligned or "{}")
+        judged = gains.judgements(args.scene, json.loads(args.corrected))
+        timings = json.loads(args.aligned)
         brought = gains.of_table(args.misalignment, timings, judged)
     content = content_of(known, brought, rows)
     table = pd.DataFrame(rows, columns=views.COLUMNS)
@@ -82,14 +79,6 @@ def plain(value):
     if isinstance(value, list):
         return [plain(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def parse(argv=None):
-    """Arguments of the command line."""
-    parser = argparse.ArgumentParser(prog="alignerf.verdict", description=__doc__)
-    for name, text in OPTIONS.items():
-        parser.add_argument(f"--{name}", required=name in REQUIRED, help=text)
-    return parser.parse_args(argv)
 
 
 if __name__ == "__main__":

@@ -164,19 +164,14 @@ def flow_and_validity(
     return forward_px, valid, sigma_px
 
 
-def add_arguments(parser, methods=METHODS):
-    """Add the settings of the flow to a command line; methods: names of estimators."""
-    parser.add_argument("--method", choices=methods, default=DEFAULT)
-    parser.add_argument(
-        "--match-blur",
-        action=argparse.BooleanOptionalAction,
-        default=True,
-        help="blur the photo as the render is, for the flow only",
-    )
-    parser.add_argument(
-        "--blur-by",
-        choices=METHODS,
-        help="estimator of the flow by which the blur is found (default: method)",
-    )
-    parser.add_argument("--kernel", choices=warp.KERNELS, default="lanczos")
-    parser.add_argument("--tolerance-px", type=float, default=1.0)
+# The settings of the flow on a command line.
+OPTIONS = {
+    "[method]": ("estimator", {"choices": METHODS, "default": DEFAULT}),
+    "[match-blur]": (
+        "blur the photo as the render is, for the flow only",
+        {"action": argparse.BooleanOptionalAction, "default": True},
+    ),
+    "[blur-by]": ("estimator by which it is found", {"choices": METHODS}),
+    "[kernel]": ("of warps", {"choices": warp.KERNELS, "default": "lanczos"}),
+    "[tolerance-px]": ("of forth and back", 1.0),
+}

@@ -8,7 +8,6 @@ the parts; lengths.png, their histogram; curves.png, misalignment and PSNR over 
 rounds. Where there are staged methods, crops.png: see `crops`.
 """
 
-import argparse
 import json
 import sys
 from pathlib import Path
@@ -124,18 +123,22 @@ def draw_rounds(view, photo, rounds, path):
     drawing.save_images(figure, path)
 
 
+OPTIONS = {
+    "photos": ("folder of images", Path),
+    "testset": ("its folder", Path),
+    "reference": ("its renders", Path),
+    "rounds": "JSON: renders, flow folders",
+    "parts": ("of the first round", Path),
+    "curves": "the scene's scores.csv",
+    "[crops]": "JSON: method, renders, flow",
+    "out": ("folder of the PNGs", Path),
+}
+
+
 def run(arguments=None):
     """The command line; returns its exit code."""
-    parser = argparse.ArgumentParser(prog="flow.figures.scene", description=__doc__)
-    parser.add_argument("--photos", type=Path, required=True)
-    parser.add_argument("--testset", type=Path, required=True, help="its folder")
-    parser.add_argument("--reference", type=Path, required=True, help="its renders")
-    parser.add_argument("--rounds", required=True, help="JSON: renders, flow folders")
-    parser.add_argument("--parts", type=Path, required=True, help="of the first round")
-    parser.add_argument("--curves", required=True, help="the scene's scores.csv")
-    parser.add_argument("--crops", help="JSON: method, renders, flow")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the PNGs")
-    return faults.exit_code(main, **vars(parser.parse_args(arguments)))
+    options = faults.arguments(arguments, __doc__, OPTIONS)
+    return faults.exit_code(main, **vars(options))
 
 
 if __name__ == "__main__":

@@ -169,6 +169,5 @@ def test_a_folder_for_its_cameras_is_needed(folder, tmp_path, capsys):
     for name in ("checkpoints", "timing"):
         options += [f"--{name}", str(tmp_path / name)]
     with pytest.raises(SystemExit):
-        train.parse(options)
+        train.main(options)
     assert "required: --learnt" in capsys.readouterr().err
-    assert train.parse([*options, "--learnt", "a"]).learnt.name == "a"

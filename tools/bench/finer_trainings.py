@@ -35,7 +35,7 @@ import pandas as pd
 
 from alignerf import facts
 from alignerf.experiment import check, plan
-from alignerf.files import json_files, machine
+from alignerf.files import faults, json_files, machine
 from tools.bench import deepflow
 
 METHODS = {"plain": {}, "aligned": {"align": {}}, "learnt": {"refine": {}}}
@@ -136,7 +136,8 @@ def rows_of(task, threads):
         *("--photos", photos, "--masks", photos / "masks", *at_once),
         *("--flow-out", folder / "flow", "--stats-out", folder / "displacement.csv"),
     )
-    align.main(**vars(align.parse(list(map(str, words)))))
+    options = faults.arguments(list(map(str, words)), None, align.OPTIONS)
+    align.main(**vars(options))
     call(
         align_test_poses.main,
         *(

@@ -34,12 +34,15 @@ NOTES = (
 )
 
 
+OPTIONS = frame.OPTIONS | {
+    "ranking": "CSV, written",
+    "[published]": "CSV of what papers print",
+    "[published-table]": ("which of its tables", int),
+}
+
+
 def main(argv=None):
-    parser = frame.parser(__doc__, figure=False)
-    parser.add_argument("--ranking", required=True, help="CSV, written")
-    parser.add_argument("--published", help="CSV of what papers print")
-    parser.add_argument("--published-table", type=int, help="which of its tables")
-    args = parser.parse_args(argv)
+    args = faults.arguments(argv, __doc__, OPTIONS)
     views = frame.read_scenes(args, "comparison")
     printed = printed_lines(args.published, args.published_table)
     table, ranks = make_table(views, printed), make_ranking(views)

@@ -37,7 +37,7 @@ NOTES = (
 
 
 def main(argv=None):
-    args = frame.parser(__doc__).parse_args(argv)
+    args = faults.arguments(argv, __doc__, frame.OPTIONS | frame.FIGURE)
     views = frame.read_scenes(args, "remedies")
     table = make_table(views, args.results)
     captures = by_capture(views)

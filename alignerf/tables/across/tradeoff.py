@@ -17,7 +17,7 @@ NOTES = (
 
 
 def main(argv=None):
-    args = frame.parser(__doc__).parse_args(argv)
+    args = faults.arguments(argv, __doc__, frame.OPTIONS | frame.FIGURE)
     views = frame.read_scenes(args, "comparison")
     table = costs.points(views)
     with atomic.replace_file(args.figure) as path:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.files import archives, images
+from alignerf.files import archives, faults, images
 from alignerf.others import render
 from alignerf.scenes import cameras, prepared
 
@@ -23,7 +23,8 @@ def take(loaded, theirs, tmp_path):
         of_view = render.of_folders(theirs, depth, scene, splits)
         words = [f"--{n}={out}/{n}" for n in ("renders", "depth", "timing")]
         words += [f"--scene={scene.folder}", "--splits", *splits]
-        render.write(render.parse(words), scene, of_view, 0.0)
+        given = faults.arguments(words, None, render.OPTIONS)
+        render.write(given, scene, of_view, 0.0)
         return out
 
     return run
