@@ -3,6 +3,6 @@
 At some steps of a training its views are rendered small (`look`). The flow from these
 renders to the photos says how cameras move (`cameras`) and how photos are warped
 (`photos`). The training goes on with both. `aligner` does that in a training's loop,
-`store` keeps the corrections beside the checkpoint, `outputs` writes them for other
-stages. This is the only package that imports both flow and training.
+`store` keeps the corrections beside the checkpoint, and writes them for other stages.
+This is the only package that imports both flow and training.
 """

@@ -11,7 +11,7 @@ import time
 import flax.serialization
 import numpy as np
 
-from alignerf.alignment import cameras, look, outputs, photos, store
+from alignerf.alignment import cameras, look, photos, store
 from alignerf.experiment import jobs
 from alignerf.methods import align, base
 from alignerf.processes import consensus, devices
@@ -92,7 +92,7 @@ class Aligner:
             params = devices.on_first(params)
             views, seen, corrections = self.seen(params, step)
             row = {"step": step, "corrects": kinds, "shrink": self.k}
-            row |= {"views": len(views)} | outputs.flow_length(seen, self.k)
+            row |= {"views": len(views)} | store.flow_length(seen, self.k)
             if corrections is not None:
                 row |= self.move_cameras(views, corrections)
             if "photos" in kinds:
@@ -113,7 +113,7 @@ class Aligner:
                 step=step,
                 report=self.report,
             )
-        outputs.say(self.report[-1])
+        store.say(self.report[-1])
 
     def seen(self, params, step):
         """(views, `correct.View` of each, `correct.Correction` of each or None).
@@ -169,7 +169,7 @@ class Aligner:
         return {
             "camera_px": self.k * cameras.median_px(corrections),
             "cameras_moved": len(cameras.moved_views(views, corrections)),
-            "left_alone": outputs.staying(names, corrections, self.k),
+            "left_alone": store.staying(names, corrections, self.k),
         }
 
     def least_px(self, step):
@@ -241,11 +241,11 @@ class Aligner:
         views: the training views as given; cameras: the file of theirs, or None.
         """
         path = folder / "cameras.npz"
-        outputs.write_cameras(path, self.scene.loaded, self.now, cameras)
+        store.write_cameras(path, self.scene.loaded, self.now, cameras)
         if self.settings.photos_at:
             names = [self.now.names[view] for view in self.scene.views]
             now = self.views(views)
-            outputs.write_photos(folder, names, now, views, self.offsets_px, self.k)
+            store.write_photos(folder, names, now, views, self.offsets_px, self.k)
 
     def more_bytes(self, shapes):
         """Bytes that the alignments take besides the training's views, of these shapes.

@@ -29,8 +29,6 @@ log = logging.getLogger("alignerf")
 MANIFEST = dict.fromkeys(("file", "sha256", "identity"), str)
 MANIFEST |= {"time_s": json_files.NUMBER, "parts": int}
 BUDGET = {"identity": str, "steps": int, "steps_per_s": json_files.NUMBER}
-# No other file is read, wherever a manifest points.
-STATE = re.compile(r"state-\d+\.msgpack\Z")
 
 
 def fingerprint(*parts) -> str:
@@ -71,23 +69,37 @@ def save(folder, state, *, identity, time_s, micro_batches, final):
     micro_batches: their number, on which the rounding of a step depends. final: the
     numbers of the last steps.
     """
-    folder = pathlib.Path(folder)
     state = jax.device_get(state)
-    data = flax.serialization.to_bytes(state)
-    name = f"state-{int(state.step)}.msgpack"
-    write(folder / name, data)
-    manifest = {
-        "file": name,
-        "sha256": hashlib.sha256(data).hexdigest(),
-        "identity": identity,
-        "time_s": time_s,
-        "parts": micro_batches,
-        "final": final,
-    }
-    write(folder / "manifest.json", json.dumps(manifest, indent=1).encode())
-    for old in folder.glob("state-*.msgpack"):
-        if old.name != name:
+    facts = {"identity": identity, "time_s": time_s, "parts": micro_batches}
+    data, step = flax.serialization.to_bytes(state), int(state.step)
+    write_named(manifest_of(folder), "state", step, data, **facts, final=final)
+
+
+def write_named(manifest, prefix, number, data, **facts):
+    """Write <prefix>-<number>.msgpack and the manifest of it; older ones go."""
+    file = manifest.with_name(f"{prefix}-{number}.msgpack")
+    write(file, data)
+    named = {"file": file.name, "sha256": hashlib.sha256(data).hexdigest()}
+    write(manifest, json.dumps(named | facts, indent=1).encode())
+    for old in manifest.parent.glob(f"{prefix}-*.msgpack"):
+        if old != file:
             old.unlink()
+
+
+def read_named(path, manifest, prefix):
+    """The bytes that a manifest names; ValueError where they are damaged."""
+    # No other file is read, wherever a manifest points.
+    if not re.fullmatch(rf"{prefix}-\d+\.msgpack", manifest["file"]):
+        raise ValueError(f"file is {manifest['file']!r:.60}")
+    data = faults.content(path.with_name(manifest["file"]))
+    if hashlib.sha256(data).hexdigest() != manifest["sha256"]:
+        raise ValueError(f"{manifest['file']} is damaged")
+    return data
+
+
+def manifest_of(folder):
+    """The path of a folder's manifest."""
+    return pathlib.Path(folder) / "manifest.json"
 
 
 def read_micro_batches(folder) -> int | None:
@@ -96,7 +108,7 @@ def read_micro_batches(folder) -> int | None:
     `restore` logs the faults of a manifest.
     """
     try:
-        return _read_manifest(folder)["parts"]
+        return _read_manifest(manifest_of(folder))["parts"]
     except (OSError, ValueError):
         return None
 
@@ -131,15 +143,13 @@ def restore(folder, template, *, identity):
     A damaged checkpoint, or one of another job (other config, photos or initial
     weights), is logged and ignored; training then starts anew.
     """
-    folder = pathlib.Path(folder)
+    path = manifest_of(folder)
     try:
-        manifest = _read_manifest(folder)
+        manifest = _read_manifest(path)
         if manifest["identity"] != identity:
             log.info("%s: checkpoint of another configuration, starting anew", folder)
             return None
-        data = faults.content(folder / manifest["file"])
-        if hashlib.sha256(data).hexdigest() != manifest["sha256"]:
-            raise ValueError("its state is damaged")
+        data = read_named(path, manifest, "state")
         return _from_bytes(template, data, folder), manifest
     except FileNotFoundError:
         return None
@@ -148,16 +158,13 @@ def restore(folder, template, *, identity):
         return None
 
 
-def _read_manifest(folder):
-    """The manifest of a folder; ValueError where it is none, or points elsewhere."""
-    path = pathlib.Path(folder) / "manifest.json"
+def _read_manifest(path):
+    """The manifest of a folder; ValueError where it is none."""
     if not path.exists():
         raise FileNotFoundError(path)
     # Older ones say nothing of the last numbers.
     manifest = {"final": {}} | json_files.read(path, MANIFEST)
     json_files.check(manifest, {"final": dict})
-    if not STATE.match(manifest["file"]):
-        raise ValueError(f"file is {manifest['file']!r:.60}")
     if not (manifest["time_s"] >= 0 and manifest["parts"] >= 1):
         raise ValueError("time_s or parts is negative")
     for key, value in manifest["final"].items():

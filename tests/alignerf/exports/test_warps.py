@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from alignerf.alignment import outputs, photos
+from alignerf.alignment import photos, store
 from alignerf.exports import warps
 from alignerf.files import images
 from alignerf.training import batches
@@ -24,7 +24,7 @@ def test_offsets_on_disk_warp_a_photo_as_the_training_did(tmp_path, rng):
     # Nothing of the second holds; the third is not displaced.
     valid[1], offsets_px[2] = False, 0
     now = photos.warped(taken, offsets_px, valid, K)
-    outputs.write_photos(tmp_path, "abc", now, taken, offsets_px, K)
+    store.write_photos(tmp_path, "abc", now, taken, offsets_px, K)
     assert warps.are_known("abc", tmp_path / "valid")
     for i, name in enumerate("abc"):
         one = warps.Warp(tmp_path / "valid" / f"{name}.npz", (H, W), "lanczos")
@@ -42,7 +42,7 @@ def test_photos_that_no_alignment_warped_have_no_offsets(tmp_path, rng):
         pixtocams=np.eye(3, dtype=np.float32)[None],
         camtoworlds=np.eye(4, dtype=np.float32)[None, :3],
     )
-    outputs.write_photos(tmp_path, "a", taken, taken, None, K)
+    store.write_photos(tmp_path, "a", taken, taken, None, K)
     one = warps.Warp(tmp_path / "valid/a.npz", (2 * H, 2 * W), "lanczos")
     flow_px, valid = one.large()
     assert flow_px.shape == (2 * H, 2 * W, 2)
