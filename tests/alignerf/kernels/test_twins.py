@@ -29,8 +29,9 @@ def close(found, wanted, *, to=1e-5):
 LEVELS = grid.Levels.geometric(4, 3, 50, 2**10)
 
 
-@pytest.mark.parametrize("features", [1, 2, 3, 4])
-@pytest.mark.parametrize("points", [1, 63, 64, 65, 200])
+@pytest.mark.parametrize(
+    ("features", "points"), [(1, 1), (2, 63), (2, 64), (3, 65), (4, 200)]
+)
 def test_what_is_looked_up_and_its_gradient(rng, features, points):
     table = rng.normal(size=(sum(LEVELS.entries), features)).astype(np.float32)
     at = rng.random((3, points)).astype(np.float32)
@@ -78,16 +79,16 @@ def arrays(*every):
 
 @pytest.mark.parametrize("dilation", [None, 0.0, 0.01, 2.0])
 @pytest.mark.parametrize(
-    ("bins", "count"), [(1, 1), (1, 8), (5, 2), (32, 16), (200, 33)]
+    ("bins", "count", "jittered"),
+    [(1, 1, True), (1, 8, False), (32, 16, True), (200, 33, False)],
 )
-@pytest.mark.parametrize("anneal", [0.0, 0.4, 1.0])
-@pytest.mark.parametrize("jittered", [False, True])
-def test_resampling(rng, bins, count, dilation, anneal, jittered):
+def test_resampling(rng, bins, count, jittered, dilation):
     t, w = edges_and_mass(rng, 16, bins)
     jitter = rng.random(16).astype(np.float32) if jittered else None
-    arguments = (*arrays(t, w, jitter, anneal), count)
-    found = calls.resample(*arguments, dilation=dilation)
-    close(found, stepfun.resample(*arguments, dilation=dilation), to=2e-5)
+    for anneal in (0.0, 0.4, 1.0):
+        arguments = (*arrays(t, w, jitter, anneal), count)
+        found = calls.resample(*arguments, dilation=dilation)
+        close(found, stepfun.resample(*arguments, dilation=dilation), to=2e-5)
 
 
 @pytest.mark.parametrize("dilation", [None, 0.02])
