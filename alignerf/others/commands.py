@@ -4,6 +4,8 @@ And the job that they are of: an external training's slice of the config.
 """
 
 import contextlib
+import ctypes
+import functools
 import json
 import os
 import re
@@ -15,6 +17,8 @@ import threading
 import time
 from pathlib import Path
 from typing import NamedTuple
+
+import psutil
 
 from alignerf.experiment.checks import places
 from alignerf.files import faults, owned, provenance
@@ -31,6 +35,9 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 TAIL_BYTES, LINE_CHARACTERS = 4096, 300
 # Colours, and moves of a terminal's cursor.
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+# Linux: the signal that a process gets when its parent dies; whether what its children
+# leave behind becomes its own child.
+PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 
 
 class Job(NamedTuple):
@@ -118,9 +125,11 @@ def run(words, *, cores=1) -> float:
     """Run a command, and copy what it prints to stdout; returns its seconds.
 
     cores: what libraries that ask OMP_NUM_THREADS take, unless that is set already.
-    Raises ValueError in one line where the program is missing or fails. Nothing of
-    its process group runs on when it has ended, or a signal ends this process.
+    Raises ValueError in one line where the program is missing or fails. Nothing that
+    the command has started runs on when it has ended, or a signal ends this process.
     """
+    control(PR_SET_CHILD_SUBREAPER, 1)
+    kept = set(psutil.Process().children(recursive=True))
     print(faults.one_line(shlex.join(words)), flush=True)
     begun_s, asked, tail = time.perf_counter(), [], bytearray()
     try:
@@ -131,6 +140,7 @@ def run(words, *, cores=1) -> float:
             stderr=subprocess.STDOUT,
             env=environment(cores),
             start_new_session=True,
+            preexec_fn=functools.partial(control, PR_SET_PDEATHSIG, signal.SIGTERM),
         )
     except FileNotFoundError:
         hint = "there is no such program; install it, or give its full path"
@@ -146,7 +156,7 @@ def run(words, *, cores=1) -> float:
             time.sleep(POLL_S)
         took_s = time.perf_counter() - begun_s
     finally:
-        end(process)
+        end(process, kept)
         copying.join(1.0)
         for one, handler in before.items():
             signal.signal(one, handler)
@@ -169,13 +179,20 @@ def copy(process, tail):
             sys.stdout.buffer.flush()
 
 
-def end(process):
-    """Ask a command's process group to end, and kill what does not."""
-    with contextlib.suppress(OSError, subprocess.TimeoutExpired):
-        os.killpg(process.pid, signal.SIGTERM)
-        process.wait(GRACE_S)
-    with contextlib.suppress(OSError):
-        os.killpg(process.pid, signal.SIGKILL)
+def end(process, kept):
+    """Ask all that a command has started to end, and kill what does not.
+
+    That is its process group and, also of other sessions, what this process has below
+    it and `kept` has not. What waits for a disk cannot be killed, nor is waited for.
+    """
+    for number, wait_s in ((signal.SIGTERM, GRACE_S), (signal.SIGKILL, 1.0)):
+        with contextlib.suppress(OSError):
+            os.killpg(process.pid, number)
+        below = set(psutil.Process().children(recursive=True)) - kept
+        for one in below:
+            with contextlib.suppress(psutil.Error):
+                one.send_signal(number)
+        psutil.wait_procs(below, wait_s)
 
 
 def ending(code):
@@ -208,3 +225,9 @@ def environment(cores=1):
         found["PYTHONPATH"] = os.pathsep.join(kept)
     # Python would keep its lines to itself until there are many.
     return {"OMP_NUM_THREADS": str(cores), "PYTHONUNBUFFERED": "1"} | found
+
+
+def control(option, value):
+    """Set an option of this process, where the system can."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(option, value)

@@ -2,24 +2,36 @@
 
 With several threads, pycolmap 4.2.1 loses most matches of a pair in one run of
 hundreds. Nothing says so. And it finds other photos that look alike while it matches.
+While it works its rows are counted, for the progress: that may cost no pair, and not
+end it.
 """
 
+import functools
 import os
 import shutil
 import subprocess
 import sys
 from collections import Counter, defaultdict
+from pathlib import Path
 from unittest import mock
 
 import pycolmap
 
-from alignerf.files import images
+from alignerf.files import images, progress
 from alignerf.scenes.capture import mapping
 from alignerf.scenes.courtyard import scene as courtyard
+from tools.torture import running
 
 VIEWS, SIZE = 56, (240, 180)
 RUNS = 8
 PAIRS = RUNS * VIEWS * (VIEWS - 1) // 2
+# Of the database that is looked at: its views, its runs, and the rest between looks.
+LOOKED, LOOKED_RUNS, LOOK_S = 20, 12, 0.002
+WORK = """
+import sys
+from tools.torture import matching
+matching.work(*sys.argv[1:])
+"""
 
 
 def beside_others(reference, folder):
@@ -56,6 +68,43 @@ def repeated(database, name):
         for (table, of), most in usual.items()
         if most < RUNS
     ]
+
+
+def looked_at(reference, folder):
+    """What is lost, and what ends, where rows are counted all the time.
+
+    Each run is a process: COLMAP has ended by a bus error when its locks were dropped.
+    """
+    folder = folder / "looked"
+    photos(folder, LOOKED)
+    found, first = [], None
+    for run in range(LOOKED_RUNS):
+        database = folder / f"{run}.db"
+        # Nobody looks at the first.
+        command = [sys.executable, "-c", WORK, database, str(LOOK_S if run else 1e6)]
+        ended = running.run(command, folder)
+        if ended.code:
+            last = ended.output.splitlines()[-1:]
+            found.append(f"run {run} ended with {ended.code}: {last}")
+            continue
+        now = dict(contents(database))
+        first = first or now
+        found += [
+            f"run {run}, {table} of {of}"
+            for table, of in sorted(first.keys() | now.keys())
+            if first.get((table, of)) != now.get((table, of))
+        ]
+    return found
+
+
+def work(database, rest_s):
+    """Features and matches of the photos beside a database, and its progress."""
+    database = Path(database)
+    names = sorted(path.stem for path in database.parent.glob("*.png"))
+    often = functools.partial(progress.watched, every_s=float(rest_s))
+    with mock.patch.object(progress, "watched", often):
+        extracted(database, names)
+        mapping.match(database, len(names), seed=0)
 
 
 def features(folder):

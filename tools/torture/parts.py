@@ -351,6 +351,7 @@ PARTS = {
     "matching": whole(
         "matching",
         ("pairs of photos", matching.PAIRS, matching.beside_others),
+        ("databases looked at", matching.LOOKED_RUNS, matching.looked_at),
     ),
 }
 # Minutes of each of 55, on two cores. The last three take what they take, and come

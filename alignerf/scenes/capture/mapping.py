@@ -3,6 +3,8 @@
 import contextlib
 import errno
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +30,16 @@ FEW_OF_A_CAMERA = 5
 WORDS_FEATURES, WORDS = 200_000, 1024
 # Of a feature, and of what is kept of it within a word: COLMAP's own numbers.
 SIFT_DIMENSIONS, SHORT_DIMENSIONS = 128, 64
+# Python's SQLite counts in a process of its own: beside COLMAP's copy in one process,
+# each drops the other's locks (sqlite.org/howtocorrupt.html, 2.2.1).
+COUNT = """
+import contextlib, sqlite3, sys
+database, table = sys.argv[1:]
+with contextlib.closing(sqlite3.connect(database, uri=True)) as opened:
+    print(*opened.execute(f"SELECT count(*) FROM {table}").fetchone())
+"""
+# A step that has ended waits for the last count.
+COUNT_S = 10.0
 
 
 def models_of(
@@ -95,7 +107,7 @@ def extract(database, image_folder, names, max_size_px, masks=None, most=None):
     extraction.max_image_size = max_size_px
     if most is not None:
         extraction.sift.max_num_features = most
-    with progress.heartbeat("COLMAP: features"):
+    with _told("features", database, "keypoints", len(names), unit="photo"):
         pycolmap.extract_features(
             database,
             image_folder,
@@ -124,7 +136,8 @@ def match(database, count, seed, pairs=None):
         "device": pycolmap.Device.cpu,
     }
     if pairs is None and count <= MOST_EXHAUSTIVE:
-        with progress.heartbeat("COLMAP: matching"):
+        pairs = count * (count - 1) // 2
+        with _told("matching", database, "two_view_geometries", pairs, unit="pair"):
             pycolmap.match_exhaustive(database, **options)
         return
     listed = Path(database).with_suffix(".pairs")
@@ -136,9 +149,41 @@ def match(database, count, seed, pairs=None):
     by_list.match_list_path = listed
     with (
         _numbers_as_names(database),
-        progress.heartbeat("COLMAP: matching"),
+        _told("matching", database, "two_view_geometries", len(pairs), unit="pair"),
     ):
         pycolmap.match_image_pairs(database, pairing_options=by_list, **options)
+
+
+def _told(step, database, table, total, *, unit):
+    """Show how far a step of COLMAP is, by the rows of its database's table."""
+    known = 0
+
+    def count():
+        nonlocal known
+        if (found := rows(database, table)) is not None:
+            known = found
+        return known
+
+    return progress.watched(f"COLMAP: {step}", total, count, unit=unit)
+
+
+def rows(database, table):
+    """How many rows a database's table has; None where it cannot be told now."""
+    # A step that writes is not disturbed, and may keep readers out.
+    where = f"{Path(database).absolute().as_uri()}?mode=ro"
+    # No folder or variable of the user's takes part.
+    command = [sys.executable, "-IS", "-c", COUNT, where, table]
+    with contextlib.suppress(OSError, ValueError, subprocess.SubprocessError):
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            timeout=COUNT_S,
+            check=True,
+        )
+        return int(done.stdout)
+    return None
 
 
 def _neighbours(database, seed):

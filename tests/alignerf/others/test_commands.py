@@ -140,9 +140,22 @@ def test_what_it_leaves_in_the_background_is_ended():
     assert gone(int(said.split()[-2]))
 
 
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="orphans are not found")
+
+
 @pytest.mark.parametrize("is_stopped", [False, True])
-def test_what_is_deaf_is_ended_too(is_stopped):
-    left = "sh -c 'trap \"\" TERM; echo $$; while :; do sleep 1; done'"
+@pytest.mark.parametrize(
+    "left",
+    [
+        "sh -c 'trap \"\" TERM; echo $$; while :; do sleep 1; done'",
+        pytest.param("setsid sh -c 'echo $$; exec sleep 300'", marks=LINUX),
+        pytest.param(
+            "setsid sh -c 'trap \"\" TERM; echo $$; while :; do sleep 1; done'",
+            marks=LINUX,
+        ),
+    ],
+)
+def test_what_is_deaf_or_of_another_session_is_ended_too(left, is_stopped):
     command = f"({left} &); sleep {60 if is_stopped else 0.5}"
     child, (pid,) = started("sh", "-c", command)
     if is_stopped:
@@ -151,9 +164,26 @@ def test_what_is_deaf_is_ended_too(is_stopped):
     assert gone(pid, 0.5)
 
 
+def test_what_was_there_before_the_command_stays():
+    code = "import subprocess; own = subprocess.Popen(['sleep', '60'])"
+    code += f"{RUNNER}\nprint('own', own.poll()); own.kill()"
+    done = subprocess.run(
+        [PYTHON, "-c", code, "true"], capture_output=True, text=True, env=OURS
+    )
+    assert done.stdout.splitlines()[-1] == "own None"
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_all_of_it(number):
     child, pids = started(PYTHON, "-c", PARENT)
     child.send_signal(number)
     assert child.wait(10) == -number
     assert all(map(gone, pids))
+
+
+def test_it_ends_where_we_are_killed():
+    child, pids = started(PYTHON, "-c", PARENT)
+    child.kill()
+    child.wait(10)
+    assert gone(pids[0])
+    os.kill(pids[1], signal.SIGKILL)

@@ -1,0 +1,91 @@
+"""How far COLMAP is, told by its database, which it writes at the same time."""
+
+import ast
+import functools
+
+import numpy as np
+import pycolmap
+import pytest
+
+from alignerf.files import images, progress
+from alignerf.scenes.capture import mapping
+
+
+@pytest.fixture
+def database(tmp_path):
+    """One that knows two photos; its path is no plain part of an URI."""
+    folder = tmp_path / "50% of #2?"
+    folder.mkdir()
+    for name, image in zip("ab", np.eye(2, dtype=np.uint8) * 255, strict=True):
+        images.write(folder / f"{name}.png", np.tile(image, (64, 32, 3))[..., :3])
+    path = folder / "database.db"
+    pycolmap.Database.open(path).close()
+    pycolmap.import_images(path, folder, image_names=["a.png", "b.png"])
+    return path
+
+
+def test_rows_are_counted(database, monkeypatch):
+    monkeypatch.chdir(database.parent)
+    # Nothing in the user's folder is run.
+    (database.parent / "sqlite3.py").write_text("raise SystemExit")
+    assert mapping.rows(database, "images") == 2
+    assert mapping.rows(database.name, "keypoints") == 0
+
+
+def test_they_are_counted_while_it_is_written(database):
+    with pycolmap.Database.open(database) as opened:
+        opened.write_keypoints(1, np.zeros((3, 2), np.float32))
+        assert mapping.rows(database, "keypoints") == 1
+        opened.write_keypoints(2, np.zeros((3, 2), np.float32))
+        assert mapping.rows(database, "keypoints") == 2
+    with pycolmap.Database.open(database) as opened:
+        assert [len(opened.read_keypoints(of)) for of in (1, 2)] == [3, 3]
+
+
+def test_what_cannot_be_counted_is_not_known(database, tmp_path, monkeypatch):
+    assert mapping.rows(tmp_path / "missing.db", "images") is None
+    assert not (tmp_path / "missing.db").exists()
+    assert mapping.rows(database, "no_such_table") is None
+    (tmp_path / "no.db").write_text("no database" * 100)
+    assert mapping.rows(tmp_path / "no.db", "images") is None
+    monkeypatch.setattr(mapping, "COUNT_S", 1e-3)
+    assert mapping.rows(database, "images") is None
+    monkeypatch.setattr(mapping.sys, "executable", str(tmp_path / "python"))
+    assert mapping.rows(database, "images") is None
+
+
+def test_progress_keeps_the_last_number_that_it_knows(database, monkeypatch):
+    told = iter([1, None, 2])
+    monkeypatch.setattr(mapping, "rows", lambda *_: next(told))
+    seen = []
+
+    def watched(title, total, count, *, unit):
+        seen.extend([title, total, count(), count(), count()])
+        return progress.heartbeat(title)
+
+    monkeypatch.setattr(progress, "watched", watched)
+    mapping.extract(database, database.parent, ["a", "b"], 64)
+    assert seen == ["COLMAP: features", 2, 1, 1, 2]
+
+
+def test_features_are_written_while_they_are_counted(database, monkeypatch):
+    often = functools.partial(progress.watched, every_s=0.002)
+    monkeypatch.setattr(progress, "watched", often)
+    mapping.quiet(0)
+    mapping.extract(database, database.parent, ["a", "b"], 64)
+    mapping.match(database, 2, seed=0)
+    assert mapping.rows(database, "keypoints") == 2
+    assert mapping.rows(database, "matches") == 1
+
+
+def test_no_process_holds_a_second_sqlite(root):
+    """COLMAP's own and Python's would drop each other's locks: see `mapping.COUNT`."""
+    for folder in ("alignerf", "flow", "tests", "workflow"):
+        for path in (root / folder).rglob("*.py"):
+            if "sqlite3" not in (text := path.read_text()):
+                continue
+            for node in ast.walk(ast.parse(text)):
+                if isinstance(node, ast.Import):
+                    assert "sqlite3" not in [alias.name for alias in node.names], path
+                elif isinstance(node, ast.ImportFrom):
+                    assert node.module != "sqlite3", path
