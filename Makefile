@@ -33,7 +33,7 @@ help:
 	@sed -n 's/^# make /make /p' $(firstword $(MAKEFILE_LIST))
 
 run: $(VENV)/.installed
-	@exec python -m alignerf.start.demo --cores $(CORES)
+	@exec python -m alignerf.cli.demo --cores $(CORES)
 
 show: $(VENV)/.installed
 	@python -m alignerf.show
@@ -41,25 +41,25 @@ show: $(VENV)/.installed
 # By the environment: a shell would see more than a name in some names.
 photos: export PHOTOS_FOLDER := $(value FOLDER)
 photos: $(VENV)/.installed
-	@exec python -m alignerf.start --cores $(CORES) $(PHOTOS) -- "$$PHOTOS_FOLDER"
+	@exec python -m alignerf.cli --cores $(CORES) $(PHOTOS) -- "$$PHOTOS_FOLDER"
 
 poses: export POSED_FOLDER := $(value FOLDER)
 poses: $(VENV)/.installed
-	@exec python -m alignerf.start.poses $(POSES) -- "$$POSED_FOLDER"
+	@exec python -m alignerf.cli.poses $(POSES) -- "$$POSED_FOLDER"
 
 judge: export JUDGED_PHOTOS := $(value PHOTOS)
 judge: export JUDGED_RENDERS := $(value RENDERS)
 judge: export JUDGED_CAMERAS := $(value CAMERAS)
 judge: export JUDGED_DEPTH := $(value DEPTH)
 judge: $(VENV)/.installed
-	@exec python -m alignerf.start.judge --cores $(CORES) "--photos=$$JUDGED_PHOTOS" \
+	@exec python -m alignerf.cli.judge --cores $(CORES) "--photos=$$JUDGED_PHOTOS" \
 		"--renders=$$JUDGED_RENDERS" "--cameras=$$JUDGED_CAMERAS" \
 		"--depth=$$JUDGED_DEPTH" $(JUDGE)
 
 export: export EXPORT_OF := $(value SCENE)$(value FOLDER)
 export: export EXPORT_WIDTH := $(value WIDTH)
 export: $(VENV)/.installed
-	@exec python -m alignerf.start.export --cores $(CORES) \
+	@exec python -m alignerf.cli.export --cores $(CORES) \
 		$(if $(value WIDTH),"--width=$$EXPORT_WIDTH") -- "$$EXPORT_OF"
 
 # What others add; benchmarks, the torture and the packaging; the page in a browser, and

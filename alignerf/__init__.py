@@ -18,10 +18,10 @@ what other programs are given   `exports`
 
 `experiment` says what a config means, without JAX: the jobs, what each job depends on,
 and what it asks of a cluster. `processes` lets several processes train one model.
-`files` is what all commands share: errors in one line, and atomic outputs.
+`io` is what all commands share: errors in one line, and atomic outputs.
 """
 
-from alignerf.files.environment import switches
+from alignerf.io.environment import switches
 
 # Before anything imports JAX.
 switches.settle()

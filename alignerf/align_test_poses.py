@@ -24,7 +24,7 @@ import numpy as np
 from scipy import ndimage
 
 from alignerf import testsets
-from alignerf.files import archives, atomic, faults, images, machine, progress
+from alignerf.io import archives, atomic, faults, images, machine, progress
 from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.sfm import pose_error

@@ -12,7 +12,7 @@ from pydantic import json_schema
 
 from alignerf.experiment import check, jobs
 from alignerf.experiment.keys import config as config_keys
-from alignerf.files import atomic, faults, yaml_files
+from alignerf.io import atomic, faults, yaml_files
 
 HEAD = "# Every key of a config, made by `python -m alignerf.config --schema`.\n"
 

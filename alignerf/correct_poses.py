@@ -20,7 +20,7 @@ import numpy as np
 
 from alignerf.alignment import cameras
 from alignerf.exports import held_out
-from alignerf.files import atomic, faults
+from alignerf.io import atomic, faults
 from alignerf.scenes import prepared
 from alignerf.sfm import pose_error
 from flow.camera import correct
@@ -124,7 +124,7 @@ def row(original: prepared.Scene, after: prepared.Scene, view, correction):
         **pose_error.difference(before, now, size, correction.depth),
         "this_round_px": correction.length_px,
         "noise_px": correction.noise_px,
-        "valid_share": correction.valid_share,
+        "valid_fraction": correction.valid_fraction,
         "depth": correction.depth,
         "left_alone": correction.left_alone,
     }

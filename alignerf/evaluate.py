@@ -14,14 +14,14 @@ import numpy as np
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.files import archives, atomic, faults
+from alignerf.io import archives, atomic, faults
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import prepared
 from alignerf.tables import columns
 
 METRICS = tuple(columns.METRICS)
 NETS = [name.removeprefix("lpips_") for name in METRICS if name.startswith("lpips_")]
-COLUMNS = ("view", "test_set", *METRICS, "valid_share", "note")
+COLUMNS = ("view", "test_set", *METRICS, "valid_fraction", "note")
 
 
 OPTIONS = {
@@ -176,7 +176,7 @@ def score(target, render, valid, learned, *, seams=False):
     """Metrics of one view against one target; a missing one is NaN with a note.
 
     learned: {name: metric} of those that need weights. seams: the render has some,
-    which all metrics but PSNR would see in their windows; they are left out.
+    which all metrics but PSNR would see in their crops; they are left out.
     """
     row = {"psnr_db": image_metrics.psnr_db(target, render, valid)}
     notes = []
@@ -195,7 +195,7 @@ def score(target, render, valid, learned, *, seams=False):
         except ValueError as error:
             row[name] = np.nan
             notes.append(f"{name}: {error}")
-    row["valid_share"] = float(valid.mean())
+    row["valid_fraction"] = float(valid.mean())
     return row | {"note": "; ".join(notes)}
 
 

@@ -3,7 +3,7 @@
 One folder with images/, transforms.json (nerfstudio, instant-ngp), sparse/0 (COLMAP,
 Gaussian splatting), masks/ where not all pixels count, and a README.txt with the
 commands of these programs. Photos have the size that they came in, undistorted, or a
-smaller --width; those of windows (`zoom`), and of a folder without config.yaml where
+smaller --width; those of crops (`crop`), and of a folder without config.yaml where
 --config is missing, the size of training. Where photos are warped, the training views
 have the warped photos. Cameras that have moved bring points of their own. A scene that
 came as LLFF's poses_bounds.npy or as one of NeRF's synthetic scenes is written in that
@@ -26,7 +26,7 @@ from alignerf.exports import (
     readme,
     warps,
 )
-from alignerf.files import archives, atomic, faults, json_files
+from alignerf.io import archives, atomic, faults, json_files
 from alignerf.scenes import originals, prepare, prepared
 
 log = logging.getLogger("alignerf")

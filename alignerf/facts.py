@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.experiment import decisions
-from alignerf.files import archives, atomic, faults, json_files
+from alignerf.io import archives, atomic, faults, json_files
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import cameras, prepared
 
@@ -180,7 +180,7 @@ def pose_facts(path):
     """How well the poses fit, in pixels of the training size."""
     empty = dict.fromkeys(
         (
-            *("reprojection_px", "points_in_3_views", "registered_share"),
+            *("reprojection_px", "points_in_3_views", "registered_fraction"),
             *("photo_width_px", "photo_height_px", "downscale", "downscale_decided"),
         )
     )
@@ -193,7 +193,7 @@ def pose_facts(path):
     return {
         "reprojection_px": error_px,
         "points_in_3_views": report.get("points_in_3_views"),
-        "registered_share": round(report["registered"] / report["total"], 4),
+        "registered_fraction": round(report["registered"] / report["total"], 4),
         "photo_width_px": report["photo_width"],
         "photo_height_px": report.get("photo_height"),
         "downscale": report.get("downscale"),
@@ -216,7 +216,7 @@ def photo_facts(images, names, counts):
         "brightness": round(float(brightness.mean()), 4),
         "brightness_spread": round(float(brightness.std()), 4),
         "brightness_spread_ev": round(float(stops.std()), 4),
-        "white_share": round(float(clipped), 4),
+        "white_fraction": round(float(clipped), 4),
         "soft_photos": [names[view] for view in np.flatnonzero(soft)],
     }
 

@@ -16,7 +16,7 @@ import numpy as np
 from alignerf.captures import base
 from alignerf.experiment import jobs
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.files import atomic, faults, json_files, owned
+from alignerf.io import atomic, faults, json_files, owned
 from alignerf.scenes import (
     cameras,
     held_out,
@@ -25,7 +25,7 @@ from alignerf.scenes import (
     prepare,
     prepared,
 )
-from alignerf.scenes.capture import windows
+from alignerf.scenes.capture import crops
 from alignerf.scenes.courtyard import truth
 from alignerf.sfm import calibration, matches, mistakes
 from alignerf.sfm import capture as checking
@@ -37,16 +37,16 @@ log = logging.getLogger("alignerf.poses")
 FEW_TRAIN_VIEWS, FEW_TEST_VIEWS = 12, 5
 # With `downscale: auto`: a training that sees each half a time takes minutes on a core.
 # Many photos may have more together, rather than sides under this.
-MOST_PIXELS, LEAST_SIDE_PX = 10_000_000, 200
+MAX_PIXELS, MIN_SIDE_PX = 10_000_000, 200
 PRODUCTS = ("images", "colmap", "cameras.npz", "poses.json")
 
 
 OPTIONS = {
     "config": ("JSON, or a file of it", str),
     "out": ("results/SCENE", Path),
-    "[whole]": ("of windows: the other scene's folder", Path),
-    "[cameras]": "of windows: their cameras.npz",
-    "[places]": ("of windows: others, at the same places", Path),
+    "[whole]": ("of crops: the other scene's folder", Path),
+    "[cameras]": "of crops: their cameras.npz",
+    "[places]": ("of crops: others, at the same places", Path),
     "[adjust]": ("write adjusted cameras beside the scene's", faults.FLAG),
 }
 
@@ -56,8 +56,8 @@ def main(config, out, whole=None, cameras=None, places=None, adjust=False):
 
     adjust: a method trains with adjusted cameras, whatever those of the scene are.
 
-    Of windows of another scene: whole, its folder; cameras, the cameras.npz that
-    they have; places, the folder of windows that they lie at the same places as.
+    Of crops of another scene: whole, its folder; cameras, the cameras.npz that
+    they have; places, the folder of crops that they lie at the same places as.
     """
     config, out = of_scenes.checked(config), Path(out)
     capture = base.of(config)
@@ -82,7 +82,7 @@ def main(config, out, whole=None, cameras=None, places=None, adjust=False):
         named = dict(zip(views.names, split.tolist(), strict=True))
         held_out.check(where, given, named)
         if capture.trains:
-            check_enough(split, config["least_train_views"], where)
+            check_enough(split, config["min_train_views"], where)
             warn_of_few(out, split)
         fresh = scratch / "new"
         prepare.write_views(fresh, views, split=split)
@@ -117,24 +117,24 @@ def of_crops(config, out, whole, cameras, places):
     started = time.monotonic()
     originals.check(whole)
     told = json_files.read(whole / "poses.json", prepared.POSES)
-    least = config["least_train_views"] + 1
+    least = config["min_train_views"] + 1
     with atomic.scratch_folder(out) as scratch:
         views = loading.read(config, whole, scratch, cameras)
         try:
-            views, found, px = windows.placed(views, config, places)
-            found, each = windows.around_each(
+            views, found, px = crops.placed(views, config, places)
+            found, each = crops.around_each(
                 views, found, px, least=1 if places else least
             )
         except ValueError as error:
-            why = f"{error}. Without windows: `windows: null` in the config"
-            raise ValueError(f"{whole}: windows: {why}") from None
-        cut = windows.cut_several(views, each)
+            why = f"{error}. Without crops: `crops: null` in the config"
+            raise ValueError(f"{whole}: crops: {why}") from None
+        cut = crops.cut_several(views, each)
         prepared.check_views(out, cut)
         log.info(
-            "%s: %d windows of %d px of each photo at its own size",
+            "%s: %d crops of %d px of each photo at its own size",
             *(out, len(found), px),
         )
-        told["zoom"] = {"of": whole.name, "px": px, "points": found}
+        told["crop"] = {"of": whole.name, "px": px, "points": found}
         if turns := told.get("quarter_turns"):
             photos = [name.rpartition("_w")[0] for name in cut.names]
             named = zip(cut.names, photos, strict=True)
@@ -142,7 +142,7 @@ def of_crops(config, out, whole, cameras, places):
         perturb_px = told.get("perturb_px", 0.0) * told["photo_width"] / told["width"]
         prepare.write_views(scratch / "new", cut, split=cut.split)
         told |= {"photo_size": [views.width, views.height]}
-        told |= describe_views(cut, windows.size_of(cut), cut.split, config)
+        told |= describe_views(cut, crops.size_of(cut), cut.split, config)
         # Their cameras are those of the scene, with the error that it was given.
         told["perturb_px"] = perturb_px
         told["time_s"] = round(time.monotonic() - started, 1)
@@ -155,7 +155,7 @@ def for_training(views, config):
     """The views by name, at the resolution of training; sets an open `downscale`."""
     views = prepare.sort_by_name(views)
     if config["downscale"] == "auto":
-        config["downscale"] = prepare.factor_for(views, MOST_PIXELS, LEAST_SIDE_PX)
+        config["downscale"] = prepare.factor_for(views, MAX_PIXELS, MIN_SIDE_PX)
         log.info("downscale: %d", config["downscale"])
     return prepare.downscale(views, config["downscale"])
 
@@ -247,7 +247,7 @@ def check_enough(split, least, where):
         raise ValueError(
             f"{where}: {count} of {len(split)} views to learn from are too few. Take "
             "20 or more photos that overlap, or hold out fewer (test_every, or the "
-            "file's own split), or lower least_train_views"
+            "file's own split), or lower min_train_views"
         )
 
 

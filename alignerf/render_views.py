@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.costs import summary
-from alignerf.files import atomic, faults, images, machine, owned, progress
+from alignerf.io import atomic, faults, images, machine, owned, progress
 from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.training import renderer

@@ -9,7 +9,7 @@ import pandas as pd
 
 from alignerf import testsets
 from alignerf.experiment import targets
-from alignerf.files import csv_files, faults, yaml_files
+from alignerf.io import csv_files, faults, yaml_files
 from alignerf.tables import scores
 
 # Columns of controls.csv that are shown.

@@ -6,7 +6,7 @@ Each is written as CSV and LaTeX, its provenance beside it.
 
 from pathlib import Path
 
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.tables import controls, costs, frame, misalignment, ranking
 
 # {table: the functions that make it, and its LaTeX}.

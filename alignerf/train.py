@@ -18,7 +18,7 @@ import jax
 from alignerf.contributions import patch_conv, search_radius
 from alignerf.costs import summary
 from alignerf.experiment import decisions, jobs
-from alignerf.files import atomic, faults, machine
+from alignerf.io import atomic, faults, machine
 from alignerf.kernels import calls
 from alignerf.methods import base
 from alignerf.processes import consensus, devices

@@ -14,7 +14,7 @@ renders to its images is written as a split of its own.
 import sys
 from pathlib import Path
 
-from alignerf.files import faults, owned
+from alignerf.io import faults, owned
 from flow.estimation import estimate, external, folders
 
 

@@ -18,12 +18,12 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from alignerf import testsets
-from alignerf.files import atomic, faults, images, machine, progress
+from alignerf.io import atomic, faults, images, machine, progress
 from flow.estimation import estimate
 from flow.warping import controls, files, warp
 
 # Views with --lengths, from the first by name to the last.
-MOST_VIEWS = 8
+MAX_VIEWS = 8
 # Written by this command for the invented flow; all other folders hold images.
 INVENTED = "overfit_flow"
 
@@ -54,7 +54,7 @@ def main(
     if (missing := flows - {view for view, *_ in views}) and out:
         raise ValueError(f"{renders}: no render of view {min(missing)}")
     if lengths:
-        count = min(MOST_VIEWS, len(views))
+        count = min(MAX_VIEWS, len(views))
         views = [views[i * (len(views) - 1) // max(count - 1, 1)] for i in range(count)]
     with ExitStack() as stack:
         # Entered first, so in place last: the CSV says that the folders are whole.

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.files import archives, atomic, faults, machine
+from alignerf.io import archives, atomic, faults, machine
 from flow.camera import fit as camera_fit
 from flow.warping import files
 
@@ -29,10 +29,10 @@ PARTS = ("flow", "model", "camera", "remainder")
 LENGTHS = ("median_px", "mean_px", "p95_px")
 COLUMNS = (
     "view",
-    "valid_share",
+    "valid_fraction",
     *(f"{part}_{length}" for part in PARTS for length in LENGTHS),
-    "camera_share",
-    "moved_share",
+    "camera_fraction",
+    "moved_fraction",
     "moved_mean_px",
     "noise_px",
     *(f"rotation_{axis}_deg" for axis in "xyz"),
@@ -110,7 +110,7 @@ def decompose(flow, model_flow=None, *, pixtocam, depth):
 def statistics(fit: camera_fit.Fit, model_px=None):
     """A view's row, over its valid pixels.
 
-    camera_share: how much of the squared length of the flow, less the model's part,
+    camera_fraction: how much of the squared length of the flow, less the model's part,
     the camera explains, lengths being capped; negative where the fit serves most
     pixels at the cost of that sum. moved_mean_px: what the pixels that do not move
     with the camera contribute to the mean length of the remainder. Raises ValueError
@@ -135,14 +135,14 @@ def statistics(fit: camera_fit.Fit, model_px=None):
     moved = fit.moved[fit.valid]
     net_length_px = np.linalg.norm(net_px[fit.valid], axis=-1)
     return {
-        "valid_share": float(fit.valid.mean()),
+        "valid_fraction": float(fit.valid.mean()),
         **{
             f"{part}_{name}": value
             for part in PARTS
             for name, value in _lengths(lengths_px.get(part)).items()
         },
-        "camera_share": explained(net_length_px, lengths_px["remainder"]),
-        "moved_share": float(moved.mean()),
+        "camera_fraction": explained(net_length_px, lengths_px["remainder"]),
+        "moved_fraction": float(moved.mean()),
         "moved_mean_px": float((lengths_px["remainder"] * moved).mean()),
         "noise_px": fit.noise_px,
         **_camera(fit.motion),

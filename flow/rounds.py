@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.files import atomic, faults, json_files
+from alignerf.io import atomic, faults, json_files
 from flow.warping import files
 
 # A smaller share is within what a training's random numbers change.
-LEAST_FALL = 0.1
+MIN_FALL = 0.1
 
 
 def remaining_px(flow, before=None):
@@ -47,18 +47,18 @@ def remaining_px(flow, before=None):
     return float(np.mean(medians))
 
 
-def decide(now_px, before_px=None, *, least_fall=LEAST_FALL):
+def decide(now_px, before_px=None, *, min_fall=MIN_FALL):
     """(whether to go on, why) by what remains after this round and the one before."""
     if now_px == 0:
         return False, f"{now_px:.3f} px remain to be corrected"
     if before_px is None:
         return True, f"{now_px:.3f} px remain to be corrected"
     fall = (before_px - now_px) / before_px if before_px > 0 else 0.0
-    goes_on = fall >= least_fall
+    goes_on = fall >= min_fall
     negation = "" if goes_on else "not "
     return goes_on, (
         f"{now_px:.3f} px remain, {before_px:.3f} px before: "
-        f"the least fall of {least_fall:.0%} is {negation}reached"
+        f"the least fall of {min_fall:.0%} is {negation}reached"
     )
 
 

@@ -7,7 +7,7 @@ import pycolmap
 from PIL import Image
 
 from alignerf import export
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.scenes import cameras, colmap
 from alignerf.scenes.formats import transforms
 
@@ -17,7 +17,7 @@ OF_COURTYARD = {
     "poses": "truth",
     "downscale": 2,
     "test_every": 3,
-    "least_train_views": 2,
+    "min_train_views": 2,
     "courtyard": {"views": 8, "width": WIDTH, "height": HEIGHT},
 }
 

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from alignerf import train
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.scenes import cameras
 from alignerf.training import checkpoint, loop
 
@@ -15,14 +15,14 @@ WIDTH, HEIGHT, STEPS = 32, 24, 14
 GRID = {
     "kind": "grid",
     "levels": 2,
-    "log2_entries": 8,
+    "log2_hashmap_size": 8,
     "features": 2,
-    "finest": 32,
+    "max_resolution": 32,
     "width": 8,
 }
 ALIGNERF = {
-    "pretrain_share": 0.6,
-    "finetune_share": 0.5,
+    "pretrain_fraction": 0.6,
+    "finetune_fraction": 0.5,
     "learning_rates": [0.01, 0.001],
     "patches": 1,
     "patch_px": 12,
@@ -66,7 +66,7 @@ def in_stage(stage, job=JOB, **changes):
     """
     chosen = ALIGNERF | changes
     if stage == "pretrain":
-        return job | {"stage": stage, "pretrain_share": chosen["pretrain_share"]}
+        return job | {"stage": stage, "pretrain_fraction": chosen["pretrain_fraction"]}
     return job | {"stage": stage, "alignerf": chosen}
 
 

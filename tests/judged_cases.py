@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image
 
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.scenes.judged import geometry
+from alignerf.scenes.external import geometry
 
 SIZE = (160, 120)
 CAMTOPIX = np.array([[150.0, 0, 79.0], [0, 150.0, 61.0], [0, 0, 1]])
@@ -70,7 +70,11 @@ def config(folder, **more):
     """A scene's keys, complete."""
     judged = {"renders": str(folder / "renders"), **more}
     return of_scenes.checked(
-        {"source": "judged", "path": str(folder / "photos"), "judged": judged}
+        {
+            "source": "external_renders",
+            "path": str(folder / "photos"),
+            "external_renders": judged,
+        }
     )
 
 

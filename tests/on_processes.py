@@ -9,7 +9,7 @@ import os
 import sys
 
 from alignerf import train
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.processes import consensus
 from alignerf.training import checkpoint, loop
 

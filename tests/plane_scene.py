@@ -1,4 +1,4 @@
-"""A scene that is known exactly, for alignment on the way.
+"""A scene that is known exactly, for in-loop alignment.
 
 A plane with a smooth texture, rendered by a method that has nothing to learn: what the
 aligner finds is the cameras' error, and the motion of a thing in one photo.
@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignerf.alignment import aligner, look
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.methods import align
 from alignerf.mipnerf360 import model
 from alignerf.scenes import cameras, prepared

@@ -17,7 +17,7 @@ import yaml
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS = Path(__file__).with_suffix(".yaml")
 # A number may be above the real one by so many, or by this share of it.
-SLACK, SLACK_SHARE = 30, 0.03
+SLACK, SLACK_FRACTION = 30, 0.03
 NO_CODE = {getattr(tokenize, name) for name in ("COMMENT", "NL", "NEWLINE", "INDENT")}
 NO_CODE |= {tokenize.DEDENT, tokenize.ENDMARKER}
 
@@ -88,7 +88,7 @@ def faults(unit, counts, most):
                 f"{name}: {now:,} {unit}, {now - limit:,} above its {limit:,}: cut, "
                 f"or raise the limit in tests/{LIMITS.name} with a reason"
             )
-        elif limit > now + max(SLACK, SLACK_SHARE * now):
+        elif limit > now + max(SLACK, SLACK_FRACTION * now):
             yield (
                 f"{name}: {now:,} {unit}, far below its {limit:,}: lower the limit "
                 "(python -m tests.ratchet)"

@@ -17,7 +17,7 @@ SOURCES = {
 }
 # Lowest first. A folder imports itself and folders of lower floors, nothing else.
 FLOORS = [
-    {"alignerf.files"},
+    {"alignerf.io"},
     {"alignerf.kernels", "alignerf.keypoints", "alignerf.testsets"},
     {"alignerf.mipnerf360"},
     {
@@ -36,9 +36,9 @@ FLOORS = [
         "alignerf.exports",
         *("flow.estimation", "flow.figures"),
     },
-    {"alignerf.training", "alignerf.verdict", "alignerf.others"},
+    {"alignerf.training", "alignerf.verdict", "alignerf.external"},
     {"alignerf.alignment", "alignerf.costs", "alignerf.page"},
-    {"alignerf.start"},
+    {"alignerf.cli"},
     {"alignerf", "flow"},  # the stages: files directly in a package
 ]
 # What a config means: a registry's records and what reads them know each other.
@@ -47,8 +47,8 @@ TIED |= {"alignerf.systems"}
 # Folders that hold commands besides the stages.
 COMMANDS = ("alignerf.networks", "alignerf.tables", "flow.figures")
 COMMANDS += ("alignerf.costs", "alignerf.verdict")
-COMMANDS += ("alignerf.page", "alignerf.start", "alignerf.others")
-MOST_MODULES = 12
+COMMANDS += ("alignerf.page", "alignerf.cli", "alignerf.external")
+MAX_MODULES = 12
 FORBIDDEN = {"snakemake", "pickle", "dill", "joblib", "marshal", "shelve"}
 JAX = {"jax", "flax", "optax"}
 MODULES = sorted(SOURCES)
@@ -150,14 +150,14 @@ def test_no_folder_holds_too_many_modules():
         inside = [m for m in MODULES if m.rpartition(".")[0] == package]
         inside = [m for m in inside if not m.endswith("__init__")]
         # A registry has as many as there are sources.
-        assert len(inside) <= MOST_MODULES or package == "alignerf.captures", package
+        assert len(inside) <= MAX_MODULES or package == "alignerf.captures", package
 
 
 def test_the_flow_reaches_the_commands_tools_only_and_no_jax():
     flow = [name for name in MODULES if name.startswith("flow.")]
     below = set().union(*map(reached, flow)) - {"alignerf.__init__"}
     outside = {name for name in below if not name.startswith("flow.")}
-    allowed = ("alignerf.files", "alignerf.testsets")
+    allowed = ("alignerf.io", "alignerf.testsets")
     assert not [name for name in outside if folder(name) not in allowed]
     assert not [name for name in below if tops(name) & JAX]
 
@@ -285,11 +285,11 @@ RAW |= {"yaml.load", "yaml.safe_load", "yaml.compose", "pickle.load", "pickle.lo
 # Methods of any path.
 RAW_METHODS = {"read_text", "read_bytes"}
 READERS = {
-    "alignerf.files.archives": {"gzip.open", "zipfile.ZipFile"},
-    "alignerf.files.csv_files": {"pandas.read_csv"},
-    "alignerf.files.images": {"PIL.Image.open"},
-    "alignerf.files.json_files": {"json.loads"},
-    "alignerf.files.yaml_files": {"yaml.load"},
+    "alignerf.io.archives": {"gzip.open", "zipfile.ZipFile"},
+    "alignerf.io.csv_files": {"pandas.read_csv"},
+    "alignerf.io.images": {"PIL.Image.open"},
+    "alignerf.io.json_files": {"json.loads"},
+    "alignerf.io.yaml_files": {"yaml.load"},
     "alignerf.networks.torch_files": {"zipfile.ZipFile"},
     # PNGs of 16 bits, which Pillow has looked through and cuts to 8.
     "alignerf.scenes.photos": {"cv2.imdecode", "numpy.fromfile"},
@@ -297,28 +297,28 @@ READERS = {
 # What ships with the program.
 SHIPPED = {
     "alignerf.experiment.sources": {"read_bytes", "read_text"},
-    "alignerf.files.environment.extensions": {"read_bytes"},
+    "alignerf.io.environment.extensions": {"read_bytes"},
     "alignerf.kernels.build": {"read_bytes"},
-    "alignerf.start.folders": {"read_text"},
+    "alignerf.cli.folders": {"read_text"},
     "alignerf.tables.columns": {"read_text", "yaml.safe_load"},
 }
 # What the system tells of itself; of provenance also the pins of libraries.
 SYSTEM = {
-    "alignerf.files.machine": {"read_text"},
-    "alignerf.files.provenance": {"read_bytes", "read_text"},
+    "alignerf.io.machine": {"read_text"},
+    "alignerf.io.provenance": {"read_bytes", "read_text"},
     "alignerf.training.memory": {"read_text"},
 }
 # What Snakemake and its jobs have said, whatever its bytes are.
 LOGS = {
     "alignerf.experiment.cluster": {"read_text"},
     "alignerf.experiment.targets": {"read_text"},
-    "alignerf.start.configs": {"read_text"},
-    "alignerf.start.jobs": {"read_text"},
-    "alignerf.start.report": {"json.loads", "read_text"},
+    "alignerf.cli.configs": {"read_text"},
+    "alignerf.cli.jobs": {"read_text"},
+    "alignerf.cli.report": {"json.loads", "read_text"},
 }
 # No files: options of commands, and what processes of ours tell each other.
 TOLD = (
-    *("alignerf.experiment.jobs", "alignerf.others.commands"),
+    *("alignerf.experiment.jobs", "alignerf.external.commands"),
     *("alignerf.exports.photos", "alignerf.verdict.__main__"),
     *("alignerf.costs.__main__", "alignerf.processes.consensus"),
     *("alignerf.experiment.tables.rows", "flow.figures.scene"),

@@ -19,7 +19,7 @@ HEIGHT, WIDTH, FOCAL_PX = 36, 40, 30.0
 
 
 def tiny_model(outputs=3):
-    grid = {"levels": 2, "log2_entries": 8, "finest": 32, "width": 8}
+    grid = {"levels": 2, "log2_hashmap_size": 8, "max_resolution": 32, "width": 8}
     return mipnerf360.Model(
         proposal=fields.make("grid", **grid),
         field=fields.make("grid", **grid, outputs=outputs),
@@ -93,12 +93,12 @@ def make_loss(**options):
     return methods.Loss(**settings | options)
 
 
-def make_views(count=3, height=HEIGHT, width=WIDTH, valid_share=0.7):
+def make_views(count=3, height=HEIGHT, width=WIDTH, valid_fraction=0.7):
     """Random photos by cameras that look down -z, without turning, from one place."""
     rng = np.random.default_rng(0)
     pixtocam = cameras.intrinsics(FOCAL_PX, width, height)
     camtoworld = np.concatenate([np.eye(3), [[0.0], [0.0], [1.0]]], axis=1)
-    mask = rng.uniform(size=(count, height, width)) < valid_share
+    mask = rng.uniform(size=(count, height, width)) < valid_fraction
     return batches.Views(
         photos=jnp.asarray(rng.integers(0, 256, (count, height, width, 3)), jnp.uint8),
         valid=jnp.asarray(batches.pack_valid(mask)),

@@ -1,4 +1,4 @@
-"""Alignment on the way: one training that corrects its own cameras and photos.
+"""In-loop alignment: one training that corrects its own cameras and photos.
 
 At some steps of a training its views are rendered small (`look`). The flow from these
 renders to the photos says how cameras move (`cameras`) and how photos are warped

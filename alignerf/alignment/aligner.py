@@ -19,15 +19,15 @@ from alignerf.training import compose, memory
 from flow.camera import correct
 from flow.estimation import estimators
 
-# Share of the steps from which on `least_move_px` is the flow's own error; before, in
+# Share of the steps from which on `min_move_px` is the flow's own error; before, in
 # proportion, it is more.
 SETTLED = 0.25
-# Of `least_move_px`, once cameras were seen to be wrong: what is left of their error
+# Of `min_move_px`, once cameras were seen to be wrong: what is left of their error
 # is then moved too. With nothing wrong the flow asks for more than that.
 AGAIN = 0.3
 # Before the last look for cameras some views tell whether any has to move: this share
 # of them, evenly, and at least so many.
-PROBED_SHARE, LEAST_PROBED = 0.2, 8
+PROBED_FRACTION, MIN_PROBED = 0.2, 8
 # Of a view as many pixels say where its camera is: a flow is smooth.
 FITTED_PIXELS = 1000
 # Of a pixel of a small image: a photo and where it counts, a depth, a flow and where it
@@ -44,9 +44,9 @@ class Aligner:
         few = look.with_fewer_samples(job)
         self.method = method or compose.make_method(few, to_train=False)
         self.size = scene.loaded.height, scene.loaded.width
-        least_px = estimators.METHODS[job.aligns.estimator].min_side_px
+        min_px = estimators.METHODS[job.aligns.estimator].min_side_px
         try:
-            self.k = look.factor(self.size, least_px, job.aligns.shrink)
+            self.k = look.factor(self.size, min_px, job.aligns.shrink)
         except ValueError as error:
             raise ValueError(f"{scene.photos}: {error}") from None
         self.now = scene.loaded
@@ -139,7 +139,7 @@ class Aligner:
     def probed(self, step):
         """Indices of the training views that are looked at first."""
         count = len(self.scene.views)
-        few = max(LEAST_PROBED, round(PROBED_SHARE * count))
+        few = max(MIN_PROBED, round(PROBED_FRACTION * count))
         later = [kinds for at, kinds in self.places.items() if at > step]
         is_early = self.places[step] == ["cameras"] and any(
             "cameras" in kinds for kinds in later
@@ -152,9 +152,9 @@ class Aligner:
         """A `correct.Correction` of each view."""
         corrections = correct.corrections(
             [lambda one=view: one for view in seen],
-            least_px=self.least_px(step),
+            min_px=self.min_px(step),
             zooms=not self.were_wrong(),
-            most_pixels=FITTED_PIXELS,
+            max_pixels=FITTED_PIXELS,
         )
         if len(corrections) > 1:
             return corrections
@@ -172,14 +172,14 @@ class Aligner:
             "left_alone": store.staying(names, corrections, self.k),
         }
 
-    def least_px(self, step):
+    def min_px(self, step):
         """Median motion in px below which all motions are the flow's own error.
 
         Early in a training renders are blurred, and the error is larger.
         """
         if self.were_wrong():
-            return AGAIN * self.settings.least_move_px
-        return self.settings.least_move_px * max(1.0, SETTLED * self.steps / step)
+            return AGAIN * self.settings.min_move_px
+        return self.settings.min_move_px * max(1.0, SETTLED * self.steps / step)
 
     def were_wrong(self):
         """Whether an earlier alignment moved most of the cameras."""
@@ -192,7 +192,7 @@ class Aligner:
         corrections: of the cameras at this step, or None.
         """
         whole = self.settings.photos == "whole"
-        options = {"whole": whole, "most_pixels": FITTED_PIXELS}
+        options = {"whole": whole, "max_pixels": FITTED_PIXELS}
         corrections = corrections or [None] * len(seen)
         fields = [
             photos.offsets(view, one, **options)
@@ -203,7 +203,7 @@ class Aligner:
         moving = (self.offsets_px != 0).any(axis=-1).mean(axis=(1, 2))
         return {
             "photos_warped": int((moving > 0).sum()),
-            "moving_share": float(np.median(moving)),
+            "moving_fraction": float(np.median(moving)),
         }
 
     def views(self, views):

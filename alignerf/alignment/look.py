@@ -22,7 +22,7 @@ from flow.warping import small, warp
 # Largest forward-backward disagreement of a valid pixel, in px of the small images.
 TOLERANCE_PX = 1.0
 # Samples a ray that the first round of proposals keeps at least.
-LEAST_SAMPLES = 4
+MIN_SAMPLES = 4
 
 
 class Photo(NamedTuple):
@@ -41,24 +41,24 @@ def with_fewer_samples(job: jobs.Job) -> jobs.Job:
     first, *others = job.model.samples
     if not job.model.has_proposals:
         return job
-    samples = [max(LEAST_SAMPLES, first // 2), *others]
+    samples = [max(MIN_SAMPLES, first // 2), *others]
     model = job.model.model_copy(update={"samples": samples})
     return job.changed(model=model)
 
 
-def factor(size, least_side_px, most):
+def factor(size, min_side_px, most):
     """k for photos of `size` (h, w): the largest whole number up to `most`.
 
-    The smaller side of the small photos has at least least_side_px, which the flow
+    The smaller side of the small photos has at least min_side_px, which the flow
     estimator needs. Raises ValueError where the photos themselves have less.
     """
     side = min(size)
-    if side < least_side_px:
+    if side < min_side_px:
         raise ValueError(
             f"photos of {size[1]}x{size[0]} pixels are too small to be aligned: the "
-            f"flow needs {least_side_px} px a side"
+            f"flow needs {min_side_px} px a side"
         )
-    return max(1, min(most, side // least_side_px))
+    return max(1, min(most, side // min_side_px))
 
 
 def read_photos(loaded: prepared.Scene, views, folder, k):

@@ -7,7 +7,7 @@ k: where a pixel of a render is seen in the photo.
 import numpy as np
 from scipy import ndimage
 
-from alignerf.files import machine
+from alignerf.io import machine
 from alignerf.scenes import prepared
 from alignerf.training import batches
 from flow.camera import correct
@@ -17,17 +17,17 @@ from flow.warping import small, warp
 
 # Of a remainder that no camera explains, what is shorter is the flow's own error: in
 # pixels of the small image.
-LEAST_MOVE_PX = 0.2
+MIN_MOVE_PX = 0.2
 # A region whose longest remainder is shorter is an error, too.
 CLEAR_PX = 0.5
 
 
-def offsets(view: correct.View, correction=None, *, whole, most_pixels):
+def offsets(view: correct.View, correction=None, *, whole, max_pixels):
     """(offsets_px, valid) of one view: the offsets by which its photo is warped.
 
     correction: by which its camera moves at this step, if it does; what that explains
     of the flow is then no part of an offset. whole: all of the rest; else only what
-    moves otherwise than with a camera. most_pixels: that say where the camera is.
+    moves otherwise than with a camera. max_pixels: that say where the camera is.
     """
     if correction is not None and not correction.trusted:
         # A flow that no camera explains, or too little of it, is no motion either.
@@ -37,7 +37,7 @@ def offsets(view: correct.View, correction=None, *, whole, most_pixels):
         points = camera_motion.points_of(view.pixtocam, view.depth)
         camera_px = camera_motion.flow(motion, points).astype(np.float32)
         return view.flow_px - camera_px, view.valid
-    fit = camera_fit.split(*view, log_focal=motion.log_focal, most_pixels=most_pixels)
+    fit = camera_fit.split(*view, log_focal=motion.log_focal, max_pixels=max_pixels)
     moves = moving(fit)
     still = np.zeros_like(fit.remainder_px)
     # What stays where it is needs no flow to be valid, and what moves has one.
@@ -51,7 +51,7 @@ def moving(fit: camera_fit.Fit):
     which are the model's faults; warped by them, they made it worse.
     """
     length_px = np.linalg.norm(fit.remainder_px, axis=-1)
-    regions, count = ndimage.label(fit.moved & (length_px > LEAST_MOVE_PX))
+    regions, count = ndimage.label(fit.moved & (length_px > MIN_MOVE_PX))
     longest_px = ndimage.maximum(length_px, regions, np.arange(count + 1))
     is_clear = longest_px > CLEAR_PX
     is_clear[0] = False

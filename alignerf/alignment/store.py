@@ -12,7 +12,7 @@ import pathlib
 import flax.serialization
 import numpy as np
 
-from alignerf.files import faults, images, json_files
+from alignerf.io import faults, images, json_files
 from alignerf.scenes import prepared
 from alignerf.training import batches, checkpoint
 
@@ -139,7 +139,7 @@ def say(row):
         moved, length_px = row["cameras_moved"], row["camera_px"]
         clauses.append(f"{moved} cameras move, by {length_px:.2f} px in the median")
     if "photos_warped" in row:
-        share = row["moving_share"]
+        share = row["moving_fraction"]
         warped = row["photos_warped"]
         clauses.append(f"{warped} photos warped, {share:.1%} of the median")
     log.info("aligned at step %d: %s", row["step"], "; ".join(clauses))

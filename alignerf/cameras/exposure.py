@@ -16,14 +16,14 @@ from alignerf.scenes import cameras
 
 # Photos are compared with a longer side of so much, and of each so many pixels at most,
 # on a regular grid, are looked for in others.
-LONGEST_PX, MOST_PIXELS = 400, 1500
+LONGEST_PX, MAX_PIXELS = 400, 1500
 # Each photo is compared with so many that look alike, and with so many drawn.
 NEAREST, DRAWN = 6, 10
 # A pair says nothing that shares less of its first photo's pixels: a small part may be
 # a thing that shines. Nor does one whose pixels disagree by more (half of them, stops).
-LEAST_SHARE, MOST_SPREAD_EV = 0.25, 0.4
+MIN_FRACTION, MAX_SPREAD_EV = 0.25, 0.4
 # And so many pixels at least.
-LEAST_PIXELS = 80
+MIN_PIXELS = 80
 # A point is the same one where the other photo's depth agrees, as a share of it.
 DEPTH_AGREES = 0.05
 # Of 8 bits: beyond, a pixel is clipped or noise.
@@ -78,7 +78,7 @@ def sampled(view: View) -> Sampled:
     # Pixel i of the small image is pixel k i + k // 2 of the whole.
     shift = k // 2 + 0.5 - 0.5 * k
     pixtocam = view.pixtocam @ np.array([[k, 0, shift], [0, k, shift], [0, 0, 1.0]])
-    stride = int(np.ceil(np.sqrt(usable.size / MOST_PIXELS)))
+    stride = int(np.ceil(np.sqrt(usable.size / MAX_PIXELS)))
     y, x = (stride * axis for axis in np.nonzero(usable[::stride, ::stride]))
     rays = cameras.pixels_to_rays(x, y, pixtocam, view.camtoworld)
     points = rays.origins + depth[y, x][:, None] * rays.directions
@@ -94,11 +94,11 @@ def ratio(first: Sampled, second: Sampled):
     levels, there = second.levels[y, x], second.depth[y, x]
     same = np.abs(there - depth[inside]) < DEPTH_AGREES * depth[inside]
     count = int(same.sum())
-    if count < max(LEAST_PIXELS, LEAST_SHARE * len(first.seen)):
+    if count < max(MIN_PIXELS, MIN_FRACTION * len(first.seen)):
         return 0.0, 0
     stops = np.log2(levels[same] / first.seen[inside][same])
     low, middle, high = np.percentile(stops, [25, 50, 75])
-    return (float(middle), count) if high - low <= MOST_SPREAD_EV else (0.0, 0)
+    return (float(middle), count) if high - low <= MAX_SPREAD_EV else (0.0, 0)
 
 
 def stops(views):

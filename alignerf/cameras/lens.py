@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 # Pixels beyond these quantiles of their view's lengths are left out: what moves.
-MOST_LENGTH = 0.9
+MAX_LENGTH = 0.9
 # Places a side at which flows are averaged.
 GRID = 24
 
@@ -58,7 +58,7 @@ def fit(flow):
     known = np.isfinite(length)
     if known.sum() < 8:
         return np.zeros(4)
-    known &= length <= np.quantile(length[known], MOST_LENGTH)
+    known &= length <= np.quantile(length[known], MAX_LENGTH)
     at, vectors = at[known], vectors[known]
     square = (at**2).sum(axis=-1, keepdims=True)
     columns = [np.tile([1.0, 0.0], (len(at), 1)), np.tile([0.0, 1.0], (len(at), 1))]

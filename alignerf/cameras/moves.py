@@ -25,11 +25,11 @@ TIMES = 5
 # of so many cameras.
 INDEPENDENT = 6
 # The surest direction has at least this standard deviation, in those of the mean one.
-LEAST_SIGMA = 1e-3
+MIN_SIGMA = 1e-3
 # Moves shorter than that, in radians and radii of the capture, are rounding.
 ROUNDING = 1e-12
 # A fit whose single change is larger, in radians or as a logarithm, runs away.
-MOST_CHANGE = 1.0
+MAX_CHANGE = 1.0
 
 
 def in_common(source, target):
@@ -52,7 +52,7 @@ def in_common(source, target):
         change, *_ = np.linalg.lstsq(
             (whiten @ by).reshape(-1, 7), (moves @ whiten.T).ravel(), rcond=1e-9
         )
-        if not np.abs(change[[0, 1, 2, 6]]).max() < MOST_CHANGE:
+        if not np.abs(change[[0, 1, 2, 6]]).max() < MAX_CHANGE:
             return start
         found = followed(found, change, middle, radius)
     return found
@@ -78,7 +78,7 @@ def covariance(moves):
     squares = (moves**2).mean(axis=0)
     independent = np.diag(np.repeat([squares[:3].mean(), squares[3:].mean()], 3))
     found = moves.T @ moves + INDEPENDENT * independent
-    least = LEAST_SIGMA**2 * squares.mean()
+    least = MIN_SIGMA**2 * squares.mean()
     return found / (len(moves) + INDEPENDENT) + least * np.eye(6)
 
 

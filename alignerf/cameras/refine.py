@@ -1,4 +1,4 @@
-"""Cameras learnt with the scene: the alternative to cameras corrected by flow.
+"""Poses optimized with the scene: the alternative to cameras corrected by flow.
 
 `refined` wraps a method: each training view gets a turn and a step, learnt from the
 colours of its rays as in BARF (arXiv 2104.06405) and CamP (arXiv 2308.10902). Renders
@@ -165,11 +165,11 @@ def moved_cameras(camtoworlds, twist):
 
 
 class Learning(base.Part):
-    """What `refine` adds to a training."""
+    """What `pose_optimization` adds to a training."""
 
     @property
     def moving(self):
-        return self.job.refine
+        return self.job.pose_optimization
 
     @property
     def coarse_to_fine(self):

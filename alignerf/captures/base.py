@@ -7,14 +7,14 @@ import functools
 
 from alignerf import captures
 from alignerf.captures import crops
-from alignerf.files.environment import extensions
+from alignerf.io.environment import extensions
 
 # Ways of having poses that came with the photos.
-INPUT = ("adjusted", "given")
+INPUT = ("adjusted", "input")
 SPLITS = ("train", "test")
-# What is held out at most, unless a number says more; fewer than LEAST_TEST_VIEWS give
+# What is held out at most, unless a number says more; fewer than MIN_TEST_VIEWS give
 # no interval (`verdict.shift`; a test holds both equal).
-SELDOM, OFTEN, LEAST_TEST_VIEWS = 8, 4, 5
+SELDOM, OFTEN, MIN_TEST_VIEWS = 8, 4, 5
 
 
 class Capture:
@@ -82,14 +82,14 @@ class Capture:
     def poses_of(self, scene):
         """The way of having poses; without features no camera can be adjusted."""
         usual = self.poses
-        if scene["triangulate"] is False and "given" in usual:
-            usual = ("given",)
+        if scene["triangulate"] is False and "input" in usual:
+            usual = ("input",)
         return scene["poses"] or usual[0]
 
     def every_of(self, scene, views):
         """The n of a scene whose every n-th view of `views` is held out.
 
-        `auto`: 8, or the largest n from 4 on with LEAST_TEST_VIEWS held out. Under 17
+        `auto`: 8, or the largest n from 4 on with MIN_TEST_VIEWS held out. Under 17
         views no such n leaves 12 to learn from: it stays 8, as no interval can be had
         anyway.
         """
@@ -97,7 +97,7 @@ class Capture:
         if every != "auto":
             return every
         some = range(SELDOM, OFTEN - 1, -1)
-        enough = (n for n in some if -(-views // n) >= LEAST_TEST_VIEWS)
+        enough = (n for n in some if -(-views // n) >= MIN_TEST_VIEWS)
         return next(enough, SELDOM)
 
     def wants_matches(self, scene):
@@ -118,7 +118,7 @@ class Capture:
         return SPLITS
 
     def can_export(self, scene):
-        """Whether what is put right is of use to another program."""
+        """Whether what is corrected is of use to another program."""
         return True
 
     def before(self, scene):
@@ -144,7 +144,7 @@ def every():
 def of(scene):
     """The record of a scene: of its source, or of crops of such."""
     source = every()[scene["source"]]
-    return crops.Crops(source) if scene.get("zoom") else source
+    return crops.Crops(source) if scene.get("crop") else source
 
 
 def section(scene, key):

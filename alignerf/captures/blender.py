@@ -7,7 +7,7 @@ published score uses, are left out. Photos with alpha are set on a background.
 from pathlib import Path
 
 from alignerf.captures import posed
-from alignerf.files import faults
+from alignerf.io import faults
 
 SPLITS = ("train", "test")
 

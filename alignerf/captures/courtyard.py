@@ -9,7 +9,7 @@ from alignerf.experiment.keys.key import Keys, key
 log = logging.getLogger("alignerf.poses")
 
 # Courtyard's photos, eight bits a channel.
-MOST_PHOTO_BYTES = 2**35
+MAX_PHOTO_BYTES = 2**35
 
 
 # Of the courtyard (`alignerf.scenes.courtyard.world`; a test holds both equal).
@@ -84,14 +84,14 @@ class CourtyardCapture(base.Capture):
         if 1 < len(zooms) > views // self.every_of(scene, views):
             reason = f"{len(zooms)} of them are more than there are test views"
             yield "courtyard.zooms", reason
-        if 3 * views * own["width"] * own["height"] > MOST_PHOTO_BYTES:
+        if 3 * views * own["width"] * own["height"] > MAX_PHOTO_BYTES:
             size = f"{views} photos of {own['width']}x{own['height']} are more than"
-            yield "courtyard", f"{size} {MOST_PHOTO_BYTES / 2**30:g} GiB"
+            yield "courtyard", f"{size} {MAX_PHOTO_BYTES / 2**30:g} GiB"
 
 
 def rendered(scene, scratch):
     """(views with true cameras, the truth): photos are rendered into a folder."""
-    from alignerf.files import images
+    from alignerf.io import images
     from alignerf.scenes import prepare
     from alignerf.scenes.courtyard import scene as courtyard
     from alignerf.scenes.courtyard import truth

@@ -13,7 +13,7 @@ import logging
 from pathlib import Path
 
 from alignerf.captures import posed
-from alignerf.files import faults, json_files
+from alignerf.io import faults, json_files
 
 log = logging.getLogger(__name__)
 

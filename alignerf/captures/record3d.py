@@ -7,7 +7,7 @@ upright where the phone was. `K` [9] stands column by column. Newer ones have
 as it focuses. Both are of photos of `w` x `h`. Axes and order as instant-ngp's
 scripts/record3d2nerf.py and nerfstudio's record3d_utils.py have them.
 
-It is a film of many frames: MOST_FRAMES are taken, evenly. Videos by the front camera
+It is a film of many frames: MAX_FRAMES are taken, evenly. Videos by the front camera
 have no poses.
 """
 
@@ -15,14 +15,14 @@ import logging
 from pathlib import Path
 
 from alignerf.captures import posed
-from alignerf.files import faults, json_files
+from alignerf.io import faults, json_files
 
 log = logging.getLogger(__name__)
 
 METADATA, PHOTOS = ("metadata.json", "metadata"), ("rgb", "rgbd")
 DEPTH = ("depth",)
 # As of a film.
-MOST_FRAMES = 120
+MAX_FRAMES = 120
 
 
 class Record3d(posed.App):
@@ -107,15 +107,15 @@ def numbered_photos(folder):
 
 
 def chosen(folder):
-    """{number: path} of the frames that are taken, at most MOST_FRAMES, evenly."""
+    """{number: path} of the frames that are taken, at most MAX_FRAMES, evenly."""
     import numpy as np
 
     found = numbered_photos(folder)
-    if len(found) <= MOST_FRAMES:
+    if len(found) <= MAX_FRAMES:
         return found
-    log.info("%s: %d of %d frames, evenly", folder, MOST_FRAMES, len(found))
+    log.info("%s: %d of %d frames, evenly", folder, MAX_FRAMES, len(found))
     numbers = list(found)
-    places = np.linspace(0, len(found) - 1, MOST_FRAMES).round().astype(int)
+    places = np.linspace(0, len(found) - 1, MAX_FRAMES).round().astype(int)
     return {numbers[place]: found[numbers[place]] for place in places.tolist()}
 
 

@@ -9,7 +9,7 @@ pairs of faults and on real captures: docs/evidence/verdict.md.
 
 import sys
 
-from alignerf.files.environment import extensions
+from alignerf.io.environment import extensions
 
 
 def every():

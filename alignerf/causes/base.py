@@ -1,6 +1,6 @@
 """What a cause is, and the numbers that causes are decided by.
 
-Lengths are pixels of the training size; those of windows, and those that are told, are
+Lengths are pixels of the training size; those of crops, and those that are told, are
 pixels of the photo: the others change with `downscale`. NaN is unknown.
 """
 
@@ -29,12 +29,12 @@ class Matches(NamedTuple):
     worst_px: float
 
 
-class Windows(NamedTuple):
-    """Windows with the cameras as given; lengths are in px of the photo.
+class Crops(NamedTuple):
+    """Crops with the cameras as given; lengths are in px of the photo.
 
-    flow_px, camera_px, remainder_px: medians over the training photos of their windows'
+    flow_px, camera_px, remainder_px: medians over the training photos of their crops'
     medians; low_px, high_px: the 95 % interval of the first. corrected_px: the same of
-    windows with the cameras that a method has put right; NaN where there are none.
+    crops with the cameras that a method has corrected; NaN where there are none.
     """
 
     places: int
@@ -47,11 +47,11 @@ class Windows(NamedTuple):
     flow_test_px: float
     camera_px: float
     remainder_px: float
-    passes: float
+    epochs: float
     corrected_px: float = math.nan
 
 
-class Judged(NamedTuple):
+class ExternalRenders(NamedTuple):
     """How a scene of another program's renders was put together.
 
     depth: `given`, of `points`, or `far`; cameras: what told them, `none` where nothing
@@ -81,15 +81,15 @@ class Evidence(NamedTuple):
     flow_test_px: float
     camera_px: float
     remainder_px: float
-    moved_share: float
+    moved_fraction: float
     # Of renders as bright as their photos: exposure is a cause of its own.
     psnr_train_db: float
     psnr_test_db: float
     # What an estimator invents where nothing is.
     overfit_px: float
-    passes: float
+    epochs: float
     detail_median: float
-    blurred_share: float
+    blurred_fraction: float
     exposure_ev: float
     # The same by points that photos share.
     shared_ev: float
@@ -102,9 +102,9 @@ class Evidence(NamedTuple):
     poses_given: bool = False
     perturb_px: float = 0.0
     # At the photos' own size; None without.
-    windows: Windows | None = None
+    crops: Crops | None = None
     # Of renders of another program; None of ours.
-    judged: Judged | None = None
+    judged: ExternalRenders | None = None
     # None where matches were not asked.
     matches: Matches | None = None
     # Which pairs of photo and render are none.

@@ -10,10 +10,10 @@ PART_PX = 0.2
 # given poses of real captures up to 0.6 px, cameras that are off by 2 px 1.3 px.
 REPROJECTION_PX = 0.8
 # In dB on courtyard, where poses are off by 1.5 px and objects move, over plain
-# training of the same seconds, those of one and of two (docs/measured/on_the_way.csv).
+# training of the same seconds, those of one and of two (docs/measured/in_loop.csv).
 ALIGNED_DB, ALIGNED_TWICE_DB = 1.0, 1.8
 ALIGN = (
-    "align on the way (a method with align: {}): one training that puts its "
+    "align in the loop (a method with align: {}): one training that puts its "
     f"cameras right as it goes. On the demo's scene it brought {ALIGNED_DB} dB in "
     f"the seconds of one training, {ALIGNED_TWICE_DB} dB in those of two."
 )
@@ -23,7 +23,7 @@ OF_OTHERS = (
     "or take those of one training of ours (a method with align: {})."
 )
 # Where the poses came with the photos, COLMAP finds others: on a phone's capture they
-# were 0.9 to 3.5 dB better than the phone's own (docs/measured/on_the_way_real.csv).
+# were 0.9 to 3.5 dB better than the phone's own (docs/measured/in_loop_real.csv).
 ANEW = (
     "let COLMAP find the poses anew, from a folder of the photos alone: "
     '`make photos FOLDER=photos_alone PHOTOS="--name another"`.'
@@ -41,13 +41,13 @@ def by_matches(e):
 
 
 def source(e):
-    """What shows that poses are off: `windows`, `flow`, `matches`, `points`; or None.
+    """What shows that poses are off: `crops`, `flow`, `matches`, `points`; or None.
 
     The first that says so. From too few photos a wrong pose is learnt as geometry, so
     that training views fit: then the points that photos share tell.
     """
-    if shift.by_windows(e) and e.windows.camera_px > e.windows.remainder_px:
-        return "windows"
+    if shift.by_crops(e) and e.crops.camera_px > e.crops.remainder_px:
+        return "crops"
     if shift.misaligned(e) and not shift.too_short(e) and e.camera_px > PART_PX:
         return "flow"
     if by_matches(e):
@@ -70,16 +70,16 @@ def is_shared(e):
 
 def decide(e):
     """(size in px of the training, whether it is sure); None where poses are right."""
-    if shift.too_short(e) and not (shift.by_windows(e) or by_matches(e)):
+    if shift.too_short(e) and not (shift.by_crops(e) or by_matches(e)):
         return None
     # Matches that find nothing to correct are the witness that denies it.
     denied = e.judged and e.matches and not e.matches.accepted
     shown = source(e)
     if shown == "flow" and is_shared(e):
         shown = "matches" if by_matches(e) else None
-    if shown == "windows":
-        sure = e.windows.low_px > shift.WINDOW_PX
-        return e.windows.camera_px / e.photo_px, sure and not denied
+    if shown == "crops":
+        sure = e.crops.low_px > shift.CROP_PX
+        return e.crops.camera_px / e.photo_px, sure and not denied
     if shown == "flow":
         sure = e.camera_px > 2 * PART_PX or by_matches(e)
         return e.camera_px, sure and not denied
@@ -92,8 +92,8 @@ def decide(e):
 
 def size_px(e, of):
     """How far poses are off by a source, in px of the photo."""
-    if of == "windows":
-        return e.windows.camera_px
+    if of == "crops":
+        return e.crops.camera_px
     if of == "matches":
         return e.matches.pose_error_px
     return e.photo_px * (e.reprojection_px if of == "points" else e.camera_px)
@@ -101,8 +101,8 @@ def size_px(e, of):
 
 def shown(e):
     """(what the gauge shows, its limit), in px of the photo."""
-    of = "windows" if shift.known_windows(e) else source(e)
-    limits = {"windows": shift.WINDOW_PX, "points": e.photo_px * REPROJECTION_PX}
+    of = "crops" if shift.known_crops(e) else source(e)
+    limits = {"crops": shift.CROP_PX, "points": e.photo_px * REPROJECTION_PX}
     return size_px(e, of), limits.get(of, e.photo_px * PART_PX)
 
 
@@ -121,7 +121,7 @@ def sentence(e, probably):
     if of == "points":
         where = "points that several photos show lie"
         return f"{lead} {where} {px} from where the cameras expect them."
-    where = "in the windows " * (of == "windows")
+    where = "in the crops " * (of == "crops")
     said = f"{lead} {where}a moved camera explains {px} of the shift."
     if e.perturb_px:
         put = base.length(e.photo_px * e.perturb_px)
@@ -134,7 +134,7 @@ def sentence(e, probably):
 
 def text(e):
     """Advice where nothing was tried; only other programs do not say what they saw."""
-    return OF_OTHERS if math.isnan(e.passes) else ALIGN
+    return OF_OTHERS if math.isnan(e.epochs) else ALIGN
 
 
 def advise(e, gains):
@@ -144,7 +144,7 @@ def advise(e, gains):
         said = ADJUSTED
     elif not e.poses_given:
         said = own or text(e)
-    elif any(remedies.pays(e, gain) for gain in gains if gain.on_the_way):
+    elif any(remedies.pays(e, gain) for gain in gains if gain.in_loop):
         said = f"{ANEW} Until then {own}"
     else:
         # What was tried in vain is not offered beside it.

@@ -5,7 +5,7 @@ from alignerf.causes import base, coverage, remedies
 # Pixels that do not move with their camera: by so much at least, and by so much of what
 # it moves, since a model that averages wrong poses is bent; and their share. That is up
 # to 0.044 where nothing moves and poses are off, 0.061 and more where objects move.
-MOVED_PX, MOVED_OF_CAMERA, MOVED_SHARE, MOVED_SURELY = 0.5, 0.7, 0.05, 0.08
+MOVED_PX, MOVED_OF_CAMERA, MOVED_FRACTION, MOVED_SURELY = 0.5, 0.7, 0.05, 0.08
 # In dB on courtyard where objects alone move, over plain training of the same seconds
 # (docs/measured/remedies.csv) and of as many steps (remedies_steps.csv).
 WARPED_MOTION_DB, WARPED_MOTION_TWICE_DB = 0.2, -1.8
@@ -28,8 +28,8 @@ CAUSE = base.Cause(
     label="things that moved",
     unit="%",
     scale=lambda e: 100,
-    value=lambda e: e.moved_share,
-    limit=lambda e: MOVED_SHARE,
+    value=lambda e: e.moved_fraction,
+    limit=lambda e: MOVED_FRACTION,
     sure_limit=MOVED_SURELY,
     by_flow=True,
     called="the scene {probably}moved",

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from alignerf import testsets
 from alignerf.causes import shift
-from alignerf.files import provenance
+from alignerf.io import provenance
 
 
 class Gain(NamedTuple):
@@ -17,7 +17,7 @@ class Gain(NamedTuple):
     minutes: float
     method: str = ""
     # Whether it has moved its cameras: on the way, or between rounds.
-    on_the_way: bool = False
+    in_loop: bool = False
     test_set: str = ""
     # Of a training that aligned itself: how many cameras it has moved at the most.
     cameras_moved: int | None = None
@@ -38,14 +38,14 @@ def pays(e, gain):
         return True
     if gain.matches and gain.matches["worse"]:
         return False
-    moves = ["cameras"] * bool(gain.on_the_way)
+    moves = ["cameras"] * bool(gain.in_loop)
     fair = not testsets.is_unfair(gain.test_set, moves)
     return fair and e.test_views >= shift.FEW_TEST_VIEWS and gain.low > 0
 
 
 def advise(e, gains, *, only_paying=False):
     """Advice where this run has moved cameras, else nothing."""
-    tried = [gain for gain in gains if gain.on_the_way]
+    tried = [gain for gain in gains if gain.in_loop]
     if not tried:
         return ""
     best = max(tried, key=lambda gain: (pays(e, gain), gain.db))
@@ -56,13 +56,13 @@ def advise(e, gains, *, only_paying=False):
         )
     if pays(e, best):
         return (
-            f"take the cameras of {best.method}, which this run has put right: "
+            f"take the cameras of {best.method}, which this run has corrected: "
             f"`{provenance.export_command()}`."
         )
     if only_paying or e.test_views < shift.FEW_TEST_VIEWS:
         return ""
     return (
-        f"leave cameras and photos as given: {best.method} put right what it saw, and "
+        f"leave cameras and photos as given: {best.method} corrected what it saw, and "
         "that brought no more than chance. Train longer."
     )
 
@@ -72,5 +72,5 @@ def warped_in_vain(e, gains):
 
     A remedy that also moves cameras is for `advise` to judge.
     """
-    lows = [gain.low for gain in gains if gain.warped and not gain.on_the_way]
+    lows = [gain.low for gain in gains if gain.warped and not gain.in_loop]
     return bool(lows) and e.test_views >= shift.FEW_TEST_VIEWS and max(lows) <= 0

@@ -1,7 +1,7 @@
 """How far photos and renders are apart, and whether a run can tell.
 
 `e` is a `base.Evidence`. Lengths are in pixels of the training size; those of
-windows, `limit_px` and `shift_px` are in pixels of the photo. The page takes its limit
+crops, `limit_px` and `shift_px` are in pixels of the photo. The page takes its limit
 from here, too. How the thresholds were chosen: docs/evidence/verdict.md.
 """
 
@@ -10,22 +10,22 @@ import math
 # Photos and renders of a scene in which nothing is wrong are 0.07 px apart. Under this
 # length, in pixels of the training size, no capture is called misaligned.
 ALIGNED_PX = 0.25
-# In windows at the photos' own size, of training views and of test views: where both
+# In crops at the photos' own size, of training views and of test views: where both
 # are longer, photos are misaligned. They were 0.3 to 0.5 and 0.7 to 1.0 px on three
 # captures with right poses, 0.8 to 1.1 and 1.8 to 2.4 px on two with wrong ones: a
 # model learns a part of a wrong pose, but not that of a view that it has not seen.
-WINDOW_PX, WINDOW_TEST_PX = 0.5, 1.3
+CROP_PX, CROP_TEST_PX = 0.5, 1.3
 # Test views' flow over training views' there: beyond it a wrong pose may have been
 # learnt as geometry. It was 1.3 to 3.1, and 7.6 to 12 where views lie far apart. How
-# often each pixel of a window has been seen at the least.
-WINDOW_RATIO, WINDOW_PASSES = 5.0, 0.2
+# often each pixel of a crop has been seen at the least.
+CROP_RATIO, CROP_EPOCHS = 5.0, 0.2
 # "Aligned" is said where a shift of so much would have been seen, at the width that
 # programs train at: they make photos smaller that are wider.
 TOLD_PX, USUAL_WIDTH_PX = 1.0, 1600
 # Views that no interval can be told from, and that no geometry can be learnt from.
 FEW_TEST_VIEWS, FEW_TRAIN_VIEWS = 5, 12
 # How often each training pixel has been seen.
-FEW_PASSES = 0.5
+FEW_EPOCHS = 0.5
 
 
 def told_px(overfit_px):
@@ -40,23 +40,23 @@ def told_px(overfit_px):
 
 def too_short(e):
     """Whether training was too short for its renders to tell anything of alignment."""
-    return e.passes < FEW_PASSES / 2
+    return e.epochs < FEW_EPOCHS / 2
 
 
 def is_sharp(e):
-    """Whether flows tell of alignment: by windows where the training was too short."""
-    return not too_short(e) or known_windows(e)
+    """Whether flows tell of alignment: by crops where the training was too short."""
+    return not too_short(e) or known_crops(e)
 
 
 def misaligned(e):
     """Whether photos and renders of the training views are apart at all.
 
-    Windows decide where they tell something; a shift of the whole photos of twice its
+    Crops decide where they tell something; a shift of the whole photos of twice its
     limit counts beside them.
     """
-    if by_windows(e):
+    if by_crops(e):
         return True
-    times = 2 if known_windows(e) else 1
+    times = 2 if known_crops(e) else 1
     return flow_px(e) > times * told_px(e.overfit_px)
 
 
@@ -65,41 +65,41 @@ def flow_px(e):
     return e.flow_train_px if math.isfinite(e.flow_train_px) else e.flow_test_px
 
 
-def of_windows_say(e):
-    """What windows say: `aligned`, `misaligned`, or why nothing; None without any."""
-    w = e.windows
+def of_crops_say(e):
+    """What crops say: `aligned`, `misaligned`, or why nothing; None without any."""
+    w = e.crops
     if w is None:
         return None
     if not (math.isfinite(w.flow_px) and math.isfinite(w.flow_test_px)):
         return "unknown"
-    if w.passes < WINDOW_PASSES:
+    if w.epochs < CROP_EPOCHS:
         return "short"
     if w.photos < FEW_TRAIN_VIEWS or w.test_photos < FEW_TEST_VIEWS:
         return "few"
-    if w.flow_px > WINDOW_PX:
-        return "misaligned" if w.flow_test_px > WINDOW_TEST_PX else "unconfirmed"
-    is_sparse = w.flow_test_px > WINDOW_RATIO * max(w.flow_px, 0.05)
+    if w.flow_px > CROP_PX:
+        return "misaligned" if w.flow_test_px > CROP_TEST_PX else "unconfirmed"
+    is_sparse = w.flow_test_px > CROP_RATIO * max(w.flow_px, 0.05)
     return "sparse" if is_sparse else "aligned"
 
 
-def by_windows(e):
-    """Whether windows at the photos' own size are apart."""
-    return of_windows_say(e) == "misaligned"
+def by_crops(e):
+    """Whether crops at the photos' own size are apart."""
+    return of_crops_say(e) == "misaligned"
 
 
-def known_windows(e):
-    """Whether windows tell anything."""
-    return of_windows_say(e) in ("aligned", "misaligned")
+def known_crops(e):
+    """Whether crops tell anything."""
+    return of_crops_say(e) in ("aligned", "misaligned")
 
 
 def limit_px(e):
     """The least shift that the run tells, in px of the photo."""
-    return WINDOW_PX if known_windows(e) else e.photo_px * told_px(e.overfit_px)
+    return CROP_PX if known_crops(e) else e.photo_px * told_px(e.overfit_px)
 
 
 def shift_px(e):
     """How far a photo and its render are apart, in px of the photo."""
-    return e.windows.flow_px if by_windows(e) else e.photo_px * flow_px(e)
+    return e.crops.flow_px if by_crops(e) else e.photo_px * flow_px(e)
 
 
 def tells(e):
@@ -107,7 +107,7 @@ def tells(e):
 
     That is one pixel of the photo, or of one of 1600 px of width if it is wider.
     """
-    if of_windows_say(e) == "unconfirmed" or not math.isfinite(flow_px(e)):
+    if of_crops_say(e) == "unconfirmed" or not math.isfinite(flow_px(e)):
         return False
     wide = min(1.0, USUAL_WIDTH_PX / e.photo_width_px)
     return not limit_px(e) * wide > TOLD_PX

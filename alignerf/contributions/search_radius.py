@@ -9,13 +9,13 @@ import math
 
 import numpy as np
 
-from alignerf.files import csv_files
+from alignerf.io import csv_files
 
 log = logging.getLogger("alignerf")
 
 # The photo around a patch of 32 px is then 64 px wide: four times the patch's area,
 # and (2 r + 1)^2 = 1089 offsets to compare.
-MOST_PX = 16
+MAX_PX = 16
 COLUMN = "p95_px"
 
 
@@ -31,12 +31,12 @@ def radius_from(lengths_px) -> int:
     """
     lengths_px = check(lengths_px)
     reach_px = np.percentile(lengths_px, 95, method="inverted_cdf")
-    if reach_px > MOST_PX:
+    if reach_px > MAX_PX:
         log.warning(
             "search radius: %d px is the most, %.1f px were measured",
-            *(MOST_PX, reach_px),
+            *(MAX_PX, reach_px),
         )
-    return min(max(math.ceil(reach_px), 1), MOST_PX)
+    return min(max(math.ceil(reach_px), 1), MAX_PX)
 
 
 def check(lengths_px) -> np.ndarray:

@@ -17,13 +17,13 @@ from pathlib import Path
 
 from alignerf.costs import plan, summary
 from alignerf.experiment import jobs
-from alignerf.files import atomic, csv_files, faults, json_files
+from alignerf.io import atomic, csv_files, faults, json_files
 from alignerf.scenes import prepared
 from alignerf.training import memory
 
 # Photos whose flow is timed. Of small ones some more: on a machine that has other work
 # too, a process of less than a second has more than its share.
-PHOTOS, MOST_PHOTOS, MORE_PIXELS = 2, 8, 300_000
+PHOTOS, MAX_PHOTOS, MORE_PIXELS = 2, 8, 300_000
 
 
 OPTIONS = {
@@ -63,7 +63,7 @@ def shown(paths):
 def measured(args, work):
     """The content of preflight.json."""
     threads = min(args.threads, args.cores)
-    lanes = max(1, args.cores // threads)
+    parallel_jobs = max(1, args.cores // threads)
     loaded = prepared.load(args.scene)
     photos = [loaded.folder / "images" / f"{name}.png" for name in loaded.names]
     views = plan.Views(
@@ -76,7 +76,7 @@ def measured(args, work):
     ours = {one["name"]: plan.job_of(one) for one in work["trainings"]}
     keys = {name: job and plan.program_of(job) for name, job in ours.items()}
     programs = {keys[name]: job for name, job in ours.items() if job}
-    with concurrent.futures.ThreadPoolExecutor(lanes) as pool:
+    with concurrent.futures.ThreadPoolExecutor(parallel_jobs) as pool:
         flow = pool.submit(flow_of, photos, views.pixels, work["flow"])
         timed = {
             key: pool.submit(calibrate, args.scene, threads, job)
@@ -92,10 +92,10 @@ def measured(args, work):
     return {
         "scene": args.scene.name,
         "cores": args.cores,
-        "lanes": lanes,
+        "parallel_jobs": parallel_jobs,
         "external": [name for name, key in keys.items() if not key],
         "wall_s": round(plan.wall_s(work, tasks, args.cores), 1),
-        "memory_bytes": plan.peak_bytes(work, tasks, lanes),
+        "memory_bytes": plan.peak_bytes(work, tasks, parallel_jobs),
         "memory_free_bytes": memory.free_host_bytes(),
         "disk_bytes": sum(new),
         "disk_free_bytes": shutil.disk_usage(args.scene).free,
@@ -130,7 +130,7 @@ def flow_of(photos, pixels, options) -> plan.Flow:
 
     Raises ValueError with the command's error where it fails.
     """
-    count = min(max(PHOTOS, MORE_PIXELS // pixels), MOST_PHOTOS, len(photos))
+    count = min(max(PHOTOS, MORE_PIXELS // pixels), MAX_PHOTOS, len(photos))
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         command = [sys.executable, "-m", "flow.align", *options]

@@ -12,7 +12,7 @@ import jax
 
 from alignerf.costs import plan
 from alignerf.experiment import jobs
-from alignerf.files import faults, machine
+from alignerf.io import faults, machine
 from alignerf.processes import devices
 from alignerf.scenes import prepared
 from alignerf.training import batches, checkpoint, compose, loop, memory, program
@@ -60,7 +60,7 @@ def rates_of(job, loaded: prepared.Scene, started) -> plan.Rates:
     checkpoint.digest((params, views))
     count = sum(leaf.size for leaf in jax.tree.leaves(params))
     start_s += time.time() - begun
-    step_s = loop.step_time_s(job, built, params, views, most_s=TIMING_S)
+    step_s = loop.step_time_s(job, built, params, views, max_s=TIMING_S)
     return plan.Rates(
         *(start_s, built.compile_time_s, step_s, count, machine.peak_bytes())
     )

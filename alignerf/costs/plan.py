@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 from alignerf.experiment import decisions, jobs, plan
 from alignerf.experiment.step import flow_options, words
-from alignerf.files import json_files
+from alignerf.io import json_files
 
 # Of a ray's seconds in a training: without gradients, which take twice as long.
-RENDER_SHARE = 1 / 3
+RENDER_FRACTION = 1 / 3
 # Seconds a megapixel to score a test view and to take its flow apart, where a process
 # starts in START_S. Then: of Snakemake, for each job besides the process.
 SCORES_S, START_S, JOB_S = 10.0, 0.6, 0.4
@@ -27,7 +27,7 @@ PARAM_BYTES, SMALL_BYTES, DEPTH_BYTES = 16, 100_000, 4
 ALIGNER_BYTES, ALIGNED_BYTES, RGB_BYTES, FLOW_SIDE = 140_000_000, 44, 3, 48
 # Keys that no compiled step depends on.
 LENGTH = {"steps", "budget_min", "warmup_steps", "learning_rates"}
-UNTIMED = {"stage", "pretrain_share", "align", "decisions"}
+UNTIMED = {"stage", "pretrain_fraction", "align", "decisions"}
 
 
 class Rates(NamedTuple):
@@ -95,8 +95,8 @@ def of_scene(experiment, scene):
     }
     judged = longest.reference_folder(scene, 0).name
     crops = []
-    for name in experiment.windows(scene) if judged in found else ():
-        crop, steps = (experiment.scenes[name][key] for key in ("zoom", "steps"))
+    for name in experiment.crops(scene) if judged in found else ():
+        crop, steps = (experiment.scenes[name][key] for key in ("crop", "steps"))
         cameras = crop["cameras"] and longest.at(scene, crop["cameras"], 0).folder
         more = {"name": f"{os.pardir}/{name}/{judged}", "splits": ["train", "test"]}
         more |= {"after": [cameras] if cameras else [], "crop": crop | {"steps": steps}}
@@ -157,11 +157,11 @@ def of_training(one, moved, rate: Rates, flow: Flow, views: Views):
         flow = Flow(flow.start_s, share * flow.view_s, share * flow.view_bytes)
         pixels, size = round(share * views.pixels), round(share * views.image_bytes)
         views = views._replace(pixels=pixels, image_bytes=size, side=crop["px"])
-        passes = decisions.PASSES * views.train * pixels / job.training.batch_rays
+        passes = decisions.EPOCHS * views.train * pixels / job.training.batch_rays
         job = jobs.with_steps(
             job, round(crop["steps"] * max(1, passes / decisions.STEPS[0]))
         )
-    pixel_s = RENDER_SHARE * rate.step_s / job.rays_per_step if job else 0.0
+    pixel_s = RENDER_FRACTION * rate.step_s / job.rays_per_step if job else 0.0
     begin_s = rate.start_s + rate.compile_s
     length_s, more_bytes = loop_of(job, rate, pixel_s, flow, views) if job else (0.0, 0)
     size, peak = PARAM_BYTES * rate.params + SMALL_BYTES, rate.peak_bytes + more_bytes

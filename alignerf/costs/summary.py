@@ -5,14 +5,14 @@ import time
 from pathlib import Path
 
 from alignerf.costs.plan import Task
-from alignerf.files import faults, json_files
+from alignerf.io import faults, json_files
 
 # Names of the config's scenes, one a line: set for all jobs of a run.
 SCENES = "ALIGNERF_SCENES"
 ASK_EVERY_S = 30.0
 KINDS = {"train": "trainings", "render": "rendering", "flow": "flow"}
 NUMBERS = ("wall_s", "memory_bytes", "memory_free_bytes", "disk_bytes")
-NUMBERS += ("disk_free_bytes", "cores", "lanes")
+NUMBERS += ("disk_free_bytes", "cores", "parallel_jobs")
 KEYS = dict.fromkeys(NUMBERS, json_files.NUMBER) | {"scene": str}
 KEYS |= {"tasks": list, "external": list}
 # Of what is free: the rest is for what others take meanwhile.
@@ -33,7 +33,7 @@ def read(path):
 
 def check(plan):
     """ValueError with advice where a plan needs more memory or disk than is free."""
-    less = "--cores 1" if plan["lanes"] > 1 else "a smaller model or batch_rays"
+    less = "--cores 1" if plan["parallel_jobs"] > 1 else "a smaller model or batch_rays"
     advice = {
         "memory": f"{less}, or a larger downscale",
         "disk": "a larger downscale, fewer methods or rounds, or results elsewhere "

@@ -10,7 +10,7 @@ from alignerf.experiment.checks.common import fault, is_there
 from alignerf.experiment.keys import config as config_keys
 from alignerf.experiment.keys import left as left_keys
 from alignerf.experiment.keys import training as training_keys
-from alignerf.files import faults, yaml_files
+from alignerf.io import faults, yaml_files
 
 # The Snakefile asks nothing but this package.
 or_exit = faults.or_exit
@@ -40,7 +40,7 @@ def checked(config, files=()):
     for name, scene in config["scenes"].items():
         scenes.check_scene(scene, "scenes", name)
         scenes.check_path(scene, name)
-    scenes.check_windows(config)
+    scenes.check_crops(config)
     names.check_published(config)
     check_flow(config["flow"], config["methods"])
     check_weights(config)

@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 from alignerf.experiment import jobs
 from alignerf.experiment.keys import scene as scene_keys
 from alignerf.experiment.keys import training as training_keys
-from alignerf.files import json_files
+from alignerf.io import json_files
 from alignerf.systems import mipnerf360
 
 # Of the nearest point's distance: COLMAP's points are corners, smooth surfaces may be
 # nearer.
-NEAR_SHARE = 0.6
+NEAR_FRACTION = 0.6
 # What a model takes, and float32 can tell apart.
 LENGTHS = (1e-6, 1e6)
 # Side of contracted space.
@@ -30,7 +30,7 @@ CELLS_A_PIXEL = 1.0
 FINEST = (256, 8192)
 # How often each pixel is seen, and between how many steps: 2000 were 0.7 dB below 4000
 # on courtyard's 1.26 million pixels.
-PASSES = 0.5
+EPOCHS = 0.5
 STEPS = (4000, 20000)
 # Facts that decide the number of steps, and the factor by which photos are smaller.
 COUNTS = ("train_views", "width_px", "height_px")
@@ -54,7 +54,7 @@ def decide(facts) -> list[Decision]:
     A key whose facts are unknown keeps its default, and the reason says so.
     """
     first = [downscale(facts)] if facts.get("downscale_decided") else []
-    return [*first, *(rule(facts) for rule in (near, radius, finest, steps))]
+    return [*first, *(rule(facts) for rule in (near, radius, max_resolution, steps))]
 
 
 def downscale(facts):
@@ -79,7 +79,7 @@ def near(facts):
     return Decision(
         "model.near",
         default,
-        digits(clip(NEAR_SHARE * nearest, *LENGTHS)),
+        digits(clip(NEAR_FRACTION * nearest, *LENGTHS)),
         f"the nearest points are {nearest:g} away",
         {"nearest": nearest},
     )
@@ -100,13 +100,13 @@ def radius(facts):
     return Decision("model.radius", default, value, reason, {"nearest": nearest})
 
 
-def finest(facts):
+def max_resolution(facts):
     """The finest cells are what a pixel covers at the median depth."""
-    default = mipnerf360.Model().field.finest
+    default = mipnerf360.Model().field.max_resolution
     names = ("pixel_angle_mrad", "median_depth")
     used = {name: facts[name] for name in names}
     if not all(map(known, used.values())):
-        return unknown("model.field.finest", default, facts, names)
+        return unknown("model.field.max_resolution", default, facts, names)
     angle_mrad, depth = used.values()
     footprint = angle_mrad / 1e3 * depth
     begins = radius(facts).value
@@ -114,7 +114,7 @@ def finest(facts):
     cells = CELLS_A_PIXEL * CONTRACTED_SIDE / contracted
     cells = clip(2 ** round(math.log2(cells)), *FINEST)
     reason = f"a pixel covers {footprint:.2g} at the median depth"
-    return Decision("model.field.finest", default, cells, reason, used)
+    return Decision("model.field.max_resolution", default, cells, reason, used)
 
 
 def contraction_across(distance):
@@ -127,7 +127,7 @@ def steps(facts):
     usual = training_keys.Training()
     default, batch = usual.steps, usual.batch_rays
     pixels = math.prod(facts[name] for name in COUNTS)
-    count = clip(100 * math.ceil(PASSES * pixels / batch / 100), *STEPS)
+    count = clip(100 * math.ceil(EPOCHS * pixels / batch / 100), *STEPS)
     seen = count * batch / pixels
     return Decision(
         "training.steps",

@@ -14,10 +14,10 @@ from alignerf.experiment import schema
 from alignerf.experiment.keys import model as model_keys
 from alignerf.experiment.keys import training as training_keys
 from alignerf.experiment.keys.key import Keys, key, short
-from alignerf.files import faults, json_files
+from alignerf.io import faults, json_files
 
 # Of a stage with a budget, however small that is; of a whole training, however large.
-LEAST_STEPS, MOST_STEPS = 10, 10**8
+MIN_STEPS, MAX_STEPS = 10, 10**8
 
 
 class Text:
@@ -164,8 +164,8 @@ def plain(job: Job) -> Full:
 def steps_in(job: Job, step_time_s) -> int:
     """Steps that the whole training's budget holds, at this stage's seconds a step."""
     fitting = round(60 * job.training.budget_min / step_time_s)
-    least = math.ceil(LEAST_STEPS / job.share)
-    return min(max(fitting, least), MOST_STEPS)
+    least = math.ceil(MIN_STEPS / job.share)
+    return min(max(fitting, least), MAX_STEPS)
 
 
 def with_steps(job: Job, steps) -> Job:

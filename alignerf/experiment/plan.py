@@ -13,7 +13,7 @@ from alignerf import methods
 from alignerf.captures import base
 from alignerf.experiment import layout, trainings
 from alignerf.experiment.keys import scene as scene_keys
-from alignerf.files import json_files
+from alignerf.io import json_files
 
 
 def kept(method):
@@ -91,7 +91,7 @@ class Experiment:
     def rounds_of(self, scene, method):
         """A method's trainings in a scene, round 0 first; equal trainings are shared.
 
-        With `rounds: auto`, all rounds up to `most_rounds`. The trainings of methods
+        With `rounds: auto`, all rounds up to `max_rounds`. The trainings of methods
         earlier in `in_order` are always made first, so the name of a shared training
         does not depend on the order of calls.
         """
@@ -155,12 +155,12 @@ class Experiment:
         """Folders of the trainings whose training views are rendered, with flow.
 
         Another training needs the flow, or the verdict does: if the config has an
-        aligned method or windows, the flow after the reference's round 0 shows how
+        aligned method or crops, the flow after the reference's round 0 shows how
         misaligned the photos are. Of an external reference this is always wanted.
         """
         every = self.trainings(scene).values()
         folders = {before.folder for training in every for before in training.flows}
-        judged = self.parent(scene) or self.windows(scene)
+        judged = self.parent(scene) or self.crops(scene)
         others = self.config["reference"]["method"] not in self.names("ours")
         if judged or others or self.names("in_loop"):
             folders.add(self.judged_folder(scene).name)
@@ -171,7 +171,7 @@ class Experiment:
         chosen = self.methods[method]
         if chosen["rounds"] != "auto":
             return chosen["rounds"]
-        for k in range(chosen["most_rounds"]):
+        for k in range(chosen["max_rounds"]):
             if not self.decided(scene=scene, method=method, round=k):
                 return k
         return k + 1
@@ -215,15 +215,15 @@ class Experiment:
         return self.capture(scene).parent(self.scenes[scene])
 
     def captures(self):
-        """Scenes that stand for themselves: all but windows of another scene."""
+        """Scenes that stand for themselves: all but crops of another scene."""
         return [name for name in self.scenes if not self.parent(name)]
 
     def judged(self, known=True):
         """Scenes whose renders another program has made, and are judged (or not)."""
         return [n for n in self.scenes if self.capture(n).trains != known]
 
-    def windows(self, scene):
-        """The scenes of windows by which a scene is judged, as given first."""
+    def crops(self, scene):
+        """The scenes of crops by which a scene is judged, as given first."""
         return [name for name in self.scenes if self.parent(name) == scene]
 
     def cameras_by(self, scene):
@@ -233,7 +233,7 @@ class Experiment:
     def judged_folder(self, scene):
         """Folder of the training that a scene is judged by: the reference's round 0.
 
-        Of windows that of its baseline, which leaves the cameras as they are.
+        Of crops that of its baseline, which leaves the cameras as they are.
         """
         method = self.config["reference"]["method"]
         if self.parent(scene):
@@ -241,7 +241,7 @@ class Experiment:
         return self.folder(scene, method, 0)
 
     def has_truth(self, scene):
-        """Whether a scene's truth is known; windows of another scene have none."""
+        """Whether a scene's truth is known; crops of another scene have none."""
         return self.capture(scene).has_truth
 
     def truth_of(self, scene):
@@ -262,7 +262,7 @@ def scene_config(experiment, name):
         unused.add("triangulate")
     if experiment.parent(name):
         unused |= {"test_every", "perturb_px", "colmap"}
-    optional = ("masks", "zoom", "pose_convention")
+    optional = ("masks", "crop", "pose_convention")
     unused |= {key for key in optional if scene[key] is None}
     return json_files.canonical({key: scene[key] for key in scene.keys() - unused})
 
@@ -270,7 +270,7 @@ def scene_config(experiment, name):
 def complete_config(experiment, name):
     """The whole config of a scene, as it could be run alone."""
     parent = experiment.parent(name) or name
-    names = [parent, *experiment.windows(parent)]
+    names = [parent, *experiment.crops(parent)]
     found = {one: experiment.scenes[one] for one in names}
     found = experiment.config | {"scenes": found}
     # The order of models and methods has a meaning: tables and defaults follow it.

@@ -66,7 +66,12 @@ def wanted(error):
 
 
 def hint_of(value, what):
-    """How to write a number that is text: quoted, or without the point YAML wants."""
+    """How to write a number that is text: quoted, or without the point YAML wants.
+
+    Or what a value of an earlier version is called now.
+    """
+    if isinstance(value, str) and value in keys.RENAMED_VALUES:
+        return f"; it is {keys.RENAMED_VALUES[value]!r} now"
     if not isinstance(value, str) or not value.isascii() or not is_finite(value):
         return ""
     if "valid integer" in what and value.isdecimal():

@@ -10,8 +10,8 @@ import os
 import sys
 from pathlib import Path
 
-from alignerf.files import machine, provenance
-from alignerf.files.environment import extensions
+from alignerf.io import machine, provenance
+from alignerf.io.environment import extensions
 
 ROOT, LOCK = provenance.ROOT, provenance.LOCK
 PIPELINE = provenance.PIPELINE

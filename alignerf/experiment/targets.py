@@ -10,7 +10,7 @@ from pathlib import Path
 
 from alignerf.captures import base
 from alignerf.experiment import cluster, layout
-from alignerf.files import (
+from alignerf.io import (
     atomic,
     faults,
     json_files,

@@ -10,7 +10,7 @@ from alignerf.experiment import layout
 
 
 class Training(NamedTuple):
-    """One run of `alignerf.train`, or of another program's (`alignerf.others.train`).
+    """One run of `alignerf.train`, or of another program's (`alignerf.external.train`).
 
     folder: of its own, below results/SCENE/. job: a `jobs.Job`, its slice of the
     config. photos, cameras: what it learns from. valid: folder of the pixels that count
@@ -91,7 +91,7 @@ def from_photos(scene, folder, job, **more):
 
 
 def corrected(training):
-    """cameras.npz of a training, put right by its flow."""
+    """cameras.npz of a training, corrected by its flow."""
     return training.path.corrected
 
 
@@ -120,7 +120,7 @@ def way_to(training, before):
 
 
 def rendered_for(training):
-    """Trainings whose training views are rendered and aligned on the way to one.
+    """Trainings whose training views are rendered and aligned in the loop to one.
 
     A training that a search radius is measured on is among them, though it is a row of
     its own.
@@ -130,7 +130,7 @@ def rendered_for(training):
 
 
 def moved_for(training):
-    """Those of them whose cameras are then put right by their flow."""
+    """Those of them whose cameras are then corrected by their flow."""
     learnt_with = {one.cameras for one in lead_to(training)}
     return [one for one in rendered_for(training) if corrected(one) in learnt_with]
 

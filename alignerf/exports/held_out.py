@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import archives, faults, json_files
+from alignerf.io import archives, faults, json_files
 from alignerf.scenes import cameras, prepared
 from flow.camera import correct
 from flow.camera import motion as camera_motion
@@ -26,7 +26,7 @@ OF_FRAME = {"scale": json_files.NUMBER, "rotation": list, "translation": list}
 
 
 class Frame(NamedTuple):
-    """How cameras were put right by the flow of these very renders.
+    """How cameras were corrected by the flow of these very renders.
 
     log_focal: the zoom that they got. similarity: (scale, rotation, translation) of the
     normalised world, which was taken out of all corrections.
@@ -69,7 +69,7 @@ def fit(loaded: prepared.Scene, cameras_path, flow, depth, out, frame=None):
     rendered = dataclasses.replace(loaded, pixtocams=pixtocams)
     corrections = correct.corrections(
         [partial(read, rendered, view, flow, depth) for view in test],
-        least_px=0.0,
+        min_px=0.0,
         zooms=False,
         log_focal=frame.log_focal,
     )

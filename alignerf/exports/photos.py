@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from alignerf.exports import formats
-from alignerf.files import faults, images, progress, yaml_files
+from alignerf.io import faults, images, progress, yaml_files
 from alignerf.scenes import loading, prepare, prepared
 
 log = logging.getLogger("alignerf")
@@ -83,7 +83,7 @@ def config_of(text, folder):
     scenes = content.get("scenes") if isinstance(content, dict) else None
     if isinstance(scenes, dict) and len(scenes) == 1:
         return next(iter(scenes.values()))
-    # Beside a scene stand its windows; its folder has its name.
+    # Beside a scene stand its crops; its folder has its name.
     name = faults.resolved(folder).name
     if not isinstance(scenes, dict) or name not in scenes:
         raise ValueError(f"{path}: not the config of one scene")

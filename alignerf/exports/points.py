@@ -16,7 +16,7 @@ log = logging.getLogger("alignerf")
 
 # As COLMAP takes photos for poses (`colmap.max_size_px`), and half as many features as
 # its usual: pairs are matched in a quarter of the time.
-MOST_SIDE_PX, MOST_FEATURES = 1600, 4096
+MAX_SIDE_PX, MAX_FEATURES = 1600, 4096
 
 
 def anew(folder, work_folder, arrays, views, *, seed) -> pycolmap.Reconstruction:
@@ -32,8 +32,8 @@ def anew(folder, work_folder, arrays, views, *, seed) -> pycolmap.Reconstruction
         work_folder,
         each | {k: arrays[k] for k in ("width", "height")},
         seed=seed,
-        most_side_px=MOST_SIDE_PX,
-        most_features=MOST_FEATURES,
+        max_side_px=MAX_SIDE_PX,
+        max_features=MAX_FEATURES,
         masks=masks if masks.is_dir() else None,
     )
     model = triangulate.model_of(arrays)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.exports import formats
-from alignerf.files import faults, json_files
+from alignerf.io import faults, json_files
 from alignerf.scenes import prepared
 
 TEXT = """\
@@ -82,7 +82,7 @@ NO_POINTS = """
 There are no points: the views share none. gsplat and Gaussian splatting need some, and
 splatfacto begins with random ones.
 """
-WIDTH, MOST_NAMED = 88, 50
+WIDTH, MAX_NAMED = 88, 50
 # A principal point nearer to the photo's middle is in it, for all that one can see.
 MIDDLE_PX = 0.5
 # Every so many photos, by name, gsplat and Gaussian splatting hold out.
@@ -148,7 +148,9 @@ def text(folder, args, arrays, chosen, of_points, *, paid):
 def of_size(scene, chosen, poses):
     """A sentence on the photos: size, and whether they are warped."""
     own = prepared.read_cameras(Path(scene) / "cameras.npz")
-    what = "The renders have" if poses.get("judged") else "This run trained on"
+    what = (
+        "The renders have" if poses.get("external_renders") else "This run trained on"
+    )
     trained = f"{what} {own['width']}x{own['height']} pixels."
     if chosen.unknown:
         trained += (
@@ -213,8 +215,8 @@ def of_left_out(names):
     if not names:
         return ""
     said = f"Left out of the capture's photos ({len(names)}): "
-    more = f" and {len(names) - MOST_NAMED} more" * (len(names) > MOST_NAMED)
-    named = ", ".join(sorted(names)[:MOST_NAMED])
+    more = f" and {len(names) - MAX_NAMED} more" * (len(names) > MAX_NAMED)
+    named = ", ".join(sorted(names)[:MAX_NAMED])
     return "\n" + textwrap.fill(f"{said}{named}{more}.", WIDTH)
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from alignerf.files import archives, images
+from alignerf.io import archives, images
 from alignerf.scenes import prepare, prepared
 from flow.warping import small, warp
 

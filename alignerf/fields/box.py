@@ -16,25 +16,27 @@ from alignerf.fields import encoding, grid, shading, space
 
 # Rows of a level are a multiple of it, outputs of a network at least so many: what its
 # GPU code asks for. They count as parameters.
-ROW_MULTIPLE, LEAST_OUTPUTS = 8, 16
+ROW_MULTIPLE, MIN_OUTPUTS = 8, 16
 # exp(x) up to e^15: beyond it a ray is opaque at any length.
-MOST_LOG_DENSITY = 15.0
+MAX_LOG_DENSITY = 15.0
 
 
-def levels_of(levels, log2_entries, coarsest, finest, side) -> grid.Levels:
+def levels_of(
+    levels, log2_hashmap_size, base_resolution, max_resolution, side
+) -> grid.Levels:
     """The layout of instant-ngp's table: corners a side and rows of each level.
 
-    finest: cells over a length of 1, of the last level.
+    max_resolution: cells over a length of 1, of the last level.
     """
-    growth = math.log2(finest * side / coarsest) / max(levels - 1, 1)
+    growth = math.log2(max_resolution * side / base_resolution) / max(levels - 1, 1)
     corners = [
-        math.ceil(2.0 ** (level * growth) * coarsest - 1.0) + 1
+        math.ceil(2.0 ** (level * growth) * base_resolution - 1.0) + 1
         for level in range(levels)
     ]
     rows = [-(-(count**3) // ROW_MULTIPLE) * ROW_MULTIPLE for count in corners]
     return grid.Levels(
         tuple(count - 1 for count in corners),
-        tuple(min(count, 2**log2_entries) for count in rows),
+        tuple(min(count, 2**log2_hashmap_size) for count in rows),
     )
 
 
@@ -49,10 +51,10 @@ class Box(nn.Module):
 
     side: float = 32.0
     levels: int = 16
-    log2_entries: int = 21
+    log2_hashmap_size: int = 21
     features: int = 2
-    coarsest: int = 16
-    finest: int = 2048
+    base_resolution: int = 16
+    max_resolution: int = 2048
     width: int = 64
     precision: str = "float32"
     moving: bool = False
@@ -65,7 +67,13 @@ class Box(nn.Module):
         batch = gaussians.mean.shape[:-1]
         at, inside = space.in_box(gaussians.mean.reshape(-1, 3), self.side)
         levels = levels_of(
-            *(self.levels, self.log2_entries, self.coarsest, self.finest, self.side)
+            *(
+                self.levels,
+                self.log2_hashmap_size,
+                self.base_resolution,
+                self.max_resolution,
+                self.side,
+            )
         )
         table = self.param(
             "table", grid.table_init, (sum(levels.entries), self.features)
@@ -74,8 +82,8 @@ class Box(nn.Module):
         how = {"moving": self.moving, "native": self.native}
         x = grid.features_of(table, at.T, whole, levels, **how)
         x = nn.relu(product(self, "density_0", self.width, x))
-        x = product(self, "density_1", LEAST_OUTPUTS, x).astype(jnp.float32)
-        density = jnp.exp(jnp.minimum(x[0], MOST_LOG_DENSITY)) * inside
+        x = product(self, "density_1", MIN_OUTPUTS, x).astype(jnp.float32)
+        density = jnp.exp(jnp.minimum(x[0], MAX_LOG_DENSITY)) * inside
         density = density.reshape(batch)
         if viewdirs is None:
             return density, None
@@ -84,5 +92,5 @@ class Box(nn.Module):
         x = jnp.concatenate([x, seen])
         for layer in range(2):
             x = nn.relu(product(self, f"colour_{layer}", self.width, x))
-        colours = product(self, "colour_2", LEAST_OUTPUTS, x)[:3].astype(jnp.float32)
+        colours = product(self, "colour_2", MIN_OUTPUTS, x)[:3].astype(jnp.float32)
         return density, jax.nn.sigmoid(colours).reshape(3, *batch)

@@ -1,7 +1,7 @@
 """The fast field: a multi-resolution hash grid with anti-aliasing.
 
-Notation: n points, levels l of resolution N_l (geometric from coarsest to
-finest), a table of `entries` feature vectors each; x in [0, 1]^3 the contracted
+Notation: n points, levels l of resolution N_l (geometric from base_resolution to
+max_resolution), a table of `entries` feature vectors each; x in [0, 1]^3 the contracted
 position, sigma the Gaussian's radius in the same units. instant-ngp (arXiv
 2201.05989), anti-aliased as zip-NeRF (arXiv 2304.06706, Eq. 5).
 """
@@ -31,9 +31,11 @@ class Levels(NamedTuple):
     entries: tuple[int, ...]
 
     @classmethod
-    def geometric(cls, levels, coarsest, finest, max_entries):
+    def geometric(cls, levels, base_resolution, max_resolution, max_entries):
         """Levels of geometric resolution, dense where their corners fit."""
-        sides = np.round(np.geomspace(coarsest, finest, levels)).astype(int)
+        sides = np.round(np.geomspace(base_resolution, max_resolution, levels)).astype(
+            int
+        )
         entries = [min(max_entries, (int(side) + 1) ** 3) for side in sides]
         return cls(tuple(map(int, sides)), tuple(entries))
 
@@ -185,10 +187,10 @@ class Grid(nn.Module):
     """
 
     levels: int = 6
-    log2_entries: int = 17
+    log2_hashmap_size: int = 17
     features: int = 4
-    coarsest: int = 16
-    finest: int = 1024
+    base_resolution: int = 16
+    max_resolution: int = 1024
     anti_aliased: bool = True
     width: int = 64
     bottleneck: int = 15
@@ -204,7 +206,10 @@ class Grid(nn.Module):
     def __call__(self, gaussians, viewdirs=None, fineness=None):
         mean, radius = coord.contract_spheres(gaussians)
         levels = Levels.geometric(
-            self.levels, self.coarsest, self.finest, 2**self.log2_entries
+            self.levels,
+            self.base_resolution,
+            self.max_resolution,
+            2**self.log2_hashmap_size,
         )
         points = mean.reshape(-1, 3).T / (2 * EXTENT) + 0.5
         sigma = radius.reshape(-1) / (2 * EXTENT)

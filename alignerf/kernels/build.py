@@ -15,7 +15,7 @@ from pathlib import Path
 
 import jax
 
-from alignerf.files import atomic, machine
+from alignerf.io import atomic, machine
 
 log = logging.getLogger("alignerf")
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
-from alignerf.files import machine, progress
+from alignerf.io import machine, progress
 from alignerf.keypoints import patches
 from alignerf.keypoints.tracks import Tracks, Views, Warps, first_of_each, inverted
 

@@ -21,11 +21,11 @@ SIDE, KEPT = 2 * RADIUS + 1, 2 * REACH + 1
 # Of a Gaussian window, in radii.
 WINDOW = 0.6
 # Steps at most, and of one in px; smaller ones end it.
-STEPS, MAX_STEP_PX, LEAST_STEP_PX = 12, 1.0, 0.003
+STEPS, MAX_STEP_PX, MIN_STEP_PX = 12, 1.0, 0.003
 # Flat patches have no more than noise, in grey levels.
 NOISE = 1.0
 # Of what is left between two normalised patches: none are alike to the bit.
-LEAST_VARIANCE = 0.003
+MIN_VARIANCE = 0.003
 COLUMNS = 64
 # Of a surface's slope: 45 degrees are usual. It is the noise of a place, by how many
 # places are independent.
@@ -33,7 +33,7 @@ PRIOR = 0.003
 # Of a slope, a step at most.
 MAX_BEND = 0.5
 # Patches that correlate less are not those of one place yet.
-LEAST_SURE = 0.5
+MIN_SURE = 0.5
 
 _steps = np.arange(-RADIUS, RADIUS + 1, dtype=np.float32)
 OFFSETS = np.stack(np.meshgrid(_steps, _steps), axis=-1).reshape(-1, 2)
@@ -175,7 +175,7 @@ def align(templates, atlas, places, warps, track, *, fits_slopes):
         variance[chosen] = np.einsum("ok,ok,k->o", rest, rest, WEIGHTS)
         correlation[chosen] = np.where(inside, 1 - variance[chosen] / 2, -1)
         vector = np.einsum("ock,ok->oc", weighted[chosen], rest).astype(float)
-        sure = correlation[chosen] > LEAST_SURE
+        sure = correlation[chosen] > MIN_SURE
         if fits_slopes:
             bend = bending_of(matrix[chosen], inverse[chosen], vector, sure, of, slopes)
             slopes[of[first_of_each(of)]] += bend
@@ -186,7 +186,7 @@ def align(templates, atlas, places, warps, track, *, fits_slopes):
         move *= np.minimum(1, MAX_STEP_PX / np.maximum(length, 1e-9))
         move = np.einsum("oij,oj->oi", bent, move)
         places[chosen] += np.where(inside[:, None], move, 0)
-        moves = inside & (length[:, 0] > LEAST_STEP_PX)
+        moves = inside & (length[:, 0] > MIN_STEP_PX)
         if fits_slopes:
             # A track is done with as a whole.
             moves = np.bincount(of, moves & sure, minlength=len(slopes))[of] > 0
@@ -195,7 +195,7 @@ def align(templates, atlas, places, warps, track, *, fits_slopes):
             break
     # Of an edge it is 0, or less by rounding.
     least = np.maximum(np.linalg.eigvalsh(matrix[:, :2, :2])[:, 0], 1e-6)
-    deviation = np.sqrt((variance + LEAST_VARIANCE) / (EFFECTIVE * least))
+    deviation = np.sqrt((variance + MIN_VARIANCE) / (EFFECTIVE * least))
     return Aligned(places, correlation, deviation, slopes)
 
 

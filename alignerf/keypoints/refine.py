@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pycolmap
 
-from alignerf.files import faults, machine, progress
+from alignerf.io import faults, machine, progress
 from alignerf.keypoints import adjustment, alignment
 from alignerf.keypoints.tracks import tracks_of, views_of, warps_of
 

@@ -102,7 +102,7 @@ def tracks_of(model, views: Views) -> Tracks:
         view,
         np.array(keypoint, int),
         np.array(xy).reshape(-1, 2),
-        most_central(views, xyz, track, view),
+        max_central(views, xyz, track, view),
     )
 
 
@@ -111,7 +111,7 @@ def first_of_each(track):
     return np.flatnonzero(np.diff(track, prepend=-1))
 
 
-def most_central(views, xyz, track, view):
+def max_central(views, xyz, track, view):
     """[t] the observation of each track that lies amid the others, by side and size.
 
     One far from the others' scale shows too little to them, or too much.

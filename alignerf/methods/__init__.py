@@ -10,7 +10,7 @@ import sys
 import pydantic
 
 from alignerf.experiment.checks.common import check_folder
-from alignerf.files.environment import extensions
+from alignerf.io.environment import extensions
 
 
 def every():

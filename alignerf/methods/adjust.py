@@ -1,6 +1,6 @@
 """Adjust: trained as a plain method is, by cameras that bundle adjustment corrected.
 
-With `align` or `refine` beside it, that one trains it, and begins with such cameras.
+With `align` or `pose_optimization` beside it, that one trains it, from such cameras.
 """
 
 from alignerf.experiment import layout
@@ -12,7 +12,7 @@ class Adjusted(base.Method):
     """A method with `adjust`."""
 
     key, order = "adjust", 3
-    beside = (*base.Method.beside, "align", "refine")
+    beside = (*base.Method.beside, "align", "pose_optimization")
     annotation = bool
     example = "adjust: true"
     field = keys.key(

@@ -16,11 +16,11 @@ CHANGED = ("cameras", "photos")
 
 
 class Align(Keys):
-    """Alignment on the way: where one training stops, and what it puts right there."""
+    """In-loop alignment: where one training stops, and what it corrects there."""
 
     cameras_at: list[float] = key(
         [0.15, 0.35],
-        "shares of the steps at which the cameras of the training views are put right",
+        "shares of the steps at which the cameras of the training views are corrected",
         above=0,
         most=0.99,
         length=(0, 16),
@@ -43,7 +43,7 @@ class Align(Keys):
         least=1,
         most=16,
     )
-    least_move_px: float = key(
+    min_move_px: float = key(
         0.12,
         "where the median camera would move by less, in px of the small renders, that "
         "is the flow's own error and all stay; more early in the training, less once "
@@ -68,7 +68,7 @@ class Align(Keys):
 
 
 def places(align: Align, steps, where="align") -> dict:
-    """{step: what is put right before it} of a training that aligns itself.
+    """{step: what is corrected before it} of a training that aligns itself.
 
     Steps count from 0; cameras come before photos. Raises ValueError, with the key as
     `where` begins it, where two shares of one list fall on one step, or one on the
@@ -110,7 +110,7 @@ class Aligned(base.Method):
     """A method with `align`."""
 
     key, Keys, order = "align", Align, 5
-    what = "alignment on the way: the training puts right what it learns from"
+    what = "in-loop alignment: the training corrects what it learns from"
     beside = (*base.Method.beside, "adjust")
     in_loop = True
     jobs = (Job,)
@@ -132,7 +132,7 @@ class Aligned(base.Method):
 
     def words(self, experiment, name):
         moved = self.moves(experiment.methods[name], 0)
-        return [f"{' and '.join(sorted(moved))} aligned on the way"]
+        return [f"{' and '.join(sorted(moved))} aligned in the loop"]
 
 
 METHOD = Aligned()

@@ -20,24 +20,24 @@ class Common(Keys):
         0,
         "warping rounds after the first training; auto goes on until the flow from "
         "renders to the photos they were learnt from falls by less than a tenth, see "
-        "flow/rounds.py; decision.json of each round before most_rounds says why",
+        "flow/rounds.py; decision.json of each round before max_rounds says why",
         least=0,
         most=16,
     )
-    most_rounds: int = key(
+    max_rounds: int = key(
         4, "where `rounds: auto` ends, whatever the flow does", least=1, most=16
     )
     changes: Literal["photos", "cameras", "cameras_then_photos"] = key(
         "photos",
         "what a round changes by the flow: photos are warped, as in the paper, or the "
-        "training views' cameras are put right; cameras_then_photos warps photos in "
-        "the last round only; with alignerf, cameras are put right before fine-tuning",
+        "training views' cameras are corrected; cameras_then_photos warps photos in "
+        "the last round only; with alignerf, cameras are corrected before fine-tuning",
     )
 
     @pydantic.model_validator(mode="after")
     def check_most_rounds(self):
-        if self.rounds != "auto" and self.most_rounds != self.default("most_rounds"):
-            raise ValueError("most_rounds: only with `rounds: auto`")
+        if self.rounds != "auto" and self.max_rounds != self.default("max_rounds"):
+            raise ValueError("max_rounds: only with `rounds: auto`")
         return self
 
 
@@ -144,8 +144,8 @@ class Method:
         """What tables say first: the field that it trains."""
         model = experiment.config["models"][experiment.methods[name]["model"]]
         field = model.get("field", model)
-        hashed = "log2_entries" in field
-        size = f"2^{field['log2_entries']}" if hashed else field.get("width", "")
+        hashed = "log2_hashmap_size" in field
+        size = f"2^{field['log2_hashmap_size']}" if hashed else field.get("width", "")
         aliased = [] if field.get("anti_aliased", True) else ["aliased"]
         return [f"{field['kind']} {size}".strip(), *aliased]
 

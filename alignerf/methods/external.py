@@ -127,10 +127,10 @@ class Other(rounds.Rounds):
         for what in OF_COMMAND if unknown else ():
             if "steps" in places.names(chosen[what] or ""):
                 fault(f"{where}.external.{what}", "{steps} needs training.steps")
-        windows = any(captures.of(one).parent(one) for one in config["scenes"].values())
-        if windows and config["reference"]["method"] == name:
-            what = "not with an external reference: its program trains no windows"
-            fault("windows", what)
+        crops = any(captures.of(one).parent(one) for one in config["scenes"].values())
+        if crops and config["reference"]["method"] == name:
+            what = "not with an external reference: its program trains no crops"
+            fault("crops", what)
         super().check(config, name)
 
     def job(self, experiment, scene, name):

@@ -4,7 +4,7 @@ from alignerf.experiment import jobs, schema, trainings
 from alignerf.experiment.checks.common import fault
 from alignerf.methods import base
 
-KEYS = ("rounds", "most_rounds", "changes")
+KEYS = ("rounds", "max_rounds", "changes")
 
 
 def corrects(method):
@@ -12,7 +12,7 @@ def corrects(method):
 
     With `rounds: auto`, of all rounds that there may be.
     """
-    last = method["rounds"] if method["rounds"] != "auto" else method["most_rounds"]
+    last = method["rounds"] if method["rounds"] != "auto" else method["max_rounds"]
     if method["changes"] == "cameras_then_photos":
         return ["cameras"] * (last - 1) + ["photos"]
     return [method["changes"]] * last
@@ -39,7 +39,7 @@ class Rounds(base.Method):
         method, where = config["methods"][name], f"methods.{name}.changes"
         changes, rounds = method["changes"], method["rounds"]
         if changes == "cameras" and rounds == 0:
-            fault(where, "cameras need a round to be put right for")
+            fault(where, "cameras need a round to be corrected for")
         if changes == "cameras_then_photos" and (rounds == "auto" or rounds < 2):
             fault(where, "cameras_then_photos needs a number of rounds, 2 or more")
 
@@ -71,4 +71,4 @@ class Rounds(base.Method):
         if changes == "photos":
             return []
         then = ", then photos" if changes == "cameras_then_photos" else ""
-        return [f"cameras put right{then}"]
+        return [f"cameras corrected{then}"]

@@ -1,6 +1,6 @@
 """Staged: AligNeRF pre-trains as a plain method does, then fine-tunes by patches.
 
-Methods of a model share the pre-training. Between the stages cameras may be put right.
+Methods of a model share the pre-training. Between the stages cameras may be corrected.
 """
 
 from typing import ClassVar, Literal
@@ -17,10 +17,12 @@ from alignerf.methods import base
 class AligNeRF(Keys):
     """The three contributions and the two stages' shares of the steps."""
 
-    pretrain_share: float = key(
+    pretrain_fraction: float = key(
         0.6, "of training.steps, as the baseline", above=0, most=1
     )
-    finetune_share: float = key(0.2, "of training.steps, on patches", above=0, most=1)
+    finetune_fraction: float = key(
+        0.2, "of training.steps, on patches", above=0, most=1
+    )
     learning_rates: list[float] = learning_rates(0.003, 0.0003)
     patches: int = key(4, "patches a step", least=1, most=4096)
     patch_px: int = key(16, "side of a patch", least=8, most=512)
@@ -84,11 +86,11 @@ class Pretrain(jobs.Job):
     """The beginning of a training in one go."""
 
     stage: Literal["pretrain"] = key("pretrain")
-    pretrain_share: float = key(what="of the length", above=0, most=1)
+    pretrain_fraction: float = key(what="of the length", above=0, most=1)
 
     @property
     def share(self):
-        return self.pretrain_share
+        return self.pretrain_fraction
 
 
 class Finetune(jobs.Job):
@@ -100,7 +102,7 @@ class Finetune(jobs.Job):
 
     @property
     def share(self):
-        return self.alignerf.finetune_share
+        return self.alignerf.finetune_fraction
 
     @property
     def schedule_steps(self):
@@ -137,16 +139,16 @@ class Staged(base.Method):
             fault(f"{where}.changes", "a staged training has no round to warp photos")
         if settings["radius_px"] == "auto":
             if self.moves(method, None):
-                what = "radius_px auto is measured before cameras are put right"
+                what = "radius_px auto is measured before cameras are corrected"
                 fault(f"{where}.changes", what)
             if not methods.has_scratch(config["methods"].values(), model):
                 what = f"auto needs a method of model {model!r} without alignerf"
                 fault(f"{where}.alignerf.radius_px", what)
         for other, chosen in config["methods"].items():
             theirs = chosen["model"] == model and chosen["alignerf"]
-            if theirs and theirs["pretrain_share"] != settings["pretrain_share"]:
+            if theirs and theirs["pretrain_fraction"] != settings["pretrain_fraction"]:
                 what = f"methods.{other} has another, and {model} is pre-trained once"
-                fault(f"{where}.alignerf.pretrain_share", what)
+                fault(f"{where}.alignerf.pretrain_fraction", what)
 
     def trainings(self, experiment, scene, name, once):
         """The fine-tuning, which the pre-training leads to."""
@@ -169,9 +171,9 @@ class Staged(base.Method):
 
     def pretraining(self, experiment, scene, name):
         """What methods share that differ in their fine-tuning."""
-        share = experiment.methods[name]["alignerf"]["pretrain_share"]
+        share = experiment.methods[name]["alignerf"]["pretrain_fraction"]
         job = trainings.common(experiment, scene, name)
-        return schema.check(Pretrain, job | {"pretrain_share": share})
+        return schema.check(Pretrain, job | {"pretrain_fraction": share})
 
     def finetuning(self, experiment, scene, name):
         """All that AligNeRF adds, and the file that its loss looks through."""
@@ -185,14 +187,14 @@ class Staged(base.Method):
         return schema.check(Finetune, job | {"alignerf": chosen})
 
     def moves(self, method, round):
-        """Cameras may be put right between the stages."""
+        """Cameras may be corrected between the stages."""
         return frozenset(["cameras"] * (method["changes"] != "photos"))
 
     def words(self, experiment, name):
         """The contributions that the method has."""
         method = experiment.methods[name]
         settings = method["alignerf"]
-        parts = ["cameras put right"] if self.moves(method, None) else []
+        parts = ["cameras corrected"] if self.moves(method, None) else []
         if settings["convolution"]:
             parts.append(f"{settings['features']} features")
         if settings["radius_px"] != 0:

@@ -16,7 +16,7 @@ class WarmStart(keys.Keys):
     from_: str = keys.key(
         what="method of the same model whose round 0 it starts from", alias="from"
     )
-    share: float = keys.key(
+    fraction: float = keys.key(
         0.3, "of training.steps, in each round of warping", above=0, most=1
     )
     learning_rates: list[float] = keys.learning_rates(0.01, 0.001)
@@ -65,7 +65,7 @@ class Warm(rounds.Rounds):
         """Shorter, by rates of its own, from weights instead of from scratch."""
         start = experiment.methods[name]["warm_start"]
         job = trainings.common(experiment, scene, name)
-        training = trainings.part_of(job["training"], start["share"])
+        training = trainings.part_of(job["training"], start["fraction"])
         training["learning_rates"] = start["learning_rates"]
         return schema.check(Job, job | {"training": job["training"] | training})
 

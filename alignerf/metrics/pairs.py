@@ -13,14 +13,14 @@ import cv2
 import numpy as np
 
 # Nothing is told where more than this share fails; below it those are left out.
-MOST_BAD = 0.1
+MAX_BAD = 0.1
 # Correlation of the finest detail, and levels of 8 bits by which colours blurred by so
 # many px differ. Copies, also as JPEG of quality 75, have 0.85 and more, and up to 0.4;
 # of renders the one was up to 0.70, the other 1 and more.
 COPY, COPY_LEVELS, COPY_BLUR_PX = 0.8, 0.6, 8.0
 # Levels of 8 bits: a render's tile is empty below, a photo's shows something above. The
 # share of such tiles is 0 of renders.
-EMPTY, SHOWS, MOST_EMPTY, TILES = 1.0, 6.0, 0.4, 16
+EMPTY, SHOWS, MAX_EMPTY, TILES = 1.0, 6.0, 0.4, 16
 # A render shows another photo, or is turned, where it correlates better with that, and
 # what is missing to 1 is at most half as much.
 THUMB_PX, LESS = 32, 0.5
@@ -35,7 +35,7 @@ ALIKE, FAR, SAME, FEW = 0.5, 0.1, 0.99, 5
 # What a wrong lens or wrong cameras do to all renders alike: of small pictures.
 ZOOMS, SHIFTS_PX = (0.8, 0.9, 1.0, 1.1, 1.25), (-3, -2, -1, 0, 1, 2, 3)
 # Of light; a photo of 8 bits has no less than DARKEST.
-MOST_STOPS, DARKEST = 2.0, 0.001
+MAX_STOPS, DARKEST = 2.0, 0.001
 
 # What a render is instead, in words; {what} is what a view's fault adds.
 KINDS = {
@@ -45,7 +45,7 @@ KINDS = {
     "swapped": "of other photos than they are named like",
     "turned": "turned or mirrored",
     "strange": "of none of these photos",
-    "bright": f"over {MOST_STOPS:g} stops brighter or darker than their photos",
+    "bright": f"over {MAX_STOPS:g} stops brighter or darker than their photos",
 }
 ADVICE = {
     "copy": "give the program's renders: RENDERS holds photos.",
@@ -79,7 +79,7 @@ class Checked(NamedTuple):
     @property
     def stops(self):
         """Whether so many fail that nothing else is told."""
-        return len(self.faults) > MOST_BAD * self.count
+        return len(self.faults) > MAX_BAD * self.count
 
 
 def look(photo, render, counts, *, whole) -> Seen:
@@ -99,10 +99,10 @@ def fault_of(photo, render, counts, whole):
     if (render[counts] == render[counts][:1]).all():
         return "flat"
     levels = [max(light(image[counts]), DARKEST) for image in (photo, render)]
-    if abs(np.log2(levels[0] / levels[1])) > MOST_STOPS:
+    if abs(np.log2(levels[0] / levels[1])) > MAX_STOPS:
         return "bright"
     shown = np.ones_like(counts) if whole else counts
-    if share_empty(photo, render, shown) > MOST_EMPTY:
+    if share_empty(photo, render, shown) > MAX_EMPTY:
         return "empty"
     if likeness(detail(photo)[counts], detail(render)[counts]) < COPY:
         return None

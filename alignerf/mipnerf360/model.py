@@ -57,14 +57,14 @@ class Model(nn.Module):
         rays,
         *,
         jitter=None,
-        train_share=1.0,
-        proposal_share=1.0,
+        train_fraction=1.0,
+        proposal_fraction=1.0,
         fineness=None,
     ) -> Rendering:
         """Render rays [n]; `jitter` [n, rounds] in [0, 1) moves their samples.
 
-        `train_share` in [0, 1] anneals the resampling weights early in training.
-        `proposal_share` of the rays, the first ones, carry a gradient to the proposals.
+        `train_fraction` in [0, 1] anneals the resampling weights early in training.
+        The first `proposal_fraction` of the rays carry a gradient to the proposals.
         `fineness` in [0, 1] hides what is fine in the field's input; None shows all.
         """
         sdist = jnp.broadcast_to(jnp.array([0.0, 1.0]), (len(rays.origins), 2))
@@ -74,7 +74,7 @@ class Model(nn.Module):
             last = number == len(self.samples) - 1
             wide = DILATION_BIAS + DILATION_MULTIPLIER / drawn if number > 0 else None
             drawn *= count
-            anneal = stepfun.anneal_exponent(train_share, slope=ANNEAL_SLOPE)
+            anneal = stepfun.anneal_exponent(train_fraction, slope=ANNEAL_SLOPE)
             moved = None if jitter is None else jitter[:, number]
             resample = calls.resample if self.native else stepfun.resample
             # Where to look is learnt by the proposal's own loss alone; a gradient
@@ -92,7 +92,7 @@ class Model(nn.Module):
                 hidden = {} if fineness is None else {"fineness": fineness}
                 density, values = self.field(gaussians, rays.viewdirs, **hidden)
             else:
-                density = self.propose(gaussians, proposal_share)
+                density = self.propose(gaussians, proposal_fraction)
             weights = render.alpha_weights(
                 density,
                 tdist,

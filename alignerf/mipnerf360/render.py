@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from alignerf.mipnerf360 import coord
 
 # Beyond it exp(-tau) is zero in float32, beside one: 1 - exp(-80) is 1.
-MOST_TAU = 80.0
+MAX_TAU = 80.0
 BACKGROUNDS = {"black": 0.0, "white": 1.0}
 
 
@@ -65,7 +65,7 @@ def alpha_weights(
     length = jnp.where(is_last, 0.0, length)
     largest = jnp.finfo(density.dtype).max
     bounded = jnp.minimum(density, largest / jnp.maximum(length, 1.0) / 2)
-    tau = jnp.where(is_last, MOST_TAU, jnp.minimum(bounded * length, MOST_TAU))
+    tau = jnp.where(is_last, MAX_TAU, jnp.minimum(bounded * length, MAX_TAU))
     # Sums of all that lies before, as a small matrix product: a tenth of a render less
     # than by a cumulative sum.
     earlier = jnp.triu(jnp.ones((bins, bins), tau.dtype), 1)

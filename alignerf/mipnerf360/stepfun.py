@@ -111,9 +111,9 @@ def annealed_logits(
     return jnp.where(massive | (wide & (anneal == 0.0)), logits, -jnp.inf)
 
 
-def anneal_exponent(train_share, *, slope: float):
+def anneal_exponent(train_fraction, *, slope: float):
     """Schlick's bias (slope x) / ((slope - 1) x + 1) of the training share."""
-    return slope * train_share / ((slope - 1.0) * train_share + 1.0)
+    return slope * train_fraction / ((slope - 1.0) * train_fraction + 1.0)
 
 
 def cdf_from_logits(

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.files import archives
+from alignerf.io import archives
 
 VGG19 = {"conv1_1": (3, 3, 64), "conv1_2": (3, 64, 64)}
 # GPUs would round products to ten bits by default: 1e-3 of a metric's value.

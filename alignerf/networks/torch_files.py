@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import faults
+from alignerf.io import faults
 
 MAGIC = 0x1950A86A20F9469CFC6C
 # Storage classes of `torch`, and the numbers that they hold.

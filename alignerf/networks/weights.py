@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import atomic, faults, progress
+from alignerf.io import atomic, faults, progress
 from alignerf.networks import backbones, convnet, torch_files
 
 BLOCK_BYTES = 1 << 20

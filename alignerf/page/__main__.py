@@ -10,7 +10,7 @@ from pathlib import Path
 import jinja2
 
 from alignerf.experiment.tables import rows
-from alignerf.files import atomic, faults, provenance
+from alignerf.io import atomic, faults, provenance
 from alignerf.page import contents, photos, pictures, rig, told
 
 HERE = Path(__file__).resolve().parent
@@ -20,10 +20,10 @@ OPTIONS = {
     "scene": ("results/SCENE", Path),
     "rounds": "JSON: renders, flow folders",
     "base": ("reference's round 0", Path),
-    "[windows]": "a training's folder, of windows",
-    "[windows-corrected]": "the same by cameras put right",
-    "[windows-by]": "the method that has put them right",
-    "[moved]": "cameras.npz, put right",
+    "[crops]": "a training's folder, of crops",
+    "[crops-corrected]": "the same by cameras corrected",
+    "[crops-by]": "the method that has put them right",
+    "[moved]": "cameras.npz, corrected",
     "[moved-by]": "what has put them right",
     "out": "index.html, written",
 }
@@ -37,7 +37,7 @@ def main(argv=None):
         rounds=[(r.renders, r.flow) for r in renders if r.method is None],
         others={r.method: (r.renders, r.flow) for r in renders if r.method is not None},
         base=args.base,
-        windows=(args.windows, args.windows_corrected, args.windows_by),
+        crops=(args.crops, args.crops_corrected, args.crops_by),
         moved=(args.moved_by, args.moved),
     )
     with atomic.replace_file(args.out) as path:
@@ -48,12 +48,12 @@ def main(argv=None):
 NOTHING = (None, None, None)
 
 
-def render(folder, *, rounds, base, others=None, windows=NOTHING, moved=NOTHING[:2]):
+def render(folder, *, rounds, base, others=None, crops=NOTHING, moved=NOTHING[:2]):
     """The page's HTML of a scene's folder of results.
 
     rounds: (renders, flow), folders of the reference's test views round by round;
     others: {method: its (renders, flow)}; base: folder of the reference's round 0, with
-    renders of training views too, if there are any. windows: of
+    renders of training views too, if there are any. crops: of
     `photos.crops`. moved: who put cameras right, and their cameras.npz.
     """
     folder, base = Path(folder), Path(base)
@@ -78,11 +78,11 @@ def render(folder, *, rounds, base, others=None, windows=NOTHING, moved=NOTHING[
         costs=contents.costs(folder),
         downloads=contents.downloads(folder),
         export_command=export,
-        **seen(folder, rounds, others or {}, base, limit_px, verdict, windows, moved),
+        **seen(folder, rounds, others or {}, base, limit_px, verdict, crops, moved),
     )
 
 
-def seen(folder, rounds, others, base, limit_px, verdict, windows, moved):
+def seen(folder, rounds, others, base, limit_px, verdict, crops, moved):
     """What the page shows of the photos, and what its scripts read."""
     photo_px, turns = photos.scale(folder), contents.quarter_turns(folder)
     every = photos.shown(folder, rounds, others, base, limit_px)
@@ -94,7 +94,7 @@ def seen(folder, rounds, others, base, limit_px, verdict, windows, moved):
         "layers": list(dict.fromkeys(name for one in every for name in one.layers)),
         "after": after,
         "opening": photos.opening(every, after) if every else None,
-        "windows": photos.crops(*windows, every),
+        "crops": photos.crops(*crops, every),
         "rig": rig.told(folder, turns, moved[1]),
     }
     return {

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import pandas as pd
 
 from alignerf.experiment import decisions as decided
-from alignerf.files import csv_files, json_files, yaml_files
+from alignerf.io import csv_files, json_files, yaml_files
 from alignerf.scenes import prepared
-from alignerf.scenes.judged import geometry
+from alignerf.scenes.external import geometry
 from alignerf.tables import columns, scores
 
 # What of tables/ it shows; headings and formats are the columns' own.
@@ -172,7 +172,7 @@ def downloads(folder):
 def facts(folder):
     """(name, text) of the scene's main facts: photos, size, poses."""
     poses = json_files.read(folder / "poses.json", POSES)
-    if judged := poses.get("judged"):
+    if judged := poses.get("external_renders"):
         if not isinstance(judged, dict) or not isinstance(judged.get("way"), str):
             raise ValueError(f"{folder / 'poses.json'}: judged is {judged!r:.60}")
         return facts_of_judged(poses, judged)

@@ -18,7 +18,7 @@ const look = (() => {
 
   // What the chosen part of the photo has: {layers, offset_px}.
   function part() {
-    return (data.windows[now.key] ?? [])[now.part - 1] ?? { layers: data.images[now.key] };
+    return (data.crops[now.key] ?? [])[now.part - 1] ?? { layers: data.images[now.key] };
   }
 
   function fill(select, names, chosen) {
@@ -74,15 +74,15 @@ const look = (() => {
   }
 
   function show() {
-    const one = photos.get(now.key), windows = data.windows[now.key] ?? [];
-    now.part = Math.min(now.part, windows.length);
+    const one = photos.get(now.key), crops = data.crops[now.key] ?? [];
+    now.part = Math.min(now.part, crops.length);
     const names = data.layers.filter((name) => name in part().layers);
     const others = Object.keys(part().layers).filter((name) => !names.includes(name));
     names.push(...others);
     const pair = chosen(names);
     $("view").value = now.key;
-    $("regions").hidden = !windows.length;
-    fill($("region"), [[0, "whole photo"], ...windows.map(
+    $("regions").hidden = !crops.length;
+    fill($("region"), [[0, "whole photo"], ...crops.map(
       (_, i) => [i + 1, `window ${i + 1}, photo's own size`],
     )], now.part);
     ["left", "right"].forEach((id, side) => {

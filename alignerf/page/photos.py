@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import archives, csv_files, images, json_files, machine
+from alignerf.io import archives, csv_files, images, json_files, machine
 from alignerf.metrics import image as image_metrics
 from alignerf.page import contents, pictures
 from alignerf.scenes import prepared
@@ -101,7 +101,7 @@ def of_rounds(source: Source):
         words = f"by {source.method} after round {last}"
         found.append((f" after round {last}", words, source.rounds[last]))
     for name, folders in (source.others or {}).items():
-        found.append((f", {name}", f"by {name}, which aligns on the way", folders))
+        found.append((f", {name}", f"by {name}, which aligns in its loop", folders))
     return found
 
 
@@ -127,7 +127,7 @@ def coloured(flow_px, valid, limit_px):
 
 def wheel(limit_px):
     """The wheel [WHEEL_PX, WHEEL_PX, 3] that says what the colours mean."""
-    return drawing.legend(WHEEL_PX, scale_px=FULL_PX, least_px=limit_px)
+    return drawing.legend(WHEEL_PX, scale_px=FULL_PX, min_px=limit_px)
 
 
 def arrows(shown: Shown):
@@ -273,18 +273,18 @@ def level(px, limit_px):
 
 
 def strip(photos, limit_px):
-    """Bars of all photos by name: {bars, limit, most_px}, heights of STRIP_HEIGHT.
+    """Bars of all photos by name: {bars, limit, max_px}, heights of STRIP_HEIGHT.
 
     photos: `entries`. limit_px: in px of the photo.
     """
     known = [one["px"] for one in photos if one["px"] is not None]
-    most_px = max([*known, 2 * limit_px])
+    max_px = max([*known, 2 * limit_px])
     by_name = sorted(photos, key=lambda one: one["name"])
     bars = [
-        {"photo": one, "height": STRIP_HEIGHT * max(one["px"] or 0, 0) / most_px}
+        {"photo": one, "height": STRIP_HEIGHT * max(one["px"] or 0, 0) / max_px}
         for one in by_name
     ]
-    return {"bars": bars, "limit": STRIP_HEIGHT * limit_px / most_px, "most": most_px}
+    return {"bars": bars, "limit": STRIP_HEIGHT * limit_px / max_px, "most": max_px}
 
 
 def afters(every, tried):
@@ -310,11 +310,11 @@ def opening(every, after):
 
 
 def crops(given, corrected, by, shown):
-    """{view: [{layers: {name: data URI}, offset_px}]} of the photos' windows.
+    """{view: [{layers: {name: data URI}, offset_px}]} of the photos' crops.
 
     given, corrected: folders results/SCENE/METHOD/round0 of trainings with the cameras
     as given and as the method `by` has put them right; None where there is none.
-    offset_px: where a window's render by the second lies from the first, x first; left
+    offset_px: where a crop's render by the second lies from the first, x first; left
     out without it. Photos at the end of `shown` have none where they do not fit.
     """
     if not given:
@@ -325,7 +325,7 @@ def crops(given, corrected, by, shown):
     )
     found, size = {}, 0
     for one in shown:
-        for name in windows_of(one, before):
+        for name in crops_of(one, before):
             entry = crop(before[name], after.get(name), by, one.turns)
             size += sum(map(pictures.size_of, entry["layers"].values()))
             if size > CROPS_BYTES:
@@ -334,13 +334,13 @@ def crops(given, corrected, by, shown):
     return found
 
 
-def windows_of(one, before):
-    """Names of a photo's windows, in order."""
+def crops_of(one, before):
+    """Names of a photo's crops, in order."""
     return sorted(name for name in before if name.rpartition("_w")[0] == one.row.view)
 
 
 def crops_of_folder(base):
-    """{window: (its photo, its render, its corner in px)} of a training."""
+    """{crop: (its photo, its render, its corner in px)} of a training."""
     base = Path(base)
     scene = prepared.load(base.parents[1])
     middles = np.linalg.inv(scene.pixtocams)[:, :2, 2]
@@ -355,7 +355,7 @@ def crops_of_folder(base):
 
 
 def crop(before, after, by, turns):
-    """A window's images as data URIs, and the offset of the last."""
+    """A crop's images as data URIs, and the offset of the last."""
 
     def uri(path):
         return pictures.data_uri(

@@ -10,15 +10,15 @@ import numpy as np
 from PIL import Image
 
 from alignerf.causes import shift
-from alignerf.files import machine
+from alignerf.io import machine
 
 # The page stays under 15 MB. Base64 adds a third to these.
-MOST_BYTES = 6_000_000
-# (longest side in px, WebP's quality): the first under MOST_BYTES is taken.
+MAX_BYTES = 6_000_000
+# (longest side in px, WebP's quality): the first under MAX_BYTES is taken.
 SIZES = ((1280, 88), (960, 85), (720, 82), (540, 78), (400, 70), (280, 60))
 # With less space only so many photos have every layer; others have photo and renders.
-MOST_WHOLE = 12
-THUMBS, MOST_THUMB_BYTES = ((144, 60), (96, 55), (64, 45), (32, 40)), 750_000
+MAX_WHOLE = 12
+THUMBS, MAX_THUMB_BYTES = ((144, 60), (96, 55), (64, 45), (32, 40)), 750_000
 # Of a page's photos so many tell how large all will be.
 SAMPLE = 5
 
@@ -46,9 +46,9 @@ def fitted(shown):
     Where even the smallest images are too many, photos at the end have none.
     """
     for longest_px, quality in SIZES:
-        for whole in dict.fromkeys((len(shown), min(MOST_WHOLE, len(shown)))):
+        for whole in dict.fromkeys((len(shown), min(MAX_WHOLE, len(shown)))):
             wanted = list(zip(shown, chosen(shown, whole), strict=True))
-            if guessed_bytes(wanted, longest_px, quality) > 1.2 * MOST_BYTES:
+            if guessed_bytes(wanted, longest_px, quality) > 1.2 * MAX_BYTES:
                 continue
             uris = encoded(wanted, longest_px, quality)
             if len(uris) == len(shown):
@@ -91,7 +91,7 @@ def encoded(wanted, longest_px, quality):
     )
     for (one, names), uris in zip(wanted, made, strict=False):
         size += sum(map(size_of, uris))
-        if size > MOST_BYTES:
+        if size > MAX_BYTES:
             break
         found[one.key] = dict(zip(names, uris, strict=True))
     return found
@@ -106,7 +106,7 @@ def thumbs(shown):
     pictures = list(machine.map_in_threads(small, shown))
     for longest_px, quality in THUMBS:
         uris = [encode(smaller(one, longest_px), quality) for one in pictures]
-        if sum(map(size_of, uris)) <= MOST_THUMB_BYTES:
+        if sum(map(size_of, uris)) <= MAX_THUMB_BYTES:
             break
     return {one.key: uri for one, uri in zip(shown, uris, strict=True)}
 

@@ -7,11 +7,11 @@ drawing's axes are x right, y up, z towards the viewer.
 import cv2
 import numpy as np
 
-from alignerf.files import archives
+from alignerf.io import archives
 from alignerf.scenes import cameras, prepared
 
 # Points that are drawn; the farthest from their middle, in medians, are not.
-MOST_POINTS, FAR = 1500, 3.0
+MAX_POINTS, FAR = 1500, 3.0
 # Length of a frustum in distances to the nearest other camera, and of the scene.
 OF_DISTANCE, OF_SCENE = 0.5, (0.05, 0.15)
 # Corrections are enlarged until the longest of nine tenths has this share of the scene.
@@ -26,7 +26,7 @@ def told(folder, turns, moved=None):
     """{names, splits, cameras, arrows, times, moving, points} of a prepared scene.
 
     turns: {view: quarter turns that make it upright}. moved: a cameras.npz with
-    cameras that were put right, or None. cameras [n, 5, 3]: centre, then the corners of
+    cameras that were corrected, or None. cameras [n, 5, 3]: centre, then the corners of
     the frustum; arrows: per camera [2, 3] from before to after, `times` enlarged, or
     None where it has not moved; points: {places [m, 3], colours [m, 3] of bytes}.
     """
@@ -133,5 +133,5 @@ def points_of(scene):
     points = data["points"] @ frame[:3, :3].T + frame[:3, 3]
     away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
     near = np.flatnonzero(away <= FAR * np.median(away))
-    near = near[:: max(-(-len(near) // MOST_POINTS), 1)]
+    near = near[:: max(-(-len(near) // MAX_POINTS), 1)]
     return points[near], data["colours"][near]

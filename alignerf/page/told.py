@@ -4,7 +4,7 @@ From verdict.json, which holds what `alignerf.verdict.report` tells.
 """
 
 from alignerf import causes
-from alignerf.files import json_files
+from alignerf.io import json_files
 from alignerf.verdict import report
 
 LEVELS = ("sure", "likely", "not seen", "untold")

@@ -17,7 +17,7 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 
-from alignerf.files import faults
+from alignerf.io import faults
 
 log = logging.getLogger("alignerf")
 

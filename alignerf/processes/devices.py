@@ -18,13 +18,13 @@ import jax
 import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec, SingleDeviceSharding
 
-from alignerf.files import machine
+from alignerf.io import machine
 from alignerf.processes import consensus
 
 log = logging.getLogger("alignerf")
 
 # Beyond these, further devices have less to do and more gradients to add up.
-MOST_DEVICES = 4
+MAX_DEVICES = 4
 # What JAX calls it, and called it before.
 MEMORY_SHARES = ("XLA_CLIENT_MEM_FRACTION", "XLA_PYTHON_CLIENT_MEM_FRACTION")
 # Locks of accelerators that this process has taken.
@@ -39,7 +39,7 @@ def use_as_devices():
     """
     if "xla_force_host_platform_device_count" in os.environ.get("XLA_FLAGS", ""):
         return
-    wanted = min(machine.cores(), MOST_DEVICES)
+    wanted = min(machine.cores(), MAX_DEVICES)
     try:
         jax.config.update("jax_num_cpu_devices", wanted)
     except RuntimeError:

@@ -17,7 +17,7 @@ NERF_PADDING, MIPNERF_PADDING = 1e-5, 0.01
 # The length behind a ray's last point.
 ENDLESS = 1e10
 # Beyond it, exp(-tau) is zero in float32.
-MOST_TAU = 80.0
+MAX_TAU = 80.0
 EPS = float(jnp.finfo(jnp.float32).eps)
 
 
@@ -103,7 +103,7 @@ def weights_of(
     """
     largest = float(jnp.finfo(jnp.float32).max)
     bounded = jnp.minimum(density, largest / jnp.maximum(length, 1.0) / 2)
-    tau = jnp.minimum(bounded * length, MOST_TAU)
+    tau = jnp.minimum(bounded * length, MAX_TAU)
     passed = jnp.cumsum(tau, axis=-1)
     before = jnp.concatenate([jnp.zeros_like(tau[..., :1]), passed[..., :-1]], axis=-1)
     return -jnp.expm1(-tau) * jnp.exp(-before), jnp.exp(-passed[..., -1])

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from alignerf.files import faults
+from alignerf.io import faults
 
 # Of NumPy or of JAX, which most users of cameras need not wait for.
 Array = Any
@@ -20,7 +20,7 @@ LARGEST = 1e18
 # Of the width of a photo over its focal length: no lens sees less, or more.
 FIELD = 1e-6, 1e6
 # Of the principal point's distance to a photo's middle, in its widths.
-MOST_OFF_CENTRE = 100
+MAX_OFF_CENTRE = 100
 # Files print six digits; what is further from a rotation is scaled or mirrored.
 ROTATION_ERROR = 1e-2
 
@@ -109,7 +109,7 @@ def check(where, names, pixtocams, camtoworlds, size):
     sees = (across > FIELD[0]) & (across < FIELD[1])
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         off_centre = np.abs(lenses[:, :2, 2] / across + 0.5)
-    middle = (off_centre < MOST_OFF_CENTRE).all(axis=1)
+    middle = (off_centre < MAX_OFF_CENTRE).all(axis=1)
     for good, fault in (
         (finite, f"camtoworlds {{}} is not finite, or not below {LARGEST:g}"),
         (turned, "camtoworlds {} is not a rotation and a place"),

@@ -14,7 +14,7 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float, UInt8
 
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.keypoints import adjustment, refine
 from alignerf.scenes import cameras, photos, prepare, prepared
 from alignerf.scenes.capture import canvas, ingest, mapping
@@ -131,7 +131,7 @@ def pose_folder(
     Reconstruction, whose lenses and errors are those of the photos in full, and the
     ingest.Taken. Files that are needed for long lie in work_folder.
     """
-    options = {"background": background, "most_side_px": max_size_px, "masks": masks}
+    options = {"background": background, "max_side_px": max_size_px, "masks": masks}
     taken = ingest.ingest(folder, work_folder, **options)
     taken_by = [taken.camera(k) for k in range(taken.cameras.max() + 1)]
     if len(taken_by) > 1:

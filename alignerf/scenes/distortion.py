@@ -15,7 +15,7 @@ from alignerf.scenes import prepare
 # How far, in pixels, a point may be from itself after undistorting and distorting.
 ROUND_TRIP_PX = 0.05
 # What a fisheye sees further from the axis, in radians, no pinhole view shows.
-MOST_ANGLE = 1.4
+MAX_ANGLE = 1.4
 # How far Lanczos reaches.
 KERNEL_PX = 4
 
@@ -147,7 +147,7 @@ def _straightened(pixels, camtopix, distortion):
     """
     inverse = np.linalg.inv(camtopix)
     points = pixels @ inverse[:2, :2].T + inverse[:2, 2]
-    radius, grid = np.hypot(*points.T), np.linspace(0, MOST_ANGLE, 500)
+    radius, grid = np.hypot(*points.T), np.linspace(0, MAX_ANGLE, 500)
     reached, slope = _bent(grid, distortion)
     needed = grid <= np.interp(radius.max(), np.maximum.accumulate(reached), grid)
     if (slope[needed] <= 0).any():
@@ -155,8 +155,8 @@ def _straightened(pixels, camtopix, distortion):
     angle = np.interp(radius, reached[needed], grid[needed])
     for _ in range(20):
         bent, slope = _bent(angle, distortion)
-        angle = np.clip(angle - (bent - radius) / slope, 0, MOST_ANGLE)
-    seen = angle < MOST_ANGLE
+        angle = np.clip(angle - (bent - radius) / slope, 0, MAX_ANGLE)
+    seen = angle < MAX_ANGLE
     scale = np.tan(angle[seen]) / np.maximum(radius[seen], 1e-12)
     return points[seen] * scale[:, None], seen
 

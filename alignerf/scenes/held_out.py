@@ -10,7 +10,7 @@ import os
 
 import numpy as np
 
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.scenes import prepare
 
 log = logging.getLogger(__name__)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.captures import base
-from alignerf.files import archives, faults
+from alignerf.io import archives, faults
 from alignerf.scenes import cameras, colmap, distortion, prepare, prepared
 from alignerf.scenes.capture import canvas, ingest
 
@@ -31,7 +31,7 @@ def by_colmap(folder, scratch, config, *, camera_model="OPENCV", where=None):
         masks=config["masks"],
         refine_keypoints=config["refine_keypoints"],
     )
-    least = config["colmap"]["least_registered"]
+    least = config["colmap"]["min_registered"]
     check_registered(model, least, where or folder)
     told = registration(model.names, model.left_out)
     told |= told_of_points(model) | told_of_photos(model, taken)
@@ -183,5 +183,5 @@ def check_registered(model, least, where):
         raise ValueError(
             f"{where}: COLMAP registered {len(model.names)} of {count} photos together"
             f"{apart}. Take more photos that overlap, sort out those of other places, "
-            "or lower colmap.least_registered"
+            "or lower colmap.min_registered"
         )

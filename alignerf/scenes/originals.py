@@ -10,8 +10,8 @@ import os
 from pathlib import Path
 
 from alignerf.captures import base
-from alignerf.files import faults, json_files
-from alignerf.scenes.judged import lenses
+from alignerf.io import faults, json_files
+from alignerf.scenes.external import lenses
 
 # Below a prepared scene's folder.
 FILE = "images/originals.json"

@@ -21,7 +21,7 @@ import numpy as np
 import pillow_heif
 from PIL import ExifTags, Image
 
-from alignerf.files import faults, images
+from alignerf.io import faults, images
 from alignerf.scenes import prepared
 
 log = logging.getLogger(__name__)
@@ -32,7 +32,7 @@ SUFFIXES = frozenset(
 # What a file of such a name may hold. Pillow knows more, some by other programs.
 FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP", "HEIF")
 # Pillow refuses twice its warning's size, as does all that is read without Pillow.
-MOST_PIXELS = 2 * Image.MAX_IMAGE_PIXELS
+MAX_PIXELS = 2 * Image.MAX_IMAGE_PIXELS
 PNG = b"\x89PNG\r\n\x1a\n"
 EXIF, TAG = ExifTags.IFD.Exif, ExifTags.Base
 # Two views fix no scale, and three are the least that anything can be trained on.

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from alignerf.files import images, json_files, progress
+from alignerf.io import images, json_files, progress
 from alignerf.scenes import cameras, prepared
 
 # Under this no method of the analysis works: SSIM needs 11 pixels, flow more.

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from alignerf.files import archives, faults, images, json_files, machine
+from alignerf.io import archives, faults, images, json_files, machine
 from alignerf.scenes import cameras
 
 log = logging.getLogger(__name__)
@@ -39,18 +39,18 @@ LENS = "images/lens.npz"
 # held-out views as they came.
 ADJUSTED = "images/adjusted"
 # What OpenCV can warp.
-MOST_SIDE_PX = 32766
+MAX_SIDE_PX = 32766
 # Bytes of a view's name: with suffixes, and beside it what is being written, it has to
 # be a file's.
-MOST_NAME_BYTES = 180
+MAX_NAME_BYTES = 180
 # Control characters, halves of others, ends of lines and paragraphs.
 NO_LETTERS = ("Cc", "Cs", "Zl", "Zp")
 # Units within which cameras are at one place (`cameras.frame_of`).
 ONE_PLACE = 1e-9
 # Of the places: so many steps of their numbers, at least, is one from the others.
-LEAST_STEPS = 1000
+MIN_STEPS = 1000
 # Times the median distance that a camera is away: one is warned of, and no more.
-FAR, MOST_FAR = 1e3, 1e5
+FAR, MAX_FAR = 1e3, 1e5
 # JAX copies arrays that start elsewhere.
 ALIGNMENT = 64
 # How a cell begins that calls something; -1 and "+ 2" call nothing.
@@ -163,7 +163,7 @@ def check_views(path, views):
     if not len(views.names):
         raise ValueError(f"{path}: no view")
     size = int(views.width), int(views.height)
-    if not all(0 < side <= MOST_SIDE_PX for side in size):
+    if not all(0 < side <= MAX_SIDE_PX for side in size):
         raise ValueError(f"{path}: photos of {size[0]}x{size[1]} pixels")
     check_names(path, views.names)
     cameras.check(path, views.names, views.pixtocams, views.camtoworlds, size)
@@ -185,7 +185,7 @@ def check_places(where, views):
             f"{where}: all {len(places)} cameras stand at one place, so that no depth "
             "can be learnt"
         )
-    if away[far] < LEAST_STEPS * step_of(places):
+    if away[far] < MIN_STEPS * step_of(places):
         raise ValueError(
             f"{where}: the cameras' places are so far from the origin "
             f"({np.abs(places).max():.3g}) that rounding has left nothing of how they "
@@ -193,7 +193,7 @@ def check_places(where, views):
         )
     times = away[far] / np.median(away[away > 0])
     named = f"{where}: the camera of {faults.name_of(views.names[far])} stands"
-    if times > MOST_FAR:
+    if times > MAX_FAR:
         raise ValueError(f"{named} {times:.3g} times as far away as the others")
     if times > FAR:
         log.warning("%s %.3g times as far away as the others", named, times)
@@ -234,7 +234,7 @@ def is_name(name):
     letters = set(map(unicodedata.category, name))
     size = len(name.encode(errors="replace"))
     return (
-        0 < size <= MOST_NAME_BYTES
+        0 < size <= MAX_NAME_BYTES
         and not name.startswith(".")
         and not set(name) & set("/\\")
         and not FORMULA.match(unicodedata.normalize("NFKC", name))

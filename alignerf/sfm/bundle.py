@@ -13,7 +13,7 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float, UInt8
 
-from alignerf.files import progress
+from alignerf.io import progress
 from alignerf.keypoints import adjustment, refine
 from alignerf.scenes import cameras, colmap
 from alignerf.scenes.capture import mapping

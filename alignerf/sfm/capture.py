@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pycolmap
 
-from alignerf.files import archives, faults
+from alignerf.io import archives, faults
 from alignerf.keypoints import refine
 from alignerf.scenes import prepare, prepared
 from alignerf.sfm import (
@@ -161,7 +161,7 @@ def adjust(matched, given, work, seed, photo_px, *, lens, where="", photos=None)
             raise ValueError(
                 f"{where}: its cameras do not fit these photos: held-out matches are "
                 f"{judged.before_px:.0f} px off, adjusted {judged.after_px:.0f} px. "
-                "Are they of other photos? `poses: given` trains with them anyway"
+                "Are they of other photos? `poses: input` trains with them anyway"
             )
         return left(why, judged.told())
     extents = [

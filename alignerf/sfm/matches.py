@@ -12,7 +12,7 @@ import pycolmap
 import scipy.sparse
 from jaxtyping import Float, Int
 
-from alignerf.files import archives
+from alignerf.io import archives
 from alignerf.scenes import prepare
 from alignerf.scenes.capture import mapping
 

@@ -9,7 +9,7 @@ import re
 
 import numpy as np
 
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.scenes import cameras
 from alignerf.sfm import calibration
 

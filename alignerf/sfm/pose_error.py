@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from alignerf.files import archives
+from alignerf.io import archives
 from alignerf.scenes import cameras, prepared
 
 # Points of a view that are enough for a similarity.

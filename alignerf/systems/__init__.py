@@ -7,7 +7,7 @@ lies in `rays`. Other packages add systems by the entry points `alignerf.systems
 
 import sys
 
-from alignerf.files.environment import extensions
+from alignerf.io.environment import extensions
 
 
 def every():

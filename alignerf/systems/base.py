@@ -21,7 +21,7 @@ BEHIND_OR_OPAQUE = (
     "mip-NeRF 360 with one learns from squared errors, without distortion_weight"
 )
 # What no machine is asked for: parameters and all of their training.
-MOST_BYTES = 2**38
+MAX_BYTES = 2**38
 
 
 def changes():
@@ -48,7 +48,7 @@ class System(Keys):
     model_config = pydantic.ConfigDict(json_schema_extra={"required": ["kind"]})
     order: ClassVar = 100
     RATES: ClassVar = (0.001, 0.0001)
-    HAS_NO: ClassVar = ("interlevel_weight", "distortion_weight", "proposal_share")
+    HAS_NO: ClassVar = ("interlevel_weight", "distortion_weight", "proposal_fraction")
     NETWORKS: ClassVar = 1
 
     @property
@@ -92,13 +92,13 @@ class System(Keys):
             if name in self.training:
                 yield f"training.{name}", f"kind {self.kind} has none"
         for name, part in self.sized.items():
-            if hasattr(part, "log2_entries"):
-                values = part.levels * part.features * 2**part.log2_entries
+            if hasattr(part, "log2_hashmap_size"):
+                values = part.levels * part.features * 2**part.log2_hashmap_size
             elif hasattr(part, "depth"):
                 values = self.NETWORKS * part.depth * part.width**2
             else:
                 continue
             # Besides the parameters, their gradients and the two moments of Adam.
-            if 16 * values > MOST_BYTES:
+            if 16 * values > MAX_BYTES:
                 size = f"{16 * values / 2**30:.0f} GiB to train are more than"
-                yield name, f"{size} {MOST_BYTES / 2**30:g} GiB"
+                yield name, f"{size} {MAX_BYTES / 2**30:g} GiB"

@@ -9,9 +9,9 @@ from alignerf.experiment.keys.training import Changes
 from alignerf.systems import base
 
 # What `decide` leaves to a scene's facts: `experiment.decisions` has a rule for each.
-OPEN_OF_MODEL = ("near", "radius", "finest")
+OPEN_OF_MODEL = ("near", "radius", "max_resolution")
 # Of a field that contracts nothing, in units of the largest camera coordinate.
-MOST_FAR = 100
+MAX_FAR = 100
 
 
 # The fields' learning rates, as the systems', were chosen on courtyard, seed 1.
@@ -24,10 +24,12 @@ class Grid(Keys):
 
     kind: Literal["grid"] = key("grid", "a hash grid, fast; learns at 0.03 to 0.003")
     levels: int = key(6, "resolutions", least=1, most=32)
-    log2_entries: int = key(17, "log2 of the table's rows per level", least=4, most=26)
+    log2_hashmap_size: int = key(
+        17, "log2 of the table's rows per level", least=4, most=26
+    )
     features: int = key(4, "numbers a row", least=1, most=64)
-    coarsest: int = key(16, "cells a side", least=2, most=2**20)
-    finest: int = key(1024, "cells a side", least=2, most=2**20)
+    base_resolution: int = key(16, "cells a side", least=2, most=2**20)
+    max_resolution: int = key(1024, "cells a side", least=2, most=2**20)
     anti_aliased: bool = key(
         True,
         "true: cells much smaller than what a sample stands for tell it nothing, as in "
@@ -114,9 +116,10 @@ class Model(base.System):
     )
     background: Literal["black", "white"] | None = key(None, base.BEHIND_OR_OPAQUE)
     proposal: Annotated[Grid | Mlp, BY_KIND] = key(
-        Grid(levels=4, log2_entries=15, features=2, finest=256, width=16), FIELD
+        Grid(levels=4, log2_hashmap_size=15, features=2, max_resolution=256, width=16),
+        FIELD,
     )
-    field: Annotated[Grid | Mlp | Nerf, BY_KIND] = key(Grid(finest=2048), FIELD)
+    field: Annotated[Grid | Mlp | Nerf, BY_KIND] = key(Grid(max_resolution=2048), FIELD)
     training: Changes = base.changes()
     decided: list[Literal[OPEN_OF_MODEL]] = left_to_facts(*OPEN_OF_MODEL)
 
@@ -151,9 +154,9 @@ class Model(base.System):
 
     def faults(self):
         yield from super().faults()
-        if self.field.kind == "nerf" and self.far > MOST_FAR:
+        if self.field.kind == "nerf" and self.far > MAX_FAR:
             # Sines of distant points are noise, and nothing contracts them.
-            yield "far", f"field nerf sees no farther than {MOST_FAR}"
+            yield "far", f"field nerf sees no farther than {MAX_FAR}"
         for name in set(self.has_no) & self.training.keys():
             yield f"training.{name}", "none with field nerf, or with a background"
 

@@ -12,7 +12,7 @@ from alignerf.experiment.keys.training import Changes
 from alignerf.systems import base
 
 # A side in cells: its third power is a 64-bit number.
-MOST_CELLS = 2**20
+MAX_CELLS = 2**20
 
 
 class InstantNgp(base.System):
@@ -38,10 +38,14 @@ class InstantNgp(base.System):
         length=(1, 8),
     )
     levels: int = key(16, "resolutions", least=1, most=32)
-    log2_entries: int = key(21, "log2 of the table's rows a level", least=4, most=26)
+    log2_hashmap_size: int = key(
+        21, "log2 of the table's rows a level", least=4, most=26
+    )
     features: int = key(2, "numbers a row", least=1, most=64)
-    coarsest: int = key(16, "corners a side", least=2, most=2**16)
-    finest: int = key(2048, "cells over a length of 1 in the box", least=2, most=2**16)
+    base_resolution: int = key(16, "corners a side", least=2, most=2**16)
+    max_resolution: int = key(
+        2048, "cells over a length of 1 in the box", least=2, most=2**16
+    )
     width: int = key(64, "of the networks", least=1, most=16384)
     background: Literal["black", "white"] | None = key(None, base.BEHIND_OR_OPAQUE)
     precision: base.PRECISIONS = key("float32", base.PRECISION)
@@ -49,19 +53,19 @@ class InstantNgp(base.System):
 
     def faults(self):
         yield from super().faults()
-        cells, least = self.finest * self.side, self.coarsest + 1
-        if not self.coarsest < cells <= MOST_CELLS:
+        cells, least = self.max_resolution * self.side, self.base_resolution + 1
+        if not self.base_resolution < cells <= MAX_CELLS:
             over = f"{cells:g} cells over the box are not from"
-            yield "finest", f"{over} {least} to {MOST_CELLS}"
+            yield "max_resolution", f"{over} {least} to {MAX_CELLS}"
 
     def made(self, parts, *, native, moving):
-        shared = {"side": self.side, "coarsest": self.coarsest}
+        shared = {"side": self.side, "base_resolution": self.base_resolution}
         shared |= {"moving": moving, "native": native}
         field = parts.box.Box(
             levels=self.levels,
-            log2_entries=self.log2_entries,
+            log2_hashmap_size=self.log2_hashmap_size,
             features=self.features,
-            finest=self.finest,
+            max_resolution=self.max_resolution,
             width=self.width,
             precision=self.precision,
             **shared,
@@ -69,8 +73,8 @@ class InstantNgp(base.System):
         # A half of the levels, a quarter of the rows: enough to say where to look.
         proposal = parts.box.Box(
             levels=max(self.levels // 2, 1),
-            finest=max(self.finest // 8, self.coarsest),
-            log2_entries=max(self.log2_entries - 2, 4),
+            max_resolution=max(self.max_resolution // 8, self.base_resolution),
+            log2_hashmap_size=max(self.log2_hashmap_size - 2, 4),
             features=self.features,
             width=max(self.width // 4, 1),
             precision=self.precision,

@@ -22,7 +22,7 @@ import math
 import pandas as pd
 
 from alignerf.experiment.tables import rows as table_rows
-from alignerf.files import atomic, csv_files, faults, json_files, provenance
+from alignerf.io import atomic, csv_files, faults, json_files, provenance
 from alignerf.tables import columns
 
 # Of a training; seconds are without compilation.

@@ -49,7 +49,9 @@ METRICS = {
 PRINTED_ONLY = "lpips_published"
 # Of the flow from render to photo and of its parts, of `flow.decompose`.
 PARTS = [
-    name for name in TABLES["displacement"].columns if name.endswith(("_px", "_share"))
+    name
+    for name in TABLES["displacement"].columns
+    if name.endswith(("_px", "_fraction"))
 ]
 
 

@@ -84,7 +84,7 @@ def displacement_to_latex(table):
         )
         if table[f"{part}_median_px"].notna().any()
     ]
-    fixed += [(f"{key}_share", rf"{key} (\%)", "%") for key in ("camera", "moved")]
+    fixed += [(f"{key}_fraction", rf"{key} (\%)", "%") for key in ("camera", "moved")]
     return latex.of_lines(
         table,
         {"Method": list(map(latex.name, table["method"])), "Round": table["round"]},

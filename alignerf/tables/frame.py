@@ -25,7 +25,7 @@ import pandas as pd
 from alignerf import testsets
 from alignerf.experiment.tables import rows as table_rows
 from alignerf.experiment.tables.scenes import Scene
-from alignerf.files import atomic, csv_files, provenance
+from alignerf.io import atomic, csv_files, provenance
 from alignerf.tables import columns, scores
 
 ROW = ["method", "round"]

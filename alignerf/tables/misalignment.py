@@ -9,7 +9,7 @@ nothing.
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.files import csv_files
+from alignerf.io import csv_files
 from alignerf.tables import columns, frame, latex, scores
 from alignerf.tables.columns import METRICS, PRINTED_ONLY
 

@@ -7,7 +7,7 @@ A new file is all that a new test set takes: `alignerf.evaluate` scores it, rule
 import functools
 import sys
 
-from alignerf.files.environment import extensions
+from alignerf.io.environment import extensions
 from alignerf.testsets.base import NEEDS, TABLES, TestSet
 
 

@@ -21,7 +21,7 @@ import flax.serialization
 import jax
 import numpy as np
 
-from alignerf.files import atomic, faults, json_files
+from alignerf.io import atomic, faults, json_files
 
 log = logging.getLogger("alignerf")
 

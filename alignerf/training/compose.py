@@ -33,7 +33,7 @@ def without_cameras(job: jobs.Job, part: base.Part, *, to_train) -> methods.Meth
         "loss_weights": methods.LossWeights(
             training.interlevel_weight, 0.0 if has_none else training.distortion_weight
         ),
-        "proposal_share": training.proposal_share,
+        "proposal_fraction": training.proposal_fraction,
     }
     if not fine:
         return methods.mipnerf360(

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.training import step as train_step
 
 # Parts that a batch is cut into, and views that are looked at one by one.

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from alignerf.experiment import jobs
-from alignerf.files import progress, provenance
+from alignerf.io import progress, provenance
 from alignerf.kernels import calls
 from alignerf.processes import consensus, devices
 from alignerf.training import checkpoint, memory, program
@@ -26,7 +26,7 @@ CHECKPOINT_EVERY_S = 60.0
 # end the process once about 40 steps of theirs wait: at most 16, a test holds.
 FETCH_EVERY = 10
 # A budget's steps are timed for a share of it, and not for longer than this.
-TIMING_SHARE, TIMING_S = 0.05, 5.0
+TIMING_FRACTION, TIMING_S = 0.05, 5.0
 
 
 class NoAligner:
@@ -63,7 +63,7 @@ def begin(
     """The run of a job, from its checkpoint or from `params`.
 
     names [n]: of the views. sources: identifies the code; a checkpoint of other code,
-    config or data is not resumed. aligner: puts right what the training learns from, at
+    config or data is not resumed. aligner: corrects what the training learns from, at
     some of its steps.
     """
     aligner = aligner or NoAligner()
@@ -127,22 +127,22 @@ def time_budget(job, built, params, views):
 
     The timed steps change a copy of the parameters, which is discarded.
     """
-    most_s = min(TIMING_S, TIMING_SHARE * 60 * job.budget_min)
+    max_s = min(TIMING_S, TIMING_FRACTION * 60 * job.budget_min)
     copy = jax.tree.map(jnp.copy, params)
-    time_s = step_time_s(job, built, copy, views, most_s=most_s)
+    time_s = step_time_s(job, built, copy, views, max_s=max_s)
     steps = jobs.steps_in(job, time_s)
     return {"steps": steps, "steps_per_s": round(1 / time_s, 4)}
 
 
-def step_time_s(job, built, params, views, *, most_s):
-    """Median seconds of a job's step, timed for about `most_s`; it uses up `params`."""
+def step_time_s(job, built, params, views, *, max_s):
+    """Median seconds of a job's step, timed for about `max_s`; it uses up `params`."""
     state = program.fresh_state(built.optimizer, params)
     state, views = devices.place((state, views), built.mesh)
-    schedule = program.schedule_of(jobs.with_steps(job, jobs.MOST_STEPS), built.mesh)
+    schedule = program.schedule_of(jobs.with_steps(job, jobs.MAX_STEPS), built.mesh)
     return program.step_time_s(
         lambda state: built.step(state, views, schedule),
         state,
-        most_s=most_s,
+        max_s=max_s,
         at_once=FETCH_EVERY,
     )
 

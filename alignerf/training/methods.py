@@ -71,23 +71,23 @@ def mipnerf360(
     batch_rays,
     loss_weights: LossWeights,
     data_loss=losses_of_rays.charbonnier,
-    proposal_share=1.0,
+    proposal_fraction=1.0,
     annealed=True,
     coarse_to_fine=(),
 ) -> Method:
     """The baseline: single rays, Charbonnier loss (arXiv 2111.12077).
 
-    proposal_share: share of the rays that train the proposals; as published, all.
+    proposal_fraction: share of the rays that train the proposals; as published, all.
     annealed: early in training, samples spread beyond where the proposals put them;
     False for a training that begins with trained proposals.
     coarse_to_fine: the shares of the training between which fine frequencies are faded
     in (BARF).
     """
 
-    def of_share(share):
+    def of_fraction(share):
         shares = {
-            "train_share": share if annealed else 1.0,
-            "proposal_share": proposal_share,
+            "train_fraction": share if annealed else 1.0,
+            "proposal_fraction": proposal_fraction,
         }
         if coarse_to_fine:
             shares["fineness"] = passed(share, *coarse_to_fine)
@@ -100,19 +100,19 @@ def mipnerf360(
         regularisers=functools.partial(
             _regularisers, weights=loss_weights, native=model.native
         ),
-        of_share=of_share,
+        of_fraction=of_fraction,
     )
 
 
 @functools.cache
 def single_rays(
-    model, data_loss, *, batch_rays, regularisers=lambda _: {}, of_share=lambda _: {}
+    model, data_loss, *, batch_rays, regularisers=lambda _: {}, of_fraction=lambda _: {}
 ) -> Method:
     """A model that learns from rays drawn one by one.
 
     data_loss: (rendering, photo, weight) -> mean, see `rays.rendering`.
-    regularisers: histograms -> {term: mean}. of_share: share of the training that has
-    passed -> keyword arguments of the model.
+    regularisers: histograms -> {term: mean}. of_fraction: fraction of the steps
+    done -> keyword arguments of the model.
     """
 
     def terms(params, batch, share):
@@ -120,7 +120,7 @@ def single_rays(
             {"params": params["model"]},
             batch.rays,
             jitter=batch.jitter,
-            **of_share(share),
+            **of_fraction(share),
         )
         error = jnp.mean((rendering.values - batch.photo) ** 2, axis=-1)
         # A part of the batch counts by the weight that it holds of the whole.
@@ -213,7 +213,7 @@ def alignerf(
     convolution,
     loss: Loss,
     loss_weights: LossWeights,
-    proposal_share=1.0,
+    proposal_fraction=1.0,
 ) -> Method:
     """AligNeRF: patches of rays, patch convolution, aligned and frequency losses.
 
@@ -235,7 +235,7 @@ def alignerf(
             {"params": params["model"]},
             rays,
             jitter=jitter,
-            proposal_share=proposal_share,
+            proposal_fraction=proposal_fraction,
         )
         values = rendering.values.reshape(-1, patch_px, patch_px, model.field.outputs)
         rgb = colours(params, values)

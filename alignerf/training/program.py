@@ -112,7 +112,7 @@ def adam_of(job) -> train_step.Adam:
         learning_rates=tuple(job.learning_rates),
         betas=tuple(job.training.adam_betas),
         eps=job.training.adam_eps,
-        hold_share=job.training.hold_share,
+        hold_fraction=job.training.hold_fraction,
         cameras=base.part_of(job).moving,
         native=calls.use(job.training.kernels),
     )
@@ -139,7 +139,7 @@ def first_micro_batches(job, method, mesh, micro_batches=None) -> int:
 
 def hashed(model):
     """Whether the model of these settings looks its points up in hash tables."""
-    return hasattr(getattr(model, "field", model), "log2_entries")
+    return hasattr(getattr(model, "field", model), "log2_hashmap_size")
 
 
 def share(method, mesh):
@@ -195,8 +195,8 @@ def log_memory(job, program, state, views):
     )
 
 
-def step_time_s(step, state, *, most_s, at_once, clock=consensus.clock):
-    """Median seconds of a step on this machine, timed for about `most_s` seconds.
+def step_time_s(step, state, *, max_s, at_once, clock=consensus.clock):
+    """Median seconds of a step on this machine, timed for about `max_s` seconds.
 
     step: state -> (state, numbers); it uses up `state`. `at_once` steps are run
     before their numbers are fetched, as in training, where there is time for that.
@@ -214,10 +214,10 @@ def step_time_s(step, state, *, most_s, at_once, clock=consensus.clock):
     # The first step waits for memory and threads; the second tells how many fit.
     run(1)
     single_s = run(1)
-    if single_s >= most_s:
+    if single_s >= max_s:
         return single_s
-    count = at_once if at_once * single_s < most_s / 3 else 1
+    count = at_once if at_once * single_s < max_s / 3 else 1
     start, times_s = clock(), []
-    while clock() - start < most_s:
+    while clock() - start < max_s:
         times_s.append(run(count))
     return statistics.median(times_s)

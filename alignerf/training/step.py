@@ -46,17 +46,17 @@ def inverse(count) -> jax.Array:
 
 
 def learning_rate(
-    step, *, first, last, steps, warmup_steps, hold_share=0.0, warmup_share=0.01
+    step, *, first, last, steps, warmup_steps, hold_fraction=0.0, warmup_fraction=0.01
 ) -> jax.Array:
     """`first` for a share of the steps, then log-linear to `last`; at the start a sine.
 
-    The sine rises from warmup_share to 1. As published nothing is held.
+    The sine rises from warmup_fraction to 1. As published nothing is held.
     """
     passed = step * inverse(steps)
-    progress = jnp.clip((passed - hold_share) / (1.0 - hold_share), 0.0, 1.0)
+    progress = jnp.clip((passed - hold_fraction) / (1.0 - hold_fraction), 0.0, 1.0)
     rate = jnp.exp((1 - progress) * jnp.log(first) + progress * jnp.log(last))
     warmed = jnp.clip(step * inverse(jnp.maximum(warmup_steps, 1)), 0.0, 1.0)
-    ramp = warmup_share + (1 - warmup_share) * jnp.sin(0.5 * jnp.pi * warmed)
+    ramp = warmup_fraction + (1 - warmup_fraction) * jnp.sin(0.5 * jnp.pi * warmed)
     return rate * jnp.where(warmup_steps == 0, 1.0, ramp)
 
 
@@ -66,7 +66,7 @@ class Adam(NamedTuple):
     learning_rates: tuple
     betas: tuple
     eps: float
-    hold_share: float = 0.0
+    hold_fraction: float = 0.0
     cameras: Any = None
     native: bool = False
 
@@ -80,7 +80,7 @@ def make_optimizer(
 ) -> Any:
     """Adam on the schedule above, whose other arguments are `schedule`'s.
 
-    cameras: `refine.Refine` where the parameters `cameras` are learnt too; these
+    cameras: a `PoseOptimization` where the parameters `cameras` are learnt too; these
     have a schedule of their own and Adam's usual constants. native: whether the kernels
     are there.
     """
@@ -99,9 +99,9 @@ def make_optimizer(
 
     def delayed(step):
         first, last = cameras.learning_rates
-        late = step * inverse(schedule["steps"]) >= cameras.delay_share
+        late = step * inverse(schedule["steps"]) >= cameras.delay_fraction
         rates = {"first": first, "last": last, "warmup_steps": 0}
-        hold = {"hold_share": cameras.delay_share, "steps": schedule["steps"]}
+        hold = {"hold_fraction": cameras.delay_fraction, "steps": schedule["steps"]}
         return jnp.where(late, learning_rate(step, **rates, **hold), 0.0)
 
     return optax.multi_transform(

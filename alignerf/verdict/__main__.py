@@ -12,7 +12,7 @@ import pandas as pd
 
 from alignerf import causes
 from alignerf.causes import remedies
-from alignerf.files import atomic, faults
+from alignerf.io import atomic, faults
 from alignerf.verdict import evidence, gains, report, views
 
 OPTIONS = {
@@ -24,8 +24,8 @@ OPTIONS = {
     "[misalignment]": "the scene's misalignment.csv",
     "[aligned]": ("JSON: {method: timing.json} of what has aligned itself", "{}"),
     "[corrected]": ("JSON: {method: cameras.npz} of moved cameras", "{}"),
-    "[windows]": "a training's folder, of windows at the photos' own size",
-    "[windows-corrected]": "the same with cameras that a method has put right",
+    "[crops]": "a training's folder, of crops at the photos' own size",
+    "[crops-corrected]": "the same with cameras that a method has corrected",
     "[before]": "verdict.json of renders judged before",
 }
 
@@ -36,7 +36,7 @@ def main(argv=None):
         args.scene,
         args.base,
         overfit=args.overfit,
-        windows=(args.windows, args.windows_corrected),
+        crops=(args.crops, args.crops_corrected),
         before=args.before,
     )
     brought = []

@@ -13,7 +13,7 @@ import pandas as pd
 from alignerf.cameras import exposure, lens
 from alignerf.causes import base as causes
 from alignerf.causes import blur, motion
-from alignerf.files import archives, csv_files, json_files, machine
+from alignerf.io import archives, csv_files, json_files, machine
 from alignerf.metrics import pairs
 from alignerf.scenes import prepared
 from alignerf.tables import intervals
@@ -23,9 +23,9 @@ from alignerf.verdict import views
 POSES = prepared.POSES | {"poses": str, "perturb_px": json_files.NUMBER}
 TIMING = {"rays_seen": json_files.NUMBER_OR_NONE}
 # Poses that came with the photos, as poses.json has them.
-INPUT = ("given", "adjusted")
+INPUT = ("input", "adjusted")
 # Flows of so many training views tell what all have in common.
-MOST_PATTERN_VIEWS = 32
+MAX_PATTERN_VIEWS = 32
 DRAWS = 2000
 
 
@@ -71,7 +71,7 @@ def read_view(loaded: prepared.Scene, base, split, tables, look, view):
         flow_px=row["flow_median_px"],
         camera_px=row["camera_median_px"],
         remainder_px=row["remainder_median_px"],
-        moved_share=moved_share(base, split, name, row["camera_median_px"]),
+        moved_fraction=moved_fraction(base, split, name, row["camera_median_px"]),
         blur_sigma_px=row["blur_sigma_px"],
         **views.measured(photo, render, valid, counts),
     )
@@ -92,12 +92,12 @@ def read_flow(base, split, name):
     return data["flow_px"], data["valid"]
 
 
-def moved_share(base, split, name, camera_px):
+def moved_fraction(base, split, name, camera_px):
     """Share of a view's valid pixels that moved on their own, by a visible length."""
-    least_px = max(motion.MOVED_PX, motion.MOVED_OF_CAMERA * camera_px)
+    min_px = max(motion.MOVED_PX, motion.MOVED_OF_CAMERA * camera_px)
     path = base / "parts_photos" / split / f"{name}.npz"
     data = archives.read(path, ("remainder_px", "moved", "valid"))
-    far = np.linalg.norm(data["remainder_px"], axis=-1) > least_px
+    far = np.linalg.norm(data["remainder_px"], axis=-1) > min_px
     valid = data["valid"]
     return float((data["moved"] & far & valid).sum() / max(valid.sum(), 1))
 
@@ -106,7 +106,7 @@ def lens_of(loaded: prepared.Scene, base):
     """What the flows of training views have in common; of test views without these."""
     split = "train" if (base / "flow" / "train").is_dir() else "test"
     chosen = loaded.views(split)
-    places = np.linspace(0, len(chosen) - 1, min(MOST_PATTERN_VIEWS, len(chosen)))
+    places = np.linspace(0, len(chosen) - 1, min(MAX_PATTERN_VIEWS, len(chosen)))
     flows = []
     for view in chosen[places.round().astype(int)]:
         flow_px, valid = read_flow(base, split, loaded.names[view])
@@ -128,28 +128,30 @@ def sums_of(rows):
     train, test = (frame[frame["split"] == split] for split in prepared.SPLITS)
     # Where training views were not rendered, test views have to tell.
     main = train if len(train) else test
-    detail = main["detail_ratio"].median()
+    detail = main["sharpness_ratio"].median()
     exposures = [own["exposure_ev"].to_numpy() for own in (train, test) if len(own)]
     return {
         "flow_train_px": median(train["flow_px"]),
         "flow_test_px": median(test["flow_px"]),
         "camera_px": median(main["camera_px"]),
         "remainder_px": median(main["remainder_px"]),
-        "moved_share": median(main["moved_share"]),
-        "psnr_train_db": mean(train["even_psnr_db"]),
-        "psnr_test_db": mean(test["even_psnr_db"]),
+        "moved_fraction": median(main["moved_fraction"]),
+        "psnr_train_db": mean(train["cc_psnr_db"]),
+        "psnr_test_db": mean(test["cc_psnr_db"]),
         "detail_median": float(detail),
-        "blurred_share": mean(main["detail_ratio"] < blur.BLURRED_DETAIL * detail),
+        "blurred_fraction": mean(
+            main["sharpness_ratio"] < blur.BLURRED_DETAIL * detail
+        ),
         # Renders of training views have learnt some of their photos' brightness.
         "exposure_ev": max(float(own.std()) for own in exposures),
     }
 
 
-def read(scene, base, *, overfit=None, windows=(None, None), before=None):
+def read(scene, base, *, overfit=None, crops=(None, None), before=None):
     """(`base.Evidence`, a `views.View` of each view) of a scene.
 
     base: the reference's round 0. overfit: CSV of the flow invented between images that
-    belong to one another, or None. windows: the two folders of `read_windows`. before:
+    belong to one another, or None. crops: the two folders of `read_crops`. before:
     verdict.json of a judgement before this one, or None.
     """
     loaded = prepared.load(scene)
@@ -158,7 +160,7 @@ def read(scene, base, *, overfit=None, windows=(None, None), before=None):
     look = None
     if rays_seen is None:
         # Another program's: its black borders may be all of what a photo shows.
-        told = poses.get("judged")
+        told = poses.get("external_renders")
         look = partial(pairs.look, whole=bool(told and not told.get("transparent")))
     rows, looked, shared_ev = read_views(loaded, base, look)
     main = [row.view for row in rows if row.split == "train"] or list(looked)
@@ -176,13 +178,13 @@ def read(scene, base, *, overfit=None, windows=(None, None), before=None):
         photo_px=photo_px,
         reprojection_px=number(poses["mean_reprojection_error_px"]) / photo_px,
         overfit_px=float(table(overfit)["median_px"].median()) if overfit else math.nan,
-        passes=number(rays_seen) / (max(train_views, 1) * loaded.width * loaded.height),
+        epochs=number(rays_seen) / (max(train_views, 1) * loaded.width * loaded.height),
         shared_ev=shared_ev,
-        # Of windows, that of the photos which they are cut from.
+        # Of crops, that of the photos which they are cut from.
         photo_width_px=float(poses.get("photo_size", [poses["photo_width"]])[0]),
         poses_given=poses["poses"] in INPUT,
         perturb_px=float(poses["perturb_px"]),
-        windows=read_windows(*windows),
+        crops=read_crops(*crops),
         judged=read_judged(poses, before),
         matches=of_matches(poses),
         pairs=checked,
@@ -210,14 +212,16 @@ def of_matches(poses):
 
 
 def read_judged(poses, before=None):
-    """`Judged` by the contents of poses.json, or None of another scene.
+    """`ExternalRenders` by the contents of poses.json, or None of another scene.
 
     before: path of the verdict.json of a judgement before this one, or None.
     """
-    if not isinstance(told := poses.get("judged"), dict):
+    if not isinstance(told := poses.get("external_renders"), dict):
         return None
-    known = {key: told.get(key) for key in causes.Judged._fields}
-    return causes.Judged(**known | {"before": before and read_before(Path(before))})
+    known = {key: told.get(key) for key in causes.ExternalRenders._fields}
+    return causes.ExternalRenders(
+        **known | {"before": before and read_before(Path(before))}
+    )
 
 
 def read_before(path):
@@ -227,24 +231,24 @@ def read_before(path):
     return path.parent.name, *(px and px * found["photo_px"] for px in shifts)
 
 
-def read_windows(given, corrected=None):
-    """`Windows` of folders results/SCENE/METHOD/roundK; None where there are none.
+def read_crops(given, corrected=None):
+    """`Crops` of folders results/SCENE/METHOD/roundK; None where there are none.
 
-    given: of the cameras as given; corrected: of cameras that were put right, or None.
-    Their scenes are cut from another: `windows` of the config, `zoom.of` of a scene.
+    given: of the cameras as given; corrected: of cameras that were corrected, or None.
+    Their scenes are cut from another: `crops` of the config, `crop.of` of a scene.
     """
     if not given:
         return None
     base = Path(given)
     loaded = prepared.load(base.parents[1])
-    zoom = json_files.read(loaded.folder / "poses.json", {"zoom": dict})["zoom"]
+    crop = json_files.read(loaded.folder / "poses.json", {"crop": dict})["crop"]
     pixels = len(loaded.views("train")) * loaded.width * loaded.height
     flows, of_test = (of_photos(base, split, "flow") for split in prepared.SPLITS)
     low, high = interval_of_median(flows)
     after = of_photos(Path(corrected), "train", "flow") if corrected else flows[:0]
-    return causes.Windows(
-        places=len(zoom["points"]),
-        px=zoom["px"],
+    return causes.Crops(
+        places=len(crop["points"]),
+        px=crop["px"],
         photos=len(flows),
         test_photos=len(of_test),
         flow_px=median(flows),
@@ -253,13 +257,13 @@ def read_windows(given, corrected=None):
         flow_test_px=median(of_test),
         camera_px=median(of_photos(base, "train", "camera")),
         remainder_px=median(of_photos(base, "train", "remainder")),
-        passes=json_files.read(base / "timing.json", TIMING)["rays_seen"] / pixels,
+        epochs=json_files.read(base / "timing.json", TIMING)["rays_seen"] / pixels,
         corrected_px=median(after),
     )
 
 
 def of_photos(base, split, what):
-    """A length [n] of each photo of a split: the median over its windows.
+    """A length [n] of each photo of a split: the median over its crops.
 
     Photos without a valid flow are left out.
     """

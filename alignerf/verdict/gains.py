@@ -6,7 +6,7 @@ import numpy as np
 
 from alignerf import testsets
 from alignerf.causes.remedies import Gain
-from alignerf.files import csv_files, json_files
+from alignerf.io import csv_files, json_files
 from alignerf.scenes import prepared
 from alignerf.sfm import acceptance, calibration, matches
 from alignerf.tables import scores
@@ -21,7 +21,7 @@ def of_table(path, timings, judgements=()):
 
     timings: {method: timing.json} of trainings that aligned themselves. Scores are
     those against the oracle where it is known, else those on held-out photos; where
-    cameras were put right, with held-out ones moved to fit their photos. judgements:
+    cameras were corrected, with held-out ones moved to fit their photos. judgements:
     {method: acceptance.Judgement} of cameras that have moved.
     """
     table = csv_files.read(path, columns=COLUMNS)
@@ -40,7 +40,7 @@ def of_table(path, timings, judgements=()):
     for row in table[chosen].itertuples():
         name, timing = scores.row_name(row.method, row.warping), timings.get(row.method)
         if timing and not row.method.startswith("aligned"):
-            name = f"{name}, aligned on the way"
+            name = f"{name}, aligned in the loop"
         judgement = dict(judgements).get(row.method)
         gains.append(
             Gain(

@@ -10,10 +10,10 @@ from alignerf.causes import shift
 from alignerf.causes.base import length
 
 SCALE = f"at {shift.USUAL_WIDTH_PX} px of width"
-# Why windows tell nothing.
+# Why crops tell nothing.
 NOTHING_TOLD = {
     "unknown": "no flow in them is valid.",
-    "short": "each of their pixels was seen {w.passes:.2g} times, which is too short.",
+    "short": "each of their pixels was seen {w.epochs:.2g} times, which is too short.",
     "few": "they lie in {w.photos} photos to learn from and {w.test_photos} to judge "
     "by.",
     "sparse": "photos that were trained on are {apart} apart, held-out ones "
@@ -38,12 +38,12 @@ def sentences(e, views, gains=()):
     """All of them. views: `views.View`s; gains: `remedies.Gain`s."""
     if e.pairs.stops:
         return poses(e)
-    of_windows = windows(e, gains) if e.windows else []
+    of_crops = crops(e, gains) if e.crops else []
     of_others = judged(e) if e.judged else []
     odd = [f"{view.view}: {view.stands_out}" for view in views if view.stands_out]
     more = f"; {len(odd) - 3} more in tables/views.csv" if len(odd) > 3 else ""
     photos = [f"Photos that stand out: {'; '.join(odd[:3])}{more}."] if odd else []
-    return [*poses(e), *of_windows, whole_photos(e), *of_others, *photos]
+    return [*poses(e), *of_crops, whole_photos(e), *of_others, *photos]
 
 
 def poses(e):
@@ -83,20 +83,20 @@ def whole_photos(e):
         parts.append(f"{length(e.photo_px * e.flow_test_px)} on held-out ones")
     limit = e.photo_px * shift.told_px(e.overfit_px)
     begins = "Photo and render are shifted by"
-    if e.windows:
+    if e.crops:
         begins = "By the whole photos, trained small, the shift is"
     unseen = f"a shift under {length(limit)} ({wide(limit, e)} {SCALE})"
     return f"{begins} {', '.join(parts)}; {unseen} would not be seen."
 
 
-def windows(e, gains):
-    """What windows at the photos' own size tell, or why they tell nothing."""
-    w, say = e.windows, shift.of_windows_say(e)
+def crops(e, gains):
+    """What crops at the photos' own size tell, or why they tell nothing."""
+    w, say = e.crops, shift.of_crops_say(e)
     apart, held_out = length(w.flow_px), length(w.flow_test_px)
     if say in NOTHING_TOLD:
         why = NOTHING_TOLD[say].format(w=w, apart=apart, held_out=held_out)
-        return [f"Windows at the photos' own size tell nothing: {why}"]
-    each = f"{w.places} window{'s' * (w.places > 1)} of {w.px} px of each photo"
+        return [f"Crops at the photos' own size tell nothing: {why}"]
+    each = f"{w.places} crop{'s' * (w.places > 1)} of {w.px} px of each photo"
     interval = f"95 % interval {length(w.low_px)} to {length(w.high_px)}"
     lines = [
         f"At the photos' own size a photo and its render are shifted by {apart} "
@@ -111,11 +111,11 @@ def windows(e, gains):
         )
     if say == "unconfirmed":
         lines.append("Held-out photos do not confirm that shift.")
-    moved = {gain.cameras_moved for gain in gains if gain.on_the_way}
+    moved = {gain.cameras_moved for gain in gains if gain.in_loop}
     # Where no camera has moved, the others are the same once more.
     if math.isfinite(w.corrected_px) and moved != {0}:
         px = length(w.corrected_px)
-        lines.append(f"With the cameras that this run has put right the shift is {px}.")
+        lines.append(f"With the cameras that this run has corrected the shift is {px}.")
     return lines
 
 

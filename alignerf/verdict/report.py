@@ -12,7 +12,7 @@ import textwrap
 from alignerf import causes, testsets
 from alignerf.causes import camera, coverage, motion, remedies, shift
 from alignerf.causes.base import length, number
-from alignerf.files import provenance
+from alignerf.io import provenance
 from alignerf.metrics import pairs
 from alignerf.verdict import measured
 
@@ -20,11 +20,11 @@ from alignerf.verdict import measured
 INDENT, WIDTH = 10, 100
 # A command in a text.
 COMMAND = re.compile(r"`((?:make|snakemake|why-blurry|ns-|python) ?[^`]*)`")
-# Where alignment cannot be told: without windows; with them; with too few of them.
-UNSEEN = "add `windows: {}` to the config, or make photos less small (downscale)."
-LARGER = "make photos less small (downscale), or train windows longer (windows.steps)."
+# Where alignment cannot be told: without crops; with them; with too few of them.
+UNSEEN = "add `crops: {}` to the config, or make photos less small (downscale)."
+LARGER = "make photos less small (downscale), or train crops longer (crops.steps)."
 WIDER = (
-    "cut more windows of each photo, `windows: { count: 4 }` in the config, until five "
+    "cut more crops of each photo, `crops: { count: 4 }` in the config, until five "
     "held-out photos have one; or make photos less small (downscale)."
 )
 
@@ -63,7 +63,7 @@ def state(e, findings):
     """The verdict in a word: `aligned`, `misaligned` or `unclear`."""
     if e.pairs.stops:
         return "unclear"
-    if shift.by_windows(e):
+    if shift.by_crops(e):
         return "misaligned"
     if is_sparse(findings) or shift.few_train(e) or not shift.is_sharp(e):
         return "unclear"
@@ -100,9 +100,9 @@ def headline(e, findings):
     also = called and f" But {called}."
     if not math.isfinite(shift.flow_px(e)):
         return f"cannot be told: no flow from renders to photos is valid.{also}"
-    if shift.of_windows_say(e) == "unconfirmed":
-        px = length(e.windows.flow_px)
-        return f"cannot be told for sure: windows are {px} apart.{also}"
+    if shift.of_crops_say(e) == "unconfirmed":
+        px = length(e.crops.flow_px)
+        return f"cannot be told for sure: crops are {px} apart.{also}"
     seen = f"a shift under {length(shift.limit_px(e))} would not be seen"
     return f"cannot be told at this size: {seen}.{also}"
 
@@ -131,7 +131,7 @@ def advise(e, findings, gains=()):
     if misaligned:
         return f"{camera.text(e)} The cause is not known: look at what remains."
     if not shift.tells(e):
-        return {None: UNSEEN, "few": WIDER}.get(shift.of_windows_say(e), LARGER)
+        return {None: UNSEEN, "few": WIDER}.get(shift.of_crops_say(e), LARGER)
     return "nothing about alignment. For sharper renders take more steps."
 
 
@@ -155,7 +155,7 @@ def with_export(e, text):
     if not e.train_views:
         return (
             "render the photos that the program has learnt from, too, and judge again: "
-            "only those can be put right."
+            "only those can be corrected."
         )
     return text.format(export=provenance.export_command())
 
@@ -165,7 +165,7 @@ def tried(gain, e):
     took = f"{gain.minutes:.0f} min" if gain.minutes >= 1 else "under a minute"
     against = testsets.against(gain.test_set)
     against = against and f" {against}"
-    if gain.on_the_way and testsets.is_unfair(gain.test_set, {"cameras"}):
+    if gain.in_loop and testsets.is_unfair(gain.test_set, {"cameras"}):
         against += " by cameras that were left as given: true gains are larger,"
     interval = f"[{gain.low:+.2f}, {gain.high:+.2f}]"
     text = f"{gain.name}: {gain.db:+.2f} dB {interval}{against} in {took}"

@@ -12,7 +12,7 @@ from alignerf.metrics import image as image_metrics
 
 # A view stands out where it is so many median deviations from the views' median.
 STANDS_OUT = 5.0
-MOST_DB = 100.0
+MAX_DB = 100.0
 
 
 class View(NamedTuple):
@@ -22,15 +22,15 @@ class View(NamedTuple):
     split: str
     psnr_db: float
     # The same with the render made as bright as the photo.
-    even_psnr_db: float
+    cc_psnr_db: float
     flow_px: float
     # Of the flow, what a moved camera explains, and the rest.
     camera_px: float
     remainder_px: float
     # Share of the pixels that do not move with the camera, and visibly.
-    moved_share: float
+    moved_fraction: float
     # Fine detail of the photo over that of the render: a blurred photo has less.
-    detail_ratio: float
+    sharpness_ratio: float
     # How much brighter the photo is than the render, in stops (EV).
     exposure_ev: float
     # Blur that makes the photo like the render.
@@ -54,16 +54,16 @@ def measured(photo, render, valid, counts=None):
     even = np.clip(np.round(render * 2.0**stops), 0, 255).astype(np.uint8)
     return {
         "psnr_db": capped_psnr_db(photo, render, everywhere),
-        "even_psnr_db": capped_psnr_db(photo, even, everywhere),
-        "detail_ratio": image_metrics.detail(photo)
+        "cc_psnr_db": capped_psnr_db(photo, even, everywhere),
+        "sharpness_ratio": image_metrics.detail(photo)
         / max(image_metrics.detail(render), 1e-6),
         "exposure_ev": stops,
     }
 
 
 def capped_psnr_db(photo, render, everywhere):
-    """PSNR in dB, of identical images MOST_DB: means stay finite."""
-    return min(float(image_metrics.psnr_db(photo, render, everywhere)), MOST_DB)
+    """PSNR in dB, of identical images MAX_DB: means stay finite."""
+    return min(float(image_metrics.psnr_db(photo, render, everywhere)), MAX_DB)
 
 
 def exposure_ev(photo, render, valid):
@@ -100,13 +100,13 @@ REASONS = (
     ("psnr_db", -1, "much farther from its render than the others"),
     ("flow_px", 1, "shifted against its render"),
     ("camera_px", 1, "its camera is off"),
-    ("moved_share", 1, "much of it moved"),
-    ("detail_ratio", -1, "blurred"),
+    ("moved_fraction", 1, "much of it moved"),
+    ("sharpness_ratio", -1, "blurred"),
     ("exposure_ev", 1, "brighter than the others"),
     ("exposure_ev", -1, "darker than the others"),
 )
 # No spread is known better than this share of the median, or this number.
-LEAST_SPREAD = 0.1, 0.02
+MIN_SPREAD = 0.1, 0.02
 
 
 def deviations(values):
@@ -116,7 +116,7 @@ def deviations(values):
         return np.zeros(len(values))
     middle = np.median(known)
     spread = 1.4826 * np.median(np.abs(known - middle))
-    least = max(LEAST_SPREAD[0] * abs(middle), LEAST_SPREAD[1])
+    least = max(MIN_SPREAD[0] * abs(middle), MIN_SPREAD[1])
     # A view without a number does not stand out by it.
     distances = (values - middle) / max(spread, least)
     return np.where(np.isfinite(values), distances, 0.0)

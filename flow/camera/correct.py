@@ -9,24 +9,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import machine
+from alignerf.io import machine
 from flow.camera import fit as camera_fit
 from flow.camera import motion as camera_motion
 
 # A camera stays where a smaller share of the view's pixels has a flow and a depth.
-LEAST_VALID_SHARE = 0.05
+MIN_VALID_FRACTION = 0.05
 # A camera stays where its fit leaves more noise than this many times the views' median
 # noise, and more than this standard deviation in px.
-NOISE_RATIO, LEAST_NOISE_PX = 4.0, 0.5
+NOISE_RATIO, MIN_NOISE_PX = 4.0, 0.5
 # A camera stays where its motion is longer than this many times the views' median
 # motion, and longer than this in px.
-LENGTH_RATIO, LEAST_LENGTH_PX = 10.0, 3.0
+LENGTH_RATIO, MIN_LENGTH_PX = 10.0, 3.0
 # All cameras stay where the median motion is shorter: it is then the estimator's error.
 # With true poses this error is 0.05 to 0.08 px, and cameras moved by it made the next
 # round blurrier.
-LEAST_MEDIAN_PX = 0.1
+MIN_MEDIAN_PX = 0.1
 # A longer motion is no estimator's error: this camera moves even if the median motion
-# is below LEAST_MEDIAN_PX. With true poses and moving objects none of 42 views had a
+# is below MIN_MEDIAN_PX. With true poses and moving objects none of 42 views had a
 # motion longer than 0.20 px.
 CLEAR_PX = 0.5
 # The focal length changes where the views' median zoom is more than this many standard
@@ -36,7 +36,7 @@ ZOOM_ERRORS = 4.0
 # standard error of the median over that of the mean.
 MAD_SIGMAS, MEDIAN_ERRORS = 1.4826, 1.2533
 # Fewer views may agree on a zoom by chance.
-LEAST_VIEWS = 3
+MIN_VIEWS = 3
 
 
 class View(NamedTuple):
@@ -56,7 +56,7 @@ class Correction(NamedTuple):
     """How a camera moves, in its own frame and in units of the depth.
 
     length_px: median length of the flow that the motion causes. noise_px: standard
-    deviation of the rest of the flow. valid_share: share of pixels with a flow and a
+    deviation of the rest of the flow. valid_fraction: share of pixels with a flow and a
     depth. depth: median depth of these pixels, or 1. left_alone: the reason why the
     camera stays (motion is then `STILL`), "" for a camera that moves. trusted: False
     where too few pixels have a flow, or noise or motion is an outlier among the views.
@@ -65,7 +65,7 @@ class Correction(NamedTuple):
     motion: camera_motion.Motion
     length_px: float
     noise_px: float
-    valid_share: float
+    valid_fraction: float
     depth: float
     left_alone: str
     trusted: bool = True
@@ -74,22 +74,22 @@ class Correction(NamedTuple):
 def corrections(
     views,
     *,
-    least_px=LEAST_MEDIAN_PX,
+    min_px=MIN_MEDIAN_PX,
     zooms=True,
     log_focal=0.0,
-    most_pixels=camera_fit.MAX_PIXELS,
+    max_pixels=camera_fit.MAX_PIXELS,
     threads=1,
 ) -> list[Correction]:
     """The `Correction` of each view, in the order of the views.
 
     views: a function for each view that gives its `View`; with `zooms` it is called
     twice, else once, in one of so many threads. All cameras that move share one
-    log_focal. least_px: where the median motion is shorter, only motions beyond
+    log_focal. min_px: where the median motion is shorter, only motions beyond
     CLEAR_PX are kept. zooms: whether the focal length may change; if not, log_focal is
-    the zoom that is known. most_pixels: the fit samples about so many pixels of a view.
+    the zoom that is known. max_pixels: the fit samples about so many pixels of a view.
     Raises ValueError where the shapes of a view's arrays do not match.
     """
-    size = {"most_pixels": most_pixels}
+    size = {"max_pixels": max_pixels}
 
     def in_threads(function):
         return list(machine.map_in_threads(function, views, threads=threads))
@@ -103,10 +103,10 @@ def corrections(
         name: float(np.median([getattr(correction, name) for correction in kept]))
         for name in (("noise_px", "length_px") if kept else ())
     }
-    if kept and usual["length_px"] < least_px:
+    if kept and usual["length_px"] < min_px:
         reason = (
             f"the median view would move by {usual['length_px']:.2f} px, and under "
-            f"{least_px:g} px that is the flow's error"
+            f"{min_px:g} px that is the flow's error"
         )
         corrected = [
             c if c.left_alone or c.length_px > CLEAR_PX else left_alone(c, reason)
@@ -116,8 +116,8 @@ def corrections(
 
 
 def shared_zoom(log_focals):
-    """The views' median log_focal; 0 where they disagree, or are under LEAST_VIEWS."""
-    if len(log_focals) < LEAST_VIEWS:
+    """The views' median log_focal; 0 where they disagree, or are under MIN_VIEWS."""
+    if len(log_focals) < MIN_VIEWS:
         return 0.0
     median = float(np.median(log_focals))
     spread = MAD_SIGMAS * np.median(np.abs(np.asarray(log_focals) - median))
@@ -135,7 +135,7 @@ def _too_few(valid, pixels):
     """The reason why so few pixels say nothing of a camera, else ""."""
     if pixels == 0:
         return f"only {valid.sum()} pixels have a flow and a depth"
-    if valid.mean() < LEAST_VALID_SHARE:
+    if valid.mean() < MIN_VALID_FRACTION:
         return f"only {valid.mean():.1%} of its pixels have a flow and a depth"
     return ""
 
@@ -150,7 +150,7 @@ def _fitted(view: View, **options) -> Correction:
         motion=fit.motion,
         length_px=float(np.median(lengths_px)) if len(lengths_px) else 0.0,
         noise_px=fit.noise_px,
-        valid_share=float(fit.valid.mean()),
+        valid_fraction=float(fit.valid.mean()),
         depth=float(np.median(near)) if len(near) else 1.0,
         left_alone="",
     )
@@ -159,13 +159,13 @@ def _fitted(view: View, **options) -> Correction:
 
 def _with_others(correction: Correction, *, noise_px, length_px) -> Correction:
     """The correction; not trusted where its noise or length is an outlier."""
-    if correction.noise_px > max(LEAST_NOISE_PX, NOISE_RATIO * noise_px):
+    if correction.noise_px > max(MIN_NOISE_PX, NOISE_RATIO * noise_px):
         return _mistrusted(
             correction,
             f"no camera explains its flow: {correction.noise_px:.2f} px remain, "
             f"{noise_px:.2f} px in the median view",
         )
-    if correction.length_px > max(LEAST_LENGTH_PX, LENGTH_RATIO * length_px):
+    if correction.length_px > max(MIN_LENGTH_PX, LENGTH_RATIO * length_px):
         return _mistrusted(
             correction,
             f"it would move by {correction.length_px:.1f} px, the median view by "

@@ -20,7 +20,7 @@ MAX_PIXELS = 10_000
 # Beyond this many standard deviations a pixel does not move with the camera.
 OUTLIER_SIGMAS = 3.0
 # No flow is known better than this standard deviation of a component.
-LEAST_NOISE_PX = 0.02
+MIN_NOISE_PX = 0.02
 # Quantiles of the length of a two-dimensional normal error, in standard deviations:
 # half of the pixels say how large it is, a quarter still does while the fit is far
 # off and half of the image moves on its own.
@@ -32,7 +32,7 @@ RIDGE = np.array([1e-6] * 3 + [1e-4] * 3 + [1e-4])
 # The loss starts convex and narrows by this factor, some steps at each width.
 NARROWING = 0.7
 STEPS_PER_WIDTH = 2
-MOST_STEPS = 100
+MAX_STEPS = 100
 CONVERGED_PX = 1e-4
 # A turn by more radians at once is an artefact of linearity.
 LARGEST_TURN = 0.2
@@ -71,44 +71,44 @@ class Found(NamedTuple):
 
 
 def split(
-    flow_px, valid, pixtocam, depth=None, *, log_focal=None, most_pixels=MAX_PIXELS
+    flow_px, valid, pixtocam, depth=None, *, log_focal=None, max_pixels=MAX_PIXELS
 ) -> Fit:
     """Split a flow [h, w, 2] into what a moved camera explains, and the rest.
 
     depth [h, w]: not positive or NaN is unknown, infinite is far away; None:
     everything is far away, and only a turn and a zoom are fitted. log_focal: a zoom
-    that is known, and not fitted. most_pixels: about so many are fitted. Always finite;
+    that is known, and not fitted. max_pixels: about so many are fitted. Always finite;
     raises ValueError where shapes do not fit or pixtocam is singular.
     """
     found = motion_of(
         *(flow_px, valid, pixtocam, depth),
         log_focal=log_focal,
-        most_pixels=most_pixels,
+        max_pixels=max_pixels,
     )
     camera_px = camera_motion.flow(found.motion, found.points)
     remainder_px = flow_px - camera_px
     length_px = np.linalg.norm(remainder_px, axis=-1)
     sampled_px = length_px[found.sample]
     noise_px = _noise_px(sampled_px, *MEDIAN) if len(sampled_px) else 0.0
-    least_px = OUTLIER_SIGMAS * max(noise_px, LEAST_NOISE_PX)
+    min_px = OUTLIER_SIGMAS * max(noise_px, MIN_NOISE_PX)
     return Fit(
         motion=found.motion,
         camera_px=camera_px.astype(np.float32),
         remainder_px=remainder_px.astype(np.float32),
         valid=found.valid,
-        moved=found.valid & (length_px > least_px),
+        moved=found.valid & (length_px > min_px),
         noise_px=noise_px,
         pixels=found.pixels,
     )
 
 
 def motion_of(
-    flow_px, valid, pixtocam, depth=None, *, log_focal=None, most_pixels=MAX_PIXELS
+    flow_px, valid, pixtocam, depth=None, *, log_focal=None, max_pixels=MAX_PIXELS
 ) -> Found:
     """The motion alone, without what it makes of each pixel; arguments of `split`."""
     valid, depth = _checked(flow_px, valid, pixtocam, depth)
     points = camera_motion.points_of(pixtocam, depth)
-    sample = _sample(valid, most_pixels)
+    sample = _sample(valid, max_pixels)
     pixels = int(sample.sum())
     motion = camera_motion.STILL._replace(log_focal=log_focal or 0.0)
     if pixels < MIN_PIXELS:
@@ -152,8 +152,8 @@ def fit(flow_px, points, *, log_focal=None):
     still_px = camera_motion.pixels(camera_motion.STILL, points)
     q, residual_px = _left(motion, flow_px, points, still_px)
     length_px = np.linalg.norm(residual_px, axis=-1)
-    width_px = max(2 * np.percentile(length_px, 95), OUTLIER_SIGMAS * LEAST_NOISE_PX)
-    for number in range(MOST_STEPS):
+    width_px = max(2 * np.percentile(length_px, 95), OUTLIER_SIGMAS * MIN_NOISE_PX)
+    for number in range(MAX_STEPS):
         by = camera_motion.jacobian(motion, points, q)
         motion, change_px = _step(motion, width_px, unit, by, residual_px)
         q, residual_px = _left(motion, flow_px, points, still_px)
@@ -161,8 +161,8 @@ def fit(flow_px, points, *, log_focal=None):
             continue
         # The noise falls with the fit: narrow until both have come to rest.
         noise_px = _noise_px(np.linalg.norm(residual_px, axis=-1), *QUARTER)
-        least_px = OUTLIER_SIGMAS * max(noise_px, LEAST_NOISE_PX)
-        narrower_px = max(least_px, NARROWING * width_px)
+        min_px = OUTLIER_SIGMAS * max(noise_px, MIN_NOISE_PX)
+        narrower_px = max(min_px, NARROWING * width_px)
         if narrower_px > 0.99 * width_px and change_px < CONVERGED_PX:
             break
         width_px = min(width_px, narrower_px)

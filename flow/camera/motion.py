@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 # Points nearer than this share of their depth to the moved camera's plane have left
 # its view; without a bound they would be anywhere.
-LEAST_Q_Z = 0.05
-LEAST_DEPTH = 1e-12
+MIN_Q_Z = 0.05
+MIN_DEPTH = 1e-12
 # Axes of poses (x right, y up, z backwards) from those of a motion, and back.
 OPENGL = np.diag([1.0, -1.0, -1.0])
 
@@ -43,7 +43,7 @@ class Points(NamedTuple):
 def points_of(pixtocam, depth) -> Points:
     """Points of all pixels of a depth map [h, w]; unknown depths count as far away."""
     depth = np.asarray(depth, dtype=np.float64)
-    rho = 1 / np.where(depth > 0, np.maximum(depth, LEAST_DEPTH), np.inf)
+    rho = 1 / np.where(depth > 0, np.maximum(depth, MIN_DEPTH), np.inf)
     y, x = np.indices(depth.shape) + 0.5
     pixels = np.stack([x, y, np.ones(depth.shape)], axis=-1)
     rays = pixels @ np.asarray(pixtocam, dtype=np.float64).T
@@ -131,7 +131,7 @@ def directions(motion, points):
     """q [..., 3] of the module's notation, kept in front of the moved camera."""
     q = points.rays - points.rho[..., None] * motion.centre
     q = q @ Rotation.from_rotvec(motion.rotation).as_matrix()
-    return np.concatenate([q[..., :2], np.maximum(q[..., 2:], LEAST_Q_Z)], axis=-1)
+    return np.concatenate([q[..., :2], np.maximum(q[..., 2:], MIN_Q_Z)], axis=-1)
 
 
 def pixels(motion, points, q=None):

@@ -80,11 +80,11 @@ def _check(render, photo, method):
     if method not in METHODS:
         raise ValueError(f"flow method {method!r} is not one of {', '.join(METHODS)}")
     check_pair(render, photo)
-    least_px = METHODS[method].min_side_px
-    if min(render.shape[:2]) < least_px:
+    min_px = METHODS[method].min_side_px
+    if min(render.shape[:2]) < min_px:
         raise ValueError(
             f"images of {_size(render)} pixels are too small for optical flow by "
-            f"{method}: each side must have at least {least_px}"
+            f"{method}: each side must have at least {min_px}"
         )
 
 

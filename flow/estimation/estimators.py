@@ -14,7 +14,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from alignerf.files.environment import extensions
+from alignerf.io.environment import extensions
 
 
 class Estimator(NamedTuple):

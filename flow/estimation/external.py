@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.files import archives
+from alignerf.io import archives
 from flow.warping import files, warp
 
 METHOD = "files"

@@ -8,7 +8,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from alignerf.files import archives, atomic, images, machine, progress
+from alignerf.io import archives, atomic, images, machine, progress
 from flow.estimation import estimate, external
 from flow.warping import files, warp
 

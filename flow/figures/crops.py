@@ -1,11 +1,11 @@
 """Crops side by side, as in the paper's teaser: `figures/crops.png`.
 
-A row for each of a few test views: the photo with a window marked; the window of the
+A row for each of a few test views: the photo with a crop marked; the crop of the
 photo and of each method's render, with its PSNR in dB; then of each render's flow to
 the photo, with its median length in px, all flows on one colour scale.
 
-Neither views nor windows are chosen by what a method does: VIEWS views, evenly
-spaced among the test views by name, and of each the square window of a quarter of
+Neither views nor crops are chosen by what a method does: VIEWS views, evenly
+spaced among the test views by name, and of each the square crop of a quarter of
 the photo's width that holds most of the photo's high frequencies.
 """
 
@@ -19,34 +19,34 @@ import matplotlib.patches
 import numpy as np
 import skimage.metrics
 
-from alignerf.files import images
+from alignerf.io import images
 from flow.figures import drawing
 from flow.warping import files
 
 VIEWS = 3
 # Of the photo's width; less where the photo is not as high.
-WINDOW_SHARE = 0.25
+CROP_FRACTION = 0.25
 # High frequencies are what this blur takes away: details of a few pixels.
 BLUR_SIGMA_PX = 2.0
 # A page's width for two methods.
 CELL_INCH = 1.12
 # The legend's width.
-LEAST_INCH = 5.5
+MIN_INCH = 5.5
 # Wider or narrower photos are shown smaller: so many cells wide.
 PHOTO_WIDTHS = (0.5, 3.0)
 # Letters that a cell is wide.
 CELL_LETTERS = 16
-# Large windows keep their pixels, up to this.
-MOST_DPI = 600
+# Large crops keep their pixels, up to this.
+MAX_DPI = 600
 NOTE = (
     "colour: direction and length of the flow from render to photo,\n"
-    "one scale for all; black: not valid. px: median length in the window.\n"
-    "dB: PSNR of the window. Window: a quarter of the photo's width,\n"
+    "one scale for all; black: not valid. px: median length in the crop.\n"
+    "dB: PSNR of the crop. Crop: a quarter of the photo's width,\n"
     "where the photo has most high frequencies; it depends on no method."
 )
 
 
-class Window(NamedTuple):
+class Crop(NamedTuple):
     """A square of a photo, in pixels."""
 
     left: int
@@ -54,28 +54,28 @@ class Window(NamedTuple):
     side: int
 
     def cut(self, image):
-        """The window's part [side, side, ...] of an image [h, w, ...]."""
+        """The crop's part [side, side, ...] of an image [h, w, ...]."""
         rows = slice(self.top, self.top + self.side)
         return image[rows, self.left : self.left + self.side]
 
 
-def choose_window(photo):
-    """The window of a photo [h, w, 3] uint8 with most high-frequency energy.
+def choose_crop(photo):
+    """The crop of a photo [h, w, 3] uint8 with most high-frequency energy.
 
     The energy is the squared difference of grey values to those blurred; of equal
-    windows it is the uppermost, of these the leftmost.
+    crops it is the uppermost, of these the leftmost.
     """
     height, width = photo.shape[:2]
-    side = min(max(1, round(WINDOW_SHARE * width)), height)
+    side = min(max(1, round(CROP_FRACTION * width)), height)
     grey = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY).astype(np.float64)
     blurred = cv2.GaussianBlur(grey, (0, 0), BLUR_SIGMA_PX)
-    # Whole numbers, so that equal windows have equal sums.
+    # Whole numbers, so that equal crops have equal sums.
     energy = np.round(1000 * (grey - blurred) ** 2)
     total = cv2.integral(energy)
     sums = total[side:, side:] - total[:-side, side:]
     sums += total[:-side, :-side] - total[side:, :-side]
     top, left = np.unravel_index(np.argmax(sums), sums.shape)
-    return Window(int(left), int(top), side)
+    return Crop(int(left), int(top), side)
 
 
 def choose_views(names):
@@ -91,11 +91,11 @@ def psnr_db(image, photo):
 
 
 class Row(NamedTuple):
-    """A test view: its photo, the window, and of each method what it shows there."""
+    """A test view: its photo, the crop, and of each method what it shows there."""
 
     view: str
     photo: np.ndarray  # [h, w, 3]
-    window: Window
+    crop: Crop
     renders: list  # [side, side, 3]
     flows: list  # (flow_px [side, side, 2], valid [side, side])
 
@@ -103,7 +103,7 @@ class Row(NamedTuple):
 def read_row(view, photos, methods):
     """Raises ValueError, naming the file, for a render or flow of another size."""
     photo = images.read(photos / f"{view}.png")
-    window = choose_window(photo)
+    crop = choose_crop(photo)
     renders, flows = [], []
     for method in methods:
         path = Path(method["renders"]) / f"{view}.png"
@@ -113,9 +113,9 @@ def read_row(view, photos, methods):
         for image, name in ((render, path), (flow_px, flow_path)):
             if image.shape[:2] != photo.shape[:2]:
                 raise ValueError(f"{name}: not of the size of photo {view}")
-        renders.append(window.cut(render))
-        flows.append((window.cut(flow_px), window.cut(valid)))
-    return Row(view, photo, window, renders, flows)
+        renders.append(crop.cut(render))
+        flows.append((crop.cut(flow_px), crop.cut(valid)))
+    return Row(view, photo, crop, renders, flows)
 
 
 def draw_methods(photos, methods, path):
@@ -138,11 +138,11 @@ def draw(rows, methods, path):
     cells = 1 + 2 * len(methods)
     widths = [np.clip(width / height, *PHOTO_WIDTHS), *[1] * cells]
     flows = [f"flow of {method}" for method in methods]
-    headings = list(map(in_lines, ["photo", "its window", *methods, *flows]))
+    headings = list(map(in_lines, ["photo", "its crop", *methods, *flows]))
     lines = 1 + max(heading.count("\n") for heading in headings)
     inches = (CELL_INCH + 0.25) * len(rows) + 0.15 * lines + 0.1, 1.1
     figure = matplotlib.figure.Figure(
-        figsize=(max(CELL_INCH * sum(widths), LEAST_INCH), sum(inches)),
+        figsize=(max(CELL_INCH * sum(widths), MIN_INCH), sum(inches)),
         layout="constrained",
     )
     top, bottom = figure.subfigures(2, height_ratios=inches)
@@ -152,21 +152,21 @@ def draw(rows, methods, path):
     for axes, heading in zip(grid[0], headings, strict=True):
         axes.set_title(heading, fontsize=drawing.FONT_SIZE, parse_math=False)
     drawing.draw_legend(bottom, scale_px, NOTE)
-    dpi = max(row.window.side for row in rows) / CELL_INCH
-    drawing.save_images(figure, path, dpi=np.clip(dpi, drawing.DPI, MOST_DPI))
+    dpi = max(row.crop.side for row in rows) / CELL_INCH
+    drawing.save_images(figure, path, dpi=np.clip(dpi, drawing.DPI, MAX_DPI))
 
 
 def draw_row(axes, row, scale_px):
-    """The cells of a view: photo, its window, the renders' windows, their flows."""
+    """The cells of a view: photo, its crop, the renders' crops, their flows."""
     axes[0].imshow(row.photo)
     write_below(axes[0], in_lines(row.view))
-    left, top, side = row.window
-    # Around the window's outermost pixels, whose centres are whole numbers.
+    left, top, side = row.crop
+    # Around the crop's outermost pixels, whose centres are whole numbers.
     square = matplotlib.patches.Rectangle(
         (left - 0.5, top - 0.5), side, side, fill=False, color="red", clip_on=False
     )
     axes[0].add_patch(square)
-    photo = row.window.cut(row.photo)
+    photo = row.crop.cut(row.photo)
     axes[1].imshow(photo)
     of_renders, of_flows = np.split(axes[2:], 2)
     for cell, render in zip(of_renders, row.renders, strict=True):

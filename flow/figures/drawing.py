@@ -8,7 +8,7 @@ Colours are Middlebury's: hue is the direction, saturation the length (Baker et 
 
 import numpy as np
 
-from alignerf.files import atomic
+from alignerf.io import atomic
 
 # One scale for all flows of a figure, this percentile of their lengths.
 SCALE_PERCENTILE = 98
@@ -58,31 +58,31 @@ def encode(flow_px, *, scale_px, valid=None):
     return np.floor(255 * colour * known[..., None]).astype(np.uint8)
 
 
-def faded(flow_px, least_px):
-    """The flow with lengths beneath `least_px` shortened by their square's share.
+def faded(flow_px, min_px):
+    """The flow with lengths beneath `min_px` shortened by their square's share.
 
     At the least itself nothing changes, half of it becomes an eighth: beneath what can
     be told colours fade out without an edge.
     """
-    if not (np.isfinite(least_px) and least_px >= 0):
-        raise ValueError(f"least_px must be 0 or more, is {least_px}")
+    if not (np.isfinite(min_px) and min_px >= 0):
+        raise ValueError(f"min_px must be 0 or more, is {min_px}")
     flow_px = np.asarray(flow_px, dtype=np.float64)
     length = np.linalg.norm(flow_px, axis=-1, keepdims=True)
     # A length that is no number stays none.
-    share = np.where(length < least_px, length / max(least_px, 1e-12), 1.0)
+    share = np.where(length < min_px, length / max(min_px, 1e-12), 1.0)
     return flow_px * share**2
 
 
-def legend(side_px, *, scale_px=1.0, least_px=0.0):
+def legend(side_px, *, scale_px=1.0, min_px=0.0):
     """The wheel [side_px, side_px, 3]: colour of the flow from the centre to here.
 
-    The rim stands for the scale; outside of it the image is white. least_px: as of
+    The rim stands for the scale; outside of it the image is white. min_px: as of
     `faded`.
     """
     offset = (np.arange(side_px) - (side_px - 1) / 2) / (side_px / 2)
     flow = np.stack(np.meshgrid(offset, offset), axis=-1)
     inside = np.hypot(flow[..., 0], flow[..., 1]) <= 1
-    colours = encode(faded(flow * scale_px, least_px), scale_px=scale_px)
+    colours = encode(faded(flow * scale_px, min_px), scale_px=scale_px)
     return np.where(inside[..., None], colours, np.uint8(255))
 
 

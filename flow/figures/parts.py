@@ -10,7 +10,7 @@ import matplotlib.figure
 import numpy as np
 import pandas as pd
 
-from alignerf.files import archives, csv_files, faults, images
+from alignerf.io import archives, csv_files, faults, images
 from flow.figures import drawing
 
 log = logging.getLogger("alignerf")

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import matplotlib.figure
 
-from alignerf.files import csv_files, faults, images
+from alignerf.io import csv_files, faults, images
 from flow.figures import crops as crop_figure
 from flow.figures import drawing
 from flow.figures import parts as part_figures

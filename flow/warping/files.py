@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.files import archives, atomic, faults
+from alignerf.io import archives, atomic, faults
 from flow.warping import warp
 
 # Middlebury's mark for "unknown" is any component beyond this.
 UNKNOWN_FLOW_PX = 1e9
 # How far render and photo are apart: the misalignment of a view.
-LENGTHS = ("median_px", "mean_px", "p95_px", "valid_share")
+LENGTHS = ("median_px", "mean_px", "p95_px", "valid_fraction")
 
 
 def write_rows(path, columns, rows):
@@ -76,7 +76,7 @@ def read_split(path, split, *keys):
 
 def read_flo(path):
     """Read Middlebury's .flo as (flow_px, valid); unknown pixels are 0 and invalid."""
-    data = faults.content(path, archives.MOST_BYTES)
+    data = faults.content(path, archives.MAX_BYTES)
     width, height = (
         (int(side) for side in np.frombuffer(data, "<i4", 2, offset=4))
         if len(data) >= 12

@@ -8,7 +8,7 @@ around an integer and the image covers [-0.5, w - 0.5] x [-0.5, h - 0.5].
 import cv2
 import numpy as np
 
-from alignerf.files import images
+from alignerf.io import images
 
 KERNELS = {
     "lanczos": cv2.INTER_LANCZOS4,

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from alignerf import align_test_poses
-from alignerf.files import faults, images
+from alignerf.io import faults, images
 from alignerf.metrics import image as image_metrics
 from alignerf.scenes import cameras, prepared
 from alignerf.training import methods, renderer

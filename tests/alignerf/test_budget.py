@@ -30,8 +30,8 @@ def seconds(monkeypatch):
     found = []
     measure = program.step_time_s
 
-    def say(step, state, *, most_s, at_once):
-        measure(step, state, most_s=0.01, at_once=at_once)
+    def say(step, state, *, max_s, at_once):
+        measure(step, state, max_s=0.01, at_once=at_once)
         return found.pop(0)
 
     monkeypatch.setattr(program, "step_time_s", say)
@@ -93,7 +93,7 @@ def killed(*arguments, **options):
     [
         {"seed": 4},
         {"training": with_budget(2 * BUDGET_MIN)["training"]},
-        {"stage": "pretrain", "pretrain_share": 0.6},
+        {"stage": "pretrain", "pretrain_fraction": 0.6},
     ],
     ids=["seed", "budget", "stage"],
 )

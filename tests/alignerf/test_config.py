@@ -7,7 +7,7 @@ import yaml
 
 from alignerf import config
 from alignerf.experiment import plan
-from alignerf.files import faults
+from alignerf.io import faults
 
 
 def test_a_complete_config_is_written_in_its_order(demo, experiment_of, tmp_path):

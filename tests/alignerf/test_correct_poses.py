@@ -1,4 +1,4 @@
-"""Cameras put right by their flow: the stage `correct_poses`."""
+"""Cameras corrected by their flow: the stage `correct_poses`."""
 
 import json
 
@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from alignerf import correct_poses
 from alignerf.cameras import moves
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.scenes import cameras, prepared
 from flow.warping import files
 from tests import camera_twins
@@ -139,7 +139,7 @@ def test_the_report_says_what_was_done_to_each_view(scene):
         step = scale * np.linalg.norm(new[:, 3] - old[:, 3])
         assert row["centre"] == pytest.approx(step, rel=1e-5)
         assert 0 < row["length_px"] < 20
-        assert (row["valid_share"], row["left_alone"]) == (1.0, "")
+        assert (row["valid_fraction"], row["left_alone"]) == (1.0, "")
 
 
 def test_a_view_left_alone_does_not_move_at_all(scene, caplog):

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from alignerf import evaluate, testsets
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.metrics import image as image_metrics
 from alignerf.metrics import lpips
 from alignerf.scenes import cameras
@@ -32,7 +32,7 @@ def test_scores_are_the_metrics(pair):
     assert row["psnr_db"] == image_metrics.psnr_db(*pair, EVERYWHERE)
     assert row["ssim"] == image_metrics.ssim(*pair, EVERYWHERE)
     assert row["mine"] == 0.5
-    assert (row["valid_share"], row["note"]) == (1.0, "")
+    assert (row["valid_fraction"], row["note"]) == (1.0, "")
 
 
 def test_identical_images_are_flagged_and_not_averaged(pair):
@@ -66,7 +66,7 @@ def test_pixels_that_are_not_valid_change_nothing(pair, learned):
     rows = [evaluate.score(t, render, valid, named) for t in (target, spoilt)]
     assert rows[0] == rows[1]
     assert rows[0]["lpips_vgg"] == 0.25
-    assert rows[0]["valid_share"] == valid.mean() < 1
+    assert rows[0]["valid_fraction"] == valid.mean() < 1
     for net, weights, first, second in shown:
         assert (net, weights) == ("vgg", "vgg of a.npz")
         filled = np.where(valid[..., None], target, render)
@@ -172,7 +172,7 @@ def test_each_test_set_is_scored_against_its_own_images(folder):
             assert row["psnr_db"] == pytest.approx(
                 image_metrics.psnr_db(target, render, mask)
             )
-            assert row["valid_share"] == pytest.approx(mask.mean())
+            assert row["valid_fraction"] == pytest.approx(mask.mean())
             assert row["note"] == (
                 "lpips_alex, lpips_squeeze, lpips_vgg: no weights given"
             )
@@ -234,7 +234,7 @@ def test_what_moves_and_what_stands_still_are_scored_apart(folder, rng):
         wanted = image_metrics.psnr_db(oracle, render, mask)
         assert found.loc["a", name]["psnr_db"] == pytest.approx(wanted)
     # Nothing moves in the other view.
-    assert found.loc["c", "oracle_still"]["valid_share"] == 1
+    assert found.loc["c", "oracle_still"]["valid_fraction"] == 1
     assert ("c", "oracle_moving") not in found.index
 
 

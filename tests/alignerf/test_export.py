@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from alignerf import export, poses
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.scenes import cameras, colmap, prepare, prepared
 from alignerf.scenes.formats import llff, transforms
 from alignerf.training import batches

@@ -14,7 +14,7 @@ from alignerf.scenes import cameras
 from alignerf.training import batches, methods, renderer
 
 SMALL = {
-    "grid": {"levels": 2, "log2_entries": 8, "finest": 32, "width": 16},
+    "grid": {"levels": 2, "log2_hashmap_size": 8, "max_resolution": 32, "width": 16},
     "mlp": {"width": 16, "depth": 6, "bottleneck": 8, "view_width": 16},
 }
 

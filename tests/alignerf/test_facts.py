@@ -141,7 +141,7 @@ def test_errors_are_in_pixels_of_the_training(scene):
     (scene / "poses.json").write_text(json.dumps(report))
     found = facts_of(scene)
     assert found["reprojection_px"] == pytest.approx(0.2)
-    assert found["registered_share"] == 0.8
+    assert found["registered_fraction"] == 0.8
 
 
 def test_soft_and_dark_photos_are_found(scene, rng):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from alignerf import poses
-from alignerf.files import images, owned
+from alignerf.io import images, owned
 from alignerf.scenes import cameras, prepared
 from alignerf.verdict import evidence
 
@@ -16,7 +16,7 @@ COURTYARD = {
     "poses": "truth",
     "downscale": 2,
     "test_every": 3,
-    "least_train_views": 2,
+    "min_train_views": 2,
     "courtyard": {"views": 4, "width": 96, "height": 72, "motion_m": 0.03},
 }
 
@@ -184,7 +184,7 @@ def test_courtyard_through_colmap(tmp_path):
     assert (front[inside] < 0.9 * there).mean() < 0.1
 
 
-def test_windows_of_a_scene_have_its_photos_cameras_split(tmp_path):
+def test_crops_of_a_scene_have_its_photos_cameras_split(tmp_path):
     """Without COLMAP, at the photos' own size, several of each photo."""
     courtyard = COURTYARD["courtyard"] | {"width": 192, "height": 144, "views": 6}
     whole = COURTYARD | {"courtyard": courtyard}
@@ -196,20 +196,20 @@ def test_windows_of_a_scene_have_its_photos_cameras_split(tmp_path):
     moved = load(given)
     moved["camtoworlds"][:, 0, 3] += 1e-3
     np.savez(tmp_path / "moved.npz", **moved)
-    zoom = {"of": "whole", "px": 64, "count": 2}
-    config = whole | {"downscale": 1, "perturb_px": 0.0, "zoom": zoom}
+    crop = {"of": "whole", "px": 64, "count": 2}
+    config = whole | {"downscale": 1, "perturb_px": 0.0, "crop": crop}
     poses.main(config, tmp_path / "given", tmp_path / "whole", given)
     # Other cameras, at the same places.
-    out, places = tmp_path / "windows", tmp_path / "given"
+    out, places = tmp_path / "crops", tmp_path / "given"
     poses.main(config, out, tmp_path / "whole", tmp_path / "moved.npz", places)
-    first = json.loads((places / "poses.json").read_text())["zoom"]
-    assert json.loads((out / "poses.json").read_text())["zoom"] == first
+    first = json.loads((places / "poses.json").read_text())["crop"]
+    assert json.loads((out / "poses.json").read_text())["crop"] == first
     stored = load(out / "cameras.npz")
     told = json.loads((out / "poses.json").read_text())
-    assert told["zoom"]["of"] == "whole"
+    assert told["crop"]["of"] == "whole"
     assert told["photo_size"] == [192, 144]
-    assert len(told["zoom"]["points"]) == 2
-    side = told["zoom"]["px"]
+    assert len(told["crop"]["points"]) == 2
+    side = told["crop"]["px"]
     assert stored["width"] == stored["height"] == side <= 64
     assert not (out / "images" / "truth").exists()
     views = zip(stored["names"], stored["split"], stored["camtoworlds"], strict=True)
@@ -223,16 +223,16 @@ def test_windows_of_a_scene_have_its_photos_cameras_split(tmp_path):
         assert images.read(out / "images" / f"{name}.png").shape == (side, side, 3)
 
 
-def test_windows_of_views_that_share_no_points(tmp_path, monkeypatch):
+def test_crops_of_views_that_share_no_points(tmp_path, monkeypatch):
     """They lie where all cameras look; where those look apart, one line says so."""
     poses.main(COURTYARD, tmp_path / "whole")
-    zoom = {"of": "whole", "px": 64, "count": 2}
-    config = COURTYARD | {"downscale": 1, "zoom": zoom}
+    crop = {"of": "whole", "px": 64, "count": 2}
+    config = COURTYARD | {"downscale": 1, "crop": crop}
     given = (tmp_path / "whole", tmp_path / "whole" / "cameras.npz")
     poses.main(config, tmp_path / "out", *given)
     told = json.loads((tmp_path / "out" / "poses.json").read_text())
-    assert len(told["zoom"]["points"]) == 1
+    assert len(told["crop"]["points"]) == 1
     monkeypatch.setattr(cameras, "focus_of", lambda _: None)
-    with pytest.raises(ValueError, match="whole: windows: the views share no points"):
+    with pytest.raises(ValueError, match="whole: crops: the views share no points"):
         poses.main(config, tmp_path / "none", *given)
     assert not (tmp_path / "none" / "poses.json").exists()

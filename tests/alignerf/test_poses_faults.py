@@ -12,7 +12,7 @@ from PIL import Image
 
 from alignerf import poses
 from alignerf.experiment import jobs
-from alignerf.files import faults, images
+from alignerf.io import faults, images
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +156,7 @@ def test_another_source_takes_the_truth_away(courtyard, tmp_path):
         frames.append(frame)
     scene = {"camera_angle_x": 1.0, "frames": frames}
     (tmp_path / "transforms.json").write_text(json.dumps(scene))
-    config = {"source": "transforms", "path": str(tmp_path), "least_train_views": 1}
+    config = {"source": "transforms", "path": str(tmp_path), "min_train_views": 1}
     poses.main(config, tmp_path / "scene")
     found = sorted(p.name for p in (tmp_path / "scene").iterdir())
     assert found == ["cameras.npz", "images", "poses.json"]

@@ -19,7 +19,7 @@ def test_two_scenes_in_one_folder_are_told():
     with pytest.raises(ValueError, match=r"mine: COLMAP registered 20 of 45") as raised:
         loading.check_registered(model(20, 25, [20, 18, 4]), 0.6, "mine")
     assert "models of 18, 4: two scenes?" in str(raised.value)
-    assert "colmap.least_registered" in str(raised.value)
+    assert "colmap.min_registered" in str(raised.value)
     assert "\n" not in str(raised.value)
 
 
@@ -38,7 +38,7 @@ def test_too_few_to_learn_from_stop_the_run(train, least, stops):
         ValueError, match=r"mine: 2 of 3 views .* too few\. Take 20"
     ) as e:
         poses.check_enough(split, least, "mine")
-    assert "least_train_views" in str(e.value)
+    assert "min_train_views" in str(e.value)
 
 
 def test_photos_that_do_not_overlap_are_no_second_scene():

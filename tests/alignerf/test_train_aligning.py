@@ -20,7 +20,7 @@ ALIGN = {
     "cameras_at": [0.3, 0.6],
     "photos_at": [0.6],
     "shrink": 3,
-    "least_move_px": 0.0,
+    "min_move_px": 0.0,
     "estimator": "dis_medium",
 }
 JOB = cases.JOB | {"align": ALIGN}

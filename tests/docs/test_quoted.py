@@ -34,11 +34,11 @@ def measured(root):
 
 
 def test_gains_that_are_advised_with_are_those_measured(measured):
-    way = {"scene": BOTH, "method": "aligned on the way"}
+    way = {"scene": BOTH, "method": "aligned in the loop"}
     moved = {"condition": "objects move", "remedy": "photos warped once, from scratch"}
     assert {
-        "ALIGNED_DB": measured("on_the_way", "equal_db", share=1, **way),
-        "ALIGNED_TWICE_DB": measured("on_the_way", "equal_db", share=2, **way),
+        "ALIGNED_DB": measured("in_loop", "equal_db", share=1, **way),
+        "ALIGNED_TWICE_DB": measured("in_loop", "equal_db", share=2, **way),
         "LONGER_DB": measured("tradeoff", "difference_db", setting="4000 steps"),
         "WARPED_MOTION_DB": measured("remedies_steps", "gain_db", **moved),
         "WARPED_MOTION_TWICE_DB": measured("remedies", "gain_db", budget=2, **moved),
@@ -53,8 +53,8 @@ def test_gains_that_are_advised_with_are_those_measured(measured):
 def test_pages_quote_the_same_gains(page_of, measured):
     brought = r"it brought ([\d.]+) dB in the seconds of one training, ([\d.]+) dB in"
     found = re.findall(brought, page_of("docs/evidence/verdict.md"))
-    way = {"scene": BOTH, "method": "aligned on the way"}
-    wanted = [measured("on_the_way", "equal_db", share=n, **way) for n in (1, 2)]
+    way = {"scene": BOTH, "method": "aligned in the loop"}
+    wanted = [measured("in_loop", "equal_db", share=n, **way) for n in (1, 2)]
     assert found == [tuple(f"{db:.1f}" for db in wanted)]
 
 
@@ -65,9 +65,9 @@ def test_what_the_page_on_alignment_says_it_brings_was_measured(page_of, measure
         "nothing wrong": "nothing wrong",
     }
     for scene, of in rows.items():
-        way = {"scene": of, "method": "aligned on the way"}
-        gain = measured("on_the_way", "gain_db", share=1, **way)
-        equal = [measured("on_the_way", "equal_db", share=n, **way) for n in (1, 2)]
+        way = {"scene": of, "method": "aligned in the loop"}
+        gain = measured("in_loop", "gain_db", share=1, **way)
+        equal = [measured("in_loop", "equal_db", share=n, **way) for n in (1, 2)]
         cells = [f"{abs(db):.1f}" for db in (gain, *equal)]
         found = re.search(rf"\| {scene} \| (.*?) dB \| (.*?) dB \| (.*?) dB \|", text)
         assert [cell.lstrip("+-") for cell in found.groups()] == cells

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from alignerf.files import archives
+from alignerf.io import archives
 from tests.extension import installed
 
 CONFIG = """
@@ -22,7 +22,8 @@ scenes:
 models:
   base:
     samples: [16, 8]
-    proposal: &field { kind: grid, levels: 4, log2_entries: 10, finest: 64, width: 8 }
+    proposal: &field
+      { kind: grid, levels: 4, log2_hashmap_size: 10, max_resolution: 64, width: 8 }
     field: { <<: *field, view_widths: [8] }
   looked: { kind: one_look }
 methods:
@@ -70,14 +71,14 @@ def test_a_method_is_trained_costed_and_exported(scene):
     assert (timing["stage"], timing["steps"]) == ("warm", 15)
     table = rows_of(scene / "tables/misalignment.csv")
     row = next(row for row in table if row["method"] == "twice")
-    assert row["field"] == "grid 2^10, cameras put right once"
+    assert row["field"] == "grid 2^10, cameras corrected once"
     assert row["difference_to"] == "plain"
     # Of both trainings, and of what the flow and the cameras took between them.
     assert row["steps"] == "75"
     plain = next(row for row in table if row["method"] == "plain")
     assert float(row["total_time_s"]) > float(plain["total_time_s"])
     assert float(row["data_time_s"]) > 0
-    # It learnt with cameras that were put right, and these go out.
+    # It learnt with cameras that were corrected, and these go out.
     given = archives.read(scene / "cameras.npz", ["camtoworlds"])
     learnt = archives.read(scene / "twice/round0/learnt/cameras.npz", ["camtoworlds"])
     assert not np.array_equal(given["camtoworlds"], learnt["camtoworlds"])

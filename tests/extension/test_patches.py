@@ -58,7 +58,7 @@ import cv2, numpy as np
 from alignerf import config, export, poses
 from alignerf.experiment import check, plan, sources
 from alignerf.scenes import prepared
-from alignerf.start import folders
+from alignerf.cli import folders
 
 folder = pathlib.Path("my_rail")
 folder.mkdir()
@@ -124,7 +124,7 @@ def checked(**model):
     return check.checked(config | {"methods": {"look": {"model": "looked"}}})
 
 faults = []
-for change in {"degrees": 9}, {"steps": 1}, {"training": {"proposal_share": 1.0}}:
+for change in {"degrees": 9}, {"steps": 1}, {"training": {"proposal_fraction": 1.0}}:
     try:
         checked(**change)
     except ValueError as error:
@@ -161,7 +161,7 @@ def test_a_system_is_checked_labelled_and_trained(patched):
     assert told["faults"] == [
         "config: models.looked.degrees: too many for so far a view",
         "config: models.looked: 'steps' is no key of this section",
-        "config: models.looked.training.proposal_share: kind one_look has none",
+        "config: models.looked.training.proposal_fraction: kind one_look has none",
     ]
     assert told["schema"]
     assert told["label"].startswith("one_look")

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from alignerf.files import images
+from alignerf.io import images
 from flow.estimation import estimate
 from flow.warping import files
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from flow.estimation.estimators import Estimator
 
-MOST_PX = 1.0
+MAX_PX = 1.0
 
 
 def shift(render, photo):
@@ -18,7 +18,7 @@ def shift(render, photo):
     slopes = np.stack([right.ravel(), down.ravel()], axis=1)
     missing = (render.astype(np.float32) - photo).ravel()
     moved_px, *_ = np.linalg.lstsq(slopes, missing, rcond=None)
-    moved_px = np.clip(moved_px, -MOST_PX, MOST_PX).astype(np.float32)
+    moved_px = np.clip(moved_px, -MAX_PX, MAX_PX).astype(np.float32)
     return np.broadcast_to(moved_px, (*render.shape, 2)).copy()
 
 

@@ -1,4 +1,4 @@
-"""A toy method: cameras are put right once, and the training goes on."""
+"""A toy method: cameras are corrected once, and the training goes on."""
 
 from alignerf.experiment import schema, trainings
 from alignerf.experiment.keys import key as keys
@@ -35,7 +35,7 @@ class GoesOn(base.Method):
         return frozenset(["cameras"])
 
     def words(self, experiment, name):
-        return ["cameras put right once"]
+        return ["cameras corrected once"]
 
 
 METHOD = GoesOn()

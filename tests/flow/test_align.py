@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.files import images, owned
+from alignerf.io import images, owned
 from flow import align
 from flow.warping import files, warp
 
@@ -58,9 +58,9 @@ def test_aligns_a_folder(scene):
     for row, view in zip(rows(scene), ("a", "b c", "d"), strict=True):
         assert row["view"] == view
         assert float(row["median_px"]) == pytest.approx(5**0.5, abs=0.1)
-        assert 0.8 < float(row["valid_share"]) <= 1
+        assert 0.8 < float(row["valid_fraction"]) <= 1
         flow_px, valid = files.read_flow(scene / "out" / "flow" / f"{view}.npz")
-        assert float(row["valid_share"]) == pytest.approx(valid.mean())
+        assert float(row["valid_fraction"]) == pytest.approx(valid.mean())
         assert np.abs(np.median(flow_px[valid], axis=0) - SHIFT_PX).max() < 0.1
         photo = images.read(scene / "photos" / f"{view}.png")
         render = images.read(scene / "renders" / f"{view}.png").astype(int)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from alignerf import testsets
-from alignerf.files import images, owned
+from alignerf.io import images, owned
 from flow import control_sets
 from flow.estimation import estimate
 from flow.warping import controls, files, warp
@@ -204,7 +204,7 @@ def test_as_a_process_without_traceback(scene, root):
 def folders(tmp_path):
     """Renders, and photos that are shifted against them by SHIFT_PX, of 11 views."""
     rng = np.random.default_rng(0)
-    for number in range(control_sets.MOST_VIEWS + 3):
+    for number in range(control_sets.MAX_VIEWS + 3):
         noise = sum(
             scale * cv2.GaussianBlur(rng.normal(size=(70, 90, 3)), (0, 0), scale)
             for scale in (1, 3, 8)
@@ -225,7 +225,7 @@ def test_it_is_small_where_photos_are_shifted_by_pixels(folders):
         written = list(csv.DictReader(file))
     views = [row["view"] for row in written]
     assert views == [row["view"] for row in rows]
-    assert len(views) == control_sets.MOST_VIEWS
+    assert len(views) == control_sets.MAX_VIEWS
     # From the first view to the last.
     assert (views[0], views[-1]) == ("v00", "v10")
     assert all(float(row["median_px"]) < 0.25 for row in written)

@@ -100,10 +100,10 @@ def test_each_part_is_the_true_one(views, tmp_path, request):
         np.testing.assert_allclose(row["moved_mean_px"], true_px[1], 0.05, 0.01)
         moves = max(moves, true_px[1])
         if np.abs(motion_px[where]).max() < 1e-3:
-            assert row["camera_share"] > 0.999
-            assert row["moved_share"] == 0
+            assert row["camera_fraction"] > 0.999
+            assert row["moved_fraction"] == 0
         if np.abs(camera_px).max() < 1e-3:
-            assert abs(row["camera_share"]) < 0.01
+            assert abs(row["camera_fraction"]) < 0.01
         assert row["model_mean_px"] is None
     # Else the case would show nothing.
     assert (moves > 0.1) == (request.node.callspec.id != "pose only")
@@ -125,7 +125,7 @@ def test_what_the_model_bent_is_taken_off_first(views, tmp_path, rng):
     wrong = read_rows(tmp_path)
     assert decompose.run(command(tmp_path, model_flow=tmp_path / "model", **flow)) == 0
     for view, row in read_rows(tmp_path).items():
-        for part in ("camera_mean_px", "remainder_mean_px", "camera_share"):
+        for part in ("camera_mean_px", "remainder_mean_px", "camera_fraction"):
             assert row[part] == pytest.approx(plain[view][part], abs=1e-4)
         assert row["model_mean_px"] == pytest.approx(0.96, abs=0.1)
         assert row["flow_mean_px"] == pytest.approx(wrong[view]["flow_mean_px"])
@@ -133,7 +133,7 @@ def test_what_the_model_bent_is_taken_off_first(views, tmp_path, rng):
         assert "model_px" in np.load(tmp_path / "parts" / f"{view}.npz")
 
 
-def test_explained_share():
+def test_explained_fraction():
     flow_px = np.array([3.0, 4.0, 5.0])
     assert decompose.explained(flow_px, 0 * flow_px) == 1
     assert decompose.explained(flow_px, flow_px) == 0
@@ -227,7 +227,7 @@ def test_table_of_means_over_views(tmp_path):
     assert table["round"].tolist() == [0, 1]
     assert table["views"].tolist() == [2, 2]
     assert table["flow_median_px"].tolist() == pytest.approx([2**0.5, 2.0], rel=1e-5)
-    assert table["camera_share"][0] == pytest.approx(1, abs=1e-3)
+    assert table["camera_fraction"][0] == pytest.approx(1, abs=1e-3)
     assert table["model_mean_px"].isna().all()
     tex = costs.displacement_to_latex(table)
     assert "1.41" in tex

@@ -29,9 +29,9 @@ def test_goes_on_while_it_falls(before_px, now_px, goes_on):
     assert f"{now_px:.3f} px remain" in reason
 
 
-def test_the_least_fall_is_a_share():
-    assert rounds.decide(75.0, 100.0, least_fall=0.25)[0]
-    assert not rounds.decide(75.0, 100.0, least_fall=0.26)[0]
+def test_the_min_fall_is_a_fraction():
+    assert rounds.decide(75.0, 100.0, min_fall=0.25)[0]
+    assert not rounds.decide(75.0, 100.0, min_fall=0.26)[0]
 
 
 def write(folder, flows, valid=True):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.files import images, owned
+from alignerf.io import images, owned
 from flow.warping import files, warp
 
 WIDTH, HEIGHT, VIEWS, EVERY = 48, 36, 10, 4
@@ -58,7 +58,7 @@ def check_rows(scene):
     assert list(dict.fromkeys((row["method"], row["round"]) for row in scores)) == lines
     assert {row["view"] for row in scores} == set(TEST_VIEWS)
     metrics = {row["metric"] for row in scores}
-    assert metrics >= {"psnr_db", "lpips_vgg", "flow_median_px", "moved_share"}
+    assert metrics >= {"psnr_db", "lpips_vgg", "flow_median_px", "moved_fraction"}
     lengths = {row["test_set"] for row in scores if row["metric"] == "flow_median_px"}
     assert lengths == {"standard"}
     for row in trainings:
@@ -129,8 +129,8 @@ def check_metrics(scene):
             assert row["lpips_alex"] == ""
             assert "lpips_squeeze, lpips_vgg: no weights given" in row["note"]
             whole = row["test_set"] in ("standard", "control", "placebo", "oracle")
-            assert float(row["valid_share"]) <= 1
-            assert not whole or float(row["valid_share"]) == 1
+            assert float(row["valid_fraction"]) <= 1
+            assert not whole or float(row["valid_fraction"]) == 1
 
 
 def check_latex(scene, folder):

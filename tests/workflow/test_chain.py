@@ -29,15 +29,16 @@ scenes:
 models:
   base: &base
     samples: [16, 8]
-    proposal: &field {{ kind: grid, levels: 4, log2_entries: 10, finest: 64, width: 8 }}
+    proposal: &field
+      {{ kind: grid, levels: 4, log2_hashmap_size: 10, max_resolution: 64, width: 8 }}
     field: {{ <<: *field, view_widths: [8] }}
   large:
     <<: *base
-    field: {{ <<: *field, view_widths: [8], log2_entries: 12 }}
+    field: {{ <<: *field, view_widths: [8], log2_hashmap_size: 12 }}
 methods:
   mipnerf360_large: {{ model: large, rounds: 1 }}
   mipnerf360: {{ model: base, rounds: 1 }}
-  aligned: {{ model: base, align: {{ estimator: dis_fine, least_move_px: 0 }} }}
+  aligned: {{ model: base, align: {{ estimator: dis_fine, min_move_px: 0 }} }}
   alignerf:
     model: base
     alignerf: {{ patches: 2, patch_px: 16, radius_px: 2, features: 4 }}
@@ -74,16 +75,16 @@ def check_reruns(plan, root, config):
     assert "Nothing to be done" in plan()
     tables, aligned = {"tables"}, {"align"}
     scored, moved = {"evaluate"}, {"align_test_poses"}
-    on_the_way, tuned = {"train aligned/round0"}, {"train alignerf/round0"}
+    in_loop, tuned = {"train aligned/round0"}, {"train alignerf/round0"}
     for path, old, new, rules in (
         (root / "flow/figures/drawing.py", "\n", "\n\n", {"figures"}),
         (root / "alignerf/tables/misalignment.py", "\n", "\n\n", tables),
         (root / "alignerf/tables/collect.py", "\n", "\n\n", {"collect"}),
         (root / "alignerf/metrics/lpips.py", "\n", "\n\n", scored),
         (root / "alignerf/contributions/frequency_loss.py", "\n", "\n\n", TRAININGS),
-        (root / "flow/__init__.py", "\n", "\n\n", aligned | on_the_way),
+        (root / "flow/__init__.py", "\n", "\n\n", aligned | in_loop),
         (root / "flow/warping/controls.py", "\n", "\n\n", {"control_sets", *moved}),
-        (root / "flow/camera/fit.py", "\n", "\n\n", BY_CAMERA | moved | on_the_way),
+        (root / "flow/camera/fit.py", "\n", "\n\n", BY_CAMERA | moved | in_loop),
         (root / "requirements.lock", "\n", "\n\n", EVERYTHING),
         (config, "features: 4", "features: 5", {"config", *tuned}),
         # No training waits for its cost.
@@ -169,7 +170,7 @@ def test_the_whole_chain(tmp_path, root, snakemake, dry_run, subtests, monkeypat
     options = (tmp_path, "--configfile", config)
     code, output = snakemake(*options, "--cores", "2", "tiny", "tradeoff", root=project)
     assert code == 0, output
-    # Four rounds, one aligned on the way, the two stages, and no other.
+    # Four rounds, one aligned in the loop, the two stages, and no other.
     assert re.search(r"^train +7$", output, re.MULTILINE)
     scene = tmp_path / "results" / "tiny"
     with subtests.test("damage"):

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-from alignerf.files import archives
+from alignerf.io import archives
 
 CONFIG = """
 scenes:
@@ -88,9 +88,9 @@ def check_tables(folder):
     table = rows_of(folder / "tables" / "misalignment.csv")
     oracle = [row for row in table if row["test_set"] == "oracle"]
     assert [row["warping"] for row in oracle] == ["none", "once"]
-    assert {row["field"] for row in table} == {"stand_in.py, cameras put right"}
+    assert {row["field"] for row in table} == {"stand_in.py, cameras corrected"}
     assert "aligned_pose" not in {row["test_set"] for row in table}
-    # Cameras that were put right make better renders.
+    # Cameras that were corrected make better renders.
     assert float(oracle[1]["difference_db"]) > 0.2
     for row in oracle:
         assert float(row["train_time_s"]) > 0
@@ -102,7 +102,7 @@ def check_tables(folder):
 
 def check_verdict(folder):
     found = json.loads((folder / "verdict.json").read_text())
-    assert found["evidence"]["passes"] is None
+    assert found["evidence"]["epochs"] is None
     assert "Poses are off" in "\n".join(found["verdict"])
     assert "too short" not in "\n".join(found["verdict"])
     page = (folder / "index.html").read_text()

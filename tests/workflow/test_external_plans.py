@@ -32,5 +32,5 @@ def test_each_is_trained_by_its_own_program(tmp_path, dry_run):
         assert ("mem_mb=1234" in job, "gpu=3" in job) == (theirs, theirs)
     # Renders that our model makes by moved cameras.
     assert counts["align_test_poses"] == "2"
-    for module, count in (("others.train", 4), ("others.render", 4), ("train", 2)):
+    for module, count in (("external.train", 4), ("external.render", 4), ("train", 2)):
         assert len(re.findall(rf"python -m alignerf\.{module} ", output)) == count

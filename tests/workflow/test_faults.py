@@ -8,7 +8,7 @@ import skimage.data
 import yaml
 from PIL import Image
 
-from alignerf.files import owned
+from alignerf.io import owned
 
 NOWHERE = {"source": "photos", "path": "no where"}
 TRAIN = {"scenes": {"train": {"source": "courtyard"}}}

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from alignerf.experiment import sources
-from alignerf.files import machine
+from alignerf.io import machine
 from tools.bench import planning
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -51,9 +51,9 @@ def expected_jobs(config):
     """The trainings of a config by the paper's scheme, and what each one entails."""
     scenes, staged, models, plain = counts_of(config)
     shared = shared_of(config)
-    # Windows: as given, and with cameras put right; each is trained once.
+    # Crops: as given, and with cameras corrected; each is trained once.
     methods = config.get("methods", {}).values()
-    sets = scenes * (1 + any("align" in m for m in methods)) * ("windows" in config)
+    sets = scenes * (1 + any("align" in m for m in methods)) * ("crops" in config)
     return {
         # Staged methods of a model share the first of their two trainings.
         "train": scenes * (plain + models + staged) + sets - shared,
@@ -102,7 +102,7 @@ def shared_of(config):
     """
     methods = config.get("methods", {}).values()
     scenes = config["scenes"].values()
-    same = sum("zoom" in s or s.get("poses") == "adjusted" for s in scenes)
+    same = sum("crop" in s or s.get("poses") == "adjusted" for s in scenes)
     return same * sum("adjust" in m for m in methods)
 
 
@@ -178,7 +178,7 @@ def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
         "mipnerf360": {"model": "base", "rounds": 1},
         "moved": {"model": "base", "rounds": 2, "changes": "cameras"},
         "both": {"model": "base", "rounds": 2, "changes": "cameras_then_photos"},
-        "joint": {"model": "base", "refine": {}},
+        "joint": {"model": "base", "pose_optimization": {}},
         "aligned": {"model": "base", "align": {}},
         "alignerf": {"model": "base", "alignerf": {}},
         "corrected": {"model": "base", "alignerf": {}, "changes": "cameras"},
@@ -189,7 +189,7 @@ def test_rounds_of_cameras_learnt_cameras_and_exports_are_planned(
     wanted = {
         # Rounds 0 and 1 of photos, 1 and 2 of cameras, and photos after the first;
         # one that learns cameras, one that aligns itself; and AligNeRF twice, once
-        # with cameras put right after the one pre-training.
+        # with cameras corrected after the one pre-training.
         "train": 5 + 1 + 1 + 1 + 2,
         "render": 9 + 1,
         "align": 9 + 1,

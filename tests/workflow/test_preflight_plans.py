@@ -19,8 +19,8 @@ def options(tmp_path, demo):
         "rounds": 1,
         "warm_start": {"from": "mipnerf360"},
     }
-    demo["methods"]["joint"] = {"model": "base", "refine": {}}
-    demo["methods"]["on_the_way"] = {"model": "base", "align": {"shrink": 2}}
+    demo["methods"]["joint"] = {"model": "base", "pose_optimization": {}}
+    demo["methods"]["in_loop"] = {"model": "base", "align": {"shrink": 2}}
     demo["preflight"] = True
     path = tmp_path / "config.yaml"
     path.write_text(yaml.safe_dump(demo, sort_keys=False))

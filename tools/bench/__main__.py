@@ -10,7 +10,7 @@ import pathlib
 import sys
 import time
 
-from alignerf.files import faults
+from alignerf.io import faults
 from tools.bench import cases, report
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]

@@ -27,7 +27,7 @@ class Options:
     data: pathlib.Path
     limit_s: float
     out: pathlib.Path
-    # Of `judged`: a run's results, and the method whose renders are judged.
+    # Of `external_renders`: a run's results, and the method whose renders are judged.
     results: pathlib.Path | None = None
     method: str = "plain"
 
@@ -55,23 +55,23 @@ GRID = {
     "proposal": {
         "kind": "grid",
         "levels": 3,
-        "log2_entries": 15,
+        "log2_hashmap_size": 15,
         "features": 2,
-        "finest": 128,
+        "max_resolution": 128,
         "width": 16,
     },
-    "field": {"kind": "grid", "log2_entries": 15},
+    "field": {"kind": "grid", "log2_hashmap_size": 15},
 }
 
 # The baseline's training, as published.
 TRAINING = {
     "learning_rates": [0.002, 0.00002],
     "warmup_steps": 512,
-    "hold_share": 0.0,
+    "hold_fraction": 0.0,
     "adam_betas": [0.9, 0.999],
     "adam_eps": 1e-6,
     "gradient_norm": 0.001,
-    "proposal_share": 1.0,
+    "proposal_fraction": 1.0,
     "interlevel_weight": 1.0,
     "distortion_weight": 0.01,
 }

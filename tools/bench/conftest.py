@@ -19,7 +19,7 @@ def run_quick(root):
         done = subprocess.run(
             [sys.executable, "-m", "tools.bench", *arguments],
             cwd=root,
-            env=os.environ | {"JAX_DISABLE_MOST_OPTIMIZATIONS": "1"},
+            env=os.environ | {"JAX_DISABLE_MAX_OPTIMIZATIONS": "1"},
             capture_output=True,
             text=True,
         )

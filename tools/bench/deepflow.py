@@ -10,7 +10,7 @@ import types
 import cv2
 import numpy as np
 
-SIGMA, SHRINK, LEAST_PX, MOST_LEVELS = 0.6, np.float32(0.95), 25, 200
+SIGMA, SHRINK, MIN_PX, MAX_LEVELS = 0.6, np.float32(0.95), 25, 200
 SETTINGS = {
     "Alpha": 4.0,
     "Delta": 0.5 / 3,
@@ -44,10 +44,10 @@ class DeepFlow:
         """The image, and smaller ones as long as they are large enough."""
         side = 2 * int(3 * SIGMA) + 1
         now = cv2.GaussianBlur(image.astype(np.float32), (side, side), SIGMA)
-        for _ in range(MOST_LEVELS + 1):
+        for _ in range(MAX_LEVELS + 1):
             yield now
             size = [int(n * SHRINK + np.float32(0.5)) for n in now.shape[::-1]]
-            if min(size) <= LEAST_PX:
+            if min(size) <= MIN_PX:
                 return
             now = cv2.resize(now, size)
 

@@ -14,7 +14,7 @@ import pandas as pd
 
 from alignerf.tables import intervals
 
-NAMES = {"plain": "plain training", "learnt": "cameras learnt with the scene"}
+NAMES = {"plain": "plain training", "learnt": "poses optimized with the scene"}
 
 
 def table_of(rows):

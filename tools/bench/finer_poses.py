@@ -20,7 +20,7 @@ import pycolmap
 
 from alignerf.captures import base
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.files import archives
+from alignerf.io import archives
 from alignerf.keypoints import adjustment, refine, tracks
 from alignerf.scenes import colmap, prepare
 from alignerf.scenes.capture import ingest

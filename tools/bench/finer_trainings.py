@@ -35,10 +35,10 @@ import pandas as pd
 
 from alignerf import facts
 from alignerf.experiment import check, plan
-from alignerf.files import faults, json_files, machine
+from alignerf.io import faults, json_files, machine
 from tools.bench import deepflow
 
-METHODS = {"plain": {}, "aligned": {"align": {}}, "learnt": {"refine": {}}}
+METHODS = {"plain": {}, "aligned": {"align": {}}, "learnt": {"pose_optimization": {}}}
 KEYS = ("scene", "method", "seed")
 SCORES = ("view", "test_set", "psnr_db", "ssim")
 TIMES = ("train_time_s", "compile_time_s")

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from alignerf.exports import formats
-from alignerf.files import csv_files, images
+from alignerf.io import csv_files, images
 from alignerf.scenes import cameras, prepared
 from flow.camera import motion
 from flow.warping import warp
@@ -138,9 +138,9 @@ def judged(out):
     splits = [s for s in prepared.SPLITS if (out / "renders" / s).is_dir()]
     scale = json.loads((out / "scale.json").read_text())
     scene = {
-        "source": "judged",
+        "source": "external_renders",
         "path": str(out / "photos"),
-        "judged": {
+        "external_renders": {
             "renders": str(out / "renders"),
             "splits": splits,
             "cameras": str(out / "cameras"),
@@ -169,12 +169,12 @@ def commands(out, folder, scene, splits):
     renders, depth, flow = (base / n for n in ("renders", "depth", "flow"))
     photos, masks = folder / "images", folder / prepared.MASKS
     yield (
-        *("alignerf.others.train", "--config", json.dumps({"external": {}})),
+        *("alignerf.external.train", "--config", json.dumps({"external": {}})),
         *("--scene", folder, "--photos", photos, "--cameras", folder / "cameras.npz"),
         *("--learnt", base / "learnt", "--timing", base / "timing.json"),
     )
     yield (
-        *("alignerf.others.render", "--scene", folder, "--splits", *splits),
+        *("alignerf.external.render", "--scene", folder, "--splits", *splits),
         *("--renders", renders, "--depth", depth, "--timing", base / "render"),
     )
     yield (

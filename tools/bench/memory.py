@@ -15,7 +15,7 @@ import tempfile
 import numpy as np
 
 from alignerf import train
-from alignerf.files import images
+from alignerf.io import images
 from tools.bench import cases, measure
 
 GOAL = 1.3

@@ -9,7 +9,7 @@ import itertools
 import cv2
 import numpy as np
 
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.metrics import pairs
 from tools.bench import measure
 

@@ -24,8 +24,8 @@ PARTS = {
     "half the samples (16, 8 and 6)": ({"samples": [16, 8, 6]}, {}, False),
     "a level of six": ({}, {"levels": 5}, False),
     "two levels of six": ({}, {"levels": 4}, False),
-    "three quarters of the table (2^13 rows)": ({}, {"log2_entries": 13}, False),
-    "the finest cells (finest 512)": ({}, {"finest": 512}, False),
+    "three quarters of the table (2^13 rows)": ({}, {"log2_hashmap_size": 13}, False),
+    "the finest cells (finest 512)": ({}, {"max_resolution": 512}, False),
 }
 QUICK = ("the contraction", "half the samples (16, 8 and 6)")
 

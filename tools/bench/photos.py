@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from PIL import Image
 
-from alignerf.files import machine
+from alignerf.io import machine
 from tools.bench import measure
 
 
@@ -36,7 +36,7 @@ CAPTURES = (
 QUICK = Capture("chair/images", 12, (480, 360))
 # Of photos that are cut out, the side over that of the whole.
 CUT = 0.75
-# Rules by what a user waits for; all others are `other`, those of windows `windows`.
+# Rules by what a user waits for; all others are `other`, those of crops `crops`.
 STAGES = {
     "COLMAP": ("poses",),
     "trainings": ("train",),
@@ -63,7 +63,7 @@ def rows_of(capture, options):
     folder = (options.out / "photos" / name).absolute()
     if not folder.is_dir():
         make(options.data / "scenes" / capture.scene, capture, folder)
-    command = [sys.executable, "-m", "alignerf.start", "--cores", machine.cores()]
+    command = [sys.executable, "-m", "alignerf.cli", "--cores", machine.cores()]
     begun = time.perf_counter()
     done = subprocess.run([*map(str, command), "--", str(folder)], cwd=measure.ROOT)
     took_s = time.perf_counter() - begun
@@ -88,20 +88,20 @@ def row(what, unit, value):
 def stages_of(name, results):
     """{stage: (seconds of all its jobs, most MB of one)}, of Snakemake's benchmarks.
 
-    results: the folder of the scene `name`, and those of its windows. Two jobs may have
+    results: the folder of the scene `name`, and those of its crops. Two jobs may have
     run at once: the sum may be longer than the run.
     """
-    found = {stage: (0.0, 0.0) for stage in (*STAGES, "windows", "other")}
+    found = {stage: (0.0, 0.0) for stage in (*STAGES, "crops", "other")}
     by_rule = {rule: stage for stage, rules in STAGES.items() for rule in rules}
     for path in (path for folder in results for path in folder.rglob("logs/*.tsv")):
         with open(path, newline="", encoding="utf-8") as file:
             (line,) = csv.DictReader(file, delimiter="\t")
         stem, is_whole = path.stem, (measure.ROOT / "results" / name) in path.parents
         stage = by_rule.get(stem, by_rule.get(stem.split("_")[0], "other"))
-        stage = stage if is_whole else "windows"
+        stage = stage if is_whole else "crops"
         memory_mb = float(line["max_rss"]) if line["max_rss"] != "NA" else 0.0
-        seconds, most_mb = found[stage]
-        found[stage] = seconds + float(line["s"]), max(most_mb, memory_mb)
+        seconds, max_mb = found[stage]
+        found[stage] = seconds + float(line["s"]), max(max_mb, memory_mb)
     return found
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from alignerf.files import images
+from alignerf.io import images
 
 FEW, BLURRED, BLUR_PX, DRIFT_STOPS, SHIFT_PX = 15, 5, 8.0, 1.0, 4
 

@@ -26,7 +26,12 @@ BATCH = 512
 
 # The default config's with more levels, and rates and a schedule that suit the target.
 GRID = cases.GRID | {
-    "field": {"kind": "grid", "levels": 12, "log2_entries": 17, "finest": 512}
+    "field": {
+        "kind": "grid",
+        "levels": 12,
+        "log2_hashmap_size": 17,
+        "max_resolution": 512,
+    }
 }
 GRID_TRAINING = {
     "steps": 400,

@@ -11,7 +11,7 @@ import subprocess
 
 import jax
 
-from alignerf.files import atomic
+from alignerf.io import atomic
 
 COLUMNS = ("median", "low", "high", "count")
 

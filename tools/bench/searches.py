@@ -60,7 +60,7 @@ def expanded(product):
 
 
 def box_sums(x, size):
-    """Sums of all windows, from an integral image."""
+    """Sums of all crops, from an integral image."""
     total = jnp.cumsum(jnp.cumsum(jnp.pad(x, ((1, 0), (1, 0))), axis=0), axis=1)
     rows = total[size:] - total[:-size]
     return rows[:, size:] - rows[:, :-size]

@@ -1,7 +1,7 @@
 """The verdicts of captures that were trained at several sizes, as a table.
 
     snakemake --cores N --configfile workflow/config/sizes.yaml
-    python -m tools.bench.sizes workflow/config/sizes.yaml --out windows.csv
+    python -m tools.bench.sizes workflow/config/sizes.yaml --out crops.csv
 
 Scenes are called CAPTURE_WIDTH, and CAPTURE_WIDTH_off where their poses are wrong. A
 scene without a verdict has no row.
@@ -15,7 +15,7 @@ from pathlib import Path
 import pandas as pd
 
 from alignerf.causes import base, shift
-from alignerf.files import json_files, yaml_files
+from alignerf.io import json_files, yaml_files
 
 SCENE = re.compile(r"(?P<capture>[a-z]+)_(?P<width>\d+)(?P<off>_off)?\Z")
 MANIFEST = {"evidence": dict, "state": str}
@@ -54,21 +54,21 @@ def row_of(scene, verdict):
     name = SCENE.match(scene)
     is_off = bool(name["off"])
     known = evidence_of(verdict["evidence"])
-    of_windows, width_px = known.windows, known.photo_width_px
-    said = shift.of_windows_say(known)
+    of_crops, width_px = known.crops, known.photo_width_px
+    said = shift.of_crops_say(known)
     return {
         "capture": NAMES.get(name["capture"], name["capture"]),
         "poses": POSES[name["capture"], is_off],
         "known": "wrong" if is_off else "right",
         "trained_px": int(name["width"]),
         "width_px": round(width_px),
-        "flow_px": of_windows.flow_px,
-        "flow_low_px": of_windows.low_px,
-        "flow_high_px": of_windows.high_px,
-        "flow_1600_px": of_windows.flow_px * shift.USUAL_WIDTH_PX / width_px,
-        "flow_test_px": of_windows.flow_test_px,
-        "passes": of_windows.passes,
-        "windows": said if shift.known_windows(known) else f"tell nothing ({said})",
+        "flow_px": of_crops.flow_px,
+        "flow_low_px": of_crops.low_px,
+        "flow_high_px": of_crops.high_px,
+        "flow_1600_px": of_crops.flow_px * shift.USUAL_WIDTH_PX / width_px,
+        "flow_test_px": of_crops.flow_test_px,
+        "epochs": of_crops.epochs,
+        "crops": said if shift.known_crops(known) else f"tell nothing ({said})",
         "verdict": CALLED.get(verdict["state"], verdict["state"]),
     }
 
@@ -79,8 +79,8 @@ def evidence_of(stored):
     def known(values):
         return {k: math.nan if v is None else v for k, v in values.items()}
 
-    windows_of = base.Windows(**known(stored["windows"]))
-    more = {"windows": windows_of, "judged": None}
+    crops_of = base.Crops(**known(stored["crops"]))
+    more = {"crops": crops_of, "judged": None}
     return base.Evidence(**known(stored) | more)
 
 

@@ -22,10 +22,10 @@ from tools.bench import (
     cases,
     deepflow,
     finer_trainings,
+    in_loop_tables,
     job,
     measure,
     multinerf,
-    on_the_way_tables,
     ours,
     quality,
     report,
@@ -224,7 +224,7 @@ def test_every_benchmark_is_importable(root):
             importlib.import_module(f"tools.bench.{path.stem}")
 
 
-def test_gains_on_the_way_are_over_plain_training_of_as_many_steps():
+def test_gains_in_loop_are_over_plain_training_of_as_many_steps():
     """Twice the steps take twice the time and bring 2 dB; alignment takes half more."""
     scores = {"plain": (20.0, 22.0), "aligned": (25.0, 27.0)}
     rows = [
@@ -238,9 +238,7 @@ def test_gains_on_the_way_are_over_plain_training_of_as_many_steps():
         for seed in (0, 2)
         for n, view in enumerate("abcdef")
     ]
-    table = on_the_way_tables.table_of(pd.DataFrame(rows)).set_index(
-        ["share", "method"]
-    )
+    table = in_loop_tables.table_of(pd.DataFrame(rows)).set_index(["share", "method"])
     assert table.loc[(1.0, "aligned"), "gain_db"] == pytest.approx(5)
     assert table.loc[(1.0, "aligned"), "fitted_db"] == pytest.approx(5)
     assert table.loc[(2.0, "aligned"), "time_ratio"] == pytest.approx(1.5)
@@ -248,8 +246,8 @@ def test_gains_on_the_way_are_over_plain_training_of_as_many_steps():
     assert 3 < table.loc[(2.0, "aligned"), "equal_db"] < 5
     assert math.isnan(table.loc[(1.0, "plain"), "gain_db"])
     named = pd.DataFrame(rows).replace({"scene": {"a": "both_wrong"}})
-    (twice,) = on_the_way_tables.answer_of(named).to_dict("records")
-    assert (twice["budget"], twice["remedy"]) == (2, "aligned on the way")
+    (twice,) = in_loop_tables.answer_of(named).to_dict("records")
+    assert (twice["budget"], twice["remedy"]) == (2, "aligned in the loop")
     assert twice["both_db"] == table.loc[(2.0, "aligned"), "equal_db"]
     assert math.isnan(twice["nothing_db"])
 
@@ -270,7 +268,7 @@ def test_finer_trainings_are_the_workflows(method):
     text = finer_trainings.job_of(method, 3, 50, 64, None)
     trained = jobs.parse(json.loads(text))
     assert (trained.seed, trained.steps, trained.rays_per_step) == (3, 50, 64)
-    own = {"plain": None, "aligned": "align", "learnt": "refine"}
+    own = {"plain": None, "aligned": "align", "learnt": "pose_optimization"}
     assert trained.own == own[method]
     decided = finer_trainings.job_of(method, 3, 50, 64, "decisions.json")
     assert json.loads(decided)["model"]["decided"]

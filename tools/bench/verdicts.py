@@ -14,7 +14,7 @@ import sys
 import cv2
 import numpy as np
 
-from alignerf.files import images
+from alignerf.io import images
 from tools.bench import measure, planted
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -46,8 +46,8 @@ VARIANTS = {
     "pixel, motion": ("pixel", "motion"),
 }
 MODEL = {
-    "proposal": {"levels": 3, "finest": 128},
-    "field": {"log2_entries": 15, "finest": 1024},
+    "proposal": {"levels": 3, "max_resolution": 128},
+    "field": {"log2_hashmap_size": 15, "max_resolution": 1024},
 }
 
 

@@ -38,15 +38,15 @@ CONFIG = {
             "proposal": {
                 "kind": "grid",
                 "levels": 4,
-                "log2_entries": 10,
-                "finest": 64,
+                "log2_hashmap_size": 10,
+                "max_resolution": 64,
                 "width": 8,
             },
             "field": {
                 "kind": "grid",
                 "levels": 4,
-                "log2_entries": 10,
-                "finest": 64,
+                "log2_hashmap_size": 10,
+                "max_resolution": 64,
                 "width": 8,
                 "view_widths": [8],
             },
@@ -210,9 +210,9 @@ def test_a_dead_node_and_a_cancelled_run_cost_a_minute_of_training(root, slurm, 
     assert int(words[-1]) >= first
 
 
-def wait_for_step(manifest, *, above, most_s=420):
+def wait_for_step(manifest, *, above, max_s=420):
     """The step of a checkpoint that is younger than another."""
-    until = time.monotonic() + most_s
+    until = time.monotonic() + max_s
     while time.monotonic() < until:
         time.sleep(1)
         if manifest.exists():

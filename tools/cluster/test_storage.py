@@ -19,7 +19,13 @@ boto3 = pytest.importorskip("boto3", reason=WHY)
 BUCKET, PREFIX = "alignerf", "some/where"
 STORAGE = ("--default-storage-provider", "s3")
 STORAGE += ("--default-storage-prefix", f"s3://{BUCKET}/{PREFIX}")
-FIELD = {"kind": "grid", "levels": 2, "log2_entries": 8, "finest": 32, "width": 8}
+FIELD = {
+    "kind": "grid",
+    "levels": 2,
+    "log2_hashmap_size": 8,
+    "max_resolution": 32,
+    "width": 8,
+}
 CONFIG = {
     "preflight": False,
     "scenes": {

@@ -20,7 +20,7 @@ MACHINE = (
     "running, no accelerator"
 )
 # As the tables of docs/ call rows.
-NAMES = {"aligned": "aligned (on the way)", "alignerf": "alignerf (derivative bank)"}
+NAMES = {"aligned": "aligned (in the loop)", "alignerf": "alignerf (derivative bank)"}
 # Quantities of docs/measured/controls.csv.
 CONTROLS = (
     *("gain", "pixel_choice", "resampling", "overfit", "remains", "crossfit"),

@@ -15,7 +15,7 @@ import tempfile
 from pathlib import Path
 from urllib.parse import unquote
 
-from alignerf.files import atomic, faults
+from alignerf.io import atomic, faults
 
 GENERATOR = "properdocs"
 # Where the demo's page lies in the site, and where pages name it.

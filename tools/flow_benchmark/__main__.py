@@ -25,7 +25,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from alignerf.files import faults, progress
+from alignerf.io import faults, progress
 from flow.estimation import estimate
 from tools.flow_benchmark import pairs as benchmark_pairs
 from tools.flow_benchmark import tables as benchmark_tables

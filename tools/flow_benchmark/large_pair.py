@@ -14,7 +14,7 @@ import time
 import cv2
 import numpy as np
 
-from alignerf.files import faults, machine
+from alignerf.io import faults, machine
 from flow.estimation import estimate
 
 

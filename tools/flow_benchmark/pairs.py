@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import skimage.data
 
-from alignerf.files import images
+from alignerf.io import images
 from flow.estimation import estimate
 from flow.warping import files, warp
 

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 import matplotlib.figure
 import pandas as pd
 
-from alignerf.files import atomic, provenance
+from alignerf.io import atomic, provenance
 
 SHARES = ["within_025", "within_050", "within_100"]
 BOLD = "font-weight: bold"

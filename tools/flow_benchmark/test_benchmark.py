@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.files import images
+from alignerf.io import images
 from flow.warping import files, warp
 from tools.flow_benchmark import __main__ as benchmark
 from tools.flow_benchmark import large_pair

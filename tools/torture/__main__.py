@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from alignerf.files import provenance
+from alignerf.io import provenance
 from tools.torture import chains, clock, parts
 
 

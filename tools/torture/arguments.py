@@ -14,7 +14,7 @@ import shutil
 import sys
 from typing import NamedTuple
 
-from alignerf.files import owned
+from alignerf.io import owned
 from tests import judged_cases
 from tools.torture import running, stages
 
@@ -31,12 +31,12 @@ MORE = (["x"], ["--"], ["--", "x"], ["--no-such"], ["-h"], ["-x"], ["--config"],
 # What is taken with another output, and why that is right.
 EXCUSED = {
     # None are given; or those of this folder, which is the home too, by another path.
-    ("alignerf.start.judge", "--cameras ''"),
-    ("alignerf.start.judge", "--cameras '.'"),
-    ("alignerf.start.judge", "--cameras '~'"),
+    ("alignerf.cli.judge", "--cameras ''"),
+    ("alignerf.cli.judge", "--cameras '.'"),
+    ("alignerf.cli.judge", "--cameras '~'"),
 }
 # Of a line of ours.
-MOST_LETTERS = 1200
+MAX_LETTERS = 1200
 NUMBER = re.compile(r"[+-]?(\d[\d_]*\.?\d*|inf|nan)([eE][+-]?\d+)?\Z")
 
 
@@ -75,10 +75,10 @@ def commands_of_start(folder):
     judge += ["--cameras", "transforms.json", "--cores", "1", "--only-config"]
     found = []
     for module, words, outputs in (
-        ("alignerf.start", photos, ["results/mine.yaml"]),
-        ("alignerf.start.judge", judge, ["results/theirs.yaml"]),
+        ("alignerf.cli", photos, ["results/mine.yaml"]),
+        ("alignerf.cli.judge", judge, ["results/theirs.yaml"]),
         # Without a config it always refuses: what it would run takes minutes.
-        ("alignerf.start.export", ["none", "--width", "40", "--cores", "1"], []),
+        ("alignerf.cli.export", ["none", "--width", "40", "--cores", "1"], []),
         ("alignerf.show", ["results"], []),
         ("alignerf.config", [], []),
     ):
@@ -202,20 +202,20 @@ def of_ended(case, ended):
     """What is wrong with what was said, and with the time and memory that it took."""
     if "Traceback" in ended.output:
         return f"traceback: {ended.output.splitlines()[-1][:200]}"
-    if ended.peak_mib > running.MOST_MIB:
+    if ended.peak_mib > running.MAX_MIB:
         return f"{ended.peak_mib:.0f} MiB"
     if ended.code == 0:
         # A whole training may follow.
         return None
     if ended.code not in (1, 2):
         return f"exit {ended.code}"
-    if ended.time_s > running.MOST_S:
+    if ended.time_s > running.MAX_S:
         return f"{ended.time_s:.0f} s"
     lines = [line for line in ended.output.splitlines() if "error: " in line]
     if len(lines) != 1:
         return f"{len(lines)} lines of error"
     # Argparse repeats what was typed, of any length.
-    is_long = len(lines[0]) > MOST_LETTERS and ended.code == 1
+    is_long = len(lines[0]) > MAX_LETTERS and ended.code == 1
     if is_long or not lines[0].isprintable():
         return f"a line that nobody can read: {lines[0]!r:.80}"
     return None

@@ -244,7 +244,7 @@ def keys_of(place):
 
 def of_accepted(ended, place, names):
     """What is wrong with a scene that was made of a damaged capture."""
-    if ended.peak_mib > running.MOST_MIB or ended.time_s > 3 * running.MOST_S:
+    if ended.peak_mib > running.MAX_MIB or ended.time_s > 3 * running.MAX_S:
         return f"{ended.time_s:.0f} s, {ended.peak_mib:.0f} MiB"
     try:
         found = prepared.load(place / "results" / "scene")

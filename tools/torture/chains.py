@@ -11,12 +11,12 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from alignerf.files import owned
+from alignerf.io import owned
 from tests import judged_cases
 from tools.torture import stages
 
 SCENE, JUDGED = "tiny", "theirs"
-# Every kind of stage: cameras put right, warm start, learnt cameras, alignment on the
+# Every kind of stage: cameras corrected, warm start, optimized poses, alignment on the
 # way, staged training.
 CONFIG = """
 preflight: false
@@ -30,13 +30,14 @@ scenes:
 models:
   base:
     samples: [16, 8]
-    proposal: &field { kind: grid, levels: 4, log2_entries: 10, finest: 64, width: 8 }
+    proposal: &field
+      { kind: grid, levels: 4, log2_hashmap_size: 10, max_resolution: 64, width: 8 }
     field: { <<: *field, view_widths: [8] }
 methods:
   mipnerf360: { rounds: 1, changes: cameras }
   warm: { rounds: 1, warm_start: { from: mipnerf360 } }
-  learnt: { refine: {} }
-  aligned: { align: { estimator: dis_fine, least_move_px: 0 } }
+  learnt: { pose_optimization: {} }
+  aligned: { align: { estimator: dis_fine, min_move_px: 0 } }
   alignerf:
     alignerf: { patches: 2, patch_px: 16, radius_px: auto, features: 4 }
 training: { steps: 60, batch_rays: 128 }
@@ -118,7 +119,7 @@ def judged(root, folder) -> Chain:
         cv2.imwrite(str(path), np.roll(image, 1, axis=1))
     words = ["--photos", "photos", "--renders", "renders", "--name", JUDGED]
     words += ["--cameras", "transforms.json", "--cores", "1"]
-    command = [sys.executable, "-m", "alignerf.start.judge", *words]
+    command = [sys.executable, "-m", "alignerf.cli.judge", *words]
     subprocess.run(command, cwd=folder, capture_output=True, check=True)
     return chain
 
@@ -153,9 +154,9 @@ def session_of(leader):
     return sorted((pid for sid, pid in pairs if sid == leader), reverse=True)
 
 
-def gone(leader, most_s=20.0):
+def gone(leader, max_s=20.0):
     """Whether all processes of a session have ended, within some seconds."""
-    until = time.monotonic() + most_s
+    until = time.monotonic() + max_s
     while time.monotonic() < until:
         if not session_of(leader):
             return True

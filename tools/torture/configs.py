@@ -18,7 +18,7 @@ HOSTILE = (
     *([], [0], [4] * 2000, [float("nan")] * 2, ["x"], [[]], {}, {"x": 1}, {1: 2}),
 )
 # Seconds that a check may take: it is asked before every plan.
-MOST_S = 5.0
+MAX_S = 5.0
 # Sections whose names are the user's.
 NAMED = ("scenes", "models", "methods", "variants")
 
@@ -99,7 +99,7 @@ def taken(function, place):
     else:
         fault, accepted = None, True
     time_s = time.perf_counter() - started
-    return (f"{time_s:.0f} s" if time_s > MOST_S else fault), accepted
+    return (f"{time_s:.0f} s" if time_s > MAX_S else fault), accepted
 
 
 def line_fault(text, place):

@@ -368,7 +368,7 @@ def retabled(change):
 
 
 # What a camera explains of a flow may be less than nothing: no number is wrong there.
-ANY_NUMBER = ("camera_share",)
+ANY_NUMBER = ("camera_fraction",)
 
 
 def with_cell(text):

@@ -36,7 +36,7 @@ OTHERS = {
 }
 # Folders of a user's, which a run may make or read.
 NOT_TRIED = ("CACHE", "DUMP", "COORDINATOR", "ADDRESS", "MOCK", "PROFIL")
-MOST_AT_ONCE = 5
+MAX_AT_ONCE = 5
 
 
 def variables():
@@ -52,7 +52,7 @@ def variables():
 
 def drawn(random, known):
     """Some variables, each with one of its values."""
-    names = random.sample(sorted(known), random.randint(1, MOST_AT_ONCE))
+    names = random.sample(sorted(known), random.randint(1, MAX_AT_ONCE))
     return {name: random.choice(known[name]) for name in names}
 
 

@@ -27,13 +27,13 @@ from unittest import mock
 import numpy as np
 
 from alignerf import poses
-from alignerf.files import faults, images
+from alignerf.io import faults, images
 from alignerf.scenes import photos, prepared
 from alignerf.scenes.capture import ingest, video
 from tools.torture import grown, mutations
 
-MOST_MUTATIONS = 3
-MOST_LETTERS = 1200
+MAX_MUTATIONS = 3
+MAX_LETTERS = 1200
 # Sources that take every photo of some folders.
 ALL_OF = {
     "photos": ("taken", "masks"),
@@ -77,7 +77,7 @@ def cases_of(source, seed, count):
     for _ in range(count):
         steps = [
             (names[rng.integers(len(names))], int(rng.integers(2**31)))
-            for _ in range(rng.integers(1, MOST_MUTATIONS + 1))
+            for _ in range(rng.integers(1, MAX_MUTATIONS + 1))
         ]
         yield Case(source, int(rng.integers(2**31)), tuple(steps))
 
@@ -98,7 +98,7 @@ def take(case, keys, work):
         work.mkdir()
         ingest.ingest(keys["path"], work, masks=keys["masks"])
         return
-    config = {"source": case.source, "least_train_views": 1, "downscale": 1} | keys
+    config = {"source": case.source, "min_train_views": 1, "downscale": 1} | keys
     if case.source != "judged":
         config["triangulate"] = False
     poses.main(config, work)
@@ -146,7 +146,7 @@ def judge(case, done, place):
 
 def of_refusal(message, place):
     """A refusal is one short line that prints, and names a place or a key."""
-    if len(message) > MOST_LETTERS:
+    if len(message) > MAX_LETTERS:
         return f"a message of {len(message)} letters"
     if not message.isprintable():
         return f"a message that does not print: {message!r:.200}"
@@ -179,7 +179,7 @@ def of_files(case, done, place):
         for path in (place / "in" / inner).glob("*"):
             known = path.suffix.lower() in WANTED and path.name[0] != "."
             # Renders may lie in folders of any name.
-            known &= not (case.source == "judged" and path.is_dir())
+            known &= not (case.source == "external_renders" and path.is_dir())
             if known and path.name not in done.opened and not speaks_of(told, path):
                 return f"{path.name!r} is neither used nor named"
     return None

@@ -141,7 +141,7 @@ def of_app(source):
 def of_judged(folder, rng):
     way = rng.choice(["taken", "kept", "opencv"])
     config = judged_cases.project(folder, str(way))
-    return {"path": config["path"], "judged": config["judged"]}
+    return {"path": config["path"], "external_renders": config["external_renders"]}
 
 
 def write_json(path, content):
@@ -155,5 +155,5 @@ SOURCES = {
     "llff": of_llff,
     "mipnerf360": of_mipnerf360,
     **{app: of_app(app) for app in ("polycam", "scanner3d", "record3d")},
-    "judged": of_judged,
+    "external_renders": of_judged,
 }

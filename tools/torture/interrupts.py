@@ -22,7 +22,7 @@ import os, sys
 from alignerf.training import loop
 from alignerf import train
 from alignerf.alignment import aligner
-from alignerf.files import faults
+from alignerf.io import faults
 loop.CHECKPOINT_EVERY_S = 1.0
 file = open(os.environ["TOLD"], "a", buffering=1)
 align, run_steps = aligner.Aligner.align, loop.run_steps
@@ -49,7 +49,7 @@ KINDS = {
             "cameras_at": [round(0.05 + 0.06 * i, 2) for i in range(16)],
             "photos_at": [round(0.08 + 0.06 * i, 2) for i in range(15)],
             "estimator": "dis_fine",
-            "least_move_px": 0.0,
+            "min_move_px": 0.0,
         }
     },
 }
@@ -146,7 +146,7 @@ def trainings(reference, folder, kind, kills, rng, until=math.inf):
         made[name] = {
             "model": (folder / name / "model").read_bytes(),
             "final numbers": timing["final"],
-            "learnt cameras": stages.content(folder / name, "learnt"),
+            "optimized poses": stages.content(folder / name, "learnt"),
         }
     killed, once = made.values()
     found = [f"another {what}" for what in once if once[what] != killed[what]]
@@ -214,7 +214,7 @@ def arguments(scene, out, kind="training"):
         "seed": 0,
         "stage": "full",
         "alignerf": None,
-        "model": {"samples": [16, 8], "field": {"log2_entries": 12, "levels": 4}},
+        "model": {"samples": [16, 8], "field": {"log2_hashmap_size": 12, "levels": 4}},
         "training": {"steps": 8000, "batch_rays": 256},
     } | KINDS[kind]
     return [

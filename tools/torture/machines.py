@@ -16,7 +16,7 @@ from tools.torture import chains, interrupts, running
 DISK_MIB = (1, 2, 4, 6)
 NOBODY = 65534
 # Of resident memory from a third of a training to its end.
-MOST_GROWTH = 0.05
+MAX_GROWTH = 0.05
 
 
 def full_disks(reference, folder):
@@ -142,7 +142,7 @@ def memory_growth(reference, folder):
         return [f"exit {child.returncode}"]
     steady = [value for value in held[len(held) // 3 :] if value]
     growth = steady[-1] / steady[0] - 1
-    return [f"{100 * growth:.0f} % more"] if growth > MOST_GROWTH else []
+    return [f"{100 * growth:.0f} % more"] if growth > MAX_GROWTH else []
 
 
 def resident_mib(pid):

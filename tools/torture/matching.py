@@ -17,7 +17,7 @@ from unittest import mock
 
 import pycolmap
 
-from alignerf.files import images, progress
+from alignerf.io import images, progress
 from alignerf.scenes.capture import mapping
 from alignerf.scenes.courtyard import scene as courtyard
 from tools.torture import running
@@ -46,7 +46,7 @@ def beside_others(reference, folder):
     ]
     try:
         found = repeated(database, "all")
-        with mock.patch.multiple(mapping, MOST_EXHAUSTIVE=0, FOLLOWING=1, ALIKE=5):
+        with mock.patch.multiple(mapping, MAX_EXHAUSTIVE=0, FOLLOWING=1, ALIKE=5):
             return found + repeated(database, "alike")
     finally:
         for child in busy:

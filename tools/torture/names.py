@@ -10,11 +10,11 @@ import os
 import pandas as pd
 import yaml
 
+from alignerf.cli import __main__ as start
+from alignerf.cli import folders
 from alignerf.experiment import check
-from alignerf.files import csv_files, faults
+from alignerf.io import csv_files, faults
 from alignerf.scenes import prepared
-from alignerf.start import __main__ as start
-from alignerf.start import folders
 
 # Parts that one reader or another takes for more than letters.
 PARTS = (

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import progress
+from alignerf.io import progress
 
 WORKERS = 2
 

@@ -15,8 +15,8 @@ import tempfile
 import time
 from typing import NamedTuple
 
-MOST_S = 10.0
-MOST_MIB = 2048
+MAX_S = 10.0
+MAX_MIB = 2048
 # A loaded machine is slower than the limit means: only then is a command ended.
 ENDED_S = 180.0
 # Of the clock's seconds: what works less than this share waits.
@@ -139,9 +139,9 @@ def fault_of(ended: Ended, names) -> str | None:
 
     names: of files and keys, one of which the line has to name.
     """
-    if ended.time_s > MOST_S:
+    if ended.time_s > MAX_S:
         return f"{ended.time_s:.0f} s"
-    if ended.peak_mib > MOST_MIB:
+    if ended.peak_mib > MAX_MIB:
         return f"{ended.peak_mib:.0f} MiB"
     if ended.code != 1:
         return f"exit {ended.code}"

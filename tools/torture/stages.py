@@ -63,7 +63,7 @@ def trained(words):
     if "alignerf.train" not in words:
         return ()
     job = json.loads(words[words.index("--config") + 1])
-    chosen = (key for key in ("refine", "align", "alignerf") if job.get(key))
+    chosen = (key for key in ("pose_optimization", "align", "alignerf") if job.get(key))
     return (job["stage"], *chosen)
 
 
@@ -177,7 +177,7 @@ def finding(stage, path, ended, base, place):
     if ended.code != 0:
         names = [Path(path).name, Path(path).stem, *keys_of(base / path)]
         return running.fault_of(ended, names)
-    if ended.peak_mib > running.MOST_MIB:
+    if ended.peak_mib > running.MAX_MIB:
         return f"{ended.peak_mib:.0f} MiB"
     others = [out for out in stage.outputs if content(base, out) != content(place, out)]
     return f"accepted, with another {others[0]}" if others else None

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from alignerf.start import configs, folders
+from alignerf.cli import configs, folders
 from tools.torture import arguments, running, stages
 
 CASES = 40

@@ -5,7 +5,7 @@ import random
 import pandas as pd
 import pytest
 
-from alignerf.files import csv_files
+from alignerf.io import csv_files
 from tools.torture import environments, names
 
 CASES = 60

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from alignerf.files import images, provenance
+from alignerf.io import images, provenance
 from tests import judged_cases as cases
 from tools.torture import trees
 
@@ -49,7 +49,7 @@ JUDGE = ("--photos=photos", "--renders=renders", "--cameras=transforms.json")
 
 def run(folder, command, *words, fails=None):
     """A command, by Snakemake itself."""
-    module = f"alignerf.start.{command}"
+    module = f"alignerf.cli.{command}"
     done = subprocess.run(
         [sys.executable, "-m", module, "--cores=2", *words],
         cwd=folder,

@@ -16,11 +16,11 @@ import cv2
 import numpy as np
 import yaml
 
+from alignerf.cli import __main__ as photos
+from alignerf.cli import configs, export, judge, poses, workflow
 from alignerf.experiment import check
 from alignerf.experiment.checks import results
-from alignerf.files import atomic, owned
-from alignerf.start import __main__ as photos
-from alignerf.start import configs, export, judge, poses, workflow
+from alignerf.io import atomic, owned
 from tests import judged_cases
 
 # Where a user may have put something, below the folder of all; `work` is where commands

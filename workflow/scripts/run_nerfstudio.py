@@ -27,7 +27,7 @@ from PIL import Image
 # That are rendered at once: more are no faster on a CPU, and take memory.
 RAYS = 1024
 # Where less of the light comes from the scene, there is nothing.
-LEAST_ACCUMULATION = 0.5
+MIN_ACCUMULATION = 0.5
 
 
 def train(words):
@@ -139,7 +139,7 @@ def of_camera(model, camera, *, of_gaussians):
         rays = camera.generate_rays(camera_indices=0, keep_shape=True)
         directions = rays.directions.cpu().numpy()
         z = along_axis(z, directions, camera.camera_to_worlds[0].cpu().numpy())
-    return rgb, np.where(shown[..., 0] > LEAST_ACCUMULATION, z, 0)
+    return rgb, np.where(shown[..., 0] > MIN_ACCUMULATION, z, 0)
 
 
 def along_axis(distance, directions, camtoworld):

@@ -35,8 +35,8 @@ def completed(config):
             scene |= training_keys.length(training)
     config["scenes"] = varied(config)
     config["vary"] = None
-    config["scenes"] |= windows_of(config)
-    config["windows"] = None
+    config["scenes"] |= crops_of(config)
+    config["crops"] = None
     for method in config["methods"].values():
         for _, mapping, key in methods.named_folders(method):
             mapping[key] = home(mapping[key])
@@ -74,9 +74,9 @@ def varied(config):
     return found
 
 
-def windows_of(config):
-    """The scenes that `windows` adds: of each scene's photos, at their own size."""
-    asked, found = config["windows"], {}
+def crops_of(config):
+    """The scenes that `crops` adds: of each scene's photos, at their own size."""
+    asked, found = config["crops"], {}
     if not asked:
         return found
     of = methods.of_method
@@ -86,12 +86,12 @@ def windows_of(config):
         if base.of(scene).parent(scene):
             continue
         for method in (None, *aligned[:1]):
-            zoom = {"of": name, "px": asked["px"], "count": asked["count"]}
-            zoom = schema.filled(scene_keys.Zoom, zoom | {"cameras": method})
-            again = f"{name}_windows" + (f"_{method}" if method else "")
+            crop = {"of": name, "px": asked["px"], "count": asked["count"]}
+            crop = schema.filled(scene_keys.Crop, crop | {"cameras": method})
+            again = f"{name}_crops" + (f"_{method}" if method else "")
             if again in config["scenes"]:
-                fault("windows", f"there would be two scenes {again}")
-            whole = {"downscale": 1, "perturb_px": 0.0, "zoom": zoom}
+                fault("crops", f"there would be two scenes {again}")
+            whole = {"downscale": 1, "perturb_px": 0.0, "crop": crop}
             found[again] = copy.deepcopy(scene) | whole | length
     return found
 

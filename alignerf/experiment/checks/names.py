@@ -22,7 +22,7 @@ FOLDERS = {
 }
 
 # The end of a name that Snakemake takes for a loop among rules.
-MOST_LETTERS = 100
+MAX_LETTERS = 100
 PERIODIC = re.compile(r"(.+?)\1{19}\Z")
 
 
@@ -43,7 +43,7 @@ def check_names(config):
             if not isinstance(name, str):
                 fault(f"{section}.{name}", "a name must be text, quote it")
             # Of a longer one the schema says so, and looking would take long.
-            if len(name) <= MOST_LETTERS and PERIODIC.search(name):
+            if len(name) <= MAX_LETTERS and PERIODIC.search(name):
                 reason = "its end repeats itself 20 times or more, choose another"
                 fault(f"{section}.{name}", reason)
             if name in names:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from alignerf.captures import base
 from alignerf.experiment.checks.common import fault
-from alignerf.files import owned
+from alignerf.io import owned
 from alignerf.methods import named_folders
 
 # Folders of a scene besides those of its methods.

@@ -48,10 +48,10 @@ def check_scene(scene, *place):
         fault(f"{where}{key}", reason)
 
 
-def check_windows(config):
+def check_crops(config):
     """Scenes and methods that crops are of are in the config."""
     for name, scene in config["scenes"].items():
-        capture, where = base.of(scene), f"scenes.{name}.zoom"
+        capture, where = base.of(scene), f"scenes.{name}.crop"
         if not (of := capture.parent(scene)):
             continue
         parent = config["scenes"].get(of)

@@ -53,20 +53,20 @@ class Vary(Keys):
     )
 
 
-class Windows(Keys):
-    """Windows at the photos' own size, by which the verdict judges alignment.
+class Crops(Keys):
+    """Crops at the photos' own size, by which the verdict judges alignment.
 
-    Of every scene two more are made: SCENE_windows with its cameras as given and, where
-    a method aligns itself on the way, SCENE_windows_METHOD with that method's cameras.
+    Of every scene two more are made: SCENE_crops with its cameras as given and, where
+    a method aligns itself in its loop, SCENE_crops_METHOD with that method's cameras.
     """
 
     px: int = key(
-        160, "side of a window in px of the photo, at most", least=48, most=4096
+        160, "side of a crop in px of the photo, at most", least=48, most=4096
     )
-    count: int = key(2, "windows of each photo", least=1, most=16)
+    count: int = key(2, "crops of each photo", least=1, most=16)
     steps: int = key(
         2000,
-        "of the trainings on windows; more where `decide` gives larger captures more",
+        "of the trainings on crops; more where `decide` gives larger captures more",
         least=10,
         most=10**8,
     )
@@ -87,12 +87,12 @@ class Config(Keys):
     decide: bool = key(
         False,
         "a scene's facts decide what scenes, models and training leave out: downscale, "
-        "near, radius, finest, steps; results/<scene>/decisions.json says why",
+        "near, radius, max_resolution, steps; results/<scene>/decisions.json says why",
     )
     vary: Vary | None = key(None, "seeds and lengths that every scene is run with")
-    windows: Windows | None = key(
+    crops: Crops | None = key(
         None,
-        "the verdict judges alignment by windows at the photos' own size; null: by the "
+        "the verdict judges alignment by crops at the photos' own size; null: by the "
         "size of training alone",
     )
     models: named(Models) = key(

@@ -17,7 +17,7 @@ class Flow(Keys):
         "where estimator `files` finds <view>.flo or <view>.npz (render to photo) and, "
         "if there is a check to be made, <view>.back.flo or .npz; {scene}, {method}, "
         "{round} and {split} in it stand for the renders' own; after pre-training, "
-        "where cameras are put right then, {method} is pretrain and {round} the model",
+        "where cameras are corrected then, {method} is pretrain and {round} the model",
     )
     match_blur: bool = key(
         True, "blur the photo like the render, for the estimate only"

@@ -11,7 +11,7 @@ import pydantic
 REQUIRED = object()
 # Of models, methods and variants: they become folders, and columns of tables.
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_]{0,99}\Z"
-MOST_NAMES = 10000
+MAX_NAMES = 10000
 # The least and the largest that float32 has with all its digits: JAX computes in it,
 # and takes what is smaller for 0.
 LEAST, LARGEST = 2.0**-126, 2.0**128 - 2.0**104
@@ -19,6 +19,28 @@ LEAST, LARGEST = 2.0**-126, 2.0**128 - 2.0**104
 BOUNDS = {"least": "ge", "most": "le", "above": "gt"}
 SHORT = reprlib.Repr()
 SHORT.maxstring = SHORT.maxother = SHORT.maxlong = 100
+
+# Keys and values of earlier versions: what they are called now.
+RENAMED = {
+    "windows": "crops",
+    "zoom": "crop",
+    "judged": "external_renders",
+    "refine": "pose_optimization",
+    "share": "fraction",
+    "delay_share": "delay_fraction",
+    "finetune_share": "finetune_fraction",
+    "hold_share": "hold_fraction",
+    "pretrain_share": "pretrain_fraction",
+    "proposal_share": "proposal_fraction",
+    "finest": "max_resolution",
+    "coarsest": "base_resolution",
+    "log2_entries": "log2_hashmap_size",
+    "least_move_px": "min_move_px",
+    "least_registered": "min_registered",
+    "least_train_views": "min_train_views",
+    "most_rounds": "max_rounds",
+}
+RENAMED_VALUES = {"judged": "external_renders", "given": "input"}
 
 
 class Keys(pydantic.BaseModel):
@@ -58,6 +80,8 @@ class Keys(pydantic.BaseModel):
                 word = key[:100] if isinstance(key, str) else ""
                 near = difflib.get_close_matches(word, names, n=1)
                 hint = f", perhaps {near[0]!r}" if near else ""
+                if RENAMED.get(word) in names:
+                    hint = f": it is called {RENAMED[word]!r} now"
                 raise ValueError(f"{short(key)} is no key of this section{hint}")
         return values
 
@@ -126,7 +150,7 @@ def key(default=REQUIRED, what="", *, length=None, **bounds):
 def named(kind, pattern=NAME):
     """Type of a mapping from names to instances of a class."""
     name = Annotated[str, pydantic.Field(pattern=pattern)]
-    size = pydantic.Field(min_length=1, max_length=MOST_NAMES)
+    size = pydantic.Field(min_length=1, max_length=MAX_NAMES)
     return Annotated[dict[name, kind], size]
 
 

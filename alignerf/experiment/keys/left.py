@@ -35,15 +35,15 @@ def open_of_model(given):
     usual, grid = Model(), Grid()
     kind = field.get("kind", grid.kind)
     # Only a grid has cells; a field of points contracts nothing.
-    fits = {"finest": kind == grid.kind, "radius": kind != Nerf().kind}
+    fits = {"max_resolution": kind == grid.kind, "radius": kind != Nerf().kind}
     defaults = {
         "near": (usual.near,),
         "radius": (usual.radius,),
-        "finest": (grid.finest, usual.field.finest),
+        "max_resolution": (grid.max_resolution, usual.field.max_resolution),
     }
     found = []
     for name in OPEN_OF_MODEL:
-        value = (field if name == "finest" else given).get(name)
+        value = (field if name == "max_resolution" else given).get(name)
         left = value is None
         if "decided" in given:
             left = name in given["decided"] and value in (None, *defaults[name])

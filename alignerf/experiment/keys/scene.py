@@ -6,7 +6,7 @@ import pydantic
 
 from alignerf.captures import base
 from alignerf.experiment.keys.key import Keys, budget, key
-from alignerf.files.environment import extensions
+from alignerf.io.environment import extensions
 
 SOURCES = base.every()
 
@@ -36,7 +36,7 @@ class Colmap(Keys):
     camera_model: CAMERA_MODELS | None = key(
         None, "null takes OPENCV for photos, SIMPLE_PINHOLE for courtyard"
     )
-    least_registered: float = key(
+    min_registered: float = key(
         0.6,
         "share of the photos that have to be registered in one model; with fewer the "
         "run stops: what is left would be scored as if it were the scene",
@@ -45,7 +45,7 @@ class Colmap(Keys):
     )
 
 
-class Zoom(Keys):
+class Crop(Keys):
     """Crops of each photo of another scene, at its own size, around its points."""
 
     of: str = key(
@@ -91,7 +91,7 @@ class Common(Keys):
         "of photos: folder of <photo's file name>.png, black where a photo does not "
         "count, as COLMAP has them",
     )
-    poses: Literal["colmap", "truth", "given", "adjusted"] | None = key(
+    poses: Literal["colmap", "truth", "input", "adjusted"] | None = key(
         None,
         "courtyard has colmap (default) or truth, photos colmap; cameras that came "
         "with the photos are adjusted (default: by bundle adjustment, where held-out "
@@ -124,15 +124,15 @@ class Common(Keys):
         least=2,
         most=10000,
     )
-    least_train_views: int = key(
+    min_train_views: int = key(
         3,
         "with fewer to learn from the run stops: no geometry follows from them",
         least=1,
         most=10000,
     )
-    zoom: Zoom | None = key(
+    crop: Crop | None = key(
         None,
-        "the scene is made of crops of another one's photos; `windows` makes such",
+        "the scene is made of crops of another one's photos; `crops` makes such",
     )
     seed: int | None = key(
         None,

@@ -31,7 +31,7 @@ class Training(Keys):
     warmup_steps: int | None = key(
         None, "sine from 1 %; null takes a tenth of the steps", least=0, most=10**8
     )
-    hold_share: float = key(
+    hold_fraction: float = key(
         0.5,
         "of the steps before the learning rate falls; 0 as published",
         least=0,
@@ -47,7 +47,7 @@ class Training(Keys):
         above=0,
         most=1e9,
     )
-    proposal_share: float = key(
+    proposal_fraction: float = key(
         0.25,
         "of a step's rays teach the proposal field, for whom the others are samples "
         "only; 1 as published",

@@ -13,7 +13,7 @@ from alignerf.methods import rounds
 def poses(experiment, w):
     """Photos in, undistorted images and cameras out; the truth where it is known.
 
-    Windows of another scene have its photos and cameras.
+    Crops of another scene have its photos and cameras.
     """
     paths = experiment.capture(w.scene).paths(experiment.scenes[w.scene])
     own = {key.replace(".", "_"): path for key, path in paths.items()}
@@ -23,9 +23,9 @@ def poses(experiment, w):
         cameras = last(experiment, parent, method).cameras if method else at.cameras
         options |= {"whole": at, "cameras": cameras}
         inputs = {"whole": at.images, "report": at.poses, "cameras": cameras}
-        # Of windows by other cameras, those with cameras as given choose the places.
-        windows = experiment.windows(parent)
-        given = [name for name in windows if experiment.cameras_by(name) is None]
+        # Of crops by other cameras, those with cameras as given choose the places.
+        crops = experiment.crops(parent)
+        given = [name for name in crops if experiment.cameras_by(name) is None]
         if given and w.scene not in given:
             options["places"] = places = layout.Scene(given[0])
             inputs["places"] = [places.images, places.poses]
@@ -168,13 +168,13 @@ def verdict(experiment, w):
         base=experiment.reference_folder(w.scene, 0),
         aligned=json.dumps(aligned) if aligned else None,
         corrected=json.dumps(corrected) if corrected else None,
-        **windows(experiment, w.scene),
+        **crops(experiment, w.scene),
         out=scene.verdict,
         views=scene.views,
     )
     inputs = prepared(scene) | seen(experiment, w.scene) | tells
     inputs |= {"corrected": [*corrected.values()]}
-    return Step(command, inputs | {"windows": seen_windows(experiment, w.scene)}, own)
+    return Step(command, inputs | {"crops": seen_crops(experiment, w.scene)}, own)
 
 
 def corrections(experiment, scene):
@@ -205,22 +205,22 @@ def seen(experiment, scene):
 
 
 def judging(experiment, scene):
-    """{option: scene} of the windows that a scene is judged by: one of each kind."""
+    """{option: scene} of the crops that a scene is judged by: one of each kind."""
     found = {}
-    for name in experiment.windows(scene):
+    for name in experiment.crops(scene):
         moved = experiment.cameras_by(name) is not None
-        found.setdefault("windows_corrected" if moved else "windows", name)
-    return found if "windows" in found else {}
+        found.setdefault("crops_corrected" if moved else "crops", name)
+    return found if "crops" in found else {}
 
 
-def windows(experiment, scene):
-    """Options that name the trainings of these windows."""
+def crops(experiment, scene):
+    """Options that name the trainings of these crops."""
     every = judging(experiment, scene).items()
     return {name: experiment.judged_folder(one) for name, one in every}
 
 
-def seen_windows(experiment, scene):
-    """What the verdict looks at of these windows."""
+def seen_crops(experiment, scene):
+    """What the verdict looks at of these crops."""
     files = []
     for name in judging(experiment, scene).values():
         one = layout.Scene(name)
@@ -235,10 +235,10 @@ def page(experiment, w):
         test_views(experiment, w.scene),
         experiment.reference_folder(w.scene, 0),
     )
-    options = windows(experiment, w.scene)
+    options = crops(experiment, w.scene)
     by = judging(experiment, w.scene)
-    if corrected := by.get("windows_corrected"):
-        options["windows_by"] = experiment.cameras_by(corrected)
+    if corrected := by.get("crops_corrected"):
+        options["crops_by"] = experiment.cameras_by(corrected)
     moved_by, moved = moved_cameras(experiment, w.scene) or (None, None)
     command = words(
         "alignerf.page",
@@ -255,7 +255,7 @@ def page(experiment, w):
     inputs = prepared(scene) | files
     inputs["warped"] = [f"{base}/warped/{split}" for split in splits]
     inputs["truth"], inputs["moved"] = experiment.truth_of(w.scene), moved
-    inputs["windows"] = seen_windows(experiment, w.scene)
+    inputs["crops"] = seen_crops(experiment, w.scene)
     inputs["photos"] = [layout.Scene(name).images for name in by.values()]
     inputs["preflight"] = targets.preflight_of(experiment, w.scene)
     inputs["tables"] = targets.of_page(experiment, w.scene)

@@ -18,7 +18,7 @@ def train(experiment, w):
     asked = asks(experiment, training) | {"ends_with": TIMING}
     if not training.job.ours:
         seed = experiment.scenes[w.scene]["seed"]
-        command = words("alignerf.others.train", **options, training=at, seed=seed)
+        command = words("alignerf.external.train", **options, training=at, seed=seed)
         return Step(command, inputs, **asked)
     command = words("alignerf.train", **options, checkpoints=f"{at}/checkpoints")
     inputs["decisions"] = trainings.decisions_of(experiment.config, w.scene)
@@ -46,13 +46,13 @@ def render(experiment, w):
     inputs, own = {"learnt": at.learnt, "cameras": scene.cameras}, {}
     if not experiment.capture(w.scene).trains:
         inputs["images"] = scene.images
-        command = words("alignerf.others.render", **options)
+        command = words("alignerf.external.render", **options)
     elif not training.job.ours:
         external = training.job.external
         folders = (external.renders, external.depth)
         own["finished"] = [f.replace("{scene}", w.scene) for f in folders if f]
         options |= {"config": training.job.text, "cameras": at.cameras, "training": at}
-        command = words("alignerf.others.render", **options)
+        command = words("alignerf.external.render", **options)
     else:
         inputs["decisions"] = trainings.decisions_of(experiment.config, w.scene)
         options |= {

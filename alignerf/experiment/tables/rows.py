@@ -18,7 +18,7 @@ class Row(NamedTuple):
     baseline, base: the method whose round 0 it is set against, and that one's folder.
     published: what papers call it. way: the folders of all trainings that lead to it,
     its own last. flows: those of them whose training views were rendered and aligned.
-    corrected: those whose cameras were then put right. before: the folder whose flow a
+    corrected: those whose cameras were then corrected. before: the folder whose flow a
     round begins with. files: {what it tells: path}, see `alignerf.tables.collect`.
     """
 

@@ -8,7 +8,7 @@ from alignerf.captures import base
 from alignerf.experiment import layout
 from alignerf.experiment.step import words
 from alignerf.experiment.tables import rows
-from alignerf.files import faults, json_files
+from alignerf.io import faults, json_files
 
 
 class Scene(NamedTuple):
@@ -61,7 +61,7 @@ def of_scene(experiment, name):
         perturb_px=scene["perturb_px"],
         motion_m=motion_m,
         steps=scene["steps"],
-        share=length_share(experiment, name),
+        share=length_fraction(experiment, name),
         reference=experiment.at(name, reference, 0).owner,
     )
 
@@ -89,7 +89,7 @@ def capture_of(scene):
     return without(scene, *SIZE)
 
 
-def length_share(experiment, scene):
+def length_fraction(experiment, scene):
     """A scene's length of training over the config's; None where the units differ."""
     own, whole = experiment.scenes[scene], experiment.config["training"]
     key = "steps" if whole["steps"] else "budget_min"

@@ -10,7 +10,7 @@ import functools
 import cv2
 import numpy as np
 
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes import cameras, distortion, prepare
 
 # Two estimates of one lens's focal length differ by a smaller share. Photos whose focal

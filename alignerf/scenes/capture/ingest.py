@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from alignerf.files import faults, images, progress
+from alignerf.io import faults, images, progress
 from alignerf.scenes import held_out, photos, prepare
 from alignerf.scenes.capture import video
 
@@ -105,12 +105,12 @@ class Camera(NamedTuple):
 
 
 def ingest(
-    folder, work_folder, *, background=None, most_side_px=1600, masks=None
+    folder, work_folder, *, background=None, max_side_px=1600, masks=None
 ) -> Taken:
     """Read a folder, and decode every photo once to be sure that none is broken.
 
     Films become frames, in <work_folder>/frames. background: as of `photos.decode`.
-    most_side_px: of the copies. masks: a folder of <photo's file name>.png, black where
+    max_side_px: of the copies. masks: a folder of <photo's file name>.png, black where
     a photo does not count; a photo without one counts everywhere. Raises ValueError
     naming the file for what is broken.
     """
@@ -122,7 +122,7 @@ def ingest(
     each = zip(taken.paths, taken.sizes, taken.lays, strict=True)
     for path, size, lay in progress.over(each, "photos", total=len(taken.paths)):
         image, focal_px = photos.decode(path, background, upright=False)
-        shrunk = min(1.0, most_side_px / max(size))
+        shrunk = min(1.0, max_side_px / max(size))
         copy_sizes.append((round(shrunk * size[0]), round(shrunk * size[1])))
         focals_px.append(focal_px)
         small = prepare.shrink(lay.apply(image), *copy_sizes[-1])

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from alignerf.files import progress
+from alignerf.io import progress
 
 # Camera model -> places of fx, fy, cx, cy and of k1, k2, p1, p2 among its parameters.
 CAMERA_MODELS = {
@@ -21,7 +21,7 @@ CAMERA_MODELS = {
     "OPENCV": ((0, 1, 2, 3), (4, 5, 6, 7)),
 }
 # With more photos not all pairs are matched: 150 have 11,175, 300 have 44,850.
-MOST_EXHAUSTIVE = 150
+MAX_EXHAUSTIVE = 150
 # Each photo then meets so many that follow it by name, and that look most like it.
 FOLLOWING, ALIKE = 10, 30
 # With fewer photos a camera's distortion is one number instead of four.
@@ -135,7 +135,7 @@ def match(database, count, seed, pairs=None):
         "verification_options": verification,
         "device": pycolmap.Device.cpu,
     }
-    if pairs is None and count <= MOST_EXHAUSTIVE:
+    if pairs is None and count <= MAX_EXHAUSTIVE:
         pairs = count * (count - 1) // 2
         with _told("matching", database, "two_view_geometries", pairs, unit="pair"):
             pycolmap.match_exhaustive(database, **options)

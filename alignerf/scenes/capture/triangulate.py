@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from alignerf.files import progress
+from alignerf.io import progress
 from alignerf.scenes import cameras, colmap
 from alignerf.scenes.capture import mapping
 
 # Features of a view: enough to see how near things are, and matched in a sixteenth of
 # the time that COLMAP's usual 8192 take.
-MOST_FEATURES = 2048
+MAX_FEATURES = 2048
 
 
 def triangulate(
@@ -24,14 +24,14 @@ def triangulate(
     views,
     *,
     seed,
-    most_side_px=None,
-    most_features=MOST_FEATURES,
+    max_side_px=None,
+    max_features=MAX_FEATURES,
     masks=None,
 ) -> colmap.Reconstruction:
     """The given views and their triangulated points, the same on every run.
 
     views: the arrays of a cameras.npz; image_folder: <view>.png of their size. Features
-    are found in photos of at most most_side_px, where `masks` (folder of
+    are found in photos of at most max_side_px, where `masks` (folder of
     <view>.png.png) are not black. Writes into work_folder. There may be no point; their
     mean error is then 0.
     """
@@ -42,9 +42,9 @@ def triangulate(
     mapping.quiet(seed)
     with mapping.room_for(database):
         write_views(database, model)
-        side_px = most_side_px or int(max(views["width"], views["height"]))
+        side_px = max_side_px or int(max(views["width"], views["height"]))
         mapping.extract(
-            database, image_folder, names, side_px, masks, most=most_features
+            database, image_folder, names, side_px, masks, most=max_features
         )
         mapping.match(database, len(names), seed)
         with progress.heartbeat("COLMAP: points"):

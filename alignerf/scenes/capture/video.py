@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from alignerf.files import faults, images, progress
+from alignerf.io import faults, images, progress
 from alignerf.scenes import photos, prepare, prepared
 
 log = logging.getLogger(__name__)
@@ -28,16 +28,16 @@ cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
 SUFFIXES = frozenset([".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm"])
 # A piece of the path: views that overlap by nine tenths match well.
 STEP_WIDTHS = 0.1
-LEAST_FRAMES, MOST_FRAMES = 20, 120
+MIN_FRAMES, MAX_FRAMES = 20, 120
 # Measured at this width, and at no other heights: under 32 px OpenCV's flow ends the
 # process.
-SMALL_PX, LEAST_SMALL_PX, MOST_SMALL_PX = 192, 32, 768
+SMALL_PX, MIN_SMALL_PX, MAX_SMALL_PX = 192, 32, 768
 # A film with fewer of its frames than this share is cut short.
 TRUNCATED = 0.9
 # Frames that are looked at; of longer films evenly spaced ones.
-MOST_LOOKED_AT = 3000
+MAX_LOOKED_AT = 3000
 # Ten days at 120 a second: a head that says more is wrong.
-MOST_FRAMES_TOLD = 10**8
+MAX_FRAMES_TOLD = 10**8
 # How files begin: the types of QuickTime's first part, and Matroska's number.
 OF_QUICKTIME = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot", b"styp")
 MATROSKA = b"\x1a\x45\xdf\xa3"
@@ -107,7 +107,7 @@ def check(path):
         ]
         check_size(path, *size)
         told = film.get(cv2.CAP_PROP_FRAME_COUNT)
-    return int(told) if 0 < told < MOST_FRAMES_TOLD else 0
+    return int(told) if 0 < told < MAX_FRAMES_TOLD else 0
 
 
 def check_size(path, width, height):
@@ -115,8 +115,8 @@ def check_size(path, width, height):
     named = f"{path}: a film of {width:.0f}x{height:.0f} pixels"
     if min(width, height) < prepare.MIN_SIZE_PX:
         raise ValueError(f"{named}: no side may be under {prepare.MIN_SIZE_PX}")
-    most = photos.MOST_PIXELS
-    if max(width, height) > prepared.MOST_SIDE_PX or width * height > most:
+    most = photos.MAX_PIXELS
+    if max(width, height) > prepared.MAX_SIDE_PX or width * height > most:
         raise ValueError(f"{named}: over {most / 1e6:.0f} million pixels")
 
 
@@ -143,7 +143,7 @@ def measure(path, told) -> Seen:
         count = number + 1
         if frame is None:
             continue
-        if len(numbers) == 2 * MOST_LOOKED_AT:
+        if len(numbers) == 2 * MAX_LOOKED_AT:
             return measure(path, count_frames(path))
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
         # Frames of one film may differ in size.
@@ -171,12 +171,12 @@ def measure(path, told) -> Seen:
 def small_size(grey):
     """(width, height) that a frame is measured at; one of an odd shape is squeezed."""
     height = round(SMALL_PX * grey.shape[0] / grey.shape[1])
-    return SMALL_PX, min(max(height, LEAST_SMALL_PX), MOST_SMALL_PX)
+    return SMALL_PX, min(max(height, MIN_SMALL_PX), MAX_SMALL_PX)
 
 
 def stride(total):
     """Every how manieth frame is looked at."""
-    return max(1, -(-total // MOST_LOOKED_AT))
+    return max(1, -(-total // MAX_LOOKED_AT))
 
 
 def choose(sharpness, steps):
@@ -190,7 +190,7 @@ def choose(sharpness, steps):
         return [0]
     path = np.cumsum(steps) - steps[0]
     pieces = round(path[-1] / STEP_WIDTHS)
-    pieces = min(max(pieces, LEAST_FRAMES), MOST_FRAMES, count)
+    pieces = min(max(pieces, MIN_FRAMES), MAX_FRAMES, count)
     if path[-1] < 1e-6:
         path = np.arange(count, dtype=np.float64)
     piece = np.minimum((path / path[-1] * pieces).astype(int), pieces - 1)

@@ -67,9 +67,9 @@ def noise(shape, cell, rng):
 
 def fractal(shape, cell, rng, *, octaves=4):
     """Sum of noises [h, w] of halving cell and amplitude, about unit variance."""
-    finest = max(cell / 2 ** (octaves - 1), 1.0)
+    max_resolution = max(cell / 2 ** (octaves - 1), 1.0)
     # Coarse grains need few texels: the sum is made small, then enlarged.
-    shrink = max(finest / 2, 1.0)
+    shrink = max(max_resolution / 2, 1.0)
     small = tuple(int(np.ceil(n / shrink)) + 1 for n in shape)
     total = np.zeros(small, np.float32)
     for k in range(octaves):

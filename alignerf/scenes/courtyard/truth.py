@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import ndimage
 
-from alignerf.files import images, machine
+from alignerf.io import images, machine
 from alignerf.scenes import cameras, prepare
 from alignerf.scenes.courtyard import rays as courtyard_rays
 from alignerf.scenes.courtyard import scene as courtyard

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.scenes import colmap
 
 log = logging.getLogger(__name__)
@@ -31,14 +31,14 @@ SUFFIXES = (".bin", ".txt")
 PARTS = ("cameras", "images", "points3D")
 FILES = (*PARTS, "frames", "rigs")
 # Of a file: COLMAP writes all points of 10,000 photos into less.
-MOST_TEXT_BYTES = 2**30
+MAX_TEXT_BYTES = 2**30
 # Of a line of images.txt: id, quaternion, translation, camera, name.
 OF_IMAGE = 10
 # Numbers of parameters by the model's number.
 PARAMETERS = (3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12, 16, 4, 5, 3, 4, 6, 2)
 LENGTH_ERROR = 1e-2
 # Of a file: COLMAP's own reader takes several times as much.
-MOST_BYTES = 2**32
+MAX_BYTES = 2**32
 OF_POINT_2D, OF_TRACK, OF_DATA = 24, 8, 16
 
 
@@ -213,7 +213,7 @@ def check_binaries(folder):
             faults.check_regular(text)
         if not path.exists():
             continue
-        walk = Walk(faults.content(path, MOST_BYTES))
+        walk = Walk(faults.content(path, MAX_BYTES))
         try:
             for _ in range(walk.read("<Q")[0]):
                 getattr(walk, name)()
@@ -235,7 +235,7 @@ def text_of(path):
     with faults.opened(path) as file:
         if file.read(3) == codecs.BOM_UTF8:
             raise ValueError(f"{path}: a byte order mark in it: save it without")
-    return faults.text(path, MOST_TEXT_BYTES)
+    return faults.text(path, MAX_TEXT_BYTES)
 
 
 def image_lines(path):

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from alignerf.files import archives, faults
+from alignerf.io import archives, faults
 from alignerf.scenes import colmap, distortion, photos, prepare
 
 log = logging.getLogger(__name__)
@@ -29,7 +29,7 @@ LLFF_FROM_OPENGL = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 # Both files print the focal length of one model in full: others differ by more.
 SAME_FOCAL = 1e-3
 # Of a file of one camera.
-MOST_BYTES = 2**20
+MAX_BYTES = 2**20
 
 
 def read(folder, chosen=None) -> prepare.PosedViews:
@@ -121,7 +121,7 @@ def _cameras(cameras_bin, sizes_and_focals, where):
 
 def _read_camera(path):
     """(camtopix [3, 3], distortion [5], (width, height)) of the one COLMAP camera."""
-    content = faults.content(path, MOST_BYTES)
+    content = faults.content(path, MAX_BYTES)
     try:
         (count,) = struct.unpack_from("<Q", content)
         if count != 1:

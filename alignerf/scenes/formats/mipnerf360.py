@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.scenes import distortion, photos, prepare
 from alignerf.scenes.formats import colmap_models, llff, shots
 

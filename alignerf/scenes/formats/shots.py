@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.scenes import distortion, photos, prepare
 
 log = logging.getLogger(__name__)

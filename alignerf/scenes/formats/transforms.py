@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from alignerf.files import faults, json_files
+from alignerf.io import faults, json_files
 from alignerf.scenes import cameras, distortion, photos, prepare
 from alignerf.scenes.capture import ingest
 
@@ -167,7 +167,7 @@ def _frames_with_image(images, frames):
         else:
             kept.append((frame, image))
     if not kept:
-        number = least_number(path.parent)
+        number = min_number(path.parent)
         if images.suffix or number in (None, 1):
             where = f" in folders {images.suffix}" if images.suffix else ""
             none = f"none of its {len(frames)} frames has an image{where}"
@@ -289,7 +289,7 @@ def pose(path, frame):
     return np.concatenate([rotation, matrix[:3, 3:]], axis=-1)
 
 
-def least_number(folder):
+def min_number(folder):
     """The least n of the folders images_<n>, the largest photos; None without any."""
     found = [SMALLER.fullmatch(path.name) for path in Path(folder).glob("images_*")]
     return min((int(one[1]) for one in found if one), default=None)

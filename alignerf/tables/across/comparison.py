@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.files import atomic, csv_files, faults
+from alignerf.io import atomic, csv_files, faults
 from alignerf.tables import columns, frame, latex, misalignment, ranking, scores
 from alignerf.tables.columns import METRICS
 

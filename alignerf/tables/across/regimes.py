@@ -17,7 +17,7 @@ from pathlib import Path
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.files import atomic, csv_files, faults
+from alignerf.io import atomic, csv_files, faults
 from alignerf.tables import columns, frame, latex, plots, scores
 
 log = logging.getLogger("alignerf")

@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from alignerf import testsets
-from alignerf.files import atomic, faults, json_files
+from alignerf.io import atomic, faults, json_files
 from alignerf.tables import columns, costs, frame, latex, plots, scores
 
 # Without the warped test set: each length has its own, so its scores do not compare.

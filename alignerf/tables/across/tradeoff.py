@@ -7,7 +7,7 @@ round 0, trained as long as the config says; 95 % intervals are over views and, 
 there are several, seeds. Writes CSV, LaTeX and a figure.
 """
 
-from alignerf.files import atomic, faults
+from alignerf.io import atomic, faults
 from alignerf.tables import costs, frame, latex, plots, scores
 
 NOTES = (

@@ -1,10 +1,10 @@
-"""Alignment on the way: cameras and photos of a scene that is known exactly."""
+"""In-loop alignment: cameras and photos of a scene that is known exactly."""
 
 import numpy as np
 import pytest
 
 from alignerf.alignment import aligner, look
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.methods import align
 from alignerf.training import renderer
 from tests import plane_scene as plane
@@ -48,7 +48,7 @@ def test_where_nothing_is_wrong_nothing_changes_at_all(tmp_path, rng):
 @pytest.fixture
 def looked_at(monkeypatch):
     """Indices of the views of each look; two of seven views may tell."""
-    monkeypatch.setattr(aligner, "LEAST_PROBED", 2)
+    monkeypatch.setattr(aligner, "MIN_PROBED", 2)
     every, look_at = [], look.Looker.__call__
 
     def counted(self, params, now, wanted):
@@ -99,7 +99,7 @@ def test_where_some_views_show_a_fault_it_is_as_if_all_were_looked_at(
     for step in found.places:
         found.align({}, step)
     assert looked_at == [[0, 6], [1, 2, 3, 4, 5], list(range(plane.COUNT - 1))]
-    monkeypatch.setattr(aligner, "LEAST_PROBED", plane.COUNT)
+    monkeypatch.setattr(aligner, "MIN_PROBED", plane.COUNT)
     whole = plane.aligner_of(loaded, folder)
     for step in whole.places:
         whole.align({}, step)
@@ -146,18 +146,18 @@ def test_a_thing_that_moved_is_brought_back_and_the_rest_stays(tmp_path, rng):
 def test_what_counts_as_the_flows_own_error_falls_with_the_training(wrong):
     """More while renders are blurred; less once cameras were seen to be wrong."""
     loaded, _, folder = wrong
-    found = plane.aligner_of(loaded, folder, least_move_px=0.12)
+    found = plane.aligner_of(loaded, folder, min_move_px=0.12)
     found.begin(100, "this")
-    assert [round(found.least_px(step), 3) for step in (5, 10, 25, 60)] == [
+    assert [round(found.min_px(step), 3) for step in (5, 10, 25, 60)] == [
         *(0.6, 0.3, 0.12, 0.12)
     ]
     found.report = [{"cameras_moved": 0}]
-    assert found.least_px(50) == 0.12
+    assert found.min_px(50) == 0.12
     # One bad camera among good ones says nothing of the others.
     found.report = [{"cameras_moved": 1}]
-    assert found.least_px(50) == 0.12
+    assert found.min_px(50) == 0.12
     found.report = [{"cameras_moved": plane.COUNT - 1}]
-    assert found.least_px(10) == found.least_px(60) < 0.12
+    assert found.min_px(10) == found.min_px(60) < 0.12
 
 
 def test_one_view_holds_the_frame_and_stays(wrong):

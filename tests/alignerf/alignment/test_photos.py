@@ -30,7 +30,7 @@ TURN = camera_motion.Motion(np.array([0.01, 0.02, 0.0]), np.zeros(3), 0.01)
 @pytest.mark.parametrize("whole", [True, False])
 def test_what_the_camera_has_put_right_is_not_warped_too(whole):
     view = flow_view(TURN)
-    options = {"whole": whole, "most_pixels": 1000}
+    options = {"whole": whole, "max_pixels": 1000}
     offset, valid = photos.offsets(view, correction(TURN), **options)
     assert np.abs(offset).max() < 0.02
     assert valid.all()
@@ -46,7 +46,7 @@ def test_a_flow_that_no_camera_explains_warps_no_photo(rng):
     refused = correct.corrections([lambda: view, *[lambda: flow_view(TURN)] * 4])
     assert not refused[0].trusted
     assert all(one.trusted for one in refused[1:])
-    offset, _ = photos.offsets(view, refused[0], whole=False, most_pixels=1000)
+    offset, _ = photos.offsets(view, refused[0], whole=False, max_pixels=1000)
     assert not offset.any()
 
 
@@ -58,7 +58,7 @@ def test_depths_that_are_none_are_no_part_of_a_fit(fill):
     view = flow_view(TURN, depth=np.full((48, 60), 2.0))._replace(depth=depth)
     (found,) = correct.corrections([lambda: view], zooms=False)
     assert np.isfinite(found.length_px)
-    offset, _ = photos.offsets(view, found, whole=False, most_pixels=1000)
+    offset, _ = photos.offsets(view, found, whole=False, max_pixels=1000)
     assert np.isfinite(offset).all()
 
 
@@ -80,6 +80,6 @@ def test_a_region_moves_where_some_part_of_it_clearly_does(longest_px, is_warped
     moves = photos.moving(fit)
     assert moves.any() == is_warped
     if is_warped:
-        near = np.linalg.norm(fit.remainder_px, axis=-1) > photos.LEAST_MOVE_PX
+        near = np.linalg.norm(fit.remainder_px, axis=-1) > photos.MIN_MOVE_PX
         near[5, 5] = False
         np.testing.assert_array_equal(moves, near & fit.moved)

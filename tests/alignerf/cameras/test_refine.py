@@ -1,4 +1,4 @@
-"""Cameras learnt with the scene: rays move as cameras do, and gradients are right."""
+"""Poses optimized with the scene: rays move as cameras do, and gradients are right."""
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from alignerf import fields
 from alignerf.cameras import refine
 from alignerf.fields import grid, shading
-from alignerf.methods.refine import Refine
+from alignerf.methods.pose_optimization import PoseOptimization
 from alignerf.mipnerf360 import coord
 from alignerf.scenes import cameras, prepared
 from alignerf.training import methods
@@ -102,7 +102,13 @@ def test_preconditioned_parameters_move_pixels_alike(views):
 
 
 FIELDS = {
-    "grid": {"levels": 2, "log2_entries": 12, "finest": 16, "width": 8, "moving": True},
+    "grid": {
+        "levels": 2,
+        "log2_hashmap_size": 12,
+        "max_resolution": 16,
+        "width": 8,
+        "moving": True,
+    },
     "mlp": {"width": 16, "depth": 2, "degrees": 3, "bottleneck": 8, "view_width": 8},
     "nerf": {"width": 16, "depth": 3, "skip_after": 1, "degrees": 2, "view_width": 8},
 }
@@ -209,7 +215,7 @@ def without_the_finest(kind, params, count):
 
 
 def test_cameras_wait_and_have_their_own_rates():
-    chosen = Refine(learning_rates=[0.01, 0.001], delay_share=0.5)
+    chosen = PoseOptimization(learning_rates=[0.01, 0.001], delay_fraction=0.5)
     optimizer = train_step.make_optimizer(
         learning_rates=[0.1, 0.1],
         betas=[0.9, 0.99],

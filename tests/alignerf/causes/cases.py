@@ -17,13 +17,13 @@ WELL = base.Evidence(
     flow_test_px=0.09,
     camera_px=0.06,
     remainder_px=0.03,
-    moved_share=0.0,
+    moved_fraction=0.0,
     psnr_train_db=28.7,
     psnr_test_db=27.2,
     overfit_px=0.09,
-    passes=0.8,
+    epochs=0.8,
     detail_median=1.2,
-    blurred_share=0.0,
+    blurred_fraction=0.0,
     exposure_ev=0.005,
     shared_ev=0.04,
     shift_px=0.02,
@@ -34,20 +34,20 @@ WELL = base.Evidence(
 )
 FAULTS = {
     "camera": {"flow_train_px": 1.2, "camera_px": 1.2},
-    "motion": {"moved_share": 0.1},
+    "motion": {"moved_fraction": 0.1},
     "sparse": {"flow_test_px": 2.0, "psnr_test_db": 17.0},
     "few_views": {"test_views": 2},
     "lens_shift": {"shift_px": 0.5, "shift_errors": 20.0},
     "lens_distortion": {"distortion_px": 0.8, "distortion_errors": 9.0},
-    "blurred": {"blurred_share": 0.2},
+    "blurred": {"blurred_fraction": 0.2},
     "exposure": {"exposure_ev": 0.2},
-    "undertrained": {"passes": 0.2499},
+    "undertrained": {"epochs": 0.2499},
     "unregistered": {"registered": 20, "total": 45},
 }
 # What a training that is too short does not tell.
 BY_FLOW = {"camera", "motion", "sparse", "lens_shift", "lens_distortion"}
-# Windows of a capture whose poses are wrong, at the photos' own size; and are right.
-APART = base.Windows(
+# Crops of a capture whose poses are wrong, at the photos' own size; and are right.
+APART = base.Crops(
     places=2,
     px=160,
     photos=18,
@@ -58,14 +58,14 @@ APART = base.Windows(
     flow_test_px=1.64,
     camera_px=0.68,
     remainder_px=0.17,
-    passes=1.1,
+    epochs=1.1,
 )
 TOGETHER = APART._replace(
     flow_px=0.2, low_px=0.15, high_px=0.25, flow_test_px=0.4, camera_px=0.1
 )
 THUMBNAIL = {"photo_px": 15.0, "photo_width_px": 4000.0}
-JUDGED = base.Judged("given", "COLMAP's model", "named like the photos")
-THEIRS = WELL._replace(judged=JUDGED, passes=math.nan, reprojection_px=math.nan)
+JUDGED = base.ExternalRenders("given", "COLMAP's model", "named like the photos")
+THEIRS = WELL._replace(judged=JUDGED, epochs=math.nan, reprojection_px=math.nan)
 GAIN = remedies.Gain(
     name="aligned",
     db=0.6,
@@ -73,7 +73,7 @@ GAIN = remedies.Gain(
     high=0.9,
     minutes=4.0,
     method="aligned",
-    on_the_way=True,
+    in_loop=True,
 )
 
 

@@ -66,7 +66,7 @@ def test_two_causes_are_both_named_if_training_was_long_enough():
         ({"shared_ev": 0.3}, ["exposure"]),
         ({"shared_ev": 0.1}, []),
         ({"shared_ev": math.nan}, []),
-        ({"shared_ev": 0.3, "passes": 0.1}, ["undertrained"]),
+        ({"shared_ev": 0.3, "epochs": 0.1}, ["undertrained"]),
         # A shift within its error is none.
         ({"shift_px": 0.5, "shift_errors": 2.0}, []),
         ({"shift_px": 0.5, "shift_errors": math.nan}, []),
@@ -85,13 +85,13 @@ def test_two_causes_are_both_named_if_training_was_long_enough():
             ["camera"],
         ),
         # Of another program nobody knows whether it was trained too short.
-        (FAULTS["camera"] | {"passes": math.nan}, ["camera"]),
+        (FAULTS["camera"] | {"epochs": math.nan}, ["camera"]),
         ({"matches": ACCEPTED}, ["camera"]),
-        ({"matches": ACCEPTED, "passes": 0.1}, ["undertrained", "camera"]),
+        ({"matches": ACCEPTED, "epochs": 0.1}, ["undertrained", "camera"]),
         ({"matches": ACCEPTED._replace(applied=True)}, []),
         ({"matches": DENIED}, []),
-        ({"windows": APART, "passes": 0.1}, ["undertrained", "camera"]),
-        ({"windows": APART._replace(camera_px=0.1)}, []),
+        ({"crops": APART, "epochs": 0.1}, ["undertrained", "camera"]),
+        ({"crops": APART._replace(camera_px=0.1)}, []),
     ],
 )
 def test_what_is_named(changes, named):
@@ -102,11 +102,11 @@ def test_what_is_named(changes, named):
     ("changes", "cause", "size", "sure"),
     [
         ({"shared_ev": 0.3, "exposure_ev": 0.07}, "exposure", 0.3, False),
-        ({"moved_share": 0.06}, "motion", 0.06, False),
-        ({"passes": 0.4}, "undertrained", 0.4, False),
+        ({"moved_fraction": 0.06}, "motion", 0.06, False),
+        ({"epochs": 0.4}, "undertrained", 0.4, False),
         ({"flow_train_px": 0.4, "camera_px": 0.3}, "camera", 0.3, False),
-        ({"windows": APART}, "camera", 0.34, True),
-        ({"windows": APART._replace(low_px=0.4)}, "camera", 0.34, False),
+        ({"crops": APART}, "camera", 0.34, True),
+        ({"crops": APART._replace(low_px=0.4)}, "camera", 0.34, False),
         ({"matches": ACCEPTED}, "camera", 0.75, False),
         (SPARSE | {"reprojection_px": 1.7}, "camera", 1.7, True),
         (
@@ -139,7 +139,7 @@ def test_what_the_camera_s_sentence_is_of():
     for changes, px in (
         (FAULTS["camera"], "2.4 px"),
         (FAULTS["camera"] | {"perturb_px": 1.5}, "3.0 px"),
-        (FAULTS["camera"] | {"windows": APART}, "0.68 px"),
+        (FAULTS["camera"] | {"crops": APART}, "0.68 px"),
         (SPARSE | {"reprojection_px": 1.7}, "3.4 px"),
         ({"matches": ACCEPTED}, "1.5 px"),
     ):

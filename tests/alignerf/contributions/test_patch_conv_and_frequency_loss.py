@@ -88,7 +88,7 @@ def test_published_size_of_the_contribution():
         "frequency_weights": None,
     }
     training = cases.TRAINING | {"steps": 1, "batch_rays": 1}
-    own = {"pretrain": {"pretrain_share": 0.6}, "finetune": {"alignerf": chosen}}
+    own = {"pretrain": {"pretrain_fraction": 0.6}, "finetune": {"alignerf": chosen}}
     sizes = {}
     for stage, keys in own.items():
         job = {"seed": 0, "stage": stage, "model": cases.PUBLISHED} | keys

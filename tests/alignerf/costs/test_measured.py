@@ -56,7 +56,7 @@ def test_a_tiny_plan_is_measured_and_told(scene, tmp_path, monkeypatch, capsys):
     out = tmp_path / "preflight.json"
     found = run(scene, out, work(), monkeypatch)
     assert found["scene"] == scene.name
-    assert (found["cores"], found["lanes"]) == (1, 1)
+    assert (found["cores"], found["parallel_jobs"]) == (1, 1)
     (rates,) = found["rates"].values()
     assert all(value >= 0 for value in rates.values())
     assert 0 < rates["step_s"] < 1

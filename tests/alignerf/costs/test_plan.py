@@ -35,7 +35,7 @@ def test_work_lists_what_is_trained_in_an_order_that_runs(demo, experiment_of):
         "warm": {"model": "base", "rounds": 1, "warm_start": {"from": "once"}},
         "alignerf": {"model": "base", "alignerf": {"radius_px": "auto"}},
         "corrected": {"model": "large", "alignerf": {}, "changes": "cameras"},
-        "auto": {"model": "large", "rounds": "auto", "most_rounds": 3},
+        "auto": {"model": "large", "rounds": "auto", "max_rounds": 3},
     }
     found = plan.of_scene(experiment_of(demo), "courtyard")["trainings"]
     after = {one["name"]: one["after"] for one in found}
@@ -144,9 +144,9 @@ def test_alignments_cost_what_their_looks_at_small_renders_cost(demo, experiment
 def test_crops_are_counted_with_the_scene_that_they_judge(demo, experiment_of):
     demo["methods"] = {"plain": {}, "aligned": {"align": {}}}
     without = by_file(planned(experiment_of(demo))[1])
-    asked = {"windows": {"px": 64, "count": 2, "steps": 500}}
+    asked = {"crops": {"px": 64, "count": 2, "steps": 500}}
     experiment = experiment_of(demo | asked)
-    names = experiment.windows("courtyard")
+    names = experiment.crops("courtyard")
     work, tasks = planned(experiment)
     found = by_file(tasks)
     places = [f"../{name}/plain/round0" for name in names]
@@ -155,7 +155,7 @@ def test_crops_are_counted_with_the_scene_that_they_judge(demo, experiment_of):
     assert found.keys() - without.keys() == new
     train = found[f"{places[0]}/timing.json"]
     assert train.seconds == pytest.approx(BEGIN_S + 500 * RATES.step_s)
-    # The second has the cameras that the aligned training has put right.
+    # The second has the cameras that the aligned training has corrected.
     assert work["trainings"][-1]["after"] == ["aligned/round0"]
     rays = 2 * 24 * 64**2
     rendered_s = BEGIN_S + rays * RATES.step_s / 512 / 3
@@ -187,7 +187,7 @@ def content(**changes):
     return {
         "scene": "yard",
         "cores": 2,
-        "lanes": 2,
+        "parallel_jobs": 2,
         "external": [],
         "wall_s": 1800.0,
         "memory_bytes": 1.4e9,
@@ -214,7 +214,7 @@ def test_a_plan_that_does_not_fit_is_refused_with_what_to_change(read):
     with pytest.raises(ValueError, match=r"14\.5 GB of memory.*15\.0 GB.*--cores 1"):
         summary.check(read(memory_bytes=14.5e9))
     with pytest.raises(ValueError, match="smaller model"):
-        summary.check(read(memory_bytes=14.5e9, lanes=1))
+        summary.check(read(memory_bytes=14.5e9, parallel_jobs=1))
     with pytest.raises(ValueError, match=r"30\.0 GB of disk.*downscale.*rounds"):
         summary.check(read(disk_bytes=30e9))
 

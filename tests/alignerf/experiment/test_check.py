@@ -5,9 +5,9 @@ import datetime
 import pytest
 
 from alignerf.experiment import check
-from alignerf.files import faults, yaml_files
+from alignerf.io import faults, yaml_files
 
-WARM = {"from": "mipnerf360", "share": 0.3, "learning_rates": [0.005, 0.001]}
+WARM = {"from": "mipnerf360", "fraction": 0.3, "learning_rates": [0.005, 0.001]}
 
 
 def edit(config, where, value):
@@ -76,8 +76,8 @@ def edit(config, where, value):
         ),
         (
             "methods.aligned",
-            {"model": "base", "align": {}, "refine": {}},
-            "methods.aligned.refine: not beside align",
+            {"model": "base", "align": {}, "pose_optimization": {}},
+            "methods.aligned.pose_optimization: not beside align",
         ),
         (
             "methods.aligned",
@@ -106,8 +106,8 @@ def edit(config, where, value):
         ),
         (
             "methods.joint",
-            {"model": "base", "refine": {"coarse_to_fine": [0.5, 0.1]}},
-            "methods.joint.refine.coarse_to_fine: two shares, first < last",
+            {"model": "base", "pose_optimization": {"coarse_to_fine": [0.5, 0.1]}},
+            "methods.joint.pose_optimization.coarse_to_fine: two shares, first < last",
         ),
         ("scenes.published", {"source": "courtyard"}, "scenes.published: a file of"),
         ("scenes.mine", {"source": "photos", "path": "a{b}"}, "scenes.mine.path: a{b}"),
@@ -134,7 +134,7 @@ def edit(config, where, value):
             {"model": "large", "rounds": 1, "warm_start": WARM},
             "warm.warm_start.from: model 'base' instead of 'large'",
         ),
-        ("methods.mipnerf360.most_rounds", 2, "most_rounds: only with `rounds: auto`"),
+        ("methods.mipnerf360.max_rounds", 2, "max_rounds: only with `rounds: auto`"),
         (
             "methods.warm",
             {"model": "base", "rounds": 0, "warm_start": WARM},
@@ -207,8 +207,8 @@ def test_what_the_reference_cannot_be(demo):
 def test_staged_methods_agree_about_their_pretraining(demo):
     demo["methods"]["other"] = {"model": "base", "alignerf": {"patches": 1}}
     check.checked(demo)
-    demo["methods"]["other"]["alignerf"]["pretrain_share"] = 0.5
-    reason = "methods.alignerf.alignerf.pretrain_share: methods.other has another"
+    demo["methods"]["other"]["alignerf"]["pretrain_fraction"] = 0.5
+    reason = "methods.alignerf.alignerf.pretrain_fraction: methods.other has another"
     with pytest.raises(ValueError, match=reason):
         check.checked(demo)
 
@@ -335,11 +335,11 @@ SEVEN = {"source": "courtyard", "courtyard": {"zooms": [1] * 7}}
             "scenes.a.courtyard.zooms: 7 of them are more than there are test views",
         ),
         (
-            {"scenes": {"a": COURTYARD["a"] | {"zoom": {"of": "b", "px": 31}}}},
-            "scenes.a.zoom.px: 31 should be greater",
+            {"scenes": {"a": COURTYARD["a"] | {"crop": {"of": "b", "px": 31}}}},
+            "scenes.a.crop.px: 31 should be greater",
         ),
         (
-            {"models": {"m": {"field": {"log2_entries": 26, "features": 64}}}},
+            {"models": {"m": {"field": {"log2_hashmap_size": 26, "features": 64}}}},
             "models.m.field: .* GiB to train are more than 256 GiB",
         ),
     ],
@@ -444,3 +444,29 @@ def test_a_name_that_snakemake_takes_for_a_loop_is_refused(demo, section, name):
 def test_a_name_of_many_equal_letters_may_go_on(demo):
     demo["scenes"]["a" * 19] = demo["scenes"]["a" * 30 + "_b"] = {"source": "courtyard"}
     check.checked(demo)
+
+
+@pytest.mark.parametrize(
+    ("section", "old", "new"),
+    [
+        ("", {"windows": {}}, "crops"),
+        ("scenes.courtyard", {"zoom": {}}, "crop"),
+        ("scenes.courtyard", {"source": "judged"}, "external_renders"),
+        ("scenes.courtyard", {"poses": "given"}, "input"),
+        ("methods.mipnerf360", {"refine": {}}, "pose_optimization"),
+        ("models.base", {"field": {"finest": 512}}, "max_resolution"),
+        ("training", {"hold_share": 0.5}, "hold_fraction"),
+    ],
+)
+def test_keys_of_earlier_versions_are_refused_with_the_new(demo, section, old, new):
+    place = demo
+    for name in section.split(".") if section else ():
+        place = place.setdefault(name, {})
+    place |= old
+    with pytest.raises(ValueError, match=f"(called|is) '{new}' now$"):
+        check.checked(demo)
+
+
+def test_a_users_own_names_may_be_of_an_earlier_version(demo):
+    demo["methods"] |= {"refine": {"model": "base"}, "windows": {"model": "base"}}
+    assert {"refine", "windows"} < check.checked(demo)["methods"].keys()

@@ -36,7 +36,7 @@ def test_every_key_that_a_config_can_leave_open_has_a_rule():
 @pytest.mark.parametrize("nearest", [1e-3, 0.5, 14.0])
 def test_samples_begin_before_the_nearest_point(nearest):
     found = decided(nearest=nearest)["model.near"]
-    assert found.value == pytest.approx(rules.NEAR_SHARE * nearest, rel=1e-2)
+    assert found.value == pytest.approx(rules.NEAR_FRACTION * nearest, rel=1e-2)
     assert found.default == mipnerf360.Model().near
     assert found.facts == {"nearest": nearest}
 
@@ -53,7 +53,7 @@ def test_contraction_begins_where_the_scene_does(nearest, radius):
 def test_finest_cells_are_of_a_pixels_size(angle_mrad, depth, nearest):
     facts = {"pixel_angle_mrad": angle_mrad, "median_depth": depth, "nearest": nearest}
     found = decided(**facts)
-    cell = rules.CONTRACTED_SIDE / found["model.field.finest"].value
+    cell = rules.CONTRACTED_SIDE / found["model.field.max_resolution"].value
     # Two neighbouring pixels' points, through the contraction that the model has.
     points = np.array([[depth, 0, 0], [depth, 1e-3 * angle_mrad * depth, 0]])
     points = np.float32(points / found["model.radius"].value)
@@ -70,9 +70,9 @@ def test_steps_grow_with_pixels_within_bounds():
     assert found[-1] == rules.STEPS[1]
     assert found[2] == pytest.approx(2 * found[1], rel=0.02)
     seen = found[1] * training_keys.Training().batch_rays / (50 * 400 * 300)
-    assert seen == pytest.approx(rules.PASSES, rel=0.02)
+    assert seen == pytest.approx(rules.EPOCHS, rel=0.02)
     # As often as the verdict asks, below which a training is called short.
-    assert seen >= shift.FEW_PASSES
+    assert seen >= shift.FEW_EPOCHS
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_steps_grow_with_pixels_within_bounds():
     [
         ("nearest", "model.near"),
         ("nearest", "model.radius"),
-        ("median_depth", "model.field.finest"),
+        ("median_depth", "model.field.max_resolution"),
     ],
 )
 def test_what_is_not_known_decides_nothing(fact, key):
@@ -95,7 +95,7 @@ def test_what_is_no_length_decides_nothing_impossible(nearest):
     assert rules.LENGTHS[0] <= found["model.near"].value <= rules.LENGTHS[1]
     assert 1 <= found["model.radius"].value <= rules.LENGTHS[1]
     least, most = rules.FINEST
-    assert least <= found["model.field.finest"].value <= most
+    assert least <= found["model.field.max_resolution"].value <= most
 
 
 def test_a_downscale_is_said_where_it_was_decided():

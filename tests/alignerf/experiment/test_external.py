@@ -64,7 +64,7 @@ def test_its_own_round_0_is_its_baseline(alone):
     assert every["warped/round1"].base == "moved/round0"
     assert every["moved/round2"].way == ["moved/round0", "moved/round1", "moved/round2"]
     assert every["moved/round2"].corrected == ["moved/round0", "moved/round1"]
-    assert every["moved/round0"].description == "ns-train, cameras put right"
+    assert every["moved/round0"].description == "ns-train, cameras corrected"
     assert every["other/round0"].description == "train.sh"
     # No model of ours can be asked for a view by another camera.
     assert not any("aligned_pose" in row.files for row in every.values())
@@ -172,7 +172,10 @@ EXTERNAL = "config: methods.theirs.external"
         ),
         ({"model": "base"}, "config: methods.theirs.model: not beside external"),
         ({"align": {}}, "config: methods.theirs.align: not beside external"),
-        ({"refine": {}}, "config: methods.theirs.refine: not beside external"),
+        (
+            {"pose_optimization": {}},
+            "config: methods.theirs.pose_optimization: not beside external",
+        ),
         ({"renders": "."}, "config: methods.theirs.external: not beside renders"),
         (
             {"changes": "cameras"},
@@ -201,9 +204,9 @@ def test_steps_that_nobody_knows(more):
         check.checked(config_of({"theirs": theirs}, **more))
 
 
-def test_it_trains_no_windows():
-    config = config_of({"theirs": one()}, windows={})
-    with pytest.raises(ValueError, match=r"^config: windows: not with an external"):
+def test_it_trains_no_crops():
+    config = config_of({"theirs": one()}, crops={})
+    with pytest.raises(ValueError, match=r"^config: crops: not with an external"):
         check.checked(copy.deepcopy(config))
     config["methods"]["plain"] = {}
     check.checked(config)

@@ -10,7 +10,7 @@ from alignerf.systems import mipnerf360, nerf
 DECISIONS = [
     decisions.Decision("model.near", 0.2, 3.0, "", {}),
     decisions.Decision("model.radius", 1.0, 4.0, "", {}),
-    decisions.Decision("model.field.finest", 2048, 512, "", {}),
+    decisions.Decision("model.field.max_resolution", 2048, 512, "", {}),
     decisions.Decision("training.steps", 4000, 6000, "", {}),
 ]
 SCENE = {"s": {"source": "courtyard"}}
@@ -44,7 +44,7 @@ def test_without_decide_no_file_is_read(tmp_path, monkeypatch):
 
 def test_all_that_the_config_leaves_out_is_decided(folder):
     job = decisions.read_job(job_of({"decide": True}))
-    assert (job.model.near, job.model.field.finest) == (3.0, 512)
+    assert (job.model.near, job.model.field.max_resolution) == (3.0, 512)
     assert (job.steps, job.warmup_steps, job.model.radius) == (6000, 600, 4.0)
     assert (job.decisions, job.model.decided, job.training.decided) == (None, [], [])
 
@@ -52,11 +52,11 @@ def test_all_that_the_config_leaves_out_is_decided(folder):
 def test_what_the_config_says_stays(folder):
     for model, found in (
         ({"near": 0.1}, (0.1, 512)),
-        ({"field": {"finest": 64}}, (3.0, 64)),
+        ({"field": {"max_resolution": 64}}, (3.0, 64)),
     ):
         config = {"decide": True, "models": {"m": model}, "training": {"steps": 100}}
         job = decisions.read_job(job_of(config))
-        assert (job.model.near, job.model.field.finest) == found
+        assert (job.model.near, job.model.field.max_resolution) == found
         assert job.steps == 100
 
 
@@ -74,8 +74,8 @@ def test_a_scenes_own_length_stays(folder, length):
 def test_stages_and_lengths_keep_their_shares(folder):
     methods = {
         "mipnerf360": {"rounds": 1},
-        "warm": {"rounds": 1, "warm_start": {"from": "mipnerf360", "share": 0.5}},
-        "alignerf": {"alignerf": {"finetune_share": 0.2}},
+        "warm": {"rounds": 1, "warm_start": {"from": "mipnerf360", "fraction": 0.5}},
+        "alignerf": {"alignerf": {"finetune_fraction": 0.2}},
     }
     config = {"decide": True, "methods": methods, "vary": {"lengths": [0.5]}}
     experiment = plan.Experiment(check.checked({"scenes": SCENE} | config), None)
@@ -150,7 +150,7 @@ def test_photos_are_made_as_small_as_their_number_asks(tmp_path):
 
 EDITS = {
     "near": lambda c: c["models"]["base"].update(near=0.1),
-    "finest": lambda c: c["models"]["base"]["field"].update(finest=99),
+    "max_resolution": lambda c: c["models"]["base"]["field"].update(max_resolution=99),
     "steps": lambda c: c["training"].update(steps=8000),
     "budget": lambda c: c["training"].update(steps=None, budget_min=2),
     "scene": lambda c: c["scenes"]["s"].update(steps=8000),
@@ -162,13 +162,13 @@ EDITS = {
 @pytest.mark.parametrize(
     ("edit", "left"),
     [
-        ("near", ["radius", "finest", "steps"]),
-        ("finest", ["near", "radius", "steps"]),
-        ("steps", ["near", "radius", "finest"]),
-        ("budget", ["near", "radius", "finest"]),
-        ("scene", ["near", "radius", "finest"]),
+        ("near", ["radius", "max_resolution", "steps"]),
+        ("max_resolution", ["near", "radius", "steps"]),
+        ("steps", ["near", "radius", "max_resolution"]),
+        ("budget", ["near", "radius", "max_resolution"]),
+        ("scene", ["near", "radius", "max_resolution"]),
         ("decide", []),
-        ("nothing", ["near", "radius", "finest", "steps"]),
+        ("nothing", ["near", "radius", "max_resolution", "steps"]),
     ],
 )
 def test_what_is_changed_in_a_complete_config_is_said(edit, left):
@@ -199,6 +199,6 @@ def test_near_stays_before_a_far_that_the_config_says(folder):
     assert decisions.read_job(job_of(config)).model.near == 2.0
 
 
-def test_a_warm_up_keeps_its_share(folder):
+def test_a_warm_up_keeps_its_fraction(folder):
     config = {"decide": True, "training": {"warmup_steps": 400}}
     assert decisions.read_job(job_of(config)).warmup_steps == 600

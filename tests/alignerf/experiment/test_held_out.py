@@ -51,7 +51,7 @@ def test_a_number_holds(n):
 
 
 def test_enough_is_what_the_verdict_calls_enough():
-    assert base.LEAST_TEST_VIEWS == shift.FEW_TEST_VIEWS
+    assert base.MIN_TEST_VIEWS == shift.FEW_TEST_VIEWS
 
 
 def test_what_a_file_says_itself_is_kept_and_a_number_beside_it_is_told(caplog):

@@ -10,7 +10,7 @@ from alignerf.experiment import jobs
 from alignerf.training import compose
 
 STAGES = ("full", "warm", "pretrain", "finetune")
-GRID = {"kind": "grid", "levels": 2, "log2_entries": 8}
+GRID = {"kind": "grid", "levels": 2, "log2_hashmap_size": 8}
 JOB = {
     "seed": 0,
     "stage": "finetune",
@@ -26,17 +26,17 @@ JOB = {
         "batch_rays": 64,
         "learning_rates": [0.01, 0.001],
         "warmup_steps": 3,
-        "hold_share": 0,
+        "hold_fraction": 0,
         "adam_betas": [0.9, 0.999],
         "adam_eps": 1e-15,
         "gradient_norm": None,
-        "proposal_share": 1,
+        "proposal_fraction": 1,
         "interlevel_weight": 1,
         "distortion_weight": 0.01,
     },
     "alignerf": {
-        "pretrain_share": 0.6,
-        "finetune_share": 0.2,
+        "pretrain_fraction": 0.6,
+        "finetune_fraction": 0.2,
         "learning_rates": [0.003, 0.0003],
         "patches": 2,
         "patch_px": 16,
@@ -60,7 +60,7 @@ def job():
 def in_stage(job, stage):
     """The job as another stage has it: each has its own keys alone."""
     own = {"finetune": {"alignerf": job["alignerf"]}}
-    own |= {"pretrain": {"pretrain_share": 0.6}}
+    own |= {"pretrain": {"pretrain_fraction": 0.6}}
     rest = {key: value for key, value in job.items() if key != "alignerf"}
     return rest | {"stage": stage} | own.get(stage, {})
 
@@ -188,7 +188,11 @@ def change(job, where, value=None):
         ("alignerf.error", "L1", "alignerf.error: 'L1' should be 'squared' or"),
         ("alignerf.patches", 0, "alignerf.patches: 0 should be greater"),
         ("alignerf.patch_px", 0, "alignerf.patch_px: 0 should be .* equal to 8"),
-        ("alignerf.finetune_share", 0, "finetune_share: 0 should be greater than 0"),
+        (
+            "alignerf.finetune_fraction",
+            0,
+            "finetune_fraction: 0 should be greater than 0",
+        ),
         (
             "alignerf.learning_rates",
             [0, 0],
@@ -208,7 +212,7 @@ def test_faults_are_named(job, where, value, reason):
 
 
 @pytest.mark.parametrize(
-    ("stage", "key"), [("finetune", "alignerf"), ("pretrain", "pretrain_share")]
+    ("stage", "key"), [("finetune", "alignerf"), ("pretrain", "pretrain_fraction")]
 )
 def test_a_stage_needs_its_settings_and_no_other_has_them(job, stage, key):
     has = in_stage(job, stage)
@@ -225,14 +229,14 @@ def test_a_stage_needs_its_settings_and_no_other_has_them(job, stage, key):
 @pytest.mark.parametrize(
     ("share", "reason"),
     [
-        (0, "pretrain_share: 0 should be greater than 0"),
-        (1.5, "pretrain_share: 1.5 should be .* equal to 1"),
-        ("half", "pretrain_share: 'half' should be a valid number"),
+        (0, "pretrain_fraction: 0 should be greater than 0"),
+        (1.5, "pretrain_fraction: 1.5 should be .* equal to 1"),
+        ("half", "pretrain_fraction: 'half' should be a valid number"),
     ],
 )
 def test_a_pre_training_is_a_share_of_the_length(job, share, reason):
     with pytest.raises(ValueError, match=reason):
-        jobs.parse(in_stage(job, "pretrain") | {"pretrain_share": share})
+        jobs.parse(in_stage(job, "pretrain") | {"pretrain_fraction": share})
 
 
 def test_pixels_are_matched_within_a_radius(job):

@@ -13,7 +13,7 @@ from alignerf.experiment.tables import rows
 from tests import step_cases as cases
 
 WARM = {"from": "mipnerf360", "learning_rates": [0.005, 0.001]}
-AUTO = {"auto": {"model": "base", "rounds": "auto", "most_rounds": 3}}
+AUTO = {"auto": {"model": "base", "rounds": "auto", "max_rounds": 3}}
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_a_round_changes_photos_or_cameras(demo, experiment_of):
     # They lie with the training whose flow has put them right.
     assert of("moved", 2) == ("moved/round1/corrected/cameras.npz", True, False, 2)
     assert of("both", 1) == ("warped/round0/corrected/cameras.npz", True, False, 1)
-    # The last round warps photos onto what the cameras put right have seen.
+    # The last round warps photos onto what the cameras corrected have seen.
     assert of("both", 3) == ("moved/round1/corrected/cameras.npz", False, True, 2)
     found = experiment.at("courtyard", "both", 3)
     assert found.photos == "results/courtyard/moved/round2/warped/train"
@@ -99,8 +99,8 @@ def test_a_staged_training_may_put_cameras_right_between_its_stages(
         "align": f"{folder}/displacement/train.csv",
         "corrections": f"{folder}/corrected/poses_corrected.json",
     }
-    assert "cameras put right" in methods.label(experiment, "corrected")
-    assert "cameras put right" not in methods.label(experiment, "alignerf")
+    assert "cameras corrected" in methods.label(experiment, "corrected")
+    assert "cameras corrected" not in methods.label(experiment, "alignerf")
     assert targets.exports(experiment) == ["results/courtyard/corrected/export/cameras"]
 
 
@@ -151,7 +151,7 @@ def test_training_views_are_followed_where_something_comes_from_them(
     demo, experiment_of
 ):
     demo["methods"] = {
-        "large": {"model": "large", "rounds": "auto", "most_rounds": 2},
+        "large": {"model": "large", "rounds": "auto", "max_rounds": 2},
         "base": {"model": "base", "rounds": 0},
         "warm": {"model": "base", "rounds": 2, "warm_start": WARM | {"from": "base"}},
         "fixed": {"model": "base", "alignerf": {"radius_px": 2}},
@@ -335,22 +335,22 @@ def test_what_is_asked_of_each_scene_is_found_once(demo, experiment_of):
     assert len(many) - len(one) == 39 * len(of_scenes)
 
 
-def with_windows(demo):
+def with_crops(demo):
     demo["methods"] = {"plain": {}, "aligned": {"align": {}}}
-    return demo | {"windows": {"px": 96, "count": 3, "steps": 500}}
+    return demo | {"crops": {"px": 96, "count": 3, "steps": 500}}
 
 
-def test_windows_are_scenes_beside_the_one_that_they_judge(demo, experiment_of):
-    experiment = experiment_of(with_windows(demo))
+def test_crops_are_scenes_beside_the_one_that_they_judge(demo, experiment_of):
+    experiment = experiment_of(with_crops(demo))
     assert experiment.captures() == ["courtyard"]
-    names = ["courtyard_windows", "courtyard_windows_aligned"]
-    assert experiment.windows("courtyard") == names
+    names = ["courtyard_crops", "courtyard_crops_aligned"]
+    assert experiment.crops("courtyard") == names
     assert all(experiment.parent(name) == "courtyard" for name in names)
     given, put_right = (experiment.scenes[name] for name in names)
     assert (given["downscale"], given["steps"]) == (1, 500)
-    assert given["zoom"]["cameras"] is None
-    assert put_right["zoom"]["cameras"] == "aligned"
-    # Photos of windows have no truth of their own.
+    assert given["crop"]["cameras"] is None
+    assert put_right["crop"]["cameras"] == "aligned"
+    # Photos of crops have no truth of their own.
     assert not any(map(experiment.has_truth, names))
     found = cases.options("poses", experiment, names[0])
     assert found["whole"] == "results/courtyard"
@@ -362,14 +362,14 @@ def test_windows_are_scenes_beside_the_one_that_they_judge(demo, experiment_of):
     assert found["places"] == f"results/{names[0]}"
     assert cases.inputs("poses", experiment, names[1])["cameras"] == learnt
     found = cases.options("verdict", experiment, "courtyard")
-    assert found["windows"] == f"results/{names[0]}/plain/round0"
-    assert found["windows-corrected"] == f"results/{names[1]}/plain/round0"
+    assert found["crops"] == f"results/{names[0]}/plain/round0"
+    assert found["crops-corrected"] == f"results/{names[1]}/plain/round0"
     assert "train_flow" in scenes.seen(experiment, names[0])
 
 
-def test_a_complete_config_has_the_same_windows(demo, experiment_of):
-    """As results/SCENE/config.yaml has it: windows are scenes there."""
-    experiment = experiment_of(with_windows(demo))
+def test_a_complete_config_has_the_same_crops(demo, experiment_of):
+    """As results/SCENE/config.yaml has it: crops are scenes there."""
+    experiment = experiment_of(with_crops(demo))
     again = experiment_of(json.loads(plan.complete_config(experiment, "courtyard")))
     assert again.scenes == experiment.scenes
     for name in experiment.scenes:
@@ -377,41 +377,41 @@ def test_a_complete_config_has_the_same_windows(demo, experiment_of):
         assert trainings.common(again, name, "plain") == own
 
 
-def test_windows_are_told_apart_by_their_cameras(demo, experiment_of):
+def test_crops_are_told_apart_by_their_cameras(demo, experiment_of):
     """In any order, and trained without what would move cameras."""
     demo["methods"] = {"plain": {}, "aligned": {"align": {}}}
     demo["reference"] = {"method": "aligned"}
     whole = demo["scenes"]["courtyard"]
     demo["scenes"] = {
-        "fixed": whole | {"zoom": {"of": "courtyard", "cameras": "aligned"}},
-        "as_given": whole | {"zoom": {"of": "courtyard"}},
+        "fixed": whole | {"crop": {"of": "courtyard", "cameras": "aligned"}},
+        "as_given": whole | {"crop": {"of": "courtyard"}},
         "courtyard": whole,
     }
     experiment = experiment_of(demo)
-    assert scenes.windows(experiment, "courtyard") == {
-        "windows_corrected": "results/fixed/plain/round0",
-        "windows": "results/as_given/plain/round0",
+    assert scenes.crops(experiment, "courtyard") == {
+        "crops_corrected": "results/fixed/plain/round0",
+        "crops": "results/as_given/plain/round0",
     }
     again = experiment_of(json.loads(plan.complete_config(experiment, "fixed")))
     assert set(again.scenes) == set(experiment.scenes)
 
 
-def test_windows_are_as_long_as_their_own_key_says(demo, experiment_of):
+def test_crops_are_as_long_as_their_own_key_says(demo, experiment_of):
     """No place of an aligning method's looks is sought among so few steps."""
-    demo = with_windows(demo)
-    demo["windows"]["steps"] = 10
+    demo = with_crops(demo)
+    demo["crops"]["steps"] = 10
     experiment_of(demo)
 
 
 @pytest.mark.parametrize(
     ("scene", "fault"),
     [
-        ({"zoom": {"of": "gone"}}, "scenes.other.zoom.of: gone is none of the scenes"),
-        ({"zoom": {"of": "courtyard", "cameras": "plain"}}, "plain is no method with"),
-        ({"zoom": {"count": 2}}, "scenes.other.zoom: 'of' is missing"),
+        ({"crop": {"of": "gone"}}, "scenes.other.crop.of: gone is none of the scenes"),
+        ({"crop": {"of": "courtyard", "cameras": "plain"}}, "plain is no method with"),
+        ({"crop": {"count": 2}}, "scenes.other.crop: 'of' is missing"),
     ],
 )
-def test_windows_of_what_is_not_there(demo, experiment_of, scene, fault):
+def test_crops_of_what_is_not_there(demo, experiment_of, scene, fault):
     demo["methods"] = {"plain": {}, "aligned": {"align": {}}}
     demo["scenes"]["other"] = {"source": "courtyard"} | scene
     with pytest.raises(ValueError, match=fault):

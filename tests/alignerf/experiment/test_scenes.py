@@ -48,7 +48,7 @@ def test_remedies_are_every_methods_last_round_at_every_length(demo, experiment_
     demo["methods"] = {
         "plain": {"model": "base"},
         "photos": {"model": "base", "rounds": 2},
-        "joint": {"model": "base", "refine": {}},
+        "joint": {"model": "base", "pose_optimization": {}},
     }
     demo["vary"] = {"seeds": [0, 2], "lengths": [0.5, 1]}
     experiment = experiment_of(demo)

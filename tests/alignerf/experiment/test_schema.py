@@ -199,15 +199,21 @@ def test_a_complete_config_means_itself(demo):
 def test_keys_without_a_kind_change_the_default_field():
     fields_of = {
         "same": {},
-        "smaller": {"field": {"log2_entries": 9}},
-        "whole": {"field": {"kind": "grid", "log2_entries": 9}},
+        "smaller": {"field": {"log2_hashmap_size": 9}},
+        "whole": {"field": {"kind": "grid", "log2_hashmap_size": 9}},
         "other": {"field": {"kind": "mlp", "width": 8}},
     }
     config = {"scenes": {"a": {"source": "courtyard"}}, "models": fields_of}
     models = check.checked(config | {"methods": {"m": {}}})["models"]
-    assert models["same"]["field"]["finest"] == 2048
-    assert models["smaller"]["field"] == models["same"]["field"] | {"log2_entries": 9}
-    assert models["whole"]["field"]["finest"] == mipnerf360.Grid().finest == 1024
+    assert models["same"]["field"]["max_resolution"] == 2048
+    assert models["smaller"]["field"] == models["same"]["field"] | {
+        "log2_hashmap_size": 9
+    }
+    assert (
+        models["whole"]["field"]["max_resolution"]
+        == mipnerf360.Grid().max_resolution
+        == 1024
+    )
     assert models["other"]["field"]["depth"] == mipnerf360.Mlp().depth
 
 

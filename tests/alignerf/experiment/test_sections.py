@@ -59,7 +59,7 @@ def test_a_stage_reaches_its_sections_alone(stages):
 
 def test_what_reads_photos_alone_depends_on_the_readers(stages):
     readers = {"alignerf.poses", "alignerf.export"}
-    readers |= {"alignerf.others.train", "alignerf.others.render"}
+    readers |= {"alignerf.external.train", "alignerf.external.render"}
     for stage in stages:
         reads = any(p.stem == "polycam" for p in sources.reached(stage))
         assert reads == (stage in readers), stage

@@ -46,7 +46,12 @@ def test_configs_that_share_results_agree_on_them(root):
 
 
 def test_ablations_share_the_pretraining(demo, experiment_of):
-    ablation = {"finetune_share": 0.1, "patches": 1, "features": 3, "align_penalty": 0}
+    ablation = {
+        "finetune_fraction": 0.1,
+        "patches": 1,
+        "features": 3,
+        "align_penalty": 0,
+    }
     demo["methods"]["ablation"] = {"model": "base", "alignerf": ablation}
     experiment = experiment_of(demo)
     own = [experiment.at("courtyard", name, 0) for name in ("alignerf", "ablation")]
@@ -58,7 +63,7 @@ def test_ablations_share_the_pretraining(demo, experiment_of):
         assert job == pretrained.job
         # Nothing of the fine-tuning is in it, so that this makes none anew.
         assert not hasattr(job, "alignerf")
-        assert job.pretrain_share == 0.6
+        assert job.pretrain_fraction == 0.6
     assert own[0].job != own[1].job
 
 

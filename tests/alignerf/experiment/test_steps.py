@@ -17,31 +17,29 @@ def of_demo(demo, methods, **more):
 
 def test_a_method_that_aligns_itself_tells_how_the_cameras_moved(demo, experiment_of):
     methods = {"plain": {}, "aligned": {"align": {}}}
-    experiment = experiment_of(of_demo(demo, methods, windows={"px": 96}))
+    experiment = experiment_of(of_demo(demo, methods, crops={"px": 96}))
     moved = "results/courtyard/aligned/round0/learnt"
     found = cases.options("page", experiment, "courtyard")
-    assert found["windows"] == "results/courtyard_windows/plain/round0"
-    assert found["windows-corrected"] == (
-        "results/courtyard_windows_aligned/plain/round0"
-    )
-    assert found["windows-by"] == found["moved-by"] == "aligned"
+    assert found["crops"] == "results/courtyard_crops/plain/round0"
+    assert found["crops-corrected"] == ("results/courtyard_crops_aligned/plain/round0")
+    assert found["crops-by"] == found["moved-by"] == "aligned"
     assert found["moved"] == f"{moved}/cameras.npz"
     # The page waits for what it reads.
     files = cases.inputs("page", experiment, "courtyard")
     assert files["moved"] == moved
     assert files["warped"] == ["results/courtyard/plain/round0/warped"]
-    for scene in ("courtyard_windows", "courtyard_windows_aligned"):
+    for scene in ("courtyard_crops", "courtyard_crops_aligned"):
         assert f"results/{scene}/images" in files["photos"]
         for kind in ("cameras.npz", "plain/round0/renders"):
-            assert f"results/{scene}/{kind}" in files["windows"]
+            assert f"results/{scene}/{kind}" in files["crops"]
 
 
 def test_where_no_camera_moves_there_are_no_arrows(demo, experiment_of):
     experiment = experiment_of(of_demo(demo, {"plain": {}}))
     found = cases.options("page", experiment, "courtyard")
-    assert not {name for name in found if "moved" in name or "windows" in name}
+    assert not {name for name in found if "moved" in name or "crops" in name}
     files = cases.inputs("page", experiment, "courtyard")
-    assert not {"moved", "windows", "photos"} & files.keys()
+    assert not {"moved", "crops", "photos"} & files.keys()
 
 
 def test_rounds_of_cameras_tell_it_too(demo, experiment_of):
@@ -58,7 +56,7 @@ def test_rounds_of_cameras_tell_it_too(demo, experiment_of):
 def judging(experiment_of, folder, **changes):
     """An experiment that judges renders."""
     judged = {"renders": folder, "cameras": folder, "splits": ["train"]} | changes
-    scene = {"source": "judged", "path": folder, "judged": judged}
+    scene = {"source": "external_renders", "path": folder, "external_renders": judged}
     return experiment_of(
         {
             "scenes": {"mine": scene},
@@ -125,13 +123,13 @@ def test_another_program_asks_for_what_its_method_says(demo, experiment_of):
 
 def test_a_verdict_reads_what_remedies_brought(demo, experiment_of):
     methods = {"plain": {}, "aligned": {"align": {}}}
-    experiment = experiment_of(of_demo(demo, methods, windows={"px": 96}))
+    experiment = experiment_of(of_demo(demo, methods, crops={"px": 96}))
     found = cases.options("verdict", experiment, "courtyard")
     at = "results/courtyard/aligned/round0"
     assert json.loads(found["aligned"]) == {"aligned": f"{at}/timing.json"}
     assert json.loads(found["corrected"]) == {"aligned": f"{at}/learnt/cameras.npz"}
     assert found["misalignment"] == "results/courtyard/tables/misalignment.csv"
-    # Windows are compared with no remedy of theirs.
-    found = cases.options("verdict", experiment, "courtyard_windows")
+    # Crops are compared with no remedy of theirs.
+    found = cases.options("verdict", experiment, "courtyard_crops")
     assert "corrected" not in found
-    assert "windows" not in found
+    assert "crops" not in found

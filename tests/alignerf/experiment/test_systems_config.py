@@ -81,19 +81,19 @@ def test_what_a_job_is_told_of_its_model_counts(demo, experiment_of):
         ),
         ({"kind": "ngp", "side": 0}, r"models.other.side: 0 should be greater than 0"),
         (
-            {"kind": "ngp", "finest": 65536, "side": 128},
-            r"models.other.finest: 8.38861e\+06 cells over the box are not from 17 to",
+            {"kind": "ngp", "max_resolution": 65536, "side": 128},
+            r"models.other.max_resolution: 8.38861e\+06 cells over the box",
         ),
         (
-            {"kind": "ngp", "finest": 2, "side": 1},
-            r"models.other.finest: 2 cells over the box are not from 17",
+            {"kind": "ngp", "max_resolution": 2, "side": 1},
+            r"models.other.max_resolution: 2 cells over the box are not from 17",
         ),
         (
             {"kind": "nerf", "samples": [2, 8]},
             r"models.other.samples.0: 2 should be .* to 3",
         ),
         (
-            {"kind": "ngp", "log2_entries": 26, "levels": 32, "features": 64},
+            {"kind": "ngp", "log2_hashmap_size": 26, "levels": 32, "features": 64},
             r"models.other.width: 2048 GiB to train",
         ),
         ({"kind": "nerf", "training": {"steps": 5}}, r"training: 'steps' is no key"),
@@ -108,7 +108,7 @@ def test_a_fault_of_a_system_is_named(demo, model, reason):
         check.checked(system(demo, **model))
 
 
-@pytest.mark.parametrize("stage", ["alignerf", "refine"])
+@pytest.mark.parametrize("stage", ["alignerf", "pose_optimization"])
 def test_what_is_made_for_the_baseline_is_refused(demo, stage):
     demo = system(demo, kind="nerf")
     demo["methods"]["other"][stage] = {}

@@ -16,7 +16,7 @@ METHODS = {
     "plain": {"model": "base", "rounds": 2},
     "moved": {"model": "base", "rounds": 1, "changes": "cameras"},
     "warm": {"model": "base", "rounds": 2, "warm_start": WARM},
-    "learnt": {"model": "base", "refine": {}},
+    "learnt": {"model": "base", "pose_optimization": {}},
     "aligned": {"model": "base", "align": {}},
     "staged": {"model": "base", "alignerf": {"radius_px": "auto"}},
     "between": {"model": "base", "alignerf": {}, "changes": "cameras"},
@@ -80,7 +80,7 @@ def test_equal_jobs_have_the_first_ones_name_whoever_is_asked_for(
     ("name", "change"),
     [
         ("plain", {"model": "large"}),
-        ("learnt", {"refine": {"learning_rates": [0.01, 0.001]}}),
+        ("learnt", {"pose_optimization": {"learning_rates": [0.01, 0.001]}}),
         ("aligned", {"align": {"shrink": 2}}),
         ("staged", {"alignerf": {"radius_px": 3}}),
         ("warm", {"warm_start": WARM | {"learning_rates": [0.01, 0.001]}}),
@@ -139,7 +139,7 @@ def test_none_of_a_scenes_trainings_stands_before_what_it_needs(experiment):
 
 
 def test_what_a_training_took_is_told_by_the_way_to_it(experiment):
-    """Its trainings, those whose renders and flow count, those then put right."""
+    """Its trainings, those whose renders and flow count, those then corrected."""
 
     def told(method, round):
         training = experiment.at("courtyard", method, round)
@@ -169,7 +169,7 @@ def test_training_views_are_rendered_where_they_are_looked_at(demo, experiment_o
     assert splits("warm/round1") == both
     for folder in ("plain/round2", "moved/round1", "aligned/round0", "staged/round0"):
         assert splits(folder) == ["test"], folder
-    # Of a pre-training, those that cameras are put right by, and no test view.
+    # Of a pre-training, those that cameras are corrected by, and no test view.
     assert splits("pretrain/base") == ["train"]
     methods = {name: METHODS[name] for name in ("plain", "staged")}
     experiment = experiment_of(

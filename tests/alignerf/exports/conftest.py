@@ -5,7 +5,7 @@ import pytest
 
 from alignerf import poses
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes import loading, prepared
 from alignerf.scenes.courtyard import scene as courtyard
 from tests import export_cases as cases

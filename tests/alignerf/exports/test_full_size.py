@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alignerf import export, poses
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes import cameras, prepare, prepared
 from alignerf.scenes.formats import transforms
 from tests import export_cases as cases
@@ -80,7 +80,7 @@ def test_the_folder_of_results_has_the_keys_too(made, views, tmp_path):
 def test_a_scene_made_of_the_export_has_the_same_cameras(made, views, tmp_path):
     out = cases.exported(made, tmp_path)
     config = {"source": "transforms", "path": str(out), "downscale": 2}
-    poses.main(config | {"least_train_views": 2}, tmp_path / "again")
+    poses.main(config | {"min_train_views": 2}, tmp_path / "again")
     first, second = (
         prepared.read_cameras(folder / "cameras.npz")
         for folder in (made, tmp_path / "again")
@@ -127,13 +127,13 @@ def test_of_photos_points_land_on_their_pixels(taken, tmp_path):
     assert "COLMAP's: its unit of length is arbitrary" in text
 
 
-def test_windows_go_out_as_they_are(made, tmp_path):
-    config = cases.OF_COURTYARD | {"downscale": 1, "zoom": {"of": "whole", "px": 64}}
-    poses.main(config, tmp_path / "windows", made, made / "cameras.npz")
-    out = cases.exported(tmp_path / "windows", tmp_path, config=config)
-    loaded = prepared.load(tmp_path / "windows")
+def test_crops_go_out_as_they_are(made, tmp_path):
+    config = cases.OF_COURTYARD | {"downscale": 1, "crop": {"of": "whole", "px": 64}}
+    poses.main(config, tmp_path / "crops", made, made / "cameras.npz")
+    out = cases.exported(tmp_path / "crops", tmp_path, config=config)
+    loaded = prepared.load(tmp_path / "crops")
     found, _ = transforms.read(out)
     assert found.width == found.height == loaded.width
     for i, name in enumerate(loaded.names):
-        own = images.read(tmp_path / "windows/images" / f"{name}.png")
+        own = images.read(tmp_path / "crops/images" / f"{name}.png")
         np.testing.assert_array_equal(found.photos[i].read(), own)

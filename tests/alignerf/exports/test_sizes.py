@@ -5,12 +5,12 @@ import pytest
 from alignerf.exports import photos
 
 
-def test_a_scene_that_stands_beside_its_windows_is_found_by_its_folder(tmp_path):
+def test_a_scene_that_stands_beside_its_crops_is_found_by_its_folder(tmp_path):
     folder = tmp_path / "chair"
     folder.mkdir()
     assert photos.config_of(None, folder) is None
     path = folder / "config.yaml"
-    path.write_text("scenes: {chair: {path: a}, chair_windows: {path: b}}\n")
+    path.write_text("scenes: {chair: {path: a}, chair_crops: {path: b}}\n")
     assert photos.config_of(None, folder) == {"path": "a"}
     path.write_text("scenes: {other: {path: c}}\n")
     assert photos.config_of(None, folder) == {"path": "c"}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from alignerf.exports import formats, warps
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes import prepared
 from alignerf.scenes.formats import transforms
 from flow.warping import small, warp

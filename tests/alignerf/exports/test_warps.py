@@ -4,7 +4,7 @@ import numpy as np
 
 from alignerf.alignment import photos, store
 from alignerf.exports import warps
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.training import batches
 
 H, W, K = 50, 67, 3

@@ -12,7 +12,13 @@ from alignerf.rays import rendering
 from tests import twins
 
 SIDE = 4.0
-FIELD = {"levels": 4, "log2_entries": 9, "coarsest": 4, "finest": 16, "width": 8}
+FIELD = {
+    "levels": 4,
+    "log2_hashmap_size": 9,
+    "base_resolution": 4,
+    "max_resolution": 16,
+    "width": 8,
+}
 
 
 def directions(rng, count):

@@ -134,7 +134,7 @@ def test_look_ups_gradient_is_its_transpose(rng, levels):
 @pytest.mark.parametrize("scale", [0.0, 1.0, 1e18])
 def test_fields_give_finite_values_and_gradients(kind, scale):
     small = {
-        "grid": {"levels": 3, "log2_entries": 8, "finest": 64},
+        "grid": {"levels": 3, "log2_hashmap_size": 8, "max_resolution": 64},
         "mlp": {"width": 8},
     }
     field = fields.make(kind, **small[kind])
@@ -154,7 +154,7 @@ def test_fields_give_finite_values_and_gradients(kind, scale):
 
 
 def test_a_gaussian_larger_than_all_cells_sees_nothing_of_the_grid():
-    field = fields.make("grid", levels=3, log2_entries=8, finest=64)
+    field = fields.make("grid", levels=3, log2_hashmap_size=8, max_resolution=64)
     g = gaussians(scale=0.3)
     params = field.init(jax.random.key(0), g, None)
     blurred = g._replace(t_std=g.t_std * 1e5, r_std=g.r_std * 1e5)
@@ -166,7 +166,11 @@ def test_an_aliased_grid_sees_the_middle_of_a_gaussian_however_large():
     found = {}
     for anti_aliased in (True, False):
         field = fields.make(
-            "grid", levels=3, log2_entries=8, finest=64, anti_aliased=anti_aliased
+            "grid",
+            levels=3,
+            log2_hashmap_size=8,
+            max_resolution=64,
+            anti_aliased=anti_aliased,
         )
         g = gaussians(scale=0.3)
         params = field.init(jax.random.key(0), g, None)

@@ -14,7 +14,7 @@ from alignerf.costs import plan as costs
 from alignerf.experiment import check, jobs, plan, sources, targets
 from alignerf.experiment.steps import scenes
 from alignerf.experiment.tables import rows
-from alignerf.methods import align, base, refine
+from alignerf.methods import align, base, pose_optimization
 
 FLOW, VIEWS = costs.Flow(1.0, 0.5, 1e5), costs.Views(16, 4, 30000, 40000, 150)
 RATES = costs.Rates(1.0, 5.0, 0.01, 10_000, 10**8)
@@ -35,7 +35,7 @@ def named(record):
 def experiment_with(demo, record, **changes):
     """A plain method, and one of the record, `its`."""
     its = yaml.safe_load(record.example) | changes
-    config = demo | {"methods": {"plain": {"rounds": 1}, "its": its}, "windows": None}
+    config = demo | {"methods": {"plain": {"rounds": 1}, "its": its}, "crops": None}
     config |= {"preflight": True, "reference": {"method": "plain"}}
     config = check.checked(config)
     return plan.Experiment(config, lambda **_: True)
@@ -52,7 +52,7 @@ def check_label(experiment):
     assert "\n" not in label
     # Who reads a table has to know whose cameras a score is by.
     if "cameras" in moves:
-        assert "cameras" in label
+        assert "cameras" in label or "poses" in label
     assert label != experiment.label("plain") or not experiment.moves("its", 0)
 
 
@@ -163,9 +163,9 @@ def test_a_method_that_changes_cameras_in_rounds_is_too(demo, record, changes):
 @pytest.mark.parametrize(
     ("record", "forgets", "found_by"),
     [
-        (refine.METHOD, "moves", check_moves),
-        (refine.METHOD, "words", check_label),
-        (refine.METHOD, "jobs", check_moves),
+        (pose_optimization.METHOD, "moves", check_moves),
+        (pose_optimization.METHOD, "words", check_label),
+        (pose_optimization.METHOD, "jobs", check_moves),
         (align.METHOD, "moves", check_moves),
         (align.METHOD, "jobs", check_moves),
     ],

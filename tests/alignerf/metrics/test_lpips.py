@@ -155,7 +155,7 @@ def test_images_too_small_are_refused(net, rng):
         for name, shape in backbones.shapes(net).items()
     }
 
-    def least_side(height):
+    def min_side(height):
         rgb = jax.ShapeDtypeStruct((1, height, 99, 3), jnp.float32)
         taps = jax.eval_shape(
             lambda w, x: list(backbones.NETS[net].taps(w, x)), arrays, rgb
@@ -163,7 +163,7 @@ def test_images_too_small_are_refused(net, rng):
         return min(tap.shape[1] for tap in taps)
 
     smallest = backbones.NETS[net].smallest_px
-    assert (least_side(smallest - 1), least_side(smallest)) == (0, 1)
+    assert (min_side(smallest - 1), min_side(smallest)) == (0, 1)
     pair = rng.uniform(size=(2, smallest - 1, 99, 3))
     with pytest.raises(ValueError, match=f"under {smallest} pixels"):
         distance(net, {}, *pair)

@@ -147,7 +147,7 @@ def their_losses(other, variables, rays, photo, share):
 
 
 def our_losses(model, params, rays, photo, share):
-    found = model.apply({"params": params}, rays, train_share=share)
+    found = model.apply({"params": params}, rays, train_fraction=share)
     terms = {
         "data": losses.charbonnier(found.values, photo, jnp.ones(RAYS)),
         "interlevel": losses.interlevel(found.histograms),

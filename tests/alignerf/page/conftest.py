@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.page import __main__ as page
 from alignerf.scenes import cameras
 from alignerf.verdict import views
@@ -62,8 +62,8 @@ def write_cameras(path, names, *, size=(WIDTH, HEIGHT), shift=0.0, corner=(0, 0)
     )
 
 
-def write_windows(folder, rng, *, corner):
-    """A scene of windows of two photos, with the renders of a training."""
+def write_crops(folder, rng, *, corner):
+    """A scene of crops of two photos, with the renders of a training."""
     names = ["01_w0", "05_w0", "05_w1"]
     for kind in ("images", "base/round0/renders/test", "base/round0/renders/train"):
         split = kind.rpartition("/")[2]
@@ -145,11 +145,11 @@ def results(tmp_path, rng):
 
 
 @pytest.fixture
-def windows(results, rng):
-    """Windows by the cameras as given and as put right, and by which method."""
-    scenes = [results.parent / f"windows{after}" for after in ("", "_after")]
+def crops(results, rng):
+    """Crops by the cameras as given and as corrected, and by which method."""
+    scenes = [results.parent / f"crops{after}" for after in ("", "_after")]
     made = [
-        write_windows(scene, rng, corner=corner)
+        write_crops(scene, rng, corner=corner)
         for scene, corner in zip(scenes, ((10, 4), (12, 3)), strict=True)
     ]
     return (*map(str, made), "aligned")
@@ -193,7 +193,7 @@ def causes(results):
         "causes": [
             cause("camera", "sure", 2.2, 0.4, "px"),
             cause("exposure", "not seen", 0.03, 0.06, "stops"),
-            cause("undertrained", "not seen", 4.0, 0.5, "passes", "4, 0.5 are enough"),
+            cause("undertrained", "not seen", 4.0, 0.5, "epochs", "4, 0.5 are enough"),
             cause("few_views", "not seen", 0.0, 0.0, "too few", "48, 12 are enough"),
             cause("lens_shift", "untold", None, 0.08, "px"),
         ],

@@ -170,8 +170,8 @@ def test_panes_zoom_and_move_together(opened):
     assert "scale(1)" in moves(opened)[0]
 
 
-def test_windows_are_at_the_photos_own_size(browser, render, results, windows):
-    open_page(browser, results, render(windows=windows, moved=("aligned", None)))
+def test_crops_are_at_the_photos_own_size(browser, render, results, crops):
+    open_page(browser, results, render(crops=crops, moved=("aligned", None)))
     Select(browser.find_element(By.ID, "view")).select_by_value("train/05")
     region = Select(browser.find_element(By.ID, "region"))
     assert len(region.options) == 3

@@ -47,7 +47,7 @@ def test_headings_are_those_of_the_registry(results):
 
 def test_what_moves_by_itself_and_what_no_camera_explains_have_their_own_words():
     headings = [
-        columns.TABLES[table].columns["moved_share"].heading
+        columns.TABLES[table].columns["moved_fraction"].heading
         for table in ("views", "displacement")
     ]
     assert headings == ["moves by itself (%)", "not explained by the camera (%)"]

@@ -1,4 +1,4 @@
-"""Windows at the photos' own size on the page."""
+"""Crops at the photos' own size on the page."""
 
 import base64
 import io
@@ -20,10 +20,8 @@ def decoded(uri):
     return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
 
 
-def test_windows_are_of_their_photos_and_the_corrected_ones_lie_beside(
-    results, windows
-):
-    found = photos.crops(*windows, shown(results))
+def test_crops_are_of_their_photos_and_the_corrected_ones_lie_beside(results, crops):
+    found = photos.crops(*crops, shown(results))
     assert {key: len(entries) for key, entries in found.items()} == {
         "train/05": 2,
         "test/01": 1,
@@ -35,26 +33,26 @@ def test_windows_are_of_their_photos_and_the_corrected_ones_lie_beside(
     assert decoded(entry["layers"]["photo"]).shape == (8, 8, 3)
 
 
-def test_offsets_turn_with_the_photo(results, windows):
+def test_offsets_turn_with_the_photo(results, crops):
     every = [one._replace(turns=1) for one in shown(results)]
     # Right becomes down.
-    assert photos.crops(*windows, every)["test/01"][0]["offset_px"] == [1, 2]
+    assert photos.crops(*crops, every)["test/01"][0]["offset_px"] == [1, 2]
 
 
-def test_without_corrected_windows_there_is_no_after(results, windows):
-    (entry,) = photos.crops(windows[0], None, None, shown(results))["test/01"]
+def test_without_corrected_crops_there_is_no_after(results, crops):
+    (entry,) = photos.crops(crops[0], None, None, shown(results))["test/01"]
     assert list(entry["layers"]) == ["photo", "render"]
     assert "offset_px" not in entry
     assert photos.crops(None, None, None, shown(results)) == {}
 
 
-def test_what_does_not_fit_is_left_out_from_the_end(results, windows, monkeypatch):
+def test_what_does_not_fit_is_left_out_from_the_end(results, crops, monkeypatch):
     every = shown(results)
-    first = photos.crops(*windows, every[:1])
+    first = photos.crops(*crops, every[:1])
     size = sum(
         pictures.size_of(uri)
         for entry in first[every[0].key]
         for uri in entry["layers"].values()
     )
     monkeypatch.setattr(photos, "CROPS_BYTES", size)
-    assert list(photos.crops(*windows, every)) == [every[0].key]
+    assert list(photos.crops(*crops, every)) == [every[0].key]

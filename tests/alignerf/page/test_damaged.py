@@ -36,7 +36,11 @@ def quickly(results, render, causes, monkeypatch):
     more = dict.fromkeys(("wall_s", "cores", "memory_bytes", "disk_bytes"), 100.0)
     cases.write_json(results / "preflight.json", more)
     poses = json.loads((results / "poses.json").read_text())
-    more = {"quarter_turns": {"01": 1}, "of_poses": "poses by x", "judged": None}
+    more = {
+        "quarter_turns": {"01": 1},
+        "of_poses": "poses by x",
+        "external_renders": None,
+    }
     cases.write_json(results / "poses.json", poses | more)
     return render
 
@@ -69,7 +73,7 @@ def damaged_jsons(folder, name):
     path = folder / ("poses.json" if name == "judged.json" else name)
     content = yaml.safe_load(path.read_text())
     if name == "judged.json":
-        content |= {"judged": {"way": "taken", "layout": "y", "cameras": "z"}}
+        content |= {"external_renders": {"way": "taken", "layout": "y", "cameras": "z"}}
     write = yaml.safe_dump if path.suffix == ".yaml" else json.dumps
     for at in places(content):
         for value in VALUES:

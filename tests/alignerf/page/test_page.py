@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.page import __main__ as page
 from alignerf.page import photos, pictures
 
@@ -35,8 +35,8 @@ def data_of(text):
     return json.loads(text.split('id="data">')[1].split("</script>")[0])
 
 
-def test_a_page_is_one_file_whose_links_lead_somewhere(render, results, windows):
-    text = render(windows=windows, moved=("aligned", results / "moved.npz"))
+def test_a_page_is_one_file_whose_links_lead_somewhere(render, results, crops):
+    text = render(crops=crops, moved=("aligned", results / "moved.npz"))
     found = Parser(text)
     ids = {attributes["id"] for _, attributes in found.tags if "id" in attributes}
     photos = {one["key"] for one in data_of(text)["photos"]}
@@ -225,7 +225,7 @@ def test_renders_that_are_judged_have_no_before_and_no_tables(results):
 
 
 def test_all_parts_together_leave_the_page_under_15_mb():
-    parts = (pictures.MOST_BYTES, pictures.MOST_THUMB_BYTES, photos.CROPS_BYTES)
+    parts = (pictures.MAX_BYTES, pictures.MAX_THUMB_BYTES, photos.CROPS_BYTES)
     as_text = 4 / 3 * sum(parts)
     # What is left is for tables, figures, arrows and scripts.
     assert as_text < 13.5e6

@@ -64,13 +64,13 @@ def test_colours_fade_without_an_edge_and_only_beneath_the_least():
     assert faded[50] == pytest.approx(0.125)
 
 
-@pytest.mark.parametrize("least_px", [np.nan, np.inf, -1.0])
-def test_a_least_that_is_no_length_is_refused(least_px):
-    with pytest.raises(ValueError, match="least_px"):
-        drawing.faded(np.zeros((1, 1, 2)), least_px)
+@pytest.mark.parametrize("min_px", [np.nan, np.inf, -1.0])
+def test_a_min_that_is_no_length_is_refused(min_px):
+    with pytest.raises(ValueError, match="min_px"):
+        drawing.faded(np.zeros((1, 1, 2)), min_px)
 
 
-def test_a_least_of_0_changes_nothing_and_unknown_flow_stays_unknown():
+def test_a_min_of_0_changes_nothing_and_unknown_flow_stays_unknown():
     flow_px = np.array([[[0.0, 0.0], [1.0, 0.0], [np.nan, 0.0], [1e300, 1e300]]])
     with np.errstate(over="ignore"):
         found = drawing.faded(flow_px, 0.0)
@@ -89,7 +89,7 @@ def test_images_keep_their_size_where_they_fit(rng):
 
 def test_too_many_pixels_are_made_smaller_until_they_fit(rng, monkeypatch):
     image = rng.integers(0, 256, (400, 600, 3), dtype=np.uint8)
-    monkeypatch.setattr(pictures, "MOST_BYTES", 60_000)
+    monkeypatch.setattr(pictures, "MAX_BYTES", 60_000)
     uris = pictures.fitted([shown("a", image)])["test/a"]
     assert max(decoded(uris["photo"]).shape) < 600
     assert sum(map(pictures.size_of, uris.values())) <= 60_000
@@ -98,10 +98,10 @@ def test_too_many_pixels_are_made_smaller_until_they_fit(rng, monkeypatch):
 def test_where_space_is_short_only_the_worst_have_every_layer(rng, monkeypatch):
     image = rng.integers(0, 256, (40, 60, 3), dtype=np.uint8)
     many = [shown(f"{i}", image, more=("flow", "truth")) for i in range(6)]
-    monkeypatch.setattr(pictures, "MOST_WHOLE", 2)
+    monkeypatch.setattr(pictures, "MAX_WHOLE", 2)
     whole = pictures.fitted(many)
     size = sum(pictures.size_of(uri) for one in whole.values() for uri in one.values())
-    monkeypatch.setattr(pictures, "MOST_BYTES", 0.8 * size)
+    monkeypatch.setattr(pictures, "MAX_BYTES", 0.8 * size)
     found = pictures.fitted(many)
     assert [len(one) for one in found.values()] == [4, 4, 2, 2, 2, 2]
     assert decoded(found["test/0"]["photo"]).shape == image.shape
@@ -112,7 +112,7 @@ def test_what_does_not_fit_at_the_smallest_size_is_left_out_from_the_end(
 ):
     image = rng.integers(0, 256, (280, 280, 3), dtype=np.uint8)
     many = [shown(f"{i}", image) for i in range(9)]
-    monkeypatch.setattr(pictures, "MOST_BYTES", 150_000)
+    monkeypatch.setattr(pictures, "MAX_BYTES", 150_000)
     found = list(pictures.fitted(many))
     assert 0 < len(found) < 9
     assert found == [f"test/{i}" for i in range(len(found))]
@@ -123,7 +123,7 @@ def test_small_pictures_are_of_all_photos_and_fit(rng, monkeypatch):
     many = [shown(f"{i}", image) for i in range(4)]
     large = pictures.thumbs(many)
     assert max(decoded(large["test/0"]).shape) == pictures.THUMBS[0][0]
-    monkeypatch.setattr(pictures, "MOST_THUMB_BYTES", 4_000)
+    monkeypatch.setattr(pictures, "MAX_THUMB_BYTES", 4_000)
     small = pictures.thumbs(many)
     assert list(small) == list(large)
     assert max(decoded(small["test/0"]).shape) < pictures.THUMBS[0][0]

@@ -96,4 +96,4 @@ def test_many_points_become_few(told, results):
     points = np.random.default_rng(1).normal(size=(9000, 3))
     colours = np.zeros((9000, 3), np.uint8)
     np.savez(results / "images/points.npz", points=points, colours=colours)
-    assert 500 < len(told()["points"]["places"]) <= rig.MOST_POINTS
+    assert 500 < len(told()["points"]["places"]) <= rig.MAX_POINTS

@@ -111,7 +111,7 @@ def test_two_processes_learn_from_what_the_first_has_aligned(root, tmp_path):
     """The other warps its photos by what it was told, and both go on with the same."""
     scene = cases.make_scene(tmp_path, width=81, height=67)
     align = {"cameras_at": [], "photos_at": [0.3], "photos": "whole"}
-    align |= {"least_move_px": 0.0, "estimator": "dis_medium"}
+    align |= {"min_move_px": 0.0, "estimator": "dis_medium"}
     job = cases.JOB | {"align": align}
     out = tmp_path / "out"
     more = ["--scene", scene, "--out", out, "--config", json.dumps(job)]

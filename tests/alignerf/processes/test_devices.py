@@ -8,7 +8,7 @@ import sys
 import jax
 import pytest
 
-from alignerf.files import machine
+from alignerf.io import machine
 from alignerf.processes import devices
 
 EVERY_MODULE = """
@@ -36,7 +36,7 @@ def in_a_fresh_interpreter(root, code):
 def test_no_import_starts_jax(root):
     """What an import started would leave a training one device."""
     code = """
-from alignerf.files import machine
+from alignerf.io import machine
 from alignerf.processes import devices
 import jax
 machine.cores = lambda: 3
@@ -52,7 +52,7 @@ def test_a_limit_is_all_that_jax_takes(root):
     """One device, and one thread in JAX's pool, however many cores there are."""
     code = """
 from pathlib import Path
-from alignerf.files import machine
+from alignerf.io import machine
 from alignerf.processes import devices
 machine.limit(1)
 devices.use_as_devices()

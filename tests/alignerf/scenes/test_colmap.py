@@ -6,7 +6,7 @@ import pycolmap
 import pytest
 from PIL import Image
 
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes import cameras, colmap, distortion
 from alignerf.scenes.capture import ingest, mapping
 from alignerf.scenes.courtyard import scene as courtyard
@@ -218,7 +218,7 @@ def test_errors_are_told_photo_by_photo_in_pixels_of_the_photo(photos, tmp_path)
 
 
 def test_of_many_photos_not_all_pairs_are_matched(photos, tmp_path, monkeypatch):
-    monkeypatch.setattr(mapping, "MOST_EXHAUSTIVE", 3)
+    monkeypatch.setattr(mapping, "MAX_EXHAUSTIVE", 3)
     monkeypatch.setattr(mapping, "FOLLOWING", 1)
     monkeypatch.setattr(mapping, "ALIKE", 3)
     found = estimate(photos, tmp_path / "a")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from alignerf import poses
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes import held_out, prepare
 
 SIDE = 32
@@ -40,7 +40,7 @@ def blender_scene(folder, test_photo, where):
     for split, frames in (("train", train), ("test", [frame("./test/r_9", 9.0)])):
         content = {"camera_angle_x": 0.7, "frames": frames}
         (folder / f"transforms_{split}.json").write_text(json.dumps(content))
-    return {"source": "blender", "path": str(folder), "least_train_views": 2}
+    return {"source": "blender", "path": str(folder), "min_train_views": 2}
 
 
 def prepare_scene(config, tmp_path):
@@ -94,7 +94,7 @@ def test_links_in_a_transforms_json_are_refused_by_any_split(tmp_path):
     frames = [frame(f"{number}.png", number) for number in range(5)]
     content = {"camera_angle_x": 0.7, "frames": frames}
     (folder / "transforms.json").write_text(json.dumps(content))
-    config = {"source": "transforms", "path": str(folder), "least_train_views": 2}
+    config = {"source": "transforms", "path": str(folder), "min_train_views": 2}
     # Both are to be scored by one of these splits.
     prepare_scene(config | {"test_every": 4}, tmp_path)
     with pytest.raises(ValueError, match=r"4\.png, which is trained on, and .*0\.png"):

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from alignerf import poses
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes import distortion
 from alignerf.scenes.formats import llff
 
@@ -199,7 +199,7 @@ def test_a_camera_cut_short_and_no_photos(scene):
 def test_the_stage_writes_the_scene(scene, tmp_path):
     folder, _, given = scene
     config = {"source": "llff", "path": str(folder), "downscale": 2, "test_every": 2}
-    poses.main(config | {"least_train_views": 2}, tmp_path / "out")
+    poses.main(config | {"min_train_views": 2}, tmp_path / "out")
     with np.load(tmp_path / "out" / "cameras.npz") as stored:
         # Sorted by view name, as every source: b comes before b-1.
         assert stored["names"].tolist() == ["a", "b", "b-1", "c"]

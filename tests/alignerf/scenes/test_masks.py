@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from alignerf import evaluate, export, facts, testsets
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes import distortion, prepare, prepared
 from alignerf.scenes.formats import transforms
 from alignerf.training import batches
@@ -84,7 +84,7 @@ def test_hidden_pixels_are_neither_dark_nor_bright(scene):
     facts.main(f"--scene {scene} --facts {made[0]} --decisions {made[1]}".split())
     found = json.loads(made[0].read_text())
     assert found["brightness"] == pytest.approx(100 / 255, abs=1e-3)
-    assert found["white_share"] == 0
+    assert found["white_fraction"] == 0
 
 
 def test_masks_are_exported(scene, tmp_path):

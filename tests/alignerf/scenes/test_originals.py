@@ -6,11 +6,11 @@ import shutil
 import pytest
 
 from alignerf import export, poses
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes import originals
 from tests import judged_cases as cases
 
-CONFIG = {"source": "transforms", "path": "scan", "poses": "given"}
+CONFIG = {"source": "transforms", "path": "scan", "poses": "input"}
 
 
 @pytest.fixture

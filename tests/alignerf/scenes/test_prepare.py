@@ -18,7 +18,7 @@ def views_of(count, width, height, image=None):
 
 
 @pytest.mark.parametrize("count", [1, 20, 300])
-def test_the_least_factor_that_leaves_so_many_pixels(count):
+def test_the_min_factor_that_leaves_so_many_pixels(count):
     most, views = 20_000_000, views_of(count, 4032, 3024)
     factor = prepare.factor_for(views, most, 200)
     small = prepare.downscale(views, factor)

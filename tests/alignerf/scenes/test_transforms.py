@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes import distortion, prepare, prepared
 from alignerf.scenes.formats import transforms
 from tests import camera_twins

@@ -8,8 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from alignerf.methods import base
-from alignerf.methods import refine as refine_method
+from alignerf.methods import base, pose_optimization
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.scenes import cameras
 from alignerf.training import compose, diagnose
@@ -154,7 +153,13 @@ def test_nerf_plus_plus_is_its_twin(rng):
     )
 
 
-GRID = {"levels": 3, "log2_entries": 8, "finest": 32, "width": 8, "samples": [8, 4]}
+GRID = {
+    "levels": 3,
+    "log2_hashmap_size": 8,
+    "max_resolution": 32,
+    "width": 8,
+    "samples": [8, 4],
+}
 SYSTEMS = {
     "nerf": SMALL,
     "mipnerf": SMALL,
@@ -215,7 +220,7 @@ def test_an_empty_scene_is_its_background(rng, background):
     assert (slope == 0) == (background is None)
 
 
-TINY_GRID = {"levels": 2, "log2_entries": 8, "finest": 32, "width": 8}
+TINY_GRID = {"levels": 2, "log2_hashmap_size": 8, "max_resolution": 32, "width": 8}
 
 
 @pytest.mark.parametrize(
@@ -311,7 +316,9 @@ def test_renders_can_be_differentiated_in_their_rays(rng, kind, place):
 def ray_gradient_of(kind):
     """(params, rays) -> the gradient of all colours by origins and directions."""
     job = cases.job_of(kind=kind, **SYSTEMS[kind])
-    job = refine_method.Job(**dict(job), refine=refine_method.Refine())
+    job = pose_optimization.Job(
+        **dict(job), pose_optimization=pose_optimization.PoseOptimization()
+    )
     method = compose.without_cameras(job, base.part_of(job), to_train=True)
 
     def total(params, origins, directions, rays):

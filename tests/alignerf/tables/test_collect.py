@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alignerf.files import faults
+from alignerf.io import faults
 from alignerf.tables import collect, columns
 from tests import table_cases
 
@@ -94,7 +94,7 @@ def test_a_view_without_a_number_leaves_its_sums_empty(scene):
     assert line["render_rest_time_s"] == 2.5
 
 
-def test_a_training_on_the_way_has_a_line_and_no_scores(scene):
+def test_a_training_in_loop_has_a_line_and_no_scores(scene):
     last = table_cases.written(scene, DB, round=1, base="plain")
     first = table_cases.written(scene, DB)
     way = first._replace(method=None, round=None, folder="pretrain/base", files={})

@@ -29,7 +29,9 @@ def test_means_are_over_views_and_given_renders_have_none():
     assert first[-1] == "50"
 
 
-@pytest.mark.parametrize("name", ["flow_median_px", "camera_share", "remainder_p95_px"])
+@pytest.mark.parametrize(
+    "name", ["flow_median_px", "camera_fraction", "remainder_p95_px"]
+)
 def test_one_view_without_a_number_leaves_the_mean_empty(name):
     table = made(
         costs.displacement, [row(), row(**{name: [0.25, np.nan]}).assign(round=1)]

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from alignerf import tabulate
-from alignerf.files import provenance
+from alignerf.io import provenance
 from alignerf.tables import columns, controls
 from tests import table_cases
 

@@ -16,7 +16,7 @@ DB = {"standard": [20.0, 22.0], "oracle": [21.0, 25.0]}
 def scene(tmp_path):
     """A scene's tables: a training in two rounds, one that starts from it, and renders.
 
-    `warm` begins with the photos that `plain` warped, by cameras put right.
+    `warm` begins with the photos that `plain` warped, by cameras corrected.
     """
     scene = tmp_path / "yard"
     first, second = (table_cases.written(scene, DB, round=k) for k in (0, 1))
@@ -80,7 +80,7 @@ def test_costs_are_of_all_that_leads_to_a_row(scene):
     twice = {"train_time_s": 40.0, "steps": 10, "rays_seen": 100}
     data = {"data_time_s": 2.75, "total_time_s": 42.75}
     assert costs_of(rows["plain", 1]) == twice | {"params": 7} | data
-    # Cameras put right, and the parameters of the last.
+    # Cameras corrected, and the parameters of the last.
     data = {"data_time_s": 4.25, "total_time_s": 44.25}
     assert costs_of(rows["warm", 1]) == twice | {"params": 9} | data
     assert rows["given", 0][["total_time_s", "data_time_s", "steps"]].isna().all()

@@ -59,7 +59,7 @@ def test_it_narrows_with_the_number_of_views(rng):
     assert widths[0] > 2 * widths[1] > 4 * widths[2]
 
 
-def test_pairing_takes_out_what_the_views_share(rng):
+def test_pairing_takes_out_what_the_views_fraction(rng):
     views = rng.normal(0.0, 5.0, 8)
     first, second = (views + rng.normal(0, 0.1, 8) for _ in range(2))
     single = np.diff(intervals.mean_interval(first + 1.0))[0]

@@ -69,7 +69,7 @@ def test_eight_devices_learn_what_one_does(root):
     settings = {
         "XLA_FLAGS": flags,
         # Compiles in half the time.
-        "JAX_DISABLE_MOST_OPTIMIZATIONS": "1",
+        "JAX_DISABLE_MAX_OPTIMIZATIONS": "1",
     }
     done = subprocess.run(
         [sys.executable, "-m", "tests.on_devices"],

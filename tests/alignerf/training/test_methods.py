@@ -153,7 +153,9 @@ def test_a_share_of_the_rays_teaches_the_proposal(views):
     options = {"batch_rays": 96, "loss_weights": cases.WEIGHTS}
     gradients, losses = {}, {}
     for share in (1.0, 0.25):
-        method = methods.mipnerf360(cases.tiny_model(), proposal_share=share, **options)
+        method = methods.mipnerf360(
+            cases.tiny_model(), proposal_fraction=share, **options
+        )
         # Fields that differ: fresh ones are alike, and the proposal learns nothing.
         params = jax.tree.map(
             lambda x: x + jnp.sin(7.0 * jnp.arange(x.size)).reshape(x.shape),

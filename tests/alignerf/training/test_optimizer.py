@@ -28,14 +28,14 @@ def test_the_schedule_is_the_published_one(rng):
         twins.assert_close(rate(steps), wanted)
 
 
-@pytest.mark.parametrize("hold_share", [0.25, 0.5, 0.9])
-def test_a_rate_is_held_and_then_falls_as_the_published_one(hold_share):
+@pytest.mark.parametrize("hold_fraction", [0.25, 0.5, 0.9])
+def test_a_rate_is_held_and_then_falls_as_the_published_one(hold_fraction):
     rate = functools.partial(train_step.learning_rate, first=3e-2, last=3e-3)
     steps = np.arange(1001)
     found = jax.vmap(
-        lambda step: rate(step, steps=1000, warmup_steps=0, hold_share=hold_share)
+        lambda step: rate(step, steps=1000, warmup_steps=0, hold_fraction=hold_fraction)
     )(steps)
-    held = round(1000 * hold_share)
+    held = round(1000 * hold_fraction)
     np.testing.assert_allclose(found[: held + 1], 3e-2, rtol=1e-5)
     falling = jax.vmap(lambda step: rate(step, steps=1000 - held, warmup_steps=0))
     np.testing.assert_allclose(found[held:], falling(np.arange(1001 - held)), rtol=1e-4)

@@ -22,8 +22,8 @@ class Clock:
         self.steps += 1
         return state + 1, {"loss": jnp.zeros(())}
 
-    def timed(self, most_s, at_once=10):
-        options = {"most_s": most_s, "at_once": at_once, "clock": self}
+    def timed(self, max_s, at_once=10):
+        options = {"max_s": max_s, "at_once": at_once, "clock": self}
         return program.step_time_s(self.step, 0, **options)
 
 

@@ -1,4 +1,4 @@
-"""What the verdict reads of windows, and of another program's renders."""
+"""What the verdict reads of crops, and of another program's renders."""
 
 import json
 import math
@@ -17,7 +17,7 @@ def table(folder, **flows):
     pd.DataFrame(rows).to_csv(folder / "decomposition_photos_train.csv", index=False)
 
 
-def test_a_photo_has_the_median_of_its_windows(tmp_path):
+def test_a_photo_has_the_median_of_its_crops(tmp_path):
     table(tmp_path, a_w0=1.0, a_w1=3.0, b_w_w0=5.0)
     np.testing.assert_array_equal(evidence.of_photos(tmp_path, "train", "flow"), [2, 5])
     np.testing.assert_array_equal(
@@ -35,8 +35,8 @@ def test_a_photo_without_valid_flow_spoils_no_other(tmp_path):
     assert all(map(math.isnan, evidence.interval_of_median(flows[:1])))
 
 
-def test_without_windows_there_are_none():
-    assert evidence.read_windows(None) is None
+def test_without_crops_there_are_none():
+    assert evidence.read_crops(None) is None
 
 
 SHIFTS = {"flow_train_px": 1.2, "flow_test_px": None, "photo_px": 2.0}
@@ -49,5 +49,5 @@ def test_how_another_program_s_renders_were_put_together(tmp_path):
     path.parent.mkdir()
     path.write_text(json.dumps({"evidence": SHIFTS}))
     told = {"depth": "far", "cameras": "x", "layout": "x", "way": "taken"}
-    found = evidence.read_judged({"judged": told}, path)
+    found = evidence.read_judged({"external_renders": told}, path)
     assert (found.depth, found.before) == ("far", ("first", 2.4, None))

@@ -21,11 +21,11 @@ MOVES = {
     "plain": (ONE | {"rounds": 2}, ["", "p", "p"]),
     "moved": (ONE | {"rounds": 1, "changes": "cameras"}, ["", "c"]),
     "both": (ONE | BOTH, ["", "c", "cp"]),
-    "auto": (ONE | {"rounds": "auto", "most_rounds": 3}, ["", "p", "p", "p"]),
+    "auto": (ONE | {"rounds": "auto", "max_rounds": 3}, ["", "p", "p", "p"]),
     "warm": (ONE | {"rounds": 1, "warm_start": WARM}, ["", "p"]),
     "staged": (ONE | {"alignerf": {}}, [""]),
     "between": (ONE | {"alignerf": {}, "changes": "cameras"}, ["c"]),
-    "learnt": (ONE | {"refine": {}}, ["c"]),
+    "learnt": (ONE | {"pose_optimization": {}}, ["c"]),
     "adjusted_poses": (ONE | {"adjust": True}, ["c"]),
     "aligned": (ONE | {"align": {}}, ["cp"]),
     "still_photos": (ONE | {"align": {"photos_at": []}}, ["c"]),
@@ -106,7 +106,7 @@ def test_the_verdict_takes_the_test_set_that_is_fair_to_each_kind(
     }
     for one in found:
         row = named[one.name]
-        assert (one.on_the_way, one.warped) == (row.moves_cameras, row.moves_photos)
+        assert (one.in_loop, one.warped) == (row.moves_cameras, row.moves_photos)
         fair = "aligned_pose" if row.moves_cameras else "standard"
         assert one.test_set == ("oracle" if has_oracle else fair), one.name
 
@@ -141,7 +141,7 @@ def test_gains_of_moved_cameras_are_by_the_fairest_test_set(
     table = table_of(tmp_path / "table.csv", test_sets)
     found, other = gains.of_table(table, {"ours": timing})
     assert (found.db, other.db) == (db, usual_db)
-    assert (other.name, other.on_the_way) == ("rival", False)
+    assert (other.name, other.in_loop) == ("rival", False)
     assert found.test_set == test_sets[db - 1]
-    assert (found.method, found.on_the_way, found.minutes) == ("ours", True, 2.0)
-    assert found.name == "ours, aligned on the way"
+    assert (found.method, found.in_loop, found.minutes) == ("ours", True, 2.0)
+    assert found.name == "ours, aligned in the loop"

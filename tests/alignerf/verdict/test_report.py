@@ -6,7 +6,7 @@ import pytest
 
 from alignerf import causes, testsets
 from alignerf.causes import base, blur, camera, coverage, motion, remedies
-from alignerf.files import provenance
+from alignerf.io import provenance
 from alignerf.verdict import measured, report
 from tests.alignerf.causes import cases
 from tests.alignerf.causes.cases import (
@@ -45,36 +45,36 @@ def advised(e, gains=()):
         (FAULTS["camera"], "misaligned", "2.4 px"),
         (FAULTS["sparse"], "unclear", ""),
         (FAULTS["sparse"] | {"reprojection_px": 1.7}, "unclear", ""),
-        (FAULTS["camera"] | {"passes": 0.1}, "unclear", ""),
+        (FAULTS["camera"] | {"epochs": 0.1}, "unclear", ""),
         ({"train_views": 5}, "unclear", ""),
         (NO_FLOW, "unclear", ""),
         # 300 photos of 12 megapixels, trained at 268 px of width.
         (THUMBNAIL, "unclear", "3.8 px"),
-        (THUMBNAIL | {"windows": TOGETHER}, "aligned", "0.50 px"),
+        (THUMBNAIL | {"crops": TOGETHER}, "aligned", "0.50 px"),
         # One capture has one verdict at every size of training.
         *(
-            ({"windows": APART, "photo_px": photo_px}, "misaligned", "0.72 px")
+            ({"crops": APART, "photo_px": photo_px}, "misaligned", "0.72 px")
             for photo_px in (2.0, 4.0, 8.0)
         ),
-        # What windows are sure of comes first.
-        ({"windows": APART} | FAULTS["sparse"], "misaligned", "0.72 px"),
-        ({"windows": APART} | FAULTS["few_views"], "misaligned", "0.72 px"),
-        ({"windows": APART, "passes": 0.1}, "misaligned", "0.72 px"),
-        ({"windows": TOGETHER, "passes": 0.1}, "aligned", "0.50 px"),
-        ({"windows": TOGETHER, "flow_train_px": 0.3}, "aligned", "0.50 px"),
-        ({"windows": TOGETHER, "flow_train_px": 0.6}, "misaligned", "1.2 px"),
+        # What crops are sure of comes first.
+        ({"crops": APART} | FAULTS["sparse"], "misaligned", "0.72 px"),
+        ({"crops": APART} | FAULTS["few_views"], "misaligned", "0.72 px"),
+        ({"crops": APART, "epochs": 0.1}, "misaligned", "0.72 px"),
+        ({"crops": TOGETHER, "epochs": 0.1}, "aligned", "0.50 px"),
+        ({"crops": TOGETHER, "flow_train_px": 0.3}, "aligned", "0.50 px"),
+        ({"crops": TOGETHER, "flow_train_px": 0.6}, "misaligned", "1.2 px"),
         # Held-out photos do not confirm it.
         (
-            {"windows": APART._replace(flow_px=0.9, flow_test_px=1.2)},
+            {"crops": APART._replace(flow_px=0.9, flow_test_px=1.2)},
             "unclear",
             "0.90 px",
         ),
         # One photo to judge by confirms nothing; without flow nothing is said.
-        ({"windows": APART._replace(test_photos=1)}, "aligned", "0.50 px"),
-        ({"windows": APART._replace(flow_px=math.nan)}, "aligned", "0.50 px"),
+        ({"crops": APART._replace(test_photos=1)}, "aligned", "0.50 px"),
+        ({"crops": APART._replace(flow_px=math.nan)}, "aligned", "0.50 px"),
         # As of castle: training photos fit, also where cameras are off.
         (
-            {"windows": APART._replace(flow_px=0.12, flow_test_px=1.8)} | THUMBNAIL,
+            {"crops": APART._replace(flow_px=0.12, flow_test_px=1.8)} | THUMBNAIL,
             "unclear",
             "3.8 px",
         ),
@@ -130,9 +130,9 @@ def test_levels_of_what_is_not_named():
         return {one["cause"] for one in of(e)["causes"] if one["level"] == level}
 
     assert levels(WELL, "not seen") == {*FAULTS}
-    assert levels(WELL._replace(passes=0.1), "untold") == cases.BY_FLOW
+    assert levels(WELL._replace(epochs=0.1), "untold") == cases.BY_FLOW
     assert levels(WELL._replace(psnr_test_db=math.nan), "untold") == {"sparse"}
-    lines = report.terminal(of(WELL._replace(passes=0.1)))
+    lines = report.terminal(of(WELL._replace(epochs=0.1)))
     assert [line[:8] for line in lines].count("NOT TOLD") == 1
     # A shift beyond its limit that the views do not agree on.
     unsure = of(WELL._replace(shift_px=0.11, shift_errors=1.0))["causes"]
@@ -141,16 +141,16 @@ def test_levels_of_what_is_not_named():
     assert "within its error" in one["text"]
 
 
-def test_windows_are_the_gauge_where_they_tell():
-    (poses, *_) = of(WELL._replace(windows=APART))["causes"]
+def test_crops_are_the_gauge_where_they_tell():
+    (poses, *_) = of(WELL._replace(crops=APART))["causes"]
     assert (poses["cause"], poses["value"], poses["limit"]) == ("camera", 0.68, 0.5)
 
 
 @pytest.mark.parametrize("moved", [None, 5, 0])
-def test_windows_by_cameras_that_did_not_move_are_not_told(moved):
-    windows = APART._replace(corrected_px=0.31)
+def test_crops_by_cameras_that_did_not_move_are_not_told(moved):
+    crops = APART._replace(corrected_px=0.31)
     gain = GAIN._replace(cameras_moved=moved)
-    told = of(WELL._replace(windows=windows), [gain])["measured"]
+    told = of(WELL._replace(crops=crops), [gain])["measured"]
     assert ("0.31 px" in " ".join(told)) == (moved != 0)
 
 
@@ -158,10 +158,10 @@ def test_what_was_measured_has_its_numbers():
     def said(**changes):
         return " ".join(of(WELL._replace(**changes))["measured"])
 
-    assert "0.72 px (95 % interval 0.60 px to 0.90 px)" in said(windows=APART)
-    assert "0.60 px at 1600 px" in said(windows=APART, photo_width_px=1920.0)
-    short = APART._replace(passes=0.1)
-    assert measured.NOTHING_TOLD["short"].format(w=short) in said(windows=short)
+    assert "0.72 px (95 % interval 0.60 px to 0.90 px)" in said(crops=APART)
+    assert "0.60 px at 1600 px" in said(crops=APART, photo_width_px=1920.0)
+    short = APART._replace(epochs=0.1)
+    assert measured.NOTHING_TOLD["short"].format(w=short) in said(crops=short)
     # One floor for what is called aligned and for what can be told.
     assert "under 0.90 px" in said(overfit_px=0.45)
     for depth, words in measured.DEPTHS.items():
@@ -179,14 +179,14 @@ def test_what_was_measured_has_its_numbers():
     ("changes", "wanted"),
     [
         (THUMBNAIL, report.UNSEEN),
-        (THUMBNAIL | {"windows": APART._replace(passes=0.1)}, report.LARGER),
-        (THUMBNAIL | {"windows": APART._replace(test_photos=3)}, report.WIDER),
+        (THUMBNAIL | {"crops": APART._replace(epochs=0.1)}, report.LARGER),
+        (THUMBNAIL | {"crops": APART._replace(test_photos=3)}, report.WIDER),
         # Poses are known to be off only where a moved camera explains it.
         (
-            {"windows": APART._replace(camera_px=0.1)},
+            {"crops": APART._replace(camera_px=0.1)},
             f"{camera.ALIGN} The cause is not known: look at what remains.",
         ),
-        (FAULTS["camera"] | {"passes": math.nan}, camera.OF_OTHERS),
+        (FAULTS["camera"] | {"epochs": math.nan}, camera.OF_OTHERS),
         (
             FAULTS["camera"] | {"poses_given": True},
             f"{camera.ANEW} Or {camera.ALIGN}",
@@ -198,7 +198,7 @@ def test_what_was_measured_has_its_numbers():
         ),
         # Bad renders show as probable what photos alone would tell, as of fox by 15.
         (FAULTS["sparse"] | {"exposure_ev": 0.07}, coverage.SPARSE.advice),
-        (FAULTS["sparse"] | {"moved_share": 0.2}, coverage.SPARSE.advice),
+        (FAULTS["sparse"] | {"moved_fraction": 0.2}, coverage.SPARSE.advice),
         (FAULTS["sparse"] | FAULTS["blurred"], blur.CAUSE.advice),
     ],
 )
@@ -222,7 +222,7 @@ def test_held_out_renders_alone_are_enough():
     assert (told["state"], "2.4 px" in told["headline"]) == ("misaligned", True)
 
 
-MOTION = WELL._replace(moved_share=0.06, test_views=9)
+MOTION = WELL._replace(moved_fraction=0.06, test_views=9)
 WARPED = remedies.Gain("base", -0.1, -0.2, 0.03, 3.0, warped=True)
 LONGER = motion.advise(MOTION, [])
 
@@ -236,7 +236,7 @@ LONGER = motion.advise(MOTION, [])
         ([WARPED._replace(warped=False, name="base, warped once")], 9, LONGER),
         ([WARPED], 3, LONGER),
         # Cameras that moved say nothing of photos, and are judged apart.
-        ([WARPED._replace(on_the_way=True)], 9, "leave cameras and photos"),
+        ([WARPED._replace(in_loop=True)], 9, "leave cameras and photos"),
     ],
 )
 def test_photos_that_were_warped_in_vain_are_not_warped_again(gains, views, wanted):
@@ -250,13 +250,13 @@ def test_photos_that_were_warped_in_vain_are_not_warped_again(gains, views, want
             {},
             9,
             True,
-            f"take the cameras of aligned, which this run has put right: `{EXPORT}`.",
+            f"take the cameras of aligned, which this run has corrected: `{EXPORT}`.",
         ),
         ({"low": -0.1}, 9, False, "leave cameras and photos as given"),
         ({"test_set": "standard"}, 9, False, "leave cameras and photos as given"),
         ({}, 3, False, camera.ALIGN),
         # A warping round is none.
-        ({"on_the_way": False}, 9, True, camera.ALIGN),
+        ({"in_loop": False}, 9, True, camera.ALIGN),
         # What cameras gained that did not move, chance or longer steps did.
         ({"cameras_moved": 0}, 9, True, "leave the cameras as given: aligned"),
     ],
@@ -269,7 +269,7 @@ def test_what_to_do_follows_what_this_run_has_tried(changes, views, pays, wanted
     lucky = gain._replace(method="lucky", db=1.0, low=-0.1, high=2.1)
     assert camera.advise(e, [lucky, gain]).startswith(wanted) or not pays
     # The same where nothing is wrong, if it pays.
-    if pays and gain.on_the_way:
+    if pays and gain.in_loop:
         assert advised(WELL._replace(test_views=views), [gain]).startswith(wanted)
 
 
@@ -299,7 +299,7 @@ def test_a_gain_has_its_numbers_and_says_what_it_is_measured_against():
         assert one.against in said(test_set=one.name)
     # Of another program no view can be asked for by another camera.
     for moved in (True, False):
-        text = said(test_set="standard", on_the_way=moved)
+        text = said(test_set="standard", in_loop=moved)
         assert ("true gains are larger" in text) == moved
     for low, by_chance in ((0.3, False), (-0.1, True), (math.nan, True)):
         text = said(low=low)

@@ -17,9 +17,9 @@ def photo():
 
 def test_a_blurred_photo_has_less_detail_than_its_render(photo):
     soft = cv2.GaussianBlur(photo, (0, 0), 2.0)
-    assert views.measured(soft, photo, EVERYWHERE)["detail_ratio"] < 0.5
-    assert views.measured(photo, soft, EVERYWHERE)["detail_ratio"] > 2
-    assert views.measured(photo, photo.copy(), EVERYWHERE)["detail_ratio"] == 1.0
+    assert views.measured(soft, photo, EVERYWHERE)["sharpness_ratio"] < 0.5
+    assert views.measured(photo, soft, EVERYWHERE)["sharpness_ratio"] > 2
+    assert views.measured(photo, photo.copy(), EVERYWHERE)["sharpness_ratio"] == 1.0
 
 
 @pytest.mark.parametrize("stops", [-0.5, 0.25])
@@ -42,12 +42,12 @@ def view(name, **changes):
     usual = {
         "split": "train",
         "psnr_db": 25.0,
-        "even_psnr_db": 25.0,
+        "cc_psnr_db": 25.0,
         "flow_px": 0.1,
         "camera_px": 0.1,
         "remainder_px": 0.05,
-        "moved_share": 0.0,
-        "detail_ratio": 1.2,
+        "moved_fraction": 0.0,
+        "sharpness_ratio": 1.2,
         "exposure_ev": 0.0,
         "blur_sigma_px": 0.75,
     }
@@ -58,10 +58,10 @@ def view(name, **changes):
     ("changes", "what"),
     [
         ({"flow_px": 3.0}, "shifted"),
-        ({"detail_ratio": 0.3}, "blurred"),
+        ({"sharpness_ratio": 0.3}, "blurred"),
         ({"exposure_ev": -0.5}, "darker"),
         ({"exposure_ev": 0.5}, "brighter"),
-        ({"moved_share": 0.5}, "moved"),
+        ({"moved_fraction": 0.5}, "moved"),
         ({"psnr_db": 8.0}, "farther"),
     ],
 )

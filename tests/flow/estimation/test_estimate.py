@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.files import images
+from alignerf.io import images
 from flow.estimation import estimate, estimators
 from flow.warping import files, warp
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.files import images
+from alignerf.io import images
 from flow import align
 from flow.estimation import external
 from flow.warping import files, warp

@@ -1,16 +1,16 @@
-"""flow.figures.crops: which window it shows, and that it draws what there is."""
+"""flow.figures.crops: which crop it shows, and that it draws what there is."""
 
 import cv2
 import numpy as np
 import pytest
 
-from alignerf.files import faults, images
+from alignerf.io import faults, images
 from flow.figures import crops
 from flow.warping import files
 
 
 def brute_force(photo):
-    """The window by its definition, every sum anew."""
+    """The crop by its definition, every sum anew."""
     height, width = photo.shape[:2]
     side = min(max(1, round(width / 4)), height)
     grey = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY).astype(np.float64)
@@ -26,7 +26,7 @@ def brute_force(photo):
 @pytest.mark.parametrize(
     "size", [(40, 30), (30, 40), (41, 7), (400, 20), (5, 5), (4, 1), (1, 9), (1, 1)]
 )
-def test_the_window_has_most_high_frequencies(rng, size):
+def test_the_crop_has_most_high_frequencies(rng, size):
     width, height = size
     for _ in range(5):
         photo = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)
@@ -37,16 +37,16 @@ def test_the_window_has_most_high_frequencies(rng, size):
             * np.linspace(0, 1, width)[None, :, None]
         )
         photo = np.round(keep * photo + (1 - keep) * smooth).astype(np.uint8)
-        window = crops.choose_window(photo)
-        assert window == brute_force(photo)
-        assert window.cut(photo).shape == (window.side, window.side, 3)
+        crop = crops.choose_crop(photo)
+        assert crop == brute_force(photo)
+        assert crop.cut(photo).shape == (crop.side, crop.side, 3)
 
 
 def test_detail_is_found_and_brightness_is_not():
     photo = np.zeros((90, 120, 3), np.uint8)
     photo[:, :60] = 250
     photo[50:60:2, 90:100:2] = 130
-    left, top, side = crops.choose_window(photo[:, 64:])
+    left, top, side = crops.choose_crop(photo[:, 64:])
     assert left <= 26
     assert left + side >= 36
     assert top <= 50
@@ -54,9 +54,9 @@ def test_detail_is_found_and_brightness_is_not():
 
 
 @pytest.mark.parametrize("level", [0, 200])
-def test_without_detail_it_is_the_first_window(level):
+def test_without_detail_it_is_the_first_crop(level):
     photo = np.full((60, 80, 3), level, np.uint8)
-    assert crops.choose_window(photo) == (0, 0, 20)
+    assert crops.choose_crop(photo) == (0, 0, 20)
 
 
 def test_views_are_spread_evenly():
@@ -143,10 +143,10 @@ def test_extremes_are_drawn(tmp_path, rng, options):
     assert min(width, height) > 300
 
 
-def test_large_windows_keep_their_pixels(tmp_path, rng):
+def test_large_crops_keep_their_pixels(tmp_path, rng):
     methods = make_scene(tmp_path, rng, size=(1200, 400), views=("a",), methods=1)
     _, width, _ = draw(tmp_path, methods)
-    # The photo three windows wide, and three windows of 300.
+    # The photo three crops wide, and three crops of 300.
     assert width >= 6 * 300
 
 

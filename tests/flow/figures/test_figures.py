@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.files import images
+from alignerf.io import images
 from flow.figures import drawing
 from flow.figures import parts as part_figures
 from flow.figures import scene as scene_figures

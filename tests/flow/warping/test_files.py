@@ -144,7 +144,7 @@ def test_statistics_count_valid_pixels_only():
         assert (length[valid] <= found["p95_px"]).mean() == pytest.approx(
             0.95, abs=0.01
         )
-        assert found["valid_share"] == pytest.approx(valid.mean())
+        assert found["valid_fraction"] == pytest.approx(valid.mean())
 
 
 def test_statistics_of_nothing_are_an_error_naming_the_view():

@@ -6,14 +6,14 @@ import shutil
 import pytest
 
 from alignerf.experiment.checks import results
-from alignerf.files import owned
+from alignerf.io import owned
 
 NAMES = ({"yard": {}}, {"base": {}})
 
 
 def judged(**paths):
     """Keys of a scene with paths of renders that are judged."""
-    return {"source": "judged", "judged": paths}
+    return {"source": "external_renders", "external_renders": paths}
 
 
 @pytest.fixture

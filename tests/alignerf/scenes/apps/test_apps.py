@@ -134,7 +134,7 @@ def test_an_unpacked_r3d_is_read_too(tmp_path, given):
 def test_of_a_long_film_some_frames_are_taken_by_their_number(
     tmp_path, rng, monkeypatch
 ):
-    monkeypatch.setattr(record3d, "MOST_FRAMES", 4)
+    monkeypatch.setattr(record3d, "MAX_FRAMES", 4)
     given = cases.camtoworlds(rng, 13)
     views, _ = read("record3d", cases.record3d(tmp_path, given))
     # Not 0, 10, 11, 12, ...: names of files are no order.
@@ -266,7 +266,7 @@ def test_the_scene_says_whose_poses_it_has(tmp_path, rng, app, caplog):
     told = json.loads((tmp_path / "out/poses.json").read_text())
     assert told["of_poses"] == "poses of the phone: expect pixels of error"
     assert told["of_poses"] in caplog.text
-    assert (told["poses"], told["source"], told["registered"]) == ("given", app, 6)
+    assert (told["poses"], told["source"], told["registered"]) == ("input", app, 6)
     loaded = prepared.load(tmp_path / "out")
     assert (loaded.width, loaded.height) == cases.SIZE
 

@@ -5,7 +5,7 @@ import pytest
 
 from alignerf import poses
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes import loading, prepare, prepared
 from alignerf.scenes.courtyard import scene as courtyard
 
@@ -14,7 +14,7 @@ OF_COURTYARD = {
     "poses": "truth",
     "downscale": 2,
     "test_every": 3,
-    "least_train_views": 2,
+    "min_train_views": 2,
     "courtyard": {"views": 4, "width": 96, "height": 72},
 }
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes.capture import ingest
 
 
@@ -45,7 +45,7 @@ def test_copies_are_no_larger_than_asked_and_photos_stay_whole(tmp_path, pixels)
     source, target = tmp_path / "in", tmp_path / "out"
     source.mkdir(), target.mkdir()
     save(source / "a.png", pixels.repeat(10, 0).repeat(10, 1))
-    taken = ingest.ingest(source, target, most_side_px=100)
+    taken = ingest.ingest(source, target, max_side_px=100)
     assert taken.copy_sizes == [(100, 60)]
     assert images.read(taken.folder / "a.png").shape == (60, 100, 3)
     assert taken.load(0).shape == (120, 200, 3)

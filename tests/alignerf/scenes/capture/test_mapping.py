@@ -7,7 +7,7 @@ import numpy as np
 import pycolmap
 import pytest
 
-from alignerf.files import images, progress
+from alignerf.io import images, progress
 from alignerf.scenes.capture import mapping
 
 

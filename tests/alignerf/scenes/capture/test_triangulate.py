@@ -8,7 +8,7 @@ import pytest
 from alignerf import facts, poses
 from alignerf.captures import base
 from alignerf.exports import formats
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes import cameras, prepared
 from alignerf.scenes.capture import mapping, triangulate
 from alignerf.scenes.courtyard import scene as courtyard
@@ -132,18 +132,18 @@ def test_points_can_be_left_out_and_may_be_missing(scene, tmp_path, caplog):
 @pytest.mark.parametrize(
     ("has", "asked", "wanted"),
     [
-        *(("given", None, True), ("given", False, False), ("given", True, True)),
+        *(("input", None, True), ("input", False, False), ("input", True, True)),
         *(("truth", None, False), ("truth", True, True)),
         # COLMAP's poses come with points.
         *(("colmap", None, False), ("colmap", True, False)),
     ],
 )
 def test_points_are_found_where_they_are_missing(has, asked, wanted):
-    scene = {"source": "courtyard", "poses": has, "triangulate": asked, "zoom": None}
-    scene["judged"] = None
+    scene = {"source": "courtyard", "poses": has, "triangulate": asked, "crop": None}
+    scene["external_renders"] = None
     assert base.of(scene).wants_matches(scene) is wanted
     # Crops have them from the whole photos.
-    crops = scene | {"zoom": {"of": "other"}}
+    crops = scene | {"crop": {"of": "other"}}
     assert not base.of(crops).wants_matches(crops)
 
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes import photos
 from alignerf.scenes.capture import video
 
@@ -44,7 +44,7 @@ def test_sharp_frames_are_written_under_the_films_name(film, tmp_path):
     paths = video.extract(film, tmp_path)
     numbers = [int(path.stem.rpartition("_")[2]) for path in paths]
     # 1.5 widths would be 15 pieces; so few are made 20.
-    assert len(paths) == video.LEAST_FRAMES
+    assert len(paths) == video.MIN_FRAMES
     assert paths[0].name == "a walk_000000.png"
     assert numbers == sorted(set(numbers))
     assert np.mean([number % 3 == 0 for number in numbers]) > 0.8
@@ -63,7 +63,7 @@ def test_pieces_are_equal_on_the_path_and_not_in_time():
 
 def test_a_camera_that_stands_still_gives_frames_evenly_in_time():
     chosen = video.choose(np.zeros(200), np.zeros(200))
-    assert chosen == [10 * k for k in range(video.LEAST_FRAMES)]
+    assert chosen == [10 * k for k in range(video.MIN_FRAMES)]
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
@@ -74,7 +74,7 @@ def test_a_film_of_few_frames_gives_them_all(count):
 
 def test_many_widths_are_no_more_than_the_most():
     chosen = video.choose(np.ones(9999), np.full(9999, 0.1))
-    assert len(chosen) == video.MOST_FRAMES
+    assert len(chosen) == video.MAX_FRAMES
 
 
 @pytest.mark.parametrize("head", [b"no film at all", b"\0\0\0\x18ftypmp42", b""])
@@ -118,7 +118,7 @@ def test_frames_too_small_or_too_large_are_refused_by_the_head(
     tmp_path, monkeypatch, size
 ):
     monkeypatch.setattr(video, "frames", None)
-    monkeypatch.setattr(photos, "MOST_PIXELS", 15_000)
+    monkeypatch.setattr(photos, "MAX_PIXELS", 15_000)
     film = write_film(tmp_path / "a.avi", [size] * 2)
     with pytest.raises(ValueError, match=rf"a\.avi: a film of {size[0]}x{size[1]} pix"):
         video.extract(film, tmp_path)
@@ -126,7 +126,7 @@ def test_frames_too_small_or_too_large_are_refused_by_the_head(
 
 def test_a_frame_larger_than_the_head_says_is_refused(tmp_path, monkeypatch):
     film = write_film(tmp_path / "a.avi", [(200, 100)] * 2)
-    monkeypatch.setattr(photos, "MOST_PIXELS", 15_000)
+    monkeypatch.setattr(photos, "MAX_PIXELS", 15_000)
     with pytest.raises(ValueError, match=r"a\.avi: a film of 200x100 pixels: over"):
         list(video.frames(film, "film", 2, lambda number: True))
 
@@ -146,7 +146,7 @@ def test_a_head_that_lies_about_frames_loses_none(tmp_path, monkeypatch, count):
     every = video.measure(film, video.check(film))
     assert every.count == 40
     assert every.numbers == list(range(40))
-    monkeypatch.setattr(video, "MOST_LOOKED_AT", 10)
+    monkeypatch.setattr(video, "MAX_LOOKED_AT", 10)
     fewer = video.measure(film, video.check(film))
     assert fewer.count == 40
     assert fewer.numbers == list(range(0, 40, 4))

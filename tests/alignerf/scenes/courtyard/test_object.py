@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from alignerf import poses
-from alignerf.files import images
+from alignerf.io import images
 from alignerf.scenes.courtyard import scene as courtyard
 from alignerf.scenes.courtyard import world as courtyard_world
 

@@ -1,0 +1,117 @@
+"""Photos beside renders of another program: these are judged, nothing is trained."""
+
+from typing import Literal
+
+from alignerf.captures import base, posed
+from alignerf.experiment.keys.key import Keys, key
+
+# Of the key `external_renders`: files and folders that are read.
+PATHS = ("renders", "cameras", "depth")
+
+
+class ExternalRenders(Keys):
+    """What another program has trained: its renders are judged, and nothing is trained.
+
+    `make judge` writes it.
+    """
+
+    renders: str = key(
+        what="folder of its renders of the photos, as nerfstudio, gsplat or Gaussian "
+        "splatting write them, or called like the photos",
+        pattern=r"\S",
+    )
+    splits: list[Literal["train", "test"]] = key(
+        ["train", "test"],
+        "those that there are renders of: of photos that were learnt from, of held-out "
+        "ones, or of both",
+        length=(1, 2),
+    )
+    cameras: str | None = key(
+        None,
+        "transforms.json, COLMAP's sparse/0, or cameras.json of Gaussian splatting, or "
+        "their folder; null: a field of view is assumed, and turns and zooms are told",
+        pattern=r"\S",
+    )
+    depth: str | None = key(
+        None,
+        "folder of the renders' depth: .npz, .npy, .npy.gz, .tiff, .png of 16 bits; "
+        "null: from the points that cameras came with, else all is far away",
+        pattern=r"\S",
+    )
+    before: str | None = key(
+        None,
+        "verdict.json of a judgement before this one, with which it is compared",
+        pattern=r"\S",
+    )
+    depth_kind: Literal["depth", "distance"] | None = key(
+        None,
+        "along the optical axis, or along the ray; null: as fits the points better",
+    )
+    depth_scale: float | None = key(
+        None,
+        "what brings it to the unit of the cameras; null: as fits the points",
+        above=0,
+        most=1e30,
+    )
+
+
+class JudgedCapture(posed.Posed):
+    name = "external_renders"
+    order = 8
+    what = "photos beside renders of another program"
+    # Renders were seen by the cameras as they are; an export has adjusted ones.
+    poses = ("input",)
+    keys = ("background",)
+    section = (
+        ExternalRenders | None,
+        key(
+            None,
+            "of source external_renders: the renders, their cameras and their depth",
+        ),
+    )
+    trains = False
+
+    def read(self, scene, scratch):
+        from alignerf.scenes.external import views
+
+        return views.load(scene, scratch)
+
+    def read_given(self, scene):
+        from alignerf.scenes.external import views
+
+        return views.at_full_size(scene)
+
+    def wants_matches(self, scene):
+        return bool(keys_of(scene).get("cameras")) and super().wants_matches(scene)
+
+    def splits(self, scene):
+        return keys_of(scene).get("splits") or super().splits(scene)
+
+    def can_export(self, scene):
+        return bool(keys_of(scene).get("cameras")) and "train" in self.splits(scene)
+
+    def before(self, scene):
+        return keys_of(scene).get("before")
+
+    def paths(self, scene):
+        read = {f"judged.{key}": keys_of(scene).get(key) for key in PATHS}
+        return super().paths(scene) | read
+
+    def faults(self, scene):
+        """The pairs stay as they are: nothing of them is made smaller."""
+        if not keys_of(scene):
+            yield (
+                "external_renders",
+                "goes with source 'external_renders', and that with it",
+            )
+        for name, usual in (("downscale", 1), ("crop", None), ("perturb_px", 0)):
+            if scene[name] != usual:
+                yield name, "not of renders that are judged"
+
+
+def keys_of(scene):
+    """Those of `external_renders`."""
+    return base.section(scene, "external_renders")
+
+
+CAPTURE = JudgedCapture()

@@ -1,0 +1,117 @@
+"""From a folder of photos to its page: `make photos FOLDER=my_photos`.
+
+FOLDER holds photos (also HEIC), films, or photos with cameras by another program
+(transforms.json, sparse/0, poses_bounds.npy) or an app (Polycam's raw data, 3d Scanner
+App's All Data, Record3D's EXR + JPG), or several such folders. A config is written
+beside the results; it is yours to edit, and is kept the next time.
+"""
+
+import sys
+from pathlib import Path
+
+from alignerf.cli import configs, folders, workflow
+from alignerf.experiment import targets
+from alignerf.io import faults
+from alignerf.scenes import originals, photos
+
+
+def main(argv=None):
+    args = parse(argv)
+    example = (command.format("my_photos") for command in configs.PHOTOS)
+    configs.needed(args.folder, "FOLDER", *example)
+    folder = folders.at_home(args.folder)
+    scenes = folders.scenes_of(folder)
+    name = args.name or folders.name_of(folder)
+    if args.name and len(scenes) == 1:
+        scenes = {args.name: next(iter(scenes.values()))}
+    scenes = folders.with_colmap(scenes)
+    with configs.held(name, *scenes):
+        run(name, scenes, folder, args)
+
+
+def run(name, scenes, folder, args):
+    """Write the config of scenes, say what they are, and run it."""
+    path = Path("results") / f"{name}.yaml"
+    configs.say_where(path, config_of(scenes, args), folder)
+    scenes = still_in(path, scenes)
+    if not args.only_config:
+        folders.check_enough(scenes.values())
+    for scene, content in scenes.items():
+        by = " by COLMAP" if content.get("poses") == folders.BY_COLMAP else ""
+        place = faults.one_line(content["path"])
+        print(f"{scene}: {content['source']} in {place}{by}")
+    say_how_long(scenes)
+    say_twice(path, scenes)
+    pages = list(map(targets.page_of, scenes))
+    print(f"page, in the end: {', '.join(pages)}", flush=True)
+    if args.only_config:
+        return
+    # Its files for other programs, too: cameras corrected, or as given.
+    anew, wanted = anew_of(scenes), ("all", "export")
+    if code := workflow.run(path, args.cores, *wanted, first=pages, forced=anew):
+        sys.exit(code)
+
+
+def anew_of(scenes):
+    """The poses of scenes whose photos have changed in their place, which is said."""
+    places = {name: Path("results", name) for name in scenes}
+    found = {name: originals.changed(place) for name, place in places.items()}
+    for name, files in found.items():
+        if files:
+            few = faults.some_names(files)
+            print(f"{name}: changed since poses were found, so all is made anew: {few}")
+    return [str(places[name] / "poses.json") for name, files in found.items() if files]
+
+
+def still_in(path, scenes):
+    """The scenes that a config has, as it has them: a user may have edited them."""
+    there = configs.read(path)["scenes"]
+    return {n: {**one, **(there[n] or {})} for n, one in scenes.items() if n in there}
+
+
+def say_how_long(scenes):
+    """Print how long COLMAP may take: what the rest takes is measured after it."""
+    for name, scene in scenes.items():
+        posed = (Path("results") / name / "poses.json").exists()
+        count = None if posed else folders.count_of(scene)
+        if count and count >= photos.LEAST:
+            minutes = round(folders.colmap_min(count))
+            print(
+                f"{name}: COLMAP places {count} photos first, in some {minutes} min on "
+                "two cores; how long the rest takes is said then"
+            )
+
+
+def say_twice(path, scenes):
+    """Print that a phone's photos are trained with two kinds of poses, and the cost."""
+    if again := [s for s, one in scenes.items() if one.get("poses")]:
+        print(
+            f"poses of the phone: expect pixels of error. {', '.join(again)} has "
+            "COLMAP's beside them, at twice the time: to leave it out, delete it under "
+            f"scenes in {path} (--only-config writes that and stops)"
+        )
+
+
+def config_of(scenes, args):
+    """The config of scenes; the keys that it leaves out follow from the photos."""
+    scenes = {n: scene | configs.of_photos(args) for n, scene in scenes.items()}
+    methods = {"plain": {}, "aligned": {"align": {}}}
+    config = {"decide": True, "scenes": scenes, "methods": methods, "crops": {}}
+    if args.budget_min is not None:
+        config["training"] = {"budget_min": args.budget_min}
+    return config
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    shared = ("--name", "--cores", "--background", "--pose-convention", "--only-config")
+    parser = configs.parser("photos", __doc__, *shared)
+    parser.add_argument("folder", help="photos or films, or folders of such")
+    parser.add_argument(
+        "--budget-min", type=configs.minutes, help="minutes of each training"
+    )
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    faults.run(main)

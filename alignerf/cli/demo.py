@@ -1,0 +1,20 @@
+"""The demo, `make run`: the embedded scene, from nothing to its verdict and page."""
+
+import sys
+
+from alignerf.cli import configs, workflow
+from alignerf.experiment import targets
+from alignerf.io import faults, provenance
+
+
+def main(argv=None):
+    args = configs.parser("demo", __doc__, "--cores").parse_args(argv)
+    pages = ", ".join(map(targets.page_of, targets.demo_scenes()))
+    show = provenance.typed("make show", "why-blurry show")
+    print(f"page, in the end: {pages}; its tables: {show}", flush=True)
+    if code := workflow.run(None, args.cores):
+        sys.exit(code)
+
+
+if __name__ == "__main__":
+    faults.run(main)

@@ -1,0 +1,89 @@
+"""A capture's files for other programs: `make export SCENE=my_photos`.
+
+SCENE is the name of a config of `make photos`, results/my_photos.yaml, or the demo's
+scene; the folder of the photos will do too (`FOLDER=my_photos`). What the export needs
+and is not there yet is made. WIDTH makes photos smaller.
+"""
+
+import sys
+from pathlib import Path
+
+from alignerf.captures import base
+from alignerf.cli import configs, folders, workflow
+from alignerf.experiment import targets
+from alignerf.io import faults, machine, provenance
+
+
+def main(argv=None):
+    args = parse(argv)
+    example = ("make export SCENE=my_photos", "why-blurry export my_photos")
+    configs.needed(args.name, "SCENE", *example)
+    path = config_of(args.name)
+    scenes = configs.read(path)["scenes"]
+    check_judged(path, scenes.values())
+    print(f"config: {faults.one_line(str(path))}", flush=True)
+    overrides = [f"export_width_px={args.width}"] if args.width else []
+    named = None if path == targets.DEMO else path
+    with configs.held(path.stem, *scenes):
+        code = workflow.run(named, args.cores, "export", overrides=overrides)
+    if code:
+        sys.exit(code)
+    for name in scenes:
+        for made in sorted(Path("results", name).glob("*/export/*/README.txt")):
+            print(f"export: {made}")
+
+
+def config_of(name):
+    """The config of a name, or of a folder's. ValueError where there is none."""
+    place = folders.at_home(name)
+    names = [place.name, folders.name_of(place)]
+    for one in names:
+        path = Path("results") / f"{one}.yaml"
+        if path.is_file():
+            return path
+    if is_demos(name):
+        return targets.DEMO
+    photos = provenance.typed(*configs.PHOTOS)
+    raise ValueError(
+        f"results/{names[-1]}.yaml does not exist: run `{photos.format(name)}` "
+        "first, or, for a config of your own, `snakemake --cores "
+        f"{machine.cores()} export --configfile FILE`"
+    )
+
+
+def is_demos(name):
+    """Whether results/NAME was made by the demo's config."""
+    made, demo = Path("results", name, "config.yaml"), configs.read(targets.DEMO)
+    if name not in demo["scenes"] or not made.is_file():
+        return False
+    methods = configs.read(made).get("methods")
+    return isinstance(methods, dict) and methods.keys() == demo["methods"].keys()
+
+
+def check_judged(path, scenes):
+    """ValueError where scenes are nothing but renders that cannot be corrected."""
+    if not any(map(can_export, scenes)):
+        raise ValueError(
+            f"{path}: nothing to export: it wants CAMERAS, and renders of photos that "
+            "were learnt from. Judge again with both"
+        )
+
+
+def can_export(scene):
+    """Whether a scene of a config may have an export; what is wrong is said later."""
+    is_known = isinstance(scene, dict) and scene.get("source") in base.every()
+    return not is_known or base.of(scene).can_export(scene)
+
+
+def parse(argv=None):
+    """Arguments of the command line."""
+    parser = configs.parser("export", __doc__, "--cores")
+    parser.add_argument(
+        "name", help="of a config in results/, or its folder; courtyard after the demo"
+    )
+    parser.add_argument("--width", type=configs.count, help="of photos, in pixels")
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    faults.run(main)

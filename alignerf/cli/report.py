@@ -1,0 +1,207 @@
+"""A run in a few lines: each job when it ends, and what stopped it if something did.
+
+A terminal has a bar beneath them, with the time that is left. Elsewhere its text is a
+line now and then, as logs can have it.
+"""
+
+import functools
+import json
+import math
+import os
+import sys
+import textwrap
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from rich import console, progress
+
+from alignerf.cli import configs, jobs
+from alignerf.costs import summary
+from alignerf.experiment import targets
+from alignerf.io import faults
+
+# Rules whose own lines are shown, as a user decides by them.
+TELLING = ("preflight",)
+# Seconds between changes of the bar, and between such lines in a log; or so many times
+# what they took to find.
+EVERY_S, LOG_EVERY_S, TIMES = 1.0, 30.0, 20.0
+# Of a job without a share of its own: the rest is for what takes longer than planned.
+MAX_BY_CLOCK = 0.95
+# Lines of the log that are shown where no job has failed.
+LAST_LINES = 40
+NAME_WIDTH, WIDTH, BAR_WIDTH = 62, 94, 24
+# Of one job.
+MAX_WARNINGS = 5
+# What is left of a plan is not known to so many seconds.
+SOON_S = 5
+
+
+class Running(NamedTuple):
+    """A job under way; begun_s: by the monotonic clock."""
+
+    rule: str
+    name: str
+    begun_s: float
+    outputs: list
+    logs: list
+
+
+class Report:
+    """Takes events, and shows them. captures: scenes of the run. log: all its text."""
+
+    def __init__(self, captures, log, stream=None, results="results"):
+        # An editor's shell knows no control sequences.
+        live = (stream or sys.stdout).isatty() and os.environ.get("TERM") != "dumb"
+        self.console = console.Console(file=stream, force_terminal=live)
+        self.bar = progress.Progress(
+            progress.BarColumn(BAR_WIDTH),
+            progress.TextColumn("{task.description}", markup=False),
+            console=self.console,
+            transient=True,
+            auto_refresh=False,
+        )
+        self.whole = self.bar.add_task("", total=1.0)
+        self.live, self.every_s = live, EVERY_S if live else LOG_EVERY_S
+        self.captures, self.log, self.results = captures, log, Path(results)
+        self.begun_s = time.monotonic()
+        self.due_s = self.begun_s + self.every_s
+        self.running, self.finished, self.warned = {}, 0, set()
+        self.done, self.total, self.scenes, self.errors = 0, 0, [], []
+        # Of a line that is not whole yet.
+        self.rest = ""
+        # A job that ends from then on was stopped.
+        self.stopping = False
+
+    def line(self, text):
+        """A line that stays."""
+        self.console.out(text, highlight=False)
+
+    def look(self, events):
+        """Show what Snakemake has told since, and how far it is; events: a file."""
+        *lines, self.rest = (self.rest + events.read()).split("\n")
+        for line in lines:
+            self.take(json.loads(line))
+        if self.total and (now_s := time.monotonic()) >= self.due_s:
+            share, text = self.state()
+            if self.live:
+                self.bar.start()
+                self.bar.update(self.whole, completed=share, description=text)
+                self.bar.refresh()
+            else:
+                self.line(f"  ... {text}")
+            took_s = time.monotonic() - now_s
+            self.due_s = now_s + max(self.every_s, TIMES * took_s)
+
+    def take(self, event):
+        """Show an event, if a reader wants to know it."""
+        kind = event["event"]
+        if kind == "job_info" and event["output"]:
+            self.running[event["jobid"]] = Running(
+                event["rule_name"],
+                jobs.name_of(event["rule_name"], event["wildcards"], self.captures),
+                time.monotonic(),
+                event["output"],
+                event["log"],
+            )
+        elif kind in ("job_finished", "job_error"):
+            self.end(event["jobid"], failed=kind == "job_error")
+        elif kind == "progress":
+            self.done, self.total = event["done"], event["total"]
+        elif kind == "run_info":
+            self.total, self.scenes = event["total"], event["scenes"].split("\n")
+        elif kind == "error":
+            self.errors.append(event["text"])
+
+    def end(self, key, failed):
+        """A line for a job that has ended, and what it tells. A target is no job."""
+        if (job := self.running.pop(key, None)) is None:
+            return
+        self.finished += 1
+        took = clock(time.monotonic() - job.begun_s)
+        how = ("  stopped" if self.stopping else "  FAILED") if failed else ""
+        self.line(f"  {job.name:<{NAME_WIDTH}} {took:>7}{how}")
+        if job.rule in TELLING and not failed:
+            self.tell(jobs.said(job.logs))
+        new = [x for x in jobs.warnings(job.logs) if x not in self.warned]
+        self.warned.update(new)
+        self.tell(new[:MAX_WARNINGS])
+        if (more := len(new) - MAX_WARNINGS) > 0:
+            self.tell([f"and {more} more in {', '.join(job.logs)}"])
+
+    def tell(self, lines):
+        """Lines beneath a job's own."""
+        for line in map(faults.one_line, lines):
+            for part in textwrap.wrap(line, WIDTH, subsequent_indent="  "):
+                self.line(f"      {part}")
+
+    def state(self):
+        """(share that is done, 'jobs done, time left; jobs that run')."""
+        shown = {job.name: jobs.last_shown(job.logs) for job in self.running.values()}
+        share = self.done / max(self.total, 1)
+        text = f"{self.done} of {self.total} jobs"
+        share_of = functools.partial(self.share, shown)
+        if left := summary.seconds_left(self.results, self.scenes, share_of):
+            left_s, whole_s = left
+            share = 1 - left_s / max(whole_s, left_s, 1.0)
+            about = f"about {summary.minutes(left_s)} left"
+            text += f", {about if left_s > SOON_S else 'nearly done'}"
+        elif len(shown) == 1 and (only := next(iter(shown.values()))) and only.left_s:
+            text += f", {clock(only.left_s)} left of this one"
+        names = [n + (f", {one.text}" if one else "") for n, one in shown.items()]
+        return share, "; ".join([text, *names])
+
+    def share(self, shown, path, task):
+        """The share of a task that a running job has done; None where none runs.
+
+        shown: {name of a running job: `progress.Shown`, or None}.
+        """
+        # Of crops, files lie beside the scene's folder.
+        path = Path(os.path.normpath(path))
+        for job in self.running.values():
+            if {Path(output) for output in job.outputs} & {path, *path.parents}:
+                if (one := shown[job.name]) and one.share is not None:
+                    return one.share
+                took_s = time.monotonic() - job.begun_s
+                return min(took_s / max(task.seconds, math.ulp(1)), MAX_BY_CLOCK)
+        return None
+
+    def stop(self):
+        """Say that the run is asked to end."""
+        self.stopping = True
+        self.line("stopping what runs")
+
+    def close(self, code):
+        """The last lines; code: the run's exit code."""
+        if self.live:
+            self.bar.stop()
+        if code == 0:
+            count = "1 job" if self.finished == 1 else f"{self.finished} jobs"
+            took = clock(time.monotonic() - self.begun_s)
+            there = "all of it is there already"
+            self.line(f"{count} in {took}" if self.finished else there)
+            return
+        # Jobs that were asked to end are no faults.
+        asked = [targets.AS_ASKED, targets.GOES_ON] if self.stopping else []
+        for line in asked or targets.causes([self.log]) or self.faults():
+            self.line(line)
+        self.line(f"all that the run said: {self.log}")
+
+    def faults(self):
+        """What stopped a run that has no failed job, as a plan that is wrong."""
+        text = self.log.read_text(encoding="utf-8", errors="replace")
+        lines = text.rstrip().splitlines()
+        if "LockException" in text:
+            return f"error: {configs.LOCKED}", f"  {configs.unlocking()}"
+        ours = [line for line in lines if line.startswith("error: ")]
+        told = [line for error in self.errors for line in error.splitlines()]
+        return ours or told or lines[-LAST_LINES:]
+
+
+def clock(seconds):
+    """'0:05', '12:30', '1:02:03'."""
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours}:{minutes:02d}:{seconds:02d}"
+    return f"{minutes}:{seconds:02d}"

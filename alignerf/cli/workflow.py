@@ -1,0 +1,150 @@
+"""The workflow on a config, and what a user sees of it.
+
+A plugin of this project's (workflow/plugins) tells what Snakemake does; all that it and
+its jobs print goes to a file, which is named. With VERBOSE in the environment (`make
+run VERBOSE=1`) that is what a user sees.
+"""
+
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import psutil
+
+from alignerf.cli import configs, report
+from alignerf.experiment import sources, targets
+
+LOGS, KEPT = Path("results/logs"), 10
+OURS = re.compile(r"run-\d{8}-\d{6}-\d+\.log")
+# Targets after which nobody waits for a verdict.
+WITHOUT_VERDICT = {("export",)}
+PLUGIN, EVENTS = "alignerf-events", "ALIGNERF_EVENTS"
+POLL_S = 0.1
+# By these a keyboard, another process and a terminal that is closed end a run.
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+# A job that is begun meanwhile is asked to end too; Snakemake may take so long at most.
+AGAIN_S, STUCK_S = 2.0, 30.0
+
+
+def run(path, cores, *wanted, overrides=(), forced=(), first=()):
+    """Run a config for targets, and show it; returns the exit code.
+
+    path: None is the demo's config. overrides: `key=value` of top-level keys. forced:
+    files that are made anew. first: files that come before all others, with what they
+    need.
+    """
+    command = command_of(path, cores, wanted, overrides, forced, first)
+    if os.environ.get("VERBOSE"):
+        return loud(command)
+    captures = list(configs.read(path or targets.DEMO)["scenes"])
+    code = quiet(command, captures)
+    if code == 0 and wanted not in WITHOUT_VERDICT:
+        export = targets.export_command([path] if path else [])
+        print("\n".join(targets.verdicts(captures, export=export)), flush=True)
+    return code
+
+
+def command_of(path, cores, wanted, overrides, forced, first=()):
+    """Snakemake's words."""
+    profile = sources.PIPELINE / "workflow" / "profiles" / "default"
+    command = [sys.executable, "-m", "snakemake", "--cores", str(cores)]
+    command += ["--snakefile", str(sources.PIPELINE / "Snakefile")]
+    command += ["--workflow-profile", str(profile)]
+    command += ["--configfile", str(path)] if path else []
+    command += ["--config", *overrides] if overrides else []
+    command += ["--forcerun", *forced] if forced else []
+    command += ["--prioritize", *first] if first else []
+    return [*command, "--", *wanted]
+
+
+def quiet(command, captures):
+    """Run it with a line a job; returns the exit code."""
+    log = log_file()
+    told = report.Report(captures, log)
+    told.line(f"all that Snakemake and its jobs say: {log}")
+    command = [*command[:3], "--logger", PLUGIN, *command[3:]]
+    # Snakemake takes a plugin that it finds on the search path.
+    paths = [str(sources.PLUGINS), os.environ.get("PYTHONPATH", "")]
+    path = os.pathsep.join(filter(None, paths))
+    with tempfile.NamedTemporaryFile("r") as events, open(log, "wb") as output:
+        code = ended(
+            subprocess.Popen(
+                command,
+                env=os.environ | {EVENTS: events.name, "PYTHONPATH": path},
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            ),
+            lambda: told.look(events),
+            told.stop,
+        )
+        told.look(events)
+    told.close(code)
+    return code
+
+
+def loud(command):
+    """Run it, and let Snakemake speak; returns the exit code."""
+
+    def stopped():
+        print("stopped; the same command goes on", file=sys.stderr)
+
+    return ended(subprocess.Popen(command, start_new_session=True), stop=stopped)
+
+
+def ended(process, look=lambda: None, stop=lambda: None):
+    """Look at Snakemake until it ends; returns the exit code, as a shell has it.
+
+    Who ends this process ends Snakemake and its jobs, as does a fault of `look`.
+    Snakemake has a session of its own, so that it is told once: its handler waits for a
+    lock, which the thread that a second signal interrupts may hold.
+    """
+    before = {one: signal.getsignal(one) for one in SIGNALS}
+    asking = [one for one, handler in before.items() if handler != signal.SIG_IGN]
+    try:
+        for one in asking:
+            signal.signal(one, signal.default_int_handler)
+        while process.poll() is None:
+            look()
+            time.sleep(POLL_S)
+    except KeyboardInterrupt:
+        stop()
+    finally:
+        for one in asking:
+            signal.signal(one, signal.SIG_IGN)
+        end(process)
+        for one in asking:
+            signal.signal(one, before[one])
+    code = process.returncode
+    return code if code >= 0 else 128 - code
+
+
+def end(process):
+    """Ask a process and all that it has started to end; kill one that does not."""
+    if process.poll() is None:
+        process.terminate()
+    begun_s = time.monotonic()
+    while process.poll() is None:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            for job in psutil.Process(process.pid).children(recursive=True):
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    job.terminate()
+        if time.monotonic() > begun_s + STUCK_S:
+            process.kill()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(AGAIN_S)
+
+
+def log_file():
+    """A new file for all that a run prints; of earlier ones the last few stay."""
+    LOGS.mkdir(parents=True, exist_ok=True)
+    ours = sorted(path for path in LOGS.iterdir() if OURS.fullmatch(path.name))
+    for old in ours[: 1 - KEPT]:
+        old.unlink(missing_ok=True)
+    return LOGS / f"run-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.log"

@@ -1,0 +1,211 @@
+"""Renders of another program: `python -m alignerf.external.render`.
+
+A job's command writes an image of every view, and their depth if it can; or they lie in
+folders; or, without a job, the scene itself knows what belongs to which view
+(`alignerf.scenes.external`). They are checked and written as `alignerf.render_views`
+writes ours: <view>.png, <view>.npz with depth, and a timing file, in folders with an
+entry for each split.
+"""
+
+import hashlib
+import json
+import logging
+import shutil
+from contextlib import ExitStack
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from alignerf.experiment.checks import places
+from alignerf.external import commands
+from alignerf.io import archives, atomic, faults, images, machine, owned, progress
+from alignerf.scenes import cameras, distortion, photos, prepared
+from alignerf.scenes.external import depths, renders, views
+
+log = logging.getLogger("alignerf")
+
+# Sizes that differ by rounding: by so many pixels, or by so much of a side.
+ROUNDING_PX, ROUNDING_FRACTION = 2, 0.02
+
+OPTIONS = commands.OPTIONS | {
+    "[cameras]": "that renders are seen by",
+    "splits": ("of the views", {"choices": prepared.SPLITS} | faults.SEVERAL),
+    "renders": ("folder, written", Path),
+    "depth": ("folder, written", Path),
+    "timing": ("folder, written", Path),
+}
+
+
+def main(argv=None):
+    args = faults.arguments(argv, __doc__, OPTIONS)
+    job = args.config = args.config and commands.job_of(args.config)
+    loaded = prepared.load(args.scene, args.cameras)
+    if job is None:
+        there = [name for name in prepared.SPLITS if (loaded.split == name).any()]
+        if sorted(there) != sorted(args.splits):
+            told = f"{', '.join(args.splits)}; there are renders of {', '.join(there)}"
+            raise ValueError(f"judged.splits: {told}")
+        write(args, loaded, of_pairs(loaded), 0.0, threads=args.threads)
+    elif job.renders:
+        names = {"scene": args.scene.name}
+        folders = [f and places.filled(f, names) for f in (job.renders, job.depth)]
+        write(args, loaded, of_folders(*folders, loaded, args.splits), 0.0)
+    else:
+        # It stays where something is wrong with it, for its owner to look at.
+        work = faults.resolved(args.training / "rendered")
+        shutil.rmtree(work, ignore_errors=True)
+        folders = {name: work / name for name in ("renders", "depth")}
+        for folder in folders.values():
+            folder.mkdir(parents=True)
+        seconds = commands.run_of_job(job.render, args, **folders)
+        of_view = of_folders(*folders.values(), loaded, args.splits)
+        write(args, loaded, of_view, seconds)
+        shutil.rmtree(work)
+
+
+def of_folders(images, depth, loaded: prepared.Scene, splits):
+    """View -> (image, depth) of files that are named like the views of some splits.
+
+    images, depth: folders, the latter in the units of the scene's own cameras, or None;
+    without any all is far away. loaded: with the cameras that the renders are seen by.
+    Raises ValueError where views are missing, of another size, empty, broken or twice
+    the same.
+    """
+    names = [loaded.names[view] for split in splits for view in loaded.views(split)]
+    images = Path(images)
+    named = renders.named(images, renders.files_of(images), loaded.names, None)
+    found, maps = complete(named.renders if named else {}, names, images), {}
+    if depth and (not Path(depth).is_dir() or any(Path(depth).iterdir())):
+        maps = complete(depths.find(depth, loaded.names), names, depth)
+    else:
+        log.info("no depth came with the renders: all counts as far away")
+    scale, seen = scale_of(prepared.read_cameras(loaded.folder / "cameras.npz")), {}
+
+    def of_view(view):
+        name = loaded.names[view]
+        path = found[name].path
+        # As photos are read, 16 bits and alpha too.
+        image = photos.as_stored(path, "black")
+        if (image == image[:1, :1]).all():
+            raise ValueError(f"{path}: an empty image, all of one colour")
+        image = fitting(image, path, loaded, cv2.INTER_AREA)
+        digest = hashlib.sha256(image.tobytes()).digest()
+        camera = loaded.pixtocams[view].tobytes() + loaded.camtoworlds[view].tobytes()
+        other, its_camera = seen.setdefault(digest, (path, camera))
+        if camera != its_camera:
+            raise ValueError(f"{path}: the same image as {other}, of another camera")
+        if name not in maps:
+            return image, far_away((loaded.width, loaded.height))
+        values = depths.read(maps[name])
+        return image, scale * fitting(values, maps[name], loaded, cv2.INTER_NEAREST)
+
+    return of_view
+
+
+def of_pairs(loaded: prepared.Scene):
+    """View -> (image, depth) of a scene that is judged."""
+    if (pairs := views.read_pairs(loaded.folder)) is None:
+        raise ValueError(f"{loaded.folder / views.PAIRS}: not found")
+    own, points = prepared.read_cameras(loaded.folder / "cameras.npz"), None
+    scale, size = scale_of(own), (loaded.width, loaded.height)
+    if pairs["depth"] == "points":
+        path = loaded.folder / prepared.POINTS
+        points = archives.read(path, ("points",))["points"]
+
+    def of_view(view):
+        pair, pixtocam = pairs["views"][loaded.names[view]], own["pixtocams"][view]
+        render = renders.Render(Path(pair["render"]), pair["is_sheet"])
+        image, _ = views.read_render(render, pairs.get("background"))
+        # Of a render that shows the distortion: (camtopix, distortion).
+        if lens := pair["lens"] and tuple(map(np.array, pair["lens"])):
+            camtopix = np.linalg.inv(loaded.pixtocams[view])
+            image = distortion.undistort(image, *lens, camtopix)
+        if points is not None:
+            depth = depths.of_points(points, pixtocam, own["camtoworlds"][view], size)
+        elif pairs["depth"] == "given" and pair["depth"]:
+            values = depths.as_shown(depths.read(pair["depth"]), pixtocam, size, lens)
+            along = depths.along_axis(values, pairs["depth_kind"], pixtocam)
+            depth = pairs["depth_scale"] * along
+        else:
+            depth = far_away(size)
+        return image, scale * depth
+
+    return of_view
+
+
+def scale_of(own):
+    """Normalised units of length in one of the cameras as given."""
+    return cameras.frame_of(own["camtoworlds"]).scale
+
+
+def far_away(size):
+    """Infinite depth [h, w]: before it only a turn and a zoom can be seen."""
+    return np.full(size[::-1], np.inf, np.float32)
+
+
+def complete(found, names, folder):
+    """The same, or ValueError with some names of views that are missing."""
+    if missing := [name for name in names if name not in found]:
+        some = faults.some_names(missing)
+        others = sorted(p.name for p in Path(folder).rglob("*") if p.is_file())
+        has = f"; it has {faults.some_names(others)}" if others else "; it is empty"
+        raise ValueError(
+            f"{folder}: {len(missing)} of {len(names)} views are missing: {some}{has}"
+        )
+    return found
+
+
+def fitting(values, path, loaded: prepared.Scene, interpolation):
+    """Values [h, w, ...] at the scene's size, which rounding may have made another.
+
+    Raises ValueError for any other size.
+    """
+    size, own = (loaded.width, loaded.height), values.shape[1::-1]
+    if own == size:
+        return values
+    if any(
+        abs(a - b) > max(ROUNDING_PX, ROUNDING_FRACTION * b)
+        for a, b in zip(own, size, strict=True)
+    ):
+        sizes = f"{own[0]}x{own[1]} pixels, not {size[0]}x{size[1]}"
+        raise ValueError(f"{path}: {sizes} as the photos in {{data}}")
+    log.warning("made %dx%d like the photos: %s", *size, path.name)
+    return cv2.resize(values, size, interpolation=interpolation)
+
+
+def write(args, loaded, of_view, seconds, threads=1):
+    """Write the views of all splits, and how long each took.
+
+    of_view: a function of a view: its image [h, w, 3], its depth [h, w]. seconds: of
+    all views, which the command renders at once.
+    """
+    count = sum(len(loaded.views(split)) for split in args.splits)
+    with ExitStack() as stack:
+        for split in args.splits:
+            to_images, to_depths = (
+                stack.enter_context(atomic.replace_folder(path / split))
+                for path in (args.renders, args.depth)
+            )
+
+            def one(view, to_images=to_images, to_depths=to_depths):
+                image, depth = of_view(view)
+                images.write(to_images / f"{loaded.names[view]}.png", image)
+                known = np.where(depth > 0, depth, np.inf).astype(np.float32)
+                np.savez(to_depths / f"{loaded.names[view]}.npz", depth=known)
+
+            own = loaded.views(split)
+            made = machine.map_in_threads(one, own, threads=threads)
+            for _ in progress.over(made, f"renders {split}", total=len(own)):
+                pass
+        owned.put(args.timing, [f"{split}.json" for split in args.splits])
+        for split in args.splits:
+            own = len(loaded.views(split))
+            timing = {"time_s": round(own * seconds / count, 3), "views": own}
+            timing["view_time_s"] = round(seconds / count, 4)
+            with atomic.replace_file(args.timing / f"{split}.json") as path:
+                path.write_text(json.dumps(timing))
+
+
+if __name__ == "__main__":
+    faults.run(main)

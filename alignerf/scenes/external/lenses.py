@@ -1,0 +1,262 @@
+"""The cameras that another program's renders were seen by.
+
+Read are: a transforms.json (instant-ngp, nerfstudio), a COLMAP model (sparse/0, binary
+or text), the cameras.json of 3D Gaussian splatting, and nothing at all: then a field of
+view is assumed, and only turns and zooms can be told.
+"""
+
+import logging
+import math
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pycolmap
+
+from alignerf.io import faults, json_files
+from alignerf.scenes import prepare
+from alignerf.scenes.formats import colmap_models, transforms
+
+log = logging.getLogger("alignerf")
+
+# Of a .ply, and of its head.
+MAX_PLY_BYTES, HEAD_BYTES = 2**31, 2**16
+# The horizontal field of view that is assumed where nothing is known: of a phone's main
+# camera. By a wrong one a turn is told wrongly by the same share.
+ASSUMED_DEGREES = 65.0
+# COLMAP's files of a model.
+OF_MODEL = ("cameras.bin", "cameras.txt")
+MODELS = (".", "sparse/0", "sparse", "colmap/sparse/0", "0")
+# Written by 3D Gaussian splatting beside its model.
+GAUSSIANS = "cameras.json"
+OF_GAUSSIANS = {
+    "img_name": str,
+    **dict.fromkeys(("width", "height", "fx", "fy"), json_files.NUMBER),
+    **dict.fromkeys(("position", "rotation"), list),
+}
+
+
+class Lens(NamedTuple):
+    """A view's camera.
+
+    camtopix [3, 3] and distortion [5], of a fisheye [4], are of `size`: (width, height)
+    in px; None means the photo's. camtopix is None where nothing is known of it, and
+    the photo's size tells a guess. pose: camera-to-world [3, 4], OpenGL axes.
+    """
+
+    camtopix: np.ndarray | None
+    distortion: np.ndarray
+    size: tuple | None
+    pose: np.ndarray
+
+    def at(self, size, where):
+        """(camtopix, distortion) at a photo's (width, height); ValueError as of
+        `prepare.true_scale`."""
+        if self.camtopix is None:
+            return guessed(size), self.distortion
+        own = self.size or size
+        return prepare.true_scale(
+            own, size, where=where
+        ) @ self.camtopix, self.distortion
+
+
+class Cameras(NamedTuple):
+    """{view: Lens} of a file, what it is, the points and the splits that it has.
+
+    points: positions [m, 3] and colours, or None. splits: {view: split}, or None.
+    """
+
+    lenses: dict
+    kind: str
+    points: tuple | None = None
+    splits: dict | None = None
+
+
+def read(path, photo_size) -> Cameras:
+    """The cameras of a file or folder; ValueError naming it where there are none.
+
+    photo_size: (width, height) that cameras are of where a transforms.json has no w, h.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise ValueError(f"{path}: no such file or folder of cameras")
+    if path.is_file():
+        if path.suffix != ".json":
+            return of_model(path.parent)
+        if path.name == GAUSSIANS:
+            return of_gaussians(path)
+        return of_json(path, photo_size)
+    if (path / "transforms.json").is_file():
+        return of_json(path / "transforms.json", photo_size)
+    for inner in MODELS:
+        if any((path / inner / name).is_file() for name in OF_MODEL):
+            return of_model(path / inner)
+    if (path / GAUSSIANS).is_file():
+        return of_gaussians(path / GAUSSIANS)
+    raise ValueError(
+        f"{path}: neither transforms.json, nor sparse/0, nor cameras.json of Gaussian "
+        "splatting"
+    )
+
+
+def files_of(path):
+    """Paths of the files that `read` may take cameras and points from; [] of None."""
+    if path is None:
+        return []
+    path = Path(path)
+    if path.is_file() and path.suffix == ".json":
+        return [path, *path.parent.glob("*.ply")]
+    folder = path.parent if path.is_file() else path
+    found = [folder / name for name in ("transforms.json", GAUSSIANS)]
+    for inner in MODELS:
+        for suffix in ("bin", "txt", "ply"):
+            found += sorted((folder / inner).glob(f"*.{suffix}"))
+    return [file for file in found if file.is_file()]
+
+
+def of_json(path, photo_size) -> Cameras:
+    """Those of a transforms.json; the photos that it names need not be there."""
+    scene = json_files.read(path, {"frames": list})
+    lenses, splits = {}, {}
+    # Of nerfstudio's lists; what is validated is held out.
+    of_file = {
+        name: split
+        for split, key in (("test", "val"), ("test", "test"), ("train", "train"))
+        for name in transforms.listed(path, scene, key)
+    }
+    for i, frame in enumerate(scene["frames"]):
+        if not isinstance(frame, dict) or not isinstance(frame.get("file_path"), str):
+            raise ValueError(f"{path}: frame {i} has no text under 'file_path'")
+        name = stem_of(frame["file_path"])
+        if name in lenses:
+            told = faults.shown(name)
+            raise ValueError(f"{path}: two frames have the view name {told}")
+        usual = dict(zip(("w", "h"), photo_size, strict=True))
+        values = usual | scene | frame
+        where = transforms.told(frame)
+        size = tuple(transforms.number(path, values, k, where=where) for k in "wh")
+        lens = transforms.lens(path, values, *size, where=where)
+        lenses[name] = Lens(*lens, size, transforms.pose(path, frame))
+        if split := of_file.get(frame["file_path"]):
+            splits[name] = split
+    if not lenses:
+        raise ValueError(f"{path}: 'frames' must be a list that is not empty")
+    if len(splits) < len(lenses):
+        splits = None
+    return Cameras(lenses, "transforms.json", points_of(path, scene), splits)
+
+
+def points_of(path, scene):
+    """The points that a transforms.json names under `ply_file_path`, or None.
+
+    A file that is missing or none is left out with a warning: cameras do without.
+    """
+    name = scene.get("ply_file_path")
+    if name is None:
+        return None
+    if not isinstance(name, str):
+        raise ValueError(f"{path}: 'ply_file_path' must be a path")
+    place = transforms.Images(path).inside(name)
+    try:
+        return read_points(place)
+    except (ValueError, OSError) as error:
+        log.warning("no points: %s", error)
+        return None
+
+
+def read_points(path):
+    """(positions [m, 3] float64, colours [m, 3] uint8) of the vertices of a .ply.
+
+    As nerfstudio and 3D Gaussian splatting begin with; pycolmap reads it. Raises
+    ValueError naming the file.
+    """
+    with faults.opened(path, MAX_PLY_BYTES) as file:
+        element = re.search(rb"^element (\S+)", file.read(HEAD_BYTES), re.MULTILINE)
+    if element is None or element[1] != b"vertex":
+        # The reader would take what comes first for vertices.
+        raise ValueError(f"{path}: not a .ply that begins with vertices")
+    model = pycolmap.Reconstruction()
+    try:
+        model.import_PLY(path)
+    # Whatever COLMAP's reader finds wrong is the file's fault.
+    except Exception as error:
+        first = " ".join(str(error).splitlines()[:1])
+        raise ValueError(f"{path}: not a readable .ply: {first}") from None
+    points = [model.points3D[number] for number in sorted(model.points3D)]
+    if not points:
+        raise ValueError(f"{path}: a .ply without vertices")
+    positions = np.array([point.xyz for point in points])
+    colours = np.array([point.color for point in points], np.uint8)
+    known = np.isfinite(positions).all(axis=-1)
+    return positions[known], colours[known]
+
+
+def stem_of(file_path):
+    """A view's name by its photo's path; only suffixes of photos are taken off."""
+    name = file_path.replace("\\", "/").rpartition("/")[2]
+    stem, dot, suffix = name.rpartition(".")
+    return stem if dot and f".{suffix}" in transforms.SUFFIXES else name
+
+
+def of_model(path) -> Cameras:
+    """Those of a COLMAP model, with its points."""
+    views, points = colmap_models.read(path)
+    lenses = {
+        name: Lens(camtopix, distortion, size, pose)
+        for name, (camtopix, distortion, size, pose) in views.items()
+    }
+    return Cameras(lenses, "COLMAP's model", points)
+
+
+def of_gaussians(path) -> Cameras:
+    """Those of a cameras.json: pinholes, whose principal point is the middle."""
+    lenses = {}
+    for i, entry in enumerate(json_files.read_list(path)):
+        if not isinstance(entry, dict):
+            raise ValueError(f"{path}: entry {i} is no camera")
+        for key, kind in OF_GAUSSIANS.items():
+            if not isinstance(entry.get(key), kind) or isinstance(entry[key], bool):
+                raise ValueError(f"{path}: {key!r} of camera {i} is missing or wrong")
+        name = stem_of(entry["img_name"])
+        if name in lenses:
+            told = faults.shown(name)
+            raise ValueError(f"{path}: two cameras have the view name {told}")
+        lenses[name] = of_gaussian(path, i, entry)
+    if not lenses:
+        raise ValueError(f"{path}: no camera")
+    return Cameras(lenses, "cameras.json of Gaussian splatting", None)
+
+
+def of_gaussian(path, i, entry) -> Lens:
+    """One camera of it; its rotation is camera-to-world with OpenCV's axes."""
+    width, height, fx, fy = (float(entry[k]) for k in ("width", "height", "fx", "fy"))
+    if not (1 <= width <= 1e6 and 1 <= height <= 1e6 and 0 < fx < 1e9 and 0 < fy < 1e9):
+        raise ValueError(f"{path}: size or focal length of camera {i} is none")
+    turn = prepare.matrix_of(entry["rotation"], (3, 3))
+    place = prepare.matrix_of([entry["position"]], (1, 3))
+    if turn is None or place is None:
+        raise ValueError(f"{path}: rotation or position of camera {i} is none")
+    where = f"{path}: rotation of camera {i}"
+    turn = prepare.nearest_rotation(turn, where=where) @ np.diag([1.0, -1.0, -1.0])
+    camtopix = np.array([[fx, 0, width / 2], [0, fy, height / 2], [0, 0, 1]])
+    pose = np.concatenate([turn, place.T], axis=1)
+    return Lens(camtopix, np.zeros(5), (width, height), pose)
+
+
+def guessed(size):
+    """Intrinsics [3, 3] of a photo's (width, height) of which nothing is known."""
+    focal_px = 0.5 * max(size) / math.tan(math.radians(ASSUMED_DEGREES) / 2)
+    width, height = size
+    return np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])
+
+
+def assumed(names) -> Cameras:
+    """Cameras of views of which nothing is known; each stands elsewhere."""
+    found = {}
+    for i, name in enumerate(names):
+        pose = np.eye(4)[:3]
+        # Normalising poses needs places that differ.
+        pose[:, 3] = [math.cos(i), math.sin(i), i / len(names)]
+        found[name] = Lens(None, np.zeros(5), None, pose)
+    return Cameras(found, "none")

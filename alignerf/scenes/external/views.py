@@ -1,0 +1,387 @@
+"""Photos, renders and cameras of another program: source `external_renders`.
+
+Each photo becomes the picture that its render shows, at the render's size (see
+`geometry`). What the importer of renders has to know lies in images/pairs.json.
+"""
+
+import functools
+import json
+import logging
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from alignerf.captures import base
+from alignerf.io import faults, images, json_files
+from alignerf.scenes import loading, photos, prepare, prepared
+from alignerf.scenes.external import depths, geometry, lenses, renders
+
+log = logging.getLogger("alignerf")
+
+# Below the prepared scene's folder.
+PAIRS = "images/pairs.json"
+# Pairs by which the geometry is chosen.
+SAMPLES = 6
+# A render's black border is one from this share of its pixels on.
+BORDER_FRACTION = 0.001
+# Where the photos lie in a folder.
+OF_PHOTOS = (".", "images", "input", "rgb")
+
+
+class Pair(NamedTuple):
+    """A view: its photo's path, its render, its lens at the photo's size."""
+
+    name: str
+    photo: Path
+    upright: bool
+    render: renders.Render
+    lens: tuple
+    photo_size: tuple
+    pose: np.ndarray
+
+
+class ExternalRenders(NamedTuple):
+    """All pairs of a project, one size of renders, and what is told of it."""
+
+    pairs: list
+    size: tuple
+    cameras: lenses.Cameras
+    told: dict
+
+
+def find(config) -> ExternalRenders:
+    """The pairs of a scene's keys. Raises ValueError in one line."""
+    judged = base.section(config, "external_renders")
+    paths = photos_of(config["path"])
+    if judged["cameras"]:
+        first = next(iter(paths.values()))
+        cameras = lenses.read(judged["cameras"], photos.head(first).size)
+    else:
+        cameras = lenses.assumed(sorted(paths))
+    names = [name for name in paths if name in cameras.lenses]
+    if not names:
+        raise ValueError(
+            f"{judged['cameras']}: its cameras "
+            f"({faults.some_names(sorted(cameras.lenses))}) are of other photos than "
+            f"those of {config['path']} ({faults.some_names(sorted(paths))})"
+        )
+    found = renders.find(judged["renders"], names, cameras.splits)
+    without = sorted(set(paths) - set(found.renders))
+    if without:
+        log.warning(
+            "%d of %d photos have no render, or no camera: %s",
+            *(len(without), len(paths), faults.some_names(without)),
+        )
+    size, odd = one_size(found.renders)
+    pairs = [
+        pair_of(name, paths[name], found.renders[name], cameras.lenses[name], size)
+        for name in sorted(found.renders)
+        if name not in odd
+    ]
+    for pair in pairs:
+        if not pair.render.is_sheet and os.path.samefile(pair.photo, pair.render.path):
+            raise ValueError(f"{pair.render.path}: this render is the photo itself")
+    told = {
+        "layout": found.layout,
+        "cameras": cameras.kind,
+        "without_render": without,
+        "of_other_size": sorted(odd),
+    }
+    return ExternalRenders(pairs, size, cameras, told)
+
+
+def photos_of(folder):
+    """{view: path} of the photos in a folder, or in one of OF_PHOTOS inside."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise ValueError(f"{folder}: no folder of photos")
+    for inner in OF_PHOTOS:
+        place = folder / inner
+        if place.is_dir() and any(
+            path.suffix.lower() in photos.SUFFIXES for path in place.iterdir()
+        ):
+            return {path.stem: path for path in photos.find_images(place)}
+    raise ValueError(f"{folder}: no photos ({', '.join(sorted(photos.SUFFIXES))})")
+
+
+def one_size(found):
+    """(the renders' usual size, names of those of another), sheets counted by half."""
+    sizes = {}
+    for name, render in found.items():
+        width, height = photos.head(render.path).size
+        if render.is_sheet and width % 2:
+            raise ValueError(
+                f"{render.path}: {width} px wide: a photo and a render side by side "
+                "are of one width"
+            )
+        sizes[name] = (width // 2 if render.is_sheet else width, height)
+    every = list(sizes.values())
+    usual = max(set(every), key=lambda size: (every.count(size), size))
+    if min(usual) < prepare.MIN_SIZE_PX:
+        path = next(iter(found.values())).path
+        raise ValueError(f"{path}: renders under {prepare.MIN_SIZE_PX} px a side")
+    odd = {name for name, size in sizes.items() if size != usual}
+    if odd:
+        log.warning(
+            "renders of another size than %dx%d are left out: %s",
+            *(*usual, faults.some_names(sorted(odd))),
+        )
+    return usual, odd
+
+
+def pair_of(name, path, render, lens, size) -> Pair:
+    """A view; rows of its photo as stored, or upright where only that fits the render.
+
+    EXIF's orientation is applied by some programs and not by others.
+    """
+    head = photos.head(path)
+    upright, own = False, head.size
+    turned = own[::-1] if head.orientation in photos.SIDEWAYS else own
+    fits = prepare.has_shape(turned, size) and not prepare.has_shape(own, size)
+    if turned != own and fits:
+        upright, own = True, turned
+    camtopix, coefficients = lens.at(own, f"{path}")
+    return Pair(name, path, upright, render, (camtopix, coefficients), own, lens.pose)
+
+
+def files_of(judged: ExternalRenders, keys):
+    """Paths of all that pairs are read from; keys: those of `external_renders`."""
+    found = [path for pair in judged.pairs for path in (pair.photo, pair.render.path)]
+    found += lenses.files_of(keys.get("cameras"))
+    if depth := keys.get("depth"):
+        found += depths.find(depth, [pair.name for pair in judged.pairs]).values()
+    return found
+
+
+def splits_of(judged: ExternalRenders):
+    """{view: split}: as the renders' folders say, else the cameras, else `train`."""
+    found = {}
+    for pair in judged.pairs:
+        own = pair.render.split or (judged.cameras.splits or {}).get(pair.name)
+        found[pair.name] = own or "train"
+    return found
+
+
+def read_render(render: renders.Render, background=None):
+    """(the render [h, w, 3], where it counts [h, w]): not where it has nothing.
+
+    Left out are a black border and, where no background is given, what is transparent.
+    """
+    image = photos.as_stored(render.path, background or "black")
+    counts = ~border(image)
+    if background is None and photos.may_be_transparent(render.path):
+        # What lies behind shows through.
+        counts &= (image == photos.as_stored(render.path, "white")).all(axis=-1)
+    if render.is_sheet:
+        image, counts = (one[:, one.shape[1] // 2 :] for one in (image, counts))
+    return np.ascontiguousarray(image), counts
+
+
+def border(image):
+    """Mask [h, w] of black pixels that reach the image's edge without a gap."""
+    black = (image == 0).all(axis=-1).astype(np.uint8)
+    count, labels = cv2.connectedComponents(black, connectivity=4)
+    if count == 1:
+        return np.zeros(black.shape, bool)
+    edge = [labels[0], labels[-1], labels[:, 0], labels[:, -1]]
+    outer = np.setdiff1d(np.unique(np.concatenate(edge)), [0])
+    found = np.isin(labels, outer)
+    return found if found.mean() > BORDER_FRACTION else np.zeros_like(found)
+
+
+def read_photo(path, upright, background):
+    return photos.decode(path, background, upright=upright)[0]
+
+
+def shown_of(judged: ExternalRenders, background):
+    """({view: `geometry.Shown`} by the way that fits, that way, {way: px}).
+
+    The way is chosen by some of the pairs; of a lens without it the first is taken.
+    """
+    step = max(len(judged.pairs) // SAMPLES, 1)
+    found = {
+        pair.name: geometry.ways(
+            pair.lens, pair.photo_size, judged.size, pair.render.path
+        )
+        for pair in judged.pairs
+    }
+    way, apart_px = geometry.choose(
+        (
+            read_photo(pair.photo, pair.upright, background),
+            read_render(pair.render, background)[0],
+            found[pair.name],
+        )
+        for pair in judged.pairs[::step][:SAMPLES]
+    )
+    shown = {
+        name: next((one for one in ways if one.way == way), ways[0])
+        for name, ways in found.items()
+    }
+    return shown, way, apart_px
+
+
+def load(config, scratch):
+    """Its reader: (views at the renders' size, report, no truth)."""
+    judged = find(config)
+    shown, way, apart_px = shown_of(judged, config["background"])
+    log.info("%d pairs, renders %s", len(judged.pairs), judged.told["layout"])
+    log.info("renders show photos %s", geometry.WAYS[way])
+    views = posed(judged, shown, config["background"])
+    keys = base.section(config, "external_renders")
+    prepared.check_views(keys["cameras"] or config["path"], views)
+    told = judged.told | {"way": way, "apart_px": apart_px}
+    told |= {"background": config["background"]}
+    renders_of = [pair.render.path for pair in judged.pairs]
+    told["transparent"] = any(map(photos.may_be_transparent, renders_of))
+    told |= of_depth(config, judged, views, shown)
+    beside = scratch / prepared.BESIDE
+    beside.mkdir()
+    (beside / "pairs.json").write_text(json.dumps(pairs_json(judged, shown, told)))
+    sizes = [pair.photo_size for pair in judged.pairs]
+    report = loading.registration(views.names, judged.told["without_render"]) | {
+        "points": None if views.points is None else len(views.points[0]),
+        "external_renders": told,
+        "files": files_of(judged, keys),
+        "photo_size": list(max(set(sizes), key=sizes.count)),
+    }
+    return views, report, None
+
+
+def posed(judged: ExternalRenders, shown, background) -> prepare.PosedViews:
+    """The views: photos as the renders show them, where both have pixels."""
+    own, splits = judged.pairs, splits_of(judged)
+    photos_of_views, masks = [], []
+    for pair in own:
+        one = shown[pair.name]
+        read = functools.partial(
+            read_photo, upright=pair.upright, background=background
+        )
+        photos_of_views.append(prepare.Photo(pair.photo, (read, one.picture)))
+        mask = functools.partial(mask_of, shown=one, background=background)
+        masks.append(prepare.Photo(pair, (mask,), pair.render.path))
+    return prepare.PosedViews(
+        names=[pair.name for pair in own],
+        pixtocams=np.stack([np.linalg.inv(shown[pair.name].camtopix) for pair in own]),
+        camtoworlds=np.stack([pair.pose for pair in own]),
+        width=judged.size[0],
+        height=judged.size[1],
+        photos=photos_of_views,
+        masks=masks,
+        points=judged.cameras.points,
+        split=np.array([splits[pair.name] for pair in own]),
+    )
+
+
+def at_full_size(config):
+    """(the views as large as most photos allow, []): for exports.
+
+    The way is the one that `load` has found, by the same pairs.
+    """
+    judged = find(config)
+    shown, *_ = shown_of(judged, config["background"])
+    sizes = list(map(geometry.photos_size, shown.values()))
+    size = max(set(sizes), key=lambda one: (sizes.count(one), one))
+    large = {name: geometry.at_size(one, size) for name, one in shown.items()}
+    views = posed(judged._replace(size=size), large, config["background"])
+    masks = None
+    if not all(one.inside().all() for one in shown.values()):
+        # Beyond the photo its border is repeated, which is nothing to learn from.
+        masks = [prepare.Photo(large[name], (inside_of,)) for name in views.names]
+    return views._replace(masks=masks), []
+
+
+def inside_of(shown):
+    """An image of the mask [h, w, 3] of what a photo shows of its picture."""
+    return images.of_mask(shown.inside())
+
+
+def mask_of(pair: Pair, shown, background=None):
+    """255 where photo and render of a pair both have a pixel [h, w, 3].
+
+    Raises ValueError naming a render that has nothing.
+    """
+    _, counts = read_render(pair.render, background)
+    if not counts.any():
+        raise ValueError(
+            f"{pair.render.path}: an empty image, all black or transparent: take it "
+            "away, or render it again"
+        )
+    counts = shown.render(
+        np.where(counts[..., None], 255, 0).astype(np.uint8).repeat(3, -1)
+    )
+    counts = (counts >= prepare.WHITE).all(axis=-1) & shown.inside()
+    return images.of_mask(counts)
+
+
+def pairs_json(judged: ExternalRenders, shown, told):
+    """What the importer of the renders reads: `read_pairs`."""
+    of_views = {}
+    for pair in judged.pairs:
+        lens = shown[pair.name].render_lens
+        of_views[pair.name] = {
+            "render": str(pair.render.path),
+            "is_sheet": pair.render.is_sheet,
+            "lens": lens and [lens[0].tolist(), lens[1].tolist()],
+            "depth": told.get("depths", {}).get(pair.name),
+        }
+    told.pop("depths", None)
+    keys = ("depth", "depth_kind", "depth_scale", "background")
+    return {"views": of_views} | {key: told.get(key) for key in keys}
+
+
+def read_pairs(scene):
+    """The contents of images/pairs.json of a prepared scene; None without one."""
+    path = Path(scene) / PAIRS
+    if not path.is_file():
+        return None
+    return json_files.read(path, {"views": dict, "depth": str})
+
+
+def of_depth(config, judged: ExternalRenders, views, shown):
+    """What is told of depth: where it comes from, its kind and unit, and the files."""
+    points = None if views.points is None else views.points[0]
+    if (keys := base.section(config, "external_renders"))["depth"]:
+        return of_given_depth(keys, views, shown, points)
+    if judged.cameras.kind == "none" or points is None:
+        return {"depth": "far"}
+    return {"depth": "points"}
+
+
+def of_given_depth(keys, views, shown, points):
+    """The same where depth came along; keys: those of `external_renders`.
+
+    depth_unit: what told the unit, `points`, `config` or `nothing`.
+    """
+    paths = depths.find(keys["depth"], views.names)
+    if missing := [name for name in views.names if name not in paths]:
+        log.warning(
+            "%d of %d views have no depth, and all that they see counts as far away: "
+            "%s",
+            *(len(missing), len(views.names), faults.some_names(missing)),
+        )
+    cameras = zip(views.names, views.pixtocams, views.camtoworlds, strict=True)
+    size = views.width, views.height
+    by_name = {n: (*camera, size, shown[n].render_lens) for n, *camera in cameras}
+    unit = depths.unit_of(paths, by_name, points)
+    told_by = "nothing" if np.isnan(unit.spread) else "points"
+    if keys["depth_kind"]:
+        unit = unit._replace(kind=keys["depth_kind"])
+    if keys["depth_scale"]:
+        unit, told_by = unit._replace(scale=keys["depth_scale"]), "config"
+    if told_by == "nothing":
+        log.warning(
+            "%s: too few points came with the cameras to tell the unit of depth: it is "
+            "taken for theirs",
+            keys["depth"],
+        )
+    return {
+        "depth": "given",
+        "depth_kind": unit.kind,
+        "depth_scale": unit.scale,
+        "depth_spread": None if np.isnan(unit.spread) else unit.spread,
+        "depth_unit": told_by,
+        "depths": {name: str(path) for name, path in paths.items()},
+    }

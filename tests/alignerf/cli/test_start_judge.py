@@ -1,0 +1,268 @@
+"""`make judge`: renders of another program in, a config and a run out."""
+
+import os
+
+import numpy as np
+import pytest
+import yaml
+
+from alignerf.cli import judge
+from alignerf.experiment import check, plan, targets
+from alignerf.experiment.checks import scenes as of_scenes
+from alignerf.io import owned
+from alignerf.scenes import originals
+from alignerf.scenes.external import lenses, views
+from tests import judged_cases as cases
+from tests import step_cases
+
+KINDS = ("cameras", "photos")
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """An empty place with photos, cameras and renders of both splits."""
+    monkeypatch.chdir(tmp_path)
+    cases.project(tmp_path)
+    for i, name in enumerate(cases.NAMES):
+        split = "test" if i % 4 == 0 else "train"
+        (tmp_path / "renders" / split).mkdir(exist_ok=True)
+        file = tmp_path / "renders" / f"{name}.png"
+        file.rename(tmp_path / "renders" / split / f"{name}.png")
+    return tmp_path
+
+
+@pytest.fixture
+def runs(monkeypatch):
+    """What would be run: (config's path, targets, forced rules)."""
+    made = []
+
+    def run(path, cores, *names, overrides=(), forced=()):
+        made.append((str(path), names, forced))
+        return 0
+
+    monkeypatch.setattr(judge.workflow, "run", run)
+    return made
+
+
+def options(**changes):
+    chosen = {"photos": "photos", "renders": "renders", "cameras": "transforms.json"}
+    return [f"--{key}={value}" for key, value in (chosen | changes).items()]
+
+
+def test_the_config_can_be_run(here, runs, capsys):
+    judge.main(options(name="mine"))
+    assert runs == [("results/mine.yaml", ("all",), ())]
+    config = yaml.safe_load((here / "results/mine.yaml").read_text())
+    assert config["scenes"]["mine"]["external_renders"]["splits"] == ["train", "test"]
+    checked = check.checked(config)
+    experiment = plan.Experiment(checked, lambda **place: False)
+    assert experiment.splits("mine", "theirs/round0") == ["train", "test"]
+    wanted = targets.of_scene(experiment, "mine")
+    assert not any("metrics" in path or "scores" in path for path in wanted)
+    assert "results/mine/index.html" in wanted
+    what = "results/mine/theirs/export"
+    assert targets.exports(experiment) == [f"{what}/cameras", f"{what}/photos"]
+    words = {
+        what: step_cases.options(
+            "export_folder", experiment, "mine", method="theirs", what=what
+        )
+        for what in KINDS
+    }
+    # Held-out cameras are fitted by the flow of the renders before these were moved.
+    assert "corrected-by" in words["cameras"]
+    # Bundle-adjusted ones are taken instead where held-out matches accept them.
+    adjusted = "results/mine/images/adjusted/cameras.npz"
+    assert words["cameras"]["adjusted"] == adjusted
+    assert not {"adjusted", "fit-held-out"} & words["photos"].keys()
+    assert (
+        "8 pairs of photo and render, named like the photos" in capsys.readouterr().out
+    )
+
+
+def test_splits_are_those_that_there_are(here, runs):
+    judge.main(options(name="mine", renders="renders/train"))
+    config = yaml.safe_load((here / "results/mine.yaml").read_text())
+    assert config["scenes"]["mine"]["external_renders"]["splits"] == ["train"]
+
+
+def test_without_cameras_there_is_no_export(here, runs):
+    judge.main([*options(name="mine")[:2], "--name=mine"])
+    config = yaml.safe_load((here / "results/mine.yaml").read_text())
+    assert "cameras" not in config["scenes"]["mine"]["external_renders"]
+    experiment = plan.Experiment(check.checked(config), lambda **place: False)
+    assert targets.exports(experiment) == []
+
+
+def test_large_pairs_are_compared_faster(here, runs, monkeypatch):
+    monkeypatch.setattr(judge, "MAX_PIXELS", 1000)
+    judge.main(options(name="mine"))
+    config = yaml.safe_load((here / "results/mine.yaml").read_text())
+    assert config["flow"] == {"estimator": "dis_fine", "blur_by": "dis_fast"}
+
+
+def made(config, results):
+    """Results of a config, as far as its files are noted in them."""
+    owned.claim(results)
+    (results / "images").mkdir(exist_ok=True)
+    (scene,) = yaml.safe_load(config.read_text())["scenes"].values()
+    found = views.find(of_scenes.checked(scene))
+    originals.write(results, views.files_of(found, scene["external_renders"]))
+
+
+@pytest.fixture
+def judged_before(here, runs):
+    """A judgement, and its results."""
+    judge.main(options(name="mine", depth="depth"))
+    made(here / "results/mine.yaml", here / "results/mine")
+    runs.clear()
+    return here
+
+
+@pytest.fixture
+def depth_of_all(here):
+    (here / "depth").mkdir()
+    for name in cases.NAMES:
+        np.save(here / "depth" / f"{name}.npy", np.ones((120, 160)))
+
+
+ANEW = ("results/mine/poses.json",)
+
+
+@pytest.mark.parametrize(
+    "changed", ["depth/v02.npy", "transforms.json", "renders/train/v02.png"]
+)
+def test_files_in_folders_are_looked_at(depth_of_all, judged_before, runs, changed):
+    """Snakemake looks at the time of a folder alone; an equal copy is no change."""
+    path = judged_before / changed
+    os.utime(path)
+    judge.main(options(name="mine", depth="depth"))
+    assert runs.pop()[2] == ()
+    if path.suffix == ".npy":
+        np.save(path, np.full((120, 160), 2.0))
+    elif path.suffix == ".json":
+        path.write_text(path.read_text() + " ")
+    else:
+        cases.write_png(path, cases.picture(77))
+    os.utime(path, (1, 1))
+    judge.main(options(name="mine", depth="depth"))
+    assert runs.pop()[2] == ANEW
+
+
+def test_a_render_taken_away_or_added_is_seen(depth_of_all, judged_before, runs):
+    render = judged_before / "renders" / "train" / "v01.png"
+    content = render.read_bytes()
+    render.unlink()
+    judge.main(options(name="mine", depth="depth"))
+    assert runs.pop()[2] == ANEW
+    made(judged_before / "results/mine.yaml", judged_before / "results/mine")
+    render.write_bytes(content)
+    judge.main(options(name="mine", depth="depth"))
+    assert runs.pop()[2] == ANEW
+
+
+def test_a_model_in_a_folder_is_looked_at(tmp_path):
+    """Of a folder of cameras those files that are read."""
+    model = tmp_path / "sparse" / "0"
+    model.mkdir(parents=True)
+    for name in ("cameras.bin", "images.bin", "points3D.bin", "project.ini"):
+        (model / name).write_text("")
+    found = {path.name for path in lenses.files_of(tmp_path)}
+    assert found == {"cameras.bin", "images.bin", "points3D.bin"}
+    assert lenses.files_of(None) == []
+
+
+def test_a_kept_config_of_other_renders_is_no_answer(here, runs):
+    """What was asked is not judged by it, so that is said."""
+    judge.main(options(name="mine"))
+    path = here / "results" / "mine.yaml"
+    path.write_text(path.read_text() + "seed: 3\n")
+    judge.main(options(name="mine"))
+    (here / "renders").rename(here / "again")
+    with pytest.raises(ValueError, match=r"is of renders, not of again.*--name"):
+        judge.main(options(name="mine", renders="again"))
+    assert len(runs) == 2
+
+
+@pytest.mark.usefixtures("ten_seconds")
+@pytest.mark.parametrize("config", [None, b"seed: \xe4\n"])
+def test_a_config_that_is_no_text_is_named(here, runs, config):
+    """Nor is a pipe waited for."""
+    (here / "results").mkdir()
+    path = here / "results" / "mine.yaml"
+    os.mkfifo(path) if config is None else path.write_bytes(config)
+    says = "not UTF-8" if config else "not a file"
+    with pytest.raises(ValueError, match=rf"results/mine\.yaml: {says}"):
+        judge.main(options(name="mine"))
+    assert not runs
+
+
+def test_other_photos_of_one_name_are_told_how_to_go_on(here, runs):
+    judge.main(options(name="mine"))
+    (here / "photos").rename(here / "others")
+    with pytest.raises(ValueError, match=r"make judge .*JUDGE=\"--name other\""):
+        judge.main(options(name="mine", photos="others"))
+
+
+@pytest.mark.parametrize(
+    ("before", "says"),
+    [("mine", "replace what was there"), ("gone", "gone/verdict.json does not exist")],
+)
+def test_what_it_is_compared_with_is_another_judgement(here, runs, before, says):
+    (here / "results" / "mine").mkdir(parents=True)
+    (here / "results" / "mine" / "verdict.json").write_text("{}")
+    with pytest.raises(ValueError, match=says):
+        judge.main([*options(name="mine"), f"--before={before}"])
+    assert not runs
+    assert not (here / "results" / "mine.yaml").exists()
+
+
+def test_a_config_cannot_compare_a_verdict_with_itself(here, runs):
+    """Snakemake would take it away first."""
+    owned.claim(here / "results" / "mine")
+    (here / "results" / "mine" / "verdict.json").write_text("{}")
+    judge.main(options(name="mine"))
+    config = yaml.safe_load((here / "results/mine.yaml").read_text())
+    config["scenes"]["mine"]["external_renders"]["before"] = "results/mine/verdict.json"
+    with pytest.raises(ValueError, match=r"judged\.before: .* lies in results/mine, "):
+        check.checked(config)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"photos": ""}, "PHOTOS is missing"),
+        ({"renders": ""}, "RENDERS is missing"),
+        ({"renders": "gone"}, "gone: no folder of renders"),
+        ({"cameras": "gone"}, "gone: no such file or folder of cameras"),
+        ({"photos": "gone"}, "gone: no folder of photos"),
+    ],
+)
+def test_what_is_missing_is_named(here, runs, changes, says):
+    with pytest.raises(ValueError, match=says):
+        judge.main(options(**changes))
+    assert not runs
+    assert not (here / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("target", "names", "words"),
+    [
+        (
+            "judge",
+            ("PHOTOS=my photos", "RENDERS=a$(shell touch x)b", "CAMERAS=c;touch x"),
+            ("--photos=my photos", "--renders=a$(shell touch x)b", "c;touch x"),
+        ),
+        ("photos", ("FOLDER=a$(shell touch x)b`touch x`",), ("a$(shell touch x)b`",)),
+        (
+            "export",
+            ("SCENE=my photos", "WIDTH=$(shell touch x)"),
+            ("my photos", "--width=$(shell touch x)"),
+        ),
+    ],
+)
+def test_make_hands_on_values_as_they_are(handed_on, tmp_path, target, names, words):
+    """Neither make nor a shell reads what stands in a name."""
+    told = handed_on(target, *names)
+    for word in words:
+        assert word in told
+    assert not (tmp_path / "x").exists()

@@ -1,0 +1,148 @@
+"""`make poses`: cameras that came are checked, adjusted and written; or left alone."""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from alignerf.cli import poses
+from alignerf.exports import formats
+from alignerf.io import faults, images
+from alignerf.scenes import cameras
+from alignerf.scenes.courtyard import scene as courtyard
+from alignerf.scenes.formats import colmap_models, transforms
+from alignerf.sfm import mistakes
+
+WIDTH, HEIGHT, VIEWS, PERTURBED_PX = 320, 240, 10, 3.0
+
+
+@pytest.fixture(scope="module")
+def photographed(tmp_path_factory):
+    """Photos of the courtyard at rest, and the arrays of their true cameras."""
+    folder = tmp_path_factory.mktemp("photos")
+    world = courtyard.build_world(seed=0)
+    lenses, camtoworlds = courtyard.make_cameras(
+        views=60, width=WIDTH, height=HEIGHT, seed=0
+    )
+    names = [f"view {i}" for i in range(VIEWS)]
+    for name, lens, pose in zip(names, lenses, camtoworlds, strict=False):
+        rendered = courtyard.render(
+            world, lens, pose, WIDTH, HEIGHT, courtyard.at_rest()
+        )
+        images.write(folder / f"{name}.png", rendered.image)
+    return folder, {
+        "names": np.array(names),
+        "split": np.array(["train"] * VIEWS),
+        "pixtocams": lenses[:VIEWS],
+        "camtoworlds": camtoworlds[:VIEWS],
+        "width": WIDTH,
+        "height": HEIGHT,
+    }
+
+
+@pytest.fixture
+def scan(photographed, tmp_path, monkeypatch):
+    """A function: poses -> a scan with them; the working folder is a fresh one."""
+    photos, arrays = photographed
+    monkeypatch.chdir(tmp_path)
+
+    def make(camtoworlds):
+        folder = tmp_path / "my scan"
+        folder.mkdir()
+        os.symlink(photos, folder / "images")
+        formats.write_transforms(
+            folder / "transforms.json", arrays | {"camtoworlds": camtoworlds}
+        )
+        return folder
+
+    return make
+
+
+def perturbed(arrays, seed=1):
+    rng = np.random.default_rng(seed)
+    poses, lenses = arrays["camtoworlds"], arrays["pixtocams"]
+    return cameras.perturb_poses(poses, lenses, PERTURBED_PX, rng)
+
+
+def digests(folder):
+    return {
+        path: hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def error_deg(found, true):
+    """Largest turn between poses after their similarity."""
+    moved = cameras.apply_similarity(found, *cameras.align_similarity(found, true))
+    turns = np.einsum("nji,njk->nik", true[:, :, :3], moved[:, :, :3])
+    cosine = (np.trace(turns, axis1=1, axis2=2) - 1) / 2
+    return np.degrees(np.arccos(cosine.clip(-1, 1))).max()
+
+
+def test_wrong_poses_are_adjusted_and_written_in_every_format(
+    scan, photographed, tmp_path, capsys
+):
+    _, arrays = photographed
+    given = perturbed(arrays)
+    folder = scan(given)
+    before = digests(folder)
+    poses.main([str(folder)])
+    assert digests(folder) == before
+    out = tmp_path / "results" / "my_scan" / "adjusted"
+    report = json.loads((out / "report.json").read_text())
+    told = report["adjustment"]
+    assert told["halved"]
+    assert 0.3 * PERTURBED_PX < told["pose_error_px"] < 2 * PERTURBED_PX
+    assert f"poses off by {told['pose_error_px']:.2f} px" in capsys.readouterr().out
+    # nerfstudio's file and COLMAP's model have one set of cameras.
+    views, _ = transforms.read(out)
+    own, points = colmap_models.read(out / "sparse" / "0")
+    in_model = np.stack([own[name][3] for name in views.names])
+    np.testing.assert_allclose(in_model, views.camtoworlds, atol=1e-6)
+    true = arrays["camtoworlds"]
+    assert error_deg(views.camtoworlds, true) < 0.15 * error_deg(given, true)
+    assert len(points[0]) > 100
+    assert (out / "points.ply").is_file()
+    assert len(list((out / "images").glob("*.png"))) == VIEWS
+    # Again, onto what is there, and without photos.
+    poses.main([str(folder), "--no-photos"])
+    assert not (out / "images").exists()
+
+
+def test_right_poses_stay(scan, photographed, tmp_path, capsys):
+    poses.main([str(scan(photographed[1]["camtoworlds"]))])
+    assert "cameras stay as they came" in capsys.readouterr().out
+    (out,) = tmp_path.glob("results/*/adjusted")
+    assert [path.name for path in out.glob("[!.]*")] == ["report.json"]
+
+
+def test_a_mistake_of_the_file_is_named_and_undone_on_demand(
+    scan, photographed, tmp_path, capsys
+):
+    folder = scan(mistakes.turned(perturbed(photographed[1])))
+    assert faults.exit_code(poses.main, [str(folder)]) == 1
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said.startswith("error: ")
+    assert "--pose-convention opencv" in said
+    assert not list(tmp_path.glob("results/*"))
+    poses.main([str(folder), "--pose-convention", "opencv"])
+    assert list(tmp_path.glob("results/*/adjusted/transforms.json"))
+
+
+def test_photos_without_cameras_are_refused(photographed, tmp_path, capsys):
+    assert faults.exit_code(poses.main, [str(photographed[0])]) == 1
+    assert "no cameras came with these photos" in capsys.readouterr().err
+
+
+def test_neither_jax_nor_snakemake_is_imported(root):
+    code = "import sys; from alignerf.cli import poses; "
+    code += "print({'jax', 'flax', 'snakemake'} & set(sys.modules))"
+    found = subprocess.run(
+        [sys.executable, "-c", code], cwd=root, capture_output=True, text=True
+    )
+    assert found.stdout.strip() == "set()", found.stderr

@@ -1,0 +1,147 @@
+"""The cameras that renders were seen by, and the points that come with them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from alignerf.scenes.external import lenses
+from tests.judged_cases import CAMTOPIX, LENS, NAMES, SIZE, transforms
+
+POINTS = np.array([[1.0, 2, 3], [-1, 0.5, 2]])
+
+
+def test_transforms(tmp_path):
+    path = transforms(tmp_path / "transforms.json", train_filenames=[])
+    for place in (path, tmp_path):
+        found = lenses.read(place, SIZE)
+        assert sorted(found.lenses) == NAMES
+        assert found.splits is None
+        camtopix, distortion = found.lenses["v03"].at((80, 60), "v03")
+        np.testing.assert_allclose(camtopix[:2], CAMTOPIX[:2] / 2)
+        np.testing.assert_allclose(distortion, LENS)
+
+
+def test_splits_of_nerfstudio(tmp_path):
+    """Validated views are held out, and lists of some views alone say nothing."""
+    files = [f"images/{name}.png" for name in NAMES]
+    lists = {"train_filenames": files[2:], "val_filenames": files[:2]}
+    transforms(tmp_path / "transforms.json", **lists)
+    found = lenses.read(tmp_path, SIZE).splits
+    assert found == {n: "train" if n not in NAMES[:2] else "test" for n in NAMES}
+    transforms(tmp_path / "transforms.json", train_filenames=files[2:])
+    assert lenses.read(tmp_path, SIZE).splits is None
+
+
+def entry(name, **more):
+    turn = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    content = {"img_name": name, "width": 160, "height": 120, "fx": 150, "fy": 150}
+    return content | {"position": [1, 2, 3], "rotation": turn} | more
+
+
+def test_gaussian_splatting(tmp_path):
+    """Its axes are OpenCV's: what it calls forward is minus z of ours."""
+    path = tmp_path / "cameras.json"
+    path.write_text(json.dumps([entry("v00"), entry("v01.jpg")]))
+    found = lenses.read(tmp_path, SIZE)
+    assert sorted(found.lenses) == ["v00", "v01"]
+    pose = found.lenses["v00"].pose
+    np.testing.assert_allclose(pose[:, 3], [1, 2, 3])
+    np.testing.assert_allclose(-pose[:, 2], [0, -1, 0])
+    np.testing.assert_allclose(found.lenses["v00"].camtopix[:2, 2], [80, 60])
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ([entry("v00"), entry("v00")], "two cameras have the view name 'v00'"),
+        ([entry("v00", fx=-1)], "camera 0 is none"),
+        ([entry("v00", rotation=[[1, 0], [0, 1]])], "of camera 0 is none"),
+        ([entry("v00", rotation=np.ones((3, 3)).tolist())], "is not a rotation"),
+        ([entry(3)], "'img_name' of camera 0"),
+        ([7], "entry 0 is no camera"),
+        ([], "no camera"),
+    ],
+)
+def test_gaussian_cameras_that_are_none(tmp_path, content, says):
+    path = tmp_path / "cameras.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(ValueError, match=says):
+        lenses.read(path, SIZE)
+
+
+def test_no_cameras(tmp_path):
+    with pytest.raises(ValueError, match=r"neither transforms\.json, nor sparse/0"):
+        lenses.read(tmp_path, SIZE)
+    with pytest.raises(ValueError, match="no such file or folder of cameras"):
+        lenses.read(tmp_path / "gone", SIZE)
+
+
+def test_assumed_cameras_can_be_normalised():
+    found = lenses.assumed(NAMES)
+    poses = np.stack([one.pose for one in found.lenses.values()])
+    assert found.kind == "none"
+    assert len(np.unique(poses[:, :, 3].round(6), axis=0)) == len(NAMES)
+
+
+def ply_text(form, body, count=2, fields=("x", "y", "z")):
+    lines = ["ply", f"format {form} 1.0", f"element vertex {count}"]
+    lines += [f"property float {name}" for name in fields]
+    return ("\n".join([*lines, "end_header"]) + "\n").encode() + body
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_points(tmp_path, form):
+    order = "<" if "little" in form else ">"
+    body = POINTS.astype(f"{order}f4").tobytes()
+    if form == "ascii":
+        body = "\n".join(" ".join(map(str, row)) for row in POINTS).encode()
+    (tmp_path / "points.ply").write_bytes(ply_text(form, body))
+    transforms(tmp_path / "transforms.json", ply_file_path="points.ply")
+    positions, colours = lenses.read(tmp_path, SIZE).points
+    np.testing.assert_allclose(positions, POINTS)
+    assert colours.dtype == np.uint8
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"plx\n", "begins with vertices"),
+        (b"ply\nformat ascii 1.0\nelement face 2\n", "begins with vertices"),
+        (ply_text("ascii", b"1 2\n3 4\n"), "not a readable"),
+        (ply_text("binary_little_endian", b"\0" * 8), "end of PLY"),
+        (ply_text("ascii", b"", count=10**12), "too many vertices"),
+        (ply_text("ascii", b"", count=5 * 10**7), "without vertices"),
+        (ply_text("binary_big_endian", b"", count=5 * 10**7), "end of PLY"),
+        (ply_text("ascii", b"", fields=("x", "y")), "z properties missing"),
+        (ply_text("zip", b""), "without vertices"),
+    ],
+)
+def test_points_that_are_none(tmp_path, content, says, caplog):
+    """Cameras do without, and say so."""
+    path = tmp_path / "points.ply"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=says):
+        lenses.read_points(path)
+    transforms(tmp_path / "transforms.json", ply_file_path="points.ply")
+    assert lenses.read(tmp_path, SIZE).points is None
+    assert says in caplog.text
+
+
+def test_points_elsewhere_are_refused(tmp_path):
+    transforms(tmp_path / "a" / "transforms.json", ply_file_path="../points.ply")
+    with pytest.raises(ValueError, match="leads out of its folder"):
+        lenses.read(tmp_path / "a", SIZE)
+
+
+def test_colours_and_what_is_not_finite(tmp_path):
+    fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("red", "u1"), ("green", "u1")]
+    fields += [("blue", "u1")]
+    rows = np.array([(1, 2, 3, 9, 8, 7), (np.nan, 0, 0, 0, 0, 0)], fields)
+    head = "ply\nformat binary_little_endian 1.0\ncomment a\nelement vertex 2\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    head += "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
+    (tmp_path / "p.ply").write_bytes((head + "end_header\n").encode() + rows.tobytes())
+    positions, colours = lenses.read_points(tmp_path / "p.ply")
+    assert positions.tolist() == [[1, 2, 3]]
+    assert colours.tolist() == [[9, 8, 7]]
