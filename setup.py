@@ -8,6 +8,7 @@ from setuptools.command import build_py
 PIPELINE = "alignerf.pipeline"
 DATA = {
     "alignerf.kernels": ["*.cc", "*.h"],
+    "alignerf.splats": ["*.cc"],
     "alignerf.page": ["**/*.html", "**/*.css", "**/*.js", "vendor/*"],
     "alignerf.tables": ["*.yaml"],
     PIPELINE: [

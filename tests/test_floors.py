@@ -19,7 +19,7 @@ SOURCES = {
 FLOORS = [
     {"alignerf.io"},
     {"alignerf.kernels", "alignerf.keypoints", "alignerf.testsets"},
-    {"alignerf.mipnerf360"},
+    {"alignerf.mipnerf360", "alignerf.splats"},
     {
         *("alignerf.experiment", "alignerf.methods", "alignerf.captures"),
         "alignerf.systems",
@@ -298,7 +298,7 @@ READERS = {
 SHIPPED = {
     "alignerf.experiment.sources": {"read_bytes", "read_text"},
     "alignerf.io.environment.extensions": {"read_bytes"},
-    "alignerf.kernels.build": {"read_bytes"},
+    "alignerf.kernels.compiler": {"read_bytes"},
     "alignerf.cli.folders": {"read_text"},
     "alignerf.tables.columns": {"read_text", "yaml.safe_load"},
 }

@@ -6,6 +6,7 @@ from pathlib import Path
 import jax
 import pytest
 
+from alignerf.io import machine
 from alignerf.kernels import build, calls
 
 
@@ -60,7 +61,7 @@ def test_it_lies_beside_the_compiled_programs(anew, monkeypatch, tmp_path):
     if build.library() is None:
         pytest.skip("no C++ compiler: the kernels cannot be made")
     (made,) = (tmp_path / "programs").iterdir()
-    assert made.name == f"kernels-{build.machine.processor()}-{build.digest()}.so"
+    assert made.name.startswith(f"kernels-{machine.processor()}-")
 
 
 def test_all_that_is_included_changes_the_digest():
