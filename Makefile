@@ -3,6 +3,7 @@
 # make photos FOLDER=my_photos    the same of your own photos or film, to a page
 # make poses FOLDER=my_scan       check and adjust the cameras that came with photos
 # make judge PHOTOS=photos RENDERS=renders CAMERAS=sparse/0    what another program trained
+# make judge PHOTOS=photos SPLAT=model.ply CAMERAS=sparse/0    the same, of a splat's file
 # make export SCENE=my_photos  its photos, cameras and points for other programs; WIDTH=1600
 # make test   the test suite
 # make tools  tests of what stands beside it: toys, benchmarks, torture, packaging, browser
@@ -49,11 +50,12 @@ poses: $(VENV)/.installed
 
 judge: export JUDGED_PHOTOS := $(value PHOTOS)
 judge: export JUDGED_RENDERS := $(value RENDERS)
+judge: export JUDGED_SPLAT := $(value SPLAT)
 judge: export JUDGED_CAMERAS := $(value CAMERAS)
 judge: export JUDGED_DEPTH := $(value DEPTH)
 judge: $(VENV)/.installed
 	@exec python -m alignerf.cli.judge --cores $(CORES) "--photos=$$JUDGED_PHOTOS" \
-		"--renders=$$JUDGED_RENDERS" "--cameras=$$JUDGED_CAMERAS" \
+		"--renders=$$JUDGED_RENDERS" "--splat=$$JUDGED_SPLAT" "--cameras=$$JUDGED_CAMERAS" \
 		"--depth=$$JUDGED_DEPTH" $(JUDGE)
 
 export: export EXPORT_OF := $(value SCENE)$(value FOLDER)
@@ -130,7 +132,7 @@ lock:
 
 # What has the mark of this program; a user's folders in results/ stay, and configs.
 clean:
-	for mark in results/*/.why-blurry; do rm -rf "$${mark%/.why-blurry}"; done
+	for mark in results/*/.why-blurry results/splats/*/.why-blurry; do rm -rf "$${mark%/.why-blurry}"; done
 	for one in results/*.provenance.json; do \
 		for end in csv tex png provenance.json; do rm -f "$${one%.provenance.json}.$$end"; done; done
 	rm -f results/logs/run-????????-??????-*.log

@@ -235,7 +235,7 @@ def split_of(views, config):
     if views.split is None:
         every = base.of(config).every_of(config, len(views.names))
         return prepare.split_views(len(views.names), test_every=every)
-    if config["test_every"] is not None:
+    if config["test_every"] is not None and base.of(config).trains:
         log.warning("test_every: the given file itself says what is held out")
     return views.split
 

@@ -35,11 +35,6 @@ ADJUSTED = (
 )
 
 
-def by_matches(e):
-    """Whether matches say that the cameras in use are off."""
-    return bool(e.matches and e.matches.accepted and not e.matches.applied)
-
-
 def source(e):
     """What shows that poses are off: `crops`, `flow`, `matches`, `points`; or None.
 
@@ -50,7 +45,7 @@ def source(e):
         return "crops"
     if shift.misaligned(e) and not shift.too_short(e) and e.camera_px > PART_PX:
         return "flow"
-    if by_matches(e):
+    if shift.poses_off(e):
         return "matches"
     if coverage.sparse(e) and e.reprojection_px > REPROJECTION_PX:
         return "points"
@@ -70,18 +65,18 @@ def is_shared(e):
 
 def decide(e):
     """(size in px of the training, whether it is sure); None where poses are right."""
-    if shift.too_short(e) and not (shift.by_crops(e) or by_matches(e)):
+    if shift.too_short(e) and not (shift.by_crops(e) or shift.poses_off(e)):
         return None
     # Matches that find nothing to correct are the witness that denies it.
     denied = e.judged and e.matches and not e.matches.accepted
     shown = source(e)
     if shown == "flow" and is_shared(e):
-        shown = "matches" if by_matches(e) else None
+        shown = "matches" if shift.poses_off(e) else None
     if shown == "crops":
         sure = e.crops.low_px > shift.CROP_PX
         return e.crops.camera_px / e.photo_px, sure and not denied
     if shown == "flow":
-        sure = e.camera_px > 2 * PART_PX or by_matches(e)
+        sure = e.camera_px > 2 * PART_PX or shift.poses_off(e)
         return e.camera_px, sure and not denied
     if shown == "matches":
         return e.matches.pose_error_px / e.photo_px, False
@@ -140,7 +135,7 @@ def text(e):
 def advise(e, gains):
     """What to do, by what this run has tried."""
     own = remedies.advise(e, gains)
-    if by_matches(e) and not own:
+    if shift.poses_off(e) and not own:
         said = ADJUSTED
     elif not e.poses_given:
         said = own or text(e)

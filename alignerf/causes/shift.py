@@ -26,6 +26,10 @@ TOLD_PX, USUAL_WIDTH_PX = 1.0, 1600
 FEW_TEST_VIEWS, FEW_TRAIN_VIEWS = 5, 12
 # How often each training pixel has been seen.
 FEW_EPOCHS = 0.5
+# Fine detail of photos over that of another program's renders, in the median view. It
+# is 1.2 to 1.7 of splats of 3000 steps, 2.1 with poses off by 3 px, 4.4 of a splat of
+# 300 steps (docs/measured/splats.csv).
+SOFT_DETAIL = 3.0
 
 
 def told_px(overfit_px):
@@ -39,8 +43,19 @@ def told_px(overfit_px):
 
 
 def too_short(e):
-    """Whether training was too short for its renders to tell anything of alignment."""
+    """Whether training was too short for its renders to tell anything of alignment.
+
+    Of another program its renders tell, unless matches say that poses are off: these
+    blur renders, too.
+    """
+    if e.judged:
+        return e.detail_median > SOFT_DETAIL and not poses_off(e)
     return e.epochs < FEW_EPOCHS / 2
+
+
+def poses_off(e):
+    """Whether matches say that the cameras in use are off."""
+    return bool(e.matches and e.matches.accepted and not e.matches.applied)
 
 
 def is_sharp(e):

@@ -5,7 +5,7 @@ from alignerf.causes import base, shift
 # What twice the steps brought on courtyard, in dB (docs/measured/tradeoff.csv).
 LONGER_DB = 0.3
 
-CAUSE = base.Cause(
+OURS = base.Cause(
     name="undertrained",
     order=(10, 5, 1),
     label="length of training",
@@ -20,3 +20,27 @@ CAUSE = base.Cause(
     advice="train longer first: more steps, or budget_min. Twice the steps brought "
     f"{LONGER_DB} dB on the demo's scene.",
 )
+OTHERS = base.Cause(
+    name="undertrained_renders",
+    order=(10, 5, 1),
+    label="length of training",
+    unit="times the renders' detail",
+    value=lambda e: e.detail_median,
+    limit=lambda e: shift.SOFT_DETAIL,
+    decide=lambda e: (
+        (e.detail_median, False) if e.judged and shift.too_short(e) else None
+    ),
+    detectable=lambda e: not shift.poses_off(e),
+    looked_for=lambda e: bool(e.judged),
+    says=lambda e: (
+        f"photos have {base.number(e.detail_median)} times the renders' fine "
+        f"detail, {shift.SOFT_DETAIL:g} is too much"
+    ),
+    called="trained {probably}too short",
+    sentence="Training was {probably}too short: photos have {value:.2g} times the fine "
+    "detail of the renders, and matches find no wrong poses.",
+    advice="train longer first.",
+    advice_external="train longer first, then judge again: blurred renders tell nothing "
+    "of alignment.",
+)
+CAUSE = [OURS, OTHERS]

@@ -1,39 +1,64 @@
 """Judge another program's renders: `make judge PHOTOS=... RENDERS=... CAMERAS=...`.
 
 PHOTOS: folder of the photos. RENDERS: of the program's renders of these views, those
-that it has learnt and those that it has not. CAMERAS: transforms.json, COLMAP's
-sparse/0 or cameras.json, or their folder. DEPTH: folder of the renders' depth. Nothing
-is trained. A config is written beside the results; it is yours to edit.
+that it has learnt and those that it has not; or SPLAT: the .ply of Gaussians, which is
+rendered here. CAMERAS: transforms.json, COLMAP's sparse/0 or cameras.json, or their
+folder. DEPTH: folder of the renders' depth. Nothing is trained. A config is written
+beside the results; it is yours to edit. Renders or photos that have changed get new
+results, beside which the last ones of the same photos are set.
 """
 
+import argparse
+import itertools
+import os
+import re
 import sys
 from pathlib import Path
 
 from alignerf.captures import base
 from alignerf.cli import configs, folders, workflow
 from alignerf.experiment import targets
+from alignerf.experiment.checks import results
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.io import faults
-from alignerf.scenes import originals, prepared
-from alignerf.scenes.external import depths, views
+from alignerf.io import faults, owned
+from alignerf.scenes import originals, photos, prepared
+from alignerf.scenes.external import depths, lenses, splat, views
 
 # The name of the method that the renders are of.
 THEIRS = "theirs"
 # Above so many pixels in all pairs the usual estimator takes too long: of 100 pairs of
-# 1600x1200 px it takes half an hour, and `dis_fine` a quarter of that.
-MAX_PIXELS, LARGE = 25_000_000, "dis_fine"
+# 1600x1200 px it takes half an hour, and `dis_fine` a quarter of that. That one finds
+# 0.3 px, and motion, between photos and sharp renders of right poses, where the usual
+# one finds 0.14 px.
+MAX_PIXELS, LARGE = 100_000_000, "dis_fine"
+# Renders of splats: no results of a scene have this name.
+SPLATS = Path("results", "splats")
+# As users may type them.
+EXAMPLE = {"splat": "point_cloud.ply", "renders": "renders"}
+# Folders and files that are called so by every program.
+USUAL = re.compile(
+    r"renders?|rgb|images?|photos|input|train|test|val|eval|output|outputs|splats?"
+    r"|point_cloud|iteration_\d+|ours_\d+|ply|exports?|dataset",
+    re.IGNORECASE,
+)
 
 
 def main(argv=None):
     args = parse(argv)
-    for name in ("photos", "renders"):
+    what = "splat" if args.splat else "renders"
+    if args.splat and args.renders:
+        raise ValueError("SPLAT and RENDERS: give one, the splat is rendered here")
+    for name in ("photos", what, *["cameras"] * bool(args.splat)):
         configs.needed(
             getattr(args, name),
             name.upper(),
-            "make judge PHOTOS=photos RENDERS=renders CAMERAS=sparse/0",
-            "why-blurry judge --photos photos --renders renders --cameras sparse/0",
+            f"make judge PHOTOS=photos {what.upper()}={EXAMPLE[what]} CAMERAS=sparse/0",
+            f"why-blurry judge --photos photos --{what} {EXAMPLE[what]} "
+            "--cameras sparse/0",
         )
-    name = args.name or folders.name_of(folders.at_home(args.renders))
+    name = args.name or new_name(args)
+    if args.before is None:
+        args.before = last_of(args.photos, name)
     check_before(args.before, name)
     with configs.held(name):
         run(name, args)
@@ -42,6 +67,8 @@ def main(argv=None):
 def run(name, args):
     """Find the pairs, write the config, and run it."""
     path = Path("results") / f"{name}.yaml"
+    if args.splat:
+        render_splat(name, args)
     scene = scene_of(args)
     judged = views.find(of_scenes.checked(scene))
     splits = views.splits_of(judged)
@@ -50,6 +77,9 @@ def run(name, args):
         "external_renders": base.section(scene, "external_renders") | {"splits": there}
     }
     print(f"{len(judged.pairs)} pairs of photo and render, {judged.told['layout']}")
+    print(held_out(judged, splits))
+    if args.before:
+        print(f"compared with results/{args.before} (--before none: with nothing)")
     configs.say_where(path, config_of(name, scene, judged), args.renders, by="judge")
     print(f"page, in the end: {targets.page_of(name)}", flush=True)
     if args.only_config:
@@ -58,6 +88,101 @@ def run(name, args):
         path, args.cores, "all", forced=forced(name, scene, judged)
     ):
         sys.exit(code)
+
+
+def held_out(judged, splits):
+    """Which views count as held out, in a line."""
+    count = sum(split == "test" for split in splits.values())
+    if how := judged.told["held_out"]:
+        return f"{count} of {len(splits)} were held out: {how}"
+    return (
+        "which photos were held out is not known, and all count as learnt from: say "
+        "--held-out every=8 where it was every eighth by name (JUDGE=... of make), or "
+        "put renders into folders train and test"
+    )
+
+
+def render_splat(name, args):
+    """Render the splat at the photos' cameras; the renders are then those to judge."""
+    found = views.photos_of(folders.at_home(args.photos))
+    size = photos.head(next(iter(found.values()))).size
+    cameras = lenses.read(folders.at_home(args.cameras), size)
+    owned.claim(SPLATS.parent / name)
+    place = SPLATS / name
+    place.parent.mkdir(parents=True, exist_ok=True)
+    told = splat.render(folders.at_home(args.splat), found, cameras, place)
+    print("{gaussians:,} Gaussians rendered, their world {world}".format(**told))
+    args.renders, args.depth = str(place / "rgb"), str(place / "depth")
+    args.depth_kind, args.depth_scale = "depth", 1.0
+
+
+def new_name(args):
+    """Results' name after photos and model; numbered where others have it.
+
+    The same photos and renders, unchanged, have the results that they had: an
+    interrupted judgement goes on.
+    """
+    of, model = telling(args.photos), telling(args.splat or args.renders)
+    name = folders.free("_".join(dict.fromkeys(filter(None, (of, model)))))
+    for number in itertools.count(1):
+        one = name if number == 1 else f"{name}_{number}"
+        place, path = Path("results", one), Path("results", f"{one}.yaml")
+        if not (path.exists() or os.path.lexists(place)) or is_same(one, args):
+            return one
+
+
+def telling(path):
+    """The innermost name of a path that not every program gives; '' without any."""
+    path = faults.resolved(folders.at_home(path))
+    inner = path.with_suffix("") if path.suffix.lower() == ".ply" else path
+    names = (part for part in reversed(inner.parts[1:]) if not USUAL.fullmatch(part))
+    return next(names, "")
+
+
+def is_same(name, args):
+    """Whether results are of the same photos and renders, none of which has changed."""
+    path = Path("results", f"{name}.yaml")
+    wanted = {"path": args.photos, "cameras": args.cameras, "depth": args.depth}
+    wanted["renders"] = args.renders
+    if args.splat:
+        wanted |= {"renders": SPLATS / name / "rgb", "depth": SPLATS / name / "depth"}
+    try:
+        scene = configs.read(path)["scenes"].get(name)
+        told = configs.inputs_of(path, name, scene)
+    except ValueError:
+        return False
+    own = {key: real(one) for key, one in wanted.items() if one}
+    if own != {key: real(one) for key, one in told.items()}:
+        return False
+    if args.splat and not splat.is_of(SPLATS / name, folders.at_home(args.splat)):
+        return False
+    return not originals.changed(Path("results", name))
+
+
+def real(path):
+    return os.path.realpath(folders.at_home(path))
+
+
+def last_of(photo_folder, name):
+    """The name of the last judgement of the same photos, or of what it exported.
+
+    Of results that are there it is what they were compared with.
+    """
+    path, found = Path("results", f"{name}.yaml"), []
+    if path.is_file():
+        scene = configs.read(path)["scenes"].get(name) or {}
+        before = (scene.get("external_renders") or {}).get("before")
+        return before and Path(before).parent.name
+    for verdict in Path("results").glob("*/verdict.json"):
+        config, place = verdict.with_name("config.yaml"), verdict.parent
+        if not (owned.is_marked(place) and config.is_file()):
+            continue
+        scene = configs.read(config)["scenes"].get(place.name)
+        if isinstance(scene, dict) and scene.get("external_renders"):
+            exported = results.lies_in(photo_folder, place)
+            if exported or real(scene["path"]) == real(photo_folder):
+                found.append((verdict.stat().st_mtime_ns, place.name))
+    return max(found)[1] if found else None
 
 
 def scene_of(args):
@@ -70,12 +195,14 @@ def scene_of(args):
         if (value := getattr(args, key)) is not None:
             judged[key] = value
     scene = {"source": "external_renders", "path": str(folders.at_home(args.photos))}
+    if args.held_out:
+        scene["test_every"] = args.held_out
     return scene | configs.of_photos(args) | {"external_renders": judged}
 
 
 def check_before(before, name):
     """ValueError where there is no such judgement, or where it is to be written."""
-    if before is None:
+    if not before:
         return
     path = Path("results", before, "verdict.json")
     if before == name:
@@ -113,12 +240,23 @@ def forced(name, scene, judged):
     return (str(place / "poses.json"),) if noted and not same else ()
 
 
+def every_nth(text):
+    """The n of every=n."""
+    key, _, number = text.partition("=")
+    if key != "every" or not number.isdecimal() or not 2 <= int(number) <= 10000:
+        raise argparse.ArgumentTypeError(f"{text!r}: every=8 was expected, or another")
+    return int(number)
+
+
 def parse(argv=None):
     """Arguments of the command line."""
     shared = ("--name", "--cores", "--background", "--pose-convention", "--only-config")
     parser = configs.parser("judge", __doc__, *shared)
     parser.add_argument("--photos", default="", help="folder of photos")
     parser.add_argument("--renders", default="", help="folder of renders")
+    parser.add_argument(
+        "--splat", default="", help=".ply of Gaussians, rendered in place of renders"
+    )
     parser.add_argument("--cameras", default="", help="file or folder of cameras")
     parser.add_argument("--depth", default="", help="folder of depths")
     parser.add_argument(
@@ -130,9 +268,15 @@ def parse(argv=None):
         "--depth-scale", type=float, help="what brings it to the unit of the cameras"
     )
     parser.add_argument(
+        "--held-out",
+        type=every_nth,
+        help="every=8: each eighth photo by name was held out, where no file says it",
+    )
+    parser.add_argument(
         "--before",
-        type=configs.name,
-        help="name of results that these are compared with",
+        type=lambda text: "" if text == "none" else configs.name(text),
+        help="name of results that these are compared with, or none; the last ones of "
+        "the same photos, if there are any",
     )
     return parser.parse_args(argv)
 

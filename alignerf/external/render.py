@@ -78,9 +78,11 @@ def of_folders(images, depth, loaded: prepared.Scene, splits):
     found, maps = complete(named.renders if named else {}, names, images), {}
     if depth and (not Path(depth).is_dir() or any(Path(depth).iterdir())):
         maps = complete(depths.find(depth, loaded.names), names, depth)
-    else:
-        log.info("no depth came with the renders: all counts as far away")
-    scale, seen = scale_of(prepared.read_cameras(loaded.folder / "cameras.npz")), {}
+    own, seen = prepared.read_cameras(loaded.folder / "cameras.npz"), {}
+    scale, coarse = scale_of(own), None if maps else depth_of_points(loaded, own)
+    if not maps:
+        what = "comes from the scene's points" if coarse else "counts as infinite"
+        log.info("no depth came with the renders: it %s", what)
 
     def of_view(view):
         name = loaded.names[view]
@@ -96,7 +98,8 @@ def of_folders(images, depth, loaded: prepared.Scene, splits):
         if camera != its_camera:
             raise ValueError(f"{path}: the same image as {other}, of another camera")
         if name not in maps:
-            return image, far_away((loaded.width, loaded.height))
+            far = far_away((loaded.width, loaded.height))
+            return image, scale * coarse(view) if coarse else far
         values = depths.read(maps[name])
         return image, scale * fitting(values, maps[name], loaded, cv2.INTER_NEAREST)
 
@@ -107,11 +110,9 @@ def of_pairs(loaded: prepared.Scene):
     """View -> (image, depth) of a scene that is judged."""
     if (pairs := views.read_pairs(loaded.folder)) is None:
         raise ValueError(f"{loaded.folder / views.PAIRS}: not found")
-    own, points = prepared.read_cameras(loaded.folder / "cameras.npz"), None
+    own = prepared.read_cameras(loaded.folder / "cameras.npz")
     scale, size = scale_of(own), (loaded.width, loaded.height)
-    if pairs["depth"] == "points":
-        path = loaded.folder / prepared.POINTS
-        points = archives.read(path, ("points",))["points"]
+    coarse = depth_of_points(loaded, own) if pairs["depth"] == "points" else None
 
     def of_view(view):
         pair, pixtocam = pairs["views"][loaded.names[view]], own["pixtocams"][view]
@@ -121,8 +122,8 @@ def of_pairs(loaded: prepared.Scene):
         if lens := pair["lens"] and tuple(map(np.array, pair["lens"])):
             camtopix = np.linalg.inv(loaded.pixtocams[view])
             image = distortion.undistort(image, *lens, camtopix)
-        if points is not None:
-            depth = depths.of_points(points, pixtocam, own["camtoworlds"][view], size)
+        if coarse is not None:
+            depth = coarse(view)
         elif pairs["depth"] == "given" and pair["depth"]:
             values = depths.as_shown(depths.read(pair["depth"]), pixtocam, size, lens)
             along = depths.along_axis(values, pairs["depth_kind"], pixtocam)
@@ -132,6 +133,19 @@ def of_pairs(loaded: prepared.Scene):
         return image, scale * depth
 
     return of_view
+
+
+def depth_of_points(loaded, own):
+    """View -> depth [h, w] by the points that a scene came with; None without any.
+
+    own: its cameras as given, in whose units points and depth are.
+    """
+    if not (path := loaded.folder / prepared.POINTS).is_file():
+        return None
+    points = archives.read(path, ("points",))["points"]
+    cameras_of = own["pixtocams"], own["camtoworlds"]
+    size = loaded.width, loaded.height
+    return lambda v: depths.of_points(points, *(one[v] for one in cameras_of), size)
 
 
 def scale_of(own):

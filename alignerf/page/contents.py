@@ -197,7 +197,7 @@ def facts_of_judged(poses, judged):
     taken = geometry.WAYS.get(judged.get("way"), "in a way of their own")
     return [
         ("renders", f"{poses['registered']} of {poses['total']} photos have one"),
-        ("held out", f"{poses['test_views']}"),
+        ("held out", f"{poses['test_views']}, {judged.get('held_out') or 'not known'}"),
         ("judged at", f"{poses['width']}x{poses['height']} px"),
         ("photos have", f"{poses['photo_width']}x{poses['photo_height']} px"),
         ("renders are", str(judged.get("layout"))),

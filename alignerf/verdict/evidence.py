@@ -169,6 +169,8 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
     bad = () if checked.stops else checked.faults
     train_views, test_views = (int((loaded.split == s).sum()) for s in prepared.SPLITS)
     photo_px = poses["photo_width"] / poses["width"]
+    # Of crops, that of the photos which they are cut from.
+    width_px = float(poses.get("photo_size", [poses["photo_width"]])[0])
     known = causes.Evidence(
         train_views=train_views,
         test_views=test_views,
@@ -180,12 +182,11 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         overfit_px=float(table(overfit)["median_px"].median()) if overfit else math.nan,
         epochs=number(rays_seen) / (max(train_views, 1) * loaded.width * loaded.height),
         shared_ev=shared_ev,
-        # Of crops, that of the photos which they are cut from.
-        photo_width_px=float(poses.get("photo_size", [poses["photo_width"]])[0]),
+        photo_width_px=width_px,
         poses_given=poses["poses"] in INPUT,
         perturb_px=float(poses["perturb_px"]),
         crops=read_crops(*crops),
-        judged=read_judged(poses, before),
+        judged=read_judged(poses, before, width_px),
         matches=of_matches(poses),
         pairs=checked,
         **sums_of([row for row in rows if row.view not in bad]),
@@ -211,24 +212,30 @@ def of_matches(poses):
     )
 
 
-def read_judged(poses, before=None):
+def read_judged(poses, before=None, width_px=None):
     """`ExternalRenders` by the contents of poses.json, or None of another scene.
 
-    before: path of the verdict.json of a judgement before this one, or None.
+    before: path of the verdict.json of a judgement before this one, or None. width_px:
+    of the photos.
     """
     if not isinstance(told := poses.get("external_renders"), dict):
         return None
     known = {key: told.get(key) for key in causes.ExternalRenders._fields}
     return causes.ExternalRenders(
-        **known | {"before": before and read_before(Path(before))}
+        **known | {"before": before and read_before(Path(before), width_px)}
     )
 
 
-def read_before(path):
-    """(name, px on photos that were trained on, px on held-out ones; None unknown)."""
+def read_before(path, width_px):
+    """(name, px on photos that were trained on, px on held-out ones; None unknown).
+
+    The px are of photos `width_px` wide: those of an export may be smaller.
+    """
     found = json_files.read(path, {"evidence": dict})["evidence"]
+    wide = found.get("photo_width_px")
+    scale = found["photo_px"] * (width_px / wide if wide and width_px else 1)
     shifts = (found["flow_train_px"], found["flow_test_px"])
-    return path.parent.name, *(px and px * found["photo_px"] for px in shifts)
+    return path.parent.name, *(px and px * scale for px in shifts)
 
 
 def read_crops(given, corrected=None):

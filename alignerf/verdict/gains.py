@@ -39,6 +39,8 @@ def of_table(path, timings, judgements=()):
     gains = []
     for row in table[chosen].itertuples():
         name, timing = scores.row_name(row.method, row.warping), timings.get(row.method)
+        if row.moves_cameras is True and row.moves_photos is not True:
+            name = name.replace(", warped ", ", cameras corrected ")
         if timing and not row.method.startswith("aligned"):
             name = f"{name}, aligned in the loop"
         judgement = dict(judgements).get(row.method)

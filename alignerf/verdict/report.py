@@ -20,6 +20,8 @@ from alignerf.verdict import measured
 INDENT, WIDTH = 10, 100
 # A command in a text.
 COMMAND = re.compile(r"`((?:make|snakemake|why-blurry|ns-|python) ?[^`]*)`")
+# From this place among advice on, photos are to be taken.
+MORE_PHOTOS = 8
 # Where alignment cannot be told: without crops; with them; with too few of them.
 UNSEEN = "add `crops: {}` to the config, or make photos less small (downscale)."
 LARGER = "make photos less small (downscale), or train crops longer (crops.steps)."
@@ -114,7 +116,7 @@ def advise(e, findings, gains=()):
     if is_sparse(findings, surely=True) and not e.judged:
         # What is only probable then is seen by bad renders; poses are by points, too.
         findings = [one for one in findings if one.sure or one.cause.seen_by_points]
-    for cause in sorted((f.cause for f in findings), key=lambda one: one.order[2]):
+    for cause, *_ in sorted(findings, key=place_of_advice):
         text = with_export(e, cause.advice_external) if e.judged else cause.advice
         if said := text(e, gains) if callable(text) else text:
             return said
@@ -133,6 +135,12 @@ def advise(e, findings, gains=()):
     if not shift.tells(e):
         return {None: UNSEEN, "few": WIDER}.get(shift.of_crops_say(e), LARGER)
     return "nothing about alignment. For sharper renders take more steps."
+
+
+def place_of_advice(finding):
+    """What is sure comes before what is probable, and more photos after all else."""
+    place = finding.cause.order[2]
+    return place >= MORE_PHOTOS, not finding.sure, place
 
 
 def of_judged_alignment(e):

@@ -11,7 +11,7 @@ from alignerf.experiment.tables import rows
 SUFFIXES = (".csv", ".tex", ".png", ".provenance.json")
 TABLES = ("tradeoff", "remedies", "comparison", "comparison_ranking")
 FILES = {
-    *("published", "logs", "bench", "torture", "README.md"),
+    *("published", "logs", "bench", "torture", "splats", "README.md"),
     *(f"{name}{end}" for name in TABLES for end in SUFFIXES),
 }
 FOLDERS = {

@@ -65,12 +65,14 @@ class Cameras(NamedTuple):
     """{view: Lens} of a file, what it is, the points and the splits that it has.
 
     points: positions [m, 3] and colours, or None. splits: {view: split}, or None.
+    applied: nerfstudio's `applied_transform` [4, 4] that is in them, or None.
     """
 
     lenses: dict
     kind: str
     points: tuple | None = None
     splits: dict | None = None
+    applied: np.ndarray | None = None
 
 
 def read(path, photo_size) -> Cameras:
@@ -144,7 +146,12 @@ def of_json(path, photo_size) -> Cameras:
         raise ValueError(f"{path}: 'frames' must be a list that is not empty")
     if len(splits) < len(lenses):
         splits = None
-    return Cameras(lenses, "transforms.json", points_of(path, scene), splits)
+    applied = prepare.matrix_of(scene.get("applied_transform"), (3, 4))
+    if applied is not None:
+        applied = np.vstack([applied, [0, 0, 0, 1]])
+        applied = applied if abs(np.linalg.det(applied)) > 1e-12 else None
+    points = points_of(path, scene)
+    return Cameras(lenses, "transforms.json", points, splits, applied)
 
 
 def points_of(path, scene):

@@ -66,7 +66,7 @@ def find(folder, names, splits=None) -> Found:
     files = files_of(folder)
     if not files:
         raise ValueError(f"{folder}: no renders ({', '.join(sorted(SUFFIXES))})")
-    splits = splits if splits and len(set(splits.values())) > 1 else eighth(names)
+    splits = splits if splits and len(set(splits.values())) > 1 else every_nth(names)
     for layout in (sheets, gaussians, named, numbered):
         if found := layout(folder, files, names, splits):
             return found
@@ -112,9 +112,9 @@ def walk(folder):
         yield root, inner, files
 
 
-def eighth(names):
-    """{name: split} where every eighth view by name is held out."""
-    return {name: "test" if i % EVERY == 0 else "train" for i, name in enumerate(names)}
+def every_nth(names, n=EVERY):
+    """{name: split} where every n-th view by name is held out."""
+    return {name: "test" if i % n == 0 else "train" for i, name in enumerate(names)}
 
 
 def sheets(folder, files, names, splits):

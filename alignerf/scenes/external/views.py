@@ -68,7 +68,14 @@ def find(config) -> ExternalRenders:
             f"({faults.some_names(sorted(cameras.lenses))}) are of other photos than "
             f"those of {config['path']} ({faults.some_names(sorted(paths))})"
         )
-    found = renders.find(judged["renders"], names, cameras.splits)
+    every = config.get("test_every")
+    splits = renders.every_nth(sorted(paths), every) if every else cameras.splits
+    found = renders.find(judged["renders"], names, splits)
+    if every:
+        of_views = found.renders.items()
+        found = found._replace(
+            renders={name: one._replace(split=splits[name]) for name, one in of_views}
+        )
     without = sorted(set(paths) - set(found.renders))
     if without:
         log.warning(
@@ -86,11 +93,21 @@ def find(config) -> ExternalRenders:
             raise ValueError(f"{pair.render.path}: this render is the photo itself")
     told = {
         "layout": found.layout,
+        "held_out": held_out(every, found.renders, cameras),
         "cameras": cameras.kind,
         "without_render": without,
         "of_other_size": sorted(odd),
     }
     return ExternalRenders(pairs, size, cameras, told)
+
+
+def held_out(every, found, cameras):
+    """How it is known which views were held out, in words; None where it is not."""
+    if every:
+        return f"every {every}th by name, as was said"
+    if any(one.split for one in found.values()):
+        return "by the renders' folders and names"
+    return "by the cameras' file" if cameras.splits else None
 
 
 def photos_of(folder):

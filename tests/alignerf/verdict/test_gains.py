@@ -105,7 +105,7 @@ def test_the_verdict_takes_the_test_set_that_is_fair_to_each_kind(
         scores.row_name(row.method, scores.warping(row.round or 0)): row for row in rows
     }
     for one in found:
-        row = named[one.name]
+        row = named[one.name.replace("cameras corrected", "warped")]
         assert (one.in_loop, one.warped) == (row.moves_cameras, row.moves_photos)
         fair = "aligned_pose" if row.moves_cameras else "standard"
         assert one.test_set == ("oracle" if has_oracle else fair), one.name

@@ -5,7 +5,15 @@ import math
 import pytest
 
 from alignerf import causes, testsets
-from alignerf.causes import base, blur, camera, coverage, motion, remedies
+from alignerf.causes import (
+    base,
+    blur,
+    camera,
+    coverage,
+    exposure,
+    motion,
+    remedies,
+)
 from alignerf.io import provenance
 from alignerf.verdict import measured, report
 from tests.alignerf.causes import cases
@@ -332,3 +340,16 @@ def test_a_command_stands_on_a_line_of_its_own_and_lines_fit_a_terminal():
 def test_numbers_have_two_digits(value, text):
     assert base.number(value) == text
     assert base.number(math.nan) == base.length(math.nan) == "unknown"
+
+
+def test_what_is_sure_is_cured_before_what_is_probable():
+    """A splat of fox with wrong poses was advised to fix its exposure."""
+    both = FAULTS["camera"] | {"shared_ev": 1.1 * exposure.SHARED_EV}
+    accepted = base.Matches(True, False, 2.0, 0.5, 3.0, 6.0)
+    e = WELL._replace(**both, matches=accepted)
+    levels_of = {one.cause.name: one.sure for one in causes.find(e)}
+    assert levels_of["camera"]
+    assert not levels_of["exposure"]
+    assert "exposure" not in advised(e)
+    surely = e._replace(shared_ev=3 * exposure.SHARED_EV)
+    assert "exposure" in advised(surely)

@@ -1,0 +1,253 @@
+"""Renders of a splat's own file, at the cameras of the photos.
+
+A trainer may have turned, moved or scaled its world, and its .ply does not say so. The
+worlds that it may have are tried: the photos tell which it is. They tell, too, what a
+.ply does not say of its rendering: the near plane and the anti-aliasing.
+
+Notation: a world is a similarity [4, 4], from the cameras' world to the splat's; poses
+are camera-to-world [3, 4], OpenGL axes.
+"""
+
+import itertools
+import json
+import logging
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from alignerf.io import atomic, images, json_files, owned, progress
+from alignerf.scenes import distortion, originals, photos, prepare
+from alignerf.scenes.external import lenses
+from alignerf.splats import ply, rasterize
+
+log = logging.getLogger("alignerf")
+
+# Renders are at most so wide or high, as trainers make larger photos smaller.
+LONGEST_PX = 1600
+# The pictures and views by which worlds are compared, and the correlation of grey that
+# those of the right one have at least: splats of a tenth of the usual steps and of
+# poses off by 5 px have 0.9; of another world 0.3 at most.
+SMALL_PX, VIEWS, SHOWS = 160, 4, 0.6
+# What a .ply may leave open: 3DGS renders what is 0.2 away and more, others from 0.01
+# on. A better fit to the photos by so many dB decides against the first.
+NEARS, CLEARLY_DB = ((rasterize.NEAR, rasterize.MAX_ALPHA), (0.01, 0.999)), 0.02
+# Written by nerfstudio beside its checkpoints.
+NERFSTUDIO, ABOVE = "dataparser_transforms.json", 4
+# What is told of them, beside the renders.
+TOLD = "splat.json"
+OPENCV = np.diag([1.0, -1.0, -1.0])
+
+
+def render(path, photo_paths, cameras: lenses.Cameras, folder):
+    """Write renders and depth of all photos with a camera; returns what is told of it.
+
+    photo_paths: {view: path}. folder: gets rgb/<view>.png and depth/<view>.npy, in the
+    unit of the cameras. Raises ValueError in one line for a file that is no splat, or
+    one that does not show the photos from these cameras.
+    """
+    gaussians = ply.read(path)
+    views = {n: one for n, one in photo_paths.items() if n in cameras.lenses}
+    if not views:
+        raise ValueError(f"{path}: the cameras are of none of the photos")
+    seen = [View(n, p, cameras.lenses[n]) for n, p in sorted(views.items())]
+    few = seen[:: max(len(seen) // VIEWS, 1)][:VIEWS]
+    name, world, shows = world_of(path, gaussians, few, cameras)
+    if shows < SHOWS:
+        raise ValueError(
+            f"{path}: from these cameras it does not show the photos (correlation "
+            f"{shows:.2f}, {SHOWS} is asked): give the cameras of its own training, or "
+            f"nerfstudio's {NERFSTUDIO} beside it"
+        )
+    options = options_of(gaussians, few, world)
+    size = few[0].size(LONGEST_PX)
+    log.info("%s: %d Gaussians, %dx%d px", path, len(gaussians.means), *size)
+    log.info("its world: %s (correlation with the photos %.2f)", name, shows)
+    with atomic.replace_folder(folder) as fresh:
+        for inner in ("rgb", "depth"):
+            (fresh / inner).mkdir()
+        for one in progress.over(seen, "renders of the splat", total=len(seen)):
+            made = one.render(gaussians, world, LONGEST_PX, **options)
+            images.write(fresh / "rgb" / f"{one.name}.png", to_bytes(made.colour))
+            depth = np.where(made.alpha > 0.5, made.depth, np.inf) / scale_of(world)
+            np.save(fresh / "depth" / f"{one.name}.npy", depth.astype(np.float32))
+        told = {"gaussians": len(gaussians.means), "world": name, "correlation": shows}
+        told |= {"path": str(path), "file": originals.described(path)}
+        (fresh / TOLD).write_text(json.dumps(told, indent=1) + "\n")
+        owned.seal(fresh)
+    return told
+
+
+def is_of(folder, path):
+    """Whether a folder's renders are of a .ply as it is now."""
+    told = Path(folder, TOLD)
+    if not told.is_file():
+        return False
+    before = json_files.read(told, {"file": list})["file"]
+    return len(before) == 3 and not originals.is_other(path, before)
+
+
+class View:
+    """A photo and its lens, as a pinhole camera of the splat's world renders it."""
+
+    def __init__(self, name, path, lens: lenses.Lens):
+        self.name, self.path, self.lens = name, path, lens
+        head = photos.head(path)
+        # Of a photo whose rows are stored on its side, cameras may be of the other.
+        turned = lens.size and lens.size[::-1]
+        self.upright = head.orientation in photos.SIDEWAYS and bool(
+            turned
+            and prepare.has_shape(turned, head.size)
+            and not prepare.has_shape(lens.size, head.size)
+        )
+        self.photo_size = head.size[::-1] if self.upright else head.size
+        self.camtopix, self.distortion = lens.at(self.photo_size, str(path))
+
+    def size(self, longest_px):
+        """(width, height) of a render; never larger than the photo."""
+        ratio = min(1.0, longest_px / max(self.photo_size))
+        return tuple(max(round(side * ratio), 1) for side in self.photo_size)
+
+    def render(self, gaussians, world, longest_px, **options) -> rasterize.Render:
+        width, height = self.size(longest_px)
+        across = np.array([width, height]) / self.photo_size
+        fx, fy = self.camtopix[[0, 1], [0, 1]] * across
+        cx, cy = self.camtopix[:2, 2] * across
+        camera = rasterize.Camera(
+            world_to_camera(self.lens.pose, world), fx, fy, cx, cy, width, height
+        )
+        return rasterize.render(gaussians, camera, **options)
+
+    def photo(self, longest_px):
+        """The photo as a pinhole camera of the same focal length takes it."""
+        size = self.size(longest_px)
+        image = photos.decode(self.path, "black", upright=self.upright)[0]
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        across = np.diag([*np.array(size) / self.photo_size, 1.0])
+        camtopix = across @ self.camtopix
+        if not np.any(self.distortion):
+            return image
+        return distortion.undistort(image, camtopix, self.distortion, camtopix)
+
+
+def world_to_camera(pose, world):
+    """[3, 4] with OpenCV's axes, of a pose in the cameras' world."""
+    turn = world[:3, :3] / scale_of(world) @ pose[:, :3] @ OPENCV
+    place = world[:3, :3] @ pose[:, 3] + world[:3, 3]
+    return np.concatenate([turn.T, -turn.T @ place[:, None]], axis=1)
+
+
+def scale_of(world):
+    return np.cbrt(abs(np.linalg.det(world[:3, :3])))
+
+
+def world_of(path, gaussians, few, cameras):
+    """(name, world, correlation) of the world in which a splat shows the photos best.
+
+    Turns by right angles, as viewers make them, are tried where no known world does.
+    """
+    known = dict(known_worlds(path, cameras.applied))
+    best = max(scored(gaussians, few, known.items()), key=lambda one: one[2])
+    if best[2] < SHOWS:
+        turned = (
+            (f"{name}, its axes turned", turn @ world)
+            for name, world in known.items()
+            for turn in right_angles()
+        )
+        best = max([best, *scored(gaussians, few, turned)], key=lambda one: one[2])
+    return best
+
+
+def scored(gaussians, few, worlds):
+    """(name, world, correlation of renders and photos) of each world."""
+    greys = [grey(one.photo(SMALL_PX)) for one in few]
+    for name, world in worlds:
+        found = [
+            correlation(
+                grey(to_bytes(one.render(gaussians, world, SMALL_PX).colour)), g
+            )
+            for one, g in zip(few, greys, strict=True)
+        ]
+        yield name, world, float(np.mean(found))
+
+
+def known_worlds(path, applied):
+    """(name, world) of those that a splat may have, by what lies beside its file.
+
+    applied: `applied_transform` [4, 4] of a transforms.json, or None.
+    """
+    back = np.eye(4) if applied is None else np.linalg.inv(applied)
+    yield "as the cameras'", np.eye(4)
+    if applied is not None:
+        yield "without the cameras' applied_transform", back
+    folders = itertools.islice(Path(path).absolute().parents, ABOVE)
+    for beside in filter(Path.is_file, (one / NERFSTUDIO for one in folders)):
+        told = json_files.read(beside, {"transform": list, "scale": json_files.NUMBER})
+        try:
+            moved = np.vstack([np.array(told["transform"], float), [0, 0, 0, 1.0]])
+            world = np.diag([*[float(told["scale"])] * 3, 1.0]) @ moved
+            usable = world.shape == (4, 4) and 1e-9 < scale_of(world) < 1e9
+        except (ValueError, TypeError):
+            usable = False
+        if not usable:
+            raise ValueError(f"{beside}: 'transform' and 'scale' are no similarity")
+        yield f"by {beside.name}", world
+        yield f"by {beside.name}, without applied_transform", world @ back
+        return
+
+
+def right_angles():
+    """The 24 turns [4, 4] that put axes on axes."""
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            turn = np.eye(4)
+            turn[:3, :3] = np.diag(signs)[:, order]
+            if np.linalg.det(turn) > 0:
+                yield turn
+
+
+def options_of(gaussians, few, world):
+    """Options of the rasteriser that a .ply leaves open, as fits the photos."""
+    smooth = [gaussians.antialiased]
+    if gaussians.antialiased is None:
+        smooth = [False, True]
+    tried = [
+        {"near": near, "max_alpha": most, "antialiased": one}
+        for one in smooth
+        for near, most in NEARS
+    ]
+    pairs = [(one, one.photo(LONGEST_PX).astype(np.float64)) for one in few[:2]]
+
+    def error_db(options):
+        errors = [
+            np.mean(
+                (
+                    to_bytes(v.render(gaussians, world, LONGEST_PX, **options).colour)
+                    - photo
+                )
+                ** 2
+            )
+            for v, photo in pairs
+        ]
+        return 10 * math.log10(max(np.mean(errors), 1e-9))
+
+    errors = [error_db(one) for one in tried]
+    best = int(np.argmin(errors))
+    return tried[best if errors[best] < errors[0] - CLEARLY_DB else 0]
+
+
+def to_bytes(colour):
+    return np.round(np.clip(colour, 0, 1) * 255).astype(np.uint8)
+
+
+def grey(image):
+    """A small picture in grey, blurred by a pixel."""
+    return cv2.GaussianBlur(image.astype(np.float32).mean(axis=-1), (0, 0), 1.0)
+
+
+def correlation(one, other):
+    """Of two pictures; 0 where one of them is of one colour."""
+    one, other = one - one.mean(), other - other.mean()
+    size = math.sqrt((one**2).sum() * (other**2).sum())
+    return float((one * other).sum() / size) if size > 0 else 0.0
