@@ -22,8 +22,8 @@ OURS = base.Cause(
 )
 OTHERS = base.Cause(
     name="undertrained_renders",
-    order=(10, 5, 1),
-    label="length of training",
+    order=(12, 0, 0),
+    label="length of training, by its renders",
     unit="times the renders' detail",
     value=lambda e: e.detail_median,
     limit=lambda e: shift.SOFT_DETAIL,
@@ -33,14 +33,14 @@ OTHERS = base.Cause(
     detectable=lambda e: not shift.poses_off(e),
     looked_for=lambda e: bool(e.judged),
     says=lambda e: (
-        f"photos have {base.number(e.detail_median)} times the renders' fine "
-        f"detail, {shift.SOFT_DETAIL:g} is too much"
+        f"photos have {base.number(e.detail_median)} times the fine detail of "
+        f"renders, {shift.SOFT_DETAIL:g} is too much"
     ),
     called="trained {probably}too short",
     sentence="Training was {probably}too short: photos have {value:.2g} times the fine "
     "detail of the renders, and matches find no wrong poses.",
     advice="train longer first.",
-    advice_external="train longer first, then judge again: blurred renders tell nothing "
-    "of alignment.",
+    advice_external="train longer first, then judge again: blurred renders tell "
+    "nothing of alignment.",
 )
 CAUSE = [OURS, OTHERS]

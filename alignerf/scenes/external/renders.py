@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from alignerf.io import faults
 from alignerf.scenes import photos
+from alignerf.scenes.capture import video
 
 log = logging.getLogger("alignerf")
 
@@ -34,6 +35,8 @@ AROUND = re.compile(
 NUMBERED = re.compile(r"(.*?)(\d+)")
 # Every so many views, by name, are held out by 3D Gaussian splatting and by gsplat.
 EVERY = 8
+# Folders with such numbers and more in their names are of a training's steps.
+MIN_STEPS = 100
 # More files are no folder of renders.
 MAX_FILES = 100_000
 
@@ -62,8 +65,10 @@ def find(folder, names, splits=None) -> Found:
     """
     folder, names = Path(folder), sorted(names)
     if not folder.is_dir():
-        raise ValueError(f"{folder}: no folder of renders")
-    files = files_of(folder)
+        film = folder.suffix.lower() in video.SUFFIXES
+        hint = f"; of a film: ffmpeg -i {folder.name} renders/%05d.png" * film
+        raise ValueError(f"{folder}: no folder of renders{hint}")
+    files = of_last(files_of(folder))
     if not files:
         raise ValueError(f"{folder}: no renders ({', '.join(sorted(SUFFIXES))})")
     splits = splits if splits and len(set(splits.values())) > 1 else every_nth(names)
@@ -90,6 +95,24 @@ def files_of(folder):
         paths = (Path(root, name) for name in files if name[0] != ".")
         found += [path for path in paths if path.suffix.lower() in SUFFIXES]
     return sorted(found)
+
+
+def of_last(files):
+    """The files without those of earlier steps: of eval_5000/ beside eval_30000/."""
+    steps = {}
+    for path in files:
+        for place in path.parents:
+            if match := NUMBERED.fullmatch(place.name):
+                siblings = steps.setdefault((place.parent, match[1]), {})
+                siblings.setdefault(int(match[2]), []).append(path)
+    earlier = set()
+    for numbers in steps.values():
+        last = {path.name for path in numbers[max(numbers)]}
+        for number in numbers.keys() - {max(numbers)}:
+            same = [path for path in numbers[number] if path.name in last]
+            # Folders of several cameras have files of the same names, too.
+            earlier.update(same if min(numbers) >= MIN_STEPS else ())
+    return [path for path in files if path not in earlier]
 
 
 def walk(folder):

@@ -82,6 +82,7 @@ def find(config) -> ExternalRenders:
             "%d of %d photos have no render, or no camera: %s",
             *(len(without), len(paths), faults.some_names(without)),
         )
+    found = halved(found, paths)
     size, odd = one_size(found.renders)
     pairs = [
         pair_of(name, paths[name], found.renders[name], cameras.lenses[name], size)
@@ -99,6 +100,20 @@ def find(config) -> ExternalRenders:
         "of_other_size": sorted(odd),
     }
     return ExternalRenders(pairs, size, cameras, told)
+
+
+def halved(found, paths):
+    """The same, where renders of twice the photos' width are photo and render."""
+    name, first = next(iter(found.renders.items()))
+    (width, height), own = (photos.head(p).size for p in (first.path, paths[name]))
+    fits = [prepare.has_shape((w, height), own) for w in (width, width // 2)]
+    if first.is_sheet or fits != [False, True]:
+        return found
+    of_views = found.renders.items()
+    return found._replace(
+        renders={view: one._replace(is_sheet=True) for view, one in of_views},
+        layout=f"{found.layout}, photo and render side by side",
+    )
 
 
 def held_out(every, found, cameras):

@@ -266,3 +266,83 @@ def test_make_hands_on_values_as_they_are(handed_on, tmp_path, target, names, wo
     for word in words:
         assert word in told
     assert not (tmp_path / "x").exists()
+
+
+def judged(here, name):
+    """The results of a judgement of this name, as far as later ones look at them."""
+    config, results = here / "results" / f"{name}.yaml", here / "results" / name
+    made(config, results)
+    (results / "config.yaml").write_text(config.read_text())
+    (results / "verdict.json").write_text("{}")
+
+
+def keys_of(here, name):
+    config = yaml.safe_load((here / "results" / f"{name}.yaml").read_text())
+    return config["scenes"][name]["external_renders"]
+
+
+def test_a_second_model_of_the_same_photos_is_set_beside_the_first(here, runs, capsys):
+    """Every program calls its folder `renders`: names are of photos and model."""
+    name = judge.folders.name_of(here)
+    judge.main(options())
+    assert runs.pop()[0] == f"results/{name}.yaml"
+    judged(here, name)
+    # The same once more goes on.
+    judge.main(options())
+    assert runs.pop()[0] == f"results/{name}.yaml"
+    (here / "sharper").mkdir()
+    (here / "renders").rename(here / "sharper" / "renders")
+    judge.main(options(renders="sharper/renders"))
+    assert runs.pop()[0] == f"results/{name}_sharper.yaml"
+    assert keys_of(here, f"{name}_sharper")["before"] == f"results/{name}/verdict.json"
+    assert f"compared with results/{name} " in capsys.readouterr().out
+    judged(here, f"{name}_sharper")
+    # Rendered anew in the same place.
+    cases.write_png(here / "sharper/renders/train/v02.png", cases.picture(77))
+    judge.main(options(renders="sharper/renders"))
+    assert runs.pop()[0] == f"results/{name}_sharper_2.yaml"
+    before = f"results/{name}_sharper/verdict.json"
+    assert keys_of(here, f"{name}_sharper_2")["before"] == before
+    judge.main([*options(renders="sharper/renders", name="alone"), "--before=none"])
+    assert "before" not in keys_of(here, "alone")
+
+
+def test_what_is_judged_again_is_compared_with_what_it_was(here, runs):
+    """Not with those after it."""
+    name = judge.folders.name_of(here)
+    judge.main(options())
+    judged(here, name)
+    judge.main([*options(name="later")])
+    judged(here, "later")
+    judge.main(options())
+    assert "before" not in keys_of(here, name)
+
+
+def test_held_out_views_are_said_in_words(here, runs, capsys):
+    for file in sorted((here / "renders").rglob("*.png")):
+        file.rename(here / "renders" / file.name)
+    judge.main(options(name="mine"))
+    assert keys_of(here, "mine")["splits"] == ["train"]
+    assert "which photos were held out is not known" in capsys.readouterr().out
+    judge.main([*options(name="said"), "--held-out=every=4"])
+    assert keys_of(here, "said")["splits"] == ["train", "test"]
+    assert "2 of 8 were held out: every 4th by name" in capsys.readouterr().out
+    scene = yaml.safe_load((here / "results/said.yaml").read_text())["scenes"]["said"]
+    found = views.splits_of(views.find(of_scenes.checked(scene)))
+    assert [name for name, split in found.items() if split == "test"] == ["v00", "v04"]
+
+
+@pytest.mark.parametrize("text", ["8", "every=1", "each=8", "every=x"])
+def test_held_out_views_in_other_words_are_refused(here, text):
+    with pytest.raises(SystemExit):
+        judge.main([*options(name="mine"), f"--held-out={text}"])
+
+
+def test_photo_and_render_side_by_side_are_told_by_their_shape(here, runs, capsys):
+    for file in sorted((here / "renders").rglob("*.png")):
+        i = cases.NAMES.index(file.stem)
+        cases.write_png(file, np.concatenate([cases.picture(i)] * 2, axis=1))
+    judge.main(options(name="mine"))
+    assert "photo and render side by side" in capsys.readouterr().out
+    scene = yaml.safe_load((here / "results/mine.yaml").read_text())["scenes"]["mine"]
+    assert views.find(of_scenes.checked(scene)).size == cases.SIZE

@@ -1,5 +1,7 @@
 """Which render belongs to which photo."""
 
+from pathlib import Path
+
 import pytest
 
 from alignerf.scenes.external import renders
@@ -159,3 +161,20 @@ def test_a_render_of_no_photo_is_left_out(tmp_path, caplog):
     write(tmp_path, "v00.png", "sky.png")
     assert list(renders.find(tmp_path, NAMES).renders) == ["v00"]
     assert "sky.png" in caplog.text
+
+
+def test_of_folders_of_steps_the_last_counts(tmp_path):
+    """Those of cameras are no steps, though their files may be called alike."""
+    for step in (5000, 30000):
+        write(tmp_path / f"eval_{step}", *(f"{name}.png" for name in NAMES))
+    found = renders.find(tmp_path, NAMES)
+    assert len(found.renders) == len(NAMES)
+    assert {one.path.parent.name for one in found.renders.values()} == {"eval_30000"}
+    few = [Path(f"cam{i}/v00.png") for i in range(2)]
+    assert renders.of_last(few) == few
+
+
+def test_a_film_is_told_how_to_become_renders(tmp_path):
+    (tmp_path / "out.mp4").write_bytes(b"")
+    with pytest.raises(ValueError, match=r"no folder of renders; of a film: ffmpeg"):
+        renders.find(tmp_path / "out.mp4", NAMES)

@@ -1,0 +1,132 @@
+"""Renders of a splat's own file at the photos' cameras."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from alignerf.scenes.external import lenses, splat
+from alignerf.splats import ply, rasterize
+from tests import splat_cases
+from tests.judged_cases import write_png
+
+SIZE = (96, 72)
+NAMES = [f"v{i:02}" for i in range(5)]
+TURN = cv2.Rodrigues(np.array([0.3, -0.5, 0.8]))[0]
+
+
+def similarity(scale=1.0, turn=None, shift=(0, 0, 0)):
+    world = np.eye(4)
+    world[:3, :3] = scale * (np.eye(3) if turn is None else turn)
+    world[:3, 3] = shift
+    return world
+
+
+def columns(rng, world, count=400):
+    """{property: values} of a splat in front of the cameras, in a world of its own."""
+    means = rng.uniform([-2, -1.5, -6], [2, 1.5, -4], (count, 3))
+    table = splat_cases.columns(rng, rest=0, count=count)
+    moved = means @ world[:3, :3].T + world[:3, 3]
+    table |= dict(zip("xyz", moved.T, strict=True))
+    # Balls, which no turn changes.
+    size = np.log(0.12 * splat.scale_of(world))
+    table |= {f"scale_{i}": np.full(count, size) for i in range(3)}
+    return table | {"opacity": np.full(count, 3.0)}
+
+
+@pytest.fixture
+def project(tmp_path):
+    """Photos that a splat shows, their cameras, and what writes it for a world."""
+    frames = []
+    for i, name in enumerate(NAMES):
+        pose = np.eye(4)
+        pose[:3, 3] = [0.3 * i - 0.6, 0.1 * i, 0.2 * i]
+        frames.append({"file_path": f"{name}.png", "transform_matrix": pose.tolist()})
+    keys = {"w": SIZE[0], "h": SIZE[1], "fl_x": 90.0, "fl_y": 91.0, "cx": 47, "cy": 37}
+
+    def write(world, **more):
+        file = tmp_path / "transforms.json"
+        file.write_text(json.dumps(keys | {"frames": frames} | more))
+        rng = np.random.default_rng(3)
+        path = splat_cases.write(tmp_path / "model.ply", columns(rng, world))
+        return path, lenses.read(file, SIZE)
+
+    path, cameras = write(np.eye(4))
+    for name, lens in cameras.lenses.items():
+        camera = rasterize.Camera(
+            splat.world_to_camera(lens.pose, np.eye(4)), 90, 91, 47, 37, *SIZE
+        )
+        image = splat.to_bytes(rasterize.render(ply.read(path), camera).colour)
+        write_png(tmp_path / "photos" / f"{name}.png", image)
+    photos = {name: tmp_path / "photos" / f"{name}.png" for name in NAMES}
+    return write, photos, tmp_path
+
+
+def applied():
+    return [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]]
+
+
+def right_angle():
+    return similarity(turn=np.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0.0]]))
+
+
+@pytest.mark.parametrize(
+    ("world", "more", "beside", "says"),
+    [
+        (similarity(), {}, None, "as the cameras'"),
+        (
+            np.linalg.inv(np.vstack([applied(), [0, 0, 0, 1]])),
+            {"applied_transform": applied()},
+            None,
+            "without the cameras' applied_transform",
+        ),
+        (right_angle(), {}, None, "as the cameras', its axes turned"),
+        (
+            similarity(0.2) @ similarity(1, TURN, (1, 2, 3)),
+            {},
+            {"transform": similarity(1, TURN, (1, 2, 3))[:3].tolist(), "scale": 0.2},
+            "by dataparser_transforms.json",
+        ),
+    ],
+)
+def test_the_world_of_a_splat_is_found_by_the_photos(
+    project, world, more, beside, says
+):
+    """Renders are the photos, and depth is in the unit of the cameras."""
+    write, photos, folder = project
+    if beside:
+        (folder / splat.NERFSTUDIO).write_text(json.dumps(beside))
+    path, cameras = write(world, **more)
+    told = splat.render(path, photos, cameras, folder / "made")
+    assert (told["world"], told["gaussians"]) == (says, 400)
+    for name in NAMES:
+        render = cv2.imread(str(folder / "made" / "rgb" / f"{name}.png"))
+        wanted = cv2.imread(str(photos[name]))
+        # Spheres of colours turn with the world, which degree 0 has not.
+        assert np.abs(render.astype(int) - wanted).max() <= 2
+        depth = np.load(folder / "made" / "depth" / f"{name}.npy")
+        known = depth[np.isfinite(depth)]
+        assert known.size
+        assert (known > 3).all()
+        assert (known < 8).all()
+    assert splat.is_of(folder / "made", path)
+    path.write_bytes(path.read_bytes() + b" ")
+    assert not splat.is_of(folder / "made", path)
+
+
+def test_cameras_of_another_scene_are_refused_in_one_line(project):
+    write, photos, folder = project
+    path, cameras = write(similarity(turn=TURN, shift=(40, 0, 0)))
+    with pytest.raises(ValueError, match=r"does not show the photos \(correlation"):
+        splat.render(path, photos, cameras, folder / "made")
+    assert not (folder / "made").exists()
+
+
+def test_a_similarity_that_is_none_is_named(project):
+    write, photos, folder = project
+    path, cameras = write(similarity())
+    told = {"transform": [[0, 0, 0, 0]] * 3, "scale": 1}
+    (folder / splat.NERFSTUDIO).write_text(json.dumps(told))
+    with pytest.raises(ValueError, match=r"transforms\.json: 'transform' and"):
+        splat.render(path, photos, cameras, folder / "made")
