@@ -214,15 +214,15 @@ def exports(experiment):
     """Folders for other programs: what the last round of each method was trained on.
 
     Its cameras with the photos as taken and, where it learnt from warped photos, with
-    these. Of renders that are judged, both ways of putting right what was learnt from,
-    where `can_export` of its record says so.
+    these. Of renders that are judged, what `of_judged` says, where `can_export` of its
+    record allows it.
     """
     folders = []
     for scene in experiment.captures():
         capture = experiment.capture(scene)
         if not capture.trains:
             method = experiment.config["reference"]["method"]
-            whats = ("cameras", "photos") * capture.can_export(experiment.scenes[scene])
+            whats = of_judged(scene) * capture.can_export(experiment.scenes[scene])
             folders += [layout.Scene(scene).export(method, what) for what in whats]
             continue
         for method in experiment.trained():
@@ -234,6 +234,23 @@ def exports(experiment):
             if training.warped:
                 folders.append(at.export(method, "photos"))
     return folders
+
+
+def of_judged(scene):
+    """What is exported of renders that are judged: photos only where things moved.
+
+    Both, where no verdict is there.
+    """
+    path = Path(layout.Scene(scene).verdict)
+    if not path.is_file():
+        return ("cameras", "photos")
+    told = json_files.read(path).get("causes")
+    named = {
+        one.get("cause")
+        for one in (told if isinstance(told, list) else ())
+        if isinstance(one, dict) and one.get("level") in ("sure", "likely")
+    }
+    return ("cameras", "photos") if "motion" in named else ("cameras",)
 
 
 def moves_cameras(training):
