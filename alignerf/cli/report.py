@@ -48,7 +48,10 @@ class Running(NamedTuple):
 
 
 class Report:
-    """Takes events, and shows them. captures: scenes of the run. log: all its text."""
+    """Takes events, and shows them.
+
+    captures: scenes of the run. log: all its text, if it is in one file.
+    """
 
     def __init__(self, captures, log, stream=None, results="results"):
         # An editor's shell knows no control sequences.
@@ -60,6 +63,8 @@ class Report:
             console=self.console,
             transient=True,
             auto_refresh=False,
+            redirect_stdout=False,
+            redirect_stderr=False,
         )
         self.whole = self.bar.add_task("", total=1.0)
         self.live, self.every_s = live, EVERY_S if live else LOG_EVERY_S
@@ -171,8 +176,8 @@ class Report:
         self.stopping = True
         self.line("stopping what runs")
 
-    def close(self, code):
-        """The last lines; code: the run's exit code."""
+    def close(self, code, faults=()):
+        """The last lines; code: the run's exit code. faults: what stopped it."""
         if self.live:
             self.bar.stop()
         if code == 0:
@@ -183,9 +188,10 @@ class Report:
             return
         # Jobs that were asked to end are no faults.
         asked = [targets.AS_ASKED, targets.GOES_ON] if self.stopping else []
-        for line in asked or targets.causes([self.log]) or self.faults():
+        for line in asked or faults or targets.causes([self.log]) or self.faults():
             self.line(line)
-        self.line(f"all that the run said: {self.log}")
+        if self.log:
+            self.line(f"all that the run said: {self.log}")
 
     def faults(self):
         """What stopped a run that has no failed job, as a plan that is wrong."""

@@ -1,4 +1,4 @@
-"""The workflow on a config, and what a user sees of it.
+"""A config's run, and what a user sees of it: by Snakemake, where something is trained.
 
 A plugin of this project's (workflow/plugins) tells what Snakemake does; all that it and
 its jobs print goes to a file, which is named. With VERBOSE in the environment (`make
@@ -6,6 +6,7 @@ run VERBOSE=1`) that is what a user sees.
 """
 
 import contextlib
+import importlib.util
 import os
 import re
 import signal
@@ -17,7 +18,7 @@ from pathlib import Path
 
 import psutil
 
-from alignerf.cli import configs, report
+from alignerf.cli import configs, light, report
 from alignerf.experiment import sources, targets
 
 LOGS, KEPT = Path("results/logs"), 10
@@ -26,8 +27,8 @@ OURS = re.compile(r"run-\d{8}-\d{6}-\d+\.log")
 WITHOUT_VERDICT = {("export",)}
 PLUGIN, EVENTS = "alignerf-events", "ALIGNERF_EVENTS"
 POLL_S = 0.1
-# By these a keyboard, another process and a terminal that is closed end a run.
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+# What is to be installed for them.
+TRAINS = "alignerf-misalignment[train]"
 # A job that is begun meanwhile is asked to end too; Snakemake may take so long at most.
 AGAIN_S, STUCK_S = 2.0, 30.0
 
@@ -39,11 +40,16 @@ def run(path, cores, *wanted, overrides=(), forced=(), first=()):
     files that are made anew. first: files that come before all others, with what they
     need.
     """
-    command = command_of(path, cores, wanted, overrides, forced, first)
-    if os.environ.get("VERBOSE"):
-        return loud(command)
     captures = list(configs.read(path or targets.DEMO)["scenes"])
-    code = quiet(command, captures)
+    if path and light.takes(path):
+        code = light.run(path, cores, wanted, overrides, forced)
+    elif importlib.util.find_spec("snakemake") is None:
+        raise ValueError(f"trainings want more packages: pip install '{TRAINS}'")
+    else:
+        command = command_of(path, cores, wanted, overrides, forced, first)
+        if os.environ.get("VERBOSE"):
+            return loud(command)
+        code = quiet(command, captures)
     if code == 0 and wanted not in WITHOUT_VERDICT:
         export = targets.export_command([path] if path else [])
         print("\n".join(targets.verdicts(captures, export=export)), flush=True)
@@ -105,7 +111,7 @@ def ended(process, look=lambda: None, stop=lambda: None):
     Snakemake has a session of its own, so that it is told once: its handler waits for a
     lock, which the thread that a second signal interrupts may hold.
     """
-    before = {one: signal.getsignal(one) for one in SIGNALS}
+    before = {one: signal.getsignal(one) for one in light.SIGNALS}
     asking = [one for one, handler in before.items() if handler != signal.SIG_IGN]
     try:
         for one in asking:
