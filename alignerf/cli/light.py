@@ -19,40 +19,32 @@ import traceback
 from pathlib import Path
 from typing import NamedTuple
 
-import yaml
-
 from alignerf.captures import base
 from alignerf.cli import configs, report
 from alignerf.experiment import check, cluster, layout, plan, sources, steps, targets
 from alignerf.experiment.checks import results
 from alignerf.io import atomic, json_files, machine
 
-SCENE, TRAINING = layout.Scene("{scene}"), layout.training("{scene}", "{training}")
-PARTS = ("{split}", "{photos}")
-# Rules as in workflow/rules: {name: (log, outputs)}.
+S, T = layout.Scene("{scene}"), layout.training("{scene}", "{training}")
+PARTS = T.parts("{split}", "{photos}"), T.decomposition("{split}", "{photos}")
+# {rule: (log, outputs, whether its command takes `--threads`)}, as in workflow/rules.
 RULES = {
-    "config": (SCENE.log("config"), [SCENE.config]),
-    "poses": (SCENE.log("poses"), [SCENE.images, SCENE.cameras, SCENE.poses]),
-    "verdict": (SCENE.log("verdict"), [SCENE.verdict, SCENE.views]),
-    "page": (SCENE.log("page"), [SCENE.page]),
+    "config": (S.log("config"), [S.config], False),
+    "poses": (S.log("poses"), [S.images, S.cameras, S.poses], False),
+    "train": (T.log("train"), [T.timing, T.learnt], True),
+    "render": (T.log("render"), [T.renders, T.depth, T.render], True),
+    "align": (T.log("align"), [T.flow, T.warped, T.displacement], True),
+    "overfit": (T.log("overfit"), [T.overfit], True),
+    "correct_poses": (T.log("correct_poses"), [T.corrected, T.corrections], True),
+    "decompose": (T.log("decompose{photos}_{split}"), PARTS, True),
+    "verdict": (S.log("verdict"), [S.verdict, S.views], False),
+    "page": (S.log("page"), [S.page], False),
     "export_folder": (
-        f"{SCENE}/{{method}}/logs/export_{{what}}.log",
-        [SCENE.export("{method}", "{what}")],
+        f"{S}/{{method}}/logs/export_{{what}}.log",
+        [S.export("{method}", "{what}")],
+        False,
     ),
 }
-# Those whose commands take `--threads`.
-IN_THREADS = {
-    "train": ("train", [TRAINING.timing, TRAINING.learnt]),
-    "render": ("render", [TRAINING.renders, TRAINING.depth, TRAINING.render]),
-    "align": ("align", [TRAINING.flow, TRAINING.warped, TRAINING.displacement]),
-    "overfit": ("overfit", [TRAINING.overfit]),
-    "correct_poses": ("correct_poses", [TRAINING.corrected, TRAINING.corrections]),
-    "decompose": (
-        "decompose{photos}_{split}",
-        [TRAINING.parts(*PARTS), TRAINING.decomposition(*PARTS)],
-    ),
-}
-RULES |= {rule: (TRAINING.log(job), out) for rule, (job, out) in IN_THREADS.items()}
 LETTERS = {"training": r"[^/]+/round\d+", "split": "train|test", "photos": "|_photos"}
 LETTERS |= {"what": "cameras|photos"}
 # Beside a scene's results: what each job's outputs were made by, and when.
@@ -65,18 +57,19 @@ STOPPED = 130
 
 
 class Job(NamedTuple):
-    """A rule, its wildcards, and what it runs and makes; sources: of its code."""
+    """A rule, its wildcards, what it runs and makes. sources: of its code."""
 
     rule: str
     wildcards: NamedTuple
     command: list
+    threads: list
     sources: str
     inputs: list
     outputs: list
     log: str
 
     def state(self):
-        """What it is made by, and the times of its files; None of one is missing."""
+        """What it is made by, and the times of its files; None of a missing one."""
         times = {}
         for path in (*self.inputs, *self.outputs):
             exists = os.path.exists(path)
@@ -98,11 +91,11 @@ def run(path, cores, wanted, overrides=(), forced=()):
     machine.limit(cores)
     config = configs.read(path)
     for key, _, value in (one.partition("=") for one in overrides):
-        config[key] = yaml.safe_load(value)
+        config[key] = int(value)
     experiment = plan.Experiment(check.checked(config, [path]), None)
     plan.check_equal(experiment)
     results.check_folders(experiment.scenes, experiment.methods)
-    cluster.link(experiment.scenes, SCENE.config)
+    cluster.link(experiment.scenes, S.config)
     sources.set_environment(experiment.captures(), targets.export_command([path]))
     results.check_writable(experiment.scenes, experiment.methods)
     targets.tidy(experiment.scenes)
@@ -132,16 +125,14 @@ def jobs_of(experiment, wanted, cores):
         rule, wildcards = made_by(path, letters)
         if rule is None or (rule, wildcards) in found:
             return
-        log, outputs = RULES[rule]
-        asked = getattr(rules, rule)
+        (log, outputs, threads), asked = RULES[rule], getattr(rules, rule)
         inputs = [*flat(asked.inputs(wildcards).values())]
         for one in inputs:
             go(one)
-        names, words = wildcards._asdict(), [*map(str, asked.command(wildcards))]
-        words += ["--threads", str(cores)] * (rule in IN_THREADS)
-        made = [one.format(**names) for one in outputs]
-        code, log = asked.sources(wildcards), log.format(**names)
-        found[rule, wildcards] = Job(rule, wildcards, words, code, inputs, made, log)
+        log, *made = (one.format(**wildcards._asdict()) for one in (log, *outputs))
+        words = [str(word) for word in asked.command(wildcards)]
+        runs = words, ["--threads", str(cores)] * threads, asked.sources(wildcards)
+        found[rule, wildcards] = Job(rule, wildcards, *runs, inputs, made, log)
 
     for path in wanted:
         go(path)
@@ -149,21 +140,17 @@ def jobs_of(experiment, wanted, cores):
 
 
 def made_by(path, letters):
-    """(rule, wildcards) that a file is made by; None of a user's."""
-    for rule, (_, outputs) in RULES.items():
+    """(rule, wildcards) that a file is made by; None of a user's.
+
+    letters: {wildcard: what it may be}.
+    """
+    groups = {name: f"(?P<{name}>{letter})" for name, letter in letters.items()}
+    for rule, (_, outputs, _) in RULES.items():
         for pattern in outputs:
-            if match := re.fullmatch(matching(pattern, letters), path):
-                names = match.groupdict()
+            if found := re.fullmatch(pattern.format(**groups), path):
+                names = found.groupdict()
                 return rule, collections.namedtuple(rule, names)(**names)
     return None, None
-
-
-def matching(pattern, letters):
-    """The regular expression of a pattern; letters: {wildcard: what it may be}."""
-    parts = re.split(r"\{(\w+)\}", pattern)
-    parts[::2] = map(re.escape, parts[::2])
-    parts[1::2] = [f"(?P<{name}>{letters[name]})" for name in parts[1::2]]
-    return "".join(parts)
 
 
 def flat(paths):
@@ -192,7 +179,7 @@ def make(scenes, found, forced, tell):
         scene, told = job.wildcards.scene, {"jobid": number, "rule_name": job.rule}
         told |= {"wildcards": job.wildcards._asdict(), "output": job.outputs}
         tell(event="job_info", log=[job.log], **told)
-        if code := ended(job.command, job.log):
+        if code := ended([*job.command, *job.threads], job.log):
             tell(event="job_error", jobid=number)
             return code, [] if code == STOPPED else targets.cause(Path(job.log))
         tell(event="job_finished", jobid=number)
