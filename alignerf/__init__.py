@@ -16,12 +16,29 @@ PSNR, SSIM, LPIPS               `metrics`, on `networks` with published weights
 images, cameras, the truth      `scenes`, the embedded scene in `scenes.courtyard`
 what other programs are given   `exports`
 
+other programs' renders         `diagnose`, in `api`, for Python and notebooks
+
 `experiment` says what a config means, without JAX: the jobs, what each job depends on,
 and what it asks of a cluster. `processes` lets several processes train one model.
 `io` is what all commands share: errors in one line, and atomic outputs.
 """
 
+import importlib
+import sys
+
 from alignerf.io.environment import switches
 
-# Before anything imports JAX.
-switches.settle()
+# What `import alignerf` offers to a program of the user's, imported when it is asked
+# for.
+OFFERED = ("Cause", "Report", "diagnose")
+
+# Python says so while it looks for the command of `python -m alignerf.train`: before
+# anything imports JAX.
+if sys.argv[:1] == ["-m"]:
+    switches.settle()
+
+
+def __getattr__(name):
+    if name not in OFFERED:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module("alignerf.api.diagnosis"), name)

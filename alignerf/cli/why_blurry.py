@@ -8,6 +8,7 @@ import os
 import sys
 
 from alignerf.io import faults, provenance
+from alignerf.io.environment import switches
 
 HELP = """\
 What blurs a NeRF or a splat, and what to do first.
@@ -46,6 +47,7 @@ def run(command="--help", *words):
     if command not in COMMANDS:
         known = ", ".join(COMMANDS)
         raise ValueError(f"why-blurry {command}: no such command; there are {known}")
+    switches.settle()
     os.environ[provenance.TYPED] = "why-blurry"
     sys.argv = [f"why-blurry {command}", *words]
     importlib.import_module(COMMANDS[command]).main(list(words))

@@ -1,9 +1,9 @@
 """Variables of the environment that would change what JAX computes: left out.
 
 JAX reads its settings from variables when it is imported: with JAX_ENABLE_X64=1 the
-same job trains another model. So this runs before, when `alignerf` is imported. What is
-left, and may still change a last digit, is noted with each training
-(`files.provenance`).
+same job trains another model. So each command begins with this, before that; a program
+that imports `alignerf` keeps its variables. What is left, and may still change a last
+digit, is noted with each training (`io.provenance`).
 """
 
 import os

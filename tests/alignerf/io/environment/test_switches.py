@@ -23,8 +23,8 @@ HOSTILE = {
     "JAX_DEBUG_NANS": "1",
     "JAX_OPTIMIZATION_LEVEL": "O0",
 }
+# A command of ours, as a module that `python -m` finds.
 CODE = """
-import alignerf
 import jax, jax.numpy as jnp
 key = jax.random.key(3)
 drawn = jax.random.normal(key, (5,))
@@ -33,10 +33,10 @@ print(jax.jit(lambda x: x @ x.T)(drawn[:, None] + jnp.arange(8)).tolist())
 """
 
 
-def run(root, code, **more):
+def run(root, *words, **more):
     environ = {k: v for k, v in os.environ.items() if not k.startswith("ALIGNERF")}
     return subprocess.run(
-        [sys.executable, "-c", code],
+        [sys.executable, *words],
         cwd=root,
         capture_output=True,
         text=True,
@@ -44,8 +44,22 @@ def run(root, code, **more):
     )
 
 
-def test_numbers_are_the_same_under_every_environment(root):
-    plain, hostile = run(root, CODE), run(root, CODE, **HOSTILE)
+@pytest.fixture
+def command(root, tmp_path):
+    """A package's copy with a command that says what JAX computes: (code) -> run it."""
+    (tmp_path / "alignerf").mkdir()
+    for name in ("io", "__init__.py"):
+        (tmp_path / "alignerf" / name).symlink_to(root / "alignerf" / name)
+
+    def of(code, **more):
+        (tmp_path / "alignerf" / "said.py").write_text(code)
+        return run(tmp_path, "-m", "alignerf.said", **more)
+
+    return of
+
+
+def test_numbers_are_the_same_under_every_environment(command):
+    plain, hostile = command(CODE), command(CODE, **HOSTILE)
     assert (plain.stderr, hostile.returncode) == ("", 0), hostile.stderr
     assert hostile.stdout == plain.stdout
     said = hostile.stderr.splitlines()
@@ -54,14 +68,46 @@ def test_numbers_are_the_same_under_every_environment(root):
         assert line.startswith(f"environment: {name}={HOSTILE[name]!r}")
 
 
-def test_a_process_says_it_for_those_that_it_starts(root):
+def test_a_process_says_it_for_those_that_it_starts(command):
     code = """
-import subprocess, sys
-import alignerf
-subprocess.run([sys.executable, "-c", "import alignerf"], check=True)
+import os, subprocess, sys
+if "AGAIN" not in os.environ:
+    again = os.environ | {"AGAIN": "1"}
+    subprocess.run([sys.executable, "-m", "alignerf.said"], env=again, check=True)
 """
-    done = run(root, code, JAX_ENABLE_X64="1")
+    done = command(code, JAX_ENABLE_X64="1")
+    assert done.returncode == 0
     assert done.stderr.count("JAX_ENABLE_X64") == 1
+
+
+def test_an_import_changes_nothing(root):
+    """What a notebook has set is its own."""
+    code = """
+import os, sys, threading, signal, warnings, logging
+# These set variables of their own.
+import cv2, numpy, pandas, pycolmap, scipy
+before = dict(os.environ), sys.excepthook, threading.excepthook
+before += tuple(signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM))
+before += list(warnings.filters), list(logging.root.handlers), list(sys.path)
+import alignerf
+alignerf.diagnose
+after = dict(os.environ), sys.excepthook, threading.excepthook
+after += tuple(signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM))
+after += list(warnings.filters), list(logging.root.handlers), list(sys.path)
+assert after == before, (before, after)
+assert "jax" not in sys.modules
+"""
+    done = run(root, "-c", code, **HOSTILE)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+@pytest.mark.parametrize("words", [["-m", "alignerf.show"], ["-c", "WHY"]])
+def test_every_command_begins_with_it(root, tmp_path, words):
+    """By its module, and as it is installed."""
+    why = "import sys; from alignerf.cli import why_blurry; why_blurry.main(['show'])"
+    words = [word.replace("WHY", why) for word in words]
+    done = run(tmp_path, *words, JAX_ENABLE_X64="1", PYTHONPATH=str(root))
+    assert "environment: JAX_ENABLE_X64='1' may change results" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -96,7 +142,7 @@ import jax
 from alignerf.io import faults
 faults.run(lambda: jax.jit(lambda x: x + 1)(1))
 """
-    done = run(root, code, JAX_PLATFORMS=platform)
+    done = run(root, "-c", code, JAX_PLATFORMS=platform)
     if done.returncode == 0:
         pytest.skip(f"{platform} is here")
     said = f"error: environment: JAX_PLATFORMS={platform}: JAX cannot start on it here"
@@ -112,5 +158,5 @@ import jax
 from alignerf.io import faults
 faults.run(lambda: jax.jit(lambda x: x + 1)(1))
 """
-    done = run(root, code, JAX_PLATFORMS="cpu", JAX_PLATFORM_NAME="rbg")
+    done = run(root, "-c", code, JAX_PLATFORMS="cpu", JAX_PLATFORM_NAME="rbg")
     assert "error: environment: JAX_PLATFORM_NAME=rbg: JAX cannot" in done.stderr

@@ -1,0 +1,1 @@
+"""For Python and notebooks: `import alignerf; alignerf.diagnose(...)`."""

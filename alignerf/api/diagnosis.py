@@ -1,0 +1,255 @@
+"""Renders that another program has trained, judged from Python: `alignerf.diagnose`.
+
+It runs `why-blurry judge` in a folder that is removed afterwards, in a process of its
+own: nothing of the program that calls it changes.
+
+Notation: n views; cameras have OpenCV's axes (x right, y down, z forwards), pixel
+centres at +0.5, and the caller's unit of length.
+"""
+
+import dataclasses
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from alignerf.experiment import layout
+from alignerf.io import csv_files, faults, images, json_files, machine, provenance
+from alignerf.scenes import photos
+from alignerf.scenes.external import lenses, views
+
+# From OpenCV's axes to OpenGL's, and back.
+FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+NAME, MODES = "diagnosed", ("camera_to_world", "world_to_camera")
+# The gauge of wrong poses, and levels of causes that are named.
+POSES, NAMED = "camera", ("sure", "likely")
+LINK = re.compile(r'<a href="[\w/.]+"[^>]*>(.*?)</a>', re.DOTALL)
+
+Images = np.ndarray | Sequence[np.ndarray]
+Files = str | os.PathLike
+
+
+@dataclasses.dataclass(frozen=True)
+class Cause:
+    """Something that can be wrong. level: `sure` or `likely` where it is, `not seen`,
+    or `untold` where these renders cannot tell. value: NaN where unknown."""
+
+    name: str
+    level: str
+    value: float
+    unit: str
+    sentence: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """What was found.
+
+    verdict: text. state: `aligned`, `misaligned` or `unclear`. causes: all that were
+    looked for. views: a row a view. cameras: {"names": [n], "K" [n, 3, 3],
+    "camera_to_world" [n, 4, 4]}: corrected where wrong poses were found, as `corrected`
+    says, else those given; None without any. page: HTML.
+    """
+
+    verdict: str
+    state: str
+    causes: list[Cause]
+    views: pd.DataFrame
+    cameras: dict | None
+    corrected: bool
+    page: str
+
+    def save(self, path: Files) -> None:
+        """Write the page: verdict, photos and renders under a slider, in one file."""
+        Path(path).write_text(LINK.sub(r"\1", self.page), encoding="utf-8")
+
+    def __str__(self) -> str:
+        return self.verdict
+
+
+def diagnose(
+    images: Images | Files,
+    renders: Images | Files,
+    cameras: Mapping | Files | None = None,
+    *,
+    depth: Images | Files | None = None,
+    held_out: Sequence[int] = (),
+    cores: int | None = None,
+) -> Report:
+    """What is wrong with the capture that these renders of its photos were learnt from.
+
+    images (the photos), renders: [n, h, w, 3] uint8 or lists of [h, w, 3], in one
+    order; or folders, as `why-blurry judge` takes them. cameras: with arrays a mapping
+    of "K" ([3, 3] or [n, 3, 3]) and either "camera_to_world" or "world_to_camera" ([n,
+    3 or 4, 4], OpenCV's axes); with folders transforms.json, COLMAP's sparse/0 or cameras.json.
+    depth: [n, h, w] along the optical axis, in the cameras' unit, or a folder.
+    held_out: indices of arrays' views that the model has not learnt from.
+    Raises ValueError, in one line, for input that cannot be judged.
+    """
+    with tempfile.TemporaryDirectory(prefix="why-blurry-") as folder:
+        work = Path(folder)
+        given = {"photos": images, "renders": renders}
+        given |= {"cameras": cameras, "depth": depth}
+        if isinstance(images, Files):
+            paths = of_files(given, held_out)
+        else:
+            paths = of_arrays(work, given, held_out)
+        words = [f"--{key}={path}" for key, path in paths.items()]
+        run(work, "judge", *words, "--name", NAME, cores=cores)
+        return report_of(work, paths, cores)
+
+
+def of_files(given, held_out):
+    """{name: whole path}."""
+    if held_out:
+        raise ValueError("held_out: of arrays; folders say it (renders/train, /test)")
+    for name, path in given.items():
+        if path is not None and not isinstance(path, Files):
+            raise ValueError(f"{name}: a path was expected, as images is one")
+    return {
+        key: Path(path).resolve() for key, path in given.items() if path is not None
+    }
+
+
+def of_arrays(work, given, held_out):
+    """The paths of arrays, which are written into a folder."""
+    taken, rendered, maps = given["photos"], given["renders"], given["depth"]
+    cameras, names = given["cameras"], [f"view{i:04d}" for i in range(len(taken))]
+    for key, arrays in (("renders", rendered), ("depth", maps)):
+        if isinstance(arrays, Files):
+            raise ValueError(f"{key}: arrays were expected, as images are")
+        if arrays is not None and len(arrays) != len(names):
+            raise ValueError(f"{key}: {len(arrays)} of {len(names)} images")
+    if strange := set(held_out) - set(range(len(names))):
+        raise ValueError(f"held_out: there is no view {min(strange)}")
+    paths = {"photos": work / "photos", "renders": work / "renders"}
+    for i, name in enumerate(names):
+        split = "test" if i in held_out else "train"
+        write(paths["photos"] / f"{name}.png", taken[i], f"images[{i}]")
+        write(paths["renders"] / split / f"{name}.png", rendered[i], f"renders[{i}]")
+    if maps is not None:
+        paths["depth"] = work / "depth"
+        paths["depth"].mkdir()
+        for name, one in zip(names, maps, strict=True):
+            np.save(paths["depth"] / f"{name}.npy", np.asarray(one, np.float32))
+    if cameras is not None:
+        paths["cameras"] = work / "transforms.json"
+        sizes = [np.shape(photo)[1::-1] for photo in taken]
+        written = transforms_of(cameras, names, sizes)
+        paths["cameras"].write_text(json.dumps(written))
+    return paths
+
+
+def write(path, image, where):
+    """Write a PNG; ValueError, naming the array, for what is no image."""
+    image = np.asarray(image)
+    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+        kind = f"{image.dtype} {list(image.shape)}"
+        raise ValueError(f"{where}: {kind} instead of uint8 [h, w, 3]")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    images.write(path, image)
+
+
+def transforms_of(cameras, names, sizes):
+    """The content of a transforms.json; ValueError naming what a mapping lacks."""
+    if not isinstance(cameras, Mapping):
+        raise ValueError("cameras: a mapping was expected, as images are arrays")
+    modes = [mode for mode in MODES if mode in cameras]
+    if "K" not in cameras or len(modes) != 1 or len(cameras) != 2:
+        raise ValueError(f"cameras: K and either {' or '.join(MODES)} were expected")
+    n, poses = len(names), np.asarray(cameras[modes[0]], float)
+    if poses.shape not in ((n, 3, 4), (n, 4, 4)):
+        kind = list(poses.shape)
+        raise ValueError(f"cameras.{modes[0]}: {kind} instead of [{n}, 3 or 4, 4]")
+    if np.shape(cameras["K"]) not in ((3, 3), (n, 3, 3)):
+        kind = list(np.shape(cameras["K"]))
+        raise ValueError(f"cameras.K: {kind} instead of [3, 3] or [{n}, 3, 3]")
+    camtopix = np.broadcast_to(np.asarray(cameras["K"], float), (n, 3, 3))
+    whole = np.tile(np.eye(4), (n, 1, 1))
+    whole[:, :3] = poses[:, :3]
+    if modes[0] == "world_to_camera":
+        whole = np.linalg.inv(whole)
+    frames = []
+    for name, k, pose, (width, height) in zip(
+        names, camtopix, whole @ FLIP, sizes, strict=True
+    ):
+        frame = {"file_path": f"photos/{name}.png", "w": width, "h": height}
+        frame |= {"fl_x": k[0, 0], "fl_y": k[1, 1], "cx": k[0, 2], "cy": k[1, 2]}
+        frames.append(frame | {"transform_matrix": pose.tolist()})
+    return {"frames": frames}
+
+
+def run(work, command, *words, cores):
+    """Run a command of ours in a folder; its fault as ValueError."""
+    path = [str(provenance.ROOT), os.environ.get("PYTHONPATH", "")]
+    command = [sys.executable, "-m", f"alignerf.cli.{command}"]
+    done = subprocess.run(
+        [*command, "--cores", str(cores or machine.cores()), *words],
+        cwd=work,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, path))},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        errors="replace",
+    )
+    if done.returncode:
+        said = (done.stderr + done.stdout).splitlines()
+        found = [line for line in said if line.startswith("error: ")]
+        last = (found or said or [f"ended with {done.returncode}"])[-1]
+        raise ValueError(last.removeprefix("error: ").replace(f"{work}{os.sep}", ""))
+
+
+def report_of(work, paths, cores):
+    """The `Report` of results in a folder."""
+    at = work / layout.Scene(NAME)
+    found = json_files.read(at / "verdict.json")
+    named = [finding["cause"] for finding in found["findings"]]
+    sentences = dict(zip(named, found["because"], strict=False))
+    causes = [
+        Cause(
+            one["cause"],
+            one["level"],
+            math.nan if one["value"] is None else one["value"],
+            one["unit"],
+            sentences.get(one["cause"], f"{one['text']}."),
+        )
+        for one in found["causes"]
+    ]
+    wrong = any(one.name == POSES and one.level in NAMED for one in causes)
+    corrected = wrong and "cameras" in paths
+    cameras = None
+    if corrected:
+        run(work, "export", NAME, cores=cores)
+        (exported,) = at.glob("*/export/cameras/transforms.json")
+        cameras = cameras_of(exported, paths["photos"])
+    elif "cameras" in paths:
+        cameras = cameras_of(paths["cameras"], paths["photos"])
+    return Report(
+        "\n".join(found["verdict"]),
+        found["state"],
+        causes,
+        csv_files.read(work / layout.Scene(NAME).views),
+        cameras,
+        corrected,
+        faults.text(at / "index.html"),
+    )
+
+
+def cameras_of(path, folder):
+    """The cameras of a file or folder that photos of a folder have, by their names."""
+    taken = views.photos_of(folder)
+    sizes = {name: photos.head(one).size for name, one in taken.items()}
+    found = lenses.read(path, next(iter(sizes.values()))).lenses
+    names = sorted(found.keys() & sizes.keys())
+    poses = np.tile(np.eye(4), (len(names), 1, 1))
+    poses[:, :3] = [np.asarray(found[name].pose)[:3] for name in names]
+    camtopix = [found[name].at(sizes[name], name)[0] for name in names]
+    return {"names": names, "K": np.stack(camtopix), "camera_to_world": poses @ FLIP}
