@@ -119,10 +119,10 @@ $(VENV)/.installed: requirements.lock
 	@touch $@
 
 lock:
-	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 \
+	uv pip compile pyproject.toml --extra train --extra dev --universal --python-version 3.11 \
 		--fork-strategy fewest --no-annotate --no-header --generate-hashes \
 		--output-file requirements.lock
-	uv pip compile pyproject.toml --extra cluster --universal --python-version 3.11 \
+	uv pip compile pyproject.toml --extra train --extra cluster --universal --python-version 3.11 \
 		--fork-strategy fewest --no-annotate --no-header --generate-hashes \
 		--constraint requirements.lock --output-file requirements-cluster.lock
 	printf '%s\n' properdocs properdocs-theme-mkdocs | uv pip compile - \

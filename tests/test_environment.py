@@ -26,9 +26,10 @@ def conda():
 
 
 def asked():
-    """Names that pyproject.toml lists, for users and for developers."""
+    """Names that pyproject.toml lists, for judging, training and developing."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    return [*project["dependencies"], *project["optional-dependencies"]["dev"]]
+    extras = project["optional-dependencies"]
+    return [*project["dependencies"], *extras["train"], *extras["dev"]]
 
 
 def canonical(name):
@@ -75,3 +76,11 @@ def test_all_imports_are_asked_for():
     standard = {canonical(name) for name in sys.stdlib_module_names}
     ours = {"alignerf", "flow"}
     assert names - standard - ours <= {canonical(name) for name in asked()}
+
+
+def test_who_judges_installs_no_more_than_that_imports():
+    """tests/alignerf/cli/test_light.py judges without what is left out."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    heavy = {"jax", "flax", "optax", "snakemake", "matplotlib", "beartype"}
+    assert not heavy & set(project["dependencies"])
+    assert "judge" in project["optional-dependencies"]

@@ -31,6 +31,8 @@ FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 NAME, MODES = "diagnosed", ("camera_to_world", "world_to_camera")
 # The gauge of wrong poses, and levels of causes that are named.
 POSES, NAMED = "camera", ("sure", "likely")
+# What exports from the folder that is no more.
+EXPORT = f"make export SCENE={NAME}"
 LINK = re.compile(r'<a href="[\w/.]+"[^>]*>(.*?)</a>', re.DOTALL)
 
 Images = np.ndarray | Sequence[np.ndarray]
@@ -89,7 +91,8 @@ def diagnose(
     images (the photos), renders: [n, h, w, 3] uint8 or lists of [h, w, 3], in one
     order; or folders, as `why-blurry judge` takes them. cameras: with arrays a mapping
     of "K" ([3, 3] or [n, 3, 3]) and either "camera_to_world" or "world_to_camera" ([n,
-    3 or 4, 4], OpenCV's axes); with folders transforms.json, COLMAP's sparse/0 or cameras.json.
+    3 or 4, 4], OpenCV's axes); with folders transforms.json, COLMAP's sparse/0 or
+    cameras.json.
     depth: [n, h, w] along the optical axis, in the cameras' unit, or a folder.
     held_out: indices of arrays' views that the model has not learnt from.
     Raises ValueError, in one line, for input that cannot be judged.
@@ -233,13 +236,13 @@ def report_of(work, paths, cores):
     elif "cameras" in paths:
         cameras = cameras_of(paths["cameras"], paths["photos"])
     return Report(
-        "\n".join(found["verdict"]),
+        "\n".join(found["verdict"]).replace(EXPORT, "report.cameras"),
         found["state"],
         causes,
         csv_files.read(work / layout.Scene(NAME).views),
         cameras,
         corrected,
-        faults.text(at / "index.html"),
+        faults.text(at / "index.html").replace(EXPORT, "report.cameras"),
     )
 
 

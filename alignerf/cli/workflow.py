@@ -27,8 +27,10 @@ OURS = re.compile(r"run-\d{8}-\d{6}-\d+\.log")
 WITHOUT_VERDICT = {("export",)}
 PLUGIN, EVENTS = "alignerf-events", "ALIGNERF_EVENTS"
 POLL_S = 0.1
-# What is to be installed for them.
-TRAINS = "alignerf-misalignment[train]"
+NO_TRAINING = (
+    "trainings want more packages than are installed: in the folder of this program's "
+    "sources, pip install '.[train]'"
+)
 # A job that is begun meanwhile is asked to end too; Snakemake may take so long at most.
 AGAIN_S, STUCK_S = 2.0, 30.0
 
@@ -44,7 +46,7 @@ def run(path, cores, *wanted, overrides=(), forced=(), first=()):
     if path and light.takes(path):
         code = light.run(path, cores, wanted, overrides, forced)
     elif importlib.util.find_spec("snakemake") is None:
-        raise ValueError(f"trainings want more packages: pip install '{TRAINS}'")
+        raise ValueError(NO_TRAINING)
     else:
         command = command_of(path, cores, wanted, overrides, forced, first)
         if os.environ.get("VERBOSE"):

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from alignerf.cli import light
+from alignerf.cli import light, workflow
 from tests import judged_cases as cases
 
 # What is not installed by `pip install .[judge]`.
@@ -129,3 +129,11 @@ def test_what_trains_is_left_to_snakemake(tmp_path, scenes, taken):
     path = tmp_path / "a.yaml"
     path.write_text(f"scenes: {scenes}\n")
     assert light.takes(path) == taken
+
+
+def test_who_trains_without_the_extra_is_told_what_to_install(tmp_path, monkeypatch):
+    path = tmp_path / "a.yaml"
+    path.write_text("scenes: {a: {source: photos}}\n")
+    monkeypatch.setattr(workflow.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ValueError, match=r"pip install '\.\[train\]'"):
+        workflow.run(path, 1, "all")
