@@ -1,0 +1,110 @@
+"""docs/howto/splat.md is followed word by word: its lines are run on small projects.
+
+Of each line that judges, the arguments are taken as they stand on the page, and what
+the trainer would have written is put where they say. Trainers themselves are not run.
+"""
+
+import re
+import shlex
+
+import numpy as np
+import pycolmap
+import pytest
+
+from alignerf.cli import judge
+from alignerf.scenes.external import lenses, splat
+from alignerf.splats import ply, rasterize
+from tests import judged_cases as cases
+from tests import splat_cases
+
+LINE = re.compile(r"^    make judge (.+)$", re.MULTILINE)
+SIZE, CAMTOPIX = cases.SIZE, cases.CAMTOPIX
+
+
+@pytest.fixture
+def lines(root):
+    """{what judges: its arguments} in the order of the page."""
+    page = (root / "docs" / "howto" / "splat.md").read_text()
+    words = [shlex.split(line) for line in LINE.findall(page)]
+    found = [dict(word.split("=", 1) for word in line) for line in words]
+    return dict(zip(("ply", "nerfstudio", "gsplat", "3dgs"), found, strict=True))
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A folder DATA as trainers take it, and a splat that shows its photos."""
+    monkeypatch.chdir(tmp_path)
+    data = tmp_path / "DATA"
+    lens = {"lens": np.zeros(5)}
+    cases.transforms(data / "transforms.json", **lens)
+    cameras = lenses.read(data / "transforms.json", SIZE)
+    rng = np.random.default_rng(0)
+    table = splat_cases.columns(rng, rest=0, count=3000)
+    means = rng.uniform([-3, -3, -6], [4, 3, -4], (3000, 3))
+    table |= dict(zip("xyz", means.T, strict=True))
+    table |= {f"scale_{i}": np.full(3000, np.log(0.05)) for i in range(3)}
+    table["opacity"] = np.full(3000, 4.0)
+    gaussians = ply.read(splat_cases.write(tmp_path / "point_cloud.ply", table))
+    for name, own in cameras.lenses.items():
+        at = rasterize.Camera(
+            splat.world_to_camera(own.pose, np.eye(4)),
+            *(CAMTOPIX[0, 0], CAMTOPIX[1, 1], *CAMTOPIX[:2, 2]),
+            *SIZE,
+        )
+        image = splat.to_bytes(rasterize.render(gaussians, at).colour)
+        cases.write_png(data / "images" / f"{name}.png", image)
+    write_model(data / "sparse" / "0", cameras)
+    return tmp_path
+
+
+def write_model(folder, cameras):
+    """COLMAP's text model of the same cameras."""
+    folder.mkdir(parents=True)
+    values = (CAMTOPIX[0, 0], CAMTOPIX[1, 1], *CAMTOPIX[:2, 2])
+    words = " ".join(map(str, values))
+    (folder / "cameras.txt").write_text(f"1 PINHOLE {SIZE[0]} {SIZE[1]} {words}\n")
+    rows = []
+    for i, (name, own) in enumerate(cameras.lenses.items(), 1):
+        pose = splat.world_to_camera(own.pose, np.eye(4))
+        x, y, z, w = pycolmap.Rotation3d(pose[:, :3]).quat
+        rows += [
+            f"{i} {w} {x} {y} {z} {' '.join(map(str, pose[:, 3]))} 1 {name}.png",
+            "",
+        ]
+    (folder / "images.txt").write_text("\n".join(rows) + "\n")
+    (folder / "points3D.txt").write_text("")
+
+
+def renders(kind, folder):
+    """What a program writes of all views, below the folder that a line names."""
+    for i, name in enumerate(cases.NAMES):
+        image, split = cases.picture(i), "train" if i % 8 else "test"
+        if kind == "nerfstudio":
+            cases.write_png(folder / split / "rgb" / f"{name}.png", image)
+            depth = folder / split / "raw-depth" / f"{name}.npy"
+            depth.parent.mkdir(parents=True, exist_ok=True)
+            np.save(depth, np.full(SIZE[::-1], 3.0, np.float32))
+        elif kind == "gsplat":
+            both = np.concatenate([image, image], axis=1)
+            cases.write_png(folder / f"val_step29999_{i:04}.png", both)
+        else:
+            number = i - 1 if i % 8 else 0
+            place = folder / split / "ours_30000" / "renders" / f"{number:05}.png"
+            cases.write_png(place, image)
+
+
+@pytest.mark.parametrize("kind", ["ply", "nerfstudio", "gsplat", "3dgs"])
+def test_a_line_of_the_page_is_taken_as_it_stands(here, lines, capsys, kind):
+    """Up to the config; the chain behind it is that of other tests."""
+    words = lines[kind]
+    if kind != "ply":
+        renders(kind, here / words["RENDERS"])
+    options = [f"--{name.lower()}={value}" for name, value in words.items()]
+    judge.main([*options, "--only-config"])
+    said = capsys.readouterr().out
+    assert f"{len(cases.NAMES)} pairs of photo and render" in said
+    assert "config: results/" in said
+    if kind == "ply":
+        assert "3,000 Gaussians rendered, their world as the cameras'" in said
+    else:
+        assert "1 of 8 were held out" in said
