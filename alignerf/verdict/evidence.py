@@ -129,7 +129,9 @@ def sums_of(rows):
     # Where training views were not rendered, test views have to tell.
     main = train if len(train) else test
     detail = main["sharpness_ratio"].median()
-    exposures = [own["exposure_ev"].to_numpy() for own in (train, test) if len(own)]
+    # Of few views one that is rendered badly is most of the spread.
+    several = [own for own in (train, test) if len(own) >= shift.FEW_TEST_VIEWS]
+    exposures = [own["exposure_ev"].to_numpy() for own in several or [main]]
     return {
         "flow_train_px": median(train["flow_px"]),
         "flow_test_px": median(test["flow_px"]),
