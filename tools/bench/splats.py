@@ -48,7 +48,8 @@ def trained(tables):
     for case, own in every.groupby("case", sort=False):
         psnr = own["psnr"].to_numpy()
         row = {"case": case, "seeds": len(own), "held_out": int(own["heldout"].iloc[0])}
-        row |= {"psnr_db": psnr.mean(), "low_db": psnr.min(), "high_db": psnr.max()}
+        row |= {"psnr_db": psnr.mean()}
+        row |= {"psnr_low_db": psnr.min(), "psnr_high_db": psnr.max()}
         row |= {"aligned_pose_db": own["psnr_aligned"].mean()}
         row |= {"ssim": own["ssim"].mean(), "gaussians": int(own["gaussians"].mean())}
         rows.append(row | {"train_s": own["train_s"].mean()})
