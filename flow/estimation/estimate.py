@@ -155,10 +155,15 @@ def flow_and_validity(
     tolerance_px. blur_by: as of `blur_match`. back: the estimator of the flow
     from photo to render, which only checks; None: the same.
     """
-    sigma_px = 0.0
+    sigma_px, forward_px = 0.0, None
     if match_blur:
-        photo, sigma_px = blur_match(photo, render, method=method, blur_by=blur_by)
-    forward_px = estimate(render, photo, method=method)
+        first = blur_by or method
+        first_px = estimate(render, photo, method=first)
+        photo, sigma_px = blurred_alike(photo, render, first_px)
+        # The first flow of an unchanged photo is the flow.
+        forward_px = first_px if (sigma_px, first) == (0, method) else None
+    if forward_px is None:
+        forward_px = estimate(render, photo, method=method)
     backward_px = estimate(photo, render, method=back or method)
     valid = warp.consistent(forward_px, backward_px, tolerance_px=tolerance_px)
     return forward_px, valid, sigma_px
