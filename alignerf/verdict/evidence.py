@@ -12,7 +12,7 @@ import pandas as pd
 
 from alignerf.cameras import exposure, lens
 from alignerf.causes import base as causes
-from alignerf.causes import blur, motion
+from alignerf.causes import blur, motion, shift
 from alignerf.io import archives, csv_files, json_files, machine
 from alignerf.metrics import pairs
 from alignerf.scenes import prepared
