@@ -100,8 +100,8 @@ def run(path, cores, wanted, overrides=(), forced=()):
     results.check_writable(experiment.scenes, experiment.methods)
     targets.tidy(experiment.scenes)
     found = jobs_of(experiment, wanted_of(experiment, wanted), cores)
-    with interruptible(), shown(experiment.captures()) as (told, tell):
-        code, lines = make(experiment.scenes, found, forced, tell)
+    with interruptible() as asked, shown(experiment.captures()) as (told, tell):
+        code, lines = make(experiment.scenes, found, forced, tell, asked)
         told.stopping = code == STOPPED
     told.close(code, [*lines, targets.GOES_ON] if lines else [])
     return code
@@ -162,8 +162,11 @@ def flat(paths):
             yield from flat(one.values() if isinstance(one, dict) else one)
 
 
-def make(scenes, found, forced, tell):
-    """Run the jobs that are out of date: (exit code, last lines where one failed)."""
+def make(scenes, found, forced, tell, asked):
+    """Run the jobs that are out of date: (exit code, last lines where one failed).
+
+    asked: signals that have come, also where what they raised was not passed on.
+    """
     files = {scene: Path(layout.Scene(scene), MADE_BY) for scene in scenes}
     noted = {s: json_files.read(f) if f.is_file() else {} for s, f in files.items()}
     stale, anew = [], set(forced)
@@ -179,7 +182,8 @@ def make(scenes, found, forced, tell):
         scene, told = job.wildcards.scene, {"jobid": number, "rule_name": job.rule}
         told |= {"wildcards": job.wildcards._asdict(), "output": job.outputs}
         tell(event="job_info", log=[job.log], **told)
-        if code := ended([*job.command, *job.threads], job.log):
+        code = ended([*job.command, *job.threads], job.log)
+        if code := STOPPED if asked else code:
             tell(event="job_error", jobid=number)
             return code, [] if code == STOPPED else targets.cause(Path(job.log))
         tell(event="job_finished", jobid=number)
@@ -239,13 +243,22 @@ def into(log):
 
 @contextlib.contextmanager
 def interruptible():
-    """Each of SIGNALS raises KeyboardInterrupt, but where it is ignored."""
+    """Each of SIGNALS raises KeyboardInterrupt, but where it is ignored.
+
+    Yields a list of those that have come.
+    """
+    asked = []
+
+    def stop(number, _):
+        asked.append(number)
+        raise KeyboardInterrupt
+
     before = {one: signal.getsignal(one) for one in SIGNALS}
     asking = [one for one, handler in before.items() if handler != signal.SIG_IGN]
     try:
         for one in asking:
-            signal.signal(one, signal.default_int_handler)
-        yield
+            signal.signal(one, stop)
+        yield asked
     finally:
         for one in asking:
             signal.signal(one, before[one])
