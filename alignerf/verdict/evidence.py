@@ -71,7 +71,9 @@ def read_view(loaded: prepared.Scene, base, split, tables, look, view):
         flow_px=row["flow_median_px"],
         camera_px=row["camera_median_px"],
         remainder_px=row["remainder_median_px"],
-        moved_fraction=moved_fraction(base, split, name, row["camera_median_px"]),
+        moved_fraction=moved_fraction(
+            base, split, name, row["camera_median_px"], photo
+        ),
         blur_sigma_px=row["blur_sigma_px"],
         **views.measured(photo, render, valid, counts),
     )
@@ -92,14 +94,18 @@ def read_flow(base, split, name):
     return data["flow_px"], data["valid"]
 
 
-def moved_fraction(base, split, name, camera_px):
-    """Share of a view's valid pixels that moved on their own, by a visible length."""
+def moved_fraction(base, split, name, camera_px, photo):
+    """Share of a view's valid pixels that moved on their own, by a visible length.
+
+    Where the photo is flat, as in a sky, a flow says nothing.
+    """
     min_px = max(motion.MOVED_PX, motion.MOVED_OF_CAMERA * camera_px)
     path = base / "parts_photos" / split / f"{name}.npz"
     data = archives.read(path, ("remainder_px", "moved", "valid"))
     far = np.linalg.norm(data["remainder_px"], axis=-1) > min_px
     valid = data["valid"]
-    return float((data["moved"] & far & valid).sum() / max(valid.sum(), 1))
+    moved = data["moved"] & far & valid & views.textured(photo)
+    return float(moved.sum() / max(valid.sum(), 1))
 
 
 def lens_of(loaded: prepared.Scene, base):

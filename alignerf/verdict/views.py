@@ -6,6 +6,7 @@ Notation: photo and render [h, w, 3] uint8; flow_px [h, w, 2] from render to pho
 
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from alignerf.metrics import image as image_metrics
@@ -13,6 +14,8 @@ from alignerf.metrics import image as image_metrics
 # A view stands out where it is so many median deviations from the views' median.
 STANDS_OUT = 5.0
 MAX_DB = 100.0
+# A flow finds no place in a window whose 8-bit levels deviate by less: a sky has 0.8.
+WINDOW_PX, FLAT_LEVELS = 15, 2.0
 
 
 class View(NamedTuple):
@@ -61,6 +64,13 @@ def measured(photo, render, valid, counts=None):
     }
 
 
+def textured(photo):
+    """Mask [h, w]: the photo has levels that differ nearby."""
+    grey = photo.mean(axis=-1, dtype=np.float32)
+    mean, square = (cv2.blur(one, (WINDOW_PX,) * 2) for one in (grey, grey**2))
+    return square - mean**2 > FLAT_LEVELS**2
+
+
 def capped_psnr_db(photo, render, everywhere):
     """PSNR in dB, of identical images MAX_DB: means stay finite."""
     return min(float(image_metrics.psnr_db(photo, render, everywhere)), MAX_DB)
@@ -88,7 +98,8 @@ def named(views):
             continue
         for key, sign, what in REASONS:
             values = np.array([getattr(rows[i], key) for i in places], float)
-            for i, far in zip(places, deviations(values) * sign, strict=True):
+            far_off = deviations(values, MIN_SPREADS.get(key)) * sign
+            for i, far in zip(places, far_off, strict=True):
                 if far > STANDS_OUT:
                     why = "; ".join(filter(None, [rows[i].stands_out, what]))
                     rows[i] = rows[i]._replace(stands_out=why)
@@ -107,16 +118,21 @@ REASONS = (
 )
 # No spread is known better than this share of the median, or this number.
 MIN_SPREAD = 0.1, 0.02
+# A tenth of a PSNR would be 3 dB: somebody in six photos, 9 dB off, did not stand out.
+MIN_SPREADS = {"psnr_db": 0.5}
 
 
-def deviations(values):
-    """How far each value [n] is from the median, in robust standard deviations."""
+def deviations(values, least=None):
+    """How far each value [n] is from the median, in robust standard deviations.
+
+    least: one of them, in place of MIN_SPREAD.
+    """
     known = values[np.isfinite(values)]
     if not len(known):
         return np.zeros(len(values))
     middle = np.median(known)
     spread = 1.4826 * np.median(np.abs(known - middle))
-    least = max(MIN_SPREAD[0] * abs(middle), MIN_SPREAD[1])
+    least = least or max(MIN_SPREAD[0] * abs(middle), MIN_SPREAD[1])
     # A view without a number does not stand out by it.
     distances = (values - middle) / max(spread, least)
     return np.where(np.isfinite(values), distances, 0.0)

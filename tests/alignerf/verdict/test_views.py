@@ -74,3 +74,21 @@ def test_one_odd_photo_stands_out_and_says_why(changes, what):
 def test_of_few_views_none_stands_out():
     found = views.named([view("a"), view("b"), view("c", flow_px=9.0)])
     assert not [v for v in found if v.stands_out]
+
+
+def test_a_sky_has_no_texture_and_grain_on_it_none(rng):
+    """A flow there is the estimator's own: of a castle a tenth of each photo moved."""
+    photo = np.full((60, 80, 3), 180, np.uint8)
+    photo[:30] += rng.integers(0, 3, (30, 80, 1), dtype=np.uint8)
+    photo[40:] = rng.integers(100, 140, (20, 80, 1), dtype=np.uint8)
+    found = views.textured(photo)
+    assert not found[:25].any()
+    assert found[50:].all()
+
+
+def test_somebody_in_a_few_photos_stands_out():
+    rows = [view(str(i), psnr_db=29 + 0.3 * (i % 5)) for i in range(18)]
+    rows += [view(f"late{db}", psnr_db=db) for db in (17, 19, 20, 20.9, 18, 19)]
+    found = [row.stands_out for row in views.named(rows)]
+    assert found[:18] == [""] * 18
+    assert all("much farther from its render" in why for why in found[18:])
