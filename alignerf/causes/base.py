@@ -160,7 +160,7 @@ class Cause:
             # Renders that are blurred by too little training move the flow, too.
             return None
         found = self.decide(e) if self.decide else self.beyond(e)
-        if found and self.by_flow and e.judged and shift.poses_off(e):
+        if found and self.by_flow and e.judged and shift.explained_by_poses(e):
             # A model of wrong poses is bent and blurred, which flows show, too.
             found = (found[0], False)
         return found and Finding(self, *found)

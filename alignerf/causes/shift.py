@@ -26,6 +26,8 @@ TOLD_PX, USUAL_WIDTH_PX = 1.0, 1600
 FEW_TEST_VIEWS, FEW_TRAIN_VIEWS = 5, 12
 # How often each training pixel has been seen.
 FEW_EPOCHS = 0.5
+# Of the matches' error, what wrong poses leave once they are corrected.
+LEFT = 0.4
 # Fine detail of photos over that of another program's renders, in the median view. It
 # is 1.2 to 1.7 of splats of 3000 steps, 2.1 with poses off by 3 px, 4.4 of a splat of
 # 300 steps (docs/measured/splats.csv).
@@ -56,6 +58,14 @@ def too_short(e):
 def poses_off(e):
     """Whether matches say that the cameras in use are off."""
     return bool(e.matches and e.matches.accepted and not e.matches.applied)
+
+
+def explained_by_poses(e):
+    """Whether other poses take most of the matches' error away.
+
+    A lens that was left out leaves them 0.5 of it, poses off by 3 px 0.07 to 0.2.
+    """
+    return poses_off(e) and e.matches.after_px < LEFT * e.matches.before_px
 
 
 def is_sharp(e):
