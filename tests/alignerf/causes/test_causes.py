@@ -163,22 +163,3 @@ def test_a_shift_is_told_from_what_the_estimator_invents(overfit_px, wanted):
 def test_what_the_poses_warn_of_is_what_the_verdict_says():
     assert poses.FEW_TRAIN_VIEWS == shift.FEW_TRAIN_VIEWS
     assert poses.FEW_TEST_VIEWS == shift.FEW_TEST_VIEWS
-
-
-# Splats of fox at 540x960 px, as judged: flows, detail, what matches say.
-SPLATS = {
-    "of 3000 steps": ((0.14, 0.189, 0.063, 0.116), 1.24, DENIED, []),
-    "of 300 steps": ((1.457, 1.646, 0.738, 1.222), 4.41, DENIED, ["undertrained"]),
-    "poses off by 3 px": ((2.222, 2.085, 2.174, 0.458), 2.05, ACCEPTED, ["camera"]),
-    "poses off, and blurred": ((2.2, 2.1, 2.2, 0.5), 3.5, ACCEPTED, ["camera"]),
-}
-
-
-@pytest.mark.parametrize("name", SPLATS)
-def test_splats_that_are_blurred_by_poses_and_by_few_steps(name):
-    flows, detail, matches, wanted = SPLATS[name]
-    keys = ("flow_train_px", "flow_test_px", "camera_px", "remainder_px")
-    e = THEIRS._replace(**dict(zip(keys, flows, strict=True)), photo_px=1.0)
-    e = e._replace(detail_median=detail, matches=matches, moved_fraction=0.03)
-    found = [finding.cause.name for finding in causes.find(e)]
-    assert [one.partition("_")[0] for one in found] == wanted
