@@ -10,6 +10,7 @@ centres at +0.5, and the caller's unit of length.
 import dataclasses
 import json
 import math
+import numbers
 import os
 import re
 import subprocess
@@ -97,10 +98,15 @@ def diagnose(
     held_out: indices of arrays' views that the model has not learnt from.
     Raises ValueError, in one line, for input that cannot be judged.
     """
+    given = {"photos": images, "renders": renders}
+    given |= {"cameras": cameras, "depth": depth}
+    if not isinstance(images, Files):
+        for key, name in (("photos", "images"), ("renders", "renders")):
+            if not isinstance(given[key], Files):
+                check_sequence(given[key], name)
+        held_out = indices(held_out)
     with tempfile.TemporaryDirectory(prefix="why-blurry-") as folder:
         work = Path(folder)
-        given = {"photos": images, "renders": renders}
-        given |= {"cameras": cameras, "depth": depth}
         if isinstance(images, Files):
             paths = of_files(given, held_out)
         else:
@@ -112,14 +118,48 @@ def diagnose(
 
 def of_files(given, held_out):
     """{name: whole path}."""
-    if held_out:
+    if np.size(held_out):
         raise ValueError("held_out: of arrays; folders say it (renders/train, /test)")
     for name, path in given.items():
         if path is not None and not isinstance(path, Files):
             raise ValueError(f"{name}: a path was expected, as images is one")
     return {
-        key: Path(path).resolve() for key, path in given.items() if path is not None
+        key: Path(path).expanduser().resolve()
+        for key, path in given.items()
+        if path is not None
     }
+
+
+def check_sequence(values, name):
+    """ValueError for what is no array and no list of arrays, or is empty."""
+    if not isinstance(values, np.ndarray | Sequence) or isinstance(values, str | bytes):
+        raise ValueError(f"{name}: arrays or folders were expected")
+    if not len(values):
+        raise ValueError(f"{name}: none were given")
+
+
+def indices(values):
+    """A list of whole numbers; truth values would be taken for 0 and 1."""
+    try:
+        found = list(values)
+    except TypeError:
+        found = [None]
+    if not all(
+        isinstance(one, numbers.Integral) and not isinstance(one, bool) for one in found
+    ):
+        raise ValueError("held_out: indices of views were expected")
+    return found
+
+
+def floats(values, name):
+    """A float array of finite numbers; ValueError with its name."""
+    try:
+        found = np.asarray(values, float)
+    except (TypeError, ValueError):
+        found = np.array(np.nan)
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name}: an array of finite numbers was expected")
+    return found
 
 
 def of_arrays(work, given, held_out):
@@ -142,7 +182,7 @@ def of_arrays(work, given, held_out):
         paths["depth"] = work / "depth"
         paths["depth"].mkdir()
         for name, one in zip(names, maps, strict=True):
-            np.save(paths["depth"] / f"{name}.npy", np.asarray(one, np.float32))
+            np.save(paths["depth"] / f"{name}.npy", depth_of(one, f"depth of {name}"))
     if cameras is not None:
         paths["cameras"] = work / "transforms.json"
         sizes = [np.shape(photo)[1::-1] for photo in taken]
@@ -151,10 +191,22 @@ def of_arrays(work, given, held_out):
     return paths
 
 
+def depth_of(values, where):
+    """[h, w] float32, infinite where far; ValueError with its name."""
+    try:
+        found = np.asarray(values, np.float32)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if found.ndim != 2 or not found.size:
+        raise ValueError(f"{where}: numbers [h, w] were expected")
+    return found
+
+
 def write(path, image, where):
     """Write a PNG; ValueError, naming the array, for what is no image."""
     image = np.asarray(image)
-    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+    shape = image.shape
+    if image.dtype != np.uint8 or len(shape) != 3 or shape[2] != 3 or not image.size:
         kind = f"{image.dtype} {list(image.shape)}"
         raise ValueError(f"{where}: {kind} instead of uint8 [h, w, 3]")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -168,17 +220,22 @@ def transforms_of(cameras, names, sizes):
     modes = [mode for mode in MODES if mode in cameras]
     if "K" not in cameras or len(modes) != 1 or len(cameras) != 2:
         raise ValueError(f"cameras: K and either {' or '.join(MODES)} were expected")
-    n, poses = len(names), np.asarray(cameras[modes[0]], float)
+    n, poses = len(names), floats(cameras[modes[0]], f"cameras.{modes[0]}")
     if poses.shape not in ((n, 3, 4), (n, 4, 4)):
         kind = list(poses.shape)
         raise ValueError(f"cameras.{modes[0]}: {kind} instead of [{n}, 3 or 4, 4]")
     if np.shape(cameras["K"]) not in ((3, 3), (n, 3, 3)):
         kind = list(np.shape(cameras["K"]))
         raise ValueError(f"cameras.K: {kind} instead of [3, 3] or [{n}, 3, 3]")
-    camtopix = np.broadcast_to(np.asarray(cameras["K"], float), (n, 3, 3))
+    camtopix = np.broadcast_to(floats(cameras["K"], "cameras.K"), (n, 3, 3))
+    rest = camtopix * [[0, 1, 0], [1, 0, 0], [1, 1, 0]]
+    if rest.any() or (camtopix[:, [0, 1], [0, 1]] <= 0).any():
+        raise ValueError("cameras.K: focal lengths above 0 and no skew were expected")
     whole = np.tile(np.eye(4), (n, 1, 1))
     whole[:, :3] = poses[:, :3]
     if modes[0] == "world_to_camera":
+        if (np.abs(np.linalg.det(whole)) < 1e-9).any():
+            raise ValueError("cameras.world_to_camera: no rotation in it")
         whole = np.linalg.inv(whole)
     frames = []
     for name, k, pose, (width, height) in zip(

@@ -251,6 +251,11 @@ def check_same(path, there, config, instead):
 def inputs_of(path, name, scene):
     """{key: path} of what a config's scene is of; ValueError for one that is none."""
     scene = scene if isinstance(scene, dict) else {}
+    if "judged" in scene:
+        raise ValueError(
+            f"{path}: scenes.{name}.judged is called 'external_renders' now, and so is "
+            "source 'judged'"
+        )
     judged = scene.get("external_renders")
     found = {"path": scene.get("path")} | (judged if isinstance(judged, dict) else {})
     found = {k: found.get(k) for k in ("path", "renders", "cameras", "depth")}

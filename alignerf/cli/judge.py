@@ -9,6 +9,7 @@ results, beside which the last ones of the same photos are set.
 """
 
 import argparse
+import contextlib
 import itertools
 import os
 import re
@@ -16,13 +17,14 @@ import sys
 from pathlib import Path
 
 from alignerf.captures import base
-from alignerf.cli import configs, folders, workflow
+from alignerf.cli import configs, folders, light, workflow
 from alignerf.experiment import targets
 from alignerf.experiment.checks import results
 from alignerf.experiment.checks import scenes as of_scenes
-from alignerf.io import faults, owned
+from alignerf.io import atomic, faults, owned
 from alignerf.scenes import originals, photos, prepared
 from alignerf.scenes.external import depths, lenses, splat, views
+from alignerf.verdict import evidence
 
 # The name of the method that the renders are of.
 THEIRS = "theirs"
@@ -68,8 +70,9 @@ def run(name, args):
     """Find the pairs, write the config, and run it."""
     path = Path("results") / f"{name}.yaml"
     if args.splat:
-        render_splat(name, args)
+        render_splat(name, path, args)
     scene = scene_of(args)
+    check_kept(path, name, args)
     judged = views.find(of_scenes.checked(scene))
     splits = views.splits_of(judged)
     there = [split for split in prepared.SPLITS if split in splits.values()]
@@ -90,6 +93,17 @@ def run(name, args):
         sys.exit(code)
 
 
+def check_kept(path, name, args):
+    """ValueError where a user's own config says otherwise what was held out."""
+    if not (args.held_out and path.is_file()) or configs.is_untouched(path):
+        return
+    kept = (configs.read(path)["scenes"].get(name) or {}).get("test_every")
+    if kept != args.held_out:
+        raise ValueError(
+            f"--held-out: {path} is yours, and has test_every: {kept}: change it there"
+        )
+
+
 def held_out(judged, splits):
     """Which views count as held out, in a line."""
     count = sum(split == "test" for split in splits.values())
@@ -102,18 +116,52 @@ def held_out(judged, splits):
     )
 
 
-def render_splat(name, args):
-    """Render the splat at the photos' cameras; the renders are then those to judge."""
+def render_splat(name, path, args):
+    """Render the splat at the photos' cameras; the renders are then those to judge.
+
+    Nothing is done where these are there. All that can be refused is, before.
+    """
+    place, own, files = SPLATS / name, folders.at_home(args.splat), splat_files(args)
+    args.renders, args.depth = str(place / "rgb"), str(place / "depth")
+    args.depth_kind, args.depth_scale = "depth", 1.0
+    written = [Path("results", "logs"), Path("results", name), place]
+    given = {"PHOTOS": args.photos, "SPLAT": args.splat, "CAMERAS": args.cameras}
+    results.check_reads({key: str(real(one)) for key, one in given.items()}, written)
+    owned.check(Path("results", name))
+    configs.check_there(path, {"scenes": {name: scene_of(args)}}, "judge")
+    if splat.is_of(place, files):
+        print("renders of the splat are there already")
+        return
+    if (Path("results", name) / "verdict.json").is_file():
+        raise ValueError(
+            f"results/{name}: of another splat, or of one that has changed since: give "
+            "another name (--name), or none"
+        )
     found = views.photos_of(folders.at_home(args.photos))
     size = photos.head(next(iter(found.values()))).size
     cameras = lenses.read(folders.at_home(args.cameras), size)
-    owned.claim(SPLATS.parent / name)
-    place = SPLATS / name
-    place.parent.mkdir(parents=True, exist_ok=True)
-    told = splat.render(folders.at_home(args.splat), found, cameras, place)
+    if not found.keys() & cameras.lenses.keys():
+        of = faults.some_names(sorted(cameras.lenses))
+        raise ValueError(f"{args.cameras}: its cameras ({of}) are of other photos")
+    if SPLATS.exists() and not SPLATS.is_dir():
+        raise ValueError(f"{SPLATS}: not a folder: move it away")
+    try:
+        SPLATS.mkdir(parents=True, exist_ok=True)
+        atomic.sweep(SPLATS)
+        with light.interruptible():
+            told = splat.render(own, found, cameras, place, files)
+    finally:
+        configs.remove_empty(SPLATS)
     print("{gaussians:,} Gaussians rendered, their world {world}".format(**told))
-    args.renders, args.depth = str(place / "rgb"), str(place / "depth")
-    args.depth_kind, args.depth_scale = "depth", 1.0
+
+
+def splat_files(args):
+    """All files that renders of a splat are made from."""
+    own = folders.at_home(args.splat)
+    if own.is_dir():
+        raise ValueError(f"{own}: a folder: SPLAT is the .ply itself")
+    found = views.photos_of(folders.at_home(args.photos)).values()
+    return [own, *lenses.files_of(folders.at_home(args.cameras)), *found]
 
 
 def new_name(args):
@@ -126,9 +174,19 @@ def new_name(args):
     name = folders.free("_".join(dict.fromkeys(filter(None, (of, model)))))
     for number in itertools.count(1):
         one = name if number == 1 else f"{name}_{number}"
-        place, path = Path("results", one), Path("results", f"{one}.yaml")
-        if not (path.exists() or os.path.lexists(place)) or is_same(one, args):
+        at_work = (configs.ENGINE / f"{one}.held").exists()
+        if at_work or is_free(one) or is_same(one, args):
             return one
+
+
+def is_free(name):
+    """Whether there is nothing of a name but, at most, a mark of this program."""
+    place = Path("results", name)
+    if Path("results", f"{name}.yaml").exists():
+        return False
+    if not owned.is_marked(place):
+        return not os.path.lexists(place)
+    return next(owned.files_of(place), None) is None
 
 
 def telling(path):
@@ -149,14 +207,14 @@ def is_same(name, args):
     try:
         scene = configs.read(path)["scenes"].get(name)
         told = configs.inputs_of(path, name, scene)
+        own = {key: real(one) for key, one in wanted.items() if one}
+        if own != {key: real(one) for key, one in told.items()}:
+            return False
+        if args.splat and not splat.is_of(SPLATS / name, splat_files(args)):
+            return False
+        return not originals.changed(Path("results", name))
     except ValueError:
         return False
-    own = {key: real(one) for key, one in wanted.items() if one}
-    if own != {key: real(one) for key, one in told.items()}:
-        return False
-    if args.splat and not splat.is_of(SPLATS / name, folders.at_home(args.splat)):
-        return False
-    return not originals.changed(Path("results", name))
 
 
 def real(path):
@@ -170,17 +228,22 @@ def last_of(photo_folder, name):
     """
     path, found = Path("results", f"{name}.yaml"), []
     if path.is_file():
-        scene = configs.read(path)["scenes"].get(name) or {}
-        before = (scene.get("external_renders") or {}).get("before")
-        return before and Path(before).parent.name
+        with contextlib.suppress(ValueError, AttributeError, TypeError):
+            scene = configs.read(path)["scenes"].get(name)
+            before = Path(scene["external_renders"].get("before") or "")
+            return before.parent.name if before.is_file() else None
     for verdict in Path("results").glob("*/verdict.json"):
         config, place = verdict.with_name("config.yaml"), verdict.parent
-        if not (owned.is_marked(place) and config.is_file()):
+        if not (owned.is_marked(place) and config.is_file()) or place.name == name:
             continue
-        scene = configs.read(config)["scenes"].get(place.name)
-        if isinstance(scene, dict) and scene.get("external_renders"):
+        # A broken result of before is no reason to stop this one.
+        with contextlib.suppress(ValueError):
+            scene = configs.read(config)["scenes"].get(place.name)
+            own = configs.inputs_of(config, place.name, scene)
+            evidence.read_before(verdict, None)
             exported = results.lies_in(photo_folder, place)
-            if exported or real(scene["path"]) == real(photo_folder):
+            same = "path" in own and real(own["path"]) == real(photo_folder)
+            if "renders" in own and (exported or same):
                 found.append((verdict.stat().st_mtime_ns, place.name))
     return max(found)[1] if found else None
 
@@ -245,7 +308,8 @@ def forced(name, scene, judged):
 def every_nth(text):
     """The n of every=n."""
     key, _, number = text.partition("=")
-    if key != "every" or not number.isdecimal() or not 2 <= int(number) <= 10000:
+    is_number = number.isascii() and number.isdecimal()
+    if key != "every" or not is_number or not 2 <= int(number) <= 10000:
         raise argparse.ArgumentTypeError(f"{text!r}: every=8 was expected, or another")
     return int(number)
 

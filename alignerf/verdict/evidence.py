@@ -240,9 +240,15 @@ def read_before(path, width_px):
     The px are of photos `width_px` wide: those of an export may be smaller.
     """
     found = json_files.read(path, {"evidence": dict})["evidence"]
+    numbers = ("flow_train_px", "flow_test_px", "photo_px", "photo_width_px")
+    for key in numbers:
+        if not isinstance(found.get(key), (*json_files.NUMBER, type(None))):
+            raise ValueError(f"{path}: {key} is no number")
+    if found.get("photo_px") is None:
+        raise ValueError(f"{path}: photo_px is missing")
     wide = found.get("photo_width_px")
     scale = found["photo_px"] * (width_px / wide if wide and width_px else 1)
-    shifts = (found["flow_train_px"], found["flow_test_px"])
+    shifts = (found.get("flow_train_px"), found.get("flow_test_px"))
     return path.parent.name, *(px and px * scale for px in shifts)
 
 

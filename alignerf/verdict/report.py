@@ -65,7 +65,9 @@ def state(e, findings):
     """The verdict in a word: `aligned`, `misaligned` or `unclear`."""
     if e.pairs.stops:
         return "unclear"
-    if shift.by_crops(e):
+    off = e.judged and shift.poses_off(e) and shift.misaligned(e)
+    # What matches say needs no shape that photos fix.
+    if shift.by_crops(e) or off:
         return "misaligned"
     if is_sparse(findings) or shift.few_train(e) or not shift.is_sharp(e):
         return "unclear"

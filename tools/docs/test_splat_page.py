@@ -108,3 +108,40 @@ def test_a_line_of_the_page_is_taken_as_it_stands(here, lines, capsys, kind):
         assert "3,000 Gaussians rendered, their world as the cameras'" in said
     else:
         assert "1 of 8 were held out" in said
+
+
+PLY = ("--photos=DATA/images", "--cameras=DATA/sparse/0", "--only-config")
+
+
+def files(folder):
+    return {str(p): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_a_splat_that_is_judged_again_is_not_rendered_again(here, capsys):
+    judge.main([*PLY, "--splat=point_cloud.ply"])
+    before = files(here / "results")
+    judge.main([*PLY, "--splat=point_cloud.ply"])
+    assert "renders of the splat are there already" in capsys.readouterr().out
+    assert files(here / "results") == before
+
+
+def test_what_is_refused_leaves_nothing_and_replaces_nothing(here):
+    judge.main([*PLY, "--splat=point_cloud.ply", "--name=mine"])
+    (here / "results" / "mine").mkdir()
+    (here / "results/mine/.why-blurry").touch()
+    (here / "results/mine/verdict.json").write_text("{}")
+    before = files(here / "results")
+    text = (here / "point_cloud.ply").read_bytes()
+    (here / "cut.ply").write_bytes(text[: len(text) // 2])
+    (here / "other.ply").write_bytes(text)
+    for words, says in (
+        (["--splat=cut.ply"], "cut.ply"),
+        (["--splat=DATA"], "a folder: SPLAT is the .ply itself"),
+        (["--splat=other.ply", "--name=mine"], "of another splat"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            judge.main([*PLY, *words])
+        assert files(here / "results") == before
+        assert sorted(p.name for p in (here / "results").iterdir()) == [
+            *("mine", "mine.yaml", "splats"),
+        ]

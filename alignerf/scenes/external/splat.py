@@ -12,12 +12,13 @@ import itertools
 import json
 import logging
 import math
+import os
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from alignerf.io import atomic, images, json_files, owned, progress
+from alignerf.io import atomic, faults, images, json_files, owned, progress
 from alignerf.scenes import distortion, originals, photos, prepare
 from alignerf.scenes.external import lenses
 from alignerf.splats import ply, rasterize
@@ -40,18 +41,19 @@ TOLD = "splat.json"
 OPENCV = np.diag([1.0, -1.0, -1.0])
 
 
-def render(path, photo_paths, cameras: lenses.Cameras, folder):
+def render(path, photo_paths, cameras: lenses.Cameras, folder, files=()):
     """Write renders and depth of all photos with a camera; returns what is told of it.
 
-    photo_paths: {view: path}. folder: gets rgb/<view>.png and depth/<view>.npy, in the
+    photo_paths: {view: path}. files: all that these renders are made from, for `is_of`.
+    folder: gets rgb/<view>.png and depth/<view>.npy, in the
     unit of the cameras. Raises ValueError in one line for a file that is no splat, or
     one that does not show the photos from these cameras.
     """
     gaussians = ply.read(path)
     views = {n: one for n, one in photo_paths.items() if n in cameras.lenses}
-    if not views:
-        raise ValueError(f"{path}: the cameras are of none of the photos")
-    seen = [View(n, p, cameras.lenses[n]) for n, p in sorted(views.items())]
+    seen = of_one_shape(
+        [View(n, p, cameras.lenses[n]) for n, p in sorted(views.items())]
+    )
     few = seen[:: max(len(seen) // VIEWS, 1)][:VIEWS]
     name, world, shows = world_of(path, gaussians, few, cameras)
     if shows < SHOWS:
@@ -73,19 +75,38 @@ def render(path, photo_paths, cameras: lenses.Cameras, folder):
             depth = np.where(made.alpha > 0.5, made.depth, np.inf) / scale_of(world)
             np.save(fresh / "depth" / f"{one.name}.npy", depth.astype(np.float32))
         told = {"gaussians": len(gaussians.means), "world": name, "correlation": shows}
-        told |= {"path": str(path), "file": originals.described(path)}
+        there = filter(os.path.isfile, files)
+        told["files"] = {originals.named(p): originals.described(p) for p in there}
         (fresh / TOLD).write_text(json.dumps(told, indent=1) + "\n")
         owned.seal(fresh)
     return told
 
 
-def is_of(folder, path):
-    """Whether a folder's renders are of a .ply as it is now."""
-    told = Path(folder, TOLD)
-    if not told.is_file():
+def is_of(folder, files):
+    """Whether a folder's renders are of files as they are now."""
+    try:
+        told = json_files.read(Path(folder, TOLD), {"files": dict})["files"]
+    except (OSError, ValueError):
         return False
-    before = json_files.read(told, {"file": list})["file"]
-    return len(before) == 3 and not originals.is_other(path, before)
+    names = {originals.named(path) for path in files if os.path.isfile(path)}
+    whole = all(isinstance(one, list) and len(one) == 3 for one in told.values())
+    return (
+        names == told.keys()
+        and whole
+        and not any(originals.is_other(path, before) for path, before in told.items())
+    )
+
+
+def of_one_shape(seen):
+    """The views whose photos have the usual shape, all at the usual size."""
+    sizes = [one.photo_size for one in seen]
+    usual = max(set(sizes), key=lambda size: (sizes.count(size), size))
+    fits = [prepare.has_shape(size, usual) for size in sizes]
+    if odd := [one.name for one, fit in zip(seen, fits, strict=True) if not fit]:
+        log.warning("photos of another shape are left out: %s", faults.some_names(odd))
+    for one in seen:
+        one.usual = usual
+    return [one for one, fit in zip(seen, fits, strict=True) if fit]
 
 
 class View:
@@ -102,12 +123,14 @@ class View:
             and not prepare.has_shape(lens.size, head.size)
         )
         self.photo_size = head.size[::-1] if self.upright else head.size
+        # Of the photo that most are like.
+        self.usual = self.photo_size
         self.camtopix, self.distortion = lens.at(self.photo_size, str(path))
 
     def size(self, longest_px):
-        """(width, height) of a render; never larger than the photo."""
-        ratio = min(1.0, longest_px / max(self.photo_size))
-        return tuple(max(round(side * ratio), 1) for side in self.photo_size)
+        """(width, height) of a render; never larger than the usual photo."""
+        ratio = min(1.0, longest_px / max(self.usual))
+        return tuple(max(round(side * ratio), 1) for side in self.usual)
 
     def render(self, gaussians, world, longest_px, **options) -> rasterize.Render:
         width, height = self.size(longest_px)

@@ -119,7 +119,7 @@ def halved(found, paths):
 def held_out(every, found, cameras):
     """How it is known which views were held out, in words; None where it is not."""
     if every:
-        return f"every {every}th by name, as was said"
+        return f"one in {every} by name, as was said"
     if any(one.split for one in found.values()):
         return "by the renders' folders and names"
     return "by the cameras' file" if cameras.splits else None

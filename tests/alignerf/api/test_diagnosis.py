@@ -113,3 +113,40 @@ def test_what_cannot_be_judged_is_one_line(images, renders, changes, says):
     given = {"renders": renders} | changes
     with pytest.raises(ValueError, match=says):
         alignerf.diagnose(images, **given)
+
+
+IMAGES = np.zeros((3, 40, 40, 3), np.uint8)
+POSES = np.tile(np.eye(4), (3, 1, 1))
+LENS = np.array([[50.0, 0, 20], [0, 50, 20], [0, 0, 1]])
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"images": None}, "images: arrays or folders were expected"),
+        ({"images": []}, "images: none were given"),
+        ({"renders": 5}, "renders: arrays or folders"),
+        ({"renders": IMAGES[:2]}, "renders: 2 of 3 images"),
+        ({"images": IMAGES[:, :0]}, r"images\[0\]: uint8 \[0, 40, 3\] instead"),
+        ({"held_out": [True, False, False]}, "held_out: indices"),
+        ({"held_out": 3}, "held_out: indices"),
+        ({"held_out": [7]}, "held_out: there is no view 7"),
+        ({"depth": ["a"] * 3}, "depth of view0000: numbers"),
+        (
+            {"cameras": {"K": LENS, "camera_to_world": "x"}},
+            "cameras.camera_to_world: an",
+        ),
+        ({"cameras": {"K": LENS * np.nan, "camera_to_world": POSES}}, "cameras.K: an"),
+        (
+            {"cameras": {"K": LENS + [[0, 5, 0]] * 3, "camera_to_world": POSES}},
+            "no skew",
+        ),
+        ({"cameras": {"K": LENS, "world_to_camera": 0 * POSES}}, "no rotation in it"),
+        ({"images": "photos", "held_out": np.arange(2)}, "held_out: of arrays"),
+    ],
+)
+def test_input_that_is_none_is_one_line(changes, says):
+    given = {"images": IMAGES, "renders": IMAGES} | changes
+    with pytest.raises(ValueError, match=says) as found:
+        alignerf.diagnose(**given)
+    assert "\n" not in str(found.value)

@@ -1,5 +1,6 @@
 """`make judge`: renders of another program in, a config and a run out."""
 
+import json
 import os
 
 import numpy as np
@@ -273,7 +274,8 @@ def judged(here, name):
     config, results = here / "results" / f"{name}.yaml", here / "results" / name
     made(config, results)
     (results / "config.yaml").write_text(config.read_text())
-    (results / "verdict.json").write_text("{}")
+    evidence = {"photo_px": 1.0, "flow_train_px": 0.2, "flow_test_px": None}
+    (results / "verdict.json").write_text(json.dumps({"evidence": evidence}))
 
 
 def keys_of(here, name):
@@ -326,7 +328,7 @@ def test_held_out_views_are_said_in_words(here, runs, capsys):
     assert "which photos were held out is not known" in capsys.readouterr().out
     judge.main([*options(name="said"), "--held-out=every=4"])
     assert keys_of(here, "said")["splits"] == ["train", "test"]
-    assert "2 of 8 were held out: every 4th by name" in capsys.readouterr().out
+    assert "2 of 8 were held out: one in 4 by name" in capsys.readouterr().out
     scene = yaml.safe_load((here / "results/said.yaml").read_text())["scenes"]["said"]
     found = views.splits_of(views.find(of_scenes.checked(scene)))
     assert [name for name, split in found.items() if split == "test"] == ["v00", "v04"]
@@ -346,3 +348,40 @@ def test_photo_and_render_side_by_side_are_told_by_their_shape(here, runs, capsy
     assert "photo and render side by side" in capsys.readouterr().out
     scene = yaml.safe_load((here / "results/mine.yaml").read_text())["scenes"]["mine"]
     assert views.find(of_scenes.checked(scene)).size == cases.SIZE
+
+
+@pytest.mark.parametrize(
+    ("file", "content"),
+    [
+        ("config.yaml", "x: ["),
+        ("config.yaml", "scenes: {old: {external_renders: x}}"),
+        ("config.yaml", "scenes: {old: {path: 5, source: external_renders}}"),
+        ("verdict.json", '{"evi'),
+        ("verdict.json", '{"evidence": {}}'),
+    ],
+)
+def test_broken_results_of_before_stop_nothing(here, runs, file, content):
+    judge.main(options(name="old"))
+    judged(here, "old")
+    (here / "results/old" / file).write_text(content)
+    judge.main(options(name="new"))
+    assert "before" not in keys_of(here, "new")
+
+
+def test_what_it_was_compared_with_may_be_gone(here, runs):
+    judge.main(options(name="old"))
+    judged(here, "old")
+    judge.main(options(name="new"))
+    assert keys_of(here, "new")["before"] == "results/old/verdict.json"
+    for path in ("verdict.json", "config.yaml"):
+        (here / "results/old" / path).unlink()
+    judge.main(options(name="new"))
+    assert "before" not in keys_of(here, "new")
+
+
+def test_held_out_views_that_a_users_config_has_otherwise_are_refused(here, runs):
+    judge.main(options(name="mine"))
+    path = here / "results" / "mine.yaml"
+    path.write_text(path.read_text() + "seed: 3\n")
+    with pytest.raises(ValueError, match=r"--held-out: results/mine\.yaml is yours"):
+        judge.main([*options(name="mine"), "--held-out=every=4"])

@@ -98,7 +98,7 @@ def test_the_world_of_a_splat_is_found_by_the_photos(
     if beside:
         (folder / splat.NERFSTUDIO).write_text(json.dumps(beside))
     path, cameras = write(world, **more)
-    told = splat.render(path, photos, cameras, folder / "made")
+    told = splat.render(path, photos, cameras, folder / "made", [path])
     assert (told["world"], told["gaussians"]) == (says, 400)
     for name in NAMES:
         render = cv2.imread(str(folder / "made" / "rgb" / f"{name}.png"))
@@ -110,9 +110,9 @@ def test_the_world_of_a_splat_is_found_by_the_photos(
         assert known.size
         assert (known > 3).all()
         assert (known < 8).all()
-    assert splat.is_of(folder / "made", path)
+    assert splat.is_of(folder / "made", [path])
     path.write_bytes(path.read_bytes() + b" ")
-    assert not splat.is_of(folder / "made", path)
+    assert not splat.is_of(folder / "made", [path])
 
 
 def test_cameras_of_another_scene_are_refused_in_one_line(project):
