@@ -5,7 +5,7 @@ from alignerf.metrics import pairs
 
 
 def share(e):
-    """Of all pairs, those that are none."""
+    """The share of pairs whose render is not one of the photo."""
     return len(e.pairs.faults) / max(e.pairs.count, 1)
 
 

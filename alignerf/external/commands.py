@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import psutil
 
-from alignerf.experiment.checks import places
+from alignerf.experiment.checks import placeholders
 from alignerf.io import faults, owned, provenance
 from alignerf.io.environment import switches
 
@@ -118,7 +118,7 @@ def words_of(template, values):
     spaces, quotes or `$(...)` is a part of its word. `~` is the user's home.
     """
     words = map(os.path.expanduser, shlex.split(template))
-    return [places.filled(word, values) for word in words]
+    return [placeholders.filled(word, values) for word in words]
 
 
 def run(words, *, cores=1) -> float:

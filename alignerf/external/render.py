@@ -17,7 +17,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from alignerf.experiment.checks import places
+from alignerf.experiment.checks import placeholders
 from alignerf.external import commands
 from alignerf.io import archives, atomic, faults, images, machine, owned, progress
 from alignerf.scenes import cameras, distortion, photos, prepared
@@ -49,7 +49,9 @@ def main(argv=None):
         write(args, loaded, of_pairs(loaded), 0.0, threads=args.threads)
     elif job.renders:
         names = {"scene": args.scene.name}
-        folders = [f and places.filled(f, names) for f in (job.renders, job.depth)]
+        folders = [
+            f and placeholders.filled(f, names) for f in (job.renders, job.depth)
+        ]
         write(args, loaded, of_folders(*folders, loaded, args.splits), 0.0)
     else:
         # It stays where something is wrong with it, for its owner to look at.

@@ -11,7 +11,7 @@ import pydantic
 
 from alignerf.captures import base as captures
 from alignerf.experiment import jobs
-from alignerf.experiment.checks import places
+from alignerf.experiment.checks import placeholders
 from alignerf.experiment.checks.common import fault
 from alignerf.experiment.keys.key import Keys, key
 from alignerf.methods import rounds
@@ -69,7 +69,7 @@ class External(Keys):
         if self.depth:
             what = "only beside renders: a command writes below {depth}"
             raise ValueError(f"depth: {what}")
-        if "renders" not in places.names(self.render):
+        if "renders" not in placeholders.names(self.render):
             raise ValueError("render: {renders} is missing, the folder of its images")
         return self
 
@@ -78,7 +78,7 @@ def check_command(name, command, known):
     """ValueError where it has no words, or a place in braces without a meaning."""
     try:
         words = shlex.split(command)
-        places.check(command, known)
+        placeholders.check(command, known)
     except ValueError as error:
         raise ValueError(f"{name}: {error}; quotes are as in a shell") from None
     if not (words and words[0].strip()):
@@ -125,7 +125,7 @@ class Other(rounds.Rounds):
         unknown = any(scene["steps"] is None for scene in config["scenes"].values())
         unknown = unknown or "steps" in config["training"]["decided"]
         for what in OF_COMMAND if unknown else ():
-            if "steps" in places.names(chosen[what] or ""):
+            if "steps" in placeholders.names(chosen[what] or ""):
                 fault(f"{where}.external.{what}", "{steps} needs training.steps")
         crops = any(captures.of(one).parent(one) for one in config["scenes"].values())
         if crops and config["reference"]["method"] == name:

@@ -1,9 +1,12 @@
-"""Whether each pair is a photo and a render of it, told before any cause.
+"""Checks whether each render of another program is one of its photo.
 
-Of another program's renders alone: ours are of the right photos. Thresholds by trained
-renders of four captures and by damaged ones: docs/evidence/verdict.md.
+It may be a copy of the photo, flat, empty, swapped with another view's, turned or
+mirrored, of another place, or far too bright. That is checked before any cause is
+looked for, and the verdict's sentences and advice for it stand here. Thresholds come
+from trained renders of four captures and from damaged ones: docs/evidence/verdict.md.
 
-Notation: photo and render [h, w, 3] uint8 of one size; counts [h, w], where both do.
+Notation: photo and render [h, w, 3] uint8 of one size; counts [h, w]: the pixels that
+count in both.
 """
 
 import itertools
@@ -12,11 +15,12 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-# Nothing is told where more than this share fails; below it those are left out.
+# If a larger share of pairs fails, no verdict is given; else the failing ones are left
+# out.
 MAX_BAD = 0.1
-# Correlation of the finest detail, and levels of 8 bits by which colours blurred by so
-# many px differ. Copies, also as JPEG of quality 75, have 0.85 and more, and up to 0.4;
-# of renders the one was up to 0.70, the other 1 and more.
+# A copy: correlation of the finest detail, at least (copies, also as JPEG of quality
+# 75, have 0.85 and more, renders at most 0.70); 8-bit levels by which colours differ,
+# at most (copies 0.4, renders 1 and more); the blur before that in px.
 COPY, COPY_LEVELS, COPY_BLUR_PX = 0.8, 0.6, 8.0
 # Levels of 8 bits: a render's tile is empty below, a photo's shows something above. The
 # share of such tiles is 0 of renders.
@@ -243,8 +247,8 @@ def swapped(names, photos, renders, undone):
     most = alike[np.arange(len(names)), best]
     found = (best != np.arange(len(names))) & (1 - most < LESS * (1 - own))
     found &= most > ALIKE
-    # Of two photos that are nearly the same one render may fit either: then the other
-    # photo has its own render, too. One that shows a photo twice is as good as it.
+    # One render may fit either of two nearly equal photos: then it is swapped only if
+    # the other photo's render is swapped too, or if it fits the other plainly better.
     plainly = 1 - most < PLAINLY * (1 - own)
     found &= found[best] | plainly
     return {names[i]: names[best[i]] for i in np.flatnonzero(found)}

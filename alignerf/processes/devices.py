@@ -1,6 +1,7 @@
 """The devices of all processes of a training: cores of a CPU, or accelerators.
 
-A small model's operations are too short for XLA to share one between cores. Two
+On accelerators each job reserves one by a file lock. On a CPU each core is a device: a
+small model's operations are too short for XLA to share one between cores. Two
 threads on two cores render a hash grid 1.9 times as fast as one does, and as two
 devices they train it 1.3 times as fast as one of two threads, an MLP 1.05 times.
 """
@@ -25,7 +26,7 @@ log = logging.getLogger("alignerf")
 
 # Beyond these, further devices have less to do and more gradients to add up.
 MAX_DEVICES = 4
-# What JAX calls it, and called it before.
+# The variable of a process's share of memory: its name now, and the one before.
 MEMORY_SHARES = ("XLA_CLIENT_MEM_FRACTION", "XLA_PYTHON_CLIENT_MEM_FRACTION")
 # Locks of accelerators that this process has taken.
 _held = []
@@ -77,12 +78,13 @@ def take_accelerator(device_files=Path("/dev"), locks=None):
             with contextlib.suppress(OSError):  # taken, or another user's file
                 lock.acquire()
                 _held.append(lock)
-                # Of those that a container shows CUDA counts from 0.
+                # CUDA numbers only those that a container shows, from 0.
                 os.environ["CUDA_DEVICE_ORDER"] = "PCI_BUS_ID"
                 os.environ["CUDA_VISIBLE_DEVICES"] = str(index)
                 return
     raise ValueError(
-        f"all {len(numbers)} accelerators are taken: --resources gpu={len(numbers)}"
+        f"all {len(numbers)} accelerators are taken: let no more jobs than that run at "
+        f"once, by --resources gpu={len(numbers)}"
     )
 
 

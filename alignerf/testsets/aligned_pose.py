@@ -1,4 +1,4 @@
-"""Renders by cameras that were moved to fit the photo, or the oracle, by the flow.
+"""Renders from test cameras that optical flow has fitted to the photo, or the oracle.
 
 Moved cameras of a method see a test view elsewhere than its given camera says. A camera
 that is fitted to the view on one half of its pixels scores the other half fairly.

@@ -1,4 +1,7 @@
-"""The gains of a run's remedies over its plain training, read from its tables."""
+"""The gains of a run's remedies over its plain training, read from its tables.
+
+And what matches between photos say of the cameras that a remedy has corrected.
+"""
 
 from pathlib import Path
 
@@ -19,14 +22,14 @@ COLUMNS += ("difference_db", "difference_low_db", "difference_high_db")
 def of_table(path, timings, judgements=()):
     """The `Gain` of each remedy in a table over the baseline, the model without one.
 
-    timings: {method: timing.json} of trainings that aligned themselves. Scores are
+    timings: {method: timing.json} of trainings with in-loop alignment. Scores are
     those against the oracle where it is known, else those on held-out photos; where
     cameras were corrected, with held-out ones moved to fit their photos. judgements:
     {method: acceptance.Judgement} of cameras that have moved.
     """
     table = csv_files.read(path, columns=COLUMNS)
     known = set(table["test_set"])
-    # Of published rows it is not known.
+    # It is unknown of published rows.
     moves = [
         {name for name in ("cameras", "photos") if row[f"moves_{name}"] is True}
         for row in table.to_dict("records")

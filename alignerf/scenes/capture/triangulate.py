@@ -66,7 +66,7 @@ def model_of(arrays) -> pycolmap.Reconstruction:
     views = zip(names, arrays["pixtocams"], arrays["camtoworlds"], strict=True)
     for number, (name, pixtocam, pose) in enumerate(views, start=1):
         matrix = np.linalg.inv(pixtocam)
-        # Rounding makes no other lens.
+        # Rounded, so that the noise of floats makes no further lens.
         lens = tuple(
             round(float(matrix[at]), 9) for at in ((0, 0), (1, 1), (0, 2), (1, 2))
         )

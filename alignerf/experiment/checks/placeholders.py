@@ -1,20 +1,20 @@
-"""Names in braces in a command or a path, for which a value is put in."""
+"""Placeholders of a command or a path: names in braces, replaced by values."""
 
 import re
 
 # A doubled brace is that brace itself.
-PLACE = re.compile(r"\{\{|\}\}|\{(\w*)\}|[{}]")
+PLACEHOLDER = re.compile(r"\{\{|\}\}|\{(\w*)\}|[{}]")
 DOUBLED = ("{{", "}}")
 
 
 def names(text):
     """The names, in their order; each as often as it stands there."""
-    return [found[1] for found in PLACE.finditer(text) if found[1]]
+    return [found[1] for found in PLACEHOLDER.finditer(text) if found[1]]
 
 
 def check(text, known):
-    """ValueError for a name that is none of `known`, and for a lonely brace."""
-    for found in PLACE.finditer(text):
+    """ValueError for a name that is none of `known`, and for an unpaired brace."""
+    for found in PLACEHOLDER.finditer(text):
         if found[0] not in DOUBLED and found[1] not in known:
             raise ValueError(
                 f"{found[0]} means nothing; in braces only {', '.join(known)}, and a "
@@ -30,4 +30,4 @@ def filled(text, values):
             return found[0][0]
         return str(values[found[1]])
 
-    return PLACE.sub(value, text)
+    return PLACEHOLDER.sub(value, text)
