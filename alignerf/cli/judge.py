@@ -228,7 +228,7 @@ def last_of(photo_folder, name):
     """
     path, found = Path("results", f"{name}.yaml"), []
     if path.is_file():
-        with contextlib.suppress(ValueError, AttributeError, TypeError):
+        with contextlib.suppress(ValueError, AttributeError, KeyError, TypeError):
             scene = configs.read(path)["scenes"].get(name)
             before = Path(scene["external_renders"].get("before") or "")
             return before.parent.name if before.is_file() else None
