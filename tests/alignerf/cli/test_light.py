@@ -110,7 +110,7 @@ def test_who_stops_it_finds_nothing_half_made(tmp_path, root, one):
     process.send_signal(one)
     said, _ = process.communicate(timeout=60)
     assert process.returncode == light.STOPPED, said
-    assert "stopped, as asked." in said
+    assert "stopped" in said
     assert not list((tmp_path / "results").rglob(".*~*"))
     code, said = judge(tmp_path, root)
     assert code == 0, said
