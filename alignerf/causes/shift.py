@@ -47,11 +47,11 @@ def told_px(overfit_px):
 def too_short(e):
     """Whether training was too short for its renders to tell anything of alignment.
 
-    Of another program its renders tell, unless matches say that poses are off: these
-    blur renders, too.
+    Of another program its renders tell, unless matches say that poses are far off:
+    these blur renders, too.
     """
     if e.judged:
-        return e.detail_median > SOFT_DETAIL and not poses_off(e)
+        return e.detail_median > SOFT_DETAIL and not explained_by_poses(e)
     return e.epochs < FEW_EPOCHS / 2
 
 

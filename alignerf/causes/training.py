@@ -30,7 +30,7 @@ OTHERS = base.Cause(
     decide=lambda e: (
         (e.detail_median, False) if e.judged and shift.too_short(e) else None
     ),
-    detectable=lambda e: not shift.poses_off(e),
+    detectable=lambda e: not shift.explained_by_poses(e),
     looked_for=lambda e: bool(e.judged),
     says=lambda e: (
         f"photos have {base.number(e.detail_median)} times the fine detail of "

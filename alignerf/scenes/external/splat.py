@@ -8,6 +8,7 @@ Notation: a world is a similarity [4, 4], from the cameras' world to the splat's
 are camera-to-world [3, 4], OpenGL axes.
 """
 
+import contextlib
 import itertools
 import json
 import logging
@@ -38,6 +39,8 @@ NEARS, CLEARLY_DB = ((rasterize.NEAR, rasterize.MAX_ALPHA), (0.01, 0.999)), 0.02
 NERFSTUDIO, ABOVE = "dataparser_transforms.json", 4
 # What is told of them, beside the renders.
 TOLD = "splat.json"
+# Fewer cameras do not fix a similarity.
+MIN_CAMERAS = 3
 OPENCV = np.diag([1.0, -1.0, -1.0])
 
 
@@ -170,7 +173,7 @@ def world_of(path, gaussians, few, cameras):
 
     Turns by right angles, as viewers make them, are tried where no known world does.
     """
-    known = dict(known_worlds(path, cameras.applied))
+    known = dict(known_worlds(path, cameras))
     best = max(scored(gaussians, few, known.items()), key=lambda one: one[2])
     if best[2] < SHOWS:
         turned = (
@@ -195,16 +198,21 @@ def scored(gaussians, few, worlds):
         yield name, world, float(np.mean(found))
 
 
-def known_worlds(path, applied):
-    """(name, world) of those that a splat may have, by what lies beside its file.
-
-    applied: `applied_transform` [4, 4] of a transforms.json, or None.
-    """
+def known_worlds(path, cameras):
+    """(name, world) of those that a splat may have, by what lies beside its file."""
+    applied = cameras.applied
     back = np.eye(4) if applied is None else np.linalg.inv(applied)
     yield "as the cameras'", np.eye(4)
     if applied is not None:
         yield "without the cameras' applied_transform", back
-    folders = itertools.islice(Path(path).absolute().parents, ABOVE)
+    folders = [*itertools.islice(Path(path).absolute().parents, ABOVE)]
+    for beside in filter(Path.is_file, (one / lenses.GAUSSIANS for one in folders)):
+        # Cameras of another scene are no reason to stop: these are not asked for.
+        with contextlib.suppress(ValueError):
+            world = similarity(cameras, lenses.of_gaussians(beside))
+            if world is not None:
+                yield f"by the {beside.name} of its training", world
+        break
     for beside in filter(Path.is_file, (one / NERFSTUDIO for one in folders)):
         told = json_files.read(beside, {"transform": list, "scale": json_files.NUMBER})
         try:
@@ -218,6 +226,30 @@ def known_worlds(path, applied):
         yield f"by {beside.name}", world
         yield f"by {beside.name}, without applied_transform", world @ back
         return
+
+
+def similarity(own, theirs):
+    """The world [4, 4] in which cameras of the same names are theirs; None of few."""
+    names = sorted(own.lenses.keys() & theirs.lenses.keys())
+    if len(names) < MIN_CAMERAS:
+        return None
+    poses, to = (
+        np.stack([cameras.lenses[name].pose for name in names])
+        for cameras in (own, theirs)
+    )
+    left, _, right = np.linalg.svd(
+        np.einsum("nij,nkj->ik", to[..., :3], poses[..., :3])
+    )
+    turn = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
+    (middle, spread), (to_middle, to_spread) = (
+        (at.mean(0), np.sqrt(at.var(0).sum())) for at in (poses[..., 3], to[..., 3])
+    )
+    if not (spread > 0 and to_spread > 0):
+        return None
+    world = np.eye(4)
+    world[:3, :3] = to_spread / spread * turn
+    world[:3, 3] = to_middle - world[:3, :3] @ middle
+    return world
 
 
 def right_angles():

@@ -115,6 +115,28 @@ def test_the_world_of_a_splat_is_found_by_the_photos(
     assert not splat.is_of(folder / "made", [path])
 
 
+def test_the_cameras_of_its_training_tell_its_world(project):
+    """OpenSplat centres and scales cameras, and writes them beside its .ply."""
+    world = similarity(0.3, TURN, (1, 2, 3))
+    write, photos, folder = project
+    path, cameras = write(world)
+    entries = []
+    for name, lens in cameras.lenses.items():
+        pose = splat.world_to_camera(lens.pose, world)
+        place = -pose[:, :3].T @ pose[:, 3]
+        entry = {"img_name": f"{name}.png", "width": SIZE[0], "height": SIZE[1]}
+        entry |= {"fx": 90.0, "fy": 91.0, "position": place.tolist()}
+        entries.append(entry | {"rotation": pose[:, :3].T.tolist()})
+    (folder / "cameras.json").write_text(json.dumps(entries))
+    told = splat.render(path, photos, cameras, folder / "made")
+    assert told["world"] == "by the cameras.json of its training"
+    render = cv2.imread(str(folder / "made" / "rgb" / "v03.png")).astype(int)
+    assert np.abs(render - cv2.imread(str(photos["v03"]))).max() <= 2
+    (folder / "cameras.json").write_text("[{}]")
+    with pytest.raises(ValueError, match="does not show the photos"):
+        splat.render(path, photos, cameras, folder / "again")
+
+
 def test_cameras_of_another_scene_are_refused_in_one_line(project):
     write, photos, folder = project
     path, cameras = write(similarity(turn=TURN, shift=(40, 0, 0)))
