@@ -176,7 +176,7 @@ def score(target, render, valid, learned, *, seams=False):
     """Metrics of one view against one target; a missing one is NaN with a note.
 
     learned: {name: metric} of those that need weights. seams: the render has some,
-    which all metrics but PSNR would see in their crops; they are left out.
+    which all metrics but PSNR would see in their windows; they are left out.
     """
     row = {"psnr_db": image_metrics.psnr_db(target, render, valid)}
     notes = []

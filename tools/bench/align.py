@@ -110,7 +110,7 @@ def error_row(name, way, size, radius):
 def in_float64(render, photo):
     """Squared errors [s, s] by the formula."""
     render, photo = np.float64(render), np.float64(photo)
-    crops = np.lib.stride_tricks.sliding_crop_view(photo, render.shape[:2], (0, 1))
+    crops = np.lib.stride_tricks.sliding_window_view(photo, render.shape[:2], (0, 1))
     errors = [
         [((part - render.transpose(2, 0, 1)) ** 2).sum() for part in row]
         for row in crops

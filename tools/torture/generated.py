@@ -41,7 +41,7 @@ ALL_OF = {
     "llff": ("images",),
     "polycam": ("keyframes/images",),
     "record3d": ("rgb",),
-    "judged": ("photos", "renders"),
+    "external_renders": ("photos", "renders"),
 }
 WANTED = photos.SUFFIXES | video.SUFFIXES
 
@@ -99,7 +99,7 @@ def take(case, keys, work):
         ingest.ingest(keys["path"], work, masks=keys["masks"])
         return
     config = {"source": case.source, "min_train_views": 1, "downscale": 1} | keys
-    if case.source != "judged":
+    if case.source != "external_renders":
         config["triangulate"] = False
     poses.main(config, work)
 

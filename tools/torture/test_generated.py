@@ -16,9 +16,9 @@ KEPT = [
         "polycam", 678984460, (("a hard link", 50073065), ("damaged", 973030337))
     ),
     generated.Case("record3d", 343466353, (("renamed", 1518921069),)),
-    generated.Case("judged", 53377575, (("emptied", 1329920441),)),
+    generated.Case("external_renders", 53377575, (("emptied", 1329920441),)),
     generated.Case(
-        "judged", 160306786, (("renamed", 976953646), ("damaged", 410638645))
+        "external_renders", 160306786, (("renamed", 976953646), ("damaged", 410638645))
     ),
 ]
 
