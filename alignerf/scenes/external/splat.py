@@ -48,9 +48,9 @@ def render(path, photo_paths, cameras: lenses.Cameras, folder, files=()):
     """Write renders and depth of all photos with a camera; returns what is told of it.
 
     photo_paths: {view: path}. files: all that these renders are made from, for `is_of`.
-    folder: gets rgb/<view>.png and depth/<view>.npy, in the
-    unit of the cameras. Raises ValueError in one line for a file that is no splat, or
-    one that does not show the photos from these cameras.
+    folder: gets rgb/<view>.png and depth/<view>.npy, in the unit of the cameras.
+    Raises ValueError in one line for a file that is no splat, or one that does not show
+    the photos from these cameras.
     """
     gaussians = ply.read(path)
     views = {n: one for n, one in photo_paths.items() if n in cameras.lenses}
@@ -215,13 +215,10 @@ def known_worlds(path, cameras):
         break
     for beside in filter(Path.is_file, (one / NERFSTUDIO for one in folders)):
         told = json_files.read(beside, {"transform": list, "scale": json_files.NUMBER})
-        try:
-            moved = np.vstack([np.array(told["transform"], float), [0, 0, 0, 1.0]])
-            world = np.diag([*[float(told["scale"])] * 3, 1.0]) @ moved
-            usable = world.shape == (4, 4) and 1e-9 < scale_of(world) < 1e9
-        except (ValueError, TypeError):
-            usable = False
-        if not usable:
+        moved, world = prepare.matrix_of(told["transform"], (3, 4)), np.eye(4)
+        if moved is not None:
+            world[:3] = told["scale"] * moved
+        if moved is None or not 1e-9 < scale_of(world) < 1e9:
             raise ValueError(f"{beside}: 'transform' and 'scale' are no similarity")
         yield f"by {beside.name}", world
         yield f"by {beside.name}, without applied_transform", world @ back
@@ -275,16 +272,10 @@ def options_of(gaussians, few, world):
     pairs = [(one, one.photo(LONGEST_PX).astype(np.float64)) for one in few[:2]]
 
     def error_db(options):
-        errors = [
-            np.mean(
-                (
-                    to_bytes(v.render(gaussians, world, LONGEST_PX, **options).colour)
-                    - photo
-                )
-                ** 2
-            )
-            for v, photo in pairs
-        ]
+        errors = []
+        for view, photo in pairs:
+            made = view.render(gaussians, world, LONGEST_PX, **options)
+            errors.append(np.mean((to_bytes(made.colour) - photo) ** 2))
         return 10 * math.log10(max(np.mean(errors), 1e-9))
 
     errors = [error_db(one) for one in tried]
