@@ -76,9 +76,8 @@ def run(name, args):
     judged = views.find(of_scenes.checked(scene))
     splits = views.splits_of(judged)
     there = [split for split in prepared.SPLITS if split in splits.values()]
-    scene |= {
-        "external_renders": base.section(scene, "external_renders") | {"splits": there}
-    }
+    keys = base.section(scene, "external_renders")
+    scene["external_renders"] = keys | {"splits": there}
     print(f"{len(judged.pairs)} pairs of photo and render, {judged.told['layout']}")
     print(held_out(judged, splits))
     if args.before:
@@ -97,7 +96,8 @@ def check_kept(path, name, args):
     """ValueError where a user's own config says otherwise what was held out."""
     if not (args.held_out and path.is_file()) or configs.is_untouched(path):
         return
-    kept = (configs.read(path)["scenes"].get(name) or {}).get("test_every")
+    scene = configs.read(path)["scenes"].get(name)
+    kept = scene.get("test_every") if isinstance(scene, dict) else None
     if kept != args.held_out:
         raise ValueError(
             f"--held-out: {path} is yours, and has test_every: {kept}: change it there"
