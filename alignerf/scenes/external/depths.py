@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from alignerf.io import archives, images
-from alignerf.scenes import cameras, distortion
+from alignerf.scenes import cameras, distortion, photo_names
 from alignerf.scenes.external import renders
 
 IMAGES = (".tiff", ".tif", ".png")
@@ -49,7 +49,9 @@ def find(folder, names):
     if not folder.is_dir():
         raise ValueError(f"{folder}: no folder of depths")
     known, lower = set(names), {name.lower(): name for name in names}
-    inside = (Path(r, file) for r, _, files in renders.walk(folder) for file in files)
+    inside = (
+        Path(r, file) for r, _, files in photo_names.walk(folder) for file in files
+    )
     for path in sorted(inside):
         suffix = next((s for s in SUFFIXES if path.name.lower().endswith(s)), None)
         if path.suffix.lower() == ".exr":

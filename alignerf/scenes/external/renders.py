@@ -7,13 +7,12 @@ and any folder whose renders are called like their photos, or are numbered.
 """
 
 import logging
-import os
 import re
 from pathlib import Path
 from typing import NamedTuple
 
 from alignerf.io import faults
-from alignerf.scenes import photos
+from alignerf.scenes import photo_names, photos
 from alignerf.scenes.capture import video
 
 log = logging.getLogger("alignerf")
@@ -85,7 +84,7 @@ def find(folder, names, splits=None) -> Found:
 def files_of(folder):
     """Paths of the images in a folder and those inside, sorted; no photos or depths."""
     found, seen = [], 0
-    for root, inner, files in walk(folder):
+    for root, inner, files in photo_names.walk(folder):
         inner[:] = sorted(
             one for one in inner if not OTHERS.fullmatch(one.lower()) and one[0] != "."
         )
@@ -113,26 +112,6 @@ def of_last(files):
             # Folders of several cameras have files of the same names, too.
             earlier.update(same if min(numbers) >= MIN_STEPS else ())
     return [path for path in files if path not in earlier]
-
-
-def walk(folder):
-    """`os.walk` that follows links out of a folder, and enters each folder once."""
-    own, entered = os.path.join(os.path.realpath(folder), ""), set()
-
-    def is_new(path):
-        at = os.path.realpath(path)
-        # What a link inside leads to is found by its own name.
-        return not (
-            os.path.islink(path) and f"{at}{os.sep}".startswith(f"{own}{os.sep}")
-        )
-
-    for root, inner, files in os.walk(folder, followlinks=True):
-        if (at := os.path.realpath(root)) in entered:
-            inner.clear()
-            continue
-        entered.add(at)
-        inner[:] = [name for name in inner if is_new(os.path.join(root, name))]
-        yield root, inner, files
 
 
 def every_nth(names, n=EVERY):
