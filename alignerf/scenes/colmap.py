@@ -16,15 +16,12 @@ from jaxtyping import Float, UInt8
 
 from alignerf.io import faults
 from alignerf.keypoints import adjustment, refine
-from alignerf.scenes import cameras, photos, prepare, prepared
+from alignerf.scenes import cameras, distortion, photos, prepare, prepared
 from alignerf.scenes.capture import canvas, ingest, mapping
 
 log = logging.getLogger(__name__)
 
 CAMERA_MODELS = mapping.CAMERA_MODELS
-# Those that others may have found, too.
-FISHEYE = "OPENCV_FISHEYE"
-GIVEN_MODELS = CAMERA_MODELS | {FISHEYE: ((0, 1, 2, 3), (4, 5, 6, 7))}
 
 
 class Reconstruction(NamedTuple):
@@ -264,22 +261,22 @@ def error_px(model, image):
 
 
 def lens(model, params):
-    """(camtopix [3, 3], distortion [5]; [4] of a fisheye) of a COLMAP camera.
+    """(camtopix [3, 3], distortion as in `distortion`) of a COLMAP camera.
 
-    Raises ValueError for a model that is not in GIVEN_MODELS, and for parameters of
-    another number, not finite or without a focal length.
+    Raises ValueError for another model and a panorama's, and for parameters of another
+    number, not finite or without a focal length.
     """
-    if model not in GIVEN_MODELS:
-        raise ValueError(f"camera model {model!r} is none of {', '.join(GIVEN_MODELS)}")
-    places, rest = GIVEN_MODELS[model]
-    if len(params) != max((*places, *rest)) + 1:
+    names = distortion.parameters(model)
+    if len(params) != len(names):
         raise ValueError(f"a {model} camera of {len(params)} parameters")
-    fx, fy, cx, cy = params[list(places)]
+    values = dict(zip(names, map(float, params), strict=True))
+    focal = values.pop("f", None)
+    fx, fy = (values.pop(name, focal) for name in ("fx", "fy"))
+    cx, cy = values.pop("cx"), values.pop("cy")
     if not (np.isfinite(params).all() and min(fx, fy) > 0):
-        raise ValueError(f"a {model} camera of parameters {params.tolist()}")
-    coefficients = np.zeros(4 if model == FISHEYE else 5)
-    coefficients[: len(rest)] = params[list(rest)]
-    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), coefficients
+        raise ValueError(f"a {model} camera of parameters {list(params)}")
+    camtopix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    return camtopix, distortion.of_model(model, values)
 
 
 def pose_of(image):

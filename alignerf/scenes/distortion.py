@@ -3,31 +3,97 @@
 Notation: `camtopix` [3, 3] intrinsics with pixel centres at +0.5; `distortion` [5]
 k1, k2, p1, p2, k3 of OpenCV's polynomial model (COLMAP's SIMPLE_RADIAL, RADIAL and
 OPENCV are cases of it), or [4] k1, k2, k3, k4 of its fisheye, by the angle from the
-axis. OpenCV itself puts pixel centres at integers: every call into it shifts the
-principal point by half a pixel.
+axis, or [13] of another of COLMAP's models: its number, then its parameters after the
+principal point, then zeros. OpenCV itself puts pixel centres at integers: every call
+into it shifts the principal point by half a pixel.
 """
+
+import functools
 
 import cv2
 import numpy as np
+import pycolmap
 
+from alignerf.io import faults
 from alignerf.scenes import prepare
 
 # How far, in pixels, a point may be from itself after undistorting and distorting.
 ROUND_TRIP_PX = 0.05
 # What a fisheye sees further from the axis, in radians, no pinhole view shows.
 MAX_ANGLE = 1.4
+# At how many angles from the axis a lens is looked through for a fold.
+ANGLES = 100
 # How far Lanczos reaches.
 KERNEL_PX = 4
+# Points that are projected at once.
+MAX_POINTS = 2**20
+# Coefficients of OpenCV's two models, and of COLMAP's that are cases of these.
+POLYNOMIAL, FISHEYE = ("k1", "k2", "p1", "p2", "k3"), ("k1", "k2", "k3", "k4")
+CASES = {
+    POLYNOMIAL: "SIMPLE_PINHOLE PINHOLE SIMPLE_RADIAL RADIAL OPENCV FULL_OPENCV",
+    FISHEYE: "SIMPLE_FISHEYE FISHEYE SIMPLE_RADIAL_FISHEYE RADIAL_FISHEYE "
+    "OPENCV_FISHEYE",
+}
+OTHER = 13
+PANORAMA = (
+    "EQUIRECTANGULAR panoramas are no pinhole's images: make cube faces of them first, "
+    "as `ns-process-data images --camera-type equirectangular` of nerfstudio and "
+    "panorama_sfm.py of pycolmap's examples do"
+)
+WILD = (
+    "the estimate of this lens is wild. Give the photos alone, so that COLMAP finds it "
+    "anew; or estimate it with fewer numbers, as of SIMPLE_RADIAL (here: "
+    "colmap.camera_model)"
+)
 
 
-def is_fisheye(distortion):
-    """Whether coefficients are those of a fisheye, whose own projection bends too."""
-    return len(distortion) == 4
+@functools.cache
+def parameters(model):
+    """Names of the parameters of one of COLMAP's camera models, fx, fy, cx, cy first.
+
+    Of some there is one focal length, f. Raises ValueError for another model.
+    """
+    known = [m for m in pycolmap.CameraModelId.__members__ if m != "INVALID"]
+    if model == "EQUIRECTANGULAR":
+        raise ValueError(PANORAMA)
+    if model not in known:
+        told = f"camera model {faults.shown(model)} is none of {', '.join(known)}"
+        raise ValueError(told)
+    made = pycolmap.Camera.create_from_model_name(1, model, 1.0, 1, 1)
+    return made.params_info.split(", ")
+
+
+def of_model(model, values):
+    """Coefficients of a camera model of COLMAP's; values: {name: value} of them."""
+    values = {name: value for name, value in values.items() if value}
+    for names, cases in CASES.items():
+        if model in cases.split():
+            of_case = {{"k": "k1"}.get(name, name): v for name, v in values.items()}
+            if of_case.keys() <= set(names):
+                return np.array([of_case.get(name, 0.0) for name in names])
+    model = {"SIMPLE_DIVISION": "DIVISION"}.get(model, model)
+    rest = [values.get(name, 0.0) for name in parameters(model)[4:]]
+    found = np.zeros(OTHER)
+    found[: 1 + len(rest)] = int(pycolmap.CameraModelId.__members__[model]), *rest
+    return found
+
+
+def camera(camtopix, distortion, size=(1, 1)):
+    """The pycolmap.Camera of a lens."""
+    model, rest = "FULL_OPENCV", [*distortion, 0.0, 0.0, 0.0]
+    if len(distortion) == len(FISHEYE):
+        model, rest = "OPENCV_FISHEYE", distortion
+    elif len(distortion) == OTHER:
+        model = pycolmap.CameraModelId(int(distortion[0])).name
+        rest = distortion[1 : len(parameters(model)) - 3]
+    params = [*camtopix[[0, 1], [0, 1]], *camtopix[:2, 2], *rest]
+    width, height = map(int, size)
+    return pycolmap.Camera(model=model, width=width, height=height, params=params)
 
 
 def is_pinhole(distortion):
-    """Whether a photo is one of a pinhole already."""
-    return not is_fisheye(distortion) and not np.any(distortion)
+    """Whether a photo is one of a pinhole already; a fisheye's own projection bends."""
+    return len(distortion) == len(POLYNOMIAL) and not np.any(distortion)
 
 
 def pinhole_camera(camtopix, distortion, width, height):
@@ -41,7 +107,7 @@ def pinhole_camera(camtopix, distortion, width, height):
         return np.array(camtopix, dtype=np.float64)
     left, top, right, bottom = _inner_rectangle(camtopix, distortion, width, height)
     if not (right > left and bottom > top):
-        raise ValueError(f"a distortion of {_text(distortion)} leaves no image")
+        raise ValueError(f"{_text(camtopix, distortion)} leaves no image: {WILD}")
     focal = np.array([camtopix[0, 0], camtopix[1, 1]])
     tightest = np.array([width - 1, height - 1]) / [right - left, bottom - top]
     focal = focal * (tightest / focal).max()
@@ -65,12 +131,26 @@ def undistort(image, camtopix, distortion, pinhole):
 
 def positions(camtopix, distortion, pinhole, size):
     """(x, y) [h, w] float32: where a pinhole picture's pixels lie in a lens's image."""
-    values = np.asarray(distortion, np.float64)
-    of_lens = cv2.fisheye if is_fisheye(values) else cv2
-    own, to = opencv(camtopix), opencv(pinhole)
-    return of_lens.initUndistortRectifyMap(
-        own, values, np.eye(3), to, tuple(size), cv2.CV_32FC1
-    )
+    if len(distortion) != OTHER:
+        of_lens = cv2.fisheye if len(distortion) == len(FISHEYE) else cv2
+        values = np.asarray(distortion, np.float64)
+        own, to = opencv(camtopix), opencv(pinhole)
+        return of_lens.initUndistortRectifyMap(
+            own, values, np.eye(3), to, tuple(size), cv2.CV_32FC1
+        )
+    (width, height), inverse = size, np.linalg.inv(pinhole)
+    found = np.empty((2, height, width), np.float32)
+    rows = max(MAX_POINTS // width, 1)
+    for top in range(0, height, rows):
+        some = found[:, top : top + rows]
+        y, x = np.indices(some.shape[1:]) + 0.5
+        points = (
+            np.stack([x, y + top], axis=-1).reshape(-1, 2) @ inverse[:2, :2].T
+            + inverse[:2, 2]
+        )
+        pixels = distort_points(points, camtopix, distortion)
+        some[:] = pixels.T.reshape(some.shape) - 0.5
+    return found
 
 
 def pinhole_views(
@@ -117,60 +197,38 @@ def eroded(mask):
 
 def distort_points(points, camtopix, distortion):
     """Pixels [n, 2] at +0.5 in the photo of normalised pinhole points [n, 2]."""
-    x, y = np.asarray(points, dtype=np.float64).T
-    if is_fisheye(distortion):
-        radius = np.hypot(x, y)
-        bent = _bent(np.arctan(radius), distortion)[0]
-        scale = np.divide(bent, radius, out=np.ones_like(radius), where=radius > 0)
-        return scale[:, None] * points @ camtopix[:2, :2].T + camtopix[:2, 2]
-    k1, k2, p1, p2, k3 = distortion
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    return np.stack([u, v], axis=-1) @ camtopix[:2, :2].T + camtopix[:2, 2]
-
-
-def _bent(angle, distortion):
-    """A fisheye's radius [n], in focal lengths, at angles from the axis; its slope."""
-    powers = np.stack([angle ** (2 * k) for k in range(5)])
-    factors = np.array([1.0, *distortion])
-    slopes = factors * np.array([1.0, 3, 5, 7, 9])
-    return angle * (factors @ powers), slopes @ powers
+    points = np.asarray(points, dtype=np.float64)
+    space = np.concatenate([points, np.ones((len(points), 1))], axis=-1)
+    return camera(camtopix, distortion).img_from_cam(space)
 
 
 def _straightened(pixels, camtopix, distortion):
-    """Normalised pinhole points [m, 2] of pixels [n, 2] by a fisheye, and which [n].
+    """Normalised pinhole points [m, 2] of pixels [n, 2], and which [n].
 
     Those too far from the axis are left out. Raises ValueError for a lens whose image
     folds over before.
     """
-    inverse = np.linalg.inv(camtopix)
-    points = pixels @ inverse[:2, :2].T + inverse[:2, 2]
-    radius, grid = np.hypot(*points.T), np.linspace(0, MAX_ANGLE, 500)
-    reached, slope = _bent(grid, distortion)
-    needed = grid <= np.interp(radius.max(), np.maximum.accumulate(reached), grid)
-    if (slope[needed] <= 0).any():
-        raise ValueError(f"a distortion of {_text(distortion)} folds the image")
-    angle = np.interp(radius, reached[needed], grid[needed])
-    for _ in range(20):
-        bent, slope = _bent(angle, distortion)
-        angle = np.clip(angle - (bent - radius) / slope, 0, MAX_ANGLE)
-    seen = angle < MAX_ANGLE
-    scale = np.tan(angle[seen]) / np.maximum(radius[seen], 1e-12)
-    return points[seen] * scale[:, None], seen
-
-
-def _polynomial(pixels, camtopix, distortion):
-    """`_straightened` by OpenCV's polynomial model, of all pixels."""
-    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 200, 1e-12)
-    points = cv2.undistortPoints(
-        pixels[:, None] - 0.5,
-        opencv(camtopix),
-        np.asarray(distortion, dtype=np.float64),
-        criteria=criteria,
-    )[:, 0]
-    return points, np.ones(len(pixels), bool)
+    inverse = np.linalg.inv(camtopix)[:2]
+    apart = pixels @ inverse[:, :2].T + inverse[:, 2]
+    radius = np.hypot(*apart.T)
+    away = apart / np.maximum(radius, 1e-12)[:, None]
+    tangents = np.tan(np.linspace(0, MAX_ANGLE, ANGLES))
+    bent = distort_points(
+        (tangents[:, None, None] * away).reshape(-1, 2), camtopix, distortion
+    )
+    # How far from the axis the lens puts each direction, towards each pixel.
+    bent = (bent @ inverse[:, :2].T + inverse[:, 2]).reshape(ANGLES, -1, 2)
+    reached = (bent * away).sum(axis=-1)
+    most = np.fmax.accumulate(reached)
+    if ((most[:-1] < radius) & ~(np.diff(reached, axis=0) > 0)).any():
+        raise ValueError(f"{_text(camtopix, distortion)} folds the image: {WILD}")
+    points = camera(camtopix, distortion).cam_from_img(pixels)
+    # Beyond these a fisheye's direction may be no point of a pinhole's at all.
+    seen = (most[-1] > radius) & (np.hypot(*points.T) < tangents[-1])
+    back = distort_points(points[seen], camtopix, distortion)
+    if not np.abs(back - pixels[seen]).max(initial=0) < ROUND_TRIP_PX:
+        raise ValueError(f"{_text(camtopix, distortion)} cannot be undone: {WILD}")
+    return points[seen], seen
 
 
 def _border(width, height):
@@ -187,14 +245,15 @@ def _border(width, height):
 
 def _inner_rectangle(camtopix, distortion, width, height):
     """Normalised left, top, right, bottom of what every row and column contains."""
-    sides, straight = [], _straightened if is_fisheye(distortion) else _polynomial
+    sides = []
     for side in _border(width, height):
-        points, seen = straight(side, camtopix, distortion)
+        points, _ = _straightened(side, camtopix, distortion)
         if not len(points):
-            raise ValueError(f"a fisheye of {_text(distortion)} has no pinhole view")
-        back = distort_points(points, camtopix, distortion)
-        if not np.abs(back - side[seen]).max() < ROUND_TRIP_PX:
-            raise ValueError(f"a distortion of {_text(distortion)} cannot be undone")
+            degrees = np.degrees(MAX_ANGLE)
+            raise ValueError(
+                f"{_text(camtopix, distortion)} has no pinhole view: a side of the "
+                f"photo is over {degrees:.0f} degrees from the axis: crop the photos"
+            )
         sides.append(points)
     left, top, right, bottom = sides
     return left[:, 0].max(), top[:, 1].max(), right[:, 0].min(), bottom[:, 1].min()
@@ -209,7 +268,7 @@ def _check_inside(pinhole, camtopix, distortion, width, height):
         # The rectangle was measured at whole pixels: a curve may bulge in between.
         low, high = pixels.min(axis=0), pixels.max(axis=0)
         if (low < 0).any() or (high > [width, height]).any():
-            raise ValueError(f"a distortion of {_text(distortion)} folds the image")
+            raise ValueError(f"{_text(camtopix, distortion)} folds the image: {WILD}")
 
 
 def opencv(camtopix):
@@ -219,5 +278,9 @@ def opencv(camtopix):
     return shifted
 
 
-def _text(distortion):
-    return ", ".join(f"{value:g}" for value in distortion)
+def _text(camtopix, distortion):
+    """A lens in words, by its parameters that are not 0."""
+    made = camera(camtopix, distortion)
+    named = zip(parameters(made.model.name), made.params, strict=True)
+    values = ", ".join(f"{name} {value:g}" for name, value in named if value)
+    return f"a distortion of {made.model.name} ({values})"

@@ -120,14 +120,7 @@ def undone(camtopix, coefficients, size):
     except ValueError:
         # Of a lens that no pinhole view undoes; other ways may.
         pass
-    values = list(map(float, coefficients))
-    params, model = [*camtopix[[0, 1], [0, 1]], *camtopix[:2, 2], *values[:4]], "OPENCV"
-    if distortion.is_fisheye(coefficients):
-        model = "OPENCV_FISHEYE"
-    elif values[4]:
-        params, model = [*params, values[4], 0, 0, 0], "FULL_OPENCV"
-    width, height = map(int, size)
-    camera = pycolmap.Camera(model=model, width=width, height=height, params=params)
+    camera = distortion.camera(camtopix, coefficients, size)
     undistorted = pycolmap.undistort_camera(pycolmap.UndistortCameraOptions(), camera)
     of_colmap = undistorted.calibration_matrix()
     found.append(("colmap", of_colmap, (undistorted.width, undistorted.height)))
@@ -138,7 +131,9 @@ def opencv_camera(camtopix, coefficients, size):
     """(camtopix, size) of OpenCV's picture without a border; None where it has none."""
     own, values = distortion.opencv(camtopix), np.asarray(coefficients, np.float64)
     x, y, (width, height) = 0, 0, size
-    if distortion.is_fisheye(coefficients):
+    if len(values) == distortion.OTHER:
+        return None
+    if len(values) == len(distortion.FISHEYE):
         made = cv2.fisheye.estimateNewCameraMatrixForUndistortRectify(
             own, values, size, np.eye(3), balance=0.0
         )

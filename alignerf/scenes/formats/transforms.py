@@ -1,8 +1,8 @@
 """Scenes with known cameras: the json of instant-ngp and nerfstudio.
 
 Handled: intrinsics for all frames or frame by frame, `camera_angle_x` where no focal
-length is given, OpenCV's distortion (k1, k2, k3, p1, p2, or a fisheye's k1 to k4;
-undone), file paths without a suffix, frames without an image (dropped with a warning),
+length is given, the distortion of COLMAP's camera models by their parameters' names
+(undone), file paths without a suffix, frames without an image (dropped with a warning),
 photos made smaller in images_<n>, nerfstudio's own split (`train_filenames` and
 `test_filenames`; frames in neither are dropped, too). Refused by name: other camera
 models, paths outside the scene's folder, images of different sizes.
@@ -29,12 +29,17 @@ from alignerf.scenes.capture import ingest
 
 log = logging.getLogger(__name__)
 
-# Keys of the distortion by camera model; all others have to be 0.
-POLYNOMIAL, FISHEYE = ("k1", "k2", "p1", "p2", "k3"), ("k1", "k2", "k3", "k4")
-CAMERA_MODELS = dict.fromkeys(
-    ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"), POLYNOMIAL
-) | {"OPENCV_FISHEYE": FISHEYE}
-DISTORTION_KEYS = (*POLYNOMIAL, "k4", "k5", "k6")
+# Keys of the distortion; those that a camera model lacks have to be 0.
+DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+# COLMAP's models of all their numbers; others have their own names there.
+PERSPECTIVE = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE", "RADIAL")
+CAMERA_MODELS = {
+    **dict.fromkeys((*PERSPECTIVE, "SIMPLE_RADIAL"), "FULL_OPENCV"),
+    **dict.fromkeys(
+        ("FISHEYE", "RADIAL_FISHEYE", "SIMPLE_RADIAL_FISHEYE"), "OPENCV_FISHEYE"
+    ),
+    "SPHERICAL": "EQUIRECTANGULAR",
+}
 # Whether names that differ in case alone are those of two files.
 TELLS_APART = sys.platform == "linux"
 # instant-ngp's synthetic scenes leave the suffix away.
@@ -197,7 +202,7 @@ def _find_mask(images, frame):
 
 
 def lens(path, values, width, height, *, where):
-    """(camtopix [3, 3], distortion [5]) at the image's true size."""
+    """(camtopix [3, 3], distortion as in `distortion`) at the image's true size."""
     model = values.get("camera_model", "OPENCV")
     is_fisheye = values.get("is_fisheye", False)
     if not isinstance(is_fisheye, bool):
@@ -207,18 +212,27 @@ def lens(path, values, width, height, *, where):
         )
     if is_fisheye:
         model = "OPENCV_FISHEYE"
-    if not isinstance(model, str) or model not in CAMERA_MODELS:
+    if not isinstance(model, str):
         raise ValueError(
-            f"{path}: camera model {faults.shown(model)} of {where} is not supported"
+            f"{path}: camera model of {where} is no text: {faults.shown(model)}"
         )
-    of_model = CAMERA_MODELS[model]
 
     def of_key(key, default=None):
         return number(path, values, key, default, where=where)
 
-    for key in DISTORTION_KEYS:
-        if of_key(key, 0.0) and key not in of_model:
-            raise ValueError(f"{path}: distortion {key!r} of {where} is not supported")
+    given = {key for key in DISTORTION_KEYS if of_key(key, 0.0)}
+    colmaps = CAMERA_MODELS.get(model, model)
+    try:
+        keys = distortion.parameters(colmaps)[4:]
+    except ValueError as error:
+        raise ValueError(f"{path}: {where}: {error}") from None
+    # Beside k5, k4 is OpenCV's; else it may be nerfstudio's, of the 8th power.
+    if colmaps != model and not given & {"k5", "k6"}:
+        keys = [key for key in keys if colmaps != "FULL_OPENCV" or key != "k4"]
+    if others := sorted(given - {*keys}):
+        raise ValueError(
+            f"{path}: distortion {others[0]!r} of {where} is not supported"
+        )
     given_width, given_height = of_key("w"), of_key("h")
     scale = prepare.true_scale(
         (given_width, given_height), (width, height), where=f"{path}: {where}"
@@ -235,7 +249,8 @@ def lens(path, values, width, height, *, where):
             [0, 0, 1],
         ]
     )
-    return scale @ camtopix, np.array([of_key(key, 0.0) for key in of_model])
+    coefficients = distortion.of_model(colmaps, {key: of_key(key, 0.0) for key in keys})
+    return scale @ camtopix, coefficients
 
 
 def _focal(number, axis, size, *, where):
