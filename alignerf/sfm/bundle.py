@@ -102,7 +102,7 @@ def adjust(matches: Matches, given: Cameras, work, *, seed, free="", images=None
         for name, most in (("few", MAX_MATCHES), ("every", np.inf))
     )
     every = turns_from(START * usual_px)
-    mapping.quiet(seed)
+    pycolmap.set_random_seed(seed)
     triangulate_with = partial(triangulated, matches=matches, work=work, seed=seed)
     with progress.heartbeat("bundle adjustment"):
         for px in every:
@@ -317,7 +317,7 @@ def triangulated(database, *, matches, state, work, px, seed, lens=False, images
     out = work / "sparse"
     out.mkdir(exist_ok=True)
     model = model_of(matches, state, lens=lens)
-    mapping.quiet(seed)
+    pycolmap.set_random_seed(seed)
     return pycolmap.triangulate_points(
         model, database, images or work, out, options=options
     )

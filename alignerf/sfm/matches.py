@@ -92,7 +92,7 @@ def find(views: prepare.PosedViews, work, *, max_size_px, seed) -> Matches:
     database, names, pairs = Path(work) / "matched.db", views.names, None
     if len(names) > MAX_EXHAUSTIVE:
         pairs = {(i + 1, j + 1) for i, j in neighbours(views.camtoworlds)}
-    mapping.quiet(seed)
+    pycolmap.set_random_seed(seed)
     with mapping.room_for(database):
         write_views(database, names, size)
         mapping.extract(database, folder, names, max_size_px, masks, most=MAX_FEATURES)

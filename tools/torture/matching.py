@@ -133,7 +133,7 @@ def photos(folder, views):
 def extracted(database, names):
     """Write features of the photos beside a database into it."""
     pycolmap.Database.open(database).close()
-    mapping.quiet(0)
+    pycolmap.set_random_seed(0)
     files = [f"{name}.png" for name in names]
     pycolmap.import_images(database, database.parent, image_names=files)
     mapping.extract(database, database.parent, names, max(SIZE))

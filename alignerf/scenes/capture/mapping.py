@@ -50,7 +50,7 @@ def models_of(
     database = Path(work_folder) / "database.db"
     with room_for(database):
         pycolmap.Database.open(database).close()
-        quiet(seed)
+        pycolmap.set_random_seed(seed)
         # Imported first, so that image ids follow the names: parallel extraction hands
         # them out in any order, and the result depends on them.
         for camera in taken_by:
@@ -86,12 +86,6 @@ def room_for(database):
             raise
         said = os.strerror(errno.ENOSPC)
         raise OSError(errno.ENOSPC, said, str(database)) from None
-
-
-def quiet(seed):
-    """Only COLMAP's errors reach stderr; its random numbers start from the seed."""
-    pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
-    pycolmap.set_random_seed(seed)
 
 
 def extract(database, image_folder, names, max_size_px, masks=None, most=None):

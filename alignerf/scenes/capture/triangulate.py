@@ -39,7 +39,7 @@ def triangulate(
     database, out = Path(work_folder) / "given.db", Path(work_folder) / "given"
     out.mkdir()
     model = model_of(views)
-    mapping.quiet(seed)
+    pycolmap.set_random_seed(seed)
     with mapping.room_for(database):
         write_views(database, model)
         side_px = max_side_px or int(max(views["width"], views["height"]))

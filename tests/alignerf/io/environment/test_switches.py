@@ -114,9 +114,9 @@ def test_every_command_begins_with_it(root, tmp_path, words):
     "name", ["JAX_PLATFORMS", "JAX_COMPILATION_CACHE_DIR", "JAX_NUM_PROCESSES"]
 )
 def test_where_and_with_whom_it_runs_is_the_user_s(name, capsys):
-    environ = {name: "x"}
+    environ = {name: "x", **switches.QUIET}
     switches.settle(environ)
-    assert environ == {name: "x"}
+    assert environ == {name: "x", **switches.QUIET}
     assert not capsys.readouterr().err
 
 
@@ -133,6 +133,29 @@ def test_programs_of_others_get_it_back(monkeypatch):
     found = commands.environment(1)
     assert found["JAX_ENABLE_X64"] == "1"
     assert not any(name.startswith(switches.ASIDE) for name in found)
+
+
+COLMAP = """
+import sys
+from alignerf.cli import why_blurry
+sys.argv = ["-m"]
+why_blurry.switches.settle()
+import pycolmap
+pycolmap.logging.error("spoken")
+"""
+
+
+@pytest.mark.parametrize("asked", [{}, {"GLOG_minloglevel": "0"}])
+def test_colmap_leaves_nothing_on_the_terminal_or_in_the_temporary_folder(
+    root, tmp_path, asked
+):
+    done = run(root, "-c", COLMAP, TMPDIR=str(tmp_path), **asked)
+    assert (done.returncode, "spoken" in done.stderr) == (0, bool(asked))
+    assert not list(tmp_path.iterdir())
+    given = {"GLOG_v": "1"}
+    environ = dict(given)
+    switches.settle(environ)
+    assert switches.restored(environ) == given
 
 
 @pytest.mark.parametrize("platform", ["cuda", "nonsense"])

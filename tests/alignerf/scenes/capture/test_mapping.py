@@ -71,7 +71,7 @@ def test_progress_keeps_the_last_number_that_it_knows(database, monkeypatch):
 def test_features_are_written_while_they_are_counted(database, monkeypatch):
     often = functools.partial(progress.watched, every_s=0.002)
     monkeypatch.setattr(progress, "watched", often)
-    mapping.quiet(0)
+    pycolmap.set_random_seed(0)
     mapping.extract(database, database.parent, ["a", "b"], 64)
     mapping.match(database, 2, seed=0)
     assert mapping.rows(database, "keypoints") == 2
