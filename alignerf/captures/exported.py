@@ -1,0 +1,23 @@
+"""Cameras that a program of photogrammetry has exported, beside its photos."""
+
+from alignerf.captures import posed
+
+
+class Exported(posed.Posed):
+    name = "exported"
+    order = 8
+    what = "cameras of Metashape, openMVG, OpenSfM, Bundler or 3D Gaussian splatting"
+
+    def detect_late(self, folder):
+        from alignerf.scenes import photo_names
+        from alignerf.scenes.programs import reading
+
+        return reading.find(folder) is not None and bool(photo_names.listed(folder))
+
+    def read_given(self, scene):
+        from alignerf.scenes.programs import reading
+
+        return reading.views_of(scene["path"])
+
+
+CAPTURE = Exported()

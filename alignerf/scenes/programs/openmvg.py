@@ -1,0 +1,81 @@
+"""openMVG's sfm_data.json, of its own program or converted from its binary.
+
+A view's photo, lens and pose are found by numbers. A rotation is from the world, with
+OpenCV's axes, a centre is the camera's place. Format: openMVG's
+src/openMVG/sfm/sfm_data_io_cereal.cpp and cameras/*_io.hpp.
+"""
+
+import numpy as np
+
+from alignerf.io import faults, json_files
+from alignerf.scenes import prepare
+from alignerf.scenes.formats import shots
+from alignerf.scenes.programs import base
+
+NAME = "openMVG"
+PATTERNS = ("sfm_data*.json",)
+MARK = b'"sfm_data_version"'
+# Key of the distortion, the number of its values, COLMAP's model of f, c and these.
+LENSES = {
+    "disto_k1": (1, "SIMPLE_RADIAL"),
+    "disto_k3": (3, "FULL_OPENCV"),
+    "disto_t2": (5, "FULL_OPENCV"),
+    "fisheye": (4, "OPENCV_FISHEYE"),
+}
+
+
+def read(path):
+    content = json_files.read(
+        path, dict.fromkeys(("views", "intrinsics", "extrinsics"), list)
+    )
+    try:
+        lenses = {one["key"]: data_of(one) for one in content["intrinsics"]}
+        poses = {one["key"]: one["value"] for one in content["extrinsics"]}
+        views = [data_of(one) for one in content["views"]]
+        return [
+            given(path, view, lenses[view["id_intrinsic"]], poses[view["id_pose"]])
+            for view in views
+            if view["id_pose"] in poses and view["id_intrinsic"] in lenses
+        ]
+    except (KeyError, TypeError, AttributeError) as error:
+        told = faults.shown(error)
+        raise ValueError(f"{path}: a part of it is missing: {told}") from None
+
+
+def data_of(entry):
+    """The values of an entry, those of the class that its own builds on, too."""
+    data = entry["value"]["ptr_wrapper"]["data"]
+    return data | data.get("value0", {})
+
+
+def given(path, view, lens, pose):
+    where = f"{path}: {faults.shown(view['filename'])}"
+    if "focal_length" not in lens:
+        raise ValueError(f"{where}: no lens of a focal length, as of a panorama")
+    focal = lens["focal_length"]
+    centre = [*shots.numbers(where, lens["principal_point"], "principal_point", 2)]
+    key = next((key for key in LENSES if key in lens), None)
+    if key is None:
+        model, params = "PINHOLE", []
+    else:
+        count, model = LENSES[key]
+        params = [*shots.numbers(where, lens[key], key, count)]
+    if key == "disto_k1":
+        params = [focal, *centre, *params]
+    else:
+        if model == "FULL_OPENCV":
+            k1, k2, k3, *t = params
+            params = [k1, k2, *(t or (0.0, 0.0)), k3, 0.0, 0.0, 0.0]
+        params = [focal, focal, *centre, *params]
+    turn = prepare.matrix_of(pose["rotation"], (3, 3))
+    if turn is None:
+        raise ValueError(f"{where}: its rotation is none")
+    place = shots.numbers(where, pose["center"], "center", 3)
+    size = shots.numbers(where, [lens["width"], lens["height"]], "size", 2)
+    name = "/".join(str(view.get(k, "")) for k in ("local_path", "filename"))
+    return base.Given(
+        name,
+        *base.lens(where, model, params),
+        tuple(np.array(size).tolist()),
+        base.pose(where, turn.T, place),
+    )

@@ -1,0 +1,286 @@
+"""Cameras as other programs write them: known points fall where the formats say."""
+
+import numpy as np
+import pytest
+
+from alignerf.scenes.programs import metashape, reading
+from tests import app_cases
+
+NAMES = ["IMG 1.JPG", "IMG_2.JPG", "IMG_3.JPG", "IMG_4.JPG"]
+SIZE = WIDTH, HEIGHT = 96, 64
+FOCAL_PX = 70.0
+# From the middle.
+CENTRE_PX = np.array([1.5, -2.25])
+K, P = (0.05, -0.03, 0.01), (2e-3, -1e-3)
+
+
+@pytest.fixture
+def scene(tmp_path, rng):
+    """(folder, {name: camera-to-world [3, 4] with OpenCV's axes})."""
+    for name in NAMES:
+        app_cases.write_photo(tmp_path / "images" / name, size=SIZE)
+    poses = app_cases.camtoworlds(rng, len(NAMES))
+    return tmp_path, dict(zip(NAMES, poses, strict=True))
+
+
+def brown(x, y, k=K, p=P):
+    """A point bent as OpenCV does."""
+    r2 = x * x + y * y
+    radial = 1 + sum(one * r2 ** (i + 1) for i, one in enumerate(k))
+    u = x * radial + 2 * p[0] * x * y + p[1] * (r2 + 2 * x * x)
+    return u, y * radial + p[0] * (r2 + 2 * y * y) + 2 * p[1] * x * y
+
+
+def fisheye(x, y, k):
+    angle = np.arctan(np.hypot(x, y))
+    scale = angle * (1 + sum(one * angle ** (2 * i + 2) for i, one in enumerate(k)))
+    return x * scale / np.hypot(x, y), y * scale / np.hypot(x, y)
+
+
+def check(path, poses, bend, *, centre=CENTRE_PX, names=NAMES):
+    """Points in the world fall where they should, by what was read and by hand."""
+    from alignerf.scenes import distortion
+
+    given = reading.read(path)
+    assert [one.name.rpartition("/")[2] for one in given] == names
+    for one, name in zip(given, names, strict=True):
+        pose = poses[name]
+        x, y = np.array([0.3, -0.4, 0.05]), np.array([-0.2, 0.25, 0.3])
+        world = np.stack([x, y, np.ones(3)], axis=-1) * 5 @ pose[:, :3].T + pose[:, 3]
+        wanted = FOCAL_PX * np.stack(bend(x, y), axis=-1) + np.array(SIZE) / 2 + centre
+        # By OpenGL's axes.
+        own = (world - one.camtoworld[:, 3]) @ one.camtoworld[:, :3]
+        points = own[:, :2] * [1, -1] / -own[:, 2:]
+        lens = one.at((2 * WIDTH, 2 * HEIGHT), "x") if one.size else one.at(SIZE, "x")
+        found = distortion.distort_points(points, *lens) / (2 if one.size else 1)
+        np.testing.assert_allclose(found, wanted, atol=2e-3)
+
+
+def xml(poses, calibration, kind="frame", more=""):
+    cameras = "".join(
+        f'<camera id="{i}" sensor_id="0" component_id="0" label="{name}" enabled="1">'
+        f"<transform>{' '.join(map(repr, np.vstack([pose, [0, 0, 0, 1]]).ravel()))}"
+        "</transform></camera>"
+        for i, (name, pose) in enumerate(poses.items())
+    ).replace("np.float64(", "")
+    values = "".join(f"<{key}>{value}</{key}>" for key, value in calibration.items())
+    return (
+        f'<?xml version="1.0" encoding="UTF-8"?><document version="2.0.0"><chunk>'
+        f'<sensors><sensor id="0" type="{kind}">'
+        f'<resolution width="{WIDTH}" height="{HEIGHT}"/>'
+        f'<calibration type="{kind}" class="initial"><f>9</f></calibration>'
+        f'<calibration type="{kind}" class="adjusted">'
+        f'<resolution width="{WIDTH}" height="{HEIGHT}"/>{values}</calibration>'
+        f"</sensor></sensors><cameras><group>{cameras}</group>{more}"
+        '<camera id="9" sensor_id="0" label="lost"/></cameras>'
+        "<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><scale>7</scale></transform>"
+        "</chunk></document>"
+    ).replace(")", "")
+
+
+METASHAPE = {
+    "f": FOCAL_PX,
+    "cx": CENTRE_PX[0],
+    "cy": CENTRE_PX[1],
+    "k1": K[0],
+    "k2": K[1],
+    "k3": K[2],
+    "p1": P[1],
+    "p2": P[0],
+}
+
+
+def test_metashape(scene):
+    path = scene[0] / "cameras.xml"
+    path.write_text(xml(scene[1], METASHAPE))
+    check(path, scene[1], brown)
+    # Another component, which is smaller.
+    other = '<camera component_id="1" label="a"><transform>1</transform></camera>'
+    path.write_text(xml(scene[1], METASHAPE, more=other))
+    check(path, scene[1], brown)
+    old = {key: METASHAPE[key] for key in ("k1", "k2", "k3", "p1", "p2")}
+    old |= {"fx": FOCAL_PX - 3, "fy": FOCAL_PX, "b1": 3}
+    old |= {"cx": WIDTH / 2 + CENTRE_PX[0], "cy": HEIGHT / 2 + CENTRE_PX[1]}
+    path.write_text(xml(scene[1], old))
+    check(path, scene[1], brown)
+
+
+def test_metashapes_fourth_number_and_its_fisheye(scene):
+    path, more = scene[0] / "cameras.xml", {"k4": -0.0761, "k3": 0.116}
+    path.write_text(xml(scene[1], METASHAPE | more))
+    check(path, scene[1], lambda x, y: brown(x, y, k=(*K[:2], 0.116, -0.0761)))
+    fish = METASHAPE | {"p1": 0, "p2": 0, "k4": 0.002}
+    path.write_text(xml(scene[1], fish, kind="fisheye"))
+    check(path, scene[1], lambda x, y: fisheye(x, y, (*K, 0.002)))
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "named"),
+    [
+        ({"b2": 5}, "frame", "b2"),
+        ({"k4": 1e9}, "frame", "k4"),
+        ({"p3": 0.1}, "frame", "p3"),
+        ({"f": "x"}, "frame", "'x'"),
+        ({"f": 0}, "frame", "focal"),
+        ({}, "spherical", "cube faces"),
+    ],
+)
+def test_what_is_no_lens_of_metashapes_is_named(scene, change, kind, named):
+    path = scene[0] / "cameras.xml"
+    path.write_text(xml(scene[1], METASHAPE | change, kind=kind))
+    with pytest.raises(ValueError, match=named) as caught:
+        reading.read(path)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_an_xml_that_declares_anything_is_refused(tmp_path, encoding):
+    path = tmp_path / "cameras.xml"
+    bomb = '<!DOCTYPE d [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><document>&b;<chunk/>'
+    path.write_bytes(f"{bomb}</document>".encode(encoding))
+    with pytest.raises(ValueError, match=r"cameras.xml: a DOCTYPE"):
+        metashape.read(path)
+    path.write_text("<document><chunk>")
+    with pytest.raises(ValueError, match=r"cameras.xml: not the XML"):
+        metashape.read(path)
+
+
+@pytest.mark.parametrize("suffix", ["", " 0", " 0 532.5"])
+def test_bundler(scene, suffix):
+    folder, poses = scene
+    lines, names = ["# Bundle file v0.3", "5 1"], [*NAMES, "lost.jpg"]
+    for pose in poses.values():
+        # y up, looking along -z.
+        turn = np.diag([1, -1, -1]) @ pose[:, :3].T
+        lines += [f"{FOCAL_PX} {K[0]} {K[1]}", *(" ".join(map(str, r)) for r in turn)]
+        lines += [" ".join(map(str, -turn @ pose[:, 3]))]
+    lines += ["0 0 0"] * 5 + ["0 0 1", "255 0 0", "2 0 0 1 2 1 0 3 4"]
+    path = folder / "bundle" / "bundle.out"
+    path.parent.mkdir()
+    path.write_text("\n".join(lines))
+    with pytest.raises(ValueError, match=r"bundle.out: no list of its 5 photos"):
+        reading.read(path)
+    (folder / "list.txt").write_text(
+        "".join(f"images/{name}{suffix}\n" for name in names)
+    )
+    check(path, poses, lambda x, y: brown(x, y, K[:2], (0, 0)), centre=np.zeros(2))
+    path.write_text("# Bundle file v0.3\n7 1\n")
+    with pytest.raises(ValueError, match=r"bundle.out: cut short"):
+        reading.read(path)
+
+
+OPENMVG = {
+    "pinhole": ({}, lambda x, y: (x, y)),
+    "k1": ({"disto_k1": [K[0]]}, lambda x, y: brown(x, y, K[:1], (0, 0))),
+    "k3": ({"disto_k3": [*K]}, lambda x, y: brown(x, y, K, (0, 0))),
+    "t2": ({"disto_t2": [*K, *P]}, brown),
+    "fisheye": ({"fisheye": [*K, 0.002]}, lambda x, y: fisheye(x, y, (*K, 0.002))),
+}
+
+
+@pytest.mark.parametrize("kind", OPENMVG)
+@pytest.mark.parametrize("nested", [False, True])
+def test_openmvg(scene, kind, nested):
+    more, bend = OPENMVG[kind]
+    middle = (np.array(SIZE) / 2 + CENTRE_PX).tolist()
+    lens = {"width": WIDTH, "height": HEIGHT, "focal_length": FOCAL_PX}
+    lens |= {"principal_point": middle}
+    lens = ({"value0": lens} if nested else lens) | more
+    content = {"sfm_data_version": "0.3", "root_path": "/gone", "views": []}
+    content |= {"extrinsics": [], "structure": []}
+    content["intrinsics"] = [{"key": 3, "value": {"ptr_wrapper": {"data": lens}}}]
+    for i, (name, pose) in enumerate(scene[1].items()):
+        view = {"local_path": "images", "filename": name, "id_view": i}
+        view |= {"id_intrinsic": 3, "id_pose": i + 7}
+        content["views"] += [{"key": i, "value": {"ptr_wrapper": {"data": view}}}]
+        value = {"rotation": pose[:, :3].T.tolist(), "center": pose[:, 3].tolist()}
+        content["extrinsics"] += [{"key": i + 7, "value": value}]
+    lost = {"filename": "lost.jpg", "id_intrinsic": 3, "id_pose": 4294967295}
+    content["views"] += [{"key": 9, "value": {"ptr_wrapper": {"data": lost}}}]
+    app_cases.write_json(path := scene[0] / "sfm_data.json", content)
+    check(path, scene[1], bend)
+    del content["views"][1]["value"]["ptr_wrapper"]["data"]["filename"]
+    app_cases.write_json(path, content)
+    with pytest.raises(ValueError, match=r"sfm_data.json: a part .*filename"):
+        reading.read(path)
+
+
+F, C = FOCAL_PX / WIDTH, CENTRE_PX / WIDTH
+OPENSFM = {
+    "perspective": (
+        {"focal": F, "k1": K[0], "k2": K[1]},
+        lambda x, y: brown(x, y, K[:2], (0, 0)),
+    ),
+    "brown": (
+        {"focal_x": F, "focal_y": F, "c_x": C[0], "c_y": C[1]}
+        | dict(zip(("k1", "k2", "k3", "p1", "p2"), (*K, *P), strict=True)),
+        brown,
+    ),
+    "fisheye": (
+        {"focal": F, "k1": K[0], "k2": K[1]},
+        lambda x, y: fisheye(x, y, K[:2]),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", OPENSFM)
+def test_opensfm(scene, kind):
+    import cv2
+
+    own, bend = OPENSFM[kind]
+    camera = {"projection_type": kind, "width": WIDTH, "height": HEIGHT} | own
+    shots = {}
+    for name, pose in scene[1].items():
+        turn = pose[:, :3].T
+        place = {"translation": (-turn @ pose[:, 3]).tolist(), "camera": "v2 a"}
+        shots[name] = place | {"rotation": cv2.Rodrigues(turn)[0].ravel().tolist()}
+    smaller = {"cameras": {}, "shots": {"a": {}}, "points": {}}
+    content = [smaller, {"cameras": {"v2 a": camera}, "shots": shots}]
+    app_cases.write_json(path := scene[0] / "reconstruction.json", content)
+    middle = CENTRE_PX if kind == "brown" else np.zeros(2)
+    check(path, scene[1], bend, centre=middle)
+    camera["projection_type"] = "spherical"
+    app_cases.write_json(path, content)
+    with pytest.raises(ValueError, match=r"IMG 1.JPG: EQUIRECT.*cube faces"):
+        reading.read(path)
+
+
+def gaussians(poses):
+    return [
+        {"id": i, "img_name": name, "width": WIDTH, "height": HEIGHT}
+        | {"position": pose[:, 3].tolist(), "rotation": pose[:, :3].tolist()}
+        | {"fx": FOCAL_PX, "fy": FOCAL_PX}
+        for i, (name, pose) in enumerate(poses.items())
+    ]
+
+
+def test_gaussians(scene):
+    app_cases.write_json(path := scene[0] / "cameras.json", gaussians(scene[1]))
+    check(path, scene[1], lambda x, y: (x, y), centre=np.zeros(2))
+
+
+def test_a_folder_becomes_views(scene, caplog):
+    from alignerf.captures import base
+
+    folder, poses = scene
+    assert base.detected(folder).name == "photos"
+    (folder / "export").mkdir()
+    (folder / "export" / "model.xml").write_text("<mesh/>")
+    (folder / "export" / "cameras.xml").write_text(xml(poses, METASHAPE))
+    app_cases.write_photo(folder / "images" / "odd.jpg", size=SIZE)
+    (folder / "images" / NAMES[0]).unlink()
+    # Half the size, and with its own lens on one canvas.
+    app_cases.write_photo(folder / "images" / NAMES[1], size=(WIDTH // 2, HEIGHT // 2))
+    record = base.detected(folder)
+    assert record.name == "exported"
+    views, left_out = record.read_given(record.scene(folder))
+    assert sorted(views.names) == ["IMG_2", "IMG_3", "IMG_4"]
+    assert left_out == ["odd", NAMES[0]]
+    assert (views.width, views.height) == SIZE
+    for name, pose in zip(views.names, views.camtoworlds, strict=True):
+        turned = poses[f"{name}.JPG"] @ np.diag([1, -1, -1, 1])
+        np.testing.assert_allclose(pose, turned, atol=1e-9)
+    assert all(one.read().shape == (HEIGHT, WIDTH, 3) for one in views.photos)
+    (folder / "images" / NAMES[3]).unlink()
+    with pytest.raises(ValueError, match=r"cameras.xml: 2 of 4 photos .*IMG 1.JPG"):
+        record.read_given(record.scene(folder))
