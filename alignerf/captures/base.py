@@ -55,7 +55,13 @@ class Capture:
 
     def scene(self, folder):
         """The keys of a scene of a folder that was detected."""
-        return {"source": self.name, "path": str(folder)}
+        found = {"source": self.name, "path": str(folder)}
+        masks = folder / "masks"
+        return found | {"masks": str(masks)} if self.takes(masks) else found
+
+    def takes(self, masks):
+        """Whether a folder of masks beside the photos is one that it reads."""
+        return "masks" in self.keys and masks.is_dir()
 
     def tracked_by_phone(self, folder):
         """Whether a phone itself has found the poses, as it was moved."""

@@ -7,6 +7,7 @@ class Llff(posed.Posed):
     name = "llff"
     order = 4
     what = "LLFF's poses_bounds.npy"
+    keys = ("masks",)
     every_eighth = True
 
     def detect(self, folder):
@@ -15,7 +16,7 @@ class Llff(posed.Posed):
     def read_given(self, scene):
         from alignerf.scenes.formats import llff
 
-        return llff.read(scene["path"]), []
+        return llff.read(scene["path"], masks=scene["masks"]), []
 
 
 CAPTURE = Llff()

@@ -7,7 +7,7 @@ class MipNerf360(posed.Posed):
     name = "mipnerf360"
     order = 3
     what = "a scene of mip-NeRF 360 (360_v2) or another COLMAP model"
-    keys = ("images",)
+    keys = ("images", "masks")
     every_eighth = True
 
     def detect(self, folder):
@@ -34,7 +34,7 @@ class MipNerf360(posed.Posed):
     def read_given(self, scene):
         from alignerf.scenes.formats import mipnerf360
 
-        return mipnerf360.read(scene["path"], scene["images"])
+        return mipnerf360.read(*(scene[key] for key in ("path", "images", "masks")))
 
 
 CAPTURE = MipNerf360()

@@ -1,6 +1,7 @@
 """A folder of photos and films, or one film: COLMAP finds the poses."""
 
 from alignerf.captures import base
+from alignerf.scenes import photo_names
 
 
 class Photos(base.Capture):
@@ -40,10 +41,13 @@ def inner_of(folder):
 
         is_film = folder.is_file() and folder.suffix.lower() in video.SUFFIXES
         return folder if is_film else None
-    for inner in (folder, folder / "images"):
-        if inner.is_dir() and any(is_taken(path) for path in inner.iterdir()):
+    places = [place for place in (folder, folder / "images") if place.is_dir()]
+    for inner in places:
+        if any(is_taken(path) for path in inner.iterdir()):
             return inner
-    return None
+    # A folder of each camera; elsewhere these are scenes.
+    below = (one for one in places if one.name == "images" and photo_names.listed(one))
+    return next(below, None)
 
 
 def is_taken(path):

@@ -22,7 +22,7 @@ RAW = ("images", "cameras")
 CROP_PX = 15
 LENS, SIZE = ("fx", "fy", "cx", "cy"), ("width", "height")
 ROWS = [[f"t_{row}{column}" for column in range(4)] for row in range(3)]
-KINDS = dict.fromkeys([*LENS, *SIZE, *itertools.chain(*ROWS)], json_files.NUMBER)
+KINDS = dict.fromkeys([*LENS, *itertools.chain(*ROWS)], json_files.NUMBER)
 
 
 class Polycam(posed.App):
@@ -80,7 +80,9 @@ class Polycam(posed.App):
             log.warning("%s: no camera of %s", inner, faults.some_names(left_out))
         shots.check_apart(found, inner / cameras)
         crop_px = CROP_PX if is_optimised(folder) else 0
-        return shots.views_of(found, inner, crop_px=crop_px), left_out
+        return shots.views_of(
+            found, inner, crop_px=crop_px, masks=scene.get("masks")
+        ), left_out
 
 
 def keyframes_of(folder):
@@ -106,15 +108,18 @@ def shot_of(name, photo, path):
     from alignerf.scenes.formats import shots
 
     content = json_files.read(path, KINDS)
+    # Exports since November 2025 leave the size away.
+    size = [content[key] for key in SIZE if key in content]
     matrix = [[content[key] for key in row] for row in ROWS]
     values = [content[key] for key in LENS]
-    if not all(map(shots.is_number, itertools.chain(values, *matrix))):
-        raise ValueError(f"{path}: a number is too large")
+    for key in (*LENS, *SIZE, *itertools.chain(*ROWS)):
+        if key in content and not shots.is_number(content[key]):
+            raise ValueError(f"{path}: {key} is {content[key]!r:.60}")
     return shots.Shot(
         name=name,
         photo=photo,
         camtopix=shots.pinhole(path, values, where="its camera"),
-        size=tuple(float(content[key]) for key in SIZE),
+        size=tuple(map(float, size)) if len(size) == len(SIZE) else None,
         camtoworld=shots.pose(matrix, where=f"{path}: t_00 to t_22"),
     )
 

@@ -32,6 +32,7 @@ class App(Posed):
     """An app's folder: its own poses, or COLMAP's from the same photos."""
 
     poses = (*base.INPUT, "colmap")
+    keys = ("masks",)
     # What is said of poses that are better than a phone's own.
     optimised = None
 

@@ -66,7 +66,7 @@ class Record3d(posed.App):
             if number < len(poses)
         ]
         shots.check_apart(found, path)
-        return shots.views_of(found, folder), left_out
+        return shots.views_of(found, folder, masks=scene.get("masks")), left_out
 
 
 def first_of(folder, names):

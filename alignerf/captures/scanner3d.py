@@ -58,7 +58,7 @@ class Scanner3d(posed.App):
         if left_out:
             log.warning("%s: no JSON of %s", folder, faults.some_names(left_out))
         shots.check_apart(found, folder)
-        return shots.views_of(found, folder), left_out
+        return shots.views_of(found, folder, masks=scene.get("masks")), left_out
 
 
 def shot_of(name, photo, path):

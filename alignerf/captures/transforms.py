@@ -7,8 +7,7 @@ class Transforms(posed.Posed):
     name = "transforms"
     order = 2
     what = "transforms.json"
-    # It names masks itself.
-    keys = ("background", "images", "own_masks")
+    keys = ("background", "images", "masks")
 
     def detect(self, folder):
         return (folder / "transforms.json").exists()
@@ -17,7 +16,7 @@ class Transforms(posed.Posed):
         from alignerf.scenes.formats import transforms
 
         keys = (scene["path"], scene["background"])
-        return transforms.read(*keys, images=scene["images"])
+        return transforms.read(*keys, images=scene["images"], masks=scene["masks"])
 
 
 CAPTURE = Transforms()

@@ -17,7 +17,7 @@ from alignerf.captures import photos as of_photos
 from alignerf.experiment import sources, targets
 from alignerf.experiment.checks import names
 from alignerf.io import faults
-from alignerf.scenes import photos
+from alignerf.scenes import photo_names, photos
 from alignerf.scenes.capture import video
 
 log = logging.getLogger("alignerf")
@@ -63,7 +63,7 @@ def scene_of(path):
     capture = base.detected(path)
     if capture is None:
         return None
-    if (path / "masks").is_dir() and not {"masks", "own_masks"} & {*capture.keys}:
+    if (path / "masks").is_dir() and "masks" not in capture.keys:
         log.warning("%s/masks: not used where cameras are given", path)
     return capture.scene(path)
 
@@ -93,7 +93,7 @@ def count_of(scene):
     films = [p for p in taken if p.suffix.lower() in video.SUFFIXES]
     if any(film.stem not in stems for film in films):
         return None
-    return len(taken) - len(films)
+    return len(taken) - len(films) if taken else len(photo_names.listed(path))
 
 
 def colmap_min(count):

@@ -155,7 +155,12 @@ def pose_folder(
     sizes = [taken.sizes[i] for i in kept]
     copy_sizes = [taken.copy_sizes[i] for i in kept]
     model = model.of_size(np.array(sizes) / np.array(copy_sizes))
-    files = {name: taken.paths[place[name]].name for name in model.names}
+    files = {
+        name: str(
+            path.relative_to(folder) if path.is_relative_to(folder) else path.name
+        )
+        for name, path in zip(taken.names, taken.paths, strict=True)
+    }
     write_model(model, Path(work_folder) / "colmap", sizes, files)
     beside = Path(work_folder) / prepared.BESIDE
     beside.mkdir()

@@ -12,10 +12,12 @@ import unicodedata
 from pathlib import PurePosixPath
 
 from alignerf.io import faults
-from alignerf.scenes import photos
 
 log = logging.getLogger("alignerf")
 
+SUFFIXES = frozenset(
+    [".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".heic", ".heif"]
+)
 # Folders beside photos whose images are none of them.
 OTHERS = re.compile(
     r"masks?|sparse.*|(.*[_-])?(depths?|normals?|confidence)([_-].*)?|images_\d+",
@@ -30,18 +32,28 @@ def match(names, paths, where=None):
 
     A name is looked up by its whole path, then by as many of its last folders as are
     needed, then by these without case and suffix. What fits two paths, or a path that
-    two names fit, is not taken: no photo is taken for another, and none twice. where:
-    the file, of which it is said once that names are not paths.
+    two names fit, is not taken, nor one of another folder where the name's own is
+    listed: no photo is taken for another, and none twice. where: the file, of which it
+    is said once that names are not paths.
     """
     names, found = list(dict.fromkeys(names)), {}
     plain = {name: _parts(name) for name in names}
     whole = {path: _parts(path) for path in paths}
     deepest = max(map(len, whole.values()), default=0)
+    folders = [_folded(parts)[:-1] for parts in whole.values()]
     for fold in (tuple, _folded):
         own = {name: fold(parts) for name, parts in plain.items()}
         others = {path: fold(parts) for path, parts in whole.items()}
         for depth in (None, *range(deepest, 0, -1)):
-            _take(found, _tails(own, depth), _tails(others, depth))
+            listed_there = {parts[-depth:] for parts in folders if depth}
+            keys = {
+                name: key
+                for name, key in _tails(own, depth).items()
+                if not depth
+                or len(plain[name]) == depth
+                or _folded(plain[name])[-depth - 1 : -1] not in listed_there
+            }
+            _take(found, keys, _tails(others, depth))
     inexact = [
         name for name in names if name in found and plain[name] != whole[found[name]]
     ]
@@ -80,7 +92,7 @@ def _folded(parts):
     stem, dot, suffix = plain[-1].rpartition(".")
     return (
         *plain[:-1],
-        stem if stem and dot + suffix in photos.SUFFIXES else plain[-1],
+        stem if stem and dot + suffix in SUFFIXES else plain[-1],
     )
 
 
@@ -112,7 +124,7 @@ def view_names(paths):
             depth[path] += 1
 
 
-def listed(folder, suffixes=photos.SUFFIXES):
+def listed(folder, suffixes=SUFFIXES):
     """Paths of the photos in a folder and below, relative to it, with slashes, sorted.
 
     Left out are hidden files, and folders of what is beside photos (OTHERS). Raises

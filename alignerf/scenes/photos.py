@@ -11,7 +11,6 @@ all photos of a camera.
 """
 
 import contextlib
-import itertools
 import logging
 from pathlib import Path
 from typing import NamedTuple
@@ -22,13 +21,11 @@ import pillow_heif
 from PIL import ExifTags, Image
 
 from alignerf.io import faults, images
-from alignerf.scenes import prepared
+from alignerf.scenes import photo_names, prepared
 
 log = logging.getLogger(__name__)
 
-SUFFIXES = frozenset(
-    [".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".heic", ".heif"]
-)
+SUFFIXES = photo_names.SUFFIXES
 # What a file of such a name may hold. Pillow knows more, some by other programs.
 FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP", "HEIF")
 # Pillow refuses twice its warning's size, as does all that is read without Pillow.
@@ -70,46 +67,44 @@ class Head(NamedTuple):
 
 
 def find_images(folder, others=()):
-    """Paths of the images in a folder, sorted by view name (the file's stem).
+    """{view: path} of the images in a folder, sorted by view: the file's stem.
 
-    others: known files that are no images, such as films. Raises ValueError for two
-    files of one name, for a missing folder, and for one without images and others.
+    Where none lies in it, those of the folders below: there views whose stems collide
+    are named by folders, too. others: known files that are no images, such as films.
+    Raises ValueError for two files of one name, for a missing folder, and for one
+    without images and others.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise ValueError(f"no folder of photos at {folder}")
     visible = [p for p in folder.iterdir() if not p.name.startswith(".")]
-    paths = sorted(
-        (p for p in visible if p.is_file() and p.suffix.lower() in SUFFIXES),
-        key=lambda p: p.stem,
-    )
-    known = {p.name for p in [*paths, *others]} | {"masks"}
-    unknown = {p.name for p in visible} - known
-    if unknown:
+    paths = [p for p in visible if p.is_file() and p.suffix.lower() in SUFFIXES]
+    if not (paths or others):
+        paths = [folder / path for path in photo_names.listed(folder)]
+    elif unknown := {p.name for p in {*visible} - {*paths, *others}} - {"masks"}:
         few = faults.some_names(sorted(map(faults.name_of, unknown)))
         log.warning("%s: ignored %s: not images", folder, few)
     if not (paths or others):
         raise ValueError(f"no images in {folder}")
-    check_names(paths, folder)
-    return paths
+    return by_view(paths, folder)
 
 
-def check_names(paths, folder, told=()):
-    """ValueError where two files of a sorted list have one view name, or none.
-
-    told: {path: what is said of it instead of its name}.
-    """
-    told = {path: faults.name_of(path.name) for path in paths} | dict(told)
-    for path in paths:
+def by_view(paths, folder):
+    """{view: path} of files of a folder, sorted; ValueError for two of one view."""
+    names = photo_names.view_names([p.relative_to(folder).as_posix() for p in paths])
+    found = {}
+    for path in sorted(paths):
+        name = names[path.relative_to(folder).as_posix()]
         # Among them bytes that are no UTF-8.
-        if not prepared.is_name(path.stem):
+        if not prepared.is_name(name):
             raise ValueError(f"{folder}: {faults.name_of(path.name)}: rename this file")
-    for first, second in itertools.pairwise(paths):
-        if first.stem == second.stem:
+        if name in found:
             raise ValueError(
-                f"{folder}: {told[first]} and {told[second]} have the same view name, "
-                f"{first.stem}"
+                f"{folder}: {faults.name_of(found[name].name)} and "
+                f"{faults.name_of(path.name)} have the same view name, {name}"
             )
+        found[name] = path
+    return dict(sorted(found.items()))
 
 
 # What transparent pixels may stand on.
@@ -151,6 +146,11 @@ def decode(path, background=None, *, upright=True):
 def as_stored(path, background=None):
     """The image [h, w, 3] uint8 of `decode`, its rows as they are stored."""
     return decode(path, background, upright=False)[0]
+
+
+def upright(path, background=None):
+    """The image [h, w, 3] uint8 of `decode`, as it is meant to be seen."""
+    return decode(path, background)[0]
 
 
 def _turned_by(opened):
@@ -196,31 +196,10 @@ def may_be_transparent(path):
         return opened.has_transparency_data
 
 
-def stored_size(names, paths, where, background=None):
-    """The (width, height) that all photos share, their rows as stored.
-
-    By their heads first: one of another size may be a gigabyte. Then each is decoded
-    whole to be sure. ValueError as of `one_size` and `decode`.
-    """
-    one_size(names, [head(path).size for path in paths], where)
-    sizes = [as_stored(path, background).shape[1::-1] for path in paths]
-    return one_size(names, sizes, where)
-
-
-def one_size(names, sizes, where):
-    """The (width, height) that all views share; ValueError names those that differ."""
-    usual = max(set(sizes), key=lambda size: (sizes.count(size), size))
-    odd = [
-        f"{name} ({size[0]}x{size[1]})"
-        for name, size in zip(names, sizes, strict=True)
-        if size != usual
-    ]
-    if odd:
-        raise ValueError(
-            f"{where}: images must have one size; {len(sizes) - len(odd)} are "
-            f"{usual[0]}x{usual[1]}, but not {faults.some_names(odd)}"
-        )
-    return usual
+def check_whole(paths, background=None):
+    """ValueError, as of `decode`, naming a photo that cannot be decoded whole."""
+    for path in paths:
+        as_stored(path, background)
 
 
 def _to_rgb(image, path, background):

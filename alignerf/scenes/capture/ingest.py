@@ -10,21 +10,25 @@ quarter of a circle, clockwise.
 """
 
 import logging
+import os
 from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from jaxtyping import Float, Int
 
 from alignerf.io import faults, images, progress
-from alignerf.scenes import held_out, photos, prepare
+from alignerf.scenes import held_out, photo_names, photos, prepare
 from alignerf.scenes.capture import video
 
 log = logging.getLogger(__name__)
 
 # Focal lengths in EXIF are rounded to a millimetre: closer ones are the same zoom.
 SAME_ZOOM = 0.04
+# Masks that hide more than this are meant the other way round; by so many it is told.
+NEARLY_ALL, SOME_MASKS = 0.8, 8
 # Those without a mirror, and the turns that they ask for.
 TURNS = {1: 0, 6: 1, 3: 2, 8: 3}
 
@@ -119,18 +123,19 @@ def ingest(
     copies = work_folder / "copies"
     copies.mkdir()
     copy_sizes, focals_px, kinds = [], [], []
-    each = zip(taken.paths, taken.sizes, taken.lays, strict=True)
-    for path, size, lay in progress.over(each, "photos", total=len(taken.paths)):
+    each = zip(taken.names, taken.paths, taken.sizes, taken.lays, strict=True)
+    for name, path, size, lay in progress.over(each, "photos", total=len(taken.paths)):
         image, focal_px = photos.decode(path, background, upright=False)
         shrunk = min(1.0, max_side_px / max(size))
         copy_sizes.append((round(shrunk * size[0]), round(shrunk * size[1])))
         focals_px.append(focal_px)
         small = prepare.shrink(lay.apply(image), *copy_sizes[-1])
-        images.write(copies / f"{path.stem}.png", small)
+        images.write(copies / f"{name}.png", small)
         # Frames of a film are by its camera, which may be cut otherwise than photos'.
         is_frame = path.parent.parent == work_folder
         camera = path.stem.rpartition("_")[0] if is_frame else photos.head(path).camera
-        kinds.append((lay.kind, camera))
+        # Photos of several cameras lie in a folder each.
+        kinds.append((lay.kind, camera, path.parent))
     taken = taken._replace(
         copy_sizes=copy_sizes,
         folder=copies,
@@ -147,10 +152,11 @@ def once_more(folder, work_folder, *, background=None, masks=None) -> Taken:
 
     Focal lengths and cameras are unknown.
     """
-    paths = find(folder, Path(work_folder))
+    found = find(folder, Path(work_folder))
+    paths = list(found.values())
     laid = lay_alike([photos.head(path)[:2] for path in paths])
     return Taken(
-        names=[path.stem for path in paths],
+        names=list(found),
         paths=paths,
         lays=[lay for _, lay in laid],
         sizes=[size for size, _ in laid],
@@ -159,48 +165,78 @@ def once_more(folder, work_folder, *, background=None, masks=None) -> Taken:
         focals_px=np.full(len(paths), np.nan),
         cameras=np.zeros(len(paths), int),
         background=background,
-        masks=find_masks(masks, paths),
+        masks=find_masks(masks, paths, folder),
     )
 
 
-def find_masks(folder, paths):
+def find_masks(folder, paths, root=None):
     """The mask of each photo in a folder of <photo's file name>.png, else None.
 
-    So COLMAP calls them; <view>.png will do too. Photos without a mask, and what is the
-    mask of no photo, are named in a warning. Raises ValueError where there is no mask
-    of any photo.
+    So COLMAP calls them; <view>.png will do too. root: the folder of the photos, whose
+    folders the masks' may repeat. Photos without a mask, what is the mask of no photo,
+    and masks that hide nearly all are named in a warning. Raises ValueError where there
+    is no mask of any photo.
     """
     if folder is None:
         return [None] * len(paths)
     folder = Path(folder)
     if not folder.is_dir():
         raise ValueError(f"no folder of masks at {folder}")
-    masks = []
-    for path in paths:
-        names = (f"{path.name}.png", f"{path.stem}.png")
-        there = [folder / name for name in names if (folder / name).is_file()]
-        masks.append(there[0] if there else None)
+    # COLMAP's have the photo's own suffix before theirs.
+    of_photo = {
+        path[:-4] if Path(path[:-4]).suffix.lower() in photos.SUFFIXES else path: path
+        for path in photo_names.listed(folder, frozenset([".png"]))
+    }
+    names = [os.path.relpath(path, root or path.parent) for path in paths]
+    found = photo_names.match(names, of_photo)
+    masks = [folder / of_photo[found[n]] if n in found else None for n in names]
     if not any(masks):
         raise ValueError(f"{folder}: no mask <photo's file name>.png of any photo")
-    if bare := [p.name for p, mask in zip(paths, masks, strict=True) if not mask]:
+    if bare := [n for n, mask in zip(names, masks, strict=True) if not mask]:
         few = faults.some_names(bare)
         log.warning("%s: no mask of %s: all of it is learnt from", folder, few)
     # What they hide would be learnt from without a word.
-    used = {mask.name for mask in masks if mask}
-    others = {path.name for path in folder.iterdir()} - used
-    if strange := sorted(name for name in others if not name.startswith(".")):
+    if strange := sorted(of_photo[one] for one in of_photo.keys() - {*found.values()}):
         few = faults.some_names(strange)
         log.warning("%s: the mask of no photo, and left out: %s", folder, few)
+    warn_of_inverted(folder, [mask for mask in masks if mask])
     return masks
 
 
-def read_mask(path, photo):
-    """A mask [h, w, 3] uint8, 0 or 255; ValueError if not of its photo's size."""
-    own, size = photos.head(path).size, photos.head(photo).size
-    if own != size:
-        raise ValueError(f"{path} is {own[0]}x{own[1]}, its photo {size[0]}x{size[1]}")
-    mask = photos.as_stored(path, "black")
-    return images.of_mask((mask > 0).any(axis=-1))
+def warn_of_inverted(folder, masks):
+    """Warn of masks that hide nearly all of their photos, by some of them."""
+    some = masks[:: max(len(masks) // SOME_MASKS, 1)][:SOME_MASKS]
+    shares = [
+        (photos.as_stored(mask, "black") == 0).all(axis=-1).mean() for mask in some
+    ]
+    if (hidden := float(np.median(shares))) > NEARLY_ALL:
+        log.warning(
+            "%s: masks hide %.0f %% of their photos: black is what does not count; are "
+            "these inverted?",
+            *(folder, 100 * hidden),
+        )
+
+
+def read_mask(path, photo, upright=False):
+    """A mask [h, w, 3] uint8, 0 or 255, at its photo's size; its rows as the photo's.
+
+    upright: EXIF's orientation of the photo is applied to both. A mask may be smaller
+    or larger, or turned as EXIF turns the photo; ValueError for one of another shape.
+    """
+    size, orientation, _ = photos.head(photo)
+    counts = (photos.as_stored(path, "black") > 0).any(axis=-1)
+    own = counts.shape[::-1]
+    if not prepare.has_shape(own, size):
+        turned = orientation in photos.SIDEWAYS and prepare.has_shape(own, size[::-1])
+        if not turned:
+            raise ValueError(
+                f"{path} is {own[0]}x{own[1]}, its photo {size[0]}x{size[1]}"
+            )
+        counts = photos.UPRIGHT[photos.UNDONE_BY[orientation]](counts)
+    counts = cv2.resize(counts.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    return images.of_mask(
+        (photos.UPRIGHT[orientation] if upright else np.array)(counts)
+    )
 
 
 def write_copies_of_masks(taken, folder):
@@ -217,20 +253,24 @@ def write_copies_of_masks(taken, folder):
 
 
 def find(folder, work_folder):
-    """Paths of all photos and frames, by view name; ValueError where there is none."""
+    """{view: path} of all photos and frames, sorted; ValueError where there is none."""
     films = video.find(folder)
     alone = films == [Path(folder)]
-    paths = [] if alone else photos.find_images(folder, others=films)
-    films = video.without_live_photos(films, paths)
-    film_of = {}
+    found = {} if alone else photos.find_images(folder, others=films)
+    films = video.without_live_photos(films, found.values())
     for film in films:
         frames = work_folder / "frames"
         frames.mkdir(exist_ok=True)
-        film_of |= dict.fromkeys(video.extract(film, frames), film.name)
-    paths = sorted([*paths, *film_of], key=lambda path: path.stem)
-    told = {path: f"a frame of {film}" for path, film in film_of.items()}
-    photos.check_names(paths, folder, told)
-    return held_out.without_copies(paths, folder)
+        for path in video.extract(film, frames):
+            if path.stem in found:
+                raise ValueError(
+                    f"{folder}: {faults.name_of(found[path.stem].name)} and a frame of "
+                    f"{film.name} have the same view name, {path.stem}"
+                )
+            found[path.stem] = path
+    kept = held_out.without_copies([found[name] for name in sorted(found)], folder)
+    names = {path: name for name, path in found.items()}
+    return {names[path]: path for path in kept}
 
 
 def share_cameras(kinds, focals_px):

@@ -7,6 +7,7 @@ view is assumed, and only turns and zooms can be told.
 
 import logging
 import math
+import os
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -138,7 +139,7 @@ def of_json(path, photo_size) -> Cameras:
         values = usual | scene | frame
         where = transforms.told(frame)
         size = tuple(transforms.number(path, values, k, where=where) for k in "wh")
-        lens = transforms.lens(path, values, *size, where=where)
+        lens = transforms.lens(path, values, where=where)
         lenses[name] = Lens(*lens, size, transforms.pose(path, frame))
         if split := of_file.get(frame["file_path"]):
             splits[name] = split
@@ -164,7 +165,9 @@ def points_of(path, scene):
         return None
     if not isinstance(name, str):
         raise ValueError(f"{path}: 'ply_file_path' must be a path")
-    place = transforms.Images(path).inside(name)
+    place = Path(os.path.normpath(path.parent / name))
+    if not place.is_relative_to(os.path.normpath(path.parent)):
+        raise ValueError(f"{path}: {faults.shown(name)} leads out of its folder")
     try:
         return read_points(place)
     except (ValueError, OSError) as error:
@@ -209,10 +212,13 @@ def stem_of(file_path):
 def of_model(path) -> Cameras:
     """Those of a COLMAP model, with its points."""
     views, points = colmap_models.read(path)
-    lenses = {
-        name: Lens(camtopix, distortion, size, pose)
-        for name, (camtopix, distortion, size, pose) in views.items()
-    }
+    lenses = {}
+    for image, (camtopix, size, pose, distortion) in views.items():
+        name = stem_of(image)
+        if name in lenses:
+            told = faults.shown(name)
+            raise ValueError(f"{path}: two images have the view name {told}")
+        lenses[name] = Lens(camtopix, distortion, size, pose)
     return Cameras(lenses, "COLMAP's model", points)
 
 

@@ -135,7 +135,7 @@ def photos_of(folder):
         if place.is_dir() and any(
             path.suffix.lower() in photos.SUFFIXES for path in place.iterdir()
         ):
-            return {path.stem: path for path in photos.find_images(place)}
+            return photos.find_images(place)
     raise ValueError(f"{folder}: no photos ({', '.join(sorted(photos.SUFFIXES))})")
 
 

@@ -1,14 +1,13 @@
 """COLMAP's models: where they lie in a project, what is wrong with them, their views.
 
-Places, the first that has one counts: sparse/, colmap/sparse/ (nerfstudio), the folder
-itself. In each a model lies in a folder of its number, or at once. A model is three
-files, .bin or .txt. COLMAP writes several where photos do not hang together: they share
-no frame, so the one with most images is taken, and the others are named.
+In each place (PLACES) a model lies in a folder of its number, or at once. A model is
+three files, .bin or .txt. COLMAP writes several where photos do not hang together: they
+share no frame, so the one with most images is taken, and the others are named.
 
 Files are looked through before COLMAP's own reader sees them. It trusts a binary file's
 counts: on one that was cut short it takes minutes and 15 GB. Of texts it takes a
-quaternion of 0 for no turn, cuts a name at its first space, and leaves out every second
-image of a file without lines of points. Formats: COLMAP's
+quaternion of 0 for no turn, cuts a name at its first space, stops at a byte order mark,
+and leaves out every second image of a file without lines of points. Formats: COLMAP's
 src/colmap/scene/reconstruction_io_binary.cc and reconstruction_io_text.cc.
 """
 
@@ -16,17 +15,28 @@ import codecs
 import logging
 import math
 import struct
+import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pycolmap
 
 from alignerf.io import faults
-from alignerf.scenes import colmap
+from alignerf.scenes import colmap, photo_names
 
 log = logging.getLogger(__name__)
 
-PLACES = ("sparse", "colmap/sparse", ".")
+# Where models lie, the usual ones first: of COLMAP, of nerfstudio, of hand-made
+# projects, and of undistorted photos and of distorted ones beside them.
+PLACES = (
+    *("sparse", "colmap/sparse", ".", "colmap", "models", "dense/sparse", "dense"),
+    *("distorted/sparse", "undistorted/sparse"),
+)
+# Where photos lie beside a model, or beside the folder that models lie in.
+OF_PHOTOS = ("images", "input", "frames", "photos", "rgb")
+# Of a model's photos, so many may have been sorted out.
+MAX_MISSING = 1 / 3
 SUFFIXES = (".bin", ".txt")
 PARTS = ("cameras", "images", "points3D")
 FILES = (*PARTS, "frames", "rigs")
@@ -43,16 +53,14 @@ OF_POINT_2D, OF_TRACK, OF_DATA = 24, 8, 16
 
 
 def find(folder):
-    """Paths of all models of the first place that has any, by number; may be empty."""
+    """Paths of all models in a project, those of the usual places first."""
+    models = []
     for place in PLACES:
         here = Path(folder) / place
         inner = [p for p in here.glob("[0-9]*") if p.name.isdecimal() and is_model(p)]
-        models = sorted(inner, key=lambda path: int(path.name))
-        if models:
-            return models
-        if is_model(here):
-            return [here]
-    return []
+        models += sorted(inner, key=lambda path: int(path.name))
+        models += [here] if is_model(here) else []
+    return models
 
 
 def is_model(folder):
@@ -78,19 +86,74 @@ def images_in(model):
     return struct.unpack("<Q", head)[0] if len(head) == 8 else 0
 
 
-def largest(folder):
-    """The path of the model with most images; None where there is no model."""
-    models = find(folder)
-    if len(models) < 2:
-        return models[0] if models else None
-    counts = {model: images_in(model) for model in models}
-    chosen = max(models, key=counts.get)
-    others = [f"{m.name} of {counts[m]}" for m in models if m != chosen]
-    log.warning(
-        "%s: %d models: the largest is taken, %s of %d images; left: %s",
-        *(chosen.parent, len(models), chosen.name, counts[chosen], ", ".join(others)),
+def by_size(folder):
+    """{path: number of images} of the models in a project, the largest first."""
+    counts = {model: images_in(model) for model in find(folder)}
+    return dict(sorted(counts.items(), key=lambda item: -item[1]))
+
+
+class Project(NamedTuple):
+    """A model and its photos: what `read` gives, and {image's name: path} below root.
+
+    Images whose photo is gone are in `cameras` alone.
+    """
+
+    model: Path
+    cameras: dict
+    points: tuple | None
+    root: Path
+    photos: dict
+
+
+def with_photos(folder, chosen=None):
+    """The Project of the largest model that has its photos; None without any model.
+
+    All but MAX_MISSING of them; what is left is said. chosen: the folder of photos.
+    Raises ValueError naming a photo where no model has its photos.
+    """
+    models, fault = by_size(folder), None
+    for model in models:
+        cameras, points = read(model)
+        root, photos_of = photos_for(Path(folder), model, list(cameras), chosen)
+        gone = sorted(cameras.keys() - photos_of.keys())
+        few = faults.some_names(gone)
+        if len(gone) > MAX_MISSING * len(cameras):
+            fault = fault or f"{root}: no photo {few}, which {model} has a pose for"
+            continue
+        if gone:
+            log.warning("%s: left out, as their photos are gone: %s", model, few)
+        told = {one: f"{one.relative_to(folder)} of {n}" for one, n in models.items()}
+        if others := [told[one] for one in models if one != model]:
+            log.warning(
+                "%s: %d models: %s images is taken; left: %s",
+                *(folder, len(models), told[model], ", ".join(others)),
+            )
+        return Project(model, cameras, points, root, photos_of)
+    if fault:
+        raise ValueError(fault)
+    return None
+
+
+def photos_for(folder, model, names, chosen=None):
+    """(the folder of a model's photos, {name: path}): that where most of them lie."""
+    project = model.parent if model.name.isdecimal() else model
+    project = project.parent if project.name in ("sparse", "models") else project
+    bases = dict.fromkeys([project, project.parent, folder])
+    bases = [base for base in bases if base.is_relative_to(folder)]
+    places = [base / name for base in bases for name in OF_PHOTOS]
+    smaller = sorted(
+        (path for path in folder.glob("images_*") if path.name[7:].isdecimal()),
+        key=lambda path: int(path.name[7:]),
     )
-    return chosen
+    roots = [chosen] if chosen else [*places, *smaller[:1], *bases]
+    best = roots[-1], {}
+    for root in filter(Path.is_dir, roots):
+        found = photo_names.match(names, photo_names.listed(root))
+        if len(found) > len(best[1]):
+            best = root, {name: root / path for name, path in found.items()}
+        if len(found) == len(names):
+            break
+    return best
 
 
 def missing(folder):
@@ -107,33 +170,40 @@ def missing(folder):
 
 
 def read(path):
-    """{view name: (camtopix, distortion, (width, height), camera-to-world)}.
+    """{image's name: (camtopix, (width, height), camera-to-world, distortion)}.
 
     And its points, None where it has none: positions and colours (uint8), both [m, 3].
     """
     check_binaries(path)
-    if is_text(path) and (path / "images.txt").is_file():
-        check_texts(path)
-    try:
-        model = pycolmap.Reconstruction(path)
-    # Whatever COLMAP's reader finds wrong is the file's fault.
-    except Exception as error:
-        first = " ".join(str(error).splitlines()[:1])
-        reason = f"a file is missing, truncated or damaged ({first})"
-        raise ValueError(f"{path}: not a COLMAP model: {reason}") from None
+    names = {}
+    with tempfile.TemporaryDirectory() as plain:
+        own = path
+        if is_text(path) and (path / "images.txt").is_file():
+            names = check_texts(path)
+            if not is_plain(path, names):
+                own = Path(plain)
+                write_plain(path, own)
+        try:
+            model = pycolmap.Reconstruction(own)
+        # Whatever COLMAP's reader finds wrong is the file's fault.
+        except Exception as error:
+            first = " ".join(str(error).splitlines()[:1])
+            reason = f"a file is missing, truncated or damaged ({first})"
+            raise ValueError(f"{path}: not a COLMAP model: {reason}") from None
     views = {}
     for image in model.images.values():
         if not image.has_pose:
             continue
-        name, camera = Path(image.name).stem, model.cameras[image.camera_id]
+        name = names.get(image.image_id, image.name)
+        camera = model.cameras[image.camera_id]
         if name in views:
-            told = faults.shown(name)
-            raise ValueError(f"{path}: two images have the view name {told}")
+            raise ValueError(f"{path}: two images are called {faults.shown(name)}")
         try:
             lens = colmap.lens(camera.model.name, camera.params)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
-        views[name] = (*lens, (camera.width, camera.height), colmap.pose_of(image))
+        size, pose = (camera.width, camera.height), colmap.pose_of(image)
+        views[name] = lens[0], size, pose, lens[1]
     if not views:
         raise ValueError(f"{path}: no image has a pose")
     points = list(model.points3D.values())
@@ -231,49 +301,74 @@ def lines_of(path):
 
 
 def text_of(path):
-    """The text of a file; ValueError for a byte order mark: COLMAP takes none."""
-    with faults.opened(path) as file:
-        if file.read(3) == codecs.BOM_UTF8:
-            raise ValueError(f"{path}: a byte order mark in it: save it without")
     return faults.text(path, MAX_TEXT_BYTES)
 
 
 def image_lines(path):
-    """(number, text) of the lines of images.txt that name an image.
+    """(number, text, text of its points) of the images in images.txt.
 
-    After each comes a line of its points, which may be empty. Raises ValueError where
-    that is something else.
+    The points' line is that after the image's, and may be empty. Raises ValueError
+    where it is something else.
     """
-    is_points = False
-    for number, line in lines_of(path):
-        if is_points:
-            words = line.split()
-            if len(words) % 3:
-                raise ValueError(
-                    f"{path}: line {number}: not the points of the image above it, "
-                    "which is a line of its own, empty where there are none"
-                )
-            is_points = False
-        elif line:
-            yield number, line
-            is_points = True
+    lines = lines_of(path)
+    for number, line in lines:
+        if not line:
+            continue
+        after, points = next(lines, (number + 1, ""))
+        if len(points.split()) % 3:
+            raise ValueError(
+                f"{path}: line {after}: not the points of the image above it, "
+                "which is a line of its own, empty where there are none"
+            )
+        yield number, line, points
 
 
 def check_texts(folder):
-    """ValueError naming the file and the line of what COLMAP would misread."""
+    """{image's number: name}; ValueError naming the line of what COLMAP would misread.
+
+    A name is all that follows the numbers, with its spaces.
+    """
     for name in ("cameras.txt", "points3D.txt"):
         text_of(Path(folder) / name)
-    path = Path(folder) / "images.txt"
-    for number, line in image_lines(path):
-        words = line.split()
-        if len(words) != OF_IMAGE:
-            what = "a name with spaces?" if len(words) > OF_IMAGE else "cut short?"
-            raise ValueError(f"{path}: line {number} has {len(words)} words: {what}")
+    path, names = Path(folder) / "images.txt", {}
+    for number, line, _ in image_lines(path):
+        words = line.split(maxsplit=OF_IMAGE - 1)
+        if len(words) != OF_IMAGE or not words[0].isdecimal():
+            raise ValueError(f"{path}: line {number}: not an image: cut short?")
         if not is_pose(words[1:8]):
             raise ValueError(
                 f"{path}: line {number}: {faults.name_of(words[9])} has no pose"
             )
+        names[int(words[0])] = words[9]
     check_further_poses(folder)
+    return names
+
+
+def is_plain(folder, names):
+    """Whether COLMAP's reader takes the texts as they are."""
+    paths = [folder / f"{part}.txt" for part in FILES]
+    marked = any(starts_with_mark(path) for path in paths if path.is_file())
+    return not marked and not any(len(name.split()) > 1 for name in names.values())
+
+
+def starts_with_mark(path):
+    with faults.opened(path) as file:
+        return file.read(3) == codecs.BOM_UTF8
+
+
+def write_plain(folder, to):
+    """Copies of a model's texts without marks and, as names, the images' numbers."""
+    for part in FILES:
+        path = folder / f"{part}.txt"
+        if not path.is_file():
+            continue
+        lines = [line for _, line in lines_of(path)]
+        if part == "images":
+            lines = []
+            for _, line, points in image_lines(path):
+                words = line.split(maxsplit=OF_IMAGE - 1)
+                lines += [" ".join([*words[:-1], words[0]]), points]
+        (to / path.name).write_text("\n".join([*lines, ""]))
 
 
 def check_further_poses(folder):

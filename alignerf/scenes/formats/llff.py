@@ -19,7 +19,8 @@ import numpy as np
 import pycolmap
 
 from alignerf.io import archives, faults
-from alignerf.scenes import colmap, distortion, photos, prepare
+from alignerf.scenes import colmap, photos, prepare
+from alignerf.scenes.formats import shots
 
 log = logging.getLogger(__name__)
 
@@ -32,11 +33,12 @@ SAME_FOCAL = 1e-3
 MAX_BYTES = 2**20
 
 
-def read(folder, chosen=None) -> prepare.PosedViews:
+def read(folder, chosen=None, masks=None) -> prepare.PosedViews:
     """Posed, undistorted views of a folder with poses_bounds.npy and photos.
 
     chosen: the folder of photos; None for `images`, else the images_<n> of least n.
-    Raises ValueError with one line that names the file, and the row or photo.
+    masks: as of `ingest.find_masks`. Raises ValueError with one line that names the
+    file, and the row or photo.
     """
     folder = Path(folder)
     path = folder / "poses_bounds.npy"
@@ -44,22 +46,19 @@ def read(folder, chosen=None) -> prepare.PosedViews:
     images = _find_photos(chosen or images_of(folder))
     if len(images) != len(rows):
         raise ValueError(
-            f"{path} has {len(rows)} rows, but {images[0].parent} {len(images)} images"
+            f"{path} has {len(rows)} rows, but "
+            f"{next(iter(images.values())).parent} {len(images)} images"
         )
-    names = [image.stem for image in images]
-    size = photos.stored_size(names, images, images[0].parent)
-    where = [f"{path}: row {i} ({name})" for i, name in enumerate(names)]
+    where = [f"{path}: row {i} ({name})" for i, name in enumerate(images)]
     cameras_bin = folder / "sparse" / "0" / "cameras.bin"
     cameras = _cameras(cameras_bin, rows[:, :, 4], where)
-    return distortion.pinhole_views(
-        names,
-        [_lens(*pair, size) for pair in zip(images, cameras, strict=True)],
-        np.stack([_pose(*pair) for pair in zip(rows, where, strict=True)]),
-        width=size[0],
-        height=size[1],
-        photos=[prepare.Photo(image, (photos.as_stored,)) for image in images],
-        where=cameras_bin,
-    )._replace(bounds=bounds)
+    own = [
+        shots.Shot(name, image, camtopix, size, _pose(row, at), coefficients)
+        for (name, image), (camtopix, coefficients, size), row, at in zip(
+            images.items(), cameras, rows, where, strict=True
+        )
+    ]
+    return shots.views_of(own, cameras_bin, masks=masks)._replace(bounds=bounds)
 
 
 def _read_rows(path):
@@ -101,9 +100,10 @@ def images_of(folder):
 
 
 def _find_photos(chosen):
-    """Paths of the photos in the order of the rows."""
+    """{view: path} of the photos in the order of the rows."""
     # By the whole file name, as LLFF sorts: stems alone put a before a-1.
-    return sorted(photos.find_images(chosen), key=lambda path: path.name)
+    found = photos.find_images(chosen)
+    return dict(sorted(found.items(), key=lambda item: item[1].name))
 
 
 def _cameras(cameras_bin, sizes_and_focals, where):
@@ -147,13 +147,6 @@ def _check_same_camera(sizes_and_focals, camera, where, path):
             raise ValueError(
                 f"{place}: focal length {focal_px:g} px, but {expected:g} in {path}"
             )
-
-
-def _lens(image, camera, size):
-    """(camtopix [3, 3], distortion [5]) of a camera at its image's true size."""
-    camtopix, coefficients, camera_size = camera
-    scale = prepare.true_scale(camera_size, size, where=image)
-    return scale @ camtopix, coefficients
 
 
 def _pose(row, where):

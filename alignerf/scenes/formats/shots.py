@@ -1,14 +1,17 @@
-"""What the readers of apps share: shots with their cameras, and checked numbers."""
+"""What readers of cameras share: shots, their views, and checked numbers."""
 
+import functools
 import itertools
 import logging
+from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from alignerf.io import faults
-from alignerf.scenes import distortion, photos, prepare
+from alignerf.scenes import photos, prepare
+from alignerf.scenes.capture import canvas, ingest
 
 log = logging.getLogger(__name__)
 
@@ -16,10 +19,16 @@ log = logging.getLogger(__name__)
 LARGEST = 1e12
 # How far a quaternion may be from length 1.
 LENGTH_ERROR = 1e-2
+# A lens stands out whose focal length is so many times the others' or less than that
+# share, and that at most so many views have.
+ODD_FOCAL, FEW = 1.5, 2
+# Numbers may be of photos so many times as large, whose middle lies as near to the
+# principal point, as a share.
+TIMES, NEAR_MIDDLE = (2, 4, 8), 0.15
 
 
 class Shot(NamedTuple):
-    """A photo with the camera that an app has written for it."""
+    """A photo with the camera that came with it."""
 
     name: str
     photo: Path
@@ -29,39 +38,155 @@ class Shot(NamedTuple):
     """(width, height); None where the file does not say, so it is the photo's."""
     camtoworld: np.ndarray
     """[3, 4], OpenGL axes."""
+    distortion: np.ndarray = np.zeros(5)
+    mask: Path | None = None
 
 
-def views_of(shots, where, *, crop_px=0) -> prepare.PosedViews:
-    """The views of shots, at the size of their photos less `crop_px` at each border.
+def views_of(
+    shots, where, *, crop_px=0, background=None, masks=None, root=None
+) -> prepare.PosedViews:
+    """The undistorted views of shots, in their order.
 
-    Photos are taken as stored, as the apps' cameras mean them. They have no distortion
-    to undo. where: the folder, named in a ValueError for photos that are broken or of
-    different sizes.
+    Their size is that of the photos less `crop_px` at each border; photos of several
+    sizes are laid on one canvas. Rows are taken as stored, as cameras of others mean
+    them, or upright where only that fits a camera's size. masks, root: as of
+    `ingest.find_masks`; None: those of the shots. where: the file or folder, named in a
+    ValueError for photos that are broken or not of their camera's shape.
     """
-    names = [shot.name for shot in shots]
-    size = photos.stored_size(names, [shot.photo for shot in shots], where)
-    width, height = (side - 2 * crop_px for side in size)
-    if min(width, height) < prepare.MIN_SIZE_PX:
-        raise ValueError(f"{where}: photos of {size[0]}x{size[1]} are too small")
-    moved = np.array([[1.0, 0, -crop_px], [0, 1, -crop_px], [0, 0, 1]])
-    lenses = []
-    for shot in shots:
-        scale = prepare.true_scale(shot.size or size, size, where=shot.photo)
-        lenses.append((moved @ scale @ shot.camtopix, np.zeros(5)))
-
-    def cropped(image):
-        return np.ascontiguousarray(image[crop_px:-crop_px, crop_px:-crop_px])
-
-    steps = (photos.as_stored, cropped) if crop_px else (photos.as_stored,)
-    return distortion.pinhole_views(
-        names,
+    if masks:
+        paths = [shot.photo for shot in shots]
+        each = zip(shots, ingest.find_masks(masks, paths, root), strict=True)
+        shots = [shot._replace(mask=mask) for shot, mask in each]
+    sizes = [photos.head(shot.photo).size for shot in shots]
+    usual = usual_size(sizes)
+    shots = [s if s.size else s._replace(size=own_size(s, usual)) for s in shots]
+    warn_of_odd(shots, sizes, where)
+    upright = [is_turned(shot, size) for shot, size in zip(shots, sizes, strict=True)]
+    if any(upright):
+        few = faults.some_names(
+            [s.name for s, up in zip(shots, upright, strict=True) if up]
+        )
+        log.warning(
+            "%s: cameras of photos turned upright, as EXIF says: %s", where, few
+        )
+    sizes = [
+        size[::-1] if up else size for size, up in zip(sizes, upright, strict=True)
+    ]
+    lenses, pictures, hidden = [], [], []
+    for shot, size, up in zip(shots, sizes, upright, strict=True):
+        scale = prepare.true_scale(shot.size, size, where=f"{where}: {shot.photo}")
+        lenses.append((cropped_by(crop_px) @ scale @ shot.camtopix, shot.distortion))
+        steps = (functools.partial(cropped, crop_px=crop_px),) if crop_px else ()
+        pictures.append(prepare.Photo(shot.photo, (reader(background, up), *steps)))
+        read_mask = functools.partial(ingest.read_mask, photo=shot.photo, upright=up)
+        hidden.append(
+            prepare.Photo(shot.mask, (read_mask, *steps))
+            if shot.mask
+            else prepare.all_count(*size)
+        )
+    # One of another shape may be a gigabyte: these are refused before.
+    photos.check_whole([shot.photo for shot in shots], background)
+    sizes = [tuple(side - 2 * crop_px for side in size) for size in sizes]
+    if len(set(sizes)) > 1:
+        each = [f"{n} of {w}x{h}" for (w, h), n in Counter(sizes).most_common()]
+        log.warning("%s: photos of several sizes: %s", where, faults.some_names(each))
+    if min(map(min, sizes)) < prepare.MIN_SIZE_PX:
+        raise ValueError(
+            f"{where}: photos of {sizes[0][0]}x{sizes[0][1]} are too small"
+        )
+    views = canvas.views_of(
+        [shot.name for shot in shots],
         lenses,
+        sizes,
         np.stack([shot.camtoworld for shot in shots]),
-        width=width,
-        height=height,
-        photos=[prepare.Photo(shot.photo, steps) for shot in shots],
+        camera_of=[0] * len(shots),
+        photos=pictures,
+        masks=hidden if any(shot.mask for shot in shots) else None,
         where=where,
     )
+    place = {name: i for i, name in enumerate(views.names)}
+    return prepare.select(views, [place[shot.name] for shot in shots])
+
+
+def times_of(centre, size):
+    """How many times a photo's (width, height) numbers are of, that do not say it.
+
+    One of TIMES, where the middle of such a photo is near the principal point; else 1.
+    """
+    across = 2 * np.array(centre) / size
+    fits = (n for n in TIMES if np.abs(across / n - 1).max() < NEAR_MIDDLE)
+    return next(fits, 1)
+
+
+def is_turned(shot, size):
+    """Whether a camera is of its photo turned upright, and not as it is stored."""
+    if min(shot.size) <= 0 or prepare.has_shape(size, shot.size):
+        return False
+    if not prepare.has_shape(size[::-1], shot.size):
+        return False
+    if photos.head(shot.photo).orientation in photos.SIDEWAYS:
+        return True
+    raise ValueError(
+        f"{shot.photo} is {size[0]}x{size[1]}, its camera {shot.size[0]:g}x"
+        f"{shot.size[1]:g}: they are turned against each other"
+    )
+
+
+def reader(background, upright):
+    """What reads a photo [h, w, 3] from its path."""
+    read = photos.upright if upright else photos.as_stored
+    return functools.partial(read, background=background)
+
+
+def cropped_by(crop_px):
+    """[3, 3] from a photo's pixels to those of the photo less a border."""
+    return np.array([[1.0, 0, -crop_px], [0, 1, -crop_px], [0, 0, 1]])
+
+
+def cropped(image, crop_px):
+    return np.ascontiguousarray(image[crop_px:-crop_px, crop_px:-crop_px])
+
+
+def usual_size(sizes):
+    """The (width, height) of most photos."""
+    return max(set(sizes), key=lambda size: (sizes.count(size), size))
+
+
+def own_size(shot, size):
+    """The (width, height) that a shot's intrinsics are of, by that of most photos."""
+    times = times_of(shot.camtopix[:2, 2], size)
+    return times * size[0], times * size[1]
+
+
+def warn_of_odd(shots, sizes, where):
+    """Warn of other sizes, of lenses that stand out, of views whose poses are one.
+
+    A tracker that is lost writes one pose again and again; a lens that is estimated
+    from one photo may be far off.
+    """
+    if min(min(shot.size) for shot in shots) <= 0:
+        return
+    across = [shot.size[0] / size[0] for shot, size in zip(shots, sizes, strict=True)]
+    if (times := float(np.median(across))) >= TIMES[0]:
+        log.info("%s: cameras of photos %.3g times as large", where, times)
+    keys = [shot.camtoworld.tobytes() for shot in shots]
+    times = Counter(keys)
+    if same := [s.name for s, key in zip(shots, keys, strict=True) if times[key] > 1]:
+        few = faults.some_names(same)
+        log.warning(
+            "%s: %d views share a pose: %s: was tracking lost?", where, len(same), few
+        )
+    focals = np.array([shot.camtopix[0, 0] / shot.size[0] for shot in shots])
+    lenses = Counter(focals.tolist())
+    usual = np.median(focals)
+    odd = [
+        f"{shot.name} ({focal / usual:.2g} times)"
+        for shot, focal in zip(shots, focals, strict=True)
+        if not usual / ODD_FOCAL < focal < usual * ODD_FOCAL and lenses[focal] <= FEW
+    ]
+    if odd and len(odd) < len(shots) / 3:
+        few = faults.some_names(odd)
+        log.warning("%s: focal lengths unlike the others': %s", where, few)
 
 
 def photos_in(folder, pattern="*"):
@@ -70,9 +195,7 @@ def photos_in(folder, pattern="*"):
     named = [p for p in visible if p.suffix.lower() in photos.SUFFIXES]
     if gone := sorted(path.name for path in named if not path.is_file()):
         log.warning("%s: ignored %s: no files", folder, faults.some_names(gone))
-    paths = sorted((p for p in named if p.is_file()), key=lambda path: path.stem)
-    photos.check_names(paths, folder)
-    return {path.stem: path for path in paths}
+    return photos.by_view([p for p in named if p.is_file()], Path(folder))
 
 
 def numbers(path, values, what, count):

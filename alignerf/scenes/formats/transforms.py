@@ -2,17 +2,16 @@
 
 Handled: intrinsics for all frames or frame by frame, `camera_angle_x` where no focal
 length is given, the distortion of COLMAP's camera models by their parameters' names
-(undone), file paths without a suffix, frames without an image (dropped with a warning),
-photos made smaller in images_<n>, nerfstudio's own split (`train_filenames` and
-`test_filenames`; frames in neither are dropped, too). Refused by name: other camera
-models, paths outside the scene's folder, images of different sizes.
-Poses are camera-to-world with OpenGL axes already; nerfstudio's `applied_transform` is
-in them. The points of its `ply_file_path` are not read: found anew, points say how
-right the poses are. EXIF's orientation is not applied: neither of the programs that
-write these files does.
+(undone), numbers of a photo 2, 4 or 8 times as large where the file does not say of
+what size, photos of several sizes, photos in another place or of another suffix
+(`photo_names`), frames without an image or a pose (dropped with a warning), photos made
+smaller in images_<n>, nerfstudio's own split (`train_filenames` and `test_filenames`;
+frames in neither are dropped, too). Refused by name: other camera models. No photo
+outside of the scene's folder is read. Poses are camera-to-world with OpenGL axes
+already; nerfstudio's `applied_transform` is in them. The points of its `ply_file_path`
+are not read: found anew, points say how right the poses are.
 """
 
-import collections
 import functools
 import logging
 import math
@@ -24,8 +23,8 @@ from pathlib import Path
 import numpy as np
 
 from alignerf.io import faults, json_files
-from alignerf.scenes import cameras, distortion, photos, prepare
-from alignerf.scenes.capture import ingest
+from alignerf.scenes import cameras, distortion, photo_names, photos, prepare
+from alignerf.scenes.formats import shots
 
 log = logging.getLogger(__name__)
 
@@ -49,15 +48,15 @@ SMALLER = re.compile(r"images_([1-9][0-9]?)")
 LARGEST = 1e30
 
 
-def read(path, background=None, *, images=None, split_by_lists=True):
+def read(path, background=None, *, images=None, split_by_lists=True, masks=None):
     """Posed, undistorted views of a json file, or of a folder's transforms.json.
 
     background: as of `photos.decode`. images: the n of the folders <name>_<n> that
     photos and masks are read from; None for those that the file names or, where none of
     these photos is there, for images_<n> of least n. split_by_lists: the file's own
-    lists say which views are held out. Returns prepare.PosedViews and the names of the
-    frames without an image. Raises ValueError with one line that names the file and the
-    key or frame.
+    lists say which views are held out. masks: a folder of them, for a file that names
+    none. Returns prepare.PosedViews and the names of the frames without an image.
+    Raises ValueError with one line that names the file and the key or frame.
     """
     path = Path(path)
     if path.is_dir():
@@ -65,76 +64,84 @@ def read(path, background=None, *, images=None, split_by_lists=True):
     scene = json_files.read(path, {"frames": list})
     if not (frames := scene["frames"]):
         raise ValueError(f"{path}: 'frames' must be a list that is not empty")
-    files = Images(path, images)
-    kept, left_out, files = _frames_with_image(files, frames)
+    kept, left_out, files = _frames_with_image(Images(path, images), frames)
+    inside = {image: os.path.relpath(image, path.parent) for image in kept}
+    names = photo_names.view_names(inside.values())
+    name_of = {image: names[inside[image]] for image in kept}
     splits = _splits(files, scene, kept) if split_by_lists else {}
     if splits:
-        others = [image.stem for _, image in kept if image not in splits]
-        kept = [(frame, image) for frame, image in kept if image in splits]
-        left_out = sorted([*left_out, *others])
-    names = [image.stem for _, image in kept]
-    (name, count), *_ = collections.Counter(names).most_common(1)
-    if count > 1:
-        told_name = faults.shown(name)
-        raise ValueError(f"{path}: {count} frames have the view name {told_name}")
-    shown = [image for _, image in kept]
-    width, height = photos.stored_size(names, shown, path, background)
-    # Of a file that does not say what size its numbers are of.
-    size = {"w": files.times_smaller * width, "h": files.times_smaller * height}
-    lenses = [
-        lens(path, size | scene | frame, width, height, where=told(frame))
-        for frame, _ in kept
+        left_out = sorted([*left_out, *(name_of[i] for i in kept if i not in splits)])
+        kept = {image: frame for image, frame in kept.items() if image in splits}
+    names = [name_of[image] for image in kept]
+    if len(set(names)) < len(names):
+        name = max(names, key=names.count)
+        raise ValueError(f"{path}: two frames have the view name {faults.shown(name)}")
+    mask_of = _masks(files, kept)
+    size = shots.usual_size([photos.head(image).size for image in kept])
+    own = [
+        shots.Shot(
+            name_of[image],
+            image,
+            *_lens_of(files, scene | frame, size, told(frame)),
+            mask=mask_of.get(image),
+        )
+        for image, frame in kept.items()
     ]
-    as_stored = functools.partial(photos.as_stored, background=background)
-    views = distortion.pinhole_views(
-        names,
-        lenses,
-        np.stack([pose(path, frame) for frame, _ in kept]),
-        width=width,
-        height=height,
-        photos=[prepare.Photo(image, (as_stored,)) for _, image in kept],
-        masks=_masks(files, kept, width, height),
-        where=path,
+    views = shots.views_of(
+        own,
+        path,
+        background=background,
+        masks=None if mask_of else masks,
+        root=path.parent,
     )
     if splits:
-        own = np.array([splits[image] for _, image in kept])
-        views = views._replace(split=own)
+        of_view = {name_of[image]: split for image, split in splits.items()}
+        views = views._replace(split=np.array([of_view[name] for name in views.names]))
     return views, left_out
 
 
-def _masks(images, kept, width, height):
-    """A mask of each frame, in which all pixels count where it names none, or None."""
-    mask_paths = [_find_mask(images, frame) for frame, _ in kept]
-    if not any(mask_paths):
-        return None
-    pairs = zip(mask_paths, kept, strict=True)
-    if bare := [image.name for mask, (_, image) in pairs if mask is None]:
+def _lens_of(files, values, size, where):
+    """The fields of a Shot from a frame's values, of the size that they are of.
+
+    size: (width, height) of most photos.
+    """
+    size = [files.times_smaller * side for side in size]
+    if not {"w", "h"} & values.keys():
+        centre = [values.get("cx"), values.get("cy")]
+        times = shots.times_of(centre, size) if all(map(shots.is_number, centre)) else 1
+        size = [times * side for side in size]
+    values = dict(zip("wh", size, strict=True)) | values
+    size = tuple(number(files.path, values, key, where=where) for key in "wh")
+    camtopix, coefficients = lens(files.path, values, where=where)
+    return camtopix, size, pose(files.path, values), coefficients
+
+
+def _masks(files, kept):
+    """{image: its mask} of the frames that name one."""
+    found = {image: _find_mask(files, frame) for image, frame in kept.items()}
+    bare = [image.name for image, mask in found.items() if mask is None]
+    if bare and len(bare) < len(found):
         few = faults.some_names(bare)
-        log.warning("%s: no mask of %s: all of it is learnt from", images.path, few)
-    full = prepare.all_count(width, height)
-    return [
-        prepare.Photo(mask, (functools.partial(ingest.read_mask, photo=image),))
-        if mask
-        else full
-        for mask, (_, image) in zip(mask_paths, kept, strict=True)
-    ]
+        log.warning("%s: no mask of %s: all of it is learnt from", files.path, few)
+    return {image: mask for image, mask in found.items() if mask}
 
 
-def _splits(images, scene, kept):
+def _splits(files, scene, kept):
     """{image: its split} as nerfstudio writes it; none where it does not say.
 
     Raises ValueError for a name that is to be scored and has no frame with an image.
     """
-    path, have, split_of = images.path, {image for _, image in kept}, {}
+    path, split_of = files.path, {}
+    image_of = {frame["file_path"]: image for image, frame in kept.items()}
     for split in ("train", "test"):
         names = listed(path, scene, split)
-        places = {name: images.find(name.replace("\\", "/")) for name in names}
-        if missing := [name for name, image in places.items() if image not in have]:
+        found = photo_names.match(names, list(image_of))
+        if missing := [name for name in names if name not in found]:
             few = faults.some_names(missing)
             if split == "test":
                 raise ValueError(f"{path}: 'test_filenames': no frame shows {few}")
             log.warning("%s: 'train_filenames': no frame shows %s", path, few)
-        for image in have.intersection(places.values()):
+        for image in {image_of[own] for own in found.values()}:
             if split_of.setdefault(image, split) != split:
                 named = faults.name_of(image.name)
                 raise ValueError(f"{path}: {named} is to be trained on and scored")
@@ -142,7 +149,7 @@ def _splits(images, scene, kept):
         if split_of:
             log.warning("%s: its lists do not say what is held out", path)
         return {}
-    if others := [image.name for _, image in kept if image not in split_of]:
+    if others := [image.name for image in kept if image not in split_of]:
         few = faults.some_names(others)
         log.warning("%s: neither trained on nor scored: %s", path, few)
     return split_of
@@ -156,53 +163,75 @@ def listed(path, scene, split):
     return names
 
 
-def _frames_with_image(images, frames):
-    """[(frame, image path)], the names of frames without one, and where photos are.
+def _frames_with_image(files, frames):
+    """{image: its frame}, the names of frames without one, and where photos are.
 
-    images: a `Images`; another one comes back where only smaller photos
-    are there.
+    files: an `Images`; another one comes back where only smaller photos are there.
     """
-    path, kept, missing = images.path, [], []
+    path, kept, twice = files.path, {}, []
     for i, frame in enumerate(frames):
         if not isinstance(frame, dict) or not isinstance(frame.get("file_path"), str):
             raise ValueError(f"{path}: frame {i} has no text under 'file_path'")
-        image = images.find(frame["file_path"])
-        if image is None:
-            missing.append(frame["file_path"])
-        else:
-            kept.append((frame, image))
+    found = files.find_all([frame["file_path"] for frame in frames])
+    for frame in frames:
+        image = found.get(frame["file_path"])
+        if image in kept:
+            twice.append(told(frame))
+        elif image is not None:
+            kept[image] = frame
+    missing = [f["file_path"] for f in frames if f["file_path"] not in found]
     if not kept:
         number = min_number(path.parent)
-        if images.suffix or number in (None, 1):
-            where = f" in folders {images.suffix}" if images.suffix else ""
+        if files.suffix or number in (None, 1):
+            where = f" in folders {files.suffix}" if files.suffix else ""
             none = f"none of its {len(frames)} frames has an image{where}"
-            raise ValueError(f"{path}: {none}")
+            raise ValueError(f"{path}: {none}: {faults.some_names(missing)}")
         log.info("%s: photos from images_%d", path, number)
         return _frames_with_image(Images(path, number), frames)
-    if missing:
-        log.warning(
-            "%s: dropped %d of %d frames, which have no image: %s",
-            path,
-            len(missing),
-            len(frames),
-            faults.some_names(missing),
-        )
-    return kept, sorted(Path(name).stem for name in missing), images
+    lost = [told(frame) for frame in kept.values() if is_lost(frame)]
+    for names, why in (
+        (missing, "have no image"),
+        (twice, "are there twice: the first is taken"),
+        (lost, "have no pose, but numbers that are none"),
+    ):
+        if names:
+            few = faults.some_names(names)
+            count = len(names), len(frames)
+            log.warning(
+                "%s: dropped %d of %d frames, which %s: %s", path, *count, why, few
+            )
+    kept = {image: frame for image, frame in kept.items() if not is_lost(frame)}
+    if not kept:
+        raise ValueError(f"{path}: none of its {len(frames)} frames has a pose")
+    return kept, sorted(Path(name).stem for name in [*missing, *lost]), files
 
 
-def _find_mask(images, frame):
+def is_lost(frame):
+    """Whether a pose has a number that is not finite, as where tracking was lost."""
+    rows = frame.get("transform_matrix")
+    entries = (
+        [e for row in rows if isinstance(row, list) for e in row]
+        if isinstance(rows, list)
+        else []
+    )
+    return any(
+        isinstance(entry, float) and not math.isfinite(entry) for entry in entries
+    )
+
+
+def _find_mask(files, frame):
     """The mask that a frame names under nerfstudio's key, None where it names none."""
     name = frame.get("mask_path")
     if name is None:
         return None
-    if not isinstance(name, str) or (mask := images.find(name)) is None:
+    if not isinstance(name, str) or (mask := files.find(name)) is None:
         named = f"mask {faults.shown(name)} of {told(frame)}"
-        raise ValueError(f"{images.path}: no {named}")
+        raise ValueError(f"{files.path}: no {named}")
     return mask
 
 
-def lens(path, values, width, height, *, where):
-    """(camtopix [3, 3], distortion as in `distortion`) at the image's true size."""
+def lens(path, values, *, where):
+    """(camtopix [3, 3], distortion as in `distortion`) of a photo of their w and h."""
     model = values.get("camera_model", "OPENCV")
     is_fisheye = values.get("is_fisheye", False)
     if not isinstance(is_fisheye, bool):
@@ -234,23 +263,22 @@ def lens(path, values, width, height, *, where):
             f"{path}: distortion {others[0]!r} of {where} is not supported"
         )
     given_width, given_height = of_key("w"), of_key("h")
-    scale = prepare.true_scale(
-        (given_width, given_height), (width, height), where=f"{path}: {where}"
-    )
+    if min(given_width, given_height) <= 0:
+        raise ValueError(f"{path}: 'w' and 'h' of {where} must be positive")
     fl_x = _focal(of_key, "x", given_width, where=f"{path}: {where}")
     fl_y = _focal(of_key, "y", given_height, where=f"{path}: {where}")
     if fl_x is None:
         raise ValueError(f"{path}: {where} has neither 'fl_x' nor 'camera_angle_x'")
     fl_y = fl_x if fl_y is None else fl_y
-    camtopix = np.array(
-        [
-            [fl_x, 0, of_key("cx", given_width / 2)],
-            [0, fl_y, of_key("cy", given_height / 2)],
-            [0, 0, 1],
-        ]
-    )
+    cx, cy = of_key("cx", given_width / 2), of_key("cy", given_height / 2)
+    if not (0 < cx < given_width and 0 < cy < given_height):
+        raise ValueError(
+            f"{path}: {where}: its principal point {cx:g}, {cy:g} lies outside of a "
+            f"photo of {given_width:g}x{given_height:g}: numbers of another size?"
+        )
+    camtopix = np.array([[fl_x, 0, cx], [0, fl_y, cy], [0, 0, 1]])
     coefficients = distortion.of_model(colmaps, {key: of_key(key, 0.0) for key in keys})
-    return scale @ camtopix, coefficients
+    return camtopix, coefficients
 
 
 def _focal(number, axis, size, *, where):
@@ -323,18 +351,24 @@ class Images:
         self.suffix = "" if self.times_smaller == 1 else f"_{number}"
         self.listed = functools.cache(self.names_in)
 
-    def inside(self, file_path):
-        """The place that a path means; ValueError where it lies outside."""
-        # By name, not resolved: a link inside the folder is the user's own decision.
-        place = os.path.normpath(os.path.join(self.folder, file_path))
-        if not place.startswith(self.folder.rstrip(os.sep) + os.sep):
-            named = faults.shown(file_path)
-            raise ValueError(f"{self.path}: {named} leads out of its folder")
-        return place
+    def find_all(self, names):
+        """{name: path of its image}: where it says, else by `photo_names.match`."""
+        found = {name: image for name in names if (image := self.find(name))}
+        if self.suffix or len(found) == len({*names}):
+            return found
+        folder, taken = Path(self.folder), {*found.values()}
+        others = photo_names.match(names, photo_names.listed(folder), self.path)
+        others = {name: folder / path for name, path in others.items()}
+        return {n: path for n, path in others.items() if path not in taken} | found
 
     def find(self, file_path):
-        """The image a frame names, or None; ValueError where it lies outside."""
-        folder, name = os.path.split(self.inside(file_path))
+        """The image at the place that a path says, or None; none outside."""
+        # By name, not resolved: a link inside the folder is the user's own decision.
+        plain = file_path.replace("\\", "/")
+        place = os.path.normpath(os.path.join(self.folder, plain))
+        if not place.startswith(self.folder.rstrip(os.sep) + os.sep):
+            return None
+        folder, name = os.path.split(place)
         if self.suffix and folder != self.folder:
             folder += self.suffix
         for suffix in SUFFIXES:

@@ -102,7 +102,7 @@ def test_wrong_poses_are_adjusted_and_written_in_every_format(
     # nerfstudio's file and COLMAP's model have one set of cameras.
     views, _ = transforms.read(out)
     own, points = colmap_models.read(out / "sparse" / "0")
-    in_model = np.stack([own[name][3] for name in views.names])
+    in_model = np.stack([own[f"{name}.png"][2] for name in views.names])
     np.testing.assert_allclose(in_model, views.camtoworlds, atol=1e-6)
     true = arrays["camtoworlds"]
     assert error_deg(views.camtoworlds, true) < 0.15 * error_deg(given, true)

@@ -153,7 +153,7 @@ def test_a_heic_photo_is_decoded_and_tells_its_size(tmp_path, pixels):
     exif = Image.Exif()
     exif.get_ifd(photos.EXIF)[photos.TAG.FocalLengthIn35mmFilm] = 26
     save(tmp_path / "a.heic", big, quality=95, exif=exif)
-    assert photos.find_images(tmp_path) == [tmp_path / "a.heic"]
+    assert photos.find_images(tmp_path) == {"a": tmp_path / "a.heic"}
     assert photos.head(tmp_path / "a.heic")[:2] == ((160, 96), 1)
     image, focal_px = photos.decode(tmp_path / "a.heic")
     assert image.shape == big.shape
@@ -235,7 +235,7 @@ def test_folders_and_dead_links_beside_photos_are_named(tmp_path, pixels, caplog
     (tmp_path / "100APPLE").mkdir()
     (tmp_path / "masks").mkdir()
     (tmp_path / "b.png").symlink_to(tmp_path / "nowhere")
-    assert photos.find_images(tmp_path) == [tmp_path / "a.png"]
+    assert photos.find_images(tmp_path) == {"a": tmp_path / "a.png"}
     assert "ignored 100APPLE, b.png: not images" in caplog.text
 
 
@@ -309,23 +309,3 @@ def test_what_can_be_read_of_exif_counts(tmp_path, pixels):
     save(tmp_path / "a.jpg", pixels, exif=exif)
     assert photos.head(tmp_path / "a.jpg").orientation == 6
     assert photos.decode(tmp_path / "a.jpg")[0].shape == (20, 12, 3)
-
-
-def test_a_photo_of_another_size_is_refused_by_its_head(tmp_path, pixels, monkeypatch):
-    """Before any is decoded: it may be of a gigabyte."""
-    paths = [tmp_path / f"{name}.png" for name in "abc"]
-    for path in paths[:2]:
-        save(path, pixels)
-    head = struct.pack(">IIBBBBB", 13_000, 13_000, 8, 2, 0, 0, 0)
-    parts = [(b"IHDR", head), (b"IDAT", b"")]
-    chunks = [
-        struct.pack(">I", len(data))
-        + kind
-        + data
-        + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in parts
-    ]
-    paths[2].write_bytes(photos.PNG + b"".join(chunks))
-    monkeypatch.setattr(photos, "decode", None)
-    with pytest.raises(ValueError, match=r"2 are 20x12, but not c \(13000x13000\)"):
-        photos.stored_size("abc", paths, "HERE")

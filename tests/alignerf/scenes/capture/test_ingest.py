@@ -194,9 +194,9 @@ def masked(tmp_path, pixels, masks):
 def test_masks_of_no_photo_and_photos_without_one_are_named(tmp_path, pixels, caplog):
     white = dict.fromkeys(("a.jpg.png", "a.png", "d.jpg.png", "B.png", ".x.png"), 255)
     taken = masked(tmp_path, pixels, white)()
-    assert [mask and mask.name for mask in taken.masks] == ["a.jpg.png", None, None]
-    assert "masks: no mask of b.jpg, c.jpg: all of it is learnt from" in caplog.text
-    assert "and left out: B.png, a.png, d.jpg.png\n" in caplog.text
+    assert [mask and mask.name for mask in taken.masks] == ["a.jpg.png", "B.png", None]
+    assert "masks: no mask of c.jpg: all of it is learnt from" in caplog.text
+    assert "and left out: a.png, d.jpg.png\n" in caplog.text
 
 
 def test_masks_that_fit_are_not_spoken_of(tmp_path, pixels, caplog):
