@@ -15,6 +15,11 @@ class Photos(base.Capture):
     def detect_late(self, folder):
         return inner_of(folder) is not None
 
+    def check(self, folder):
+        from alignerf.scenes.programs import reading
+
+        reading.tell_unread(folder)
+
     def scene(self, folder):
         inner = inner_of(folder)
         found = {"source": self.name, "path": str(inner)}

@@ -190,6 +190,13 @@ def _exif(opened):
     return found
 
 
+def has_place(path):
+    """Whether a photo's EXIF says where it was taken; not of a broken one."""
+    with contextlib.suppress(ValueError), images.opened(path, FORMATS) as opened:
+        return bool(opened.getexif().get_ifd(ExifTags.IFD.GPSInfo))
+    return False
+
+
 def may_be_transparent(path):
     """Whether an image has alpha, by its first bytes; ValueError as of `decode`."""
     with images.opened(path, FORMATS) as opened:

@@ -1,6 +1,7 @@
 """The cameras that lie in a folder as a program exported them, and their photos."""
 
 import logging
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,17 @@ log = logging.getLogger("alignerf")
 
 READERS = (metashape, openmvg, opensfm, bundler, gaussians)
 HEAD_BYTES = 2**16
+# Of other programs, by suffix or by what is in the name.
+OTHERS = re.compile(
+    r".*\.(nvm|p4[pd]|ps[xz]|rcproj|rsproj|rcinfo|sfm|abc|xml|kml|gpx|bag|out)"
+    r"|sfm_data.*\.bin|geo\.txt"
+    r"|.*(camera|pose|trajectory|extrinsic|intrinsic|calib|arcore|arkit|odometry|gps"
+    r"|gnss|imu|frames|reconstruction).*\.(csv|txt|json|log|npy|npz|ya?ml|tum)",
+    re.IGNORECASE,
+)
+# RealityCapture's own, of sidecars that others fill with colours.
+XMP, MAX_XMP_BYTES = b"xcr:", 2**24
+EXIF = {".jpg", ".jpeg", ".heic"}
 # Of the photos that a file names, so many must be there.
 LEAST_THERE = 2 / 3
 
@@ -32,17 +44,39 @@ def reader_of(path):
 
 def find(folder):
     """The path of the first file of cameras in a folder or one below; or None."""
-    folder = Path(folder)
-    if not folder.is_dir():
-        return None
-    inner = sorted(p for p in folder.iterdir() if p.is_dir() and p.name[0] != ".")
-    for place in (folder, *inner):
-        for module in READERS:
-            for pattern in module.PATTERNS:
-                for path in sorted(place.glob(pattern)):
-                    if reader_of(path) is module:
-                        return path
-    return None
+    return next((path for path in files_in(folder) if reader_of(path)), None)
+
+
+def files_in(folder):
+    """Paths of the files in a folder, and of those one below that are beside photos.
+
+    A folder with photos of its own, but `images`, is another scene.
+    """
+    inner, folder = [], Path(folder)
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+        if path.is_file():
+            yield path
+        elif path.is_dir() and path.name[0] != ".":
+            inner.append(path)
+    for place in inner:
+        if place.name == "images" or not photo_names.listed(place):
+            yield from (path for path in sorted(place.iterdir()) if path.is_file())
+
+
+def tell_unread(folder):
+    """Log what may tell cameras in a folder of photos and is not read."""
+    found = {path.name: path for path in files_in(folder)}
+    names = [name for name in found if OTHERS.fullmatch(name)]
+    sidecars = [name for name in found if name.lower().endswith(".xmp")]
+    if sidecars and XMP in faults.content(found[sidecars[0]], MAX_XMP_BYTES):
+        names += sidecars
+    if names:
+        verb = "is" if len(names) == 1 else "are"
+        told = faults.some_names(names)
+        log.warning("%s: %s %s not read: poses come from COLMAP", folder, told, verb)
+    taken = [path for path in found.values() if path.suffix.lower() in EXIF]
+    if any(map(photos.has_place, taken[:1])):
+        log.info("%s: places (GPS) are not read: poses come from COLMAP", folder)
 
 
 def read(path):

@@ -284,3 +284,50 @@ def test_a_folder_becomes_views(scene, caplog):
     (folder / "images" / NAMES[3]).unlink()
     with pytest.raises(ValueError, match=r"cameras.xml: 2 of 4 photos .*IMG 1.JPG"):
         record.read_given(record.scene(folder))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("cameras.csv", "name,x,y", True),
+        ("export/Poses.TXT", "1 2", True),
+        ("model.nvm", "NVM_V3", True),
+        ("blocks.xml", "<BlocksExchange/>", True),
+        ("cameras.json", "{}", True),
+        ("images/a.xmp", "<x xcr:Position='1'/>", True),
+        ("images/a.xmp", "<x crs:Exposure='1'/>", False),
+        ("notes.txt", "sunny", False),
+    ],
+)
+def test_what_is_not_read_is_told_once(scene, caplog, name, content, told):
+    from alignerf.captures import base
+
+    path = scene[0] / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(content)
+    with caplog.at_level("INFO"):
+        assert base.detected(scene[0]).name == "photos"
+    lines = [one.getMessage() for one in caplog.records]
+    line = f"{path.name} is not read: poses come from COLMAP"
+    assert [one.endswith(line) for one in lines] == [True] * told
+
+
+def test_places_in_photos_are_told(scene, caplog):
+    from PIL import Image
+
+    from alignerf.captures import base
+
+    exif = Image.Exif()
+    exif[34853] = {1: "N", 2: (47.0, 3.0, 2.0)}
+    Image.new("RGB", SIZE).save(scene[0] / "images" / NAMES[0], exif=exif)
+    with caplog.at_level("INFO"):
+        base.detected(scene[0])
+    assert "places (GPS) are not read" in caplog.text
+
+
+def test_a_folder_of_scenes_is_none_itself(tmp_path, scene):
+    folder = tmp_path / "all" / "one"
+    app_cases.write_photo(folder / "images" / "a.jpg", size=SIZE)
+    (folder / "cameras.xml").write_text(xml(scene[1], METASHAPE))
+    assert reading.find(folder) == folder / "cameras.xml"
+    assert reading.find(folder.parent) is None
