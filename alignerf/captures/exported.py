@@ -8,6 +8,8 @@ class Exported(posed.Posed):
     order = 8
     what = "cameras of Metashape, openMVG, OpenSfM, Bundler or 3D Gaussian splatting"
 
+    keys = ("masks",)
+
     def detect_late(self, folder):
         from alignerf.scenes import photo_names
         from alignerf.scenes.programs import reading
@@ -17,7 +19,7 @@ class Exported(posed.Posed):
     def read_given(self, scene):
         from alignerf.scenes.programs import reading
 
-        return reading.views_of(scene["path"])
+        return reading.views_of(scene["path"], scene["masks"])
 
 
 CAPTURE = Exported()

@@ -1,6 +1,4 @@
-"""What all formats are read into: a photo's name, its lens and its pose."""
-
-from typing import NamedTuple
+"""What all formats are read into: a `shots.Shot` without its photo as yet."""
 
 import numpy as np
 
@@ -8,37 +6,24 @@ from alignerf.scenes import cameras, colmap, prepare
 from alignerf.scenes.formats import shots
 
 
-class Given(NamedTuple):
-    """A photo's camera as a file gives it.
+def given(name, lens, size, pose) -> shots.Shot:
+    """The camera of a photo that a file calls by a name.
 
-    camtopix [3, 3] and distortion, as in `scenes.distortion`, are of `size`: (width,
-    height) in px. It is None where a file does not say: then they are in px of the
-    photo, and the principal point is counted from its middle. camtoworld [3, 4]: with
-    OpenGL axes.
+    lens: (camtopix, distortion), of (width, height) `size` in px. It is None where a
+    file does not say: then the lens is in px of the photo, and the principal point is
+    counted from its middle.
     """
+    camtopix, distortion = lens
+    return shots.Shot(name, None, camtopix, size, pose, distortion)
 
-    name: str
-    camtopix: np.ndarray
-    distortion: np.ndarray
-    size: tuple | None
-    camtoworld: np.ndarray
 
-    def sized(self, size):
-        """The same with a size; it is the photo's, where the file does not say."""
-        if self.size is not None:
-            return self
-        middle = np.zeros((3, 3))
-        middle[:2, 2] = np.array(size) / 2
-        return self._replace(camtopix=self.camtopix + middle, size=tuple(size))
-
-    def at(self, size, where):
-        """(camtopix, distortion) at the photo's (width, height).
-
-        Raises ValueError as of `prepare.true_scale`.
-        """
-        own = self.sized(size)
-        scale = prepare.true_scale(own.size, size, where=where)
-        return scale @ own.camtopix, own.distortion
+def sized(shot: shots.Shot, size) -> shots.Shot:
+    """The same with a size: the photo's (width, height), where the file has none."""
+    if shot.size is not None:
+        return shot
+    middle = np.zeros((3, 3))
+    middle[:2, 2] = np.array(size) / 2
+    return shot._replace(camtopix=shot.camtopix + middle, size=tuple(size))
 
 
 def lens(where, model, params):

@@ -36,5 +36,5 @@ def read(path):
         params = [entry["fx"], entry["fy"], width / 2, height / 2]
         lens = base.lens(where, "PINHOLE", params)
         pose = base.pose(where, turn, place)
-        found.append(base.Given(entry["img_name"], *lens, size, pose))
+        found.append(base.given(entry["img_name"], lens, size, pose))
     return found

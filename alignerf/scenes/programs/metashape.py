@@ -58,7 +58,7 @@ def read(path):
         values = base.numbers(where, camera.findtext("transform").split(), 16)
         matrix = values.reshape(4, 4)
         pose = base.pose(where, matrix[:3, :3], matrix[:3, 3])
-        found.append(base.Given(name, *lenses[number], pose))
+        found.append(base.given(name, *lenses[number], pose))
     return found
 
 
@@ -89,7 +89,7 @@ def posed(chunk):
 
 
 def lens_of(where, sensor):
-    """(camtopix, distortion, (width, height)) of a sensor."""
+    """((camtopix, distortion), (width, height)) of a sensor."""
     found = sensor.findall("calibration")
     adjusted = [one for one in found if one.get("class") == "adjusted"]
     if not found:
@@ -101,7 +101,7 @@ def lens_of(where, sensor):
     if resolution is None:
         raise ValueError(f"{where}: no resolution")
     sides = [resolution.get(side, "") for side in ("width", "height")]
-    size = width, height = base.numbers(f"{where}: resolution", sides, 2).tolist()
+    size = width, height = (*base.numbers(f"{where}: resolution", sides, 2).tolist(),)
 
     def value(name, default=0.0):
         text = calibration.findtext(name)
@@ -132,7 +132,7 @@ def lens_of(where, sensor):
         most = math.hypot(width, height) / 2 / min(fx, fy)
         k1, k2, *rest = of_fourth(where, ks, most, fx) if ks[3] else (*ks[:3], 0, 0, 0)
         model, params = "FULL_OPENCV", [*params, k1, k2, p1, p2, *rest]
-    return *base.lens(where, model, list(map(float, params))), size
+    return base.lens(where, model, list(map(float, params))), size
 
 
 def of_fourth(where, ks, most, focal_px):

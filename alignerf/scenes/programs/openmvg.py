@@ -73,9 +73,9 @@ def given(path, view, lens, pose):
     place = shots.numbers(where, pose["center"], "center", 3)
     size = shots.numbers(where, [lens["width"], lens["height"]], "size", 2)
     name = "/".join(str(view.get(k, "")) for k in ("local_path", "filename"))
-    return base.Given(
+    return base.given(
         name,
-        *base.lens(where, model, params),
+        base.lens(where, model, params),
         tuple(np.array(size).tolist()),
         base.pose(where, turn.T, place),
     )

@@ -67,9 +67,9 @@ def given(where, name, camera, shot):
     lens += [camera.get(key, 0.0) for key in keys]
     turn = cv2.Rodrigues(shots.numbers(where, shot["rotation"], "rotation", 3))[0]
     shift = shots.numbers(where, shot["translation"], "translation", 3)
-    return base.Given(
+    return base.given(
         name,
-        *base.lens(where, model, lens),
+        base.lens(where, model, lens),
         tuple(size.tolist()),
         base.pose(where, turn.T, -turn.T @ shift),
     )

@@ -4,13 +4,17 @@ import logging
 import re
 from pathlib import Path
 
-import numpy as np
-
 from alignerf.io import faults
-from alignerf.scenes import photo_names, photos, prepare
-from alignerf.scenes.capture import canvas
+from alignerf.scenes import photo_names, photos
 from alignerf.scenes.formats import shots
-from alignerf.scenes.programs import bundler, gaussians, metashape, openmvg, opensfm
+from alignerf.scenes.programs import (
+    base,
+    bundler,
+    gaussians,
+    metashape,
+    openmvg,
+    opensfm,
+)
 
 log = logging.getLogger("alignerf")
 
@@ -80,7 +84,7 @@ def tell_unread(folder):
 
 
 def read(path):
-    """The cameras in a file [base.Given]; ValueError naming it where there are none."""
+    """The cameras in a file [base.given]; ValueError naming it where there are none."""
     module = reader_of(path)
     if module is None:
         raise ValueError(f"{path}: cameras of no program that is known")
@@ -94,19 +98,18 @@ def read(path):
     return found
 
 
-def views_of(folder):
-    """(prepare.PosedViews, names of those left out) of the cameras in a folder.
+def views_of(folder, masks=None):
+    """(prepare.PosedViews, names of photos without a pose) of the cameras in a folder.
 
-    Photos of several sizes and lenses are laid on one canvas. They are taken as stored,
-    as the programs take them. Raises ValueError naming the file or photo.
+    masks: as of `shots.views_of`. Raises ValueError naming the file or photo.
     """
     folder, path = Path(folder), find(folder)
     if path is None:
         raise ValueError(f"{folder}: no cameras of a program that is known")
-    given = read(path)
+    given = {one.name: one for one in read(path)}
     listed = photo_names.listed(folder)
-    found = photo_names.match([one.name for one in given], listed, where=path)
-    missing = [one.name for one in given if one.name not in found]
+    found = photo_names.match(given, listed, where=path)
+    missing = [name for name in given if name not in found]
     if len(found) < LEAST_THERE * len(given):
         raise ValueError(
             f"{path}: {len(missing)} of {len(given)} photos that it names are not in "
@@ -119,30 +122,10 @@ def views_of(folder):
     left_out = sorted(names[one] for one in {*listed} - {*found.values()})
     if left_out:
         log.warning("%s: no pose of %s", path, faults.some_names(left_out))
-    given = sorted(
-        (one for one in given if one.name in found), key=lambda one: found[one.name]
-    )
-    shots.check_apart(given, path)
-    places = [folder / found[one.name] for one in given]
-    # Each is decoded whole to be sure.
-    sizes = [photos.as_stored(place).shape[1::-1] for place in places]
-    lenses = [
-        one.at(size, place)
-        for one, size, place in zip(given, sizes, places, strict=True)
-    ]
-    numbers = {}
-    camera_of = [
-        numbers.setdefault((k.tobytes(), bent.tobytes()), len(numbers))
-        for k, bent in lenses
-    ]
-    views = canvas.views_of(
-        [names[found[one.name]] for one in given],
-        lenses,
-        sizes,
-        np.stack([one.camtoworld for one in given]),
-        camera_of=camera_of,
-        photos=[prepare.Photo(place, (photos.as_stored,)) for place in places],
-        where=path,
-    )
+    own = []
+    for name, place in sorted(found.items(), key=lambda pair: pair[1]):
+        photo = folder / place
+        shot = given[name]._replace(name=names[place], photo=photo)
+        own.append(base.sized(shot, photos.head(photo).size))
     log.info("%s: cameras of %s", path, reader_of(path).NAME)
-    return views, left_out + missing
+    return shots.views_of(own, path, masks=masks, root=folder), left_out
