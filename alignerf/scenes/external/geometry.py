@@ -4,8 +4,8 @@ Programs undo a lens in different ways, or not at all. A photo in another geomet
 its render looks misaligned, most at its corners. So all known ways are tried on some
 pairs, and the way is taken that leaves least flow.
 
-Notation: a lens is camtopix [3, 3], pixel centres at +0.5, and distortion [5], of a
-fisheye [4], as of `scenes.distortion`; sizes are (width, height); images [h, w, 3]
+Notation: a lens is camtopix [3, 3], pixel centres at +0.5, and distortion, as of
+`scenes.distortion`; sizes are (width, height); images [h, w, 3]
 uint8 RGB.
 """
 
@@ -85,7 +85,7 @@ def ways(lens, photo_size, render_size, where) -> list[Shown]:
     """
     camtopix, coefficients = lens
     frames = [("taken", camtopix, photo_size)]
-    if np.any(coefficients):
+    if not distortion.is_pinhole(coefficients):
         frames.append(("kept", camtopix, photo_size))
         frames += undone(camtopix, coefficients, photo_size)
     found = []
@@ -94,7 +94,7 @@ def ways(lens, photo_size, render_size, where) -> list[Shown]:
         if not prepare.has_shape(render_size, size):
             continue
         scaled, render_lens = np.diag([*across, 1.0]) @ own, None
-        if way == "taken" and np.any(coefficients):
+        if way == "taken" and not distortion.is_pinhole(coefficients):
             render_lens = (scaled, coefficients)
             scaled = distortion.pinhole_camera(scaled, coefficients, *render_size)
         found.append(
@@ -199,7 +199,7 @@ def smaller(photo, lens, camtopix, size):
     height, width = photo.shape[:2]
     # A photo that only was resized has the render's own size, rounded as it may be.
     near = abs(scale * width / size[0] - 1) < prepare.SAME_SHAPE - 1
-    wanted = size if near and not np.any(lens[1]) else None
+    wanted = size if near and distortion.is_pinhole(lens[1]) else None
     wanted = wanted or tuple(max(round(scale * side), 1) for side in (width, height))
     if scale >= 1 or wanted == (width, height):
         return photo, lens
@@ -211,7 +211,7 @@ def smaller(photo, lens, camtopix, size):
 def is_same(lens, camtopix, image, size):
     """Whether an image of a lens is the picture already."""
     return (
-        not np.any(lens[1])
+        distortion.is_pinhole(lens[1])
         and image.shape[1::-1] == tuple(size)
         and np.allclose(lens[0], camtopix, rtol=1e-9, atol=1e-6)
     )

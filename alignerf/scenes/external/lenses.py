@@ -1,8 +1,9 @@
 """The cameras that another program's renders were seen by.
 
 Read are: a transforms.json (instant-ngp, nerfstudio), a COLMAP model (sparse/0, binary
-or text), the cameras.json of 3D Gaussian splatting, and nothing at all: then a field of
-view is assumed, and only turns and zooms can be told.
+or text), what `scenes.programs` reads, such as the cameras.json of 3D Gaussian
+splatting, and nothing at all: then a field of view is assumed, and only turns and zooms
+can be told.
 """
 
 import logging
@@ -18,6 +19,8 @@ import pycolmap
 from alignerf.io import faults, json_files
 from alignerf.scenes import prepare
 from alignerf.scenes.formats import colmap_models, transforms
+from alignerf.scenes.programs import base as programs
+from alignerf.scenes.programs import reading
 
 log = logging.getLogger("alignerf")
 
@@ -31,17 +34,12 @@ OF_MODEL = ("cameras.bin", "cameras.txt")
 MODELS = (".", "sparse/0", "sparse", "colmap/sparse/0", "0")
 # Written by 3D Gaussian splatting beside its model.
 GAUSSIANS = "cameras.json"
-OF_GAUSSIANS = {
-    "img_name": str,
-    **dict.fromkeys(("width", "height", "fx", "fy"), json_files.NUMBER),
-    **dict.fromkeys(("position", "rotation"), list),
-}
 
 
 class Lens(NamedTuple):
     """A view's camera.
 
-    camtopix [3, 3] and distortion [5], of a fisheye [4], are of `size`: (width, height)
+    camtopix [3, 3] and distortion, as of `distortion`, are of `size`: (width, height)
     in px; None means the photo's. camtopix is None where nothing is known of it, and
     the photo's size tells a guess. pose: camera-to-world [3, 4], OpenGL axes.
     """
@@ -85,21 +83,21 @@ def read(path, photo_size) -> Cameras:
     if not path.exists():
         raise ValueError(f"{path}: no such file or folder of cameras")
     if path.is_file():
+        if reading.reader_of(path):
+            return of_program(path, photo_size)
         if path.suffix != ".json":
             return of_model(path.parent)
-        if path.name == GAUSSIANS:
-            return of_gaussians(path)
         return of_json(path, photo_size)
     if (path / "transforms.json").is_file():
         return of_json(path / "transforms.json", photo_size)
     for inner in MODELS:
         if any((path / inner / name).is_file() for name in OF_MODEL):
             return of_model(path / inner)
-    if (path / GAUSSIANS).is_file():
-        return of_gaussians(path / GAUSSIANS)
+    if found := reading.find(path):
+        return of_program(found, photo_size)
+    known = ", ".join(module.NAME for module in reading.READERS)
     raise ValueError(
-        f"{path}: neither transforms.json, nor sparse/0, nor cameras.json of Gaussian "
-        "splatting"
+        f"{path}: neither transforms.json, nor sparse/0, nor cameras of {known}"
     )
 
 
@@ -108,10 +106,10 @@ def files_of(path):
     if path is None:
         return []
     path = Path(path)
-    if path.is_file() and path.suffix == ".json":
+    if path.is_file() and (path.suffix == ".json" or reading.reader_of(path)):
         return [path, *path.parent.glob("*.ply")]
     folder = path.parent if path.is_file() else path
-    found = [folder / name for name in ("transforms.json", GAUSSIANS)]
+    found = [folder / "transforms.json", *filter(None, [reading.find(folder)])]
     for inner in MODELS:
         for suffix in ("bin", "txt", "ply"):
             found += sorted((folder / inner).glob(f"*.{suffix}"))
@@ -222,39 +220,16 @@ def of_model(path) -> Cameras:
     return Cameras(lenses, "COLMAP's model", points)
 
 
-def of_gaussians(path) -> Cameras:
-    """Those of a cameras.json: pinholes, whose principal point is the middle."""
+def of_program(path, photo_size) -> Cameras:
+    """Those of a file that another program has exported; photo_size: as of `read`."""
     lenses = {}
-    for i, entry in enumerate(json_files.read_list(path)):
-        if not isinstance(entry, dict):
-            raise ValueError(f"{path}: entry {i} is no camera")
-        for key, kind in OF_GAUSSIANS.items():
-            if not isinstance(entry.get(key), kind) or isinstance(entry[key], bool):
-                raise ValueError(f"{path}: {key!r} of camera {i} is missing or wrong")
-        name = stem_of(entry["img_name"])
+    for shot in reading.read(path):
+        name, own = stem_of(shot.name), programs.sized(shot, photo_size)
         if name in lenses:
             told = faults.shown(name)
             raise ValueError(f"{path}: two cameras have the view name {told}")
-        lenses[name] = of_gaussian(path, i, entry)
-    if not lenses:
-        raise ValueError(f"{path}: no camera")
-    return Cameras(lenses, "cameras.json of Gaussian splatting", None)
-
-
-def of_gaussian(path, i, entry) -> Lens:
-    """One camera of it; its rotation is camera-to-world with OpenCV's axes."""
-    width, height, fx, fy = (float(entry[k]) for k in ("width", "height", "fx", "fy"))
-    if not (1 <= width <= 1e6 and 1 <= height <= 1e6 and 0 < fx < 1e9 and 0 < fy < 1e9):
-        raise ValueError(f"{path}: size or focal length of camera {i} is none")
-    turn = prepare.matrix_of(entry["rotation"], (3, 3))
-    place = prepare.matrix_of([entry["position"]], (1, 3))
-    if turn is None or place is None:
-        raise ValueError(f"{path}: rotation or position of camera {i} is none")
-    where = f"{path}: rotation of camera {i}"
-    turn = prepare.nearest_rotation(turn, where=where) @ np.diag([1.0, -1.0, -1.0])
-    camtopix = np.array([[fx, 0, width / 2], [0, fy, height / 2], [0, 0, 1]])
-    pose = np.concatenate([turn, place.T], axis=1)
-    return Lens(camtopix, np.zeros(5), (width, height), pose)
+        lenses[name] = Lens(own.camtopix, own.distortion, own.size, own.camtoworld)
+    return Cameras(lenses, f"{path.name} of {reading.reader_of(path).NAME}", None)
 
 
 def guessed(size):

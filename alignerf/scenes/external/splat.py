@@ -152,7 +152,7 @@ class View:
         image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         across = np.diag([*np.array(size) / self.photo_size, 1.0])
         camtopix = across @ self.camtopix
-        if not np.any(self.distortion):
+        if distortion.is_pinhole(self.distortion):
             return image
         return distortion.undistort(image, camtopix, self.distortion, camtopix)
 
@@ -209,7 +209,7 @@ def known_worlds(path, cameras):
     for beside in filter(Path.is_file, (one / lenses.GAUSSIANS for one in folders)):
         # Cameras of another scene are no reason to stop: these are not asked for.
         with contextlib.suppress(ValueError):
-            world = similarity(cameras, lenses.of_gaussians(beside))
+            world = similarity(cameras, lenses.of_program(beside, None))
             if world is not None:
                 yield f"by the {beside.name} of its training", world
         break

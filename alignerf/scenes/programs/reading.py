@@ -94,7 +94,7 @@ def read(path):
     names = [one.name for one in found]
     if len({*names}) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"{path}: two cameras are of {faults.shown(twice)}")
+        raise ValueError(f"{path}: two cameras have the name {faults.shown(twice)}")
     return found
 
 

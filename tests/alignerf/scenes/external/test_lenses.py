@@ -54,13 +54,17 @@ def test_gaussian_splatting(tmp_path):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        ([entry("v00"), entry("v00")], "two cameras have the view name 'v00'"),
-        ([entry("v00", fx=-1)], "camera 0 is none"),
-        ([entry("v00", rotation=[[1, 0], [0, 1]])], "of camera 0 is none"),
+        ([entry("v00"), entry("v00")], "two cameras have the name 'v00'"),
+        ([entry("v00", fx=-1)], "camera 0: a PINHOLE camera of"),
+        ([entry("a/v00"), entry("b/v00")], "two cameras have the view name 'v00'"),
+        (
+            [entry("v00", rotation=[[1, 0], [0, 1]])],
+            "camera 0: its rotation or position is none",
+        ),
         ([entry("v00", rotation=np.ones((3, 3)).tolist())], "is not a rotation"),
-        ([entry(3)], "'img_name' of camera 0"),
-        ([7], "entry 0 is no camera"),
-        ([], "no camera"),
+        ([entry(3)], "camera 0: img_name is 3"),
+        ([entry("v00"), 7], "camera 1: not an object"),
+        ([], "not an object"),
     ],
 )
 def test_gaussian_cameras_that_are_none(tmp_path, content, says):
@@ -145,3 +149,23 @@ def test_colours_and_what_is_not_finite(tmp_path):
     positions, colours = lenses.read_points(tmp_path / "p.ply")
     assert positions.tolist() == [[1, 2, 3]]
     assert colours.tolist() == [[9, 8, 7]]
+
+
+def test_what_other_programs_write(tmp_path):
+    """Bundler does not say the photos' size: it is that of the first."""
+    path = tmp_path / "bundle.out"
+    rows = "150 .1 0\n1 0 0\n0 1 0\n0 0 1\n-1 -2 -3\n"
+    path.write_text(f"# Bundle file v0.3\n2 0\n{rows * 2}")
+    (tmp_path / "list.txt").write_text("a/v00.jpg 0 150\nv01.jpg\n")
+    for place in (path, tmp_path):
+        assert path in lenses.files_of(place)
+        found = lenses.read(place, (160, 120))
+        assert (found.kind, sorted(found.lenses)) == (
+            "bundle.out of Bundler",
+            ["v00", "v01"],
+        )
+        own = found.lenses["v00"]
+        np.testing.assert_allclose(own.pose, np.c_[np.eye(3), [1, 2, 3]])
+        camtopix, bent = own.at((80, 60), "v00")
+        np.testing.assert_allclose(camtopix, [[75, 0, 40], [0, 75, 30], [0, 0, 1]])
+        np.testing.assert_allclose(bent, [0.1, 0, 0, 0, 0])
