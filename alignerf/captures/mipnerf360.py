@@ -1,6 +1,7 @@
 """A scene of mip-NeRF 360 (360_v2), or another project with a model of COLMAP."""
 
-from alignerf.captures import photos, posed
+from alignerf.captures import posed
+from alignerf.scenes import photo_names
 
 
 class MipNerf360(posed.Posed):
@@ -17,9 +18,7 @@ class MipNerf360(posed.Posed):
         """A model lies elsewhere; ValueError where a part of it is missing."""
         from alignerf.scenes.formats import colmap_models
 
-        named = (path for path in folder.glob("images*") if path.is_dir())
-        places = (folder, *named) if folder.is_dir() else ()
-        if not any(photos.is_taken(p) for inner in places for p in inner.iterdir()):
+        if not (photo_names.listed(folder) or any(folder.glob("images_*/*"))):
             return False
         if colmap_models.find(folder):
             return True
