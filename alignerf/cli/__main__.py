@@ -9,6 +9,7 @@ beside the results; it is yours to edit, and is kept the next time.
 import sys
 from pathlib import Path
 
+from alignerf.captures import typed
 from alignerf.cli import configs, folders, workflow
 from alignerf.experiment import targets
 from alignerf.io import faults
@@ -19,7 +20,7 @@ def main(argv=None):
     args = parse(argv)
     example = (command.format("my_photos") for command in configs.PHOTOS)
     configs.needed(args.folder, "FOLDER", *example)
-    folder = folders.at_home(args.folder)
+    folder = typed.meant(args.folder, "photos")
     scenes = folders.scenes_of(folder)
     name = args.name or folders.name_of(folder)
     if args.name and len(scenes) == 1:

@@ -5,10 +5,11 @@ scene; the folder of the photos will do too (`FOLDER=my_photos`). What the expor
 and is not there yet is made. WIDTH makes photos smaller.
 """
 
+import contextlib
 import sys
 from pathlib import Path
 
-from alignerf.captures import base
+from alignerf.captures import base, typed
 from alignerf.cli import configs, folders, workflow
 from alignerf.experiment import targets
 from alignerf.io import faults, machine, provenance
@@ -35,7 +36,9 @@ def main(argv=None):
 
 def config_of(name):
     """The config of a name, or of a folder's. ValueError where there is none."""
-    place = folders.at_home(name)
+    place = typed.at_home(name)
+    with contextlib.suppress(ValueError):
+        place = typed.meant(place)
     names = [place.name, folders.name_of(place)]
     for one in names:
         path = Path("results") / f"{one}.yaml"

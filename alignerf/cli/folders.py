@@ -6,13 +6,12 @@ several scenes.
 
 import logging
 import math
-import os
 import re
 from pathlib import Path
 
 import numpy as np
 
-from alignerf.captures import base
+from alignerf.captures import base, typed
 from alignerf.captures import photos as of_photos
 from alignerf.experiment import sources, targets
 from alignerf.experiment.checks import names
@@ -45,7 +44,8 @@ def scenes_of(folder):
         return {name_of(folder): own}
     scenes = {}
     for inner in sorted(folder.iterdir()) if folder.is_dir() else ():
-        if not inner.name.startswith(".") and (own := scene_of(inner)) is not None:
+        hidden = inner.name.startswith(".") or typed.is_trained(inner)
+        if not hidden and (own := scene_of(inner)) is not None:
             name = name_of(inner)
             if name in scenes:
                 raise ValueError(f"{inner}: another scene is called {name} too")
@@ -116,11 +116,6 @@ def with_colmap(scenes):
                 raise ValueError(f"{scene['path']}: another scene is called {again}")
             found[again] = scene | {"poses": BY_COLMAP}
     return found
-
-
-def at_home(path):
-    """A path with `~` written out; as it is, where nobody has such a home."""
-    return Path(os.path.expanduser(path))
 
 
 def name_of(path):

@@ -16,7 +16,7 @@ import re
 import sys
 from pathlib import Path
 
-from alignerf.captures import base
+from alignerf.captures import base, typed
 from alignerf.cli import configs, folders, light, workflow
 from alignerf.experiment import targets
 from alignerf.experiment.checks import results
@@ -58,6 +58,9 @@ def main(argv=None):
             f"why-blurry judge --photos photos --{what} {EXAMPLE[what]} "
             "--cameras sparse/0",
         )
+    for key in ("photos", "renders", "splat", "cameras"):
+        if path := getattr(args, key):
+            setattr(args, key, str(typed.judged(key.upper(), path)))
     name = args.name or new_name(args)
     if args.before is None:
         args.before = last_of(args.photos, name)
@@ -121,7 +124,7 @@ def render_splat(name, path, args):
 
     Nothing is done where these are there. All that can be refused is, before.
     """
-    place, own, files = SPLATS / name, folders.at_home(args.splat), splat_files(args)
+    place, own, files = SPLATS / name, typed.at_home(args.splat), splat_files(args)
     args.renders, args.depth = str(place / "rgb"), str(place / "depth")
     args.depth_kind, args.depth_scale = "depth", 1.0
     written = [Path("results", "logs"), Path("results", name), place]
@@ -137,9 +140,9 @@ def render_splat(name, path, args):
             f"results/{name}: of another splat, or of one that has changed since: give "
             "another name (--name), or none"
         )
-    found = views.photos_of(folders.at_home(args.photos))
+    found = views.photos_of(typed.at_home(args.photos))
     size = photos.head(next(iter(found.values()))).size
-    cameras = lenses.read(folders.at_home(args.cameras), size)
+    cameras = lenses.read(typed.at_home(args.cameras), size)
     if not found.keys() & cameras.lenses.keys():
         of = faults.some_names(sorted(cameras.lenses))
         raise ValueError(f"{args.cameras}: its cameras ({of}) are of other photos")
@@ -157,11 +160,11 @@ def render_splat(name, path, args):
 
 def splat_files(args):
     """All files that renders of a splat are made from."""
-    own = folders.at_home(args.splat)
+    own = typed.at_home(args.splat)
     if own.is_dir():
         raise ValueError(f"{own}: a folder: SPLAT is the .ply itself")
-    found = views.photos_of(folders.at_home(args.photos)).values()
-    return [own, *lenses.files_of(folders.at_home(args.cameras)), *found]
+    found = views.photos_of(typed.at_home(args.photos)).values()
+    return [own, *lenses.files_of(typed.at_home(args.cameras)), *found]
 
 
 def new_name(args):
@@ -191,7 +194,7 @@ def is_free(name):
 
 def telling(path):
     """The innermost name of a path that not every program gives; '' without any."""
-    path = faults.resolved(folders.at_home(path))
+    path = faults.resolved(typed.at_home(path))
     inner = path.with_suffix("") if path.suffix.lower() == ".ply" else path
     names = (part for part in reversed(inner.parts[1:]) if not USUAL.fullmatch(part))
     return next(names, "")
@@ -218,7 +221,7 @@ def is_same(name, args):
 
 
 def real(path):
-    return os.path.realpath(folders.at_home(path))
+    return os.path.realpath(typed.at_home(path))
 
 
 def last_of(photo_folder, name):
@@ -251,13 +254,13 @@ def last_of(photo_folder, name):
 def scene_of(args):
     """The scene's keys; splits are those that there may be."""
     paths = {key: getattr(args, key) for key in ("renders", "cameras", "depth")}
-    judged = {key: str(folders.at_home(path)) for key, path in paths.items() if path}
+    judged = {key: str(typed.at_home(path)) for key, path in paths.items() if path}
     if args.before:
         judged["before"] = str(Path("results", args.before, "verdict.json"))
     for key in ("depth_kind", "depth_scale"):
         if (value := getattr(args, key)) is not None:
             judged[key] = value
-    scene = {"source": "external_renders", "path": str(folders.at_home(args.photos))}
+    scene = {"source": "external_renders", "path": str(typed.at_home(args.photos))}
     if args.held_out:
         scene["test_every"] = args.held_out
     return scene | configs.of_photos(args) | {"external_renders": judged}

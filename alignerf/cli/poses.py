@@ -11,12 +11,12 @@ import json
 import logging
 from pathlib import Path
 
-from alignerf.captures import base
+from alignerf.captures import base, typed
 from alignerf.cli import configs, folders
 from alignerf.experiment.checks import results as of_results
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.exports import formats, photos, points
-from alignerf.io import atomic, faults, owned, provenance
+from alignerf.io import atomic, faults, owned
 from alignerf.scenes import prepare, prepared
 from alignerf.sfm import calibration, capture, mistakes
 
@@ -29,7 +29,7 @@ def main(argv=None):
     args = parse(argv)
     example = ("make poses FOLDER=my_scan", "why-blurry poses scan")
     configs.needed(args.folder, "FOLDER", *example)
-    folder = folders.at_home(args.folder)
+    folder = typed.meant(args.folder, "poses")
     scenes = folders.scenes_of(folder)
     if args.name and len(scenes) > 1:
         raise ValueError(f"--name {args.name}: {folder} has {len(scenes)} scenes")
@@ -49,7 +49,7 @@ def main(argv=None):
 def config_of(scene, args, folder):
     """A scene's keys, complete; ValueError where no cameras came with it."""
     if "adjusted" not in base.of(scene).poses:
-        command = provenance.typed(*configs.PHOTOS).format(folder)
+        command = typed.as_command("photos", {"FOLDER": folder})
         raise ValueError(
             f"{scene['path']}: no cameras came with these photos, so there are none to "
             f"check: `{command}` finds them by COLMAP"
