@@ -19,9 +19,6 @@ log = logging.getLogger(__name__)
 LARGEST = 1e12
 # How far a quaternion may be from length 1.
 LENGTH_ERROR = 1e-2
-# A lens stands out whose focal length is so many times the others' or less than that
-# share, and that at most so many views have.
-ODD_FOCAL, FEW = 1.5, 2
 # Numbers may be of photos so many times as large, whose middle lies as near to the
 # principal point, as a share.
 TIMES, NEAR_MIDDLE = (2, 4, 8), 0.15
@@ -60,7 +57,9 @@ def views_of(
     sizes = [photos.head(shot.photo).size for shot in shots]
     usual = usual_size(sizes)
     shots = [s if s.size else s._replace(size=own_size(s, usual)) for s in shots]
-    warn_of_odd(shots, sizes, where)
+    across = [shot.size[0] / size[0] for shot, size in zip(shots, sizes, strict=True)]
+    if (times := float(np.median(across))) >= TIMES[0]:
+        log.info("%s: cameras of photos %.3g times as large", where, times)
     upright = [is_turned(shot, size) for shot, size in zip(shots, sizes, strict=True)]
     if any(upright):
         few = faults.some_names(
@@ -156,37 +155,6 @@ def own_size(shot, size):
     """The (width, height) that a shot's intrinsics are of, by that of most photos."""
     times = times_of(shot.camtopix[:2, 2], size)
     return times * size[0], times * size[1]
-
-
-def warn_of_odd(shots, sizes, where):
-    """Warn of other sizes, of lenses that stand out, of views whose poses are one.
-
-    A tracker that is lost writes one pose again and again; a lens that is estimated
-    from one photo may be far off.
-    """
-    if min(min(shot.size) for shot in shots) <= 0:
-        return
-    across = [shot.size[0] / size[0] for shot, size in zip(shots, sizes, strict=True)]
-    if (times := float(np.median(across))) >= TIMES[0]:
-        log.info("%s: cameras of photos %.3g times as large", where, times)
-    keys = [shot.camtoworld.tobytes() for shot in shots]
-    times = Counter(keys)
-    if same := [s.name for s, key in zip(shots, keys, strict=True) if times[key] > 1]:
-        few = faults.some_names(same)
-        log.warning(
-            "%s: %d views share a pose: %s: was tracking lost?", where, len(same), few
-        )
-    focals = np.array([shot.camtopix[0, 0] / shot.size[0] for shot in shots])
-    lenses = Counter(focals.tolist())
-    usual = np.median(focals)
-    odd = [
-        f"{shot.name} ({focal / usual:.2g} times)"
-        for shot, focal in zip(shots, focals, strict=True)
-        if not usual / ODD_FOCAL < focal < usual * ODD_FOCAL and lenses[focal] <= FEW
-    ]
-    if odd and len(odd) < len(shots) / 3:
-        few = faults.some_names(odd)
-        log.warning("%s: focal lengths unlike the others': %s", where, few)
 
 
 def photos_in(folder, pattern="*"):

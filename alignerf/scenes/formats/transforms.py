@@ -271,11 +271,6 @@ def lens(path, values, *, where):
         raise ValueError(f"{path}: {where} has neither 'fl_x' nor 'camera_angle_x'")
     fl_y = fl_x if fl_y is None else fl_y
     cx, cy = of_key("cx", given_width / 2), of_key("cy", given_height / 2)
-    if not (0 < cx < given_width and 0 < cy < given_height):
-        raise ValueError(
-            f"{path}: {where}: its principal point {cx:g}, {cy:g} lies outside of a "
-            f"photo of {given_width:g}x{given_height:g}: numbers of another size?"
-        )
     camtopix = np.array([[fl_x, 0, cx], [0, fl_y, cy], [0, 0, 1]])
     coefficients = distortion.of_model(colmaps, {key: of_key(key, 0.0) for key in keys})
     return camtopix, coefficients

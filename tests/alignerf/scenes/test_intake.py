@@ -310,13 +310,6 @@ def test_numbers_of_larger_photos_are_told(tmp_path, times, said, caplog):
     assert f"cameras of photos {times} times as large" in caplog.text
 
 
-def test_numbers_whose_middle_lies_outside_of_the_photo_are_refused(tmp_path):
-    write_photos(tmp_path / "images")
-    write_transforms(tmp_path, lens={"fl_x": 210.0, "cx": 93.0, "cy": 57.0})
-    with pytest.raises(ValueError, match="principal point 93, 57 lies outside"):
-        read(tmp_path)
-
-
 def test_cameras_of_photos_turned_upright_are_taken_where_exif_says_so(
     tmp_path, caplog
 ):
@@ -389,15 +382,3 @@ def test_a_mask_of_another_shape_is_named(tmp_path):
     views = read(tmp_path)[1]
     with pytest.raises(ValueError, match=r"0\.jpg\.png is 60x60, its photo 60x40"):
         views.masks[0].read()
-
-
-def test_lost_tracking_and_a_lens_that_stands_out_are_named(tmp_path, caplog):
-    write_photos(tmp_path / "images")
-    content = write_transforms(tmp_path)
-    for i in (2, 3):
-        content["frames"][i]["transform_matrix"] = np.eye(4).tolist()
-    content["frames"][5]["fl_x"] = 3 * LENS["fl_x"]
-    rewrite(tmp_path, content)
-    read(tmp_path)
-    assert "2 views share a pose: 2, 3: was tracking lost?" in caplog.text
-    assert "focal lengths unlike the others': 5 (3 times)" in caplog.text
