@@ -42,6 +42,11 @@ def run(name, scenes, folder, args):
         place = faults.one_line(content["path"])
         print(f"{scene}: {content['source']} in {place}{by}")
     say_how_long(scenes)
+    if args.budget_min is not None:
+        print(
+            f"{args.budget_min:g} min are of each training. Renders, flow, scores, "
+            "crops and figures come on top: what all takes is said before the first one"
+        )
     say_twice(path, scenes)
     pages = list(map(targets.page_of, scenes))
     print(f"page, in the end: {', '.join(pages)}", flush=True)
@@ -109,7 +114,9 @@ def parse(argv=None):
     parser = configs.parser("photos", __doc__, *shared)
     parser.add_argument("folder", help="photos or films, or folders of such")
     parser.add_argument(
-        "--budget-min", type=configs.minutes, help="minutes of each training"
+        "--budget-min",
+        type=configs.minutes,
+        help="minutes of each training; all else comes on top",
     )
     return parser.parse_args(argv)
 

@@ -101,6 +101,7 @@ def measured(args, work):
         "disk_free_bytes": shutil.disk_usage(args.scene).free,
         "flow": flow.result()._asdict(),
         "rates": {name: rate._asdict() for name, rate in rates.items()},
+        "length": plan.length_of(work, rates, views),
         "tasks": [task._asdict() for task in every],
     }
 

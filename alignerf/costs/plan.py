@@ -5,9 +5,11 @@ A training's step and the flow of some photos are timed on this machine (`Rates`
 starts of processes, and a constant a megapixel of test views.
 """
 
+import math
 import os
 from typing import NamedTuple
 
+from alignerf.causes import shift
 from alignerf.experiment import decisions, jobs, plan
 from alignerf.experiment.step import flow_options, words
 from alignerf.io import json_files
@@ -25,6 +27,8 @@ PARAM_BYTES, SMALL_BYTES, DEPTH_BYTES = 16, 100_000, 4
 # Bytes of memory of an alignment: its libraries and programs; for a pixel of its small
 # images, and for one of the second copy of the photos. The least side of the former.
 ALIGNER_BYTES, ALIGNED_BYTES, RGB_BYTES, FLOW_SIDE = 140_000_000, 44, 3, 48
+# A training's own speed differs by a fifth from the one that is timed before.
+SAFE = 1.2
 # Keys that no compiled step depends on.
 LENGTH = {"steps", "budget_min", "warmup_steps", "learning_rates"}
 UNTIMED = {"stage", "pretrain_fraction", "align", "decisions"}
@@ -103,6 +107,7 @@ def of_scene(experiment, scene):
         crops.append(found[judged] | more)
     return {
         "trainings": [*found.values(), *crops],
+        "judged": judged,
         "scored": len(experiment.names("trains", False)),
         "moved": experiment.config["aligned_pose"] and 1 + experiment.has_truth(scene),
         "flow": words("", **flow_options(experiment))[1:],
@@ -157,10 +162,12 @@ def of_training(one, moved, rate: Rates, flow: Flow, views: Views):
         flow = Flow(flow.start_s, share * flow.view_s, share * flow.view_bytes)
         pixels, size = round(share * views.pixels), round(share * views.image_bytes)
         views = views._replace(pixels=pixels, image_bytes=size, side=crop["px"])
-        passes = decisions.EPOCHS * views.train * pixels / job.training.batch_rays
-        job = jobs.with_steps(
-            job, round(crop["steps"] * max(1, passes / decisions.STEPS[0]))
-        )
+        times = 1.0
+        if "steps" in one["job"]["training"].get("decided", ()):
+            passes = decisions.EPOCHS * views.train * pixels / job.training.batch_rays
+            times = max(1.0, passes / decisions.STEPS[0])
+        job = jobs.with_steps(job, round(crop["steps"] * times))
+        job = job.changed(training=job.training.model_copy(update={"budget_min": None}))
     pixel_s = RENDER_FRACTION * rate.step_s / job.rays_per_step if job else 0.0
     begin_s = rate.start_s + rate.compile_s
     length_s, more_bytes = loop_of(job, rate, pixel_s, flow, views) if job else (0.0, 0)
@@ -193,6 +200,29 @@ def loop_of(job, rate: Rates, pixel_s, flow: Flow, views: Views):
     look_s = share * (views.pixels * pixel_s + flow.view_s)
     size = (RGB_BYTES + share * ALIGNED_BYTES) * views.train * views.pixels
     return seconds + rate.compile_s + looks * look_s, ALIGNER_BYTES + int(size)
+
+
+def length_of(work, rates, views: Views):
+    """How long the training is that the verdict looks at; None of another program's.
+
+    epochs: how often it sees each pixel; budget_min: of the config, or None; least_min,
+    enough_min: budgets with which a verdict is possible, and none calls it short.
+    """
+    one = next(t for t in work["trainings"] if t["name"] == work["judged"])
+    if (job := job_of(one)) is None:
+        return None
+    rate, pixels = rates[one["name"]], views.train * views.pixels
+    budget_min = job.training.budget_min
+    if budget_min is not None:
+        job = jobs.with_steps(job, jobs.steps_in(job, rate.step_s))
+    whole_min = pixels / job.rays_per_step / job.share * rate.step_s / 60
+    least, enough = shift.FEW_EPOCHS / 2, shift.FEW_EPOCHS
+    return {
+        "epochs": job.steps * job.rays_per_step / pixels,
+        "budget_min": budget_min,
+        "least_min": math.ceil(SAFE * least * whole_min),
+        "enough_min": math.ceil(SAFE * enough * whole_min),
+    }
 
 
 def scores_s(flow: Flow, views: Views):

@@ -4,6 +4,7 @@ import os
 import time
 from pathlib import Path
 
+from alignerf.causes import shift
 from alignerf.costs.plan import Task
 from alignerf.io import faults, json_files
 
@@ -32,7 +33,9 @@ def read(path):
 
 
 def check(plan):
-    """ValueError with advice where a plan needs more memory or disk than is free."""
+    """ValueError with advice where a plan needs more memory or disk than is free, or
+    has no time for a verdict.
+    """
     less = "--cores 1" if plan["parallel_jobs"] > 1 else "a smaller model or batch_rays"
     advice = {
         "memory": f"{less}, or a larger downscale",
@@ -46,6 +49,21 @@ def check(plan):
                 f"the plan needs {gigabytes(needed)} of {what}, and {gigabytes(free)} "
                 f"are free: {to_do}"
             )
+    check_length(plan)
+
+
+def check_length(plan):
+    """ValueError where a plan's budget is too short for any verdict."""
+    length = plan.get("length") or {}
+    if not length.get("budget_min") or length["epochs"] >= shift.FEW_EPOCHS / 2:
+        return
+    raise ValueError(
+        f"{plan['scene']}: a budget of {length['budget_min']:g} min is too short for a "
+        f"verdict: each pixel would be seen {length['epochs']:.2g} times. The least "
+        f"that serves is --budget-min {length['least_min']} (training.budget_min), "
+        f"{length['enough_min']} are enough; `preflight: false` in the config trains "
+        "all the same"
+    )
 
 
 def lines(plan):
@@ -61,6 +79,13 @@ def lines(plan):
     ]
     when = f"{minutes(plan['wall_s'])} on {plan['cores']} cores"
     found = [f"{plan['scene']}: about {when}: {said}", f"  {'; '.join(free)}"]
+    if (length := plan.get("length")) and (budget_min := length["budget_min"]):
+        found.append(
+            f"  {budget_min:g} min are of each training; all else comes on top"
+        )
+    if length and not length["epochs"] >= shift.FEW_EPOCHS / 2:
+        seen = f"each pixel is seen {length['epochs']:.2g} times"
+        found.append(f"  too short a training for a verdict: {seen}")
     if plan["external"]:
         some = faults.some_names(plan["external"])
         found.append(f"  not counted, as it is not known: time and memory of {some}")

@@ -33,7 +33,7 @@ JOB = {
 def work():
     one = {"name": "plain/round0", "job": JOB, "after": [], "external": False}
     one |= {"splits": ["test"], "crop": None}
-    found = {"trainings": [one], "scored": 0, "moved": None}
+    found = {"trainings": [one], "judged": one["name"], "scored": 0, "moved": None}
     return found | {"flow": ["--method", "dis_fast"]}
 
 
@@ -63,6 +63,7 @@ def test_a_tiny_plan_is_measured_and_told(scene, tmp_path, monkeypatch, capsys):
     assert rates["params"] > 100
     assert 5e7 < rates["peak_bytes"] == found["memory_bytes"] < 4e9
     assert min(found["flow"].values()) > 0
+    assert found["length"]["epochs"] > 0
     tasks = [plan.Task(**task) for task in found["tasks"]]
     assert found["wall_s"] == pytest.approx(sum(t.seconds for t in tasks), abs=0.1)
     assert found["disk_bytes"] == sum(task.new_bytes for task in tasks) > 0

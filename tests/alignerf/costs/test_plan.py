@@ -162,20 +162,12 @@ def test_crops_are_counted_with_the_scene_that_they_judge(demo, experiment_of):
     assert found[f"{places[0]}/render"].seconds == pytest.approx(rendered_s, abs=0.01)
 
 
-def test_of_another_program_only_what_we_do_ourselves_is_counted(demo, experiment_of):
-    commands = {"train": "theirs {data}", "render": "theirs {renders}"}
-    demo["methods"] = {
-        "theirs": {"rounds": 1, "changes": "cameras", "external": commands},
-        "ours": {"model": "base"},
-    }
-    demo["reference"] = {"method": "theirs"}
-    _, tasks = planned(experiment_of(demo))
-    found = by_file(tasks)
-    assert found["theirs/round0/timing.json"].seconds == plan.JOB_S
-    assert found["theirs/round0/timing.json"].peak_bytes == 0
-    assert found["theirs/round0/displacement"].seconds > FLOW.view_s
-    moved = {file for file in found if "aligned_pose" in file}
-    assert moved == {"ours/round0/metrics_aligned_pose.csv"}
+def test_crops_have_their_own_steps_whatever_the_budget(demo, experiment_of):
+    demo["methods"], demo["crops"] = {"plain": {}}, {"steps": 500}
+    demo["training"] = {"budget_min": 3}
+    work, tasks = planned(experiment_of(demo))
+    train = by_file(tasks)[f"{work['trainings'][-1]['name']}/timing.json"]
+    assert train.seconds == pytest.approx(BEGIN_S + 500 * RATES.step_s)
 
 
 def content(**changes):
@@ -207,6 +199,62 @@ def read(tmp_path):
         return summary.read(tmp_path / "preflight.json")
 
     return read
+
+
+# A facade: 25 photos of 1536x1024, 0.1 s for 512 rays, and a budget of two minutes.
+FACADE = VIEWS._replace(train=20, test=5, pixels=1536 * 1024)
+
+
+def lengths(demo, experiment_of, **training):
+    demo["training"] = training
+    experiment = experiment_of(demo)
+    work = plan.of_scene(experiment, "courtyard")
+    rates = dict.fromkeys([one["name"] for one in work["trainings"]], RATES)
+    return plan.length_of(work, rates, FACADE)
+
+
+def test_the_least_budget_for_a_verdict_serves_and_less_does_not(demo, experiment_of):
+    found = lengths(demo, experiment_of, budget_min=2)
+    assert found["epochs"] == pytest.approx(1200 * 512 / FACADE.pixels / 20, rel=0.01)
+    assert found["budget_min"] == 2
+    for key, epochs in (("least_min", 0.25), ("enough_min", 0.5)):
+        again = lengths(demo, experiment_of, budget_min=found[key])
+        assert epochs < again["epochs"] < 1.5 * epochs
+    by_steps = lengths(demo, experiment_of, steps=1200)
+    assert by_steps["epochs"] == pytest.approx(found["epochs"], rel=0.01)
+
+
+def test_a_budget_without_a_verdict_is_refused_with_the_least_that_serves(
+    demo, experiment_of, read
+):
+    short = read(length=lengths(demo, experiment_of, budget_min=2))
+    with pytest.raises(ValueError, match=r"of 2 min .* --budget-min 31 .* 62 are enou"):
+        summary.check(short)
+    assert "too short a training" in "".join(summary.lines(short))
+    enough = read(length=lengths(demo, experiment_of, budget_min=62))
+    summary.check(enough)
+    said = "".join(summary.lines(enough))
+    assert "62 min are of each training; all else comes on top" in said
+    # Steps are as a config has them; it is said.
+    by_steps = read(length=lengths(demo, experiment_of, steps=300))
+    summary.check(by_steps)
+    assert "too short a training" in "".join(summary.lines(by_steps))
+
+
+def test_of_another_program_only_what_we_do_ourselves_is_counted(demo, experiment_of):
+    commands = {"train": "theirs {data}", "render": "theirs {renders}"}
+    demo["methods"] = {
+        "theirs": {"rounds": 1, "changes": "cameras", "external": commands},
+        "ours": {"model": "base"},
+    }
+    demo["reference"] = {"method": "theirs"}
+    _, tasks = planned(experiment_of(demo))
+    found = by_file(tasks)
+    assert found["theirs/round0/timing.json"].seconds == plan.JOB_S
+    assert found["theirs/round0/timing.json"].peak_bytes == 0
+    assert found["theirs/round0/displacement"].seconds > FLOW.view_s
+    moved = {file for file in found if "aligned_pose" in file}
+    assert moved == {"ours/round0/metrics_aligned_pose.csv"}
 
 
 def test_a_plan_that_does_not_fit_is_refused_with_what_to_change(read):
