@@ -25,8 +25,9 @@ FLOORS = [
         "alignerf.systems",
         *("alignerf.processes", "alignerf.networks"),
     },
+    {"alignerf.metrics"},
     {
-        *("alignerf.fields", "alignerf.scenes", "alignerf.metrics", "alignerf.tables"),
+        *("alignerf.fields", "alignerf.scenes", "alignerf.tables"),
         *("flow.warping", "flow.camera"),
     },
     {"alignerf.sfm"},

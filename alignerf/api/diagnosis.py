@@ -25,7 +25,7 @@ import pandas as pd
 from alignerf.experiment import layout
 from alignerf.io import csv_files, faults, images, json_files, machine, provenance
 from alignerf.scenes import photos
-from alignerf.scenes.external import lenses, views
+from alignerf.scenes.external import views
 
 # From OpenCV's axes to OpenGL's, and back.
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -305,10 +305,9 @@ def report_of(work, paths, cores):
 
 def cameras_of(path, folder):
     """The cameras of a file or folder that photos of a folder have, by their names."""
-    taken = views.photos_of(folder)
+    taken, cameras = views.taken(folder, path)
+    found, names = cameras.lenses, sorted(taken)
     sizes = {name: photos.head(one).size for name, one in taken.items()}
-    found = lenses.read(path, next(iter(sizes.values()))).lenses
-    names = sorted(found.keys() & sizes.keys())
     poses = np.tile(np.eye(4), (len(names), 1, 1))
     poses[:, :3] = [np.asarray(found[name].pose)[:3] for name in names]
     camtopix = [found[name].at(sizes[name], name)[0] for name in names]

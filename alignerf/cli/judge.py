@@ -22,7 +22,7 @@ from alignerf.experiment import targets
 from alignerf.experiment.checks import results
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.io import atomic, faults, owned
-from alignerf.scenes import originals, photos, prepared
+from alignerf.scenes import originals, prepared
 from alignerf.scenes.external import depths, lenses, splat, views
 from alignerf.verdict import evidence
 
@@ -140,12 +140,7 @@ def render_splat(name, path, args):
             f"results/{name}: of another splat, or of one that has changed since: give "
             "another name (--name), or none"
         )
-    found = views.photos_of(typed.at_home(args.photos))
-    size = photos.head(next(iter(found.values()))).size
-    cameras = lenses.read(typed.at_home(args.cameras), size)
-    if not found.keys() & cameras.lenses.keys():
-        of = faults.some_names(sorted(cameras.lenses))
-        raise ValueError(f"{args.cameras}: its cameras ({of}) are of other photos")
+    found, cameras = views.taken(*map(typed.at_home, (args.photos, args.cameras)))
     if SPLATS.exists() and not SPLATS.is_dir():
         raise ValueError(f"{SPLATS}: not a folder: move it away")
     try:
@@ -163,8 +158,9 @@ def splat_files(args):
     own = typed.at_home(args.splat)
     if own.is_dir():
         raise ValueError(f"{own}: a folder: SPLAT is the .ply itself")
-    found = views.photos_of(typed.at_home(args.photos)).values()
-    return [own, *lenses.files_of(typed.at_home(args.cameras)), *found]
+    place, found = views.photos_of(typed.at_home(args.photos))
+    files = lenses.files_of(typed.at_home(args.cameras))
+    return [own, *files, *(place / path for path in found)]
 
 
 def new_name(args):

@@ -21,7 +21,7 @@ from alignerf.experiment.checks import placeholders
 from alignerf.external import commands
 from alignerf.io import archives, atomic, faults, images, machine, owned, progress
 from alignerf.scenes import cameras, distortion, photos, prepared
-from alignerf.scenes.external import depths, renders, views
+from alignerf.scenes.external import depths, layouts, renders, views
 
 log = logging.getLogger("alignerf")
 
@@ -76,8 +76,9 @@ def of_folders(images, depth, loaded: prepared.Scene, splits):
     """
     names = [loaded.names[view] for split in splits for view in loaded.views(split)]
     images = Path(images)
-    named = renders.named(images, renders.files_of(images), loaded.names, None)
-    found, maps = complete(named.renders if named else {}, names, images), {}
+    paths = {name: Path(name) for name in loaded.names}
+    named = renders.named(images, renders.files_of(images, paths), paths)
+    found, maps = complete(named.renders, names, images), {}
     if depth and (not Path(depth).is_dir() or any(Path(depth).iterdir())):
         maps = complete(depths.find(depth, loaded.names), names, depth)
     own, seen = prepared.read_cameras(loaded.folder / "cameras.npz"), {}
@@ -118,7 +119,7 @@ def of_pairs(loaded: prepared.Scene):
 
     def of_view(view):
         pair, pixtocam = pairs["views"][loaded.names[view]], own["pixtocams"][view]
-        render = renders.Render(Path(pair["render"]), pair["is_sheet"])
+        render = layouts.Render(Path(pair["render"]), pair["part"])
         image, _ = views.read_render(render, pairs.get("background"))
         # Of a render that shows the distortion: (camtopix, distortion).
         if lens := pair["lens"] and tuple(map(np.array, pair["lens"])):

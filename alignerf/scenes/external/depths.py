@@ -48,7 +48,7 @@ def find(folder, names):
     folder, groups = Path(folder), {}
     if not folder.is_dir():
         raise ValueError(f"{folder}: no folder of depths")
-    known, lower = set(names), {name.lower(): name for name in names}
+    called = renders.Called({name: name for name in names})
     inside = (
         Path(r, file) for r, _, files in photo_names.walk(folder) for file in files
     )
@@ -60,7 +60,7 @@ def find(folder, names):
             )
         if suffix is None:
             continue
-        name = renders.name_of(path.name[: -len(suffix)], known, lower)
+        name, _ = called.view_of(path.with_name(path.name[: -len(suffix)]))
         if name is not None:
             # Beside depths lie others, and pictures: of one kind there is one folder,
             # or one for each split.

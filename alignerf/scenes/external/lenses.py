@@ -61,10 +61,11 @@ class Lens(NamedTuple):
 
 
 class Cameras(NamedTuple):
-    """{view: Lens} of a file, what it is, the points and the splits that it has.
+    """{photo: Lens} of a file, what it is, the points and the splits that it has.
 
-    points: positions [m, 3] and colours, or None. splits: {view: split}, or None.
-    applied: nerfstudio's `applied_transform` [4, 4] that is in them, or None.
+    Photos are called as the file calls them; by `of` as views are, {photo: view}:
+    `views`. points: positions [m, 3] and colours, or None. splits: {photo: split}, or
+    None. applied: nerfstudio's `applied_transform` [4, 4] that is in them, or None.
     """
 
     lenses: dict
@@ -72,6 +73,13 @@ class Cameras(NamedTuple):
     points: tuple | None = None
     splits: dict | None = None
     applied: np.ndarray | None = None
+    views: dict | None = None
+
+    def of(self, views):
+        """Those of some photos {name: view}, by view."""
+        lenses = {view: self.lenses[name] for name, view in views.items()}
+        splits = self.splits and {v: self.splits[name] for name, v in views.items()}
+        return self._replace(lenses=lenses, splits=splits, views=views)
 
 
 def read(path, photo_size) -> Cameras:
@@ -129,10 +137,10 @@ def of_json(path, photo_size) -> Cameras:
     for i, frame in enumerate(scene["frames"]):
         if not isinstance(frame, dict) or not isinstance(frame.get("file_path"), str):
             raise ValueError(f"{path}: frame {i} has no text under 'file_path'")
-        name = stem_of(frame["file_path"])
+        name = frame["file_path"]
         if name in lenses:
             told = faults.shown(name)
-            raise ValueError(f"{path}: two frames have the view name {told}")
+            raise ValueError(f"{path}: two frames are of {told}")
         usual = dict(zip(("w", "h"), photo_size, strict=True))
         values = usual | scene | frame
         where = transforms.told(frame)
@@ -200,23 +208,13 @@ def read_points(path):
     return positions[known], colours[known]
 
 
-def stem_of(file_path):
-    """A view's name by its photo's path; only suffixes of photos are taken off."""
-    name = file_path.replace("\\", "/").rpartition("/")[2]
-    stem, dot, suffix = name.rpartition(".")
-    return stem if dot and f".{suffix}" in transforms.SUFFIXES else name
-
-
 def of_model(path) -> Cameras:
     """Those of a COLMAP model, with its points."""
     views, points = colmap_models.read(path)
-    lenses = {}
-    for image, (camtopix, size, pose, distortion) in views.items():
-        name = stem_of(image)
-        if name in lenses:
-            told = faults.shown(name)
-            raise ValueError(f"{path}: two images have the view name {told}")
-        lenses[name] = Lens(camtopix, distortion, size, pose)
+    lenses = {
+        name: Lens(camtopix, distortion, size, pose)
+        for name, (camtopix, size, pose, distortion) in views.items()
+    }
     return Cameras(lenses, "COLMAP's model", points)
 
 
@@ -224,11 +222,8 @@ def of_program(path, photo_size) -> Cameras:
     """Those of a file that another program has exported; photo_size: as of `read`."""
     lenses = {}
     for shot in reading.read(path):
-        name, own = stem_of(shot.name), programs.sized(shot, photo_size)
-        if name in lenses:
-            told = faults.shown(name)
-            raise ValueError(f"{path}: two cameras have the view name {told}")
-        lenses[name] = Lens(own.camtopix, own.distortion, own.size, own.camtoworld)
+        own = programs.sized(shot, photo_size)
+        lenses[shot.name] = Lens(own.camtopix, own.distortion, own.size, own.camtoworld)
     return Cameras(lenses, f"{path.name} of {reading.reader_of(path).NAME}", None)
 
 
@@ -240,7 +235,7 @@ def guessed(size):
 
 
 def assumed(names) -> Cameras:
-    """Cameras of views of which nothing is known; each stands elsewhere."""
+    """Cameras of photos of which nothing is known; each stands elsewhere."""
     found = {}
     for i, name in enumerate(names):
         pose = np.eye(4)[:3]

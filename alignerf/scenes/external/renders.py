@@ -1,88 +1,96 @@
 """Renders of another program, and which photo each belongs to.
 
 Known ways to lay them out: nerfstudio's `ns-render dataset` (train/rgb/, test/rgb/),
-the `render.py` of 3D Gaussian splatting (train/ours_30000/renders/00000.png), the
-`simple_trainer.py` of gsplat (val_step29999_0000.png, photo and render side by side),
-and any folder whose renders are called like their photos, or are numbered.
+Brush's eval_30000/, any folder whose renders are called like their photos, and those
+that are numbered (`layouts`).
 """
 
+import functools
 import logging
 import re
-from pathlib import Path
-from typing import NamedTuple
+import shlex
+import unicodedata
+import urllib.parse
+from pathlib import Path, PurePath
 
 from alignerf.io import faults
 from alignerf.scenes import photo_names, photos
 from alignerf.scenes.capture import video
+from alignerf.scenes.external import layouts, orders
 
 log = logging.getLogger("alignerf")
 
 SUFFIXES = photos.SUFFIXES - {".heic", ".heif"}
-# What folders call a split; what is validated is held out.
-SPLITS = {"train": "train", "test": "test", "val": "test", "eval": "test"}
-# Folders beside renders: photos, depths and others.
+# Folders beside renders, of photos, depths and others; and such files among renders.
 OTHERS = re.compile(
     r"gt.*|.*ground.?truth.*|raw-.*|.*depth.*|accumulation|.*normals?|masks?|alpha|error"
     r"|background|rgba|cameras"
 )
-SHEET = re.compile(r"(train|val|test)_step(\d+)_(\d+)\.png")
-OURS = re.compile(r"ours_(\d+)")
-# What programs put around a photo's name.
-AROUND = re.compile(
-    r"(?:render|rgb|pred|color|image)[_-](.+)|(.+)[_-](?:render|rgb|pred)"
+OTHER_FILES = re.compile(
+    r"(.*[^a-z])?(gt|ground.?truth|depths?|normals?|acc|accumulation|alpha|opacity|masks?"
+    r"|errors?|diff|disparity)([^a-z].*)?"
 )
-NUMBERED = re.compile(r"(.*?)(\d+)")
-# Every so many views, by name, are held out by 3D Gaussian splatting and by gsplat.
-EVERY = 8
+# What programs put around a photo's name, and file managers at the end of a copy's.
+AROUND = re.compile(
+    r"(?:renders?|rgb|pred|color|images?)[_-](.+)|(.+)[_-](?:renders?|rgb|pred|img)",
+    re.IGNORECASE,
+)
+COPIED = re.compile(r"( - copy)?( ?\(\d+\))?$", re.IGNORECASE)
+# Folders at most that are part of a name.
+DEPTH = 4
 # Folders with such numbers and more in their names are of a training's steps.
 MIN_STEPS = 100
 # More files are no folder of renders.
 MAX_FILES = 100_000
 
 
-class Render(NamedTuple):
-    """A render's file. is_sheet: its left half is the photo. split: or None."""
-
-    path: Path
-    is_sheet: bool = False
-    split: str | None = None
-
-
-class Found(NamedTuple):
-    """The renders {view: Render} of a folder, and in words how they are laid out."""
-
-    renders: dict
-    layout: str
-
-
-def find(folder, names, splits=None) -> Found:
+def find(folder, photo_paths, splits=None, every=None) -> layouts.Found:
     """The renders of these views in a folder.
 
-    names: of the views, which are those of their photos. splits: {name: split}, where
-    the cameras say it. Raises ValueError naming the folder where there are none, and
-    where two files are of one view.
+    photo_paths: {view: path}, in the order of the cameras' file. splits: {view: split},
+    where the cameras say it. every: one in so many is held out, where that is said.
+    Raises ValueError naming the folder where there are none, and where two files are of
+    one view.
     """
-    folder, names = Path(folder), sorted(names)
-    if not folder.is_dir():
-        film = folder.suffix.lower() in video.SUFFIXES
-        hint = f"; of a film: ffmpeg -i {folder.name} renders/%05d.png" * film
-        raise ValueError(f"{folder}: no folder of renders{hint}")
-    files = of_last(files_of(folder))
-    if not files:
-        raise ValueError(f"{folder}: no renders ({', '.join(sorted(SUFFIXES))})")
-    splits = splits if splits and len(set(splits.values())) > 1 else every_nth(names)
-    for layout in (sheets, gaussians, named, numbered):
-        if found := layout(folder, files, names, splits):
-            return found
-    few = faults.some_names([path.name for path in files])
-    raise ValueError(
-        f"{folder}: its renders ({few}) are not called like the photos "
-        f"({faults.some_names(names)}), and are not as many"
+    folder = Path(folder)
+    files = of_last(files_of(folder, photo_paths), photo_paths)
+    check_some(folder, files)
+    some = files[0], next(iter(photo_paths.values()))
+    part = orders.part_of(*(photos.head(path).size for path in some))
+    if every or len(set((splits or {}).values())) < 2:
+        splits = None
+    counted = functools.partial(
+        layouts.found, folder, files, photo_paths, splits, every or layouts.EVERY, part
     )
+    if not (made := counted(layouts.sheets) or counted(layouts.gaussians)):
+        one = named(folder, files, photo_paths, part)
+        made = [one] if one.renders else []
+        numbers = all(path.stem.isdecimal() for path in files)
+        # Where some numbers are no photo's name, none may be one.
+        if one.left_out or (numbers and len(one.renders) < len(photo_paths)):
+            made += counted(layouts.numbered)
+    if not made:
+        few = faults.some_names([path.name for path in files])
+        raise ValueError(
+            f"{folder}: its renders ({few}) are not called like the photos "
+            f"({faults.some_names(sorted(photo_paths))}), and are not as many"
+        )
+    pairs = [{one.path: view for view, one in f.renders.items()} for f in made]
+    found = made[orders.best(pairs, photo_paths, part)]
+    if part and "side by side" not in found.layout:
+        beside = "side by side" if part == "right" else "one above the other"
+        found = found._replace(layout=f"{found.layout}, photo and render {beside}")
+    if found.left_out:
+        few = faults.some_names([path.name for path in found.left_out])
+        log.warning("%s: of no photo, and left out: %s", folder, few)
+    return found
 
 
-def files_of(folder):
-    """Paths of the images in a folder and those inside, sorted; no photos or depths."""
+def files_of(folder, photo_paths=(), suffixes=SUFFIXES):
+    """Paths of the images in a folder and those inside, sorted; no photos or depths.
+
+    photo_paths: {view: path}, which may be called like what is left out.
+    """
     found, seen = [], 0
     for root, inner, files in photo_names.walk(folder):
         inner[:] = sorted(
@@ -92,17 +100,44 @@ def files_of(folder):
         if seen > MAX_FILES:
             raise ValueError(f"{folder}: over {MAX_FILES} files: not renders alone")
         paths = (Path(root, name) for name in files if name[0] != ".")
-        found += [path for path in paths if path.suffix.lower() in SUFFIXES]
-    return sorted(found)
+        found += [path for path in paths if path.suffix.lower() in suffixes]
+    left = [path for path in found if not is_other(path)]
+    return sorted(
+        found if any(map(is_other, map(Path, photo_paths))) else left or found
+    )
 
 
-def of_last(files):
+def check_some(folder, files):
+    """ValueError where there are no renders, which says how a film becomes some."""
+    films = files_of(folder, suffixes=video.SUFFIXES) if folder.is_dir() else []
+    if folder.suffix.lower() in video.SUFFIXES:
+        films = [folder]
+    if films and not files:
+        raise ValueError(
+            f"{films[0]}: a film: give its frames, if it shows the photos one by one: "
+            f"mkdir frames && ffmpeg -i {shlex.quote(str(films[0]))} frames/%05d.png"
+        )
+    if not folder.is_dir():
+        raise ValueError(f"{folder}: no folder of renders")
+    if not files:
+        raise ValueError(f"{folder}: no renders ({', '.join(sorted(SUFFIXES))})")
+
+
+def is_other(path):
+    """Whether a file is called like a depth, a mask or else beside a render."""
+    return bool(OTHER_FILES.fullmatch(path.stem.lower()))
+
+
+def of_last(files, photo_paths):
     """The files without those of earlier steps: of eval_5000/ beside eval_30000/."""
+    known = {part for path in photo_paths.values() for part in PurePath(path).parts}
     steps = {}
     for path in files:
         for place in path.parents:
-            if match := NUMBERED.fullmatch(place.name):
-                siblings = steps.setdefault((place.parent, match[1]), {})
+            match = layouts.NUMBERED.fullmatch(place.name)
+            # Photos, too, may lie in folders that are numbered.
+            if match and place.name not in known:
+                siblings = steps.setdefault((place.parent, match[1], match[3]), {})
                 siblings.setdefault(int(match[2]), []).append(path)
     earlier = set()
     for numbers in steps.values():
@@ -114,141 +149,65 @@ def of_last(files):
     return [path for path in files if path not in earlier]
 
 
-def every_nth(names, n=EVERY):
-    """{name: split} where every n-th view by name is held out."""
-    return {name: "test" if i % n == 0 else "train" for i, name in enumerate(names)}
+def named(folder, files, photo_paths, part=None) -> layouts.Found:
+    """Renders that are called like their photos, in one folder or in several.
 
-
-def sheets(folder, files, names, splits):
-    """gsplat's: photo and render side by side, of the last step."""
-    found = [(SHEET.fullmatch(path.name), path) for path in files]
-    found = [(match, path) for match, path in found if match]
-    if not found:
-        return None
-    last = max(int(match[2]) for match, _ in found)
-    found = [(match, path) for match, path in found if int(match[2]) == last]
-    # Where all views are held out, as by `--test-every 1`, those say what was learnt.
-    every, renders = len(found) == len(names), {}
-    for match, path in found:
-        split = SPLITS[match[1]]
-        name = at(names, splits, None if every else split, int(match[3]), path)
-        put(renders, name, Render(path, True, splits[name] if every else split))
-    return Found(
-        renders, f"photo and render side by side, as gsplat writes them ({last})"
-    )
-
-
-def gaussians(folder, files, names, splits):
-    """3D Gaussian splatting's: numbered by name, of the last iteration."""
-    found = []
-    for path in files:
-        parts = path.parts
-        match = OURS.fullmatch(parts[-3]) if len(parts) > 3 else None
-        if match and parts[-2] == "renders" and parts[-4] in SPLITS:
-            found.append((int(match[1]), SPLITS[parts[-4]], path))
-    if not found:
-        return None
-    last, renders = max(number for number, _, _ in found), {}
-    found = [(split, path) for number, split, path in found if number == last]
-    # Without its `--eval` it learns from all.
-    every = {split for split, _ in found} == {"train"} and len(found) == len(names)
-    for split, path in found:
-        if not path.stem.isdecimal():
-            raise ValueError(f"{path}: not a number, as render.py writes it")
-        name = at(names, splits, None if every else split, int(path.stem), path)
-        put(renders, name, Render(path, False, split))
-    return Found(renders, f"numbered, as 3D Gaussian splatting writes them ({last})")
-
-
-def at(names, splits, split, number, path):
-    """The name of a view by its number in a split, or in all views where that is None.
-
-    Raises ValueError naming the render's path where there are not as many.
+    photo_paths: {view: path}. Raises ValueError where two files are of one view.
     """
-    own = [name for name in names if split in (None, splits[name])]
-    if number >= len(own):
-        views = f"{split} views" if split else "views"
-        raise ValueError(
-            f"{path}: there are {len(own)} {views} by the photos' names, so none has "
-            f"the number {number}"
-        )
-    return own[number]
-
-
-def put(renders, name, render):
-    """Add a render; ValueError where the view has one."""
-    if name in renders:
-        raise ValueError(f"{renders[name].path} and {render.path}: both of view {name}")
-    renders[name] = render
-
-
-def named(folder, files, names, splits):
-    """Renders that are called like their photos, in one folder or in several."""
-    known, lower = set(names), {}
-    for name in names:
-        lower.setdefault(name.lower(), name)
-    renders, strange = {}, []
+    called, found, strange, loosest = Called(photo_paths), {}, [], {}
     for path in files:
-        name = name_of(path.stem, known, lower)
-        if name is None:
-            strange.append(path.name)
-        else:
-            put(renders, name, Render(path, False, split_of(path, folder)))
-    if not renders:
-        return None
-    if strange:
-        few = faults.some_names(strange)
-        log.warning("%s: of no photo, and left out: %s", folder, few)
-    return Found(renders, "named like the photos")
+        view, loose = called.view_of(path)
+        if view is None or loose > loosest.get(view, loose):
+            strange.append(path)
+            continue
+        if loose < loosest.get(view, loose):
+            strange.append(found.pop(view).path)
+        loosest[view] = loose
+        split = layouts.split_of(path, folder)
+        layouts.put(found, view, layouts.Render(path, part, split))
+    return layouts.Found(found, "named like the photos", sorted(photo_paths), strange)
 
 
-def name_of(stem, known, lower):
-    """The view that a render's name means, or None."""
-    tries = [stem, Path(stem).stem if Path(stem).suffix.lower() in SUFFIXES else stem]
-    for one in list(tries):
-        if match := AROUND.fullmatch(one):
-            tries.append(match[1] or match[2])
-    return next(
-        (
-            name
-            for one in tries
-            if (name := one if one in known else lower.get(one.lower()))
-        ),
-        None,
-    )
+class Called:
+    """Views by what their photos are called, or their names with folders before them.
+
+    photo_paths: {view: path}.
+    """
+
+    def __init__(self, photo_paths):
+        self.views = [{} for _ in LOOSELY]
+        for view, path in photo_paths.items():
+            texts = {view, *with_folders(path)}
+            for loosely, known in zip(LOOSELY, self.views, strict=True):
+                for text in set(map(loosely, texts)):
+                    # What two views are called is no name of either.
+                    known[text] = view if known.get(text, view) == view else None
+
+    def view_of(self, path):
+        """(view, how loosely it is called so) of a file; (None, 0) of another's."""
+        tries = list(with_folders(path))
+        around = filter(None, map(AROUND.fullmatch, tries))
+        tries += [match[1] or match[2] for match in around]
+        for loose, known in enumerate(self.views):
+            for text in tries:
+                if view := known.get(LOOSELY[loose](text)):
+                    return view, loose
+        return None, 0
 
 
-def split_of(path, folder):
-    """The split that a folder on the way to a render says, or None."""
-    parts = [part.lower() for part in path.relative_to(folder).parts[:-1]]
-    parts.insert(0, folder.name.lower())
-    return next((SPLITS[part] for part in reversed(parts) if part in SPLITS), None)
+def with_folders(path):
+    """What a file is called, without suffix, with several folders before it to none."""
+    *folders, name = PurePath(path).parts[-DEPTH:]
+    while PurePath(name).suffix.lower() in photos.SUFFIXES:
+        name = PurePath(name).stem
+    return ["_".join([*folders[i:], name]) for i in range(len(folders) + 1)]
 
 
-def numbered(folder, files, names, splits):
-    """Renders numbered in the order of the photos' names: of all, or of a split."""
-    renders, of_split = {}, {}
-    for path in files:
-        of_split.setdefault(split_of(path, folder), []).append(path)
-    for split, paths in of_split.items():
-        own = [name for name in names if split is None or splits[name] == split]
-        in_order = ordered(paths)
-        test = [name for name in names if splits[name] == "test"]
-        if split is None and in_order and len(in_order) == len(test) != len(names):
-            own, split = test, "test"
-        if in_order is None or len(in_order) != len(own):
-            return None
-        for name, path in zip(own, in_order, strict=True):
-            put(renders, name, Render(path, False, split))
-    return Found(renders, "numbered, taken in the order of the photos' names")
+def loosely(text):
+    """A name without what file managers, browsers and other systems change in it."""
+    plain = unicodedata.normalize("NFKC", urllib.parse.unquote(text)).casefold()
+    return re.sub(r"[\W_]+", "_", plain).strip("_")
 
 
-def ordered(paths):
-    """The paths by the number that their names end in; None where they have none."""
-    matches = [NUMBERED.fullmatch(path.stem) for path in paths]
-    if not all(matches) or len({match[1] for match in matches}) > 1:
-        return None
-    numbers = [int(match[2]) for match in matches]
-    if len(set(numbers)) < len(numbers):
-        return None
-    return [path for _, path in sorted(zip(numbers, paths, strict=True))]
+# As it is; in letters and figures alone; without the mark of a copy.
+LOOSELY = (str, loosely, lambda text: loosely(COPIED.sub("", text)))

@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 
 from alignerf.io import atomic, faults, images, json_files, owned, progress
-from alignerf.scenes import distortion, originals, photos, prepare
+from alignerf.scenes import distortion, originals, photo_names, photos, prepare
 from alignerf.scenes.external import lenses
 from alignerf.splats import ply, rasterize
 
@@ -226,14 +226,15 @@ def known_worlds(path, cameras):
 
 
 def similarity(own, theirs):
-    """The world [4, 4] in which cameras of the same names are theirs; None of few."""
-    names = sorted(own.lenses.keys() & theirs.lenses.keys())
-    if len(names) < MIN_CAMERAS:
+    """The world [4, 4] in which cameras of the same photos are theirs; None of few.
+
+    own: by view; theirs: as their file calls photos.
+    """
+    pairs = photo_names.match(theirs.lenses, list(own.views))
+    if len(pairs) < MIN_CAMERAS:
         return None
-    poses, to = (
-        np.stack([cameras.lenses[name].pose for name in names])
-        for cameras in (own, theirs)
-    )
+    poses = np.stack([own.lenses[own.views[name]].pose for name in pairs.values()])
+    to = np.stack([theirs.lenses[name].pose for name in pairs])
     left, _, right = np.linalg.svd(
         np.einsum("nij,nkj->ik", to[..., :3], poses[..., :3])
     )

@@ -16,8 +16,8 @@ import numpy as np
 
 from alignerf.captures import base
 from alignerf.io import faults, images, json_files
-from alignerf.scenes import loading, photos, prepare, prepared
-from alignerf.scenes.external import depths, geometry, lenses, renders
+from alignerf.scenes import loading, photo_names, photos, prepare, prepared
+from alignerf.scenes.external import depths, geometry, layouts, lenses, orders, renders
 
 log = logging.getLogger("alignerf")
 
@@ -37,7 +37,7 @@ class Pair(NamedTuple):
     name: str
     photo: Path
     upright: bool
-    render: renders.Render
+    render: layouts.Render
     lens: tuple
     photo_size: tuple
     pose: np.ndarray
@@ -55,34 +55,20 @@ class ExternalRenders(NamedTuple):
 def find(config) -> ExternalRenders:
     """The pairs of a scene's keys. Raises ValueError in one line."""
     judged = base.section(config, "external_renders")
-    paths = photos_of(config["path"])
-    if judged["cameras"]:
-        first = next(iter(paths.values()))
-        cameras = lenses.read(judged["cameras"], photos.head(first).size)
-    else:
-        cameras = lenses.assumed(sorted(paths))
-    names = [name for name in paths if name in cameras.lenses]
-    if not names:
-        raise ValueError(
-            f"{judged['cameras']}: its cameras "
-            f"({faults.some_names(sorted(cameras.lenses))}) are of other photos than "
-            f"those of {config['path']} ({faults.some_names(sorted(paths))})"
-        )
+    paths, cameras = taken(config["path"], judged["cameras"])
     every = config.get("test_every")
-    splits = renders.every_nth(sorted(paths), every) if every else cameras.splits
-    found = renders.find(judged["renders"], names, splits)
+    found = renders.find(judged["renders"], paths, cameras.splits, every)
+    of_views = found.renders
     if every:
-        of_views = found.renders.items()
-        found = found._replace(
-            renders={name: one._replace(split=splits[name]) for name, one in of_views}
-        )
+        splits = layouts.every_nth(found.order, every)
+        of_views = {n: one._replace(split=splits[n]) for n, one in of_views.items()}
+    found = found._replace(renders=orders.which_half(of_views, paths))
     without = sorted(set(paths) - set(found.renders))
     if without:
         log.warning(
-            "%d of %d photos have no render, or no camera: %s",
+            "%d of %d photos have no render: %s",
             *(len(without), len(paths), faults.some_names(without)),
         )
-    found = halved(found, paths)
     size, odd = one_size(found.renders)
     pairs = [
         pair_of(name, paths[name], found.renders[name], cameras.lenses[name], size)
@@ -90,7 +76,7 @@ def find(config) -> ExternalRenders:
         if name not in odd
     ]
     for pair in pairs:
-        if not pair.render.is_sheet and os.path.samefile(pair.photo, pair.render.path):
+        if not pair.render.part and os.path.samefile(pair.photo, pair.render.path):
             raise ValueError(f"{pair.render.path}: this render is the photo itself")
     told = {
         "layout": found.layout,
@@ -102,20 +88,6 @@ def find(config) -> ExternalRenders:
     return ExternalRenders(pairs, size, cameras, told)
 
 
-def halved(found, paths):
-    """The same, where renders of twice the photos' width are photo and render."""
-    name, first = next(iter(found.renders.items()))
-    (width, height), own = (photos.head(p).size for p in (first.path, paths[name]))
-    fits = [prepare.has_shape((w, height), own) for w in (width, width // 2)]
-    if first.is_sheet or fits != [False, True]:
-        return found
-    of_views = found.renders.items()
-    return found._replace(
-        renders={view: one._replace(is_sheet=True) for view, one in of_views},
-        layout=f"{found.layout}, photo and render side by side",
-    )
-
-
 def held_out(every, found, cameras):
     """How it is known which views were held out, in words; None where it is not."""
     if every:
@@ -125,17 +97,68 @@ def held_out(every, found, cameras):
     return "by the cameras' file" if cameras.splits else None
 
 
+def taken(folder, file=None):
+    """({view: path}, `lenses.Cameras` of these views) of a folder of photos.
+
+    file: of the cameras, or their folder; None where nothing is known of them. Views
+    are in the order that it has them in. Photos without a camera are left out with a
+    warning, and so are cameras without a photo. Raises ValueError where none has one.
+    """
+    place, paths = photos_of(folder)
+    if file is None:
+        named = {path: path for path in paths}
+        cameras = lenses.assumed(paths)
+    else:
+        cameras = lenses.read(file, photos.head(place / paths[0]).size)
+        found = photo_names.match(cameras.lenses, paths, file)
+        named = {name: found[name] for name in cameras.lenses if name in found}
+        left_out = {
+            "cameras have no photo": (
+                cameras.lenses.keys() - named.keys(),
+                cameras.lenses,
+            ),
+            "photos have no camera": (set(paths) - set(named.values()), paths),
+        }
+        for what, (names, whole) in left_out.items():
+            if named and names:
+                log.warning(
+                    "%s: %d of %d %s, and are left out: %s",
+                    *(file, len(names), len(whole)),
+                    *(what, faults.some_names(sorted(names))),
+                )
+    if not named:
+        raise ValueError(
+            f"{file}: its cameras ({faults.some_names(sorted(cameras.lenses))}) are of "
+            f"other photos than those of {folder} ({faults.some_names(paths)})"
+        )
+    views, found = photo_names.view_names(sorted(named.values())), {}
+    for path in named.values():
+        name = views[path]
+        if name in found or not prepared.is_name(name):
+            raise ValueError(
+                f"{place}: {faults.name_of(path)}: rename this file"
+                + f": {name} is the view name of another" * (name in found)
+            )
+        found[name] = place / path
+    return found, cameras.of({name: views[path] for name, path in named.items()})
+
+
 def photos_of(folder):
-    """{view: path} of the photos in a folder, or in one of OF_PHOTOS inside."""
+    """(the place of photos, their paths in it): a folder, or one of OF_PHOTOS inside.
+
+    Photos in folders of a place count where none lies in one of these at once.
+    """
     folder = Path(folder)
     if not folder.is_dir():
         raise ValueError(f"{folder}: no folder of photos")
-    for inner in OF_PHOTOS:
-        place = folder / inner
-        if place.is_dir() and any(
-            path.suffix.lower() in photos.SUFFIXES for path in place.iterdir()
-        ):
-            return photos.find_images(place)
+    below = {}
+    for place in filter(Path.is_dir, (folder / inner for inner in OF_PHOTOS)):
+        below[place] = photo_names.listed(place)
+        if at_once := [path for path in below[place] if "/" not in path]:
+            return place, at_once
+    for place in [*list(below)[1:], folder]:
+        if below[place]:
+            return place, below[place]
     raise ValueError(f"{folder}: no photos ({', '.join(sorted(photos.SUFFIXES))})")
 
 
@@ -143,13 +166,7 @@ def one_size(found):
     """(the renders' usual size, names of those of another), sheets counted by half."""
     sizes = {}
     for name, render in found.items():
-        width, height = photos.head(render.path).size
-        if render.is_sheet and width % 2:
-            raise ValueError(
-                f"{render.path}: {width} px wide: a photo and a render side by side "
-                "are of one width"
-            )
-        sizes[name] = (width // 2 if render.is_sheet else width, height)
+        sizes[name] = orders.size_of(render)
     every = list(sizes.values())
     usual = max(set(every), key=lambda size: (every.count(size), size))
     if min(usual) < prepare.MIN_SIZE_PX:
@@ -197,7 +214,7 @@ def splits_of(judged: ExternalRenders):
     return found
 
 
-def read_render(render: renders.Render, background=None):
+def read_render(render: layouts.Render, background=None):
     """(the render [h, w, 3], where it counts [h, w]): not where it has nothing.
 
     Left out are a black border and, where no background is given, what is transparent.
@@ -207,8 +224,7 @@ def read_render(render: renders.Render, background=None):
     if background is None and photos.may_be_transparent(render.path):
         # What lies behind shows through.
         counts &= (image == photos.as_stored(render.path, "white")).all(axis=-1)
-    if render.is_sheet:
-        image, counts = (one[:, one.shape[1] // 2 :] for one in (image, counts))
+    image, counts = (orders.half(one, render.part) for one in (image, counts))
     return np.ascontiguousarray(image), counts
 
 
@@ -355,7 +371,7 @@ def pairs_json(judged: ExternalRenders, shown, told):
         lens = shown[pair.name].render_lens
         of_views[pair.name] = {
             "render": str(pair.render.path),
-            "is_sheet": pair.render.is_sheet,
+            "part": pair.render.part,
             "lens": lens and [lens[0].tolist(), lens[1].tolist()],
             "depth": told.get("depths", {}).get(pair.name),
         }

@@ -50,7 +50,8 @@ def project(tmp_path):
         file.write_text(json.dumps(keys | {"frames": frames} | more))
         rng = np.random.default_rng(3)
         path = splat_cases.write(tmp_path / "model.ply", columns(rng, world))
-        return path, lenses.read(file, SIZE)
+        views = {f"{name}.png": name for name in NAMES}
+        return path, lenses.read(file, SIZE).of(views)
 
     path, cameras = write(np.eye(4))
     for name, lens in cameras.lenses.items():
