@@ -29,9 +29,6 @@ MAX_PLY_BYTES, HEAD_BYTES = 2**31, 2**16
 # The horizontal field of view that is assumed where nothing is known: of a phone's main
 # camera. By a wrong one a turn is told wrongly by the same share.
 ASSUMED_DEGREES = 65.0
-# COLMAP's files of a model.
-OF_MODEL = ("cameras.bin", "cameras.txt")
-MODELS = (".", "sparse/0", "sparse", "colmap/sparse/0", "0")
 # Written by 3D Gaussian splatting beside its model.
 GAUSSIANS = "cameras.json"
 
@@ -98,9 +95,11 @@ def read(path, photo_size) -> Cameras:
         return of_json(path, photo_size)
     if (path / "transforms.json").is_file():
         return of_json(path / "transforms.json", photo_size)
-    for inner in MODELS:
-        if any((path / inner / name).is_file() for name in OF_MODEL):
-            return of_model(path / inner)
+    for model, count in (models := colmap_models.by_size(path)).items():
+        if len(models) > 1:
+            told = f"{count} images is taken, of {len(models)} models"
+            log.warning("%s: %s of %s", path, model.relative_to(path), told)
+        return of_model(model)
     if found := reading.find(path):
         return of_program(found, photo_size)
     known = ", ".join(module.NAME for module in reading.READERS)
@@ -118,9 +117,9 @@ def files_of(path):
         return [path, *path.parent.glob("*.ply")]
     folder = path.parent if path.is_file() else path
     found = [folder / "transforms.json", *filter(None, [reading.find(folder)])]
-    for inner in MODELS:
+    for model in colmap_models.find(folder):
         for suffix in ("bin", "txt", "ply"):
-            found += sorted((folder / inner).glob(f"*.{suffix}"))
+            found += sorted(model.glob(f"*.{suffix}"))
     return [file for file in found if file.is_file()]
 
 

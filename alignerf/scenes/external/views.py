@@ -18,6 +18,7 @@ from alignerf.captures import base
 from alignerf.io import faults, images, json_files
 from alignerf.scenes import loading, photo_names, photos, prepare, prepared
 from alignerf.scenes.external import depths, geometry, layouts, lenses, orders, renders
+from alignerf.scenes.formats import colmap_models
 
 log = logging.getLogger("alignerf")
 
@@ -28,7 +29,7 @@ SAMPLES = 6
 # A render's black border is one from this share of its pixels on.
 BORDER_FRACTION = 0.001
 # Where the photos lie in a folder.
-OF_PHOTOS = (".", "images", "input", "rgb")
+OF_PHOTOS = (".", *colmap_models.OF_PHOTOS)
 
 
 class Pair(NamedTuple):
