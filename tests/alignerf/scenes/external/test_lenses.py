@@ -161,9 +161,9 @@ def test_what_other_programs_write(tmp_path):
         found = lenses.read(place, (160, 120))
         assert (found.kind, sorted(found.lenses)) == (
             "bundle.out of Bundler",
-            ["v00", "v01"],
+            ["a/v00.jpg", "v01.jpg"],
         )
-        own = found.lenses["v00"]
+        own = found.lenses["a/v00.jpg"]
         np.testing.assert_allclose(own.pose, np.c_[np.eye(3), [1, 2, 3]])
         camtopix, bent = own.at((80, 60), "v00")
         np.testing.assert_allclose(camtopix, [[75, 0, 40], [0, 75, 30], [0, 0, 1]])
