@@ -19,6 +19,8 @@ from alignerf.scenes import prepare
 
 # How far, in pixels, a point may be from itself after undistorting and distorting.
 ROUND_TRIP_PX = 0.05
+# A view's focal length is at most so many times its lens's; of real ones it is nearer.
+MAX_TIMES = 2
 # What a fisheye sees further from the axis, in radians, no pinhole view shows.
 MAX_ANGLE = 1.4
 # At how many angles from the axis a lens is looked through for a fold.
@@ -57,7 +59,8 @@ def parameters(model):
     if model == "EQUIRECTANGULAR":
         raise ValueError(PANORAMA)
     if model not in known:
-        told = f"camera model {faults.shown(model)} is none of {', '.join(known)}"
+        told = f"camera model {faults.shown(model)} is none of {', '.join(known)}: "
+        told += "undistort the photos with the program that wrote it"
         raise ValueError(told)
     made = pycolmap.Camera.create_from_model_name(1, model, 1.0, 1, 1)
     return made.params_info.split(", ")
@@ -110,7 +113,11 @@ def pinhole_camera(camtopix, distortion, width, height):
         raise ValueError(f"{_text(camtopix, distortion)} leaves no image: {WILD}")
     focal = np.array([camtopix[0, 0], camtopix[1, 1]])
     tightest = np.array([width - 1, height - 1]) / [right - left, bottom - top]
-    focal = focal * (tightest / focal).max()
+    times = (tightest / focal).max()
+    if times > MAX_TIMES:
+        text = _text(camtopix, distortion)
+        raise ValueError(f"{text} bends the image to {times:.1f} of its size: {WILD}")
+    focal = focal * times
     centre = np.array([width, height]) / 2 - focal * (
         np.array([left + right, top + bottom]) / 2
     )
@@ -283,4 +290,5 @@ def _text(camtopix, distortion):
     made = camera(camtopix, distortion)
     named = zip(parameters(made.model.name), made.params, strict=True)
     values = ", ".join(f"{name} {value:g}" for name, value in named if value)
-    return f"a distortion of {made.model.name} ({values})"
+    model = "OPENCV" if len(distortion) == len(POLYNOMIAL) else made.model.name
+    return f"a distortion of {model} ({values})"
