@@ -1,7 +1,6 @@
 """A scene of mip-NeRF 360 (360_v2), or another project with a model of COLMAP."""
 
 from alignerf.captures import posed
-from alignerf.scenes import photo_names
 
 
 class MipNerf360(posed.Posed):
@@ -16,6 +15,7 @@ class MipNerf360(posed.Posed):
 
     def detect_late(self, folder):
         """A model lies elsewhere; ValueError where a part of it is missing."""
+        from alignerf.scenes import photo_names
         from alignerf.scenes.formats import colmap_models
 
         if not (photo_names.listed(folder) or any(folder.glob("images_*/*"))):

@@ -1,7 +1,6 @@
 """A folder of photos and films, or one film: COLMAP finds the poses."""
 
 from alignerf.captures import base
-from alignerf.scenes import photo_names
 
 
 class Photos(base.Capture):
@@ -50,6 +49,8 @@ def inner_of(folder):
     for inner in places:
         if any(is_taken(path) for path in inner.iterdir()):
             return inner
+    from alignerf.scenes import photo_names
+
     # A folder of each camera; elsewhere these are scenes.
     below = (one for one in places if one.name == "images" and photo_names.listed(one))
     return next(below, None)
