@@ -231,7 +231,7 @@ def unpacked(path, then):
     raise ValueError(f"{path}: unpack it first: {how}`{then(folder)}`")
 
 
-def as_command(command, given):
+def as_command(command, given, options=""):
     """A command as its user can type it; given: {variable of make: path}."""
     quoted = {key: shlex.quote(str(path)) for key, path in given.items()}
     made = (f"{key}={path}" for key, path in quoted.items())
@@ -239,9 +239,10 @@ def as_command(command, given):
         path if key == "FOLDER" else f"--{key.lower()} {path}"
         for key, path in quoted.items()
     )
-    return provenance.typed(
-        f"make {command} {' '.join(made)}", f"why-blurry {command} {' '.join(named)}"
-    )
+    by_make = [f"make {command}", *made]
+    by_make += [f'{command.upper()}="{options}"'] * bool(options)
+    own = filter(None, [f"why-blurry {command}", options, *named])
+    return provenance.typed(" ".join(by_make), " ".join(own))
 
 
 def is_trained(folder):

@@ -109,6 +109,8 @@ class Evidence(NamedTuple):
     matches: Matches | None = None
     # Which pairs of photo and render are none.
     pairs: of_pairs.Checked = of_pairs.Checked(0, {})
+    # The command that lets COLMAP find the poses, where photos lie without cameras.
+    by_colmap: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

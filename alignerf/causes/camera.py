@@ -25,8 +25,8 @@ OF_OTHERS = (
 # Where the poses came with the photos, COLMAP finds others: on a phone's capture they
 # were 0.9 to 3.5 dB better than the phone's own (docs/measured/in_loop_real.csv).
 ANEW = (
-    "let COLMAP find the poses anew, from a folder of the photos alone: "
-    '`make photos FOLDER=photos_alone PHOTOS="--name another"`.'
+    "let COLMAP find the poses anew, from the photos alone, copied into a folder of "
+    "their own."
 )
 # Where matches between photos say how cameras have to move.
 ADJUSTED = (
@@ -132,6 +132,13 @@ def text(e):
     return OF_OTHERS if math.isnan(e.epochs) else ALIGN
 
 
+def anew(e):
+    """Advice for poses that came with the photos, and the command where it is known."""
+    if e.by_colmap is None:
+        return ANEW
+    return f"let COLMAP find the poses anew, from the photos alone: `{e.by_colmap}`."
+
+
 def advise(e, gains):
     """What to do, by what this run has tried."""
     own = remedies.advise(e, gains)
@@ -140,10 +147,10 @@ def advise(e, gains):
     elif not e.poses_given:
         said = own or text(e)
     elif any(remedies.pays(e, gain) for gain in gains if gain.in_loop):
-        said = f"{ANEW} Until then {own}"
+        said = f"{anew(e)} Until then {own}"
     else:
         # What was tried in vain is not offered beside it.
-        said = ANEW if own else f"{ANEW} Or {text(e)}"
+        said = anew(e) if own else f"{anew(e)} Or {text(e)}"
     more = " And take more photos between those you have."
     return said + more * (coverage.SPARSE.find(e) is not None)
 

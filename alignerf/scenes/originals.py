@@ -4,12 +4,15 @@ A photo that was overwritten in its place would go out with the cameras of anoth
 the workflow engine looks at the time of its folder alone.
 """
 
+import collections
+import contextlib
 import hashlib
 import json
 import os
 from pathlib import Path
 
 from alignerf.captures import base
+from alignerf.captures import photos as of_photos
 from alignerf.io import faults, json_files
 from alignerf.scenes.external import lenses
 
@@ -66,6 +69,18 @@ def noted(scene):
         if kinds != [int, int, str]:
             raise ValueError(f"{path}: {faults.name_of(name)} is {told!r:.60}")
     return found
+
+
+def photos_alone(scene):
+    """The folder of most of a scene's photos, if no cameras lie there; else None."""
+    found = (path for path in map(Path, noted(scene)) if of_photos.is_taken(path))
+    # Masks come after the photos, and are no more.
+    usual = collections.Counter(path.parent for path in found).most_common(1)
+    for folder, _ in usual:
+        with contextlib.suppress(ValueError, OSError):
+            record = base.detected(folder)
+            return folder if record and record.poses == ("colmap",) else None
+    return None
 
 
 def changed(scene):

@@ -11,11 +11,12 @@ import numpy as np
 import pandas as pd
 
 from alignerf.cameras import exposure, lens
+from alignerf.captures import typed
 from alignerf.causes import base as causes
 from alignerf.causes import blur, motion, shift
 from alignerf.io import archives, csv_files, json_files, machine
 from alignerf.metrics import pairs
-from alignerf.scenes import prepared
+from alignerf.scenes import originals, prepared
 from alignerf.tables import intervals
 from alignerf.verdict import views
 
@@ -197,10 +198,19 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         judged=read_judged(poses, before, width_px),
         matches=of_matches(poses),
         pairs=checked,
+        by_colmap=by_colmap(scene),
         **sums_of([row for row in rows if row.view not in bad]),
         **lens_of(loaded, base),
     )
     return known, rows
+
+
+def by_colmap(scene):
+    """The command that lets COLMAP find the poses of a scene's photos, or None."""
+    if (folder := originals.photos_alone(scene)) is None:
+        return None
+    name = f"--name {Path(scene).resolve().name}_colmap"
+    return typed.as_command("photos", {"FOLDER": folder}, name)
 
 
 def of_matches(poses):

@@ -2,12 +2,14 @@
 
 import os
 import shutil
+from pathlib import Path
 
 import pytest
 
 from alignerf import export, poses
 from alignerf.io import images
 from alignerf.scenes import originals
+from alignerf.verdict import evidence
 from tests import judged_cases as cases
 
 CONFIG = {"source": "transforms", "path": "scan", "poses": "input"}
@@ -30,6 +32,14 @@ def test_what_is_noted(scene):
     assert originals.noted("out").keys() == photos | {"scan/transforms.json"}
     assert originals.changed("out") == []
     originals.check("out")
+
+
+def test_poses_are_found_anew_from_the_folder_of_the_photos(scene):
+    """Not from one with the cameras in it, which are found again."""
+    told = 'make photos FOLDER=scan/images PHOTOS="--name out_colmap"'
+    assert evidence.by_colmap(Path("out")) == told
+    shutil.copy("scan/transforms.json", "scan/images")
+    assert evidence.by_colmap(Path("out")) is None
 
 
 def test_a_copy_of_the_same_is_no_change(scene):

@@ -285,7 +285,9 @@ def test_given_poses_that_aligning_did_not_help_are_found_anew_alone():
     e = cases.with_faults("camera", poses_given=True)
     assert advised(e, [GAIN._replace(low=-0.1)]) == camera.ANEW
     assert advised(e, [GAIN]).startswith(f"{camera.ANEW} Until then take the cameras")
-    assert of(e)["do_first"]["command"].startswith("make photos FOLDER=")
+    command = 'make photos FOLDER=scan/images PHOTOS="--name scan_colmap"'
+    e = e._replace(by_colmap=command)
+    assert of(e)["do_first"]["command"] == command
 
 
 def test_matches_come_before_held_out_photos():
