@@ -14,12 +14,10 @@ class Photos(base.Capture):
     def detect_late(self, folder):
         return inner_of(folder) is not None
 
-    def check(self, folder):
+    def scene(self, folder):
         from alignerf.scenes.programs import reading
 
         reading.tell_unread(folder)
-
-    def scene(self, folder):
         inner = inner_of(folder)
         found = {"source": self.name, "path": str(inner)}
         masks = [p for p in (inner / "masks", inner.parent / "masks") if p.is_dir()]

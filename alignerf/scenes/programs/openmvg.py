@@ -72,7 +72,8 @@ def given(path, view, lens, pose):
         raise ValueError(f"{where}: its rotation is none")
     place = shots.numbers(where, pose["center"], "center", 3)
     size = shots.numbers(where, [lens["width"], lens["height"]], "size", 2)
-    name = "/".join(str(view.get(k, "")) for k in ("local_path", "filename"))
+    parts = (str(view.get(key, "")).strip("/") for key in ("local_path", "filename"))
+    name = "/".join(filter(None, parts))
     return base.given(
         name,
         base.lens(where, model, params),

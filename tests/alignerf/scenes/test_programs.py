@@ -307,7 +307,8 @@ def test_what_is_not_read_is_told_once(scene, caplog, name, content, told):
     path.parent.mkdir(exist_ok=True)
     path.write_text(content)
     with caplog.at_level("INFO"):
-        assert captures.detected(scene[0]).name == "photos"
+        record = captures.detected(scene[0])
+        assert record.scene(scene[0])["source"] == "photos"
     lines = [one.getMessage() for one in caplog.records]
     line = f"{path.name} is not read: poses come from COLMAP"
     assert [one.endswith(line) for one in lines] == [True] * told
@@ -322,7 +323,7 @@ def test_places_in_photos_are_told(scene, caplog):
     exif[34853] = {1: "N", 2: (47.0, 3.0, 2.0)}
     Image.new("RGB", SIZE).save(scene[0] / "images" / NAMES[0], exif=exif)
     with caplog.at_level("INFO"):
-        captures.detected(scene[0])
+        captures.detected(scene[0]).scene(scene[0])
     assert "places (GPS) are not read" in caplog.text
 
 
