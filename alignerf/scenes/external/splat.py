@@ -65,15 +65,16 @@ def render(path, photo_paths, cameras: lenses.Cameras, folder, files=()):
             f"{shows:.2f}, {SHOWS} is asked): give the cameras of its own training, or "
             f"nerfstudio's {NERFSTUDIO} beside it"
         )
-    options = options_of(gaussians, few, world)
-    size = few[0].size(LONGEST_PX)
+    longest_px = min(LONGEST_PX, trained_px(path))
+    options = options_of(gaussians, few, world, longest_px)
+    size = few[0].size(longest_px)
     log.info("%s: %d Gaussians, %dx%d px", path, len(gaussians.means), *size)
     log.info("its world: %s (correlation with the photos %.2f)", name, shows)
     with atomic.replace_folder(folder) as fresh:
         for inner in ("rgb", "depth"):
             (fresh / inner).mkdir()
         for one in progress.over(seen, "renders of the splat", total=len(seen)):
-            made = one.render(gaussians, world, LONGEST_PX, **options)
+            made = one.render(gaussians, world, longest_px, **options)
             images.write(fresh / "rgb" / f"{one.name}.png", to_bytes(made.colour))
             depth = np.where(made.alpha > 0.5, made.depth, np.inf) / scale_of(world)
             np.save(fresh / "depth" / f"{one.name}.npy", depth.astype(np.float32))
@@ -205,15 +206,11 @@ def known_worlds(path, cameras):
     yield "as the cameras'", np.eye(4)
     if applied is not None:
         yield "without the cameras' applied_transform", back
-    folders = [*itertools.islice(Path(path).absolute().parents, ABOVE)]
-    for beside in filter(Path.is_file, (one / lenses.GAUSSIANS for one in folders)):
-        # Cameras of another scene are no reason to stop: these are not asked for.
-        with contextlib.suppress(ValueError):
-            world = similarity(cameras, lenses.of_program(beside, None))
-            if world is not None:
-                yield f"by the {beside.name} of its training", world
-        break
-    for beside in filter(Path.is_file, (one / NERFSTUDIO for one in folders)):
+    if theirs := trained_by(path):
+        world = similarity(cameras, theirs)
+        if world is not None:
+            yield f"by the {lenses.GAUSSIANS} of its training", world
+    for beside in above(path, NERFSTUDIO):
         told = json_files.read(beside, {"transform": list, "scale": json_files.NUMBER})
         moved, world = prepare.matrix_of(told["transform"], (3, 4)), np.eye(4)
         if moved is not None:
@@ -223,6 +220,30 @@ def known_worlds(path, cameras):
         yield f"by {beside.name}", world
         yield f"by {beside.name}, without applied_transform", world @ back
         return
+
+
+def above(path, name):
+    """The files of a name beside a path and in the folders above."""
+    folders = itertools.islice(Path(path).absolute().parents, ABOVE)
+    return filter(Path.is_file, (folder / name for folder in folders))
+
+
+def trained_by(path):
+    """The cameras that the trainer has written beside a splat, or None."""
+    # Those of another scene are no reason to stop: they are not asked for.
+    with contextlib.suppress(ValueError, StopIteration):
+        return lenses.of_program(next(above(path, lenses.GAUSSIANS)), None)
+    return None
+
+
+def trained_px(path):
+    """The longest side of the photos that a splat was trained on; inf where unknown.
+
+    Rendered larger, it has less detail than the photos, which is no misalignment.
+    """
+    theirs = trained_by(path)
+    sizes = [max(lens.size) for lens in theirs.lenses.values()] if theirs else []
+    return max(sizes, default=math.inf)
 
 
 def similarity(own, theirs):
@@ -260,7 +281,7 @@ def right_angles():
                 yield turn
 
 
-def options_of(gaussians, few, world):
+def options_of(gaussians, few, world, longest_px):
     """Options of the rasteriser that a .ply leaves open, as fits the photos."""
     smooth = [gaussians.antialiased]
     if gaussians.antialiased is None:
@@ -270,12 +291,12 @@ def options_of(gaussians, few, world):
         for one in smooth
         for near, most in NEARS
     ]
-    pairs = [(one, one.photo(LONGEST_PX).astype(np.float64)) for one in few[:2]]
+    pairs = [(one, one.photo(longest_px).astype(np.float64)) for one in few[:2]]
 
     def error_db(options):
         errors = []
         for view, photo in pairs:
-            made = view.render(gaussians, world, LONGEST_PX, **options)
+            made = view.render(gaussians, world, longest_px, **options)
             errors.append(np.mean((to_bytes(made.colour) - photo) ** 2))
         return 10 * math.log10(max(np.mean(errors), 1e-9))
 

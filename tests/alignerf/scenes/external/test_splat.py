@@ -133,6 +133,13 @@ def test_the_cameras_of_its_training_tell_its_world(project):
     assert told["world"] == "by the cameras.json of its training"
     render = cv2.imread(str(folder / "made" / "rgb" / "v03.png")).astype(int)
     assert np.abs(render - cv2.imread(str(photos["v03"]))).max() <= 2
+    for entry in entries:
+        entry |= {"width": SIZE[0] // 2, "height": SIZE[1] // 2, "fx": 45.0, "fy": 45.5}
+    (folder / "cameras.json").write_text(json.dumps(entries))
+    splat.render(path, photos, cameras, folder / "small")
+    small = cv2.imread(str(folder / "small" / "rgb" / "v03.png"))
+    # As large as the photos that it was trained on.
+    assert small.shape[:2] == (SIZE[1] // 2, SIZE[0] // 2)
     (folder / "cameras.json").write_text("[{}]")
     with pytest.raises(ValueError, match="does not show the photos"):
         splat.render(path, photos, cameras, folder / "again")
