@@ -55,13 +55,13 @@ def parameters(model):
 
     Of some there is one focal length, f. Raises ValueError for another model.
     """
-    known = [m for m in pycolmap.CameraModelId.__members__ if m != "INVALID"]
     if model == "EQUIRECTANGULAR":
         raise ValueError(PANORAMA)
-    if model not in known:
-        told = f"camera model {faults.shown(model)} is none of {', '.join(known)}: "
-        told += "undistort the photos with the program that wrote it"
-        raise ValueError(told)
+    if model == "INVALID" or model not in pycolmap.CameraModelId.__members__:
+        raise ValueError(
+            f"camera model {faults.shown(model)} is none of COLMAP's: undistort the "
+            "photos with the program that wrote it"
+        )
     made = pycolmap.Camera.create_from_model_name(1, model, 1.0, 1, 1)
     return made.params_info.split(", ")
 

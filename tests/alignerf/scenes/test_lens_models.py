@@ -90,18 +90,18 @@ def test_maps_are_made_in_parts(monkeypatch):
 def test_a_transforms_json_has_the_rational_model(values):
     scene = {"camera_model": "FULL_OPENCV", "fl_x": 52.0, "w": WIDTH, "h": HEIGHT}
     scene |= {"k1": 0.3, "p1": 2e-3, "k4": 0.2, "omega": 7.0} | values
-    _, found = transforms.lens("x", scene, WIDTH, HEIGHT, where="a")
+    _, found = transforms.lens("x", scene, where="a")
     named = {"k1": 0.3, "p1": 2e-3, "k4": 0.2} | values
     np.testing.assert_array_equal(found, distortion.of_model("FULL_OPENCV", named))
     scene["camera_model"] = "OPENCV"
     if values:
-        _, same = transforms.lens("x", scene, WIDTH, HEIGHT, where="a")
+        _, same = transforms.lens("x", scene, where="a")
         np.testing.assert_array_equal(same, found)
     else:
         with pytest.raises(ValueError, match="x: distortion 'k4' of a"):
-            transforms.lens("x", scene, WIDTH, HEIGHT, where="a")
+            transforms.lens("x", scene, where="a")
     scene = {"camera_model": "FOV", "fl_x": 52.0, "omega": 0.9, "w": WIDTH, "h": HEIGHT}
-    _, found = transforms.lens("x", scene, WIDTH, HEIGHT, where="a")
+    _, found = transforms.lens("x", scene, where="a")
     np.testing.assert_array_equal(found, distortion.of_model("FOV", {"omega": 0.9}))
 
 
@@ -109,4 +109,4 @@ def test_a_transforms_json_has_the_rational_model(values):
 def test_a_panorama_says_how(model):
     scene = {"camera_model": model, "fl_x": 52.0, "w": WIDTH, "h": HEIGHT}
     with pytest.raises(ValueError, match=r"x: a: EQUIRECTANGULAR.*cube faces"):
-        transforms.lens("x", scene, WIDTH, HEIGHT, where="a")
+        transforms.lens("x", scene, where="a")
