@@ -98,6 +98,8 @@ class Evidence(NamedTuple):
     distortion_px: float
     distortion_errors: float
     photo_width_px: float = math.nan
+    # How much brighter the median photo is than its render, in stops.
+    darker_ev: float = math.nan
     # Whether the poses came with the photos, and the error that was put into them.
     poses_given: bool = False
     perturb_px: float = 0.0

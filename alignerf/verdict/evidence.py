@@ -153,6 +153,7 @@ def sums_of(rows):
         ),
         # Renders of training views have learnt some of their photos' brightness.
         "exposure_ev": max(float(own.std()) for own in exposures),
+        "darker_ev": median(main["exposure_ev"]),
     }
 
 
@@ -176,6 +177,13 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
     checked = pairs.check(looked, main)
     # Pairs that are none are left out, unless there are too many of them.
     bad = () if checked.stops else checked.faults
+    # What else stands out about a pair that is none, or among such, follows from that.
+    rows = [
+        row._replace(stands_out=checked.faults.get(row.view, ("", ""))[1])
+        if checked.stops or row.view in bad
+        else row
+        for row in rows
+    ]
     train_views, test_views = (int((loaded.split == s).sum()) for s in prepared.SPLITS)
     photo_px = poses["photo_width"] / poses["width"]
     # Of crops, that of the photos which they are cut from.

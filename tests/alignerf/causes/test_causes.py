@@ -27,7 +27,7 @@ ORIGIN = {"shift_px": 0.7, "shift_errors": 20.0}
 
 
 def test_every_cause_is_a_record_of_its_own():
-    assert {*FAULTS, "pairs", "undertrained_renders"} == {*EVERY}
+    assert {*FAULTS, "pairs", "tone", "undertrained_renders"} == {*EVERY}
     for key in ("name", "label"):
         assert len({getattr(cause, key) for cause in EVERY.values()}) == len(EVERY), key
     for places in zip(*(cause.order for cause in EVERY.values()), strict=True):
@@ -163,3 +163,15 @@ def test_a_shift_is_told_from_what_the_estimator_invents(overfit_px, wanted):
 def test_what_the_poses_warn_of_is_what_the_verdict_says():
     assert poses.FEW_TRAIN_VIEWS == shift.FEW_TRAIN_VIEWS
     assert poses.FEW_TEST_VIEWS == shift.FEW_TEST_VIEWS
+
+
+@pytest.mark.parametrize(
+    ("darker_ev", "says"), [(0.8, "darker"), (-0.15, "probably brighter"), (0.05, None)]
+)
+def test_renders_of_another_brightness_are_told(darker_ev, says):
+    """As a mean of a whole run: of ours there are none, and photos may differ more."""
+    e = THEIRS._replace(darker_ev=darker_ev)
+    found = [one for one in causes.find(e) if one.cause.name == "tone"]
+    assert [says in one.sentence(e) for one in found] == [True] * bool(says)
+    assert "tone" not in cases.named(WELL._replace(darker_ev=darker_ev))
+    assert "tone" not in cases.named(e._replace(exposure_ev=1.0))
