@@ -21,8 +21,10 @@ from alignerf.scenes import prepare
 ROUND_TRIP_PX = 0.05
 # A view's focal length is at most so many times its lens's; of real ones it is nearer.
 MAX_TIMES = 2
-# What a fisheye sees further from the axis, in radians, no pinhole view shows.
-MAX_ANGLE = 1.4
+# What a fisheye sees further from the axis, in radians, no pinhole view shows: there
+# it is stretched. A view's sides are as near as its corners need.
+MAX_ANGLE = 1.25
+WIDEST = np.tan(MAX_ANGLE) / np.sqrt(2)
 # At how many angles from the axis a lens is looked through for a fold.
 ANGLES = 100
 # How far Lanczos reaches.
@@ -102,7 +104,8 @@ def is_pinhole(distortion):
 def pinhole_camera(camtopix, distortion, width, height):
     """Intrinsics [3, 3] of the largest pinhole view that needs no pixel outside.
 
-    The view keeps width, height and the pixels' shape. Its outermost pixel centres
+    The view keeps width, height and the pixels' shape, and shows 130 degrees at most,
+    each way. Its outermost pixel centres
     lie within those of the photo, so that no border is invented. Raises ValueError
     for a distortion that folds the image over, which no pinhole view undoes.
     """
@@ -210,7 +213,7 @@ def distort_points(points, camtopix, distortion):
 
 
 def _straightened(pixels, camtopix, distortion):
-    """Normalised pinhole points [m, 2] of pixels [n, 2], and which [n].
+    """Normalised pinhole points [m, 2] of pixels [n, 2].
 
     Those too far from the axis are left out. Raises ValueError for a lens whose image
     folds over before.
@@ -231,11 +234,11 @@ def _straightened(pixels, camtopix, distortion):
         raise ValueError(f"{_text(camtopix, distortion)} folds the image: {WILD}")
     points = camera(camtopix, distortion).cam_from_img(pixels)
     # Beyond these a fisheye's direction may be no point of a pinhole's at all.
-    seen = (most[-1] > radius) & (np.hypot(*points.T) < tangents[-1])
+    seen = (most[-1] > radius) & ~(np.hypot(*points.T) >= tangents[-1])
     back = distort_points(points[seen], camtopix, distortion)
     if not np.abs(back - pixels[seen]).max(initial=0) < ROUND_TRIP_PX:
         raise ValueError(f"{_text(camtopix, distortion)} cannot be undone: {WILD}")
-    return points[seen], seen
+    return points[seen]
 
 
 def _border(width, height):
@@ -253,17 +256,12 @@ def _border(width, height):
 def _inner_rectangle(camtopix, distortion, width, height):
     """Normalised left, top, right, bottom of what every row and column contains."""
     sides = []
-    for side in _border(width, height):
-        points, _ = _straightened(side, camtopix, distortion)
-        if not len(points):
-            degrees = np.degrees(MAX_ANGLE)
-            raise ValueError(
-                f"{_text(camtopix, distortion)} has no pinhole view: a side of the "
-                f"photo is over {degrees:.0f} degrees from the axis: crop the photos"
-            )
-        sides.append(points)
-    left, top, right, bottom = sides
-    return left[:, 0].max(), top[:, 1].max(), right[:, 0].min(), bottom[:, 1].min()
+    for i, side in enumerate(_border(width, height)):
+        across = _straightened(side, camtopix, distortion)[:, i % 2]
+        sides.append(
+            across.max(initial=-WIDEST) if i < 2 else across.min(initial=WIDEST)
+        )
+    return sides
 
 
 def _check_inside(pinhole, camtopix, distortion, width, height):

@@ -61,17 +61,23 @@ def test_the_undistorted_photo_is_what_the_pinhole_sees(lens):
     assert np.abs(found[2:-2, 2:-2] - wanted[2:-2, 2:-2]).mean() < 0.6
 
 
-@pytest.mark.parametrize(
-    ("focal_px", "lens", "named"),
-    [
-        (20.0, np.zeros(4), "has no pinhole view"),
-        (52.0, np.array([-0.9, 0, 0, 0]), "folds the image"),
-    ],
-)
-def test_what_no_pinhole_shows_is_refused(focal_px, lens, named):
-    camtopix = np.array([[focal_px, 0, 48], [0, focal_px, 32], [0, 0, 1]])
-    with pytest.raises(ValueError, match=named):
-        distortion.pinhole_camera(camtopix, lens, WIDTH, HEIGHT)
+def test_what_no_pinhole_shows_is_refused():
+    with pytest.raises(ValueError, match=r"folds the image: the estimate .* is wild"):
+        distortion.pinhole_camera(CAMTOPIX, np.array([-0.9, 0, 0, 0]), WIDTH, HEIGHT)
+
+
+@pytest.mark.parametrize("k1", [0.0, -0.03])
+def test_of_half_a_sphere_the_middle_is_seen(k1):
+    """Beyond the image's circle a lens may fold: no view reaches there."""
+    focal_px = WIDTH / np.pi
+    camtopix = np.array([[focal_px, 0, WIDTH / 2], [0, focal_px, WIDTH / 2], [0, 0, 1]])
+    lens = np.array([k1, 0, 0, -1e-3])
+    pinhole = distortion.pinhole_camera(camtopix, lens, WIDTH, WIDTH)
+    degrees = np.degrees(np.arctan(WIDTH / 2 / pinhole[0, 0]))
+    assert 60 < degrees < 66
+    at = distortion.positions(camtopix, lens, pinhole, (WIDTH, WIDTH))
+    assert np.min(at) > 0
+    assert np.max(at) < WIDTH - 1
 
 
 @pytest.mark.parametrize("key", ["camera_model", "is_fisheye"])
