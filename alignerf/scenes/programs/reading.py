@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from alignerf.io import faults
-from alignerf.scenes import photo_names, photos
+from alignerf.scenes import distortion, photo_names, photos
 from alignerf.scenes.formats import shots
 from alignerf.scenes.programs import (
     base,
@@ -28,6 +28,8 @@ OTHERS = re.compile(
     r"|gnss|imu|frames|reconstruction).*\.(csv|txt|json|log|npy|npz|ya?ml|tum)",
     re.IGNORECASE,
 )
+# Google's name of it, in the XMP that cameras write.
+PANORAMA = b"equirectangular"
 # RealityCapture's own, of sidecars that others fill with colours.
 XMP, MAX_XMP_BYTES = b"xcr:", 2**24
 EXIF = {".jpg", ".jpeg", ".heic"}
@@ -79,6 +81,10 @@ def tell_unread(folder):
         told = faults.some_names(names)
         log.warning("%s: %s %s not read: poses come from COLMAP", folder, told, verb)
     taken = [path for path in found.values() if path.suffix.lower() in EXIF]
+    for path in taken[:1]:
+        with faults.opened(path) as file:
+            if PANORAMA in file.read(HEAD_BYTES):
+                log.warning("%s: %s: %s", folder, path.name, distortion.PANORAMA)
     if any(map(photos.has_place, taken[:1])):
         log.info("%s: places (GPS) are not read: poses come from COLMAP", folder)
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from alignerf.captures import base as captures
 from alignerf.scenes import distortion
 from alignerf.scenes.programs import base, metashape, reading
 from tests import app_cases
@@ -260,8 +261,6 @@ def test_gaussians(scene):
 
 
 def test_a_folder_becomes_views(scene):
-    from alignerf.captures import base as captures
-
     folder, poses = scene
     assert captures.detected(folder).name == "photos"
     (folder / "export").mkdir()
@@ -301,8 +300,6 @@ def test_a_folder_becomes_views(scene):
     ],
 )
 def test_what_is_not_read_is_told_once(scene, caplog, name, content, told):
-    from alignerf.captures import base as captures
-
     path = scene[0] / name
     path.parent.mkdir(exist_ok=True)
     path.write_text(content)
@@ -317,14 +314,19 @@ def test_what_is_not_read_is_told_once(scene, caplog, name, content, told):
 def test_places_in_photos_are_told(scene, caplog):
     from PIL import Image
 
-    from alignerf.captures import base as captures
-
     exif = Image.Exif()
     exif[34853] = {1: "N", 2: (47.0, 3.0, 2.0)}
     Image.new("RGB", SIZE).save(scene[0] / "images" / NAMES[0], exif=exif)
     with caplog.at_level("INFO"):
         captures.detected(scene[0]).scene(scene[0])
     assert "places (GPS) are not read" in caplog.text
+
+
+def test_panoramas_alone_are_told(scene, caplog):
+    path = scene[0] / "images" / NAMES[0]
+    path.write_bytes(path.read_bytes() + b"<x GPano:ProjectionType='equirectangular'/>")
+    captures.detected(scene[0]).scene(scene[0])
+    assert "IMG 1.JPG: EQUIRECTANGULAR panoramas are no pinhole's" in caplog.text
 
 
 def test_a_folder_of_scenes_is_none_itself(tmp_path, scene):
