@@ -7,6 +7,7 @@ that are numbered (`layouts`).
 
 import functools
 import logging
+import os
 import re
 import shlex
 import unicodedata
@@ -26,6 +27,7 @@ OTHERS = re.compile(
     r"gt.*|.*ground.?truth.*|raw-.*|.*depth.*|accumulation|.*normals?|masks?|alpha|error"
     r"|background|rgba|cameras"
 )
+TRUTH = re.compile(r"gt([_-].*)?|ground.?truth")
 OTHER_FILES = re.compile(
     r"(.*[^a-z])?(gt|ground.?truth|depths?|normals?|acc|accumulation|alpha|opacity|masks?"
     r"|errors?|diff|disparity)([^a-z].*)?"
@@ -53,7 +55,9 @@ def find(folder, photo_paths, splits=None, every=None) -> layouts.Found:
     one view.
     """
     folder = Path(folder)
-    files = of_last(files_of(folder, photo_paths), photo_paths)
+    files, own = files_of(folder, photo_paths), {*photo_paths.values()}
+    files = [path for path in files if path not in own] or files
+    files = of_last(files, photo_paths)
     check_some(folder, files)
     some = files[0], next(iter(photo_paths.values()))
     part = orders.part_of(*(photos.head(path).size for path in some))
@@ -119,6 +123,10 @@ def check_some(folder, files):
         )
     if not folder.is_dir():
         raise ValueError(f"{folder}: no folder of renders")
+    beside = [folder.parent / name for name in ("renders", "rgb")]
+    if TRUTH.fullmatch(folder.name.lower()) and any(map(Path.is_dir, beside)):
+        found = next(filter(Path.is_dir, beside))
+        raise ValueError(f"{folder}: photos, by its name: renders lie in {found}")
     if not files:
         raise ValueError(f"{folder}: no renders ({', '.join(sorted(SUFFIXES))})")
 
@@ -176,6 +184,12 @@ class Called:
 
     def __init__(self, photo_paths):
         self.views = [{} for _ in LOOSELY]
+        places = [PurePath(path).parent for path in photo_paths.values()]
+        common = os.path.commonpath(places or ["."])
+        # A file in a folder of one photo is of no photo in another.
+        self.folders = {
+            part for one in places for part in one.relative_to(common).parts
+        }
         for view, path in photo_paths.items():
             texts = {view, *with_folders(path)}
             for loosely, known in zip(LOOSELY, self.views, strict=True):
@@ -185,7 +199,9 @@ class Called:
 
     def view_of(self, path):
         """(view, how loosely it is called so) of a file; (None, 0) of another's."""
-        tries = list(with_folders(path))
+        before = (None, *path.parts[-DEPTH:-1])
+        tries = zip(with_folders(path), before, strict=True)
+        tries = [text for text, folder in tries if folder not in self.folders]
         around = filter(None, map(AROUND.fullmatch, tries))
         tries += [match[1] or match[2] for match in around]
         for loose, known in enumerate(self.views):

@@ -56,7 +56,7 @@ class ExternalRenders(NamedTuple):
 def find(config) -> ExternalRenders:
     """The pairs of a scene's keys. Raises ValueError in one line."""
     judged = base.section(config, "external_renders")
-    paths, cameras = taken(config["path"], judged["cameras"])
+    paths, cameras = taken(config["path"], judged["cameras"], judged["renders"])
     every = config.get("test_every")
     found = renders.find(judged["renders"], paths, cameras.splits, every)
     of_views = found.renders
@@ -98,14 +98,18 @@ def held_out(every, found, cameras):
     return "by the cameras' file" if cameras.splits else None
 
 
-def taken(folder, file=None):
+def taken(folder, file=None, apart=None):
     """({view: path}, `lenses.Cameras` of these views) of a folder of photos.
 
     file: of the cameras, or their folder; None where nothing is known of them. Views
-    are in the order that it has them in. Photos without a camera are left out with a
-    warning, and so are cameras without a photo. Raises ValueError where none has one.
+    are in the order that it has them in. apart: a folder whose images are no photos,
+    unless there are no others. Photos without a camera are left out with a warning, and
+    so are cameras without a photo. Raises ValueError where none has one.
     """
     place, paths = photos_of(folder)
+    if apart:
+        others = [p for p in paths if not (place / p).is_relative_to(apart)]
+        paths = others or paths
     if file is None:
         named = {path: path for path in paths}
         cameras = lenses.assumed(paths)
@@ -132,7 +136,7 @@ def taken(folder, file=None):
             f"{file}: its cameras ({faults.some_names(sorted(cameras.lenses))}) are of "
             f"other photos than those of {folder} ({faults.some_names(paths)})"
         )
-    views, found = photo_names.view_names(sorted(named.values())), {}
+    views, found = photo_names.view_names(paths), {}
     for path in named.values():
         name = views[path]
         if name in found or not prepared.is_name(name):

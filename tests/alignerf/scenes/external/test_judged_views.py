@@ -328,3 +328,45 @@ def test_photos_are_no_renders_of_themselves(tmp_path):
     config["external_renders"]["renders"] = config["path"]
     with pytest.raises(ValueError, match=r"v00\.png: this render is the photo itself"):
         views.find(config)
+
+
+@pytest.mark.parametrize("where", ["images/", "C:\\\\me\\\\scan\\\\", "", "/home/me/"])
+@pytest.mark.parametrize("inner", [".", "images", "frames"])
+def test_photos_in_folders_are_found_by_their_paths(tmp_path, caplog, where, inner):
+    """Those of other machines, too; what lacks a partner is left out."""
+    names = [f"cam{i % 2}/{i // 2}" for i in range(8)]
+    cases.photos(tmp_path / "photos" / inner, names)
+    cases.photos(tmp_path / "photos" / "renders", names)
+    told = cases.transforms(tmp_path / "transforms.json", [*names[1:], "cam1/9"])
+    content = told.read_text().replace("images/", where).replace(".png", ".JPG")
+    told.write_text(content.replace("cam0/", "cam0\\\\") if "\\" in where else content)
+    config = cases.config(tmp_path, cameras=str(told))
+    config["external_renders"]["renders"] = str(tmp_path / "photos" / "renders")
+    judged = views.find(config)
+    assert [pair.name for pair in judged.pairs] == sorted(
+        name.replace("/", "_") for name in names[1:]
+    )
+    for pair in judged.pairs:
+        folder, number = pair.name.split("_")
+        assert pair.photo == tmp_path / "photos" / inner / folder / f"{number}.png"
+        assert pair.render.path.parts[-3:] == ("renders", folder, f"{number}.png")
+        at = names.index(pair.name.replace("_", "/")) - 1
+        assert pair.pose[0, 3] == pytest.approx(0.2 * at)
+    assert "1 of 8 cameras have no photo, and are left out" in caplog.text
+    assert "1 of 8 photos have no camera, and are left out: cam0/0.png" in caplog.text
+
+
+def test_without_cameras_folders_are_part_of_a_view_s_name(tmp_path):
+    names = ["cam0/1", "cam1/1", "cam1/2"]
+    cases.photos(tmp_path / "photos", names)
+    found, cameras = views.taken(tmp_path / "photos")
+    assert [*found] == [*cameras.lenses] == ["cam0_1", "cam1_1", "2"]
+
+
+def test_two_photos_of_one_view_name_are_refused_unless_cameras_tell(tmp_path):
+    cases.photos(tmp_path)
+    (tmp_path / "v00.jpg").write_bytes((tmp_path / "v00.png").read_bytes())
+    with pytest.raises(ValueError, match="v00 is the view name of another"):
+        views.taken(tmp_path)
+    told = cases.transforms(tmp_path / "transforms.json")
+    assert views.taken(tmp_path, told)[0]["v00"] == tmp_path / "v00.png"

@@ -187,3 +187,13 @@ def test_a_film_is_told_how_to_become_renders(tmp_path, taken, place):
     (tmp_path / "out.mp4").write_bytes(b"")
     with pytest.raises(ValueError, match=r"out\.mp4: a film: .* ffmpeg -i"):
         renders.find(tmp_path / place, taken)
+
+
+def test_a_folder_of_photos_by_its_name_is_told_from_that_of_renders(tmp_path, taken):
+    write(tmp_path / "ours_7" / "gt", *(f"{i:05}.png" for i in range(8)))
+    assert len(renders.find(tmp_path / "ours_7" / "gt", taken).renders) == 8
+    write(tmp_path / "ours_7" / "renders", "00000.png")
+    with pytest.raises(
+        ValueError, match=r"photos, by its name: renders lie in .*renders"
+    ):
+        renders.find(tmp_path / "ours_7" / "gt", taken)
