@@ -73,7 +73,7 @@ def meant(path, command="photos"):
     path = at_home(path)
 
     def then(folder):
-        return as_command(command, {"FOLDER": folder})
+        return provenance.as_command(command, {"FOLDER": folder})
 
     if not path.exists():
         raise ValueError(missing(path))
@@ -232,20 +232,6 @@ def unpacked(path, then):
     raise ValueError(f"{path}: unpack it first: {how}`{then(folder)}`")
 
 
-def as_command(command, given, options=""):
-    """A command as its user can type it; given: {variable of make: path}."""
-    quoted = {key: shlex.quote(str(path)) for key, path in given.items()}
-    made = (f"{key}={path}" for key, path in quoted.items())
-    named = (
-        path if key == "FOLDER" else f"--{key.lower()} {path}"
-        for key, path in quoted.items()
-    )
-    by_make = [f"make {command}", *made]
-    by_make += [f'{command.upper()}="{options}"'] * bool(options)
-    own = filter(None, [f"why-blurry {command}", options, *named])
-    return provenance.typed(" ".join(by_make), " ".join(own))
-
-
 def is_trained(folder):
     """Whether a folder is what a program has trained, and no project around it."""
     there = (next(folder.glob(name), None) for name in TRAINED)
@@ -285,7 +271,7 @@ def of_trained(path):
     cameras = [p for one in above if (p := one / "cameras.json").is_file()]
     given = {"PHOTOS": source, "SPLAT" if splat else "RENDERS": splat or path}
     given["CAMERAS"] = [*cameras, "sparse/0" if source == "photos" else source][0]
-    told = as_command("judge", given)
+    told = provenance.as_command("judge", given)
     return f"{path}: trained by another program: `{told}` judges that"
 
 
@@ -315,7 +301,7 @@ def judged(key, path):
     path = at_home(path)
 
     def then(folder):
-        return as_command("judge", {key: folder}) + " ..."
+        return provenance.as_command("judge", {key: folder}) + " ..."
 
     if path.is_file() and PACKED.fullmatch(path.name):
         return unpacked(path, then)

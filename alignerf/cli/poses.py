@@ -16,7 +16,7 @@ from alignerf.cli import configs, folders
 from alignerf.experiment.checks import results as of_results
 from alignerf.experiment.checks import scenes as of_scenes
 from alignerf.exports import formats, photos, points
-from alignerf.io import atomic, faults, owned
+from alignerf.io import atomic, faults, owned, provenance
 from alignerf.scenes import prepare, prepared
 from alignerf.sfm import calibration, capture, mistakes
 
@@ -49,7 +49,7 @@ def main(argv=None):
 def config_of(scene, args, folder):
     """A scene's keys, complete; ValueError where no cameras came with it."""
     if "adjusted" not in base.of(scene).poses:
-        command = typed.as_command("photos", {"FOLDER": folder})
+        command = provenance.as_command("photos", {"FOLDER": folder})
         raise ValueError(
             f"{scene['path']}: no cameras came with these photos, so there are none to "
             f"check: `{command}` finds them by COLMAP"

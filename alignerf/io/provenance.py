@@ -80,6 +80,20 @@ def typed(make, installed):
     return installed if os.environ.get(TYPED) else make
 
 
+def as_command(command, given, options=""):
+    """A command as its user can type it; given: {variable of make: path}."""
+    quoted = {key: shlex.quote(str(path)) for key, path in given.items()}
+    made = (f"{key}={path}" for key, path in quoted.items())
+    named = (
+        path if key == "FOLDER" else f"--{key.lower()} {path}"
+        for key, path in quoted.items()
+    )
+    by_make = [f"make {command}", *made]
+    by_make += [f'{command.upper()}="{options}"'] * bool(options)
+    own = filter(None, [f"why-blurry {command}", options, *named])
+    return typed(" ".join(by_make), " ".join(own))
+
+
 def facts():
     """Commit and lock of the sources that run, and what their numbers may hang on."""
     return {"commit": commit(), "lock": lock(), "environment": environment()}

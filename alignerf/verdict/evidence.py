@@ -11,10 +11,9 @@ import numpy as np
 import pandas as pd
 
 from alignerf.cameras import exposure, lens
-from alignerf.captures import typed
 from alignerf.causes import base as causes
 from alignerf.causes import blur, motion, shift
-from alignerf.io import archives, csv_files, json_files, machine
+from alignerf.io import archives, csv_files, json_files, machine, provenance
 from alignerf.metrics import pairs
 from alignerf.scenes import originals, prepared
 from alignerf.tables import intervals
@@ -218,7 +217,7 @@ def by_colmap(scene):
     if (folder := originals.photos_alone(scene)) is None:
         return None
     name = f"--name {Path(scene).resolve().name}_colmap"
-    return typed.as_command("photos", {"FOLDER": folder}, name)
+    return provenance.as_command("photos", {"FOLDER": folder}, name)
 
 
 def of_matches(poses):
