@@ -11,6 +11,8 @@ ROOT = pathlib.Path(__file__).resolve().parent
 
 # Before JAX is imported: tests run on the CPU.
 os.environ["JAX_PLATFORMS"] = "cpu"
+# COLMAP's log is nothing to leave in the temporary folder.
+os.environ |= {"GLOG_minloglevel": "3", "GLOG_logtostderr": "1"}
 # Compiled programs are kept for the next run of the tests, and for the processes that
 # these start: with them `make test` takes a quarter less. `make clean` removes them.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(ROOT / ".pytest_cache" / "jax"))

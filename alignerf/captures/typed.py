@@ -21,6 +21,7 @@ log = logging.getLogger("alignerf")
 
 PACKED = re.compile(r".*\.(zip|7z|rar|tar|tgz|tar\.\w+)", re.IGNORECASE)
 WINDOWS = re.compile(r"([A-Za-z]):[\\/](.*)|\\\\.*", re.DOTALL)
+ADDRESS = re.compile(r"(https?|ftp|s3|gs):/")
 # Files and folders beside a trained model, and those of a project, which may hold one.
 TRAINED = ("cfg_args", "point_cloud", "nerfstudio_models", "ckpts", "t*/ours_*")
 PROJECT = ("images", "input", "sparse", "colmap", "transforms.json")
@@ -57,12 +58,16 @@ def readings(text):
     if bare[:1] in ("'", '"') and bare[-1:] == bare[:1]:
         bare = bare[1:-1]
     yield bare
+    yield os.path.expandvars(bare)
     if bare.startswith("file://"):
         yield urllib.parse.unquote(bare.removeprefix("file://"))
     yield re.sub(r"\\(.)", r"\1", bare)
     if (found := WINDOWS.fullmatch(bare)) and found[1]:
         bare = f"/mnt/{found[1].lower()}/{found[2]}"
     yield bare.replace("\\", "/")
+    # All photos of a folder, which no shell has written out.
+    if "*" in bare.rpartition("/")[2]:
+        yield bare.rpartition("/")[0]
 
 
 def meant(path, command="photos"):
@@ -91,6 +96,8 @@ def missing(path):
             f"{path}: a path of Windows, and this system is none: give the path that "
             f"it has here (under WSL: /mnt/{drive}/...)"
         )
+    if ADDRESS.match(str(path)):
+        return f"{path}: an address: download it first, and give the folder"
     try:
         there = os.listdir(path.parent)
     except (OSError, ValueError):
@@ -112,7 +119,7 @@ def of_file(path, then):
         return path.parent
     if PACKED.fullmatch(path.name):
         return unpacked(path, then)
-    if suffix in {".ply", *SMALLER}:
+    if suffix in SMALLER or is_splat(path):
         raise ValueError(of_trained(path))
     check_within_trained(path)
     if (found := project_of(path.parent, alone=suffix == ".db")) is None:
@@ -262,8 +269,6 @@ def of_trained(path):
     """What to type for a splat, or the folder of a trained model, in a line."""
     if path.is_file() and path.suffix.lower() in SMALLER:
         return f"{path}: a packed splat: export it as .ply, and give that as SPLAT"
-    if path.is_file() and not is_splat(path):
-        return f"{path}: points, and no photos: give the folder of the photos"
     splat = path if path.is_file() else splat_in(path)
     above = [path, *path.parents][: 1 + ABOVE]
     noted = [*map(source_of, above), *map(project_around, above[1:])]
@@ -306,12 +311,18 @@ def judged(key, path):
     if path.is_file() and PACKED.fullmatch(path.name):
         return unpacked(path, then)
     is_photo = path.is_file() and path.suffix.lower() in of_photos.SUFFIXES
-    if key == "SPLAT":
-        return splat_in(path) or path if path.is_dir() else path
-    if key == "RENDERS" and (is_splat(path) or path.suffix.lower() in SMALLER):
+    is_small = path.suffix.lower() in SMALLER
+    if key == "SPLAT" and is_small:
+        raise ValueError(of_trained(path))
+    if key == "SPLAT" and path.is_dir():
+        return splat_in(path) or path
+    if key == "RENDERS" and (is_splat(path) or is_small):
         raise ValueError(f"{path}: a splat, and no folder of renders: give it as SPLAT")
     if key in ("PHOTOS", "RENDERS") and is_photo:
         return path.parent
-    if key == "PHOTOS" and path.exists() and (path.is_file() or is_model(path)):
-        return project_of(path.parent if path.is_file() else path) or path
+    if key == "PHOTOS" and path.is_file():
+        return of_file(path, then)
+    if key == "PHOTOS" and path.is_dir():
+        usual = (path, path / "input", path / "rgb")
+        return path if any(map(photos.inner_of, usual)) else of_folder(path, then)
     return path

@@ -9,9 +9,9 @@ beside the results; it is yours to edit, and is kept the next time.
 import sys
 from pathlib import Path
 
-from alignerf.captures import typed
-from alignerf.cli import configs, folders, workflow
-from alignerf.experiment import targets
+from alignerf.captures import base, typed
+from alignerf.cli import configs, folders, light, workflow
+from alignerf.experiment import check, layout, plan, targets
 from alignerf.io import faults
 from alignerf.scenes import originals, photos
 
@@ -52,10 +52,38 @@ def run(name, scenes, folder, args):
     print(f"page, in the end: {', '.join(pages)}", flush=True)
     if args.only_config:
         return
+    anew, plans = anew_of(scenes), plans_of(path, scenes)
+    if plans:
+        code = workflow.run(path, args.cores, *plans.values(), forced=anew)
+        left = [n for n in scenes if n not in plans or Path(plans[n]).exists()]
+        # Others go on beside a scene that cannot be planned.
+        if code and left and code != light.STOPPED:
+            workflow.run(path, args.cores, *all_of(path, left))
+        if code:
+            sys.exit(code)
+        anew = []
     # Its files for other programs, too: cameras corrected, or as given.
-    anew, wanted = anew_of(scenes), ("all", "export")
+    wanted = ("all", "export")
     if code := workflow.run(path, args.cores, *wanted, first=pages, forced=anew):
         sys.exit(code)
+
+
+def plans_of(path, scenes):
+    """{scene: file that says what it will cost}: made before anything is trained.
+
+    In one plan with trainings it may come after them: it wants all cores.
+    """
+    if configs.read(path).get("preflight") is False:
+        return {}
+    trained = (name for name, one in scenes.items() if base.of(one).trains)
+    return {name: str(layout.Scene(name).preflight) for name in trained}
+
+
+def all_of(path, scenes):
+    """All that a run makes of some scenes: pages, and files for other programs."""
+    whole = check.checked(configs.read(path), [path])
+    exports = targets.exports(plan.Experiment(whole, lambda **place: False))
+    return [*scenes, *(one for one in exports if Path(one).parts[1] in scenes)]
 
 
 def anew_of(scenes):

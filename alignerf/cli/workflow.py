@@ -23,8 +23,6 @@ from alignerf.experiment import sources, targets
 
 LOGS, KEPT = Path("results/logs"), 10
 OURS = re.compile(r"run-\d{8}-\d{6}-\d+\.log")
-# Targets after which nobody waits for a verdict.
-WITHOUT_VERDICT = {("export",)}
 PLUGIN, EVENTS = "alignerf-events", "ALIGNERF_EVENTS"
 POLL_S = 0.1
 NO_TRAINING = (
@@ -52,7 +50,7 @@ def run(path, cores, *wanted, overrides=(), forced=(), first=()):
         if os.environ.get("VERBOSE"):
             return loud(command)
         code = quiet(command, captures)
-    if code == 0 and wanted not in WITHOUT_VERDICT:
+    if code == 0 and (not wanted or "all" in wanted):
         export = targets.export_command([path] if path else [])
         print("\n".join(targets.verdicts(captures, export=export)), flush=True)
     return code
@@ -93,7 +91,9 @@ def quiet(command, captures):
             told.stop,
         )
         told.look(events)
-    told.close(code)
+    # Files that come before all others may be there already.
+    if code or told.finished or "all" in command:
+        told.close(code)
     return code
 
 
@@ -113,7 +113,7 @@ def ended(process, look=lambda: None, stop=lambda: None):
     Snakemake has a session of its own, so that it is told once: its handler waits for a
     lock, which the thread that a second signal interrupts may hold.
     """
-    before = {one: signal.getsignal(one) for one in light.SIGNALS}
+    was_stopped, before = False, {one: signal.getsignal(one) for one in light.SIGNALS}
     asking = [one for one, handler in before.items() if handler != signal.SIG_IGN]
     try:
         for one in asking:
@@ -122,6 +122,7 @@ def ended(process, look=lambda: None, stop=lambda: None):
             look()
             time.sleep(POLL_S)
     except KeyboardInterrupt:
+        was_stopped = True
         stop()
     finally:
         for one in asking:
@@ -129,7 +130,7 @@ def ended(process, look=lambda: None, stop=lambda: None):
         end(process)
         for one in asking:
             signal.signal(one, before[one])
-    code = process.returncode
+    code = light.STOPPED if was_stopped else process.returncode
     return code if code >= 0 else 128 - code
 
 

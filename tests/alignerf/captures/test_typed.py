@@ -37,6 +37,8 @@ DEEP = ("export/2024-01-01/scan/images/a.jpg", "export/2024-01-01/scan/transform
         (("scan/a.jpg", "scan/database.db"), "scan/database.db", "scan"),
         (("scan/transforms.json", "scan/a.jpg"), "scan/transforms.json", "scan"),
         (("my scan/a.jpg",), "my scan/a.jpg", "my scan"),
+        ((*PROJECT, "scan/sparse/0/points.ply"), "scan/sparse/0/points.ply", "scan"),
+        (("my scan/a.jpg",), "my scan/*.jpg", "my scan"),
         (("scan/walk.mp4",), "scan/walk.mp4", "scan/walk.mp4"),
         (("scan.zip", "scan/a.jpg"), "scan.zip", "scan"),
         (DEEP, "export", "export/2024-01-01/scan"),
@@ -93,7 +95,8 @@ def test_a_trained_splat_is_judged_with_its_own_paths(here, given):
         (("model/cameras.txt",), "model", "model: COLMAP's model, without its photos"),
         (("x/database.db",), "x/database.db", "neither a photo nor a film"),
         (("notes.txt", "a.jpg"), "notes.txt", "neither a photo nor a film"),
-        (("points.ply",), "points.ply", "points, and no photos"),
+        (("points.ply",), "points.ply", "neither a photo nor a film"),
+        ((), "https://x.org/scan.zip", "an address: download it first"),
         (("s.spz",), "s.spz", "a packed splat: export it as .ply"),
         (("ours/test/ours_7000/gt/0.png",), "ours", "`make judge PHOTOS=photos REND"),
         ((*DEEP, "export/b/c/a.jpg"), "export", "several captures are below, give on"),
@@ -123,13 +126,15 @@ def test_a_command_is_that_of_the_user(here, monkeypatch):
         ("PHOTOS", "scan/images/a.jpg", "scan/images"),
         ("PHOTOS", "scan/sparse/0", "scan"),
         ("PHOTOS", "scan/sparse/0/images.bin", "scan"),
+        ("PHOTOS", "deep", "deep/scan/input"),
+        ("PHOTOS", "scan", "scan"),
         ("RENDERS", "renders/a.png", "renders"),
         ("CAMERAS", "scan/sparse/0", "scan/sparse/0"),
         ("CAMERAS", "gone", "gone"),
     ],
 )
 def test_paths_of_a_judgement_mean_folders(here, key, given, meant):
-    fill(here, *PROJECT, "renders/a.png")
+    fill(here, *PROJECT, "renders/a.png", "deep/scan/input/a.jpg")
     assert typed.judged(key, given) == typed.Path(meant)
 
 

@@ -209,7 +209,7 @@ def test_its_exit_code_is_that_of_the_run(here, monkeypatch):
 
     def run(path, cores, *wanted, **more):
         asked.update(more, wanted=wanted)
-        return 3
+        return 3 * ("all" in wanted)
 
     monkeypatch.setattr(workflow, "run", run)
     with pytest.raises(SystemExit) as stopped:
@@ -225,6 +225,35 @@ def test_its_exit_code_is_that_of_the_run(here, monkeypatch):
         "all",
         "export",
     ]
+
+
+def test_nothing_is_trained_before_its_plan_is_there(here, monkeypatch):
+    """A scene that cannot be planned is left out; who stops a run stops it whole."""
+    fill(here, *(f"p/{one}/{i}.jpg" for one in "ab" for i in range(3)))
+    runs, codes = [], []
+
+    def run(path, cores, *wanted, **more):
+        runs.append(wanted)
+        if len(runs) == 1:
+            fill(here, "results/a/preflight.json", "results/a/.why-blurry")
+        return codes.pop(0)
+
+    monkeypatch.setattr(workflow, "run", run)
+    plans = tuple(f"results/{one}/preflight.json" for one in "ab")
+    codes[:] = [0, 0]
+    start.main(["p"])
+    assert runs == [plans, ("all", "export")]
+    files = (f"results/a/aligned/export/{what}" for what in ("cameras", "photos"))
+    for code, more in ((1, [("a", *files)]), (130, [])):
+        runs[:], codes[:] = [], [code, 0]
+        with pytest.raises(SystemExit):
+            start.main(["p"])
+        assert runs == [plans, *more]
+    config = here / "results/p.yaml"
+    config.write_text(config.read_text() + "preflight: false\n")
+    runs[:], codes[:] = [], [0]
+    start.main(["p"])
+    assert runs == [("all", "export")]
 
 
 def test_too_few_photos_are_said_before_anything_runs_or_is_written(here, monkeypatch):

@@ -34,7 +34,8 @@ print(jax.jit(lambda x: x @ x.T)(drawn[:, None] + jnp.arange(8)).tolist())
 
 
 def run(root, *words, **more):
-    environ = {k: v for k, v in os.environ.items() if not k.startswith("ALIGNERF")}
+    mine = ("ALIGNERF", "GLOG")
+    environ = {k: v for k, v in os.environ.items() if not k.startswith(mine)}
     return subprocess.run(
         [sys.executable, *words],
         cwd=root,
