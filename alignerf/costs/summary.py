@@ -58,12 +58,12 @@ def check_length(plan):
     if not length.get("budget_min") or length["epochs"] >= shift.FEW_EPOCHS / 2:
         return
     least, enough = length["least_min"], length["enough_min"]
+    more = f", {enough} are enough" * (enough > least)
     raise ValueError(
         f"{plan['scene']}: a budget of {length['budget_min']:g} min is too short for a "
         f"verdict: each pixel would be seen {length['epochs']:.2g} times. The least "
         f"that serves is --budget-min {least} (training.budget_min)"
-        f"{f', {enough} are enough' * (enough > least)}; `preflight: false` in the config trains "
-        "all the same"
+        f"{more}; `preflight: false` in the config trains all the same"
     )
 
 
