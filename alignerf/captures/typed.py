@@ -143,8 +143,11 @@ def of_folder(path, then):
         )
     if base.detected(path):
         return path
-    if not (found := captures_below(path)):
+    found, trained = captures_below(path)
+    if not found:
         check_others(path, then)
+    if trained and not found:
+        raise ValueError(of_trained(trained[0]))
     if not found or found[0].parent == path:
         return path
     if len(found) > 1:
@@ -154,20 +157,25 @@ def of_folder(path, then):
 
 
 def captures_below(path):
-    """Folders below that are captures, none of them within another or a model."""
-    found, level, seen = [], [path], 0
+    """(folders below that are captures, those that are trained models).
+
+    None of them lies within another one.
+    """
+    found, trained, level, seen = [], [], [path], 0
     for _ in range(BELOW):
         below = []
         for folder in level:
             inner = inner_of(folder)
             seen += len(inner)
             for one in inner if seen < MAX_FOLDERS else ():
-                if not is_trained(one):
+                if is_trained(one):
+                    trained.append(one)
+                else:
                     (found if base.detected(one) else below).append(one)
         if found:
-            return found
+            break
         level = below
-    return found
+    return found, trained
 
 
 def inner_of(folder):
@@ -187,8 +195,8 @@ def check_others(folder, then):
     for path in files:
         if PACKED.fullmatch(path.name):
             unpacked(path, then)
-    for path in (*inner_of(folder), *files):
-        if is_trained(path) or path.suffix.lower() in SMALLER:
+    for path in files:
+        if path.suffix.lower() in SMALLER:
             raise ValueError(of_trained(path))
         if is_splat(path):
             raise ValueError(of_trained(folder))

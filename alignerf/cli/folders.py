@@ -4,6 +4,7 @@ Files are told by their names, and none is opened. A folder of such folders hold
 several scenes.
 """
 
+import collections
 import logging
 import math
 import re
@@ -53,9 +54,18 @@ def scenes_of(folder):
     if not scenes:
         raise ValueError(
             f"{folder}: no photos ({', '.join(sorted(photos.SUFFIXES))}) and no films "
-            f"({', '.join(sorted(video.SUFFIXES))}), nor folders of such"
+            f"({', '.join(sorted(video.SUFFIXES))}), nor folders of such{there(folder)}"
         )
     return scenes
+
+
+def there(folder):
+    """What a folder has instead, by its files' suffixes: '; 24 .cr2 and 1 .txt'."""
+    files = folder.iterdir() if folder.is_dir() else ()
+    counts = collections.Counter(p.suffix.lower() for p in files if p.is_file())
+    counts.pop("", None)
+    some = (f"{count} {faults.name_of(s, 20)}" for s, count in counts.most_common(3))
+    return f"; there are {' and '.join(some)}" if counts else ""
 
 
 def scene_of(path):

@@ -95,6 +95,11 @@ def test_a_trained_splat_is_judged_with_its_own_paths(here, given):
         (("model/cameras.txt",), "model", "model: COLMAP's model, without its photos"),
         (("x/database.db",), "x/database.db", "neither a photo nor a film"),
         (("notes.txt", "a.jpg"), "notes.txt", "neither a photo nor a film"),
+        (
+            ("o/x/splatfacto/now/nerfstudio_models/a",),
+            "o",
+            "RENDERS=o/x/splatfacto/now",
+        ),
         (("points.ply",), "points.ply", "neither a photo nor a film"),
         ((), "https://x.org/scan.zip", "an address: download it first"),
         (("s.spz",), "s.spz", "a packed splat: export it as .ply"),
