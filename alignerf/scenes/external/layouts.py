@@ -196,17 +196,35 @@ def numbered(folder, files, splits):
     for path in files:
         of_split.setdefault(split_of(path, folder), []).append(path)
     for split, paths in of_split.items():
-        matches = [NUMBERED.fullmatch(path.stem) for path in paths]
-        if not all(matches) or len({(match[1], match[3]) for match in matches}) > 1:
-            return "", []
-        numbers = [int(match[2]) for match in matches]
-        if len(set(numbers)) < len(numbers):
+        if not (in_order := by_numbers(paths)):
             return "", []
         counted = nearest(split or "test", len(paths), splits)
         is_of = dict.fromkeys(splits, split or counted)
-        in_order = list(zip(numbers, paths, strict=True))
-        groups.append(Group(counted, in_order, is_of, True))
+        groups.append(Group(counted, [*in_order.items()], is_of, True))
     return "numbered", groups
+
+
+def by_numbers(paths):
+    """{number: path} of names that differ by a number; {} of others."""
+    matches = [NUMBERED.fullmatch(path.stem) for path in paths]
+    if not all(matches) or len({(match[1], match[3]) for match in matches}) > 1:
+        return {}
+    found = {int(match[2]): path for match, path in zip(matches, paths, strict=True)}
+    return found if len(found) == len(paths) else {}
+
+
+def with_their_numbers(folder, files, photo_paths, part):
+    """A `Found` of renders that have the numbers of their photos; None of others."""
+    own = by_numbers(files)
+    views = {path: view for view, path in photo_paths.items()}
+    of_photos = by_numbers(list(views))
+    if not own or own.keys() - of_photos.keys():
+        return None
+    found = {
+        views[of_photos[number]]: Render(path, part, split_of(path, folder))
+        for number, path in own.items()
+    }
+    return Found(found, "with the photos' numbers", sorted(photo_paths), [])
 
 
 def split_of(path, folder):

@@ -72,7 +72,8 @@ def find(folder, photo_paths, splits=None, every=None) -> layouts.Found:
         numbers = all(path.stem.isdecimal() for path in files)
         # Where some numbers are no photo's name, none may be one.
         if one.left_out or (numbers and len(one.renders) < len(photo_paths)):
-            made += counted(layouts.numbered)
+            of_numbers = layouts.with_their_numbers(folder, files, photo_paths, part)
+            made += [*counted(layouts.numbered), *filter(None, [of_numbers])]
     if not made:
         few = faults.some_names([path.name for path in files])
         raise ValueError(

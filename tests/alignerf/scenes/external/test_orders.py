@@ -109,6 +109,16 @@ def test_numbers_from_0_on_are_not_those_of_photos_from_1_on(tmp_path):
     assert right(found, taken)
 
 
+@pytest.mark.parametrize("numbers", [range(1, 13), (2, 3, 5, 7), (12,)])
+@pytest.mark.parametrize("name", ["{:05}", "r_{}_rgb", "IMG_{:03}"])
+def test_renders_may_have_the_numbers_of_their_photos(tmp_path, numbers, name):
+    taken = photos(tmp_path / "photos", NAMES)
+    written(tmp_path / "r", map(name.format, numbers), [n - 1 for n in numbers])
+    found = renders.find(tmp_path / "r", taken)
+    assert {*found.renders} == {f"IMG_{number}" for number in numbers}
+    assert right(found, taken)
+
+
 def test_renders_of_another_place_are_not_counted_out(tmp_path):
     taken = photos(tmp_path / "photos", NAMES)
     folder = written(tmp_path / "renders", range(11), range(40, 51))
