@@ -82,6 +82,8 @@ def meant(path, command="photos"):
 
     if not path.exists():
         raise ValueError(missing(path))
+    if not (path.is_file() or path.is_dir()):
+        raise ValueError(f"{path}: neither a folder nor a file")
     found = of_file(path, then) if path.is_file() else of_folder(path, then)
     if found != path:
         log.info("%s: taken is %s", path, found)
@@ -99,7 +101,7 @@ def missing(path):
     if ADDRESS.match(str(path)):
         return f"{path}: an address: download it first, and give the folder"
     try:
-        there = os.listdir(path.parent)
+        there = [p.name for p in path.parent.iterdir() if p.exists()]
     except (OSError, ValueError):
         there = []
     alike = difflib.get_close_matches(path.name, there, 1)

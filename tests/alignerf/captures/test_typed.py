@@ -1,5 +1,6 @@
 """What is typed for a folder means a capture, or is refused with what to type."""
 
+import os
 import re
 
 import pytest
@@ -114,6 +115,15 @@ def test_what_is_no_capture_is_refused_with_what_to_type(here, names, given, sai
     fill(here, *names)
     with pytest.raises(ValueError, match=re.escape(said)):
         typed.meant(given)
+
+
+def test_what_is_neither_file_nor_folder_is_not_read(here):
+    os.mkfifo("pipe")
+    os.symlink("nowhere", "dead")
+    with pytest.raises(ValueError, match="pipe: neither a folder nor a file"):
+        typed.meant("pipe")
+    with pytest.raises(ValueError, match=r"^dead does not exist$"):
+        typed.meant("dead")
 
 
 def test_a_command_is_that_of_the_user(here, monkeypatch):
