@@ -142,7 +142,8 @@ def test_numbers_in_the_order_of_names(tmp_path, taken):
 
 def test_the_cameras_say_what_is_held_out(tmp_path, taken):
     own = {name: "test" if name in ("v02", "v05") else "train" for name in NAMES}
-    write(tmp_path / "test", "000.png", "001.png")
+    for i, shown in enumerate((2, 5)):
+        write_png(tmp_path / "test" / f"{i:03}.png", picture(shown, (40, 32)))
     assert set(renders.find(tmp_path, taken, own).renders) == {"v02", "v05"}
 
 
