@@ -22,12 +22,13 @@ READERS = (metashape, openmvg, opensfm, bundler, gaussians)
 HEAD_BYTES = 2**16
 # Of other programs, by suffix or by what is in the name.
 OTHERS = re.compile(
-    r".*\.(nvm|p4[pd]|ps[xz]|rcproj|rsproj|rcinfo|sfm|abc|xml|kml|gpx|bag|out)"
+    r".*\.(csv|nvm|p4[pd]|ps[xz]|rcproj|rsproj|rcinfo|sfm|abc|xml|kml|gpx|bag|out)"
     r"|sfm_data.*\.bin|geo\.txt"
     r"|.*(camera|pose|trajectory|extrinsic|intrinsic|calib|arcore|arkit|odometry|gps"
-    r"|gnss|imu|frames|reconstruction).*\.(csv|txt|json|log|npy|npz|ya?ml|tum)",
+    r"|gnss|imu|frames|reconstruction).*\.(txt|json|log|npy|npz|ya?ml|tum)",
     re.IGNORECASE,
 )
+WITHOUT = "Without this file COLMAP finds the cameras"
 # Google's name of it, in the XMP that cameras write.
 PANORAMA = b"equirectangular"
 # RealityCapture's own, of sidecars that others fill with colours.
@@ -112,15 +113,17 @@ def views_of(folder, masks=None):
     folder, path = Path(folder), find(folder)
     if path is None:
         raise ValueError(f"{folder}: no cameras of a program that is known")
-    given = {one.name: one for one in read(path)}
+    try:
+        given = {one.name: one for one in read(path)}
+    except ValueError as error:
+        raise ValueError(f"{error}. {WITHOUT}") from None
     listed = photo_names.listed(folder)
     found = photo_names.match(given, listed, where=path)
     missing = [name for name in given if name not in found]
     if len(found) < LEAST_THERE * len(given):
         raise ValueError(
             f"{path}: {len(missing)} of {len(given)} photos that it names are not in "
-            f"{folder}: {faults.some_names(missing)}. Without this file COLMAP finds "
-            "the cameras"
+            f"{folder}: {faults.some_names(missing)}. {WITHOUT}"
         )
     if missing:
         log.warning("%s: no photo of %s", path, faults.some_names(missing))

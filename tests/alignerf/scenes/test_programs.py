@@ -284,6 +284,9 @@ def test_a_folder_becomes_views(scene):
     (folder / "images" / NAMES[3]).unlink()
     with pytest.raises(ValueError, match=r"cameras.xml: 2 of 4 photos .*IMG 1.JPG"):
         record.read_given(scene)
+    (folder / "export" / "cameras.xml").write_text(xml({}, METASHAPE))
+    with pytest.raises(ValueError, match=r"no camera has a pose.*Without this file"):
+        record.read_given(scene)
 
 
 @pytest.mark.parametrize(
@@ -296,6 +299,7 @@ def test_a_folder_becomes_views(scene):
         ("cameras.json", "{}", True),
         ("images/a.xmp", "<x xcr:Position='1'/>", True),
         ("images/a.xmp", "<x crs:Exposure='1'/>", False),
+        ("Registration.csv", "", True),
         ("notes.txt", "sunny", False),
     ],
 )
