@@ -100,6 +100,7 @@ def main(config, out, whole=None, cameras=None, places=None, adjust=False):
         files = [*originals.of_views(config, full), *told.pop("files", ())]
         outer = [path for path in files if scratch not in Path(path).parents]
         originals.write(fresh, outer)
+        told["photos_alone"] = originals.photos_alone(outer)
         for path in (scratch / prepared.BESIDE).glob("*"):
             atomic.move(path, fresh / "images" / path.name)
         if (scratch / "colmap").is_dir():

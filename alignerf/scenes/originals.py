@@ -71,15 +71,15 @@ def noted(scene):
     return found
 
 
-def photos_alone(scene):
-    """The folder of most of a scene's photos, if no cameras lie there; else None."""
-    found = (path for path in map(Path, noted(scene)) if of_photos.is_taken(path))
+def photos_alone(paths):
+    """The folder of most photos among the paths, if no cameras lie there; else None."""
+    found = (path for path in map(Path, paths) if of_photos.is_taken(path))
     # Masks come after the photos, and are no more.
     usual = collections.Counter(path.parent for path in found).most_common(1)
     for folder, _ in usual:
         with contextlib.suppress(ValueError, OSError):
             record = base.detected(folder)
-            return folder if record and record.poses == ("colmap",) else None
+            return named(folder) if record and record.poses == ("colmap",) else None
     return None
 
 

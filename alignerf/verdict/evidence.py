@@ -15,7 +15,7 @@ from alignerf.causes import base as causes
 from alignerf.causes import blur, motion, shift
 from alignerf.io import archives, csv_files, json_files, machine, provenance
 from alignerf.metrics import pairs
-from alignerf.scenes import originals, prepared
+from alignerf.scenes import prepared
 from alignerf.tables import intervals
 from alignerf.verdict import views
 
@@ -205,16 +205,19 @@ def read(scene, base, *, overfit=None, crops=(None, None), before=None):
         judged=read_judged(poses, before, width_px),
         matches=of_matches(poses),
         pairs=checked,
-        by_colmap=by_colmap(scene),
+        by_colmap=by_colmap(poses, scene),
         **sums_of([row for row in rows if row.view not in bad]),
         **lens_of(loaded, base),
     )
     return known, rows
 
 
-def by_colmap(scene):
-    """The command that lets COLMAP find the poses of a scene's photos, or None."""
-    if (folder := originals.photos_alone(scene)) is None:
+def by_colmap(poses, scene):
+    """The command that lets COLMAP find the poses of a scene's photos, or None.
+
+    poses: the contents of poses.json.
+    """
+    if (folder := poses.get("photos_alone")) is None:
         return None
     name = f"--name {Path(scene).resolve().name}_colmap"
     return provenance.as_command("photos", {"FOLDER": folder}, name)

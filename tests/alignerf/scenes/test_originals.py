@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from alignerf import export, poses
-from alignerf.io import images
+from alignerf.io import images, json_files
 from alignerf.scenes import originals
 from alignerf.verdict import evidence
 from tests import judged_cases as cases
@@ -37,9 +37,10 @@ def test_what_is_noted(scene):
 def test_poses_are_found_anew_from_the_folder_of_the_photos(scene):
     """Not from one with the cameras in it, which are found again."""
     told = 'make photos FOLDER=scan/images PHOTOS="--name out_colmap"'
-    assert evidence.by_colmap(Path("out")) == told
+    found = json_files.read("out/poses.json")
+    assert evidence.by_colmap(found, Path("out")) == told
     shutil.copy("scan/transforms.json", "scan/images")
-    assert evidence.by_colmap(Path("out")) is None
+    assert originals.photos_alone(originals.noted("out")) is None
 
 
 def test_a_copy_of_the_same_is_no_change(scene):
