@@ -19,9 +19,11 @@ import numpy as np
 # out.
 MAX_BAD = 0.1
 # A copy: correlation of the finest detail, at least (copies, also as JPEG of quality
-# 75, have 0.85 and more, renders at most 0.70); 8-bit levels by which colours differ,
-# at most (copies 0.4, renders 1 and more); the blur before that in px.
-COPY, COPY_LEVELS, COPY_BLUR_PX = 0.8, 0.6, 8.0
+# 75, have 0.85 and more, renders at most 0.83), or at least so much of renders as
+# detailed as their photos (copies of which a lens was undone have 0.7 and more); 8-bit
+# levels by which colours differ, at most (copies 0.4, renders 0.8 and more); the blur
+# before that in px.
+COPY, SHARP_COPY, COPY_LEVELS, COPY_BLUR_PX = 0.8, 0.65, 0.6, 8.0
 # Levels of 8 bits: a render's tile is empty below, a photo's shows something above. The
 # share of such tiles is 0 of renders.
 EMPTY, SHOWS, MAX_EMPTY, TILES = 1.0, 6.0, 0.4, 16
@@ -108,7 +110,9 @@ def fault_of(photo, render, counts, whole):
     shown = np.ones_like(counts) if whole else counts
     if share_empty(photo, render, shown) > MAX_EMPTY:
         return "empty"
-    if likeness(detail(photo)[counts], detail(render)[counts]) < COPY:
+    own, other = detail(photo)[counts], detail(render)[counts]
+    is_sharp = norm(other) > norm(own)
+    if likeness(own, other) < (SHARP_COPY if is_sharp else COPY):
         return None
     return "copy" if apart_levels(photo, render, counts) < COPY_LEVELS else None
 

@@ -85,6 +85,19 @@ def test_nonsense_is_named_and_stops_the_verdict(name):
     assert report.advise(e, findings) == pairs.ADVICE[kind]
 
 
+def test_copies_of_photos_that_were_resampled(rng):
+    """A lens was undone by a program, and again by us; soft renders are none."""
+    copies, photos = [], []
+    for photo in PHOTOS:
+        noise = rng.normal(size=photo.shape)
+        copies.append(np.clip(photo + 12 * noise, 0, 255).astype(np.uint8))
+        photos.append(cv2.GaussianBlur(copies[-1], (0, 0), 0.9))
+    own, other = pairs.detail(copies[0]), pairs.detail(photos[0])
+    assert pairs.SHARP_COPY < pairs.likeness(own, other) < pairs.COPY
+    assert kinds(checked(copies, photos=photos)) == {"copy"}
+    assert not checked(photos, photos=copies).faults
+
+
 def test_renders_of_another_scene():
     """Pictures of noise have no sky above, so that none is like another."""
     others = [judged_cases.picture(60 + i, (160, 120)) for i in range(12)]
