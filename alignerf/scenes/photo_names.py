@@ -10,6 +10,7 @@ import os
 import re
 import unicodedata
 from pathlib import PurePosixPath
+from urllib.parse import unquote
 
 from alignerf.io import faults
 
@@ -85,10 +86,11 @@ def _parts(name):
 
 
 def _folded(parts):
-    """The parts without case, suffix and the ways of writing an accent."""
+    """The parts without case, suffix, %20 and the ways of writing an accent."""
     if not parts:
         return parts
-    plain = [unicodedata.normalize("NFC", part).casefold() for part in parts]
+    parts = [unicodedata.normalize("NFC", unquote(part)) for part in parts]
+    plain = [part.casefold() for part in parts]
     stem, dot, suffix = plain[-1].rpartition(".")
     return (
         *plain[:-1],

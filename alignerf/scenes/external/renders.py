@@ -24,8 +24,8 @@ log = logging.getLogger("alignerf")
 SUFFIXES = photos.SUFFIXES - {".heic", ".heif"}
 # Folders beside renders, of photos, depths and others; and such files among renders.
 OTHERS = re.compile(
-    r"gt.*|.*ground.?truth.*|raw-.*|.*depth.*|accumulation|.*normals?|masks?|alpha|error"
-    r"|background|rgba|cameras"
+    r"gt.*|.*ground.?truth.*|raw-.*|.*depth.*|accumulation|.*normals?|masks?|alpha|errors?"
+    r"|diff|background|rgba|cameras"
 )
 TRUTH = re.compile(r"gt([_-].*)?|ground.?truth")
 OTHER_FILES = re.compile(

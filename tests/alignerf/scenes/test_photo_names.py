@@ -17,6 +17,7 @@ from alignerf.scenes import photo_names
         ("../data/0001.jpg", "images/0001.jpg"),
         ("images/0001", "images/0001.jpg"),
         ("IMAGES/0001.JPG", "images/0001.jpg"),
+        ("images/a%20%C3%A4.jpg", "images/a ä.jpg"),
         ("0001.png", "images/0001.jpg"),
         ("0003.jpg", None),
         ("", None),
@@ -24,7 +25,8 @@ from alignerf.scenes import photo_names
     ],
 )
 def test_a_name_means_the_photo_of_its_path_or_name(name, path):
-    found = photo_names.match([name], ["images/0001.jpg", "images/0002.jpg"])
+    paths = [f"images/{one}.jpg" for one in ("0001", "0002", "a ä")]
+    found = photo_names.match([name], paths)
     assert found.get(name) == path
 
 
