@@ -33,7 +33,7 @@ SYSTEMS = {"__MACOSX", "@eaDir", "lost+found"}
 # Folders of cameras, which lie in a project.
 OF_CAMERAS = re.compile(
     r"\d+|sparse|colmap|dense|(un)?distorted|models?|keyframes|(corrected_)?cameras"
-    r"|reconstructions?|matches|bundle|opensfm|exports?"
+    r"|sfm|outputs?|glomap|reconstructions?|matches|bundle|opensfm|exports?"
 )
 # How many folders above and below are looked at, and of those below how many in all.
 ABOVE, BELOW, MAX_FOLDERS = 3, 4, 2000

@@ -7,7 +7,8 @@ share no frame, so the one with most images is taken, and the others are named.
 Files are looked through before COLMAP's own reader sees them. It trusts a binary file's
 counts: on one that was cut short it takes minutes and 15 GB. Of texts it takes a
 quaternion of 0 for no turn, cuts a name at its first space, stops at a byte order mark,
-and leaves out every second image of a file without lines of points. Formats: COLMAP's
+and leaves out every second image of a file without lines of points. Without a file of
+points it reads nothing; here cameras do without. Formats: COLMAP's
 src/colmap/scene/reconstruction_io_binary.cc and reconstruction_io_text.cc.
 """
 
@@ -32,9 +33,14 @@ log = logging.getLogger(__name__)
 PLACES = (
     *("sparse", "colmap/sparse", ".", "colmap", "models", "dense/sparse", "dense"),
     *("distorted/sparse", "undistorted/sparse"),
+    # Of hloc and of GLOMAP.
+    *("sfm", "outputs/sfm", "outputs", "output", "glomap"),
 )
 # Where photos lie beside a model, or beside the folder that models lie in.
 OF_PHOTOS = ("images", "input", "frames", "photos", "rgb")
+# Beside a model of 3D Gaussian splatting's `convert.py` in this folder, undistorted
+# photos lie in `images`, and its own in `input`.
+DISTORTED = "distorted"
 # Of a model's photos, so many may have been sorted out.
 MAX_MISSING = 1 / 3
 SUFFIXES = (".bin", ".txt")
@@ -140,7 +146,8 @@ def photos_for(folder, model, names, chosen=None):
     project = project.parent if project.name in ("sparse", "models") else project
     bases = dict.fromkeys([project, project.parent, folder])
     bases = [base for base in bases if base.is_relative_to(folder)]
-    places = [base / name for base in bases for name in OF_PHOTOS]
+    usual = ["input"] if DISTORTED in model.relative_to(folder).parts else []
+    places = [base / name for base in bases for name in (*usual, *OF_PHOTOS)]
     smaller = sorted(
         (path for path in folder.glob("images_*") if path.name[7:].isdecimal()),
         key=lambda path: int(path.name[7:]),
@@ -183,6 +190,9 @@ def read(path):
             if not is_plain(path, names):
                 own = Path(plain)
                 write_plain(path, own)
+        elif is_model(path) and not (path / "points3D.bin").exists():
+            own = Path(plain)
+            link_without_points(path, own)
         try:
             model = pycolmap.Reconstruction(own)
         # Whatever COLMAP's reader finds wrong is the file's fault.
@@ -315,7 +325,9 @@ def image_lines(path):
         if not line:
             continue
         after, points = next(lines, (number + 1, ""))
-        if len(points.split()) % 3:
+        words = points.split()
+        # The last one is a point's number; of an image it is a part of its name.
+        if len(words) % 3 or (words and not words[-1].lstrip("-").isdecimal()):
             raise ValueError(
                 f"{path}: line {after}: not the points of the image above it, "
                 "which is a line of its own, empty where there are none"
@@ -328,9 +340,11 @@ def check_texts(folder):
 
     A name is all that follows the numbers, with its spaces.
     """
-    for name in ("cameras.txt", "points3D.txt"):
-        text_of(Path(folder) / name)
-    path, names = Path(folder) / "images.txt", {}
+    folder = Path(folder)
+    text_of(folder / "cameras.txt")
+    if (points := folder / "points3D.txt").exists():
+        text_of(points)
+    path, names = folder / "images.txt", {}
     for number, line, _ in image_lines(path):
         words = line.split(maxsplit=OF_IMAGE - 1)
         if len(words) != OF_IMAGE or not words[0].isdecimal():
@@ -347,7 +361,8 @@ def check_texts(folder):
 def is_plain(folder, names):
     """Whether COLMAP's reader takes the texts as they are."""
     paths = [folder / f"{part}.txt" for part in FILES]
-    marked = any(starts_with_mark(path) for path in paths if path.is_file())
+    there = [path for path in paths if path.is_file()]
+    marked = any(map(starts_with_mark, there)) or folder / "points3D.txt" not in there
     return not marked and not any(len(name.split()) > 1 for name in names.values())
 
 
@@ -357,7 +372,11 @@ def starts_with_mark(path):
 
 
 def write_plain(folder, to):
-    """Copies of a model's texts without marks and, as names, the images' numbers."""
+    """Copies of a model's texts without marks and, as names, the images' numbers.
+
+    Points, where there are none, are an empty text.
+    """
+    (to / "points3D.txt").touch()
     for part in FILES:
         path = folder / f"{part}.txt"
         if not path.is_file():
@@ -369,6 +388,14 @@ def write_plain(folder, to):
                 words = line.split(maxsplit=OF_IMAGE - 1)
                 lines += [" ".join([*words[:-1], words[0]]), points]
         (to / path.name).write_text("\n".join([*lines, ""]))
+
+
+def link_without_points(folder, to):
+    """Links to a model's binary files, and a file of no points."""
+    for part in FILES:
+        if (path := folder / f"{part}.bin").is_file():
+            (to / path.name).symlink_to(path.resolve())
+    (to / "points3D.bin").write_bytes(struct.pack("<Q", 0))
 
 
 def check_further_poses(folder):

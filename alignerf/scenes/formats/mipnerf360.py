@@ -31,13 +31,14 @@ def read(folder, images=None, masks=None):
     found = colmap_models.with_photos(folder, chosen)
     if found is None:
         return of_llff(folder, chosen, masks), []
-    names = photo_names.view_names(found.cameras)
-    own = [
-        shots.Shot(names[name], found.photos[name], *camera)
-        for name, camera in sorted(found.cameras.items())
-        if name in found.photos
-    ]
     used = set(found.photos.values())
+    # After the photo: a model's names may be paths of another system.
+    names = photo_names.view_names([p.relative_to(found.root).as_posix() for p in used])
+    own = [
+        shots.Shot(names[photo.relative_to(found.root).as_posix()], photo, *camera)
+        for name, camera in sorted(found.cameras.items())
+        if (photo := found.photos.get(name))
+    ]
     views_there = photo_names.view_names(photo_names.listed(found.root))
     left_out = [n for p, n in views_there.items() if found.root / p not in used]
     if left_out:
@@ -50,6 +51,11 @@ def of_llff(folder, chosen, masks):
     """The views of poses_bounds.npy; ValueError where there is none either."""
     lacking = colmap_models.missing(folder)
     if not (folder / "poses_bounds.npy").is_file():
+        if not lacking and (folder / "sparse/0").is_dir():
+            lacking = (
+                f"{folder}/sparse/0: no COLMAP model in it, as where COLMAP has failed:"
+                " move sparse away, and it runs on the photos"
+            )
         raise ValueError(lacking or f"{folder}: neither sparse/0 nor poses_bounds.npy")
     why = lacking or f"{folder}/sparse/0 not found"
     log.warning("%s: poses of poses_bounds.npy", why)

@@ -2,8 +2,10 @@
 
 import json
 import math
+import shutil
 
 import numpy as np
+import pycolmap
 import pytest
 from PIL import Image
 
@@ -215,6 +217,7 @@ def test_a_photo_of_another_folder_is_not_taken_for_one_that_is_gone(tmp_path):
         ({"dense/sparse/0": 6}, "dense/images", "dense/sparse/0"),
         ({"distorted/sparse/0": 6}, "input", "distorted/sparse/0"),
         ({"colmap/sparse/0": 6}, "images", "colmap/sparse/0"),
+        ({"outputs/sfm": 6}, "images", "outputs/sfm"),
         ({"sparse": 6}, "frames", "sparse"),
         ({"sparse/0": 6}, "images_4", "sparse/0"),
         ({"sparse/0": 6}, "my photos", "sparse/0"),
@@ -257,6 +260,55 @@ def test_a_model_without_images_is_none(tmp_path, caplog):
     _, views, _ = read(tmp_path)
     assert "without images.txt: poses of poses_bounds.npy" in caplog.text
     np.testing.assert_allclose(views.camtoworlds[3], pose(3)[:3], atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["texts", "binaries"])
+def test_a_model_without_points_has_cameras(tmp_path, kind):
+    write_photos(tmp_path / "images")
+    model = tmp_path / "sparse/0"
+    write_model(model)
+    if kind == "binaries":
+        binary = pycolmap.Reconstruction(model)
+        shutil.rmtree(model)
+        model.mkdir()
+        binary.write(model)
+    for path in model.glob("points3D.*"):
+        path.unlink()
+    views = read(tmp_path)[1]
+    assert views.points is None
+    check_seen(views)
+
+
+def test_where_colmap_has_failed_is_said(tmp_path):
+    write_photos(tmp_path / "images")
+    (tmp_path / "sparse/0").mkdir(parents=True)
+    with pytest.raises(ValueError, match="no COLMAP model in it.*move sparse away"):
+        read(tmp_path)
+
+
+def test_distorted_photos_are_those_of_the_distorted_model(tmp_path):
+    """3DGS's convert.py writes undistorted ones of the same names to images/."""
+    for name in ("images", "input"):
+        write_photos(tmp_path / name)
+    write_model(tmp_path / "distorted/sparse/0")
+    views = read(tmp_path)[1]
+    assert {one.path.parent.name for one in views.photos} == {"input"}
+
+
+def test_names_of_a_text_are_no_points_of_the_image_above(tmp_path):
+    """With nine numbers before, a name of three words makes a line of points."""
+    write_photos(tmp_path / "images", "my photo ({}).jpg")
+    write_model(tmp_path / "sparse/0", "my photo ({}).jpg")
+    path = tmp_path / "sparse/0/images.txt"
+    path.write_text(path.read_text().replace("\n\n", "\n"))
+    with pytest.raises(ValueError, match=r"line 2: not the points of the image above"):
+        read(tmp_path)
+
+
+def test_a_view_is_called_after_its_photo(tmp_path):
+    write_photos(tmp_path / "images")
+    write_model(tmp_path / "sparse/0", r"D:\scan\{}.jpg")
+    assert read(tmp_path)[1].names == list("012345")
 
 
 def test_files_as_other_programs_write_them(tmp_path, caplog):
