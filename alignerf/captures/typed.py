@@ -143,7 +143,9 @@ def of_folder(path, then):
             f"{path}: COLMAP's model, without its photos: give the folder above, where "
             "they lie in images/ beside sparse/0"
         )
-    if base.detected(path):
+    if found := base.detected(path):
+        if found.poses == photos.Photos.poses and path.name.startswith("images"):
+            tell_cameras_above(path)
         return path
     found, trained = captures_below(path)
     if not found:
@@ -156,6 +158,17 @@ def of_folder(path, then):
         several = faults.some_names(list(map(str, found)), at_most=8)
         raise ValueError(f"{path}: several captures are below, give one: {several}")
     return found[0]
+
+
+def tell_cameras_above(folder):
+    """Log that the folder above has cameras of these photos, which are not read."""
+    above = folder / os.pardir if folder.name in ("", os.pardir) else folder.parent
+    if project_around(above):
+        log.warning(
+            "%s: photos alone, whose poses come from COLMAP: give %s for the cameras "
+            "that lie there",
+            *(folder, above),
+        )
 
 
 def captures_below(path):

@@ -75,6 +75,10 @@ def scene_of(path):
         return None
     if (path / "masks").is_dir() and "masks" not in capture.keys:
         log.warning("%s/masks: not used where cameras are given", path)
+    if (path / "mask").is_dir() and not (path / "masks").is_dir():
+        # Those of a transforms.json may be named in it.
+        told = "%s/mask: not looked through for masks: they lie in a folder masks"
+        log.warning(told, path)
     return capture.scene(path)
 
 

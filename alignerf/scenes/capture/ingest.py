@@ -191,7 +191,9 @@ def find_masks(folder, paths, root=None):
     found = photo_names.match(names, of_photo)
     masks = [folder / of_photo[found[n]] if n in found else None for n in names]
     if not any(masks):
-        raise ValueError(f"{folder}: no mask <photo's file name>.png of any photo")
+        others = photo_names.listed(folder, photos.SUFFIXES - {".png"})
+        why = f": save {faults.name_of(others[0])} as .png" if others else ""
+        raise ValueError(f"{folder}: no mask <photo's file name>.png of any photo{why}")
     if bare := [n for n, mask in zip(names, masks, strict=True) if not mask]:
         few = faults.some_names(bare)
         log.warning("%s: no mask of %s: all of it is learnt from", folder, few)

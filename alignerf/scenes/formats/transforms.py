@@ -12,6 +12,7 @@ already; nerfstudio's `applied_transform` is in them. The points of its `ply_fil
 are not read: found anew, points say how right the poses are.
 """
 
+import contextlib
 import functools
 import logging
 import math
@@ -118,7 +119,13 @@ def _lens_of(files, values, size, where):
 
 def _masks(files, kept):
     """{image: its mask} of the frames that name one."""
-    found = {image: _find_mask(files, frame) for image, frame in kept.items()}
+    names = {image: mask_name(files, frame) for image, frame in kept.items()}
+    of_name = files.find_masks([name for name in names.values() if name is not None])
+    found = {image: of_name.get(name) for image, name in names.items()}
+    for image, name in names.items():
+        if name is not None and found[image] is None:
+            named = f"mask {faults.shown(name)} of {told(kept[image])}"
+            raise ValueError(f"{files.path}: no {named}")
     bare = [image.name for image, mask in found.items() if mask is None]
     if bare and len(bare) < len(found):
         few = faults.some_names(bare)
@@ -185,14 +192,16 @@ def _frames_with_image(files, frames):
         if files.suffix or number in (None, 1):
             where = f" in folders {files.suffix}" if files.suffix else ""
             none = f"none of its {len(frames)} frames has an image{where}"
-            raise ValueError(f"{path}: {none}: {faults.some_names(missing)}")
+            outside = any(map(files.is_outside, missing))
+            why = ", which lie outside of its folder: move them into it" * outside
+            raise ValueError(f"{path}: {none}: {faults.some_names(missing)}{why}")
         log.info("%s: photos from images_%d", path, number)
         return _frames_with_image(Images(path, number), frames)
     lost = [told(frame) for frame in kept.values() if is_lost(frame)]
     for names, why in (
         (missing, "have no image"),
         (twice, "are there twice: the first is taken"),
-        (lost, "have no pose, but numbers that are none"),
+        (lost, "have no pose, or numbers that are none"),
     ):
         if names:
             few = faults.some_names(names)
@@ -207,8 +216,10 @@ def _frames_with_image(files, frames):
 
 
 def is_lost(frame):
-    """Whether a pose has a number that is not finite, as where tracking was lost."""
+    """Whether a pose is null or has a number that is none, as of lost tracking."""
     rows = frame.get("transform_matrix")
+    if rows is None:
+        return True
     entries = (
         [e for row in rows if isinstance(row, list) for e in row]
         if isinstance(rows, list)
@@ -219,15 +230,13 @@ def is_lost(frame):
     )
 
 
-def _find_mask(files, frame):
-    """The mask that a frame names under nerfstudio's key, None where it names none."""
+def mask_name(files, frame):
+    """The path under nerfstudio's key, None where there is none; else ValueError."""
     name = frame.get("mask_path")
-    if name is None:
-        return None
-    if not isinstance(name, str) or (mask := files.find(name)) is None:
+    if not (name is None or isinstance(name, str)):
         named = f"mask {faults.shown(name)} of {told(frame)}"
         raise ValueError(f"{files.path}: no {named}")
-    return mask
+    return name
 
 
 def lens(path, values, *, where):
@@ -250,6 +259,7 @@ def lens(path, values, *, where):
         return number(path, values, key, default, where=where)
 
     given = {key for key in DISTORTION_KEYS if of_key(key, 0.0)}
+    model = model.upper()
     colmaps = CAMERA_MODELS.get(model, model)
     try:
         keys = distortion.parameters(colmaps)[4:]
@@ -356,6 +366,18 @@ class Images:
         others = {name: folder / path for name, path in others.items()}
         return {n: path for n, path in others.items() if path not in taken} | found
 
+    def find_masks(self, names):
+        """{name: path of its mask} likewise, else in the folders of masks alone."""
+        found = {name: mask for name in names if (mask := self.find(name))}
+        if len(found) == len({*names}):
+            return found
+        folder, there = Path(self.folder), []
+        for place in sorted(folder.glob("*mask*")):
+            of_place = photo_names.listed(place) if place.is_dir() else ()
+            there += [f"{place.name}/{path}" for path in of_place]
+        others = photo_names.match(names, there, self.path)
+        return {name: folder / path for name, path in others.items()} | found
+
     def find(self, file_path):
         """The image at the place that a path says, or None; none outside."""
         # By name, not resolved: a link inside the folder is the user's own decision.
@@ -373,6 +395,13 @@ class Images:
                 if image.is_file():
                     return image
         return None
+
+    def is_outside(self, file_path):
+        """Whether a path leads to a file that is not in the folder."""
+        place = os.path.join(self.folder, file_path.replace("\\", "/"))
+        with contextlib.suppress(OSError, ValueError):
+            return self.find(file_path) is None and os.path.isfile(place)
+        return False
 
     @staticmethod
     def names_in(folder):

@@ -50,8 +50,17 @@ def reader_of(path):
 
 
 def find(folder):
-    """The path of the first file of cameras in a folder or one below; or None."""
-    return next((path for path in files_in(folder) if reader_of(path)), None)
+    """The path of the file of most cameras in a folder or one below; or None."""
+    found = [path for path in files_in(folder) if reader_of(path)]
+    return max(found, key=cameras_in) if len(found) > 1 else next(iter(found), None)
+
+
+def cameras_in(path):
+    """The number of cameras in a file that have a pose; 0 of one that is broken."""
+    try:
+        return len(read(path))
+    except ValueError:
+        return 0
 
 
 def files_in(folder):

@@ -9,7 +9,8 @@ import pycolmap
 import pytest
 from PIL import Image
 
-from alignerf.captures import base
+from alignerf.captures import base, typed
+from alignerf.cli import folders
 from alignerf.scenes.capture import ingest
 
 WIDTH, HEIGHT, COUNT = 60, 40, 6
@@ -282,7 +283,7 @@ def test_a_model_without_points_has_cameras(tmp_path, kind):
 def test_where_colmap_has_failed_is_said(tmp_path):
     write_photos(tmp_path / "images")
     (tmp_path / "sparse/0").mkdir(parents=True)
-    with pytest.raises(ValueError, match="no COLMAP model in it.*move sparse away"):
+    with pytest.raises(ValueError, match=r"no COLMAP model in it.*move sparse away"):
         read(tmp_path)
 
 
@@ -311,6 +312,15 @@ def test_a_view_is_called_after_its_photo(tmp_path):
     assert read(tmp_path)[1].names == list("012345")
 
 
+def test_photos_are_said_to_have_cameras_above(tmp_path, caplog):
+    write_photos(tmp_path / "images")
+    assert typed.meant(tmp_path / "images") == tmp_path / "images"
+    assert not caplog.text
+    write_model(tmp_path / "sparse/0")
+    assert typed.meant(tmp_path / "images") == tmp_path / "images"
+    assert f"give {tmp_path} for the cameras that lie there" in caplog.text
+
+
 def test_files_as_other_programs_write_them(tmp_path, caplog):
     write_photos(tmp_path / "images")
     content = write_transforms(tmp_path, r".\images\{}.jpg")
@@ -320,9 +330,27 @@ def test_files_as_other_programs_write_them(tmp_path, caplog):
     (tmp_path / "transforms.json").write_bytes(text.encode("utf-8-sig"))
     _, views, left_out = read(tmp_path)
     assert (views.names, left_out) == (["0", "1", "2", "4", "5"], [r".\images\3"])
-    assert "no pose, but numbers that are none: .\\images\\3.jpg" in caplog.text
+    assert "no pose, or numbers that are none: .\\images\\3.jpg" in caplog.text
     assert "are there twice: the first is taken: .\\images\\1.jpg" in caplog.text
     check_seen(views, [0, 1, 2, 4, 5])
+
+
+def test_frames_whose_pose_is_null_are_dropped(tmp_path, caplog):
+    write_photos(tmp_path / "images")
+    content = write_transforms(tmp_path, camera_model="opencv")
+    content["frames"][0]["transform_matrix"] = None
+    del content["frames"][1]["transform_matrix"]
+    rewrite(tmp_path, content)
+    views = read(tmp_path)[1]
+    assert "have no pose, or numbers that are none: images/0.jpg" in caplog.text
+    check_seen(views, [2, 3, 4, 5])
+
+
+def test_photos_outside_of_the_folder_are_said_to_be(tmp_path):
+    write_photos(tmp_path / "raw")
+    write_transforms(tmp_path / "scan", "../raw/{}.jpg")
+    with pytest.raises(ValueError, match=r"which lie outside of its folder: move them"):
+        read(tmp_path / "scan")
 
 
 def test_where_a_json_has_a_comma_too_many_is_said(tmp_path):
@@ -411,6 +439,41 @@ def test_masks_count_with_given_cameras(tmp_path, source, name, times):
         counts = mask.read().min(axis=-1)
         assert (counts[:, : WIDTH // 4] == 0).all()
         assert (counts[:, WIDTH // 4 :] == 255).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "photos"),
+    [
+        ("/home/me/scan/masks/{}.png", "images"),
+        (r".\masks\{}.PNG", "images"),
+        ("masks/{}.png", "images_2"),
+    ],
+)
+def test_a_json_names_masks_by_any_path(tmp_path, name, photos):
+    write_photos(tmp_path / photos)
+    content = write_transforms(tmp_path)
+    write_masks(tmp_path / "masks", "{}.png")
+    for i, frame in enumerate(content["frames"]):
+        frame["mask_path"] = name.format(i)
+    rewrite(tmp_path, content)
+    views = read(tmp_path)[1]
+    paths = [tmp_path / f"masks/{i}.png" for i in range(COUNT)]
+    assert [one.path for one in views.masks] == paths
+    # No photo is one.
+    shutil.rmtree(tmp_path / "masks")
+    with pytest.raises(ValueError, match="no mask"):
+        read(tmp_path)
+
+
+def test_masks_of_another_suffix_and_folder_are_said(tmp_path, caplog):
+    write_photos(tmp_path / "images")
+    write_transforms(tmp_path)
+    write_masks(tmp_path / "mask", "{}.jpg")
+    folders.scenes_of(tmp_path)
+    assert "mask: not looked through for masks" in caplog.text
+    (tmp_path / "mask").rename(tmp_path / "masks")
+    with pytest.raises(ValueError, match=r"no mask .*: save 0\.jpg as \.png"):
+        read(tmp_path)
 
 
 def test_inverted_masks_and_photos_without_one_are_said(tmp_path, caplog):

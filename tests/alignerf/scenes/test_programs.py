@@ -260,6 +260,15 @@ def test_gaussians(scene):
     check(path, scene[1], lambda x, y: (x, y), centre=np.zeros(2))
 
 
+def test_the_file_of_most_cameras_is_taken(scene):
+    """openMVG writes one before it has any pose, to another folder."""
+    folder, poses = scene
+    app_cases.write_json(folder / "a" / "cameras.json", gaussians(poses)[:1])
+    app_cases.write_json(folder / "b" / "cameras.json", gaussians(poses))
+    (folder / "cameras.xml").write_text(xml({}, METASHAPE))
+    assert reading.find(folder) == folder / "b" / "cameras.json"
+
+
 def test_a_folder_becomes_views(scene):
     folder, poses = scene
     assert captures.detected(folder).name == "photos"

@@ -274,7 +274,6 @@ def change(content, path, value):
         (["frames"], [], "frames"),
         (["frames", 0], "text", "frame 0"),
         (["frames", 0, "file_path"], None, "file_path"),
-        (["frames", 0, "transform_matrix"], None, "transform_matrix"),
         (["frames", 0, "transform_matrix"], [[1, 2], [3]], "transform_matrix"),
         (["frames", 0, "transform_matrix"], np.zeros((4, 4)).tolist(), "rotation"),
         (["frames", 0, "w"], 64, "shape"),
