@@ -144,8 +144,13 @@ def of_folder(path, then):
             "they lie in images/ beside sparse/0"
         )
     if found := base.detected(path):
-        if found.poses == photos.Photos.poses and path.name.startswith("images"):
-            tell_cameras_above(path)
+        if found.poses == photos.Photos.poses:
+            if path.name.startswith("images"):
+                tell_cameras_above(path)
+            # Cameras may lie among the photos.
+            inner = photos.inner_of(path)
+            if inner != path and project_around(inner):
+                return inner
         return path
     found, trained = captures_below(path)
     if not found:

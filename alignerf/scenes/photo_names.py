@@ -21,7 +21,7 @@ SUFFIXES = frozenset(
 )
 # Folders beside photos whose images are none of them.
 OTHERS = re.compile(
-    r"__MACOSX|@eaDir|masks?|sparse.*|(.*[_-])?(depths?|normals?|confidence)([_-].*)?|images_\d+",
+    r"__MACOSX|@eaDir|masks?|sparse.*|thumb(nail)?s?|previews?|(.*[_-])?(depths?|normals?|confidence)([_-].*)?|images_\d+",
     re.IGNORECASE,
 )
 # More files are no folder of photos.

@@ -89,10 +89,8 @@ def views_of(
     if len(set(sizes)) > 1:
         each = [f"{n} of {w}x{h}" for (w, h), n in Counter(sizes).most_common()]
         log.warning("%s: photos of several sizes: %s", where, faults.some_names(each))
-    if min(map(min, sizes)) < prepare.MIN_SIZE_PX:
-        raise ValueError(
-            f"{where}: photos of {sizes[0][0]}x{sizes[0][1]} are too small"
-        )
+    if min(small := min(sizes, key=min)) < prepare.MIN_SIZE_PX:
+        raise ValueError(f"{where}: photos of {small[0]}x{small[1]} are too small")
     views = canvas.views_of(
         [shot.name for shot in shots],
         lenses,

@@ -83,7 +83,7 @@ def read(path, background=None, *, images=None, split_by_lists=True, masks=None)
         shots.Shot(
             name_of[image],
             image,
-            *_lens_of(files, scene | frame, size, told(frame)),
+            *_lens_of(files, scene | frame, size_for(image, frame, size), told(frame)),
             mask=mask_of.get(image),
         )
         for image, frame in kept.items()
@@ -101,10 +101,20 @@ def read(path, background=None, *, images=None, split_by_lists=True, masks=None)
     return views, left_out
 
 
+def size_for(image, frame, usual):
+    """The (width, height) that a frame's numbers are of, where no w and h say it.
+
+    That of most photos, but for one of another shape that has numbers of its own.
+    """
+    own = photos.head(image).size
+    alike = any(prepare.has_shape(one, usual) for one in (own, own[::-1]))
+    return own if not alike and {"fl_x", "cx"} <= frame.keys() else usual
+
+
 def _lens_of(files, values, size, where):
     """The fields of a Shot from a frame's values, of the size that they are of.
 
-    size: (width, height) of most photos.
+    size: (width, height) that they are of where they do not say.
     """
     size = [files.times_smaller * side for side in size]
     if not {"w", "h"} & values.keys():
@@ -385,16 +395,28 @@ class Images:
         place = os.path.normpath(os.path.join(self.folder, plain))
         if not place.startswith(self.folder.rstrip(os.sep) + os.sep):
             return None
-        folder, name = os.path.split(place)
-        if self.suffix and folder != self.folder:
-            folder += self.suffix
-        for suffix in SUFFIXES:
-            # Where case or accents do not tell names apart, the disk is asked itself.
-            if not TELLS_APART or name + suffix in self.listed(folder):
-                image = Path(folder, name + suffix)
-                if image.is_file():
-                    return image
+        own, name = os.path.split(place)
+        for folder in self.smaller(own):
+            for suffix in SUFFIXES:
+                # Where case or accents do not tell names apart, the disk is asked.
+                if not TELLS_APART or name + suffix in self.listed(folder):
+                    image = Path(folder, name + suffix)
+                    if image.is_file():
+                        return image
         return None
+
+    def smaller(self, folder):
+        """Where a folder's photos are: images_4/left or images/left_4 for images/left.
+
+        The folder itself where they are as the json names them.
+        """
+        parts = Path(os.path.relpath(folder, self.folder)).parts
+        if not self.suffix or not parts:
+            return [folder]
+        return [
+            os.path.join(self.folder, *parts[:i], part + self.suffix, *parts[i + 1 :])
+            for i, part in enumerate(parts)
+        ]
 
     def is_outside(self, file_path):
         """Whether a path leads to a file that is not in the folder."""

@@ -312,6 +312,12 @@ def test_a_view_is_called_after_its_photo(tmp_path):
     assert read(tmp_path)[1].names == list("012345")
 
 
+def test_cameras_among_the_photos_are_taken(tmp_path):
+    write_photos(tmp_path / "images")
+    write_transforms(tmp_path / "images", "{}.jpg")
+    assert typed.meant(tmp_path) == tmp_path / "images"
+
+
 def test_photos_are_said_to_have_cameras_above(tmp_path, caplog):
     write_photos(tmp_path / "images")
     assert typed.meant(tmp_path / "images") == tmp_path / "images"
@@ -375,6 +381,36 @@ def test_photos_of_several_sizes_lie_on_one_canvas(tmp_path, caplog):
     check_seen(views)
     focal_px = np.linalg.inv(views.pixtocams)[:, 0, 0]
     np.testing.assert_allclose(focal_px, LENS["fl_x"], rtol=0.01)
+
+
+def test_a_photo_of_another_shape_has_its_own_numbers(tmp_path):
+    """As instant-ngp has them, without w and h."""
+    write_photos(tmp_path / "images", numbers=range(5))
+    write_photos(tmp_path / "images", numbers=[5], size=(80, 60))
+    content = write_transforms(tmp_path, lens=dict(list(LENS.items())[:4]))
+    with pytest.raises(ValueError, match=r"5\.jpg is 80x60, which is another shape"):
+        read(tmp_path)
+    content["frames"][5] |= {"fl_x": 90.0, "fl_y": 90.0, "cx": 41.0, "cy": 29.0}
+    rewrite(tmp_path, content)
+    check_seen(read(tmp_path)[1])
+
+
+def test_smaller_photos_of_several_cameras(tmp_path):
+    write_photos(tmp_path / "images_2/left", numbers=range(COUNT))
+    content = write_transforms(tmp_path, "images/left/{}.jpg")
+    content |= {key: 2 * value for key, value in LENS.items()}
+    rewrite(tmp_path, content)
+    views = read(tmp_path)[1]
+    check_seen(views)
+    assert views.photos[0].path == tmp_path / "images_2/left/0.jpg"
+
+
+def test_thumbnails_are_no_photos(tmp_path):
+    write_photos(tmp_path / "images", "{}.JPEG")
+    write_photos(tmp_path / "thumbnails")
+    write_transforms(tmp_path, "{}.jpg")
+    views = read(tmp_path)[1]
+    assert {one.path.parent.name for one in views.photos} == {"images"}
 
 
 @pytest.mark.parametrize("times", [2, 4, 8])
