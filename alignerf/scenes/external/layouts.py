@@ -16,6 +16,8 @@ from alignerf.scenes.external import orders
 SPLITS = {"train": "train", "test": "test", "val": "test", "eval": "test"}
 SHEET = re.compile(r"(train|val|test)_step(\d+)_(\d+)\.png")
 OURS = re.compile(r"ours_(\d+)")
+# Folders of renders within that of a split.
+WITHIN = ("renders", "rgb")
 # A number in a name, and what is around it.
 NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 # Every so many views, by name, are held out by 3D Gaussian splatting and by gsplat.
@@ -198,7 +200,10 @@ def numbered(folder, files, splits):
     for split, paths in of_split.items():
         if not (in_order := by_numbers(paths)):
             return "", []
-        counted = nearest(split or "test", len(paths), splits)
+        # As many as are learnt from are these.
+        learnt = sum(one == "train" for one in splits.values())
+        usual = "train" if len(paths) == learnt else "test"
+        counted = nearest(split or usual, len(paths), splits)
         is_of = dict.fromkeys(splits, split or counted)
         groups.append(Group(counted, [*in_order.items()], is_of, True))
     return "numbered", groups
@@ -230,5 +235,9 @@ def with_their_numbers(folder, files, photo_paths, part):
 def split_of(path, folder):
     """The split that a folder on the way to a render says, or None."""
     parts = [part.lower() for part in path.relative_to(folder).parts[:-1]]
-    parts.insert(0, folder.name.lower())
+    above = folder
+    while above.name in WITHIN or OURS.fullmatch(above.name):
+        parts.insert(0, above.name.lower())
+        above = above.parent
+    parts.insert(0, above.name.lower())
     return next((SPLITS[part] for part in reversed(parts) if part in SPLITS), None)

@@ -212,3 +212,14 @@ def test_folders_of_cameras_are_no_steps_though_they_have_numbers(tmp_path):
     found = renders.find(written(tmp_path / "renders", names, range(4)), taken)
     assert len(found.renders) == 4
     assert right(found, taken)
+
+
+@pytest.mark.parametrize("place", ["out", "train/renders"])
+def test_numbers_of_what_was_learnt_are_no_names_of_numbered_photos(tmp_path, place):
+    """Of photos 00000 to 00023 the renders 00000 to 00020 leave out every eighth."""
+    names = [f"{i:05}" for i in range(24)]
+    taken = photos(tmp_path / "photos", names)
+    shows = [i for i in range(24) if i % 8]
+    found = renders.find(written(tmp_path / place, names[:21], shows), taken)
+    assert right(found, taken)
+    assert {one.split for one in found.renders.values()} == {"train"}
