@@ -13,6 +13,7 @@ src/colmap/scene/reconstruction_io_binary.cc and reconstruction_io_text.cc.
 """
 
 import codecs
+import contextlib
 import logging
 import math
 import struct
@@ -24,7 +25,7 @@ import numpy as np
 import pycolmap
 
 from alignerf.io import faults
-from alignerf.scenes import colmap, photo_names
+from alignerf.scenes import colmap, photo_names, photos
 
 log = logging.getLogger(__name__)
 
@@ -120,7 +121,7 @@ def with_photos(folder, chosen=None):
     models, fault = by_size(folder), None
     for model in models:
         cameras, points = read(model)
-        root, photos_of = photos_for(Path(folder), model, list(cameras), chosen)
+        root, photos_of = photos_for(Path(folder), model, cameras, chosen)
         gone = sorted(cameras.keys() - photos_of.keys())
         few = faults.some_names(gone)
         if len(gone) > MAX_MISSING * len(cameras):
@@ -140,8 +141,12 @@ def with_photos(folder, chosen=None):
     return None
 
 
-def photos_for(folder, model, names, chosen=None):
-    """(the folder of a model's photos, {name: path}): that where most of them lie."""
+def photos_for(folder, model, cameras, chosen=None):
+    """(the folder of a model's photos, {name: path}): that where most of them lie.
+
+    Of two with all, that whose photos are as large as the cameras, which are those of
+    undistorted photos or of the originals. cameras: as of `read`.
+    """
     project = model.parent if model.name.isdecimal() else model
     project = project.parent if project.name in ("sparse", "models") else project
     bases = dict.fromkeys([project, project.parent, folder])
@@ -152,15 +157,25 @@ def photos_for(folder, model, names, chosen=None):
         (path for path in folder.glob("images_*") if path.name[7:].isdecimal()),
         key=lambda path: int(path.name[7:]),
     )
-    roots = [chosen] if chosen else [*places, *smaller[:1], *bases]
+    undone = [path for base in bases for path in sorted(base.glob("*undistorted*"))]
+    roots = [chosen] if chosen else [*places, *smaller[:1], *undone, *bases]
     best = roots[-1], {}
     for root in filter(Path.is_dir, roots):
-        found = photo_names.match(names, photo_names.listed(root))
+        found = photo_names.match(cameras, photo_names.listed(root))
+        own = root, {name: root / path for name, path in found.items()}
         if len(found) > len(best[1]):
-            best = root, {name: root / path for name, path in found.items()}
-        if len(found) == len(names):
-            break
+            best = own
+        if len(found) == len(cameras) and is_as_large(cameras, own[1]):
+            return own
     return best
+
+
+def is_as_large(cameras, found):
+    """Whether the first photo is as large as its camera; not so a broken one."""
+    name, path = next(iter(found.items()))
+    with contextlib.suppress(ValueError):
+        return photos.head(path).size == cameras[name][1]
+    return False
 
 
 def missing(folder):

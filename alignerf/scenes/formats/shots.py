@@ -60,6 +60,12 @@ def views_of(
     across = [shot.size[0] / size[0] for shot, size in zip(shots, sizes, strict=True)]
     if (times := float(np.median(across))) >= TIMES[0]:
         log.info("%s: cameras of photos %.3g times as large", where, times)
+    if beside := [shot.name for shot in shots if is_beside(shot)]:
+        log.warning(
+            "%s: the principal point lies beside the photo, as in numbers of a larger "
+            "one: %s",
+            *(where, faults.some_names(beside)),
+        )
     upright = [is_turned(shot, size) for shot, size in zip(shots, sizes, strict=True)]
     if any(upright):
         few = faults.some_names(
@@ -113,6 +119,12 @@ def times_of(centre, size):
     across = 2 * np.array(centre) / size
     fits = (n for n in TIMES if np.abs(across / n - 1).max() < NEAR_MIDDLE)
     return next(fits, 1)
+
+
+def is_beside(shot):
+    """Whether a camera's principal point is none of its photo's."""
+    centre = shot.camtopix[:2, 2]
+    return bool(((centre < 0) | (centre > shot.size)).any())
 
 
 def is_turned(shot, size):

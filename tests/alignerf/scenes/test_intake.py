@@ -306,6 +306,25 @@ def test_names_of_a_text_are_no_points_of_the_image_above(tmp_path):
         read(tmp_path)
 
 
+def test_photos_as_large_as_their_cameras_are_the_models(tmp_path):
+    """Of one name there are originals, whose lens is not undone, too."""
+    write_model(tmp_path / "sparse/0")
+    write_photos(tmp_path / "images", size=(66, 44))
+    assert read(tmp_path)[1].photos[0].path == tmp_path / "images/0.jpg"
+    write_photos(tmp_path / "images_undistorted")
+    views = read(tmp_path)[1]
+    assert views.photos[0].path == tmp_path / "images_undistorted/0.jpg"
+    check_seen(views)
+
+
+def test_a_principal_point_beside_the_photo_is_said(tmp_path, caplog):
+    write_photos(tmp_path / "images")
+    write_transforms(tmp_path, lens=LENS | {"cx": 62.0})
+    read(tmp_path)
+    assert "principal point lies beside the photo" in caplog.text
+    assert "larger one: 0, 1, 2 and 3 more" in caplog.text
+
+
 def test_a_view_is_called_after_its_photo(tmp_path):
     write_photos(tmp_path / "images")
     write_model(tmp_path / "sparse/0", r"D:\scan\{}.jpg")
