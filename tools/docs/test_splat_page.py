@@ -6,6 +6,7 @@ the trainer would have written is put where they say. Trainers themselves are no
 
 import re
 import shlex
+from pathlib import Path
 
 import numpy as np
 import pycolmap
@@ -52,7 +53,7 @@ def here(tmp_path, monkeypatch):
             *SIZE,
         )
         image = splat.to_bytes(rasterize.render(gaussians, at).colour)
-        cases.write_png(data / "images" / f"{name}.png", image)
+        cases.write_png(data / name, image)
     write_model(data / "sparse" / "0", cameras)
     return tmp_path
 
@@ -68,7 +69,7 @@ def write_model(folder, cameras):
         pose = splat.world_to_camera(own.pose, np.eye(4))
         x, y, z, w = pycolmap.Rotation3d(pose[:, :3]).quat
         rows += [
-            f"{i} {w} {x} {y} {z} {' '.join(map(str, pose[:, 3]))} 1 {name}.png",
+            f"{i} {w} {x} {y} {z} {' '.join(map(str, pose[:, 3]))} 1 {Path(name).name}",
             "",
         ]
     (folder / "images.txt").write_text("\n".join(rows) + "\n")
