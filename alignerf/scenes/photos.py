@@ -12,6 +12,7 @@ all photos of a camera.
 
 import contextlib
 import logging
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,6 +31,8 @@ SUFFIXES = photo_names.SUFFIXES
 FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP", "HEIF")
 # Pillow refuses twice its warning's size, as does all that is read without Pillow.
 MAX_PIXELS = 2 * Image.MAX_IMAGE_PIXELS
+# A photo's depth and others, beside it.
+OF_PHOTO = re.compile(r"(.+)[_.-](?:depth|normals?|mask|confidence)", re.IGNORECASE)
 PNG = b"\x89PNG\r\n\x1a\n"
 EXIF, TAG = ExifTags.IFD.Exif, ExifTags.Base
 # Two views fix no scale, and three are the least that anything can be trained on.
@@ -79,6 +82,8 @@ def find_images(folder, others=()):
         raise ValueError(f"no folder of photos at {folder}")
     visible = [p for p in folder.iterdir() if not p.name.startswith(".")]
     paths = [p for p in visible if p.is_file() and p.suffix.lower() in SUFFIXES]
+    stems = {path.stem for path in paths}
+    paths = [path for path in paths if not is_of_photo(path.stem, stems)]
     if not (paths or others):
         paths = [folder / path for path in photo_names.listed(folder)]
     elif unknown := {p.name for p in {*visible} - {*paths, *others}} - {"masks"}:
@@ -87,6 +92,12 @@ def find_images(folder, others=()):
     if not (paths or others):
         raise ValueError(f"no images in {folder}")
     return by_view(paths, folder)
+
+
+def is_of_photo(stem, stems):
+    """Whether a file is called like the depth, normals or mask of another one."""
+    match = OF_PHOTO.fullmatch(stem)
+    return bool(match and match[1] in stems)
 
 
 def by_view(paths, folder):

@@ -56,7 +56,7 @@ def views_of(
         shots = [shot._replace(mask=mask) for shot, mask in each]
     sizes = [photos.head(shot.photo).size for shot in shots]
     usual = usual_size(sizes)
-    shots = [s if s.size else s._replace(size=own_size(s, usual)) for s in shots]
+    shots = [shot._replace(size=own_size(shot, usual)) for shot in shots]
     across = [shot.size[0] / size[0] for shot, size in zip(shots, sizes, strict=True)]
     if (times := float(np.median(across))) >= TIMES[0]:
         log.info("%s: cameras of photos %.3g times as large", where, times)
@@ -161,9 +161,13 @@ def usual_size(sizes):
     return max(set(sizes), key=lambda size: (sizes.count(size), size))
 
 
-def own_size(shot, size):
-    """The (width, height) that a shot's intrinsics are of, by that of most photos."""
-    times = times_of(shot.camtopix[:2, 2], size)
+def own_size(shot, usual):
+    """The (width, height) that a shot's intrinsics are of, whatever it says.
+
+    usual: that of most photos, for a shot that does not say.
+    """
+    size = shot.size or usual
+    times = times_of(shot.camtopix[:2, 2], size) if min(size) > 0 else 1
     return times * size[0], times * size[1]
 
 

@@ -433,12 +433,14 @@ def test_thumbnails_are_no_photos(tmp_path):
 
 
 @pytest.mark.parametrize("times", [2, 4, 8])
-@pytest.mark.parametrize("said", [True, False])
-def test_numbers_of_larger_photos_are_told(tmp_path, times, said, caplog):
+@pytest.mark.parametrize("size", ["theirs", "the photo's", "none"])
+def test_numbers_of_larger_photos_are_told(tmp_path, times, size, caplog):
     caplog.set_level("INFO")
     write_photos(tmp_path / "images")
     large = {key: times * value for key, value in LENS.items()}
-    write_transforms(tmp_path, lens=large if said else dict(list(large.items())[:4]))
+    own = {"theirs": {}, "the photo's": {"w": WIDTH, "h": HEIGHT}, "none": {}}[size]
+    large = large if size != "none" else dict(list(large.items())[:4])
+    write_transforms(tmp_path, lens=large | own)
     _, views, _ = read(tmp_path)
     expected = [[70, 0, 31], [0, 70, 19], [0, 0, 1]]
     np.testing.assert_allclose(np.linalg.inv(views.pixtocams[0]), expected)

@@ -235,8 +235,9 @@ def test_folders_and_dead_links_beside_photos_are_named(tmp_path, pixels, caplog
     (tmp_path / "100APPLE").mkdir()
     (tmp_path / "masks").mkdir()
     (tmp_path / "b.png").symlink_to(tmp_path / "nowhere")
+    save(tmp_path / "a_depth.png", pixels)
     assert photos.find_images(tmp_path) == {"a": tmp_path / "a.png"}
-    assert "ignored 100APPLE, b.png: not images" in caplog.text
+    assert "ignored 100APPLE, a_depth.png, b.png: not images" in caplog.text
 
 
 @pytest.mark.parametrize("channels", [3, 4])
