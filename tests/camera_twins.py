@@ -64,3 +64,16 @@ def distorted(x, y, k1, k2, p1, p2, k3):
     dx = 2 * p1 * x * y + p2 * (r**2 + 2 * x**2)
     dy = p1 * (r**2 + 2 * y**2) + 2 * p2 * x * y
     return x * radial + dx, y * radial + dy
+
+
+def wall(points):
+    """Colours [..., 3] of a smooth pattern on a far wall, at points [..., 2] of it."""
+    x, y = points[..., 0], points[..., 1]
+    waves = np.sin(5 * x + 2), np.sin(4 * y + x), np.cos(4 * (x - y))
+    return np.stack(waves, axis=-1) * 100 + 128
+
+
+def pixel_centres(width, height):
+    """[height * width, 2], row by row."""
+    grid = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    return np.stack(grid, axis=-1).reshape(-1, 2)

@@ -26,6 +26,8 @@ OTHERS = re.compile(
 )
 # More files are no folder of photos.
 MAX_FILES = 100_000
+# Of the photos that a file names, so many may have been sorted out.
+MAX_MISSING = 1 / 3
 
 
 def match(names, paths, where=None):
@@ -41,20 +43,20 @@ def match(names, paths, where=None):
     plain = {name: _parts(name) for name in names}
     whole = {path: _parts(path) for path in paths}
     deepest = max(map(len, whole.values()), default=0)
-    folders = [_folded(parts)[:-1] for parts in whole.values()]
-    for fold in (tuple, _folded):
-        own = {name: fold(parts) for name, parts in plain.items()}
-        others = {path: fold(parts) for path, parts in whole.items()}
-        for depth in (None, *range(deepest, 0, -1)):
-            listed_there = {parts[-depth:] for parts in folders if depth}
+    folded, others = (
+        {one: _folded(parts) for one, parts in of.items()} for of in (plain, whole)
+    )
+    for own, theirs in ((plain, whole), (folded, others)):
+        _take(found, own, theirs)
+        for depth in range(deepest, 0, -1):
+            # Where its own folder is listed, a photo of another one is not meant.
+            there = {parts[-depth - 1 : -1] for parts in others.values()}
             keys = {
                 name: key
                 for name, key in _tails(own, depth).items()
-                if not depth
-                or len(plain[name]) == depth
-                or _folded(plain[name])[-depth - 1 : -1] not in listed_there
+                if len(own[name]) == depth or folded[name][-depth - 1 : -1] not in there
             }
-            _take(found, keys, _tails(others, depth))
+            _take(found, keys, _tails(theirs, depth))
     inexact = [
         name for name in names if name in found and plain[name] != whole[found[name]]
     ]
@@ -99,12 +101,15 @@ def _folded(parts):
 
 
 def _tails(parts_of, depth):
-    """{one: its last parts} of those that have as many; all parts for None."""
-    if depth is None:
-        return parts_of
+    """{one: its last parts} of those that have as many."""
     return {
         one: parts[-depth:] for one, parts in parts_of.items() if len(parts) >= depth
     }
+
+
+def natural(name):
+    """A sorting key by which 2 comes before 10."""
+    return [int(t) if t.isdecimal() else t for t in re.split(r"(\d+)", name)]
 
 
 def view_names(paths):

@@ -93,6 +93,11 @@ def has_shape(size, other):
     return 1 / SAME_SHAPE < across[0] / across[1] < SAME_SHAPE
 
 
+def usual_size(sizes):
+    """The (width, height) that most have; of equally many the largest."""
+    return max(set(sizes), key=lambda size: (sizes.count(size), size))
+
+
 def true_scale(given_size, true_size, *, where):
     """[3, 3] from pixels of a camera's (width, height) to those of its photo.
 

@@ -5,12 +5,10 @@ matches. One that explains them is named; it is used only where the config says 
 Views and lenses that stand out are named too.
 """
 
-import re
-
 import numpy as np
 
 from alignerf.io import faults
-from alignerf.scenes import cameras
+from alignerf.scenes import cameras, photo_names
 from alignerf.sfm import calibration
 
 FLIP = cameras.OPENGL_FROM_OPENCV
@@ -87,15 +85,12 @@ NONE = "as_stated"
 EVERY = (NONE, *POSES, *ORDERS)
 
 
-def natural(name):
-    """A sorting key by which 2 comes before 10."""
-    return [int(t) if t.isdecimal() else t for t in re.split(r"(\d+)", name)]
-
-
 def order_of(convention, names):
     """Of each view, the index of the pose that is its own."""
     n = len(names)
-    natural_rank = np.argsort(sorted(range(n), key=lambda i: natural(names[i])))
+    natural_rank = np.argsort(
+        sorted(range(n), key=lambda i: photo_names.natural(names[i]))
+    )
     if convention == "natural_order":
         return natural_rank
     if convention == "name_order":

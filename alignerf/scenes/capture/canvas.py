@@ -42,7 +42,7 @@ def views_of(
             masks=masks and [masks[i] for i in chosen],
             where=where,
         )
-    size = max(set(sizes), key=lambda one: (sizes.count(one), one))
+    size = prepare.usual_size(sizes)
     usual = max((k for k in groups if k[0] == size), key=keys.count)
     focal_px = focal_of(groups[usual])
     laid = []

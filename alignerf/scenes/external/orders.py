@@ -8,7 +8,6 @@ render: view}.
 """
 
 import functools
-import re
 
 import cv2
 import numpy as np
@@ -16,6 +15,7 @@ from PIL import ImageOps
 
 from alignerf.io import images
 from alignerf.metrics import pairs as of_pairs
+from alignerf.scenes import photo_names
 from alignerf.scenes import photos as of_photos
 
 # What photos are sorted by, in words, and its key of a path. The first is that of
@@ -24,7 +24,7 @@ ORDERS = {
     "their names": lambda path: path.as_posix(),
     "their names without suffixes": lambda path: path.with_suffix("").as_posix(),
     "their names without folders": lambda path: path.name,
-    "the numbers in their names": lambda path: numbers(path.as_posix()),
+    "the numbers in their names": lambda path: photo_names.natural(path.as_posix()),
     "their names, small and capital letters alike": lambda path: (
         path.as_posix().casefold()
     ),
@@ -60,12 +60,6 @@ def of(photos):
         orders.setdefault(tuple(in_order), words)
     orders.setdefault(tuple(photos), AS_GIVEN)
     return {words: list(order) for order, words in orders.items()}
-
-
-def numbers(name):
-    """A key that sorts 2 before 10."""
-    parts = re.split(r"(\d+)", name)
-    return [(int(p), "") if p.isdecimal() else (0, p) for p in parts]
 
 
 def part_of(render_size, photo_size):

@@ -104,7 +104,7 @@ def is_of(folder, files):
 def of_one_shape(seen):
     """The views whose photos have the usual shape, all at the usual size."""
     sizes = [one.photo_size for one in seen]
-    usual = max(set(sizes), key=lambda size: (sizes.count(size), size))
+    usual = prepare.usual_size(sizes)
     fits = [prepare.has_shape(size, usual) for size in sizes]
     if odd := [one.name for one, fit in zip(seen, fits, strict=True) if not fit]:
         log.warning("photos of another shape are left out: %s", faults.some_names(odd))

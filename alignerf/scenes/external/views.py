@@ -169,11 +169,8 @@ def photos_of(folder):
 
 def one_size(found):
     """(the renders' usual size, names of those of another), sheets counted by half."""
-    sizes = {}
-    for name, render in found.items():
-        sizes[name] = orders.size_of(render)
-    every = list(sizes.values())
-    usual = max(set(every), key=lambda size: (every.count(size), size))
+    sizes = {name: orders.size_of(render) for name, render in found.items()}
+    usual = prepare.usual_size(list(sizes.values()))
     if min(usual) < prepare.MIN_SIZE_PX:
         path = next(iter(found.values())).path
         raise ValueError(f"{path}: renders under {prepare.MIN_SIZE_PX} px a side")
@@ -336,7 +333,7 @@ def at_full_size(config):
     judged = find(config)
     shown, *_ = shown_of(judged, config["background"])
     sizes = list(map(geometry.photos_size, shown.values()))
-    size = max(set(sizes), key=lambda one: (sizes.count(one), one))
+    size = prepare.usual_size(sizes)
     large = {name: geometry.at_size(one, size) for name, one in shown.items()}
     views = posed(judged._replace(size=size), large, config["background"])
     masks = None

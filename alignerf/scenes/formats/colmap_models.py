@@ -42,8 +42,6 @@ OF_PHOTOS = ("images", "input", "frames", "photos", "rgb")
 # Beside a model of 3D Gaussian splatting's `convert.py` in this folder, undistorted
 # photos lie in `images`, and its own in `input`.
 DISTORTED = "distorted"
-# Of a model's photos, so many may have been sorted out.
-MAX_MISSING = 1 / 3
 SUFFIXES = (".bin", ".txt")
 PARTS = ("cameras", "images", "points3D")
 FILES = (*PARTS, "frames", "rigs")
@@ -94,8 +92,13 @@ def images_in(model):
 
 
 def by_size(folder):
-    """{path: number of images} of the models in a project, the largest first."""
-    counts = {model: images_in(model) for model in find(folder)}
+    """{path: number of images} of the models in a project, the largest first.
+
+    One that is alone is not looked into: its number is None.
+    """
+    if len(models := find(folder)) < 2:
+        return dict.fromkeys(models)
+    counts = {model: images_in(model) for model in models}
     return dict(sorted(counts.items(), key=lambda item: -item[1]))
 
 
@@ -115,8 +118,8 @@ class Project(NamedTuple):
 def with_photos(folder, chosen=None):
     """The Project of the largest model that has its photos; None without any model.
 
-    All but MAX_MISSING of them; what is left is said. chosen: the folder of photos.
-    Raises ValueError naming a photo where no model has its photos.
+    All but `photo_names.MAX_MISSING` of them; what is left is said. chosen: the folder
+    of photos. Raises ValueError naming a photo where no model has its photos.
     """
     models, fault = by_size(folder), None
     for model in models:
@@ -124,7 +127,7 @@ def with_photos(folder, chosen=None):
         root, photos_of = photos_for(Path(folder), model, cameras, chosen)
         gone = sorted(cameras.keys() - photos_of.keys())
         few = faults.some_names(gone)
-        if len(gone) > MAX_MISSING * len(cameras):
+        if len(gone) > photo_names.MAX_MISSING * len(cameras):
             fault = fault or f"{root}: no photo {few}, which {model} has a pose for"
             continue
         if gone:

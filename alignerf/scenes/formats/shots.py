@@ -55,7 +55,7 @@ def views_of(
         each = zip(shots, ingest.find_masks(masks, paths, root), strict=True)
         shots = [shot._replace(mask=mask) for shot, mask in each]
     sizes = [photos.head(shot.photo).size for shot in shots]
-    usual = usual_size(sizes)
+    usual = prepare.usual_size(sizes)
     shots = [shot._replace(size=own_size(shot, usual)) for shot in shots]
     across = [shot.size[0] / size[0] for shot, size in zip(shots, sizes, strict=True)]
     if (times := float(np.median(across))) >= TIMES[0]:
@@ -66,19 +66,17 @@ def views_of(
             "one: %s",
             *(where, faults.some_names(beside)),
         )
-    upright = [is_turned(shot, size) for shot, size in zip(shots, sizes, strict=True)]
-    if any(upright):
-        few = faults.some_names(
-            [s.name for s, up in zip(shots, upright, strict=True) if up]
-        )
+    each = zip(shots, sizes, strict=True)
+    turned = dict.fromkeys(shot.name for shot, size in each if is_turned(shot, size))
+    if turned:
+        few = faults.some_names([*turned])
         log.warning(
             "%s: cameras of photos turned upright, as EXIF says: %s", where, few
         )
-    sizes = [
-        size[::-1] if up else size for size, up in zip(sizes, upright, strict=True)
-    ]
     lenses, pictures, hidden = [], [], []
-    for shot, size, up in zip(shots, sizes, upright, strict=True):
+    for i, shot in enumerate(shots):
+        up = shot.name in turned
+        size = sizes[i] = sizes[i][::-1] if up else sizes[i]
         scale = prepare.true_scale(shot.size, size, where=f"{where}: {shot.photo}")
         lenses.append((cropped_by(crop_px) @ scale @ shot.camtopix, shot.distortion))
         steps = (functools.partial(cropped, crop_px=crop_px),) if crop_px else ()
@@ -154,11 +152,6 @@ def cropped_by(crop_px):
 
 def cropped(image, crop_px):
     return np.ascontiguousarray(image[crop_px:-crop_px, crop_px:-crop_px])
-
-
-def usual_size(sizes):
-    """The (width, height) of most photos."""
-    return max(set(sizes), key=lambda size: (sizes.count(size), size))
 
 
 def own_size(shot, usual):

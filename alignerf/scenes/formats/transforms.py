@@ -78,12 +78,15 @@ def read(path, background=None, *, images=None, split_by_lists=True, masks=None)
         name = max(names, key=names.count)
         raise ValueError(f"{path}: two frames have the view name {faults.shown(name)}")
     mask_of = _masks(files, kept)
-    size = shots.usual_size([photos.head(image).size for image in kept])
+    sizes = {image: photos.head(image).size for image in kept}
+    usual = prepare.usual_size(list(sizes.values()))
     own = [
         shots.Shot(
             name_of[image],
             image,
-            *_lens_of(files, scene | frame, size_for(image, frame, size), told(frame)),
+            *_lens_of(
+                files, scene | frame, size_for(sizes[image], frame, usual), told(frame)
+            ),
             mask=mask_of.get(image),
         )
         for image, frame in kept.items()
@@ -101,12 +104,11 @@ def read(path, background=None, *, images=None, split_by_lists=True, masks=None)
     return views, left_out
 
 
-def size_for(image, frame, usual):
+def size_for(own, frame, usual):
     """The (width, height) that a frame's numbers are of, where no w and h say it.
 
-    That of most photos, but for one of another shape that has numbers of its own.
+    That of most photos, but its own of one of another shape with numbers of its own.
     """
-    own = photos.head(image).size
     alike = any(prepare.has_shape(one, usual) for one in (own, own[::-1]))
     return own if not alike and {"fl_x", "cx"} <= frame.keys() else usual
 

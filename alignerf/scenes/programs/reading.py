@@ -34,8 +34,6 @@ PANORAMA = b"equirectangular"
 # RealityCapture's own, of sidecars that others fill with colours.
 XMP, MAX_XMP_BYTES = b"xcr:", 2**24
 EXIF = {".jpg", ".jpeg", ".heic"}
-# Of the photos that a file names, so many must be there.
-LEAST_THERE = 2 / 3
 
 
 def reader_of(path):
@@ -129,7 +127,7 @@ def views_of(folder, masks=None):
     listed = photo_names.listed(folder)
     found = photo_names.match(given, listed, where=path)
     missing = [name for name in given if name not in found]
-    if len(found) < LEAST_THERE * len(given):
+    if len(missing) > photo_names.MAX_MISSING * len(given):
         raise ValueError(
             f"{path}: {len(missing)} of {len(given)} photos that it names are not in "
             f"{folder}: {faults.some_names(missing)}. {WITHOUT}"

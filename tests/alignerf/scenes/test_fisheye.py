@@ -9,7 +9,7 @@ import pytest
 
 from alignerf.scenes import colmap, distortion
 from alignerf.scenes.formats import transforms
-from tests import app_cases
+from tests import app_cases, camera_twins
 
 WIDTH, HEIGHT = 96, 64
 CAMTOPIX = np.array([[52.0, 0, 47.3], [0, 53.0, 32.9], [0, 0, 1]])
@@ -42,20 +42,13 @@ def test_the_view_fits_tightly_inside_the_photo(lens):
 @pytest.mark.parametrize("lens", LENSES)
 def test_the_undistorted_photo_is_what_the_pinhole_sees(lens):
     """A smooth pattern on a far wall; OpenCV's own inverse makes the photo."""
-
-    def wall(points):
-        x, y = points[..., 0], points[..., 1]
-        waves = np.sin(5 * x + 2), np.sin(4 * y + x), np.cos(4 * (x - y))
-        return np.stack(waves, axis=-1) * 100 + 128
-
-    grid = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
-    pixels = np.stack(grid, axis=-1).reshape(-1, 2)
+    pixels = camera_twins.pixel_centres(WIDTH, HEIGHT)
     seen = cv2.fisheye.undistortPoints(pixels[:, None] - 0.5, OPENCV, lens)[:, 0]
-    photo = np.rint(wall(seen)).astype(np.uint8).reshape(HEIGHT, WIDTH, 3)
+    photo = np.rint(camera_twins.wall(seen)).astype(np.uint8).reshape(HEIGHT, WIDTH, 3)
     pinhole = distortion.pinhole_camera(CAMTOPIX, lens, WIDTH, HEIGHT)
     found = distortion.undistort(photo, CAMTOPIX, lens, pinhole)
     inverse = np.linalg.inv(pinhole)
-    wanted = wall(pixels @ inverse[:2, :2].T + inverse[:2, 2])
+    wanted = camera_twins.wall(pixels @ inverse[:2, :2].T + inverse[:2, 2])
     wanted = wanted.reshape(found.shape)
     # Half a pixel of error would be 3 grey levels on average.
     assert np.abs(found[2:-2, 2:-2] - wanted[2:-2, 2:-2]).mean() < 0.6

@@ -6,6 +6,7 @@ import pytest
 
 from alignerf.scenes import colmap, distortion
 from alignerf.scenes.formats import transforms
+from tests import camera_twins
 
 WIDTH, HEIGHT = 96, 64
 OWN = {
@@ -58,21 +59,16 @@ def test_points_are_projected_as_colmap_does(model, rng):
 @pytest.mark.parametrize("model", OWN)
 def test_a_photo_becomes_what_the_pinhole_sees(model):
     """A smooth pattern on a far wall; COLMAP's own inverse makes the photo."""
-
-    def wall(points):
-        x, y = points[..., 0], points[..., 1]
-        waves = np.sin(5 * x + 2), np.sin(4 * y + x), np.cos(4 * (x - y))
-        return np.stack(waves, axis=-1) * 100 + 128
-
-    grid = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
-    pixels = np.stack(grid, axis=-1).reshape(-1, 2)
+    pixels = camera_twins.pixel_centres(WIDTH, HEIGHT)
     camera = camera_of(model)
-    photo = np.rint(wall(camera.cam_from_img(pixels))).astype(np.uint8)
+    photo = np.rint(camera_twins.wall(camera.cam_from_img(pixels))).astype(np.uint8)
     lens = colmap.lens(model, camera.params)
     pinhole = distortion.pinhole_camera(*lens, WIDTH, HEIGHT)
     found = distortion.undistort(photo.reshape(HEIGHT, WIDTH, 3), *lens, pinhole)
     inverse = np.linalg.inv(pinhole)
-    wanted = wall(pixels @ inverse[:2, :2].T + inverse[:2, 2]).reshape(found.shape)
+    wanted = camera_twins.wall(pixels @ inverse[:2, :2].T + inverse[:2, 2]).reshape(
+        found.shape
+    )
     # Half a pixel of error would be 3 grey levels on average.
     assert np.abs(found[2:-2, 2:-2] - wanted[2:-2, 2:-2]).mean() < 0.6
 
