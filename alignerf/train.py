@@ -95,7 +95,10 @@ def train(job, args):
     chosen, photos = loaded.views("train"), args.photos or loaded.folder / "images"
     check_inputs(job, loaded, chosen, photos)
     compared = to_truth(loaded, args.truth) if args.truth else None
-    method, part = compose.make_method(job, loaded), base.part_of(job)
+    part = base.part_of(job)
+    # Where nothing looks, cameras are learnt from the first step on.
+    learning = bool(job.learns and not job.aligns)
+    method = compose.make_method(job, loaded, learning=learning)
     params = initial_params(job, method, args.initial)
     shapes = batches.view_shapes(loaded, chosen)
     aligner = part.aligner(loaded, photos, args.checkpoints)
@@ -121,7 +124,7 @@ def train(job, args):
         cameras = args.cameras or f"{args.scene}/cameras.npz"
         with atomic.replace_folder(args.learnt) as folder:
             checkpoint.write_params(folder / "model.msgpack", params)
-            part.write(folder, moved, aligner, views, cameras)
+            part.write(folder, loaded, moved, aligner, views, cameras)
     if compared:
         own = prepared.load(args.scene)
         errors_px = {"given": compared(own), "after": compared(moved)}

@@ -12,12 +12,17 @@ import flax.serialization
 import numpy as np
 
 from alignerf.alignment import cameras, look, photos, store
+from alignerf.cameras import refine
 from alignerf.experiment import jobs
 from alignerf.methods import align, base
 from alignerf.processes import consensus, devices
+from alignerf.scenes import prepared
 from alignerf.training import compose, memory
 from flow.camera import correct
 from flow.estimation import estimators
+
+# Places beside those of `align`: cameras are learnt from here on; they stay again.
+LEARN, HOLD = "learn", "hold"
 
 # Share of the steps from which on `min_move_px` is the flow's own error; before, in
 # proportion, it is more.
@@ -40,9 +45,10 @@ class Aligner:
 
     def __init__(self, job: jobs.Job, scene: look.Scene, folder, method=None):
         """folder: of the training's checkpoints. method: that shows the views."""
-        self.settings, self.scene, self.folder = job.aligns, scene, folder
+        self.job, self.scene, self.folder = job, scene, folder
+        self.settings = job.aligns
         few = look.with_fewer_samples(job)
-        self.method = method or compose.make_method(few, to_train=False)
+        self.method = method or compose.without_cameras(few, to_train=False)
         self.size = scene.loaded.height, scene.loaded.width
         min_px = estimators.METHODS[job.aligns.estimator].min_side_px
         try:
@@ -64,6 +70,12 @@ class Aligner:
         """Fix the places of a training of so many steps; identity: its fingerprint."""
         self.identity, self.steps = identity, steps
         self.places = align.places(self.settings, steps)
+        if learns := self.job.learns:
+            ends = {LEARN: learns.delay_fraction, HOLD: learns.end_fraction}
+            for kind, share in ends.items():
+                step = max(1, round(share * steps))
+                self.places.setdefault(step, []).append(kind)
+            self.places = dict(sorted(self.places.items()))
 
     def restore(self, step) -> bool:
         """Load the alignments made before a step; returns whether they are on disk.
@@ -86,22 +98,11 @@ class Aligner:
     def align(self, params, step):
         """Render training views by these parameters, and correct what is off."""
         begun, compiled_s = time.perf_counter(), self.compile_time_s
-        kinds = self.places[step]
         arrays, row = None, {}
         if consensus.is_first():
-            params = devices.on_first(params)
-            views, seen, corrections = self.seen(params, step)
-            row = {"step": step, "corrects": kinds, "shrink": self.k}
-            row |= {"views": len(views)} | store.flow_length(seen, self.k)
-            if corrections is not None:
-                row |= self.move_cameras(views, corrections)
-            if "photos" in kinds:
-                row |= self.move_photos(seen, corrections)
-            elif row.get("cameras_moved"):
-                # Offsets from renders by other cameras say nothing of these.
-                self.offsets_px = self.valid = None
+            row = {"step": step, "corrects": self.places[step], "shrink": self.k}
+            row |= self.corrected(devices.on_first(params), step)
             arrays = self.arrays()
-            del seen
         self.take(shared(arrays))
         took_s = time.perf_counter() - begun - (self.compile_time_s - compiled_s)
         self.report.append(consensus.on(row | {"time_s": round(took_s, 3)}))
@@ -115,26 +116,53 @@ class Aligner:
             )
         store.say(self.report[-1])
 
+    def corrected(self, params, step):
+        """Entries of the report on what is corrected before a step."""
+        kinds, row = self.places[step], {}
+        decides = LEARN in kinds and not self.settings.cameras_at
+        if decides or not {*align.CHANGED}.isdisjoint(kinds):
+            views, seen, corrections = self.seen(params, step)
+            row = {"views": len(views)} | store.flow_length(seen, self.k)
+            if "cameras" in kinds:
+                row |= self.move_cameras(views, corrections)
+            if "photos" in kinds:
+                row |= self.move_photos(seen, corrections)
+            elif row.get("cameras_moved"):
+                # Offsets from renders by other cameras say nothing of these.
+                self.offsets_px = self.valid = None
+        if LEARN in kinds:
+            wrong = self.were_wrong(row)
+            if decides:
+                stay = sum(bool(one.left_alone) for one in corrections)
+                wrong = 2 * stay <= len(corrections)
+            row["learning"] = wrong or self.job.learns.min_move_px is None
+        if HOLD in kinds:
+            self.now = self.moved(params)
+            row["learning"] = False
+        return row
+
     def seen(self, params, step):
         """(views, `correct.View` of each, `correct.Correction` of each or None).
 
         Where some of the views show that no camera has to move, the others are not
-        looked at. The last look for cameras is at all: a single one may be wrong.
+        looked at, nor where no camera would be moved. The last look for cameras is at
+        all: a single one may be wrong.
         """
         views, probed = self.scene.views, self.probed(step)
-        seen = list(self.look(params, self.now, probed))
+        now = self.moved(params)
+        seen = list(self.look(params, now, probed))
         if len(probed) < len(views):
             corrections = self.corrections(seen, step)
             trusted = sum(one.trusted for one in corrections)
             stay = all(one.left_alone for one in corrections)
-            if stay and 2 * trusted > len(probed):
+            if (stay and 2 * trusted > len(probed)) or self.places[step] == [LEARN]:
                 return views[probed], seen, corrections
             found = dict(zip(probed, seen, strict=True))
             others = [i for i in range(len(views)) if i not in found]
-            found |= zip(others, self.look(params, self.now, others), strict=True)
+            found |= zip(others, self.look(params, now, others), strict=True)
             seen = [found[i] for i in range(len(views))]
-        moves = "cameras" in self.places[step]
-        return views, seen, self.corrections(seen, step) if moves else None
+        asked = "cameras" in self.places[step] or self.places[step] == [LEARN]
+        return views, seen, self.corrections(seen, step) if asked else None
 
     def probed(self, step):
         """Indices of the training views that are looked at first."""
@@ -144,6 +172,7 @@ class Aligner:
         is_early = self.places[step] == ["cameras"] and any(
             "cameras" in kinds for kinds in later
         )
+        is_early |= self.places[step] == [LEARN]
         if 2 * few > count or not is_early or self.were_wrong():
             return list(range(count))
         return np.linspace(0, count - 1, few).round().astype(int).tolist()
@@ -181,10 +210,26 @@ class Aligner:
             return AGAIN * self.settings.min_move_px
         return self.settings.min_move_px * max(1.0, SETTLED * self.steps / step)
 
-    def were_wrong(self):
-        """Whether an earlier alignment moved most of the cameras."""
+    def were_wrong(self, *now):
+        """Whether an alignment, of the report or `now`, moved most of the cameras."""
         most = len(self.scene.views) / 2
-        return any(row.get("cameras_moved", 0) >= most for row in self.report)
+        return any(row.get("cameras_moved", 0) >= most for row in (*self.report, *now))
+
+    @property
+    def learning(self):
+        """Whether cameras are learnt now."""
+        told = [row["learning"] for row in self.report if "learning" in row]
+        return bool(told and told[-1])
+
+    def learning_method(self):
+        """The method that learns them."""
+        return compose.make_method(self.job, self.scene.loaded, learning=True)
+
+    def moved(self, params) -> prepared.Scene:
+        """The scene with its cameras of now, aligned and learnt."""
+        if not self.learning:
+            return self.now
+        return learnt(self.job, self.now, self.scene.loaded, params)
 
     def move_photos(self, seen, corrections):
         """Set the offsets by which photos are warped; returns entries of the report.
@@ -235,13 +280,11 @@ class Aligner:
         )
         self.offsets_px, self.valid = arrays.get("offsets_px"), arrays.get("valid")
 
-    def write(self, folder, views, cameras):
-        """Write cameras.npz and, where photos are warped, these into a folder.
+    def write(self, folder, views):
+        """Write the photos as they are warped into a folder, where any may be.
 
-        views: the training views as given; cameras: the file of theirs, or None.
+        views: the training views as given.
         """
-        path = folder / "cameras.npz"
-        store.write_cameras(path, self.scene.loaded, self.now, cameras)
         if self.settings.photos_at:
             names = [self.now.names[view] for view in self.scene.views]
             now = self.views(views)
@@ -271,17 +314,43 @@ class Aligner:
 
 
 class InLoop(base.Part):
-    """What `align` adds to a training."""
+    """What alignment in the loop, learnt cameras and both add to a training."""
+
+    def wrapped(self, method, loaded, learning):
+        if not self.job.learns:
+            return method
+        return refine.refined(
+            method,
+            scales_of(self.job, loaded),
+            prior_weight=self.job.learns.prior_weight,
+            learning=learning,
+        )
 
     def aligner(self, loaded, photos, folder):
+        if not self.job.aligns:
+            return None
         scene = look.Scene(loaded, loaded.views("train"), photos)
         return Aligner(self.job, scene, folder)
 
     def moved(self, loaded, params, aligner):
-        return aligner.now
+        if aligner:
+            return aligner.moved(params)
+        return learnt(self.job, loaded, loaded, params)
 
-    def write(self, folder, moved, aligner, views, cameras):
-        aligner.write(folder, views, cameras)
+    def write(self, folder, given, moved, aligner, views, cameras):
+        store.write_cameras(folder / "cameras.npz", given, moved, cameras)
+        if aligner:
+            aligner.write(folder, views)
+
+
+def scales_of(job, given: prepared.Scene):
+    """What the learnt parameters of the training views are multiplied by."""
+    return refine.scales_of(refine.views_of(given), job.learns.preconditioned)
+
+
+def learnt(job, now, given: prepared.Scene, params) -> prepared.Scene:
+    """A scene `now` with what a job has learnt of its cameras, first as `given`."""
+    return refine.learnt(now, params["cameras"], scales_of(job, given))
 
 
 def shared(arrays):

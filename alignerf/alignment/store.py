@@ -130,7 +130,7 @@ def staying(names, corrections, k):
 def say(row):
     """Log an entry of the report."""
     clauses = []
-    if row["flow_px"] is not None:
+    if row.get("flow_px") is not None:
         clauses.append(
             f"renders and photos of {row['views']} views are apart by "
             f"{row['flow_px']:.2f} px"
@@ -142,6 +142,8 @@ def say(row):
         share = row["moving_fraction"]
         warped = row["photos_warped"]
         clauses.append(f"{warped} photos warped, {share:.1%} of the median")
+    if "learning" in row:
+        clauses.append(f"cameras {'are learnt' if row['learning'] else 'stay'}")
     log.info("aligned at step %d: %s", row["step"], "; ".join(clauses))
     for reason, views in row.get("left_alone", {}).items():
         log.info("cameras of %s stay: %s", faults.some_names(views), reason)

@@ -16,7 +16,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alignerf.cameras import moves
-from alignerf.methods import base
 from alignerf.scenes import cameras, prepared
 
 # CamP's constants: points seen by a camera, between these depths in units of the
@@ -50,10 +49,13 @@ def scales_of(views: Views, preconditioned):
     return np.broadcast_to(np.eye(6), (len(views.pixtocams), 6, 6))
 
 
-def refined(method, scales):
+def refined(method, scales, *, prior_weight=0.0, learning=True):
     """The `methods.Method` with cameras of its own; scales as of `scales_of`.
 
     Its parameters `cameras` [views, 6] are zero at first. Twists are scales times them.
+    The mean of their squares times prior_weight is a term of the loss: what photos show
+    only weakly, as a bend of all cameras, stays as it was given, and what they do not
+    show at all. learning: False leaves the cameras as they are, at no cost.
     """
     scales = np.asarray(scales, np.float32)
 
@@ -62,8 +64,13 @@ def refined(method, scales):
 
     def terms(params, batch, share):
         own = {name: tree for name, tree in params.items() if name != "cameras"}
+        if not learning:
+            return method.terms(own, batch, share)
         moved = twists(params["cameras"], scales)[batch.view]
-        return method.terms(own, batch._replace(rays=move(batch.rays, moved)), share)
+        batch = batch._replace(rays=move(batch.rays, moved))
+        losses, shown = method.terms(own, batch, share)
+        prior = prior_weight * jnp.mean(jnp.sum(params["cameras"] ** 2, axis=-1))
+        return {**losses, "cameras": prior}, shown
 
     return method._replace(init=init, terms=terms)
 
@@ -139,17 +146,20 @@ def pixel_jacobian(points, pixtocam, pose):
     return (image @ moved).reshape(-1, 6) @ turned
 
 
-def learnt(loaded: prepared.Scene, params, preconditioned) -> prepared.Scene:
+def learnt(loaded: prepared.Scene, params, scales) -> prepared.Scene:
     """The scene with the learnt poses, all views in the frame of the learnt ones.
 
-    params [views, 6]: the learnt parameters of the training views. A similarity that
-    all learnt poses share is no error, since no photo shows it. So the other views are
-    moved by what the moves of the training views have in common.
+    params [views, 6]: the learnt parameters of the training views; scales as of
+    `scales_of`. A similarity that all learnt poses share is no error, since no photo
+    shows it. So the other views are moved by what the moves of the training views have
+    in common.
     """
-    views, chosen = views_of(loaded), loaded.views("train")
-    twist = twists(params, scales_of(views, preconditioned))
-    moved = moved_cameras(views.camtoworlds, twist)
-    similarity = moves.in_common(views.camtoworlds, moved)
+    params, chosen = np.asarray(params), loaded.views("train")
+    if not params.any():
+        return loaded
+    given = loaded.camtoworlds[chosen]
+    moved = moved_cameras(given, twists(params, scales))
+    similarity = moves.in_common(given, moved)
     poses = cameras.apply_similarity(loaded.camtoworlds, *similarity)
     poses[chosen] = moved
     return dataclasses.replace(loaded, camtoworlds=poses)
@@ -162,25 +172,3 @@ def moved_cameras(camtoworlds, twist):
     poses[:, :, :3] = turn @ poses[:, :, :3]
     poses[:, :, 3] += twist[:, 3:]
     return poses
-
-
-class Learning(base.Part):
-    """What `pose_optimization` adds to a training."""
-
-    @property
-    def moving(self):
-        return self.job.pose_optimization
-
-    @property
-    def coarse_to_fine(self):
-        return tuple(self.moving.coarse_to_fine or ())
-
-    def wrapped(self, method, loaded):
-        scales = scales_of(views_of(loaded), self.moving.preconditioned)
-        return refined(method, scales)
-
-    def moved(self, loaded, params, aligner):
-        return learnt(loaded, params["cameras"], self.moving.preconditioned)
-
-    def write(self, folder, moved, aligner, views, cameras):
-        prepared.write_cameras(folder / "cameras.npz", moved, cameras)

@@ -31,7 +31,10 @@ ALIGNER_BYTES, ALIGNED_BYTES, RGB_BYTES, FLOW_SIDE = 140_000_000, 44, 3, 48
 SAFE = 1.2
 # Keys that no compiled step depends on.
 LENGTH = {"steps", "budget_min", "warmup_steps", "learning_rates"}
-UNTIMED = {"stage", "pretrain_fraction", "align", "decisions"}
+UNTIMED = {"stage", "pretrain_fraction", "align", "pose_optimization", "auto"}
+UNTIMED |= {"decisions"}
+# What a step takes besides, from where on cameras are learnt.
+LEARNING = 0.25
 
 
 class Rates(NamedTuple):
@@ -193,10 +196,15 @@ def loop_of(job, rate: Rates, pixel_s, flow: Flow, views: Views):
     """(seconds of a training's steps and alignments, their bytes of memory)."""
     minutes = job.budget_min
     seconds = job.steps * rate.step_s if minutes is None else 60 * minutes
+    if job.learns:
+        # As if cameras were wrong, which nobody knows yet.
+        seconds *= 1 + LEARNING * (1 - job.learns.delay_fraction)
     if not job.aligns:
         return seconds, 0
     share = 1 / max(1, min(job.aligns.shrink, views.side // FLOW_SIDE)) ** 2
-    looks = len({*job.aligns.cameras_at, *job.aligns.photos_at}) * views.train
+    places = {*job.aligns.cameras_at, *job.aligns.photos_at}
+    # Where none moves by a look, one tells whether cameras are learnt.
+    looks = max(len(places), 1) * views.train
     look_s = share * (views.pixels * pixel_s + flow.view_s)
     size = (RGB_BYTES + share * ALIGNED_BYTES) * views.train * views.pixels
     return seconds + rate.compile_s + looks * look_s, ALIGNER_BYTES + int(size)

@@ -157,11 +157,10 @@ look_up.defvjp(_look_up_forward, _look_up_backward)
 def features_of(table, points, share, levels: Levels, *, moving, native):
     """What is looked up, times its share [levels, n]: [levels * features, n].
 
-    moving: as of `look_up`. native: whether the kernels are there; they have no
-    gradient in the points.
+    moving: as of `look_up`. native: whether the kernels are there.
     """
-    if native and not moving:
-        return calls.look_up(table, points, share, levels)
+    if native:
+        return calls.look_up(table, points, share, levels, moving)
     features = look_up(table, points, levels, moving) * share[..., None]
     return jnp.moveaxis(features, -1, 1).reshape(-1, points.shape[1])
 

@@ -73,27 +73,32 @@ def layout(levels):
     }
 
 
-@functools.partial(jax.custom_vjp, nondiff_argnums=(3,))
-def look_up(table, points, share, levels):
+@functools.partial(jax.custom_vjp, nondiff_argnums=(3, 4))
+def look_up(table, points, share, levels, moving=False):
     """Features [levels * features, n] of table [rows, features], times their share.
 
-    points [3, n] in [0, 1]; share [levels, n]. Differentiable in the table alone.
+    points [3, n] in [0, 1]; share [levels, n]. Differentiable in the table and, where
+    the points are `moving`, in points and shares.
     """
     made = floats(len(levels.resolutions) * table.shape[1], points.shape[1])
     return call("lookup", made, table, points, share, **layout(levels))
 
 
-def _look_up_forward(table, points, share, levels):
-    # Of the table its width alone.
-    width = jnp.zeros((0, table.shape[1]))
-    return look_up(table, points, share, levels), (points, share, width)
+def _look_up_forward(table, points, share, levels, moving):
+    # Of a table whose points stay its width alone.
+    kept = table if moving else jnp.zeros((0, table.shape[1]))
+    return look_up(table, points, share, levels), (kept, points, share)
 
 
-def _look_up_backward(levels, residuals, found_grad):
-    points, share, width = residuals
-    made, numbers = floats(sum(levels.entries), width.shape[1]), layout(levels)
-    grad = call("lookup_gradient", made, points, share, found_grad, **numbers)
-    return grad, jnp.zeros_like(points), jnp.zeros_like(share)
+def _look_up_backward(levels, moving, residuals, found_grad):
+    table, points, share = residuals
+    made = [floats(sum(levels.entries), table.shape[1])]
+    made += [floats(*(x.shape if moving else (0,))) for x in (points, share)]
+    numbers = layout(levels)
+    grads = call("lookup_gradient", tuple(made), *residuals, found_grad, **numbers)
+    if moving:
+        return tuple(grads)
+    return grads[0], jnp.zeros_like(points), jnp.zeros_like(share)
 
 
 look_up.defvjp(_look_up_forward, _look_up_backward)

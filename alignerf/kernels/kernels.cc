@@ -12,12 +12,17 @@ inline auto arrays() {
   return ffi::Ffi::Bind().Arg<Array>().Arg<Array>().Arg<Array>();
 }
 
-inline auto lookups() {
-  return arrays().Ret<Array>().Attr<Counts>("resolutions").Attr<Counts>("entries");
-}
-
-XLA_FFI_DEFINE_HANDLER_SYMBOL(alignerf_lookup, lookup::Forward, lookups());
-XLA_FFI_DEFINE_HANDLER_SYMBOL(alignerf_lookup_gradient, lookup::Backward, lookups());
+XLA_FFI_DEFINE_HANDLER_SYMBOL(
+    alignerf_lookup, lookup::Forward,
+    arrays().Ret<Array>().Attr<Counts>("resolutions").Attr<Counts>("entries"));
+XLA_FFI_DEFINE_HANDLER_SYMBOL(alignerf_lookup_gradient, lookup::Backward,
+                              arrays()
+                                  .Arg<Array>()
+                                  .Ret<Array>()
+                                  .Ret<Array>()
+                                  .Ret<Array>()
+                                  .Attr<Counts>("resolutions")
+                                  .Attr<Counts>("entries"));
 XLA_FFI_DEFINE_HANDLER_SYMBOL(
     alignerf_resample, histograms::Resample,
     arrays().Arg<Array>().Ret<Array>().Attr<float>("dilation").Attr<bool>("jittered"));

@@ -1,4 +1,4 @@
-// Interpolation in a grid's table, weighted, and its gradient: the twin of
+// Interpolation in a grid's table, weighted, and its gradients: the twin of
 // alignerf/fields/grid.py, which has the words. Points come in blocks: what a level
 // needs of a block stays in a core's first cache.
 #pragma once
@@ -44,16 +44,17 @@ inline std::vector<Level> levels_of(Counts resolutions, Counts entries) {
   return levels;
 }
 
-// Of a block's points: the rows of their cells' corners, and the corners' weights.
+// Of a block's points: the rows of their cells' corners, and the corners' weights. Bit
+// `axis` of a corner, from the highest, is its end along that axis.
 struct Block {
   int32_t rows[kCorners][kBlock];
   float weights[kCorners][kBlock];
+  float share[3][2][kBlock];  // of a cell's ends along each axis
 
   // points [3, n]; of these `count` from `start` on.
   void fill(const Level& level, const float* points, int64_t n, int64_t start,
             int count) {
     uint32_t part[3][2][kBlock];
-    float share[3][2][kBlock];
     const float cells = float(level.cells);
     for (int axis = 0; axis < 3; ++axis) {
       const float* at = points + axis * n + start;
@@ -112,12 +113,29 @@ void forward(const float* table, const float* points, const float* share, float*
   }
 }
 
-// Adds to the table's gradient, level after level: its rows stay in the caches.
+// Adds to the gradient of a point along an axis how its corners' weights change there;
+// along [corners]: what the corners' features and the incoming gradient have in common.
+inline void slopes(const Block& block, int axis, const float (*along)[kBlock],
+                   const float* scale, float* to, int count) {
+  const int bit = 4 >> axis, first = axis == 0 ? 1 : 0, second = axis == 2 ? 1 : 2;
+  for (int corner = 0; corner < kCorners; ++corner) {
+    if (corner & bit) continue;
+    const float* a = block.share[first][(corner & (4 >> first)) != 0];
+    const float* b = block.share[second][(corner & (4 >> second)) != 0];
+    const float *low = along[corner], *high = along[corner | bit];
+    for (int i = 0; i < count; ++i) to[i] += a[i] * b[i] * (high[i] - low[i]) * scale[i];
+  }
+}
+
+// Adds to the table's gradient, level after level: its rows stay in the caches. With a
+// table, to the gradients of the points [3, n] and of their share [levels, n] too.
 template <int kFeatures>
 void backward(const float* points, const float* share, const float* grad, float* out,
-              int64_t n, int features, const std::vector<Level>& levels) {
+              int64_t n, int features, const std::vector<Level>& levels,
+              const float* table, float* of_points, float* of_share) {
   const int width = kFeatures ? kFeatures : features;
   Block block;
+  float along[kCorners][kBlock], scale[kBlock];
   std::vector<float> own(size_t(kBlock) * width);
   for (size_t number = 0; number < levels.size(); ++number)
     for (int64_t start = 0; start < n; start += kBlock) {
@@ -126,14 +144,32 @@ void backward(const float* points, const float* share, const float* grad, float*
       const float* part = share + number * n + start;
       for (int f = 0; f < width; ++f) {
         const float* from = grad + (int64_t(number) * width + f) * n + start;
-        for (int i = 0; i < count; ++i) own[i * width + f] = from[i] * part[i];
+        for (int i = 0; i < count; ++i) own[i * width + f] = from[i];
       }
-      for (int i = 0; i < count; ++i)
+      if (table) {
+        for (int i = 0; i < count; ++i)
+          for (int corner = 0; corner < kCorners; ++corner) {
+            const float* row = table + int64_t{block.rows[corner][i]} * width;
+            float sum = 0;
+            for (int f = 0; f < width; ++f) sum += row[f] * own[i * width + f];
+            along[corner][i] = sum;
+          }
+        float* to = of_share + number * n + start;
+        for (int i = 0; i < count; ++i) scale[i] = part[i] * float(levels[number].cells);
+        for (int corner = 0; corner < kCorners; ++corner)
+          for (int i = 0; i < count; ++i)
+            to[i] += block.weights[corner][i] * along[corner][i];
+        for (int axis = 0; axis < 3; ++axis)
+          slopes(block, axis, along, scale, of_points + axis * n + start, count);
+      }
+      for (int i = 0; i < count; ++i) {
+        for (int f = 0; f < width; ++f) own[i * width + f] *= part[i];
         for (int corner = 0; corner < kCorners; ++corner) {
           float* row = out + int64_t{block.rows[corner][i]} * width;
           const float weight = block.weights[corner][i];
           for (int f = 0; f < width; ++f) row[f] += weight * own[i * width + f];
         }
+      }
     }
 }
 
@@ -148,15 +184,20 @@ inline ffi::Error Forward(Array table, Array points, Array share, Result out,
   return ffi::Error::Success();
 }
 
-inline ffi::Error Backward(Array points, Array share, Array grad, Result out,
-                           Counts resolutions, Counts entries) {
+// of_points and of_share are empty where the points stay.
+inline ffi::Error Backward(Array table, Array points, Array share, Array grad, Result out,
+                           Result of_points, Result of_share, Counts resolutions,
+                           Counts entries) {
   const auto levels = levels_of(resolutions, entries);
   const int features = int(out->dimensions()[1]);
-  std::memset(out->typed_data(), 0, out->size_bytes());
+  const bool moving = of_points->element_count() > 0;
+  for (Result* made : {&out, &of_points, &of_share})
+    std::memset((*made)->typed_data(), 0, (*made)->size_bytes());
   const auto kernel =
       features == 4 ? backward<4> : features == 2 ? backward<2> : backward<0>;
   kernel(points.typed_data(), share.typed_data(), grad.typed_data(), out->typed_data(),
-         points.dimensions()[1], features, levels);
+         points.dimensions()[1], features, levels, moving ? table.typed_data() : nullptr,
+         of_points->typed_data(), of_share->typed_data());
   return ffi::Error::Success();
 }
 

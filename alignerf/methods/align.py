@@ -117,11 +117,13 @@ class Aligned(base.Method):
 
     def check(self, config, name):
         """A plain method says what it brought; its places are steps of their own."""
-        method, where = config["methods"][name], f"methods.{name}.align"
+        method, where = config["methods"][name], f"methods.{name}.{self.key}"
         model, others = method["model"], config["methods"].values()
         if not methods.has_scratch(others, model):
-            what = f"another method of model {model!r} without align"
+            what = f"another method of model {model!r} without {self.key}"
             fault(where, f"it needs {what}, to say what it brought")
+        if not self.Keys:
+            return
         chosen = Align.model_validate(method["align"])
         own = [s for s in config["scenes"].values() if not captures.of(s).parent(s)]
         for steps in {scene["steps"] for scene in own if scene["steps"]}:

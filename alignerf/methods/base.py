@@ -155,20 +155,16 @@ class Method:
 
 
 class Part:
-    """What a job adds to a training; this adds nothing.
-
-    moving: whether the cameras' parameters are learnt, at these settings.
-    coarse_to_fine: shares of the steps between which the finest details come in.
-    """
-
-    moving = None
-    coarse_to_fine = ()
+    """What a job adds to a training; this adds nothing."""
 
     def __init__(self, job):
         self.job = job
 
-    def wrapped(self, method, loaded):
-        """The `training.methods.Method` that is trained on a scene."""
+    def wrapped(self, method, loaded, learning):
+        """The `training.methods.Method` that is trained on a scene.
+
+        learning: whether cameras are learnt now.
+        """
         return method
 
     def aligner(self, loaded, photos, folder):
@@ -179,8 +175,11 @@ class Part:
         """The scene with the cameras that the training ends with."""
         return loaded
 
-    def write(self, folder, moved, aligner, views, cameras):
-        """Write the cameras that renders are seen by, and photos that were warped."""
+    def write(self, folder, given, moved, aligner, views, cameras):
+        """Write the cameras that renders are seen by, and photos that were warped.
+
+        given, moved: the scene before and after; cameras: the file of the former.
+        """
         shutil.copyfile(cameras, folder / "cameras.npz")
 
 

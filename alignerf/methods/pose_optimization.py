@@ -1,4 +1,4 @@
-"""Pose optimization: the training learns its cameras with the scene, without flow."""
+"""Pose optimization: the training learns its cameras with the scene, by photometry."""
 
 from typing import ClassVar
 
@@ -6,7 +6,7 @@ import pydantic
 
 from alignerf.experiment import jobs
 from alignerf.experiment.keys.key import Keys, key, learning_rates
-from alignerf.methods import base
+from alignerf.methods import align, base
 
 
 class PoseOptimization(Keys):
@@ -14,7 +14,27 @@ class PoseOptimization(Keys):
 
     learning_rates: list[float] = learning_rates(0.001, 0.00001)
     delay_fraction: float = key(
-        0.1, "of the steps before the cameras may move", least=0, most=0.99
+        0.2, "of the steps before the cameras may move", least=0, most=0.99
+    )
+    end_fraction: float = key(
+        0.6,
+        "of the steps after which they stay, and cost nothing more",
+        above=0,
+        most=1,
+    )
+    min_move_px: float | None = key(
+        0.12,
+        "as of align, by a look at the first of these steps: where the median camera "
+        "would move by less, none is learnt; null: they are learnt without a look",
+        least=0,
+        most=100,
+    )
+    prior_weight: float = key(
+        3.0,
+        "of the mean square of turns and steps, in the loss: keeps the cameras where "
+        "they came from as far as photos do not tell otherwise",
+        least=0,
+        most=1e6,
     )
     preconditioned: bool = key(
         True, "turns and steps in units that move pixels alike, as CamP"
@@ -30,6 +50,8 @@ class PoseOptimization(Keys):
 
     @pydantic.model_validator(mode="after")
     def check_shares(self):
+        if self.end_fraction <= self.delay_fraction:
+            raise ValueError("end_fraction: not after delay_fraction")
         shares = self.coarse_to_fine
         if shares and not shares[0] < shares[1] < 1:
             raise ValueError("coarse_to_fine: two shares, first < last < 1")
@@ -40,16 +62,29 @@ class Job(jobs.Full):
     """A training that learns its cameras."""
 
     own: ClassVar = "pose_optimization"
-    part: ClassVar = "alignerf.cameras.refine:Learning"
+    part: ClassVar = align.Job.part
     moves: ClassVar = frozenset(["cameras"])
     pose_optimization: PoseOptimization = key()
+
+    @property
+    def aligns(self):
+        """It looks once, and moves nothing by what it sees."""
+        if self.learns.min_move_px is None:
+            return None
+        looks = {"cameras_at": [], "photos_at": []}
+        looks["min_move_px"] = self.learns.min_move_px
+        return align.Align().model_copy(update=looks)
+
+    @property
+    def learns(self):
+        return self.pose_optimization
 
 
 class Learnt(base.Method):
     """A method with `pose_optimization`."""
 
     key, Keys, order = "pose_optimization", PoseOptimization, 4
-    what = "the training views' cameras are learnt with the scene, without flow"
+    what = "the training views' cameras are learnt with the scene, if they are wrong"
     beside = (*base.Method.beside, "adjust")
     systems = ("mipnerf360",)
     jobs = (Job,)

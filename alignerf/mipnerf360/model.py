@@ -110,7 +110,11 @@ class Model(nn.Module):
         )
 
     def propose(self, gaussians, share):
-        """Density [rays, bins] by the proposal; a share of the rays teaches it."""
+        """Density [rays, bins] by the proposal; a share of the rays teaches it.
+
+        Its loss says nothing of a photo, and moves no camera.
+        """
+        gaussians = jax.lax.stop_gradient(gaussians)
         rays = len(gaussians.mean)
         teaching = max(1, round(share * rays))
         if teaching == rays:

@@ -10,22 +10,24 @@ from alignerf.networks import convnet
 from alignerf.training import methods
 
 
-def make_method(job: jobs.Job, loaded=None, *, to_train=True) -> methods.Method:
+def make_method(
+    job: jobs.Job, loaded=None, *, to_train=True, learning=False
+) -> methods.Method:
     """The method of a job: baseline, or AligNeRF in its fine-tuning stage.
 
     loaded: the scene, whose cameras may be learnt. to_train: False leaves out the
-    weights file, which only the loss needs.
+    weights file, which only the loss needs. learning: whether cameras are learnt now.
     """
-    part = base.part_of(job)
-    return part.wrapped(without_cameras(job, part, to_train=to_train), loaded)
+    method = without_cameras(job, to_train=to_train, learning=learning)
+    return base.part_of(job).wrapped(method, loaded, learning)
 
 
-def without_cameras(job: jobs.Job, part: base.Part, *, to_train) -> methods.Method:
-    """The method by cameras as they are; what learns them differentiates its rays."""
+def without_cameras(job: jobs.Job, *, to_train, learning=False) -> methods.Method:
+    """The method by cameras as they are; learning: rays are differentiated."""
     training, fine = job.training, job.stage == "finetune"
     options = {"outputs": job.alignerf.outputs} if fine else {}
     options |= {"native": calls.use(training.kernels)}
-    model, loss = job.model.made(rays, moving=part.moving is not None, **options)
+    model, loss = job.model.made(rays, moving=learning, **options)
     if not isinstance(model, mipnerf360.Model):
         return methods.single_rays(model, loss, batch_rays=training.batch_rays)
     has_none = "distortion_weight" in job.model.has_no
@@ -41,7 +43,7 @@ def without_cameras(job: jobs.Job, part: base.Part, *, to_train) -> methods.Meth
             data_loss=loss,
             batch_rays=training.batch_rays,
             annealed=job.annealed,
-            coarse_to_fine=part.coarse_to_fine,
+            coarse_to_fine=tuple((job.learns and job.learns.coarse_to_fine) or ()),
             **shared,
         )
     chosen = job.alignerf

@@ -32,7 +32,7 @@ TIMING_FRACTION, TIMING_S = 0.05, 5.0
 class NoAligner:
     """The `alignment.aligner.Aligner` of a training that aligns nothing."""
 
-    places, report, compile_time_s = (), (), 0.0
+    places, report, compile_time_s, learning = (), (), 0.0, False
 
     def begin(self, steps, identity):
         """There are no places to fix."""
@@ -83,7 +83,7 @@ def begin(
     program.log_memory(job, built, done.state, aligned)
     state, placed = devices.place((done.state, aligned), built.mesh)
     memory.keep_freed()
-    return train_run.Run(
+    run = train_run.Run(
         job=job,
         method=method,
         program=built,
@@ -98,6 +98,9 @@ def begin(
         numbers=done.numbers,
         spent_s=done.spent_s,
     )
+    if aligner.learning:
+        run.switch()
+    return run
 
 
 def in_budget(job, method, built, params, views, checkpoints, data):

@@ -12,7 +12,6 @@ import jax
 import jax.numpy as jnp
 
 from alignerf.kernels import calls
-from alignerf.methods import base
 from alignerf.processes import consensus, devices
 from alignerf.training import gradients, memory
 from alignerf.training import step as train_step
@@ -113,7 +112,7 @@ def adam_of(job) -> train_step.Adam:
         betas=tuple(job.training.adam_betas),
         eps=job.training.adam_eps,
         hold_fraction=job.training.hold_fraction,
-        cameras=base.part_of(job).moving,
+        cameras=job.learns,
         native=calls.use(job.training.kernels),
     )
 

@@ -33,6 +33,7 @@ class Run:
     views: Any  # after the alignments so far, on the devices
     numbers: dict  # loss, PSNR and others: means over the last steps
     spent_s: float  # seconds of earlier processes, from the checkpoint
+    aside: tuple | None = None  # method and program that learn the cameras, or do not
     started_s: float = dataclasses.field(default_factory=time.perf_counter)
 
     def time_s(self):
@@ -51,12 +52,29 @@ class Run:
 
     def align(self):
         """Align cameras and photos, and replace the views by the aligned ones."""
-        params = devices.local(self.state.params)
+        params, learning = devices.local(self.state.params), self.aligner.learning
         self.aligner.align(params, int(self.state.step))
+        if self.aligner.learning != learning:
+            self.switch()
         views = self.aligner.views(self.unaligned)
         if consensus.are_several():
             consensus.check_same(checkpoint.digest(views), "views after an alignment")
         self.views = devices.place(views, self.program.mesh)
+
+    def switch(self):
+        """Go on by the program that learns the cameras, or back by the first one."""
+        begun, aside = time.perf_counter(), (self.method, self.program)
+        self.method, self.program = self.aside or self.learning()
+        self.aside = aside
+        # Compiling is counted apart.
+        self.started_s += time.perf_counter() - begun
+
+    def learning(self):
+        """(method, program) that learn the cameras too."""
+        method, parts = self.aligner.learning_method(), self.program.micro_batches
+        shapes = jax.eval_shape(lambda *both: both, self.state.params, self.views)
+        built = program.build(self.job, method, *shapes, micro_batches=parts)
+        return method, built
 
     def look(self, stats):
         """Fetch the numbers of some steps, and keep their means.
@@ -88,7 +106,8 @@ class Run:
 
     def timing(self):
         """The content of timing.json."""
-        compiled_s = self.program.compile_time_s + self.aligner.compile_time_s
+        programs = [self.program, *(self.aside or ())[1:]]
+        compiled_s = sum(one.compile_time_s for one in [*programs, self.aligner])
         report = self.aligner.report
         return self.facts | {
             "train_time_s": self.time_s(),

@@ -97,17 +97,34 @@ def make_optimizer(
     if cameras is None:
         return fields
 
-    def delayed(step):
-        first, last = cameras.learning_rates
-        late = step * inverse(schedule["steps"]) >= cameras.delay_fraction
-        rates = {"first": first, "last": last, "warmup_steps": 0}
-        hold = {"hold_fraction": cameras.delay_fraction, "steps": schedule["steps"]}
-        return jnp.where(late, learning_rate(step, **rates, **hold), 0.0)
+    def between(step):
+        begin, end = cameras.delay_fraction, cameras.end_fraction
+        passed = (step * inverse(schedule["steps"]) - begin) / (end - begin)
+        first, last = jnp.log(jnp.array(cameras.learning_rates))
+        rate = jnp.exp((1 - passed) * first + passed * last)
+        return jnp.where((passed >= 0) & (passed < 1), rate, 0.0)
 
+    learnt = optax.chain(
+        waiting(optax.scale_by_adam()), optax.scale_by_learning_rate(between)
+    )
     return optax.multi_transform(
-        {"cameras": optax.adam(delayed), "fields": fields},
+        {"cameras": learnt, "fields": fields},
         lambda params: {n: "cameras" if n == "cameras" else "fields" for n in params},
     )
+
+
+def waiting(adam) -> optax.GradientTransformation:
+    """Adam, whose steps count from the first gradient that is not zero.
+
+    Else its means, corrected for steps that learnt nothing, would start too large.
+    """
+
+    def update(grads, state, params=None):
+        begun = sum(jnp.sum(grad != 0) for grad in jax.tree.leaves(grads)) > 0
+        updates, after = adam.update(grads, state, params)
+        return updates, jax.tree.map(lambda a, b: jnp.where(begun, a, b), after, state)
+
+    return optax.GradientTransformation(adam.init, update)
 
 
 def resting(adam) -> optax.GradientTransformation:

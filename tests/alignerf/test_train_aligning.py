@@ -1,8 +1,9 @@
-"""A training that aligns itself: its outputs, resuming, and what it refuses."""
+"""A training that aligns itself, then learns its cameras: its outputs, and resuming."""
 
 import json
 
 import cv2
+import flax.serialization
 import jax
 import numpy as np
 import pytest
@@ -23,7 +24,8 @@ ALIGN = {
     "min_move_px": 0.0,
     "estimator": "dis_medium",
 }
-JOB = cases.JOB | {"align": ALIGN}
+AUTO = {"align": ALIGN, "pose_optimization": {"delay_fraction": 0.3}}
+JOB = cases.JOB | {"auto": AUTO}
 # Of 14 steps.
 FIRST, SECOND = 4, 8
 
@@ -100,8 +102,9 @@ def test_it_says_what_it_saw_and_did(scene, whole):
     assert [row["step"] for row in timing["alignments"]] == [FIRST, SECOND]
     assert [row["corrects"] for row in timing["alignments"]] == [
         ["cameras"],
-        ["cameras", "photos"],
+        ["cameras", "photos", "learn"],
     ]
+    assert timing["alignments"][-1]["learning"]
     for row in timing["alignments"]:
         assert row["flow_px"] > 0
         left = sum(map(len, row["left_alone"].values()))
@@ -112,13 +115,54 @@ def test_it_says_what_it_saw_and_did(scene, whole):
     assert [row["shrink"] for row in timing["alignments"]] == [2, 2]
     given = prepared.read_cameras(scene / "cameras.npz")
     moved = prepared.read_cameras(out / "learnt/cameras.npz")
+    learnt = parameters(out)["cameras"]
+    assert (learnt != 0).all()
+    assert (moved["camtoworlds"] != given["camtoworlds"]).any()
+
+
+def parameters(out):
+    content = (out / "learnt" / "model.msgpack").read_bytes()
+    return flax.serialization.msgpack_restore(content)
+
+
+def test_alignment_alone_is_another_training(scene, whole, tmp_path):
+    """It learns no camera, and so moves no held-out one."""
+    assert run(scene, tmp_path, cases.JOB | {"align": ALIGN}) != whole[1]
+    assert "cameras" not in parameters(tmp_path)
+    given = prepared.read_cameras(scene / "cameras.npz")
+    moved = prepared.read_cameras(tmp_path / "learnt/cameras.npz")
     assert (moved["camtoworlds"] != given["camtoworlds"]).any()
     np.testing.assert_array_equal(moved["camtoworlds"][0], given["camtoworlds"][0])
 
 
-def test_it_learns_otherwise_than_without(scene, whole, tmp_path):
-    plain = cases.run(scene, tmp_path, JOB | {"align": None})
-    assert plain != whole[1][0]
+@pytest.mark.parametrize(
+    "own",
+    [
+        {"auto": {"align": {"estimator": "dis_medium"}}},
+        {"pose_optimization": {"delay_fraction": 0.3}},
+    ],
+)
+def test_where_the_flow_says_that_nothing_is_wrong_it_is_plain(
+    scene, tmp_path, monkeypatch, own
+):
+    """To the bit: no camera is learnt, and the steps are those of plain training."""
+
+    def still(render, photo, **options):
+        shape = render.shape[:2]
+        return np.zeros((*shape, 2), np.float32), np.ones(shape, bool)
+
+    monkeypatch.setattr(look, "flow_of", still)
+    outs = [tmp_path / name for name in ("own", "plain")]
+    for out, job in zip(outs, (own, {}), strict=True):
+        cases.run(scene, out, cases.JOB | job)
+    timing = json.loads((outs[0] / "timing.json").read_text())
+    assert timing["alignments"][-1]["learning"] is False
+    found, plain = map(parameters, outs)
+    assert not found.pop("cameras").any()
+    jax.tree.map(np.testing.assert_array_equal, found, plain)
+    given = prepared.read_cameras(scene / "cameras.npz")
+    moved = prepared.read_cameras(outs[0] / "learnt/cameras.npz")
+    np.testing.assert_array_equal(moved["camtoworlds"], given["camtoworlds"])
 
 
 def killed(monkeypatch, scene, out, patch):
@@ -195,7 +239,9 @@ def test_a_finished_one_that_is_run_again_tells_the_same(scene, tmp_path):
     assert found[0] == found[1]
 
 
-def test_the_step_is_compiled_once(scene, tmp_path, monkeypatch):
+def test_a_step_is_compiled_before_and_after_cameras_are_learnt(
+    scene, tmp_path, monkeypatch
+):
     compiled = []
     compile_to_fit = memory.compile_to_fit
 
@@ -205,7 +251,7 @@ def test_the_step_is_compiled_once(scene, tmp_path, monkeypatch):
 
     monkeypatch.setattr(memory, "compile_to_fit", note)
     run(scene, tmp_path)
-    assert len(compiled) == 1
+    assert len(compiled) == 2
 
 
 @pytest.mark.parametrize(
@@ -218,14 +264,14 @@ def test_the_step_is_compiled_once(scene, tmp_path, monkeypatch):
     ],
 )
 def test_what_cannot_be_is_one_line(scene, tmp_path, capsys, change, fault):
-    job = JOB | {"align": ALIGN | change}
+    job = cases.JOB | {"align": ALIGN | change}
     line = cases.stops(capsys, lambda: run(scene, tmp_path, job))
     assert fault in line
     assert not (tmp_path / "learnt" / "model.msgpack").exists()
 
 
 def test_photos_that_are_not_warped_are_not_written(scene, tmp_path):
-    job = JOB | {"align": ALIGN | {"cameras_at": [0.3], "photos_at": []}}
+    job = cases.JOB | {"align": ALIGN | {"cameras_at": [0.3], "photos_at": []}}
     cases.run(scene, tmp_path, job)
     written = {path.name for path in (tmp_path / "learnt").glob("[!.]*")}
     assert written == {"cameras.npz", "model.msgpack"}

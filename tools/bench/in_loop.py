@@ -1,13 +1,13 @@
-"""In-loop alignment against plain training, on prepared scenes.
+"""Remedies within one training against plain training, on prepared scenes.
 
     python -m tools.bench.in_loop --out rows.csv --lengths 0.5 1 2
         --config workflow/config/remedies.yaml --scenes results/both_wrong ...
 
 Trains methods of the config on each scene, two at a time with one thread each, and adds
-a line to the CSV for each test view; what is there is not trained again. Tables of it:
-`tools.bench.in_loop_tables`. Pose errors are to the scene's truth. Where there is
-none, they are to the cameras as given; of NAME_off, whose poses were put off, to those
-of NAME, which lies beside it.
+a line to the CSV for each test view; what is there is not trained again. Method `true`
+is plain training by true cameras. Tables of it: `tools.bench.in_loop_tables`. Pose
+errors are to the scene's truth. Where there is none, they are to the cameras as given;
+of NAME_off, whose poses were put off, to those of NAME, which lies beside it.
 """
 
 import argparse
@@ -31,6 +31,8 @@ from alignerf.io import images, yaml_files
 COLUMNS = ("scene", "seed", "share", "method", "view", "oracle_db", "standard_db")
 COLUMNS += ("fair_db", "fitted_db", "detail")
 COLUMNS += ("train_s", "align_s", "given_px", "after_px")
+# The method that is no method.
+TRUE = "true"
 # Of a fair score, in the stage that makes it.
 SQUARES, MARGIN = 4, 0.25
 
@@ -81,15 +83,15 @@ def seed_of(scene):
 
 
 def job_of(config, scene, share, method):
-    """The job of a method of a config on a scene, `share` times as long."""
+    """The job of a method of a config on a scene, `share` times as long, as JSON."""
     read = yaml_files.read(config)
     steps = round(share * read["training"]["steps"])
     kept = {"scenes": {"scene": {"source": "courtyard"}}, "seed": seed_of(scene)}
     kept |= {"models": read.get("models", {"base": {}}), "training": {"steps": steps}}
-    plain = {"plain": read["methods"]["plain"]}
-    kept["methods"] = plain | {method: read["methods"][method]}
+    method = method.replace(TRUE, "plain")
+    kept["methods"] = {name: read["methods"][name] for name in ("plain", method)}
     experiment = plan.Experiment(check.checked(kept), None)
-    return experiment.at("scene", method, 0).job
+    return experiment.at("scene", method, 0).job.text
 
 
 def measure(config, scene, share, method):
@@ -99,7 +101,7 @@ def measure(config, scene, share, method):
 
     scene, job = Path(scene), job_of(config, scene, share, method)
     truth, adjusted = scene / "images" / "truth", scene / prepared.ADJUSTED
-    adjusts = yaml_files.read(config)["methods"][method].get("adjust")
+    adjusts = yaml_files.read(config)["methods"].get(method, {}).get("adjust")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         command = [sys.executable, "-m", "alignerf.train", "--config", job]
@@ -108,6 +110,8 @@ def measure(config, scene, share, method):
         command += ["--timing", str(out / "timing")]
         command += ["--truth", str(truth)] if truth.is_dir() else []
         command += ["--cameras", str(adjusted / "train.npz")] if adjusts else []
+        if method == TRUE:
+            command += ["--cameras", str(with_true_cameras(scene, out / "true.npz"))]
         subprocess.run(command, check=True, capture_output=True)
         timing = json.loads((out / "timing").read_text())
         loaded = prepared.load(scene, out / "learnt" / "cameras.npz")
@@ -138,6 +142,28 @@ def measure(config, scene, share, method):
     ]
 
 
+def with_true_cameras(scene, path):
+    """Write cameras.npz of a scene with true training cameras; held-out ones stay."""
+    from alignerf.scenes import prepared
+
+    arrays, true = prepared.read_cameras(scene / "cameras.npz"), true_cameras(scene)
+    learnt = arrays["split"] == "train"
+    for key in ("pixtocams", "camtoworlds"):
+        arrays[key] = np.where(learnt[:, None, None], true[key], arrays[key])
+    np.savez(path, **arrays)
+    return path
+
+
+def true_cameras(scene):
+    """The arrays of the true cameras: the truth's, or those of the scene NAME."""
+    from alignerf.scenes import prepared
+
+    path = scene / "images" / "truth" / "cameras.npz"
+    if not path.is_file():
+        path = scene.with_name(scene.name.removesuffix("_off")) / "cameras.npz"
+    return prepared.read_cameras(path)
+
+
 def error_of(scene, loaded, render):
     """{given, after}: pose error in px, at the depth that held-out views have."""
     from alignerf.scenes import cameras as all_cameras
@@ -145,10 +171,9 @@ def error_of(scene, loaded, render):
     from alignerf.sfm import pose_error
 
     given = prepared.load(scene)
-    path = scene.with_name(scene.name.removesuffix("_off")) / "cameras.npz"
-    true = prepared.read_cameras(path)
+    true = true_cameras(scene)
     if list(true["names"]) != list(given.names):
-        raise ValueError(f"{path}: other photos than in {scene}")
+        raise ValueError(f"{scene}: the true cameras are of other photos")
     cameras = [
         (loaded.pixtocams[v], loaded.camtoworlds[v]) for v in loaded.views("test")
     ]

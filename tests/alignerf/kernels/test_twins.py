@@ -10,6 +10,7 @@ from alignerf.fields import grid
 from alignerf.kernels import build, calls
 from alignerf.mipnerf360 import stepfun
 from alignerf.training import step as train_step
+from tests import twins
 
 pytestmark = pytest.mark.skipif(
     build.library() is None, reason="no C++ compiler: the kernels cannot be made"
@@ -29,10 +30,11 @@ def close(found, wanted, *, to=1e-5):
 LEVELS = grid.Levels.geometric(4, 3, 50, 2**10)
 
 
+@pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize(
     ("features", "points"), [(1, 1), (2, 63), (2, 64), (3, 65), (4, 200)]
 )
-def test_what_is_looked_up_and_its_gradient(rng, features, points):
+def test_what_is_looked_up_and_its_gradients(rng, features, points, moving):
     table = rng.normal(size=(sum(LEVELS.entries), features)).astype(np.float32)
     at = rng.random((3, points)).astype(np.float32)
     # On the rim, on a corner, and by rounding beside the box.
@@ -41,16 +43,49 @@ def test_what_is_looked_up_and_its_gradient(rng, features, points):
     weights = rng.normal(size=(4 * features, points)).astype(np.float32)
 
     def of(native):
-        def total(table):
-            how = {"moving": False, "native": native}
+        def total(table, at, share):
+            how = {"moving": moving, "native": native}
             found = grid.features_of(table, at, share, LEVELS, **how)
             return jnp.sum(found * weights), found
 
-        return jax.value_and_grad(total, has_aux=True)(jnp.asarray(table))
+        learnt = (0, 1, 2) if moving else (0,)
+        arrays = map(jnp.asarray, (table, at, share))
+        return jax.value_and_grad(total, learnt, has_aux=True)(*arrays)
 
-    ((_, found), grad), ((_, wanted), wanted_grad) = of(True), of(False)
+    ((_, found), grads), ((_, wanted), wanted_grads) = of(True), of(False)
     close(found, wanted)
-    close(grad, wanted_grad)
+    for grad, wanted_grad in zip(grads, wanted_grads, strict=True):
+        # A slope is as many times larger as its level has cells.
+        close(grad / 50, wanted_grad / 50)
+
+
+# Within a cell, on its face, at its corner, on the rim, and beside the box.
+PLACES = [(0.1, 0.61, 0.37), (0.5, 0.61, 0.37), (0.0, 0.5, 1 / 3), (1.0, 1.0, 1.0)]
+PLACES += [(1.0 + 1e-6, 0.21, 0.71), (-1e-6, 0.21, 0.71)]
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_the_gradient_in_a_point_is_its_cell_s_slope(rng, place):
+    """Of the twin in float64: features are linear along each axis of a cell."""
+    table = rng.normal(size=(sum(LEVELS.entries), 2)).astype(np.float32)
+    at = np.array(place, np.float32)
+    share, step = rng.random(4).astype(np.float32), 1e-8
+    here, *moved = (
+        twins.look_up(table.astype(np.float64), np.float64(at) + step * shift, LEVELS)
+        for shift in [np.zeros(3), *np.eye(3)]
+    )
+
+    weights = rng.normal(size=(4, 2)).astype(np.float32)
+
+    def total(at, share):
+        columns = at[:, None], share[:, None]
+        found = calls.look_up(jnp.asarray(table), *columns, LEVELS, True)
+        return jnp.sum(found.reshape(4, 2) * weights)
+
+    of_at, of_share = jax.grad(total, (0, 1))(jnp.asarray(at), jnp.asarray(share))
+    along = [np.sum((one - here) / step * weights * share[:, None]) for one in moved]
+    np.testing.assert_allclose(of_at, along, rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(of_share, (here * weights).sum(-1), atol=1e-5)
 
 
 def test_a_point_that_is_none_is_looked_up_nowhere():

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from alignerf.methods import base, pose_optimization
+from alignerf.methods import pose_optimization
 from alignerf.mipnerf360 import model as mipnerf360
 from alignerf.scenes import cameras
 from alignerf.training import compose, diagnose
@@ -319,7 +319,7 @@ def ray_gradient_of(kind):
     job = pose_optimization.Job(
         **dict(job), pose_optimization=pose_optimization.PoseOptimization()
     )
-    method = compose.without_cameras(job, base.part_of(job), to_train=True)
+    method = compose.without_cameras(job, to_train=True)
 
     def total(params, origins, directions, rays):
         moved = rays._replace(origins=origins, directions=directions)
