@@ -146,7 +146,7 @@ class Aligner:
 
         Where some of the views show that no camera has to move, the others are not
         looked at, nor where no camera would be moved. The last look for cameras is at
-        all: a single one may be wrong.
+        all, as a single one may be wrong; not where they would be learnt from there on.
         """
         views, probed = self.scene.views, self.probed(step)
         now = self.moved(params)
@@ -172,7 +172,7 @@ class Aligner:
         is_early = self.places[step] == ["cameras"] and any(
             "cameras" in kinds for kinds in later
         )
-        is_early |= self.places[step] == [LEARN]
+        is_early |= LEARN in self.places[step]
         if 2 * few > count or not is_early or self.were_wrong():
             return list(range(count))
         return np.linspace(0, count - 1, few).round().astype(int).tolist()

@@ -129,7 +129,7 @@ def say_twice(path, scenes):
 def config_of(scenes, args):
     """The config of scenes; the keys that it leaves out follow from the photos."""
     scenes = {n: scene | configs.of_photos(args) for n, scene in scenes.items()}
-    methods = {"plain": {}, "aligned": {"align": {}}}
+    methods = {"plain": {}, "auto": {"auto": True}}
     config = {"decide": True, "scenes": scenes, "methods": methods, "crops": {}}
     if args.budget_min is not None:
         config["training"] = {"budget_min": args.budget_min}

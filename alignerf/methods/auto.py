@@ -1,4 +1,4 @@
-"""Auto: cameras corrected by flow and then learnt, where the flow says they are wrong."""
+"""Auto: cameras corrected by flow, then learnt, where the flow says they are wrong."""
 
 from typing import ClassVar, Literal
 

@@ -1,4 +1,4 @@
-"""A training that aligns itself, then learns its cameras: its outputs, and resuming."""
+"""A training that aligns itself and learns its cameras: its outputs, and resuming."""
 
 import json
 

@@ -1,10 +1,12 @@
 """Tables of what `tools.bench.in_loop` has measured.
 
     python -m tools.bench.in_loop_tables rows.csv --table in_loop.csv
-        --answer equal_time.csv
+        --answer equal_time.csv --seconds quiet.csv
 
-The first has gains at as many steps and at equal time; the second those at equal time
-alone, a line for each remedy, as README shows them.
+The first has a line for each scene, length and method; the second one for each remedy,
+as README shows them. Both have gains at as many steps and at equal time. --seconds:
+rows of trainings beside which nothing ran, one seed of a scene being enough; the others
+take as long.
 """
 
 import argparse
@@ -24,8 +26,9 @@ SCENES = {
     "nothing_wrong": ("nothing wrong", "nothing"),
 }
 REAL = {
-    "chair_crop": "chair, a third crop, the phone's poses",
-    "chair_crop_colmap": "chair, the third crop, COLMAP's poses",
+    "chair_crops": "chair, three crops, the phone's poses",
+    "chair_adjusted_crops": "chair, the same crops, adjusted poses",
+    "chair_colmap_crops": "chair, the same crops, COLMAP's poses",
     "castle": "castle, surveyed cameras, 384x256",
     "castle_off": "castle, off by 1.5 px",
     "fox": "fox, 270x480",
@@ -38,13 +41,17 @@ METHODS = {
     "plain": "plain training",
     "aligned": "aligned in the loop",
     "ten_looks": "aligned in the loop, ten looks",
-    "joint": "poses optimized with the scene",
     "learnt": "poses optimized with the scene",
-    "adjusted_poses": "cameras adjusted",
+    "auto": "auto: corrected by flow, then optimized",
+    "adjusted_poses": "cameras adjusted before",
+    "adjusted_learnt": "cameras adjusted before, then optimized",
     "both": "cameras adjusted, then aligned in the loop",
+    "true": "true poses",
 }
+# Scenes of which one tells how long trainings of the other take.
+AS_LONG = {"poses_only": "both_wrong", "motion_only": "nothing_wrong"}
 # Times the plain training's steps.
-BUDGETS = (1, 2, 4)
+BUDGETS = (1, 2)
 ENDS = ("db", "low_db", "high_db")
 
 
@@ -53,14 +60,26 @@ def main(argv=None):
     parser.add_argument("rows", type=Path)
     parser.add_argument("--table", type=Path, required=True)
     parser.add_argument("--answer", type=Path)
+    parser.add_argument("--seconds", type=Path)
     args = parser.parse_args(argv)
     rows = pd.read_csv(args.rows)
+    if args.seconds:
+        rows = timed(rows, pd.read_csv(args.seconds))
     table = table_of(rows)
     scenes = REAL | {scene: name for scene, (name, _) in SCENES.items()}
     named = table.replace({"scene": scenes, "method": METHODS})
     named.to_csv(args.table, index=False, float_format="%.4g")
     if args.answer:
         answer_of(rows).to_csv(args.answer, index=False, float_format="%.2f")
+
+
+def timed(rows, quiet):
+    """The rows with the seconds of quiet trainings; those of adjusting stay."""
+    keys, parts = ["scene", "share", "method"], ["train_s", "align_s"]
+    medians = quiet.groupby(keys)[parts].median()
+    of = rows.assign(scene=rows["scene"].replace(AS_LONG))[keys]
+    found = [medians.loc[tuple(one)] for one in of.to_numpy()]
+    return rows.assign(**{part: [one[part] for one in found] for part in parts})
 
 
 def table_of(rows):
@@ -104,23 +123,40 @@ def table_of(rows):
 
 
 def answer_of(rows):
-    """A line for each time and remedy: gains over plain training of that time."""
-    lines = []
-    for budget in BUDGETS:
-        for method in rows["method"].drop_duplicates():
-            line = {"budget": budget, "remedy": METHODS.get(method, method)}
-            for scene, (_, column) in SCENES.items():
-                own = rows[rows["scene"] == scene]
-                gains = [
-                    at_equal_time(own, seed, budget, method, "oracle_db")
-                    for seed in own["seed"].drop_duplicates()
+    """A line for each remedy: gains over plain training, by steps and by time.
+
+    The first line is plain training twice as long.
+    """
+    lines, columns = [], []
+    for method in rows["method"].drop_duplicates():
+        line = {"remedy": METHODS.get(method, method)}
+        if method == "plain":
+            line = {"remedy": "plain training, twice as long"}
+        for scene, (_, name) in SCENES.items():
+            own = dict(iter(rows[rows["scene"] == scene].groupby("seed")))
+            of = {"steps": [at_equal_steps(one, method) for one in own.values()]}
+            for budget in BUDGETS if method != "plain" else ():
+                of[budget] = [
+                    at_equal_time(one, seed, budget, method, "oracle_db")
+                    for seed, one in own.items()
                 ]
+            for kind, gains in of.items():
+                columns += [f"{name}_{kind}_{end}" for end in ENDS]
                 if gains and all(gain is not None for gain in gains):
-                    line |= with_ends(column, gains, "oracle_db")
-            if method != "plain" and len(line) > 2:
-                lines.append(line)
-    ends = [f"{column}_{end}" for _, column in SCENES.values() for end in ENDS]
-    return pd.DataFrame(lines, columns=["budget", "remedy", *ends])
+                    line |= with_ends(f"{name}_{kind}", gains, "oracle_db")
+        lines.append(line)
+    return pd.DataFrame(lines, columns=["remedy", *dict.fromkeys(columns)])
+
+
+def at_equal_steps(rows, method):
+    """What a method's views gain after plain training's steps; plain's, after twice."""
+
+    def scores(name, share):
+        chosen = rows[(rows["method"] == name) & (rows["share"] == share)]
+        return chosen["oracle_db"].to_numpy()
+
+    found = scores(method, 2 if method == "plain" else 1)
+    return found - scores("plain", 1) if len(found) else None
 
 
 def with_ends(name, gains, score):
@@ -145,7 +181,10 @@ def at_time(points, time_s):
 
 
 def at_equal_time(rows, seed, share, method, score):
-    """What a method's views gain at the seconds of plain training; None if unknown."""
+    """What a method's views gain at the seconds of plain training; None if unknown.
+
+    Of a method of one length: over plain training of the method's seconds.
+    """
     own = rows[rows["seed"] == seed]
 
     def points(name):
@@ -159,6 +198,8 @@ def at_equal_time(rows, seed, share, method, score):
     if share not in plain or not own_points:
         return None
     time_s = plain[share][0]
+    if len(own_points) == 1 < len(plain):
+        time_s = max(time_s, *(seconds for seconds, _ in own_points.values()))
     # One that is done before the time is up has what it has.
     last_s = max(seconds for seconds, _ in own_points.values())
     found = at_time(own_points, min(time_s, last_s))

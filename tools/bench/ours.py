@@ -14,8 +14,9 @@ from alignerf.training import batches, compose, memory, program, renderer
 class Training:
     """A job's training: a call is a step."""
 
-    def __init__(self, job, photos):
-        self.method = compose.make_method(job)
+    def __init__(self, job, photos, method=None):
+        """method: instead of the job's own."""
+        self.method = method or compose.make_method(job)
         views = as_views(photos)
         params = jax.jit(self.method.init)(jax.random.key(job.seed))
         built = program.build(job, self.method, params, views)

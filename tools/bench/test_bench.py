@@ -22,6 +22,7 @@ from tools.bench import (
     cases,
     deepflow,
     finer_trainings,
+    in_loop,
     in_loop_tables,
     job,
     measure,
@@ -246,10 +247,26 @@ def test_gains_in_loop_are_over_plain_training_of_as_many_steps():
     assert 3 < table.loc[(2.0, "aligned"), "equal_db"] < 5
     assert math.isnan(table.loc[(1.0, "plain"), "gain_db"])
     named = pd.DataFrame(rows).replace({"scene": {"a": "both_wrong"}})
-    (twice,) = in_loop_tables.answer_of(named).to_dict("records")
-    assert (twice["budget"], twice["remedy"]) == (2, "aligned in the loop")
-    assert twice["both_db"] == table.loc[(2.0, "aligned"), "equal_db"]
-    assert math.isnan(twice["nothing_db"])
+    longer, aligned = in_loop_tables.answer_of(named).to_dict("records")
+    assert longer["remedy"] == "plain training, twice as long"
+    assert longer["both_steps_db"] == pytest.approx(2)
+    assert aligned["remedy"] == "aligned in the loop"
+    assert aligned["both_steps_db"] == pytest.approx(5)
+    assert aligned["both_2_db"] == table.loc[(2.0, "aligned"), "equal_db"]
+    assert math.isnan(aligned["nothing_1_db"])
+    # The seconds of quiet trainings are those of all seeds.
+    quiet = named[named["seed"] == 0].assign(train_s=7.0)
+    timed = in_loop_tables.timed(named, quiet)
+    assert set(timed["train_s"]) == {7.0}
+
+
+def test_jobs_of_remedies_are_those_of_the_config(root):
+    """Of a method, and of none: plain training by true cameras."""
+    config = root / "workflow/config/remedies.yaml"
+    found = [in_loop.job_of(config, "x_seed3", 0.5, m) for m in ("auto", "true")]
+    auto, true = (jobs.parse(json.loads(one)) for one in found)
+    assert (auto.seed, auto.steps, auto.own) == (3, 1000, "auto")
+    assert (true.own, true.steps) == (None, 1000)
 
 
 def test_deepflow_of_the_main_modules_is_opencvs():

@@ -119,11 +119,10 @@ def test_the_config_is_one_that_can_be_run(here, capsys):
     start.main(["my\nph\x01otos", "--only-config", "--background", "white"])
     config = config_at(here / "results/my_ph_otos.yaml")
     assert config["decide"]
-    # Plain, and aligned in the loop; rounds and AligNeRF where a user asks for them.
+    # Plain, and with cameras corrected; rounds and AligNeRF where a user asks for them.
     methods = config["methods"]
-    assert [(m["rounds"], bool(m["align"])) for m in methods.values()] == [
-        *((0, False), (0, True))
-    ]
+    found = [(m["rounds"], m["auto"]) for m in methods.values()]
+    assert found == [(0, False), (0, True)]
     assert not any(method["alignerf"] for method in methods.values())
     assert config["scenes"]["my_ph_otos"]["background"] == "white"
     assert "results/my_ph_otos/index.html" in capsys.readouterr().out
@@ -243,8 +242,7 @@ def test_nothing_is_trained_before_its_plan_is_there(here, monkeypatch):
     codes[:] = [0, 0]
     start.main(["p"])
     assert runs == [plans, ("all", "export")]
-    files = (f"results/a/aligned/export/{what}" for what in ("cameras", "photos"))
-    for code, more in ((1, [("a", *files)]), (130, [])):
+    for code, more in ((1, [("a", "results/a/auto/export/cameras")]), (130, [])):
         runs[:], codes[:] = [], [code, 0]
         with pytest.raises(SystemExit):
             start.main(["p"])

@@ -33,13 +33,13 @@ def runs(monkeypatch):
 
 @pytest.mark.parametrize("name", ["my_photos", "my photos", "elsewhere/my photos/"])
 def test_a_name_or_a_folder_is_enough(here, runs, capsys, name):
-    made = here / "results/my_photos/aligned/export/cameras"
+    made = here / "results/my_photos/auto/export/cameras"
     made.mkdir(parents=True)
     (made / "README.txt").touch()
     export.main([name])
     assert runs == [("results/my_photos.yaml", ("export",), [])]
     told = capsys.readouterr().out
-    assert "export: results/my_photos/aligned/export/cameras/README.txt" in told
+    assert "export: results/my_photos/auto/export/cameras/README.txt" in told
 
 
 def test_the_demo_has_no_config_in_results(here, runs, capsys):
